@@ -26,7 +26,8 @@ test-all: .venv/.ready
 	$(BIN)/python -m pytest -q -n $(CORES) --dist worksteal --cov --cov-report=
 	$(BIN)/coverage report --fail-under=95
 
-lint: .venv/.ready
+# The site is part of it: its strict build finds dead links and fields without a description.
+lint: .venv/.ready docs
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -38,9 +39,9 @@ model: .venv/.ready
 		$(BIN)/mavhums train --airframe paper --tier $$tier -o mavhums/learn/models/paper-$$tier.safetensors || exit 1; \
 	done
 
-# The parts of the reference pages that come from the code.
+# The documentation as a site, to be read without a network: open site/index.html.
 docs: .venv/.ready
-	$(BIN)/python -m docs.generate
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # The pictures of recordings in README and docs; needs the Debian packages mesa-vulkan-drivers and
 # ca-certificates, and for the real log's its folder in MAVHUMS_REAL_LOGS.
@@ -49,7 +50,7 @@ pictures: .venv/.ready demo
 	$(BIN)/python examples/sample_classes.py docs/sample-classes.png
 
 clean:
-	rm -rf .venv .venv-lowest demo build dist .coverage* .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-lowest demo build dist site .coverage* .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 .venv/.demo: pyproject.toml constraints.txt
 	@echo "Setting up .venv: downloads 250 MB once, 1.2 GB on disk."

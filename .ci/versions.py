@@ -17,8 +17,9 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 BOUND = re.compile(r"(?P<name>[\w.-]+)(?:\[[^]]*\])?(?:>=|~=)(?P<version>[\d.]+)")
 CUDA = ("nvidia-", "cuda-", "triton")
-# Linters run with the pins only.
-TYPED = ("import-linter", "mypy", "ruff", "pandas-stubs", "scipy-stubs", "types-jsonschema")
+# Linters and the site run with the pins only.
+TYPED = ("import-linter", "mkdocs-click", "mkdocs-material", "mkdocstrings", "mypy", "ruff")
+TYPED += ("pandas-stubs", "scipy-stubs", "types-jsonschema")
 
 
 def locked() -> Iterator[str]:

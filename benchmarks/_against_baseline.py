@@ -9,15 +9,13 @@ from functools import partial
 
 import numpy as np
 from _fleet import MODES, SURFACES, Judged, Task, added, baselines_of, flight, fly_all, judge
-from numpy.typing import NDArray
 
-from mavhums.history.flights import REFERENCE_FLIGHTS
+from mavhums.flights.history import REFERENCE_FLIGHTS
 from mavhums_sim import FlightRecord
 from mavhums_sim.conditions import Condition
 
 __all__ = ["alarms", "conditions", "early", "growth"]
 
-Array = NDArray[np.float64]
 Rows = Iterator[str]
 
 CLEAR = {

@@ -12,15 +12,14 @@ from pathlib import Path
 
 import numpy as np
 from _fleet import ACTUATORS, MODES, Task, at_all_frictions, fly_all, judge, quantities
-from numpy.typing import NDArray
 
 from mavhums import analyse
+from mavhums.core.arrays import Array
 from mavhums_sim import FlightRecord, write_tlog
 from mavhums_sim.rates import Rates
 
 __all__ = ["flights", "friction", "windows"]
 
-Array = NDArray[np.float64]
 Rows = Iterator[str]
 
 MIDDLE = 0.625

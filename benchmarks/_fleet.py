@@ -14,6 +14,7 @@ from mavhums.actuator import load_airframe
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator
+from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import ConditionChanged, Window
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
@@ -41,7 +42,6 @@ __all__ = [
     "replayed",
 ]
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 PAPER = EmaParameters.from_data_sheet().two_masses()

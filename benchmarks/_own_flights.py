@@ -10,9 +10,9 @@ from typing import Literal
 
 import numpy as np
 from _fleet import ACTUATORS, MODES, added, flight
-from numpy.typing import NDArray
 
 import mavhums_sim.flight
+from mavhums.core.arrays import Array
 from mavhums.health.estimation.equations import OWN_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.flight_sums import collector
@@ -27,7 +27,6 @@ from mavhums_sim.sensors import ELECTRONICS_A, SensorNoise
 
 __all__ = ["BLANK", "TIERS", "Row", "Task", "flown", "scattered"]
 
-Array = NDArray[np.float64]
 Bridge = Literal["feeds back", "burns"]
 
 BLANK = {

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from mavhums.actuator import load_airframe
+from mavhums.core.arrays import Flags
 from mavhums.learn import Model
 from mavhums.training.flights import TELEMETRY
 from mavhums.training.windows import FlownWindows, fly_windows, measure
@@ -17,7 +17,6 @@ from mavhums_sim.manoeuvres import CYCLOGRAMS
 
 SEED = 56_000_000
 ACTUATOR = load_airframe("paper").actuators[2]
-Flags = NDArray[np.bool_]
 
 
 def heading(*titles: str) -> Table:

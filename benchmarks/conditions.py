@@ -22,14 +22,13 @@ from math import inf
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array
 from mavhums_sim import EmaParameters, Flight, fly
 from mavhums_sim.conditions import FAULTS, Condition
 from mavhums_sim.flight import ActuatorRecord
 from mavhums_sim.sensors import ELECTRONICS_A, SensorNoise, sense_esc
 
-Array = NDArray[np.float64]
 Features = dict[str, float]
 
 SURFACE = "elevator"

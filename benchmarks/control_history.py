@@ -24,8 +24,8 @@ from _closed_loop import TURBULENCE
 
 from mavhums import Options
 from mavhums.app.analysis import analyse_alone
-from mavhums.history.comparison import LoneFlight, compared
-from mavhums.history.flights import FlightHistory, PastFlight
+from mavhums.flights.compare import LoneFlight, compared
+from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.report.assessment import Verdict
 from mavhums_sim.closed_loop import Air, ClosedLoop, SurfaceFault, fly_closed_loop
 from mavhums_sim.closed_loop.encode import encode

@@ -33,13 +33,11 @@ import psutil
 from mavhums import Options, analyse, analyse_many, fleet
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.many import Batch
-from mavhums.fleet.past import rows_of
-from mavhums.fleet.queries import exit_code
-from mavhums.fleet.settling import settle
-from mavhums.fleet.store import Store
-from mavhums.history.comparison import LoneFlight
-from mavhums.history.files import keep_assessment, read_history
-from mavhums.history.index import IndexedFolder
+from mavhums.fleet.second_pass import rows_of, second_pass
+from mavhums.flights.compare import LoneFlight
+from mavhums.flights.queries import exit_code
+from mavhums.flights.stores.delta import Store
+from mavhums.flights.stores.folder import FlightFolder, keep_assessment, read_history
 from mavhums_sim import Flight, fly, write_tlog
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -195,7 +193,7 @@ def growth(folder: Path) -> None:
                 held += rows_of(f"D-{aircraft:03}", flight.assessment)
         store.add_logs(rows)
         store.append("verdicts", held)
-    settle(store, [f"D-{aircraft:03}" for aircraft in range(10)])
+    second_pass(store, [f"D-{aircraft:03}" for aircraft in range(10)])
     size = sum(file.stat().st_size for file in (folder / "store").rglob("*") if file.is_file())
     print(f"store of 10,000 flights of 40 s: {size / 1e6:.0f} MB")
     for aircraft in range(10):
@@ -210,7 +208,7 @@ def questions(folder: Path) -> None:
     import pyarrow as pa
     from deltalake import WriterProperties, write_deltalake
 
-    from mavhums.fleet.tables import schemas
+    from mavhums.flights.stores.delta_tables import schemas
 
     (folder / "one.tlog").write_bytes(kinds(folder, 120.0)[0])
     verdicts = analyse(folder / "one.tlog").verdicts
@@ -257,14 +255,14 @@ def landings(folder: Path) -> None:
     for count in LANDINGS:
         history = folder / str(count)
         write_wear(history, flights=count, growth=[("elevator", 0.0), ("rudder", 0.0)])
-        IndexedFolder(history).baselines("paper", START + timedelta(days=19_000))
+        FlightFolder(history).baselines("paper", START + timedelta(days=19_000))
         for again in range(3):
             keep_assessment(flown(verdict(shown(0.2)), day=20_000 + again), history)
             after = START + timedelta(days=20_001 + again)
             with told(f"landing after {count} flights"):
-                IndexedFolder(history).baselines("paper", after)
+                FlightFolder(history).baselines("paper", after)
         with told(f"own-scale records of {count} flights"):
-            IndexedFolder(history).past("paper", after)
+            FlightFolder(history).past("paper", after)
         with told("the same flights, read from their files"):
             read_history(history)
 
@@ -292,7 +290,7 @@ def stored(folder: Path) -> None:
                 judged = [flight.assessment for flight in copies_of(alone, folder, aircraft, count)]
                 store.append("verdicts", [row for each in judged for row in rows_of(name, each)])
         with told(f"second pass of {count} flights of one aircraft", count, "flights"):
-            settle(store, ["D-000"])
+            second_pass(store, ["D-000"])
         for again in range(3):
             land(f"landing after {count} flights of the aircraft, {3 * count} in all", place, 20_000 + again)
     land(f"late log among {count} flights", place, 0.5)

@@ -18,13 +18,12 @@ from _against_baseline import alarms, conditions, early, growth
 from _against_limits import flights, friction, windows
 from _fleet import ACTUATORS, MODES, flight, quantities, replayed
 from _unsigned import unsigned
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array
 from mavhums.health.actuator.monitor import Monitor
 from mavhums_sim import fly
 from mavhums_sim.sensors import SensorNoise
 
-Array = NDArray[np.float64]
 Rows = Iterator[str]
 
 

@@ -36,7 +36,7 @@ from rich.table import Table
 
 from mavhums import Engine, EngineOptions, load_airframe, read_log
 from mavhums.learn import default_model
-from mavhums.live.session import Session
+from mavhums.live.session import Reception, Session
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Piece, Stamper
@@ -87,7 +87,7 @@ def pieces(duration_s: float, rate_hz: float = 100.0, key: bytes | None = None) 
 
 def session(key: bytes | None = None) -> Session:
     stamper = Stamper(load_dialect(), SignatureGuard(key) if key else None)
-    return Session(Engine(EngineOptions(models=[default_model()])), stamper, [])
+    return Session(Engine(EngineOptions(models=[default_model()])), Reception(stamper))
 
 
 def throughput() -> Iterator[Row]:

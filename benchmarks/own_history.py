@@ -18,9 +18,9 @@ import numpy as np
 from _fleet import ACTUATORS, MODES, Judged, added, baselines_of, flight, fly_all, judge, quantities
 from _fleet import Task as Sheet
 from _own_flights import BLANK, TIERS, Row, Task, flown, scattered
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from mavhums.core.arrays import Array
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.motor_identification import VoltageSums, identified
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
@@ -47,7 +47,6 @@ OTHERS = {
 }
 PAPER_CONSTANT = ACTUATORS["elevator"].known_ema().torque_constant
 PAPER_RESISTANCE = ACTUATORS["elevator"].known_ema().resistance
-Array = NDArray[np.float64]
 Counts = dict[tuple[object, ...], Counter[str]]
 
 

@@ -17,12 +17,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from _closed_loop import Planned, healthy
-from numpy.typing import NDArray
 
 import mavhums
+from mavhums.core.arrays import Array
 from mavhums_sim.closed_loop.outputs import Outputs
-
-Array = NDArray[np.float64]
 
 STEP_S, SETTLED_S = 0.1, 25.0
 LAGS_S = np.arange(0.0, 0.8, 0.04)

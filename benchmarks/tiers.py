@@ -19,7 +19,7 @@ from rich.table import Table
 
 from mavhums import analyse
 from mavhums.actuator import load_airframe
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.campaign import PAPER_FRICTION_NM
 from mavhums_sim.link import Link

@@ -1,8 +1,9 @@
-"""Training of many small networks: fifty at once compared with scikit-learn's, and the subset searches.
+"""Training of many small networks: at once, one at a time, and by scikit-learn; and the subset searches.
 
     python benchmarks/train.py [--quick] [--solver lbfgs] [--inputs 4] [--part subsets]
 
-All on the paper's split: 20,000 training samples of the study's cyclogram, 60,000 test samples.
+Networks one at a time are batches of one for the same trainer. All on the paper's split: 20,000 training
+samples of the study's cyclogram, 60,000 test samples.
 ``--quick`` uses a tenth of the samples and networks and is not a benchmark.
 """
 
@@ -10,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import warnings
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 import pandas as pd
@@ -41,6 +42,16 @@ def fifty(keys: tuple[str, ...], every: int, networks: int, solver: str) -> list
     rows = [
         row(len(keys), "mavhums, batched L-BFGS", batched, batched, ensemble.member_scores(tested, truth))
     ]
+    alone = perf_counter()
+    ones = [
+        TanhNetworkEnsemble(
+            1, (HIDDEN[seed % len(HIDDEN)],), precision="single", n_jobs=1, random_state=seed
+        ).fit(values, classes)
+        for seed in range(networks)
+    ]
+    alone = perf_counter() - alone
+    scores = np.concatenate([each.member_scores(tested, truth) for each in ones])
+    rows.append(row(len(keys), "mavhums, one at a time", alone, batched, scores))
     scaler = MinMaxScaler().fit(values)
     begin, scores = perf_counter(), []
     for seed in range(networks):
@@ -80,13 +91,23 @@ def subsets(count: int) -> None:
     objective = network_objective(
         (values[training], classes[training]), (values[validation], classes[validation]), n_jobs=2
     )
-    begin = perf_counter()
+    begin, spent = perf_counter(), process_time()
     search = exhaustive_search(objective, len(KEYS))
-    seconds = perf_counter() - begin
+    seconds, processor = perf_counter() - begin, process_time() - spent
     best = ", ".join(np.array(KEYS)[search.best])
     print(
         f"\nall {len(search.scores)} subsets, {count} samples each: {seconds:.1f} s; "
         f"best {100 * search.score:.2f} % ({best})"
+    )
+    some = search.subsets[:: max(1, len(search.subsets) // 100)]
+    begin, spent = perf_counter(), process_time()
+    for subset in some:
+        objective(subset[None])
+    each, each_spent = (perf_counter() - begin) / len(some), (process_time() - spent) / len(some)
+    print(
+        f"one at a time ({len(some)} of them): {1000 * each:.0f} ms a subset, "
+        f"{each * len(search.scores) / seconds:.1f} times as long as all at once "
+        f"({each_spent * len(search.scores) / processor:.1f} times the processor time)"
     )
     table = {subset.tobytes(): score for subset, score in zip(search.subsets, search.scores, strict=True)}
     found = [

@@ -18,19 +18,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from mavhums.core.arrays import Array
+from mavhums.flights.stores.folder import read_history
+from mavhums.flights.trends import trend_report
 from mavhums.health.decision.thresholds import TREND_FLIGHTS
 from mavhums.health.decision.trend import Trend, fit_trend
-from mavhums.history.files import read_history
-from mavhums.history.trends import trend_report
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.flights import write_wear
-
-Array = NDArray[np.float64]
 
 START, EMERGENCY, BETWEEN = 0.225, 0.875, 0.008
 

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import track
 
 from mavhums import MavhumsError, fleet
-from mavhums.fleet.queries import Worst
+from mavhums.flights.queries import Worst
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 

@@ -15,8 +15,8 @@ from rich.console import Console
 from rich.progress import track
 
 import mavhums
-from mavhums.history.files import keep_assessment, read_history
-from mavhums.history.trends import trend_report
+from mavhums.flights.stores.folder import keep_assessment, read_history
+from mavhums.flights.trends import trend_report
 from mavhums.report.trend import TrendReport
 from mavhums.show.trend import render_trends
 from mavhums_sim import Flight, fly, write_tlog

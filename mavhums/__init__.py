@@ -1,5 +1,7 @@
 """Health and usage monitoring of UAV servo actuators from MAVLink telemetry logs.
 
+Examples
+--------
 >>> import mavhums
 >>> assessment = mavhums.analyse("flight.tlog")
 >>> assessment.ranked()[0].actuator, assessment.ranked()[0].condition
@@ -19,16 +21,15 @@ if TYPE_CHECKING:
     from mavhums.actuator.profile import ProfileError
     from mavhums.app.analysis import analyse, record
     from mavhums.app.many import analyse_many
-    from mavhums.app.options import Options
+    from mavhums.app.settings import Options
     from mavhums.core.errors import MavhumsError, MissingExtraError, UnreadableLogError
     from mavhums.core.packed import ArchiveError
     from mavhums.engine.engine import Engine
     from mavhums.engine.options import EngineOptions
-    from mavhums.history.aircraft import UnnamedAircraftError
-    from mavhums.history.aircraft_table import AircraftTableError
-    from mavhums.history.belonging import OtherAircraftError
-    from mavhums.history.flights import UndatedError
-    from mavhums.history.trends import trend
+    from mavhums.flights.aircraft import OtherAircraftError, UnnamedAircraftError
+    from mavhums.flights.aircraft_table import AircraftTableError
+    from mavhums.flights.history import UndatedError
+    from mavhums.flights.trends import trend
     from mavhums.learn.model import ModelError, load_model, models
     from mavhums.learn.precedents import PrecedentError
     from mavhums.live.address import AddressError
@@ -72,9 +73,9 @@ __getattr__, __dir__ = lazy_exports(
     __name__,
     {
         "AddressError": "live.address",
-        "AircraftTableError": "history.aircraft_table",
+        "AircraftTableError": "flights.aircraft_table",
         "ArchiveError": "core.packed",
-        "UnnamedAircraftError": "history.aircraft",
+        "UnnamedAircraftError": "flights.aircraft",
         "Assessment": "report.assessment",
         "DialectError": "log.mavlink.dialect",
         "Engine": "engine.engine",
@@ -83,11 +84,11 @@ __getattr__, __dir__ = lazy_exports(
         "MavhumsError": "core.errors",
         "MissingExtraError": "core.errors",
         "ModelError": "learn.model",
-        "Options": "app.options",
-        "OtherAircraftError": "history.belonging",
+        "Options": "app.settings",
+        "OtherAircraftError": "flights.aircraft",
         "PrecedentError": "learn.precedents",
         "ProfileError": "actuator.profile",
-        "UndatedError": "history.flights",
+        "UndatedError": "flights.history",
         "UnreadableLogError": "core.errors",
         "Verdict": "report.assessment",
         "actuators": "actuator",
@@ -98,6 +99,6 @@ __getattr__, __dir__ = lazy_exports(
         "models": "learn.model",
         "read_log": "log",
         "record": "app.analysis",
-        "trend": "history.trends",
+        "trend": "flights.trends",
     },
 )

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from mavhums.core.conditions import Condition
-from mavhums.history.files import keep_assessment
+from mavhums.flights.stores.folder import keep_assessment
 from mavhums.log.base.losses import Losses
 from mavhums.report.assessment import Assessment, Indicator, Interval, LogSummary, Suspect, Verdict
 from mavhums.report.flight import FlightIdentity

@@ -132,7 +132,7 @@ def test_follow_udp_prints_changes_as_they_come(
 def test_follow_udp_binds_a_port(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(follow_udp, "IDLE_S", 0.05)
     follow_udp.main(0, "paper")
-    assert "no vehicle sends" in capsys.readouterr().out
+    assert "no vehicle found" in capsys.readouterr().out
 
 
 def test_a_datagram_is_cut_into_its_frames() -> None:

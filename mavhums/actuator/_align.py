@@ -9,16 +9,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
 
 __all__ = ["NEVER", "Rows", "combine", "limits", "take"]
 
 NEVER = 2**62
 
-Integers = NDArray[np.int64]
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Rows = tuple[Integers, Integers, Floats]
+Rows = tuple[Integers, Integers, Array]
 
 
 @kernel
@@ -217,7 +215,7 @@ def combine(
     bounds: Integers,
     keep_us: int,
     span_us: int,
-) -> tuple[Floats, NDArray[np.int8]]:
+) -> tuple[Array, NDArray[np.int8]]:
     """Return each quantity at each time, from the first source in ``order`` that has it.
 
     Only messages before frames ``limit`` (n,) are used. Values and sources (−1 for none) are (n, 12) each.

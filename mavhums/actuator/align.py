@@ -27,8 +27,8 @@ __all__ = ["Aligned", "Aligner", "Origin"]
 
 _HORIZON_US = round(HORIZON_S * 1e6)
 _OPENING_US = 10_000_000  # in which each type is heard once, whatever its latency or the backlog of the link
-_MAX_SPAN_US = 2_000_000
-_SLOPE_US = 80_000
+_MAX_SPAN_US = 2_000_000  # between neighbours that are interpolated: a longer gap hides whole motions
+_SLOPE_US = 80_000  # over which the command's rate is taken: longer blurs steps
 _CLOCK_ORDER = tuple(column(key) for key in ("V5", "V7", "V3", "V1"))
 
 

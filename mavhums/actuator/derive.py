@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.profile import Actuator, Ema
 from mavhums.actuator.signs import SIGNED_BY_VOLTAGE, CurrentSigns
+from mavhums.core.arrays import Array
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
 
@@ -23,10 +24,9 @@ __all__ = ["REPORTED", "Deriver"]
 _V1, _V2, _V3, _V4, _V5, _V6, _V7, _V8, _V9, _V10, _V11, _V12 = (column(f"V{k}") for k in range(1, 13))
 _RAD_S = 2 * np.pi / 60
 _DEGREES_S = 6.0
-_AGREEMENT_DEG_S = 5.0
-_MAX_STEP_US = 500_000
-
-Array = NDArray[np.float64]
+_AGREEMENT_SHARE = 0.5  # of the speed, by which it may differ from the command's rate in acceleration
+_AGREEMENT_DEG_S = 5.0  # the same at low speeds; wider lets the sign of another motion in
+_MAX_STEP_US = 500_000  # over which speed is integrated: beyond, nobody knows how the shaft turned
 
 REPORTED = ("esc", "csrv")
 """How the tiers begin whose voltage and current an ESC or the servo measures, at the motor or at the bus."""
@@ -93,7 +93,7 @@ class Deriver:
         """Give V7 the sign of the command's rate; NaN where the two are inconsistent."""
         speed_deg_s = values[:, _V7] * _DEGREES_S / self._actuator.known_ema().gear_ratio
         apart = np.abs(speed_deg_s - np.abs(command_rate))
-        fits = apart <= 0.5 * speed_deg_s + _AGREEMENT_DEG_S
+        fits = apart <= _AGREEMENT_SHARE * speed_deg_s + _AGREEMENT_DEG_S
         signed = np.where(fits & (command_rate != 0), np.sign(command_rate) * values[:, _V7], np.nan)
         values[:, _V7] = np.where(values[:, _V7] == 0, 0.0, signed)
         self.derived["V7"] = "magnitude from {V7}, sign of the command's rate"

@@ -86,7 +86,7 @@ def draft_profile(
     parameters = read_parameters(path, vehicle=vehicle, progress=progress)
     outputs = control_surfaces(parameters)
     if not outputs:
-        by_hand = "if a servo moves a surface after all, write the profile by hand: docs/profile.md tells how"
+        by_hand = "if a servo moves a surface after all, write its profile by hand: see docs/guide/profile.md"
         raise MavhumsError(f"{path}: {_no_surface(parameters)}", by_hand)
     head = _HEAD.format(vehicle=parameters.vehicle, log=_plain(path.name), name=_text(name or path.stem))
     return head + _sections(outputs, named_values(path, parameters))

@@ -29,7 +29,7 @@ __all__ = ["AirframeNamed", "Gate", "Mapped", "Mapper", "Samples", "bounds", "me
 
 MAGNITUDES = [column(key) for key in ("V4", "V5", "V7")]
 """Columns of the quantities that some sources give without their sign."""
-_UNCOUNTED = 20
+_UNCOUNTED = 20  # blocks whose origins are kept before they are counted together
 _DERIVED = {"V4": ("V6",), "V5": ("V6", "V8", "V9"), "V7": ("V2", "V3", "V9", "V10", "V12")}
 _FOLLOWS = [(column(source), [column(key) for key in derived]) for source, derived in _DERIVED.items()]
 """What the deriver makes of a quantity, and may not outlive it."""
@@ -40,7 +40,7 @@ _MARGIN = 3.0
 actuator's values, more lets damaged telemetry through."""
 _OFFSET = 10.0  # an unwrapped angle has an arbitrary start
 _BACK_DRIVEN = 10.0  # times the stall torque: largest load of air and end stops on the gear
-_LEAST_TRAVEL_DEG = 180.0  # a servo can always turn so far, whatever travel it uses
+_LEAST_TRAVEL_DEG = 180.0  # least bound of an angle: a sensor may be mounted with any zero
 _RPM = 60 / (2 * np.pi)
 _LARGEST = {
     "V1": 720.0,

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
+from mavhums.core.arrays import Array
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import column
 
@@ -45,8 +46,6 @@ _PRIOR_SAMPLES = 20.0  # weight of the assumption that the noise is one step of 
 _LEAST_NOISE = 12**-0.5  # standard deviation of rounding, in steps of the current
 _MISFIT_V = 0.5  # sampling and quantisation
 _MISFIT_SHARE = 0.3  # an aged winding or magnet
-
-Array = NDArray[np.float64]
 
 
 class CurrentSigns:

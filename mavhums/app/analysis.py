@@ -1,46 +1,163 @@
-"""Judges a log from disk: feeds the file to the engine."""
+"""Judges a log from disk: feeds the file to the engine, and compares with the aircraft's earlier flights."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-from mavhums.app.options import Options
-from mavhums.app.own_flights import among_own, compared_with_own, swapped
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
+from mavhums.core.files import written_whole
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
-from mavhums.history.aircraft import latest
-from mavhums.history.comparison import LoneFlight
-from mavhums.log import read_blocks
-from mavhums.report.assessment import Assessment
+from mavhums.flights.aircraft import check_same_aircraft, latest
+from mavhums.flights.compare import LoneFlight, compared
+from mavhums.flights.store import with_duplicate_flights
+from mavhums.log import Decoder, read_blocks
+from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 
-__all__ = ["analyse", "analyse_alone", "record"]
+if TYPE_CHECKING:
+    from mavhums.flights.aircraft_table import Since
+    from mavhums.report.assessment import Assessment
 
-_BLOCK = 1 << 22  # one or two minutes of flight; a block costs little more than a second
+__all__ = [
+    "Failed",
+    "Judged",
+    "Outputs",
+    "analyse",
+    "analyse_alone",
+    "compared_with_own",
+    "judge",
+    "record",
+    "with_aircraft_identity",
+    "write_report",
+]
+
+_BLOCK: Final = 1 << 22  # one or two minutes of flight; a block costs little more than a second
+_LONGEST_REASON: Final = 200  # characters of an unexpected error; some quote a whole file
 
 Consumer = Callable[[Sequence[Event]], None]
+Place = str | os.PathLike[str]
+Progress = Callable[[int], None] | None
+
+
+class Judged(NamedTuple):
+    """A log that was judged.
+
+    Attributes
+    ----------
+    log
+        Path of the log.
+    assessment
+        Its verdicts, compared with the earlier flights.
+    alone
+        The flight before the comparison; None where it was compared while it was judged, for an output.
+    """
+
+    log: Path
+    assessment: Assessment
+    alone: LoneFlight | None = None
+
+
+class Failed(NamedTuple):
+    """A log that could not be judged, and why; ``cause`` stays in the process that met it."""
+
+    log: Path
+    problem: str
+    remedy: str
+    cause: Exception | None = None
+
+    @classmethod
+    def of(cls, log: Path, cause: Exception) -> Failed:
+        """Return the failure that an error means."""
+        if isinstance(cause, MavhumsError):
+            return cls(log, cause.problem, cause.remedy, cause)
+        if isinstance(cause, MemoryError):
+            problem = f"{log}: needs more memory than this process may use"
+            return cls(log, problem, "judge it with `mavhums analyse`, which sets no limit", cause)
+        problem = f"{log}: {type(cause).__name__}: {str(cause)[:_LONGEST_REASON]}"
+        return cls(log, problem, "report it with the log, if you may share it", cause)
+
+    @classmethod
+    def crashed(cls, log: Path) -> Failed:
+        """Return the failure of a log on which its process died."""
+        problem = f"{log}: crashed the process that judged it"
+        return cls(log, problem, "judge it alone to see why: mavhums analyse LOG --jobs 1")
+
+    @property
+    def error(self) -> MavhumsError:
+        """The error to show or to raise."""
+        if isinstance(self.cause, MavhumsError):
+            return self.cause
+        return MavhumsError(self.problem, self.remedy)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outputs:
+    """What to write beside the verdicts.
+
+    Attributes
+    ----------
+    recording
+        Path of the Rerun recording; None for none.
+    report
+        Path of the HTML report; None for none. With it, no recording is written.
+    position
+        Whether the recording contains the aircraft's position.
+    """
+
+    recording: Place | None = None
+    report: Place | None = None
+    position: bool = True
+
+
+def judge(
+    log: Path, settings: Settings, outputs: Outputs | None = None, progress: Progress = None
+) -> Judged | Failed:
+    """Judge a log for a caller that goes on whatever happens: any error is a problem with its remedy.
+
+    Examples
+    --------
+    >>> judge(Path("missing.tlog"), Settings.read(None)).problem
+    'missing.tlog: no such file'
+    """
+    outputs = outputs or Outputs()
+    try:
+        if outputs.report is not None:
+            return Judged(log, write_report(log, outputs.report, settings, progress=progress))
+        if outputs.recording is not None:
+            recording, position = outputs.recording, outputs.position
+            return Judged(
+                log, analyse(log, settings, recording=recording, position=position, progress=progress)
+            )
+        alone = analyse_alone(log, settings.engine, progress=progress)
+        return Judged(log, compared_with_own(alone, settings), alone)
+    except Exception as error:
+        return Failed.of(log, error)
 
 
 def analyse(
-    path: str | os.PathLike[str],
-    options: Options | None = None,
+    path: Place,
+    options: Options | Settings | None = None,
     *,
-    recording: str | os.PathLike[str] | None = None,
+    recording: Place | None = None,
     position: bool = True,
     consume: Consumer | None = None,
-    progress: Callable[[int], None] | None = None,
+    progress: Progress = None,
 ) -> Assessment:
     """Judge every actuator of a log, in constant memory.
 
     Parameters
     ----------
     path
-        A ``.tlog`` file.
+        A log of any format, or ``-`` for the standard input.
     options
         Profile, model, history and the like; the defaults if None.
     recording
@@ -55,7 +172,7 @@ def analyse(
     Raises
     ------
     UnreadableLogError
-        If the file is missing or not a telemetry log.
+        If the file is missing or not a log.
     ProfileError, ModelError, DialectError, KeyFileError, AircraftTableError
         If the profile, the model, the XML, the key or the table cannot be used.
     OtherAircraftError
@@ -71,24 +188,25 @@ def analyse(
     >>> {verdict.actuator: verdict.condition for verdict in assessment.verdicts}["rudder"]
     'normal'
     """
-    options = options or Options()
-    options = replace(options, history=options.flights(), aircraft_table=options.whose().table)
-    consumers = [consume] if consume else []
+    settings = Settings.read(options)
     if recording is None:
-        return _judge(path, options, consumers, progress)
+        if consume is None:
+            return compared_with_own(analyse_alone(path, settings.engine, progress=progress), settings)
+        return _judged_with(path, settings, [consume], progress)
     if str(path) == "-":
         raise MavhumsError("-: a recording needs a file that can be read twice", "save the log first")
-    from mavhums.show import Recorder
+    from mavhums.show.recording import Recorder, check_viewer
 
-    identity = f"{Path(path).name}-{_sha256(path, options.dialect)[:16]}"
+    check_viewer()
+    identity = f"{Path(path).name}-{_sha256(path, settings.engine)[:16]}"
     with Recorder(recording, recording_id=identity, position=position) as recorder:
-        shown = replace(options, vehicle_states=True)
-        assessment = _judge(path, shown, [recorder.consume, *consumers], progress)
+        consumers = [recorder.consume, *([consume] if consume else [])]
+        assessment = _judged_with(path, settings.with_vehicle_states(), consumers, progress)
         recorder.close(assessment)
     return assessment
 
 
-def record(assessment: Assessment, path: str | os.PathLike[str], options: Options | None = None) -> None:
+def record(assessment: Assessment, path: Place, options: Options | Settings | None = None) -> None:
     """Write the Rerun recording of an assessment, reading its log once more.
 
     Parameters
@@ -109,26 +227,69 @@ def record(assessment: Assessment, path: str | os.PathLike[str], options: Option
     --------
     >>> record(analyse("flight.tlog"), "flight.rrd")
     """
-    log = assessment.log
-    options = options or Options()
-    if log.path is None or _sha256(log.path, options.dialect) != log.sha256:
+    log, settings = assessment.log, Settings.read(options)
+    if log.path is None or _sha256(log.path, settings.engine) != log.sha256:
         raise MavhumsError(f"{log.path}: not the log that was judged", "analyse it again")
-    analyse(log.path, options, recording=path)
+    analyse(log.path, settings, recording=path)
 
 
-def analyse_alone(
-    path: str | os.PathLike[str],
-    options: EngineOptions,
+def write_report(
+    path: Place,
+    output: Place,
+    options: Options | Settings | None = None,
     *,
-    progress: Callable[[int], None] | None = None,
-) -> LoneFlight:
-    """Judge a log by itself, whatever baselines the options have; the errors are those of :func:`analyse`.
+    progress: Progress = None,
+) -> Assessment:
+    """Judge a log and write the result as one self-contained HTML file, in bounded memory.
 
-    :func:`mavhums.history.comparison.compared` compares the result with earlier flights.
+    Parameters
+    ----------
+    path
+        The log; ``-`` for the standard input.
+    output
+        The page; it is written whole or not at all, and replaces an older one.
+    options
+        Profile, model, history and the like; the defaults if None.
+    progress
+        Called with the number of bytes read after each block.
+
+    Raises
+    ------
+    UnreadableLogError
+        If the log is missing or its format is unknown.
+    ProfileError, ModelError, DialectError, KeyFileError
+        If the profile, the model, the XML or the key cannot be used.
+    MavhumsError
+        If the page cannot be written, or would replace the log.
 
     Examples
     --------
-    >>> from mavhums.history.comparison import compared
+    >>> write_report("flight.tlog", "report.html").exit_code.name
+    'EMERGENCY'
+    """
+    from mavhums.show.html import page
+    from mavhums.show.html_curves import Gathered
+
+    log, target = Path(path), Path(output)
+    if log.exists() and target.exists() and log.samefile(target):
+        raise MavhumsError(f"{target}: is the log itself", "name another file with -o")
+    gathered = Gathered()
+    with written_whole(target) as temporary:
+        # the curves are drawn from the demanded and flown angles, which are among the vehicle's states
+        settings = Settings.read(options).with_vehicle_states()
+        assessment = analyse(path, settings, consume=gathered.consume, progress=progress)
+        temporary.write_text(page(assessment, gathered), encoding="utf-8", errors="replace")
+    return assessment
+
+
+def analyse_alone(path: Place, options: EngineOptions, *, progress: Progress = None) -> LoneFlight:
+    """Judge a log by itself, whatever baselines the options have; the errors are those of :func:`analyse`.
+
+    :func:`mavhums.flights.compare.compared` compares the result with earlier flights.
+
+    Examples
+    --------
+    >>> from mavhums.flights.compare import compared
     >>> flight = analyse_alone("flight.tlog", Options(airframe="paper").resolved())
     >>> compared(flight, {}) == flight.assessment
     True
@@ -138,25 +299,43 @@ def analyse_alone(
     return LoneFlight(assessment, engine.records(), engine.profiles(), options.false_alarms)
 
 
-def _judge(
-    path: str | os.PathLike[str],
-    options: Options,
-    consumers: Sequence[Consumer],
-    progress: Callable[[int], None] | None,
+def compared_with_own(flight: LoneFlight, settings: Settings) -> Assessment:
+    """Return the assessment of a flight that was judged alone, compared with its aircraft's earlier flights.
+
+    Raises
+    ------
+    OtherAircraftError
+        If the history is of another aircraft.
+    """
+    assessment, history = with_aircraft_identity(flight.assessment, settings), settings.history
+    since = latest(settings.since, settings.whose.since(assessment))
+    own = flight._replace(assessment=assessment)
+    return compared(own, partial(history.baselines, since=since), partial(history.past, since=since))
+
+
+def with_aircraft_identity(assessment: Assessment, settings: Settings) -> Assessment:
+    """Return the assessment with names of aircraft and with other recordings of its flights.
+
+    Raises
+    ------
+    OtherAircraftError
+        If the history is of another aircraft.
+    """
+    whose, history = settings.whose, settings.history
+    return with_duplicate_flights(check_same_aircraft(whose.named(assessment), history, whose.table), history)
+
+
+def _judged_with(
+    path: Place, settings: Settings, consumers: Sequence[Consumer], progress: Progress
 ) -> Assessment:
-    """Judge alone, then compare with the past; with consumers, use the past while judging."""
-    if not consumers:
-        return compared_with_own(analyse_alone(path, options.resolved(), progress=progress), options)
-    since = latest(options.since, swapped(path, options))
-    engine, digest = _fed(path, replace(options, since=since).resolved(), consumers, progress)
-    return among_own(engine.assessment(str(path), digest), options)
+    """Compare while judging, so that the consumers see what the earlier flights change."""
+    options = settings.with_baselines(latest(settings.since, _swaps(path, settings)))
+    engine, digest = _fed(path, options, consumers, progress)
+    return with_aircraft_identity(engine.assessment(str(path), digest), settings)
 
 
 def _fed(
-    path: str | os.PathLike[str],
-    options: EngineOptions,
-    consumers: Sequence[Consumer],
-    progress: Callable[[int], None] | None,
+    path: Place, options: EngineOptions, consumers: Sequence[Consumer], progress: Progress
 ) -> tuple[Engine, str]:
     """Return an engine that has processed a log, and the log's hash."""
     engine = Engine(options)
@@ -175,8 +354,32 @@ def _fed(
     return engine, digest.hexdigest()
 
 
-def _sha256(path: str | os.PathLike[str], dialect: str | os.PathLike[str] | None) -> str:
+def _sha256(path: Place, options: EngineOptions) -> str:
     digest = hashlib.sha256()
-    for block in read_blocks(path, dialect=dialect):
+    for block in read_blocks(path, dialect=options.dialect):
         digest.update(block)
     return digest.hexdigest()
+
+
+def _swaps(path: Place, settings: Settings) -> Since:
+    """Return when the actuators of a log's aircraft were last swapped, from the messages that identify it.
+
+    Raises
+    ------
+    MavhumsError
+        If the log can be read only once.
+    """
+    whose, dialect = settings.whose, settings.engine.dialect
+    if not whose.table.installed:
+        return {}
+    if str(path) == "-":
+        raise MavhumsError("-: an aircraft table needs a file that can be read twice", "save the log first")
+    decoder, recorded = Decoder(FLIGHT_MESSAGES, dialect=dialect), RecordedFlights()
+    for block in read_blocks(path, dialect=dialect):
+        recorded.feed(decoder.feed(block))
+    recorded.feed(decoder.feed(b"", final=True))
+    if decoder.first_time_us is None or decoder.undated:
+        return {}
+    start = datetime.fromtimestamp(decoder.first_time_us / 1e6, UTC)
+    names = {whose.name(str(path), recorded.of(each).board, start.isoformat()) for each in decoder.vehicles}
+    return whose.table.since(names.pop(), start) if len(names) == 1 else {}

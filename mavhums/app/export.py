@@ -54,8 +54,8 @@ def export_quantities(
     The columns are ``vehicle``, ``actuator``, ``time`` (UTC), ``flight_time_s`` (seconds since the
     log's first frame) and ``V1`` … ``V12``, empty where unknown; units in
     :data:`mavhums.core.quantities.QUANTITIES`. The rows of one actuator are in time order. Without a
-    profile, the second column is ``output``: an ESC may drive a propeller, and then is no actuator of a
-    surface.
+    profile, the second column is ``output``: an ESC may drive a propeller, and then it
+    is not a surface's actuator.
 
     With ``classify`` three more say what the network says of each sample: ``p_emergency``, the most probable
     ``class``, both empty where the sample lacks an input of the network, and ``inside``, whether the sample
@@ -203,7 +203,7 @@ def _nothing(
         remedy = f"name a profile with --airframe, {pulses}"
         return f"{path}: names no airframe profile, and carries no V1–V12 without one", remedy
     if airframe is not None and all(actuator.travel_deg is None for actuator in airframe.actuators):
-        problem = f"{path}: the profile {airframe.name} has no travel_deg, without which a pulse is no angle"
+        problem = f"{path}: the profile {airframe.name} has no travel_deg, without which a pulse has no angle"
         return problem, f"fill it in, {pulses}"
     problem = f"{path}: carries nothing of the actuators of {', '.join(fleet.airframes)}"
     return problem, f"see what it holds with: mavhums inspect {path}"

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mavhums.app.analysis import analyse
-from mavhums.app.options import Options
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
+from mavhums.flights.history import FlightHistory
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
 from mavhums.health.self_baseline.motor import Shares, friction_current, lacking, shares
 from mavhums.report.assessment import Interval, OwnRecord
@@ -40,7 +41,7 @@ class Motor:
 
 def identify(
     logs: Sequence[str | os.PathLike[str]],
-    options: Options,
+    options: Options | Settings,
     *,
     progress: Callable[[int], None] | None = None,
 ) -> dict[str, Motor]:
@@ -62,8 +63,9 @@ def identify(
     """
     records: dict[str, list[tuple[str, OwnRecord]]] = {}
     refused: list[str] = []
+    settings = replace(Settings.read(options), history=FlightHistory())
     for path in logs:
-        for verdict in analyse(path, replace(options, history=None), progress=progress).verdicts:
+        for verdict in analyse(path, settings, progress=progress).verdicts:
             refused += [
                 f"{key} {why}" for key, how in verdict.provenance.items() for why in _NOT_USED.findall(how)
             ]
@@ -145,13 +147,13 @@ def _section(motor: Motor) -> str:
 
 
 def _shares(motor: Motor) -> str:
-    told = motor.shares
-    if told is None:
+    found = motor.shares
+    if found is None:
         return f"# no share of stall: {motor.lacking}\n" if motor.lacking else ""
-    torque = f"torque_of_stall = {_numbers(told.torque)}  # highest sustained; the rest is the reserve\n"
-    if told.friction is None:
+    torque = f"torque_of_stall = {_numbers(found.torque)}  # highest sustained; the rest is the reserve\n"
+    if found.friction is None:
         return torque
-    return f"friction_of_stall = {_numbers(told.friction)}  # friction, by the torque at stall\n{torque}"
+    return f"friction_of_stall = {_numbers(found.friction)}  # friction, by the torque at stall\n{torque}"
 
 
 def _numbers(interval: Interval) -> list[float]:

@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from types import MappingProxyType
+from typing import Final
 
 from mavhums.actuator.contradictions import Contradiction, against_log
 from mavhums.actuator.contradictions import remedy as to_correct
 from mavhums.actuator.mapping import Mapper, messages_for
 from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
-from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier
+from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
-from mavhums.app.judgeable import judgeable
 from mavhums.core.quantities import KEYS
-from mavhums.engine.axes import SIGNAL_MESSAGES, Axes
-from mavhums.engine.crowd import Crowd
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes
 from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
-from mavhums.health.verdict.obstacles import obstacle
+from mavhums.engine.vehicle_limit import VehicleLimit
+from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict.axis import unjudged_axes, verdict_of_axis
+from mavhums.health.verdict.obstacles import obstacle, why_not_at_all
 from mavhums.log import Decoder, decode_blocks
+from mavhums.report.assessment import ALL, Verdict
 from mavhums.report.inspection import (
     ActuatorTelemetry,
     Inspection,
+    Judgeable,
     MessageRate,
     NamedRate,
     VehicleTelemetry,
@@ -32,9 +37,12 @@ from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.counts import NAMED_MESSAGES, NamedValues
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.states import TEXT_MESSAGES
+from mavhums.vehicle.surfaces import AXES
 from mavhums.vehicle.vtol import known_as, rotor_servos
 
 __all__ = ["inspect_log"]
+
+_UNDATED: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def inspect_log(
@@ -49,7 +57,7 @@ def inspect_log(
     Parameters
     ----------
     path
-        A ``.tlog`` file, or ``-`` for the standard input.
+        A log of any format, or ``-`` for the standard input.
     airframe
         A profile, its name or its path; if None, each vehicle's own, if the log names it.
     dialect
@@ -60,7 +68,7 @@ def inspect_log(
     Raises
     ------
     UnreadableLogError
-        If the file is missing or not a telemetry log.
+        If the file is missing or not a log.
     ProfileError
         If the profile cannot be used.
     DialectError
@@ -70,20 +78,20 @@ def inspect_log(
     telemetry = messages_for(given.actuators if given else ())
     decoder = Decoder(telemetry | IDENTITY_MESSAGES | SIGNAL_MESSAGES | NAMED_MESSAGES, dialect=dialect)
     fleet, identities, axes, values = VehicleMappers(given), Identities(), Axes(given), NamedValues()
-    crowd, clocks = Crowd(telemetry - TEXT_MESSAGES), Clocks()
+    vehicle_limit, clocks = VehicleLimit(telemetry - TEXT_MESSAGES), Clocks()
     size = 0
     for read, size, final in decode_blocks(path, decoder, dialect=dialect):
         identities.feed(read)
         values.feed(read)
-        crowd.heed(read)
-        tables = clocks.feed(read, crowd.admits)
+        vehicle_limit.observe(read)
+        tables = clocks.feed(read, vehicle_limit.admits)
         start_us = decoder.first_time_us or 0
         for said, named in fleet.listen(tables):
             if named is not None:
                 axes.announce(said.vehicle, said.frame, named)
         for _ in (
             *fleet.draft(tables),
-            *axes.feed(tables, start_us, admits=crowd.admits, final=final),
+            *axes.feed(tables, start_us, admits=vehicle_limit.admits, final=final),
             *fleet.feed(tables, final=final),
         ):
             pass
@@ -165,7 +173,7 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes:
         judged=judged,
         remedy=_remedy(airframe, tier, sent, identity, followed.told.last.found if followed else ()),
         actuators=tuple(rows),
-        subjects=tuple(judgeable(identity, sent, mapper, followed, rotors=rotor_servos(parameters.values))),
+        subjects=tuple(_judgeable(identity, sent, mapper, followed, rotors=rotor_servos(parameters.values))),
         usage=vehicle_usage(identity, followed, parameters, airframe) if followed else None,
     )
 
@@ -182,7 +190,7 @@ def _remedy(
         return "; ".join(obstacle(sent, identity))
     blanks = sorted({blank for actuator in airframe.actuators for blank in actuator.blanks})
     if any(actuator.travel_deg is None and "V1" not in actuator.fields for actuator in airframe.actuators):
-        blanks.append("travel_deg, without which a pulse is no angle")
+        blanks.append("travel_deg, without which a pulse has no angle")
     parts = [f"{against_log(found)}: {to_correct(found)}"] if found else []
     parts += [f"the profile has no {', no '.join(blanks)}: {FILL_IN}"] if blanks else []
     if tier is None or not tier.judged:
@@ -190,3 +198,71 @@ def _remedy(
             parts.append(f"the log's {sent.name} telemetry is of none of the profile's actuators")
         parts.append(TO_BE_JUDGED)
     return "; ".join(parts) or None
+
+
+def _judgeable(
+    identity: Identity,
+    sent: Tier | None,
+    mapper: Mapper | None,
+    axes: VehicleAxes | None,
+    *,
+    rotors: Mapping[int, str] = MappingProxyType({}),
+) -> Iterator[Judgeable]:
+    """Yield what can and cannot be judged of a vehicle, with reasons: its axes first, then its actuators.
+
+    Parameters
+    ----------
+    identity
+        Identity of the vehicle.
+    sent
+        Its richest tier of telemetry.
+    mapper
+        The mapper of its profile; None without one.
+    axes
+        The axes that followed its flight; None if it reported nothing about its flight.
+    rotors
+        What the servos of a helicopter's rotors move, by output.
+    """
+    for verdict in _axes(identity, axes):
+        judged = {verdict.condition, verdict.worst} != {"undecided"}
+        yield _said(verdict, judged=judged)
+    if mapper is None:
+        surfaces = axes.surfaces if axes else None
+        for verdict in unjudged_vehicle(identity.vehicle, sent, identity, surfaces=surfaces, rotors=rotors):
+            yield _said(verdict, judged=False)
+        return
+    for actuator in mapper.airframe.actuators:
+        name = mapper.tier(identity.vehicle, actuator)
+        tier = tier_named(name) if name else None
+        provenance = mapper.provenance(identity.vehicle, actuator)
+        against = axes.told.last.against(actuator.name) if axes else ()
+        if against:
+            why = against_log(against), to_correct(against)
+            yield _said(unjudged(identity.vehicle, actuator.name, why, tier, provenance), judged=False)
+            continue
+        verdict = unjudged_actuator(identity.vehicle, actuator, tier or sent, provenance)
+        yield _said(verdict, judged=tier is not None and tier.judged and not actuator.blanks)
+
+
+def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
+    if axes is None:
+        return
+    received = axes.grid.received()
+    why = why_not_at_all(axes.flight, identity.kind, received)
+    if why is not None:
+        yield unjudged_axes(identity.vehicle, *why)
+        return
+    for axis in AXES:
+        findings = axes.monitor.findings(axis)
+        yield verdict_of_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, received)
+
+
+def _said(verdict: Verdict, *, judged: bool) -> Judgeable:
+    return Judgeable(
+        subject=verdict.subject,
+        name="every actuator" if verdict.actuator == ALL else verdict.actuator,
+        surfaces=verdict.surfaces,
+        judgeable=judged,
+        reason=None if judged else verdict.reason,
+        remedy=None if judged else verdict.remedy,
+    )

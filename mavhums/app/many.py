@@ -6,18 +6,16 @@ import os
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from mavhums.app.analysis import analyse, analyse_alone
-from mavhums.app.options import Options
-from mavhums.app.own_flights import compared_with_own
-from mavhums.app.processes import Crashed, in_processes
+from mavhums.app.analysis import Failed, Judged, Outputs, compared_with_own, judge
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
-from mavhums.engine.options import EngineOptions
-from mavhums.history.comparison import LoneFlight
-from mavhums.history.files import keep_assessment
+from mavhums.core.process_pool import Lost, in_processes
+from mavhums.flights.history import FlightHistory
+from mavhums.flights.stores.folder import keep_assessment
 from mavhums.report.assessment import Assessment
 
 __all__ = ["Batch", "Outcome", "analyse_many"]
@@ -25,7 +23,6 @@ __all__ = ["Batch", "Outcome", "analyse_many"]
 _WORTH_BYTES: Final = 64 << 20  # fewer are judged in the time that processes need to start
 
 Progress = Callable[[Path], AbstractContextManager[Callable[[int], None] | None]]
-_Judged = Callable[[Options], Assessment]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +63,9 @@ class Outcome(NamedTuple):
 
 
 def analyse_many(
-    logs: Sequence[str | os.PathLike[str]], options: Options | None = None, batch: Batch | None = None
+    logs: Sequence[str | os.PathLike[str]],
+    options: Options | Settings | None = None,
+    batch: Batch | None = None,
 ) -> Iterator[Outcome]:
     """Judge logs, and yield each outcome as it comes, in the order of the logs.
 
@@ -95,31 +94,25 @@ def analyse_many(
     ...     print(outcome.log, outcome.assessment.exit_code.name)
     flight.tlog EMERGENCY
     """
-    options, batch, paths = options or Options(), batch or Batch(), [Path(log) for log in logs]
-    options = replace(options, history=options.flights(), aircraft_table=options.whose().table)
-    options.resolved()
+    settings, batch, paths = Settings.read(options), batch or Batch(), [Path(log) for log in logs]
     jobs = 1 if batch.recordings else min(batch.jobs or _jobs(paths), len(paths))
-    judged = _by_processes(paths, options, jobs, batch) if jobs > 1 else _one_by_one(paths, batch)
-    with closing(judged) as each:
-        for log, judge in zip(paths, each, strict=True):
-            try:
-                assessment = judge(options)
-            except MavhumsError as error:
-                yield Outcome(log, None, error)
-                continue
-            except Exception as error:
-                if len(paths) == 1:
-                    raise
-                yield Outcome(log, None, _unexpected(log, error))
-                continue
-            try:
-                if batch.keep is not None:
-                    keep_assessment(assessment, batch.keep)
-                    options = replace(options, history=options.flights().with_flight(assessment))
-            except MavhumsError as error:
-                yield Outcome(log, assessment, error)
+    alone = _by_processes(paths, settings, jobs, batch) if jobs > 1 else None
+    with closing(alone) if alone is not None else nullcontext():
+        for log in paths:
+            judged = _one(log, settings, batch) if alone is None else _compared(next(alone), settings)
+            if isinstance(judged, Judged):
+                try:
+                    if batch.keep is not None:
+                        keep_assessment(judged.assessment, batch.keep)
+                        settings = replace(settings, history=settings.history.with_flight(judged.assessment))
+                except MavhumsError as error:
+                    yield Outcome(log, judged.assessment, error)
+                else:
+                    yield Outcome(log, judged.assessment, None)
+            elif len(paths) == 1 and judged.cause is not None and not isinstance(judged.cause, MavhumsError):
+                raise judged.cause  # nothing else waits to be judged, and a traceback shows where
             else:
-                yield Outcome(log, assessment, None)
+                yield Outcome(log, None, judged.error)
 
 
 def _jobs(logs: Sequence[Path]) -> int:
@@ -132,61 +125,34 @@ def _jobs(logs: Sequence[Path]) -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _one_by_one(logs: Sequence[Path], batch: Batch) -> Generator[_Judged]:
-    for log in logs:
-
-        def judge(options: Options, log: Path = log) -> Assessment:
-            with batch.progress(log) as progress:
-                recording = batch.recordings.get(log)
-                return analyse(log, options, recording=recording, position=batch.position, progress=progress)
-
-        yield judge
+def _one(log: Path, settings: Settings, batch: Batch) -> Judged | Failed:
+    outputs = Outputs(recording=batch.recordings.get(log), position=batch.position)
+    with batch.progress(log) as progress:
+        return judge(log, settings, outputs, progress)
 
 
-def _by_processes(logs: Sequence[Path], options: Options, jobs: int, batch: Batch) -> Generator[_Judged]:
-    alone = _Alone(replace(options, history=None))
-    with closing(in_processes(alone, logs, jobs, batch.prepare)) as flights:
-        for log, flight in zip(logs, flights, strict=True):
-
-            def judge(
-                options: Options, log: Path = log, flight: LoneFlight | _Failure | Crashed = flight
-            ) -> Assessment:
-                if isinstance(flight, Crashed):
-                    problem = f"{log}: crashed the process that judged it"
-                    raise MavhumsError(problem, "judge it alone to see why: mavhums analyse LOG --jobs 1")
-                if isinstance(flight, _Failure):
-                    raise MavhumsError(*flight)
-                return compared_with_own(flight, options)
-
-            yield judge
+def _by_processes(
+    logs: Sequence[Path], settings: Settings, jobs: int, batch: Batch
+) -> Generator[Judged | Failed]:
+    """Yield each log judged without the earlier flights, which only this process has."""
+    alone = partial(_without_cause, replace(settings, history=FlightHistory()))
+    flights = in_processes(alone, logs, jobs, prepare=batch.prepare, preload=["mavhums.app.many"])
+    with closing(flights):
+        for log, judged in zip(logs, flights, strict=True):
+            yield Failed.crashed(log) if isinstance(judged, Lost) else judged
 
 
-def _unexpected(log: Path, error: Exception) -> MavhumsError:
-    return MavhumsError(f"{log}: {type(error).__name__}: {str(error)[:200]}", "report it with the log")
+def _without_cause(settings: Settings, log: Path) -> Judged | Failed:
+    """Judge a log in another process; not every exception can be sent."""
+    judged = judge(log, settings)
+    return judged._replace(cause=None) if isinstance(judged, Failed) else judged
 
 
-class _Failure(NamedTuple):
-    """An error on its way between processes."""
-
-    problem: str
-    remedy: str
-
-
-@dataclass(frozen=True)
-class _Alone:
-    """Judges a log alone, in another process."""
-
-    options: Options
-
-    def __call__(self, log: Path) -> LoneFlight | _Failure:
-        try:
-            return analyse_alone(log, self._resolved)
-        except MavhumsError as error:
-            return _Failure(error.problem, error.remedy)
-        except Exception as error:
-            unexpected = _unexpected(log, error)
-            return _Failure(unexpected.problem, unexpected.remedy)
-
-    @cached_property
-    def _resolved(self) -> EngineOptions:
-        return self.options.resolved()
+def _compared(judged: Judged | Failed, settings: Settings) -> Judged | Failed:
+    """Compare a flight that another process has judged with the earlier flights."""
+    if isinstance(judged, Failed) or judged.alone is None:
+        return judged
+    try:
+        return judged._replace(assessment=compared_with_own(judged.alone, settings))
+    except MavhumsError as error:
+        return Failed.of(judged.log, error)

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from mavhums.app.options import Options
+from mavhums.actuator.profile import load_airframe
 from mavhums.core import compiling
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
 from mavhums.health.axis.filters import AttitudeResponse, Lag
+from mavhums.learn import packaged_models
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.stamping import Piece, Stamper
 
@@ -39,7 +40,7 @@ def warm_up() -> int:
 
     compiling.on_compile(count)
     stamper = Stamper(load_dialect())
-    engine = Engine(Options(airframe="paper").resolved())
+    engine = Engine(EngineOptions(load_airframe("paper"), packaged_models()))
     for time_us, frame in _frames():
         engine.feed(struct.pack(">Q", time_us) + frame)
         if time_us < _START_US + 1_000_000:

@@ -21,14 +21,16 @@ from mavhums.cli.options import (
     NAMED_DATE,
     PATH,
     REPAIRS,
+    gathered,
 )
 from mavhums.cli.output import say, say_json
 from mavhums.core.errors import ExitCode
 from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
+    from mavhums.app.settings import Options
     from mavhums.fleet import Repair
-    from mavhums.fleet.queries import Worst
+    from mavhums.flights.queries import Worst
 
 __all__ = ["fleet"]
 
@@ -67,19 +69,14 @@ def fleet() -> None:
 @REPAIRS
 @KEY
 @JSON
+@gathered
 def scan(
+    options: Options,
     sources: tuple[str, ...],
     store: str,
-    aircraft: str | None,
-    aircraft_table: Path | None,
     workers: int,
     scheduler: str | None,
-    airframe: str | None,
-    model: str | None,
-    dialect: Path | None,
-    false_alarms: float,
     dates: tuple[tuple[str | None, datetime], ...],
-    key: Path | None,
     as_json: bool,
 ) -> None:
     """Judge the LOGS that STORE does not have yet: files, folders with logs, or patterns.
@@ -91,20 +88,18 @@ def scan(
     Exit codes, the first that applies:
       2 usage    1 a log that cannot be judged    0 all judged
     """
-    from mavhums.app.options import Options
     from mavhums.fleet import ScanOptions
     from mavhums.fleet import scan as scan_logs
 
-    judging = Options(airframe=airframe, model=model, dialect=dialect, false_alarms=false_alarms, key=key)
-    options = ScanOptions(
-        judging=judging,
-        aircraft=aircraft,
-        aircraft_table=aircraft_table,
+    scanning = ScanOptions(
+        judging=options,
+        aircraft=options.aircraft,
+        aircraft_table=options.aircraft_table,
         workers=workers,
         scheduler=scheduler,
         repairs=[_repair(name, at) for name, at in dates],
     )
-    done = scan_logs(sources, store, options, progress=_Told())
+    done = scan_logs(sources, store, scanning, progress=_Progress())
     if as_json:
         say_json(_line(done._asdict()))
     else:
@@ -112,29 +107,29 @@ def scan(
     raise SystemExit(ExitCode.ERROR if done.failed else ExitCode.OK)
 
 
-@fleet.command(short_help="Tell what the store holds, and what failed.")
+@fleet.command(short_help="Show what the store holds, and what failed.")
 @_STORE
 @JSON
 def status(store: str, as_json: bool) -> None:
     """Say what STORE holds, and which logs could not be judged."""
     from mavhums.fleet import status as status_of
 
-    told = status_of(store)
+    found = status_of(store)
     if as_json:
-        failures = [{"problem": problem, "remedy": remedy} for problem, remedy in told.failures]
-        copies = [{"log": log, "counted": counted} for log, counted in told.copies]
-        say_json(_line(told._asdict() | {"failures": failures, "copies": copies}))
+        failures = [{"problem": problem, "remedy": remedy} for problem, remedy in found.failures]
+        copies = [{"log": log, "counted": counted} for log, counted in found.copies]
+        say_json(_line(found._asdict() | {"failures": failures, "copies": copies}))
         return
-    named = ": scan them again with --aircraft RULE to name it" if told.unknown else ""
-    say(f"{told.judged} logs of {told.aircraft} aircraft, and {told.unknown} of an unknown one{named}")
-    for problem, remedy in told.failures[:_SHOWN_FAILURES]:
+    named = ": scan them again with --aircraft RULE to name it" if found.unknown else ""
+    say(f"{found.judged} logs of {found.aircraft} aircraft, and {found.unknown} of an unknown one{named}")
+    for problem, remedy in found.failures[:_SHOWN_FAILURES]:
         say(f"{problem}: {remedy}")
-    if len(told.failures) > _SHOWN_FAILURES:
-        say(f"and {len(told.failures) - _SHOWN_FAILURES} more that could not be judged")
-    for log, counted in told.copies[:_SHOWN_FAILURES]:
+    if len(found.failures) > _SHOWN_FAILURES:
+        say(f"and {len(found.failures) - _SHOWN_FAILURES} more that could not be judged")
+    for log, counted in found.copies[:_SHOWN_FAILURES]:
         say(f"{log}: is of the same flight as {counted}, which counts")
-    if len(told.copies) > _SHOWN_FAILURES:
-        say(f"and {len(told.copies) - _SHOWN_FAILURES} more that do not count")
+    if len(found.copies) > _SHOWN_FAILURES:
+        say(f"and {len(found.copies) - _SHOWN_FAILURES} more that do not count")
 
 
 @fleet.command(short_help="Show the worst actuators of all aircraft.")
@@ -150,7 +145,7 @@ def worst(store: str, most: int, as_json: bool) -> None:
       12 undecided    0 all normal
     """
     from mavhums.fleet import worst as worst_of
-    from mavhums.fleet.queries import exit_code
+    from mavhums.flights.queries import exit_code
 
     rows = worst_of(store, most=most)
     if as_json:
@@ -246,24 +241,24 @@ def _repair(name: str | None, at: datetime) -> Repair:
     return Repair(aircraft or None, actuator or None, at)
 
 
-class _Told:
+class _Progress:
     """Prints the progress of a scan of several logs on standard error, at most once a second."""
 
     def __init__(self) -> None:
-        self._begun_s = self._told_s = monotonic()
+        self._begun_s = self._printed_s = monotonic()
 
     def __call__(self, done: int, total: int) -> None:
         now_s = monotonic()
-        if total == 1 or (now_s - self._told_s < 1.0 and done < total):
+        if total == 1 or (now_s - self._printed_s < 1.0 and done < total):
             return
-        self._told_s = now_s
+        self._printed_s = now_s
         rate = done / max(now_s - self._begun_s, 1e-3)
         say(f"{done} of {total} logs, {rate:.1f} a second, {(total - done) / rate:.0f} s left", err=True)
 
 
 def _as_json(row: Worst) -> dict[str, Any]:
     content = {"aircraft": row.aircraft or None, "log": row.path, "start_utc": _utc(row.start_us)}
-    return content | {"verdict": row.verdict.model_dump(mode="json")}
+    return content | {"verdict": row.verdict.model_dump(mode="json", exclude={"own"})}
 
 
 def _words(row: Worst) -> str:

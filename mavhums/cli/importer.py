@@ -12,14 +12,22 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from mavhums.cli.sniff import HEAD, is_log
 from mavhums.core.errors import MavhumsError
 from mavhums.core.packed import opened
+from mavhums.log.formats import SIGNATURES
 
-__all__ = ["main"]
+__all__ = ["HEAD", "is_log", "main"]
 
 _NOT_OURS: Final = 66
 _AIRFRAME: Final = "MAVHUMS_AIRFRAME"
+
+HEAD: Final = 1 << 16
+"""Bytes that are enough to tell."""
+
+_STAMP: Final = 8
+_CHAIN, _FEW = 6, 2
+_OVERHEAD: Final = {0xFE: 8, 0xFD: 12}
+_SIGNATURE: Final = 13
 
 
 def main() -> None:
@@ -53,13 +61,48 @@ def _arguments() -> tuple[Path, str | None]:
 
 def _import(path: Path, recording_id: str | None) -> None:
     from mavhums.app.analysis import analyse
-    from mavhums.app.options import Options
+    from mavhums.app.settings import Options
     from mavhums.show.recording import PipedRecorder
 
     options = Options(airframe=os.environ.get(_AIRFRAME), vehicle_states=True)
     with PipedRecorder(recording_id=recording_id or path.name) as recorder:
         assessment = analyse(path, options, consume=recorder.consume)
         recorder.close(assessment)
+
+
+def is_log(head: bytes) -> bool:
+    """Return whether a file that begins with ``head`` is a log that mavhums reads.
+
+    It is a MAVLink telemetry log if six consecutive frames occur somewhere in it, all with a time
+    stamp or all without, or if it consists of only a few frames. A damaged start does not matter. An
+    on-board log begins with its signature.
+
+    Examples
+    --------
+    >>> heartbeat = bytes(8) + b"\\xfe\\x09" + bytes(15)
+    >>> is_log(6 * heartbeat), is_log(b"{}"), is_log(b"")
+    (True, False, False)
+    """
+    return head.startswith(SIGNATURES) or any(_chained(head, stamp) for stamp in (_STAMP, 0))
+
+
+def _chained(head: bytes, stamp: int) -> bool:
+    lines: dict[
+        int, tuple[int, int]
+    ] = {}  # by offset of the next frame: number of frames so far, and the first offset
+    for magic in range(stamp, len(head) - 2):
+        overhead = _OVERHEAD.get(head[magic])
+        if overhead is None:
+            continue
+        signed = head[magic] == 0xFD and head[magic + 2] & 1
+        end = magic + head[magic + 1] + overhead + (_SIGNATURE if signed else 0)
+        count, start = lines.pop(magic - stamp, (0, magic - stamp))
+        count += 1
+        if count >= _CHAIN or (count >= _FEW and start == 0 and end == len(head)):
+            return True
+        if count > lines.get(end, (0, 0))[0]:
+            lines[end] = count, start
+    return False
 
 
 if __name__ == "__main__":

@@ -1,33 +1,36 @@
-"""Finds out whether a history is a fleet's store, and judges logs against one."""
+"""Judges logs against a history, whether it is a folder or a fleet's store, and keeps them there."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from datetime import datetime
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from mavhums.cli.progress import steps
-from mavhums.core.errors import MavhumsError
-from mavhums.history.stores import is_store
+from mavhums.cli.output import complain, say, steps
+from mavhums.core.errors import ExitCode, MavhumsError
 
 if TYPE_CHECKING:
     from mavhums.app.many import Batch, Outcome
-    from mavhums.app.options import Options
+    from mavhums.app.settings import Options
+    from mavhums.report.assessment import Assessment
 
-__all__ = ["divided", "hold_dates", "judged_in_store"]
+__all__ = ["Keeper", "check_baseline_dates", "divided", "judged_in_store", "live_judging"]
 
 
 def divided(history: Path | str | None) -> tuple[Path | None, Path | str | None]:
     """Return the folder of flights or the store of a fleet that a history is; one of the two is None."""
+    from mavhums.flights.store import is_store  # not before: --help loads nothing heavy
+
     if history is None or not is_store(history):
         return None if history is None else Path(history), None
     return None, history
 
 
-def hold_dates(dates: Sequence[Any], history: Path | str | None) -> None:
+def check_baseline_dates(dates: Sequence[Any], history: Path | str | None) -> None:
     """Refuse dates of repairs without a history, and with a store, which keeps them itself.
 
     Raises
@@ -90,3 +93,86 @@ def _recorded(
             yield outcome
         except MavhumsError as error:
             yield outcome._replace(error=error)
+
+
+class Keeper:
+    """Puts the recording of a live session among the earlier flights.
+
+    Parameters
+    ----------
+    judging
+        Options by which the recording is judged.
+    history
+        Folder of an aircraft's flights, or store of a fleet.
+    """
+
+    def __init__(self, judging: Options, history: Path | str) -> None:
+        self._judging = judging
+        self._folder, self._store = divided(history)
+
+    def __call__(self, assessment: Assessment) -> ExitCode:
+        """Keep the recording of a session; return the exit code of the command."""
+        from mavhums.app.many import Batch, analyse_many
+
+        log, code = Path(assessment.log.path or ""), assessment.exit_code
+        try:
+            if not log.is_file() or not log.stat().st_size:
+                remedy = "check the link: the report above says what came over it"
+                raise MavhumsError(f"{log}: nothing was recorded, so nothing is kept", remedy)
+            if self._store is not None:
+                judged = judged_in_store([log], self._store, self._judging, Batch(jobs=1), keep=True)
+            else:
+                folder = self._folder if self._folder and self._folder.exists() else None
+                batch = Batch(jobs=1, keep=self._folder)
+                judged = analyse_many([log], replace(self._judging, history=folder), batch)
+            for outcome in judged:
+                if outcome.error is not None:
+                    raise outcome.error
+        except MavhumsError as error:
+            complain(error)
+            return code if code in (ExitCode.EMERGENCY, ExitCode.DEGRADED) else ExitCode.ERROR
+        say(f"mavhums: {log} is kept in {self._store or self._folder}", err=True)
+        return code
+
+
+def live_judging(options: Options, given: dict[str, Any]) -> tuple[Options, Keeper | None]:
+    """Take the history and what is kept out of what was ``given`` to ``live``.
+
+    Returns
+    -------
+    tuple
+        By what the links are judged, a store replaced by the flights of the aircraft in it; and what keeps
+        the recording, if it is to be kept.
+
+    Raises
+    ------
+    UsageError
+        If another option is missing.
+    """
+    from mavhums.flights.aircraft_table import AircraftTable, load_aircraft_table
+
+    keep, history, dates = (given.pop(name) for name in ("keep", "history", "dates"))
+    aircraft, file = options.aircraft, options.aircraft_table
+    check_baseline_dates(dates, history)
+    store = divided(history)[1]
+    if keep and (history is None or given["record"] is None):
+        raise click.UsageError("--keep needs --history DIR and --record FILE")
+    if (store is None) != (aircraft is None):
+        missing = "--aircraft NAME: a store holds several" if store else "--history STORE for --aircraft"
+        raise click.UsageError(f"name {missing}")
+    table = (
+        file if isinstance(file, AircraftTable) else load_aircraft_table(file) if file else AircraftTable()
+    )
+    judging = replace(options, aircraft=None, aircraft_table=table, since=dict(dates))
+    kept = replace(judging, aircraft=f"={aircraft}" if aircraft else None)
+    if store is not None and aircraft is not None:
+        from mavhums.fleet import past
+        from mavhums.flights.aircraft import latest
+
+        now = datetime.now(UTC)
+        flown = past(store, aircraft, now)
+        since = latest(flown.since, table.since(aircraft, now))
+        judging = replace(judging, history=flown.history, since=since)
+    elif history is not None and not (keep and not Path(history).exists()):
+        judging = replace(judging, history=history)
+    return judging, Keeper(kept, history) if keep else None

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mavhums.cli.options import AIRFRAME, LOG, PATH
-from mavhums.cli.output import say
-from mavhums.cli.progress import reading, steps
+from mavhums.cli.output import reading, say, steps
 
 if TYPE_CHECKING:
     from mavhums.learn.chain import Select
@@ -110,7 +109,7 @@ def train(
     networks of 4 to 16 tanh neurons choose the best subset of the rest and, on it, the best network. Flights
     that nothing was trained on calibrate its votes, and others again measure it. The same stages on the
     statistics of windows give a second network, which knows every fault that the simulator flies. Each stage
-    tells what it kept; `mavhums model show MODEL` repeats it.
+    prints what it kept; `mavhums model show MODEL` repeats it.
     """
     from mavhums.actuator.profile import load_airframe
     from mavhums.learn import PrecedentBase, Scheme, save_model

@@ -11,12 +11,11 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, cast
+from typing import IO, TYPE_CHECKING, Any, NamedTuple, cast
 
 import click
 
-from mavhums.cli.keeping import hold_dates
-from mavhums.cli.live_keeping import Keeper
+from mavhums.cli.keeping import live_judging
 from mavhums.cli.options import (
     AIRCRAFT_TABLE,
     AIRFRAME,
@@ -29,16 +28,19 @@ from mavhums.cli.options import (
     KEY,
     MODEL,
     PATH,
+    gathered,
 )
-from mavhums.cli.stopping import Stop
+from mavhums.cli.signals import Stop
 from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from mavhums.live.detached import Detached
+    from mavhums.app.settings import Options
     from mavhums.live.outlet import Spool
     from mavhums.live.session import Session
+    from mavhums.live.setup import LiveOptions
+    from mavhums.live.sinks import ThreadedSink
     from mavhums.report.assessment import Assessment
 
 __all__ = ["live"]
@@ -102,7 +104,10 @@ _LEVELS = ("debug", "info", "warning", "error")
     show_default=True,
     help="Which messages go to the standard error.",
 )
-def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, **options: Any) -> None:
+@gathered
+def live(
+    options: Options, duration: float | None, verbose: bool, log_level: str, as_json: bool, **given: Any
+) -> None:
     """Follow MAVLink links and judge every actuator while it flies.
 
     \b
@@ -124,117 +129,130 @@ def live(duration: float | None, verbose: bool, log_level: str, as_json: bool, *
     Ctrl-C, SIGTERM and SIGHUP end the session and print the verdicts. Exit codes are those of analyse.
     Neither recording nor judging waits for an output: what nobody reads is dropped and counted.
     """
-    if options["viewer"] and ":" in options["viewer"] and "://" not in options["viewer"]:
-        options |= {"urls": (options["viewer"], *options["urls"]), "viewer": "window"}
-    if not options["urls"]:
+    if given["viewer"] and ":" in given["viewer"] and "://" not in given["viewer"]:
+        given |= {"urls": (given["viewer"], *given["urls"]), "viewer": "window"}
+    if not given["urls"]:
         raise click.UsageError("name a link, for example udpin:14550")
-    if options["record"] and options["rrd"] and options["record"] == options["rrd"]:
+    if given["record"] and given["rrd"] and given["record"] == given["rrd"]:
         raise click.UsageError("--record and --rrd name the same file")
-    hold_dates(options["dates"], options["history"])
-    keep = Keeper.of(options)
+    judging, keep = live_judging(options, given)
     level = "info" if verbose and log_level == "warning" else log_level
     from mavhums.live.outlet import Spool
+    from mavhums.live.setup import LiveOptions
 
     out, err = Spool(sys.stdout, "standard output"), Spool(sys.stderr, "standard error", report=None)
+    shows = _Shows(given.pop("viewer"), given.pop("rrd"), not given.pop("no_position"), as_json)
+    wanted = LiveOptions(judging=judging, **given)
     with Stop(duration) as stop:
         try:
-            assessment, shown = _follow(options, level, stop, (out, err), as_json=as_json)
+            assessment, shown = _follow(wanted, shows, level, stop, (out, err))
         finally:
-            told = out.finish(time.monotonic() + _PATIENCE_S)
+            written = out.finish(time.monotonic() + _PATIENCE_S)
             if out.outlet.dropped:
                 _LOG.warning("%s: %d dropped", out.outlet.name, out.outlet.dropped)
-            told = err.finish(time.monotonic() + _PATIENCE_S / 2) and told
+            written = err.finish(time.monotonic() + _PATIENCE_S / 2) and written
     code = keep(assessment) if keep else assessment.exit_code
-    if not (shown and told):
+    if not (shown and written):
         os._exit(code)  # a hanging thread would delay an orderly end
     raise SystemExit(code)
 
 
+class _Shows(NamedTuple):
+    """What the user sees of a session: a viewer, a recording, and JSON or text."""
+
+    viewer: str | None
+    rrd: Path | None
+    position: bool
+    as_json: bool
+
+
 def _follow(
-    options: dict[str, Any], level: str, stop: Stop, outputs: tuple[Spool, Spool], *, as_json: bool
+    options: LiveOptions, shows: _Shows, level: str, stop: Stop, outputs: tuple[Spool, Spool]
 ) -> tuple[Assessment, bool]:
     """Run a session with its displays; return its verdicts, and whether every viewer received its end."""
     from rich.console import Console
 
-    from mavhums.live.setup import Options, prepare
+    from mavhums.live.setup import prepare
 
     out, err = outputs
     console = Console(file=cast("IO[str]", out))
-    watched = console.is_terminal and not as_json
+    watched = console.is_terminal and not shows.as_json
     _log(level, err, console if watched else None)
-    viewer, rrd, no_position = (options.pop(name) for name in ("viewer", "rrd", "no_position"))
-    wanted = Options(**options)
-    alone = not (viewer or rrd or wanted.record or wanted.alerts or wanted.alerts_to)
+    alone = not (shows.viewer or shows.rrd or options.record or options.alerts or options.alerts_to)
     with ExitStack() as exits:
-        drawn = _drawn(viewer, rrd, no_position, exits)
-        session = prepare(wanted, drawn, vehicle_states=bool(drawn))
+        drawn = _drawn(shows, exits)
+        session = prepare(options, drawn, vehicle_states=bool(drawn))
         session.watch.outlets += [out.outlet, err.outlet, *(one.outlet for one in drawn)]
         gc.collect()
         gc.freeze()  # objects from the start-up cost the collector 0.1 s in flight, and a second at the end
         stop.begun = True
-        assessment = _show_until_end(
-            session,
-            options,
-            lambda: stop() or (alone and out.outlet.gone),
-            console,
-            watched=watched,
-            as_json=as_json,
-        )
+        ended = partial(_ended, stop, out if alone else None)
+        if shows.as_json:
+            assessment = _write_json(session, options, ended, console)
+        else:
+            assessment = _show_until_end(session, ended, console, watched=watched)
         exits.pop_all()
     taken = [one.finish() for one in drawn]
     return assessment, all(taken)
 
 
-def _drawn(viewer: str | None, rrd: Path | None, no_position: bool, exits: ExitStack) -> list[Detached]:
+def _ended(stop: Stop, only_output: Spool | None) -> bool:
+    """Return whether to stop; a session that only its standard output shows ends with its reader."""
+    return stop() or (only_output is not None and only_output.outlet.gone)
+
+
+def _drawn(shows: _Shows, exits: ExitStack) -> list[ThreadedSink]:
     """Open a viewer and a recording, if requested."""
+    viewer, rrd, position = shows.viewer, shows.rrd, shows.position
     if viewer is None and rrd is None:
         return []
-    from mavhums.live.detached import Detached
-    from mavhums.live.viewer import Drawn
+    from mavhums.live.sinks import RerunSink, ThreadedSink
     from mavhums.show import LiveViewer, Recorder
 
-    position = not no_position
     name = f"live-{time.time_ns():x}"
     held = exits.enter_context(ExitStack())
     if viewer is None and rrd is not None:
         recorder = held.enter_context(Recorder(rrd, recording_id=name, position=position))
-        return [Detached(Drawn(recorder), "recording", held.close, patience_s=_RECORDING_S)]
+        return [ThreadedSink(RerunSink(recorder), "recording", held.close, patience_s=_RECORDING_S)]
     live_viewer = held.enter_context(
         LiveViewer(viewer or "window", recording_id=name, recording=rrd, position=position)
     )
     if viewer != "window":
         click.echo(f"viewer: {live_viewer.url}", err=True)
     patience_s = _RECORDING_S if rrd else _PATIENCE_S
-    return [Detached(Drawn(live_viewer), "viewer", held.close, patience_s=patience_s)]
+    return [ThreadedSink(RerunSink(live_viewer), "viewer", held.close, patience_s=patience_s)]
+
+
+def _write_json(
+    session: Session, options: LiveOptions, ended: Callable[[], bool], console: Console
+) -> Assessment:
+    from mavhums.live.sinks import JsonLines
+
+    judging = options.judging
+    lines = JsonLines(partial(click.echo, file=console.file), session.clock.now_us, session.watch)
+    names = [str(link.address) for link in session.links]
+    airframe, key = getattr(judging, "airframe", None), getattr(judging, "key", None)
+    lines.start(names, airframe=airframe, signed_only=key is not None)
+    session.sinks.append(lines)
+    return session.run(ended)
 
 
 def _show_until_end(
-    session: Session,
-    options: dict[str, Any],
-    stop: Callable[[], bool],
-    console: Console,
-    *,
-    watched: bool,
-    as_json: bool,
+    session: Session, ended: Callable[[], bool], console: Console, *, watched: bool
 ) -> Assessment:
-    from mavhums.live.lines import JsonLines, PlainLines
+    from mavhums.live.sinks import PlainLines
     from mavhums.show import render
 
-    names = [str(link.address) for link in session.links]
+    names = ", ".join(str(link.address) for link in session.links)
     write = partial(click.echo, file=console.file)
-    if as_json:
-        lines = JsonLines(write, session.clock.now_us, session.watch)
-        lines.start(names, airframe=options["airframe"], signed_only=options["key"] is not None)
-        session.sinks.append(lines)
-        return session.run(stop)
     if watched:
         from mavhums.live.view import View
 
-        session.sinks.append(View(console, ", ".join(names)))
+        session.sinks.append(View(console, names))
     else:
         session.sinks.append(PlainLines(write))
-        write(f"listening: {', '.join(names)}")
-    assessment = session.run(stop)
+        write(f"listening: {names}")
+    assessment = session.run(ended)
     render(assessment, console)
     if session.recorder is not None:
         console.print(f"recorded: {session.recorder.path}", highlight=False)

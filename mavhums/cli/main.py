@@ -3,57 +3,66 @@
 from __future__ import annotations
 
 import sys
-from datetime import datetime
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, Final
 
 import click
 
-from mavhums.cli.ending import heed_signals, interrupts_end_silently
+from mavhums.cli.analyse import analyse, report
 from mavhums.cli.fleet import fleet
-from mavhums.cli.groups import Grouped
-from mavhums.cli.judging import TellsJson, TellsTables, Told, open_recordings, recordings_of
-from mavhums.cli.keeping import divided, hold_dates, judged_in_store
 from mavhums.cli.learn import precedents, study, train
 from mavhums.cli.live import live
-from mavhums.cli.options import (
-    AIRCRAFT,
-    AIRCRAFT_TABLE,
-    AIRFRAME,
-    BASELINE_FROM,
-    DECIDE,
-    DIALECT,
-    FALSE_ALARMS,
-    HISTORY,
-    JOBS,
-    JSON,
-    KEEP,
-    KEY,
-    LOG,
-    LOGS,
-    MODEL,
-    PATH,
-)
-from mavhums.cli.output import complain, say, say_json, sound_output
-from mavhums.cli.progress import reading
-from mavhums.cli.report import report
+from mavhums.cli.options import AIRFRAME, DIALECT, JSON, LOG
+from mavhums.cli.output import complain, reading, say, say_json, sound_output
 from mavhums.cli.serve import serve
-from mavhums.cli.tools import export, model, profile
-from mavhums.cli.trend import indexed_history, trend
-from mavhums.cli.warm_up import announce_compiling, warm_up
+from mavhums.cli.signals import end_on_signals, interrupts_end_silently
+from mavhums.cli.tools import announce_compiling, export, model, profile, warm_up
+from mavhums.cli.trend import trend
 from mavhums.core.collecting import collect_seldom
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.core.notice import EPILOG
 from mavhums.core.version import __version__
-
-if TYPE_CHECKING:
-    from mavhums.report.assessment import Decide
 
 __all__ = ["main"]
 
+_LONGEST: Final = 60  # a line of 80 columns holds that beside the name
+
+
+class _Grouped(click.Group):
+    """A group that lists its commands under headings.
+
+    Parameters
+    ----------
+    headings
+        Names of commands by heading, in the order of the help. A command that is under none comes last,
+        under *Other*.
+    """
+
+    def __init__(
+        self, *arguments: Any, headings: Mapping[str, Sequence[str]] | None = None, **options: Any
+    ) -> None:
+        super().__init__(*arguments, **options)
+        self._headings = dict(headings or {})
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands, the most used first."""
+        names = self.list_commands(ctx)
+        listed = {name for several in self._headings.values() for name in several}
+        rest = [name for name in names if name not in listed]
+        width = max(map(len, names), default=0)
+        for heading, several in {**self._headings, "Other": rest}.items():
+            rows = [
+                (name.ljust(width), self.commands[name].get_short_help_str(_LONGEST))
+                for name in several
+                if name in names
+            ]
+            if rows:
+                with formatter.section(heading):
+                    formatter.write_dl(rows)
+
 
 @click.group(
-    cls=Grouped,
+    cls=_Grouped,
     headings={
         "Judge": ("analyse", "report", "serve", "live"),
         "Look": ("inspect", "export"),
@@ -78,118 +87,6 @@ def cli() -> None:
       mavhums inspect flight.tlog                  what the log holds, and what is missing
       mavhums profile new flight.tlog -o mine.toml a profile of your aircraft, to be filled in
     """
-
-
-@cli.command(short_help="Judge every actuator and control axis in logs.", epilog=EPILOG)
-@LOGS
-@AIRFRAME
-@MODEL
-@DECIDE
-@DIALECT
-@FALSE_ALARMS
-@HISTORY
-@KEEP
-@BASELINE_FROM
-@AIRCRAFT
-@AIRCRAFT_TABLE
-@KEY
-@JSON
-@click.option(
-    "--rrd",
-    type=PATH,
-    metavar="OUT",
-    help="Write a Rerun recording; with several logs, OUT is a folder.",
-)
-@click.option("--no-position", is_flag=True, help="Leave out of the recording where the aircraft was.")
-@JOBS
-@click.option("--verbose", is_flag=True, help="Show every reason and finding, and the servos' use.")
-@click.option("--open", "open_viewer", is_flag=True, help="Open the recording in the Rerun viewer.")
-def analyse(
-    logs: tuple[Path, ...],
-    airframe: str | None,
-    model: str | None,
-    decide: Decide,
-    dialect: Path | None,
-    false_alarms: float,
-    history: Path | str | None,
-    keep: bool,
-    dates: tuple[tuple[str | None, datetime], ...],
-    aircraft: str | None,
-    aircraft_table: Path | None,
-    key: Path | None,
-    as_json: bool,
-    rrd: Path | None,
-    no_position: bool,
-    jobs: int | None,
-    verbose: bool,
-    open_viewer: bool,
-) -> None:
-    """Judge every actuator and control axis in each LOG: .tlog, .BIN or .ulg.
-
-    A LOG may be packed as .gz, .xz, .bz2, .zst or .zip.
-
-    Several logs are judged on all cores. What is not normal comes in the order given, each with its log's
-    name, and at the end a table of all, worst first; --verbose shows all of each log.
-    With --history, each actuator is also held against its own first flights; --keep makes this flight one of
-    them, so that one command after each landing is all the book-keeping. Give several logs oldest first.
-    The flight of another aircraft than those in DIR is refused. A STORE of `mavhums fleet scan` holds many
-    aircraft: each log is held against the flights of its own, and --keep puts it in as a scan does.
-
-    \b
-    Exit codes, the first that applies:
-      2 usage    11 an emergency    10 degraded    1 a log that cannot be read
-      12 undecided    3 log or history read with losses    0 all normal
-    """
-    from mavhums.actuator.profile import load_airframe
-    from mavhums.app.many import Batch, analyse_many
-    from mavhums.app.options import Options
-    from mavhums.learn import load_model
-    from mavhums.log.mavlink.signing import load_key
-
-    if open_viewer and rrd is None:
-        raise click.UsageError("--open needs --rrd OUT")
-    if keep and history is None:
-        raise click.UsageError("--keep needs --history DIR")
-    hold_dates(dates, history)
-    folder, store = divided(history)
-    options = Options(
-        airframe=load_airframe(airframe) if airframe else None,
-        model=load_model(model) if model else None,
-        decide=decide,
-        history=indexed_history(folder, may_be_new=keep),
-        since=dict(dates),
-        aircraft=aircraft,
-        aircraft_table=aircraft_table,
-        false_alarms=false_alarms,
-        dialect=dialect,
-        key=load_key(key) if key else None,
-    )
-    recordings = recordings_of(logs, rrd)
-    batch = Batch(
-        jobs=jobs,
-        keep=folder if keep else None,
-        recordings=recordings,
-        position=not no_position,
-        progress=reading,
-        prepare=announce_compiling,
-    )
-    several = len(logs) > 1
-    told: Told = (
-        TellsJson(several=several) if as_json else TellsTables(recordings, several=several, verbose=verbose)
-    )
-    with told:
-        judged = (
-            analyse_many(logs, options, batch)
-            if store is None
-            else judged_in_store(logs, store, options, batch, keep=keep)
-        )
-        for outcome in judged:
-            told.tell(outcome)
-    written = [recording for recording in recordings.values() if recording.exists()]
-    if open_viewer and written:
-        open_recordings(written)
-    unread = bool(options.flights().errors)
-    raise SystemExit(told.exit_code(losses=unread))
 
 
 @cli.command(short_help="Tell what a log allows to judge, and what it lacks.")
@@ -222,6 +119,7 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, messages: boo
 
 
 for _command in (
+    analyse,
     report,
     serve,
     live,
@@ -240,7 +138,7 @@ for _command in (
 
 def main() -> None:
     """Run the command line; an error that the user can correct is one line with a remedy."""
-    heed_signals()
+    end_on_signals()
     collect_seldom()
     announce_compiling()
     with sound_output():

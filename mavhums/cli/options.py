@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import UTC, datetime
+from functools import wraps
 from pathlib import Path
+from typing import Any, Final
 
 import click
 
@@ -27,7 +30,19 @@ __all__ = [
     "PATH",
     "PLACE",
     "REPAIRS",
+    "gathered",
 ]
+
+_JUDGED_BY: Final = (
+    "airframe",
+    "model",
+    "decide",
+    "dialect",
+    "false_alarms",
+    "aircraft",
+    "aircraft_table",
+    "key",
+)
 
 PATH: click.Path = click.Path(path_type=Path)
 LOG = click.argument("log", metavar="LOG", type=PATH)
@@ -124,7 +139,7 @@ class _NamedDate(click.ParamType[tuple[str | None, datetime]]):
         try:
             at = datetime.fromisoformat(date)
         except ValueError:
-            self.fail(f"{value!r} is no date: write 2026-03-01, or rudder=2026-03-01", param, ctx)
+            self.fail(f"{value!r} is not a date: write 2026-03-01, or rudder=2026-03-01", param, ctx)
         return name or None, at if at.tzinfo else at.replace(tzinfo=UTC)
 
 
@@ -147,3 +162,16 @@ REPAIRS = click.option(
     help="Flights from then on are held against none before, as after a repair: D-EABC/rudder=2026-03-01, or"
     " D-EABC/=2026-03-01 for all its actuators. The store keeps it. Can be repeated.",
 )
+
+
+def gathered(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Gather what a command is judged by into its argument ``options``, a :class:`mavhums.Options`."""
+
+    @wraps(command)
+    def with_options(**given: Any) -> Any:
+        from mavhums.app.settings import Options
+
+        names = [name for name in _JUDGED_BY if name in given]
+        return command(options=Options(**{name: given.pop(name) for name in names}), **given)
+
+    return with_options

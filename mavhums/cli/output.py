@@ -1,4 +1,4 @@
-"""Prints the commands' output without control characters and without unprintable characters."""
+"""Prints the commands' output without control and unprintable characters, and their progress."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import json
 import os
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import TextIO
 
 import click
@@ -15,7 +16,7 @@ import click
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.text import printable
 
-__all__ = ["complain", "say", "say_json", "sound_output"]
+__all__ = ["complain", "reading", "say", "say_json", "sound_output", "steps"]
 
 _BEYOND_ASCII = re.compile(r"[^\x00-\x7e]")
 _TOLD = (ExitCode.EMERGENCY, ExitCode.DEGRADED)
@@ -87,3 +88,32 @@ def _abandon(stream: TextIO) -> None:
         os.close(nowhere)
     with suppress(OSError):
         stream.flush()
+
+
+@contextmanager
+def reading(log: Path) -> Iterator[Callable[[int], None] | None]:
+    """Show how much of a log has been read, on a terminal and for long-running logs."""
+    if not sys.stderr.isatty() or not log.is_file() or log.stat().st_size < 4 << 20:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(log.name, total=log.stat().st_size)
+        yield lambda done: bar.update(task, completed=done)
+
+
+@contextmanager
+def steps(title: str) -> Iterator[Callable[[int, int], None] | None]:
+    """Show the number of completed steps, on a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -7,12 +7,13 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, HISTORY, MODEL, PATH
+from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, HISTORY, MODEL, PATH, gathered
 from mavhums.cli.output import say
 from mavhums.core.errors import MavhumsError
 from mavhums.core.notice import EPILOG
@@ -20,10 +21,10 @@ from mavhums.core.notice import EPILOG
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mavhums.fleet.queries import Worst
+    from mavhums.app.settings import Options
+    from mavhums.flights.queries import Worst
     from mavhums.report.assessment import Assessment
     from mavhums.report.trend import TrendReport
-    from mavhums.serve import Judging
 
 __all__ = ["LEAST_MEMORY_MB", "serve"]
 
@@ -47,7 +48,7 @@ LEAST_MEMORY_MB = 512
     "public",
     metavar="NAME[:PORT]",
     callback=lambda _, __, name: _public(name),
-    help="Name under which a proxy with TLS serves the page, as docs/page.md shows; it needs a token.",
+    help="Name under which a proxy with TLS serves the page, as docs/guide/page.md shows; it needs a token.",
 )
 @click.option(
     "--live",
@@ -78,7 +79,9 @@ LEAST_MEMORY_MB = 512
 @DIALECT
 @FALSE_ALARMS
 @HISTORY
+@gathered
 def serve(
+    options: Options,
     store: Path | None,
     port: int,
     host: str,
@@ -88,10 +91,6 @@ def serve(
     max_seconds: int,
     max_memory_mb: int,
     workers: int,
-    airframe: str | None,
-    model: str | None,
-    dialect: Path | None,
-    false_alarms: float,
     history: Path | None,
 ) -> None:
     """Serve a page in the browser: drop logs, see the verdicts; with STORE, the fleet.
@@ -101,27 +100,21 @@ def serve(
     against the flights of its aircraft in STORE, or against those in --history.
     """
     from mavhums.learn import load_model
-    from mavhums.serve import Judging, Limits, ServeOptions
+    from mavhums.serve import Limits, ServeOptions
     from mavhums.serve import serve as serve_page
 
-    if model is not None:
-        load_model(model)  # a wrong name is told now, not with the first log that somebody drops
-    judging = Judging(
-        airframe=airframe,
-        model=model,
-        history=str(history) if history else None,
-        dialect=str(dialect) if dialect else None,
-        false_alarms=false_alarms,
-    )
+    if isinstance(options.model, str):
+        load_model(options.model)  # a wrong name is refused now, not with the first log that somebody drops
+    judging = replace(options, history=str(history) if history else None)
     limits = Limits(
         log_bytes=max_mb * 1_000_000,
         judge_s=float(max_seconds),
         memory_bytes=max_memory_mb << 20,
         workers=workers,
     )
-    fleet = None if store is None else _Store(store, judging)
+    fleet = None if store is None else _Store(store, options)
     worker = (sys.executable, "-m", "mavhums.cli.page_worker", str(limits.memory_bytes), str(store))
-    options = ServeOptions(
+    page = ServeOptions(
         host=host,
         port=port,
         public=public,
@@ -131,7 +124,7 @@ def serve(
         live=lines,
         worker=None if store is None or history is not None else worker,
     )
-    serve_page(options, say)
+    serve_page(page, say)
 
 
 def _public(name: str | None) -> str | None:
@@ -139,19 +132,21 @@ def _public(name: str | None) -> str | None:
     if name is not None and not re.fullmatch(
         r"[a-z0-9]([a-z0-9.-]*[a-z0-9])?(:[0-9]{1,5})?", name, re.IGNORECASE
     ):
-        raise click.BadParameter(f"{name!r} is no name of a host: write hums.example.org, without https://")
+        raise click.BadParameter(
+            f"{name!r} is not the name of a host: write hums.example.org, without https://"
+        )
     return name.lower() if name else None
 
 
 class _Store:
     """A store as the page needs it."""
 
-    def __init__(self, folder: Path, judging: Judging) -> None:
+    def __init__(self, folder: Path, options: Options) -> None:
         if not folder.is_dir():
             remedy = "make the folder, or fill it: mavhums fleet scan LOGS --to STORE"
             raise MavhumsError(f"{folder}: no such folder", remedy)
         self._folder = folder
-        self._options = {name: value for name, value in judging._asdict().items() if name != "history"}
+        self._options = options.as_texts()
 
     def worst(self, most: int) -> Sequence[Worst]:
         from mavhums.fleet import worst
@@ -164,20 +159,20 @@ class _Store:
         return trend(self._folder, aircraft)
 
     def flights(self, aircraft: str) -> Sequence[Assessment]:
-        from mavhums.fleet.flight import flights
+        from mavhums.flights.queries import flights
 
         return flights(self._folder, aircraft)
 
     def flight(self, aircraft: str, sha256: str) -> Assessment:
-        from mavhums.fleet.flight import flight
+        from mavhums.flights.queries import flight
 
         return flight(self._folder, aircraft, sha256)
 
     def keep(self, log: Path, aircraft: str | None = None) -> str:
-        """Keep a log in the store, by a process of its own; its answer tells problem and remedy."""
+        """Keep a log in the store, in a process of its own; its answer has problem and remedy."""
         options = self._options | ({"aircraft": f"={aircraft}"} if aircraft else {})
         job = {"log": str(log), "store": str(self._folder), "options": options}
-        command = [sys.executable, "-m", "mavhums.cli.page_keeping"]
+        command = [sys.executable, "-m", "mavhums.cli.page_worker", "keep"]
         done = subprocess.run(command, input=json.dumps(job), capture_output=True, text=True, check=False)
         try:
             answer = json.loads(done.stdout)
@@ -189,7 +184,7 @@ class _Store:
         folder = f"{self._folder.absolute()}{os.sep}"
         problem, remedy = (answer[key].replace(folder, "") for key in ("problem", "remedy"))
         if "proposed" in answer:
-            from mavhums.history.aircraft import UnnamedAircraftError
+            from mavhums.flights.aircraft import UnnamedAircraftError
 
             raise UnnamedAircraftError(problem, remedy, tuple(answer["proposed"]))
         raise MavhumsError(problem, remedy)

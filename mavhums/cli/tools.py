@@ -1,17 +1,19 @@
-"""The commands ``export``, ``model`` and ``profile``."""
+"""The commands ``export``, ``model``, ``profile``, ``warm-up``; the notice that the first call compiles."""
 
 from __future__ import annotations
 
+import sys
+import time
 from pathlib import Path
 
 import click
 
 from mavhums.cli.options import AIRFRAME, LOG, MODEL, PATH
-from mavhums.cli.output import say, say_json
-from mavhums.cli.progress import reading
+from mavhums.cli.output import reading, say, say_json
+from mavhums.core import compiling
 from mavhums.core.errors import MavhumsError
 
-__all__ = ["export", "model", "profile"]
+__all__ = ["announce_compiling", "export", "model", "profile", "warm_up"]
 
 _TO_FILL_IN = "travel_deg, [actuators.ema] and [actuators.limits] of each actuator"
 
@@ -77,7 +79,7 @@ def model() -> None:
 def show_model(name: str | None, as_json: bool) -> None:
     """Print the card of a packaged model, or of the one in FILE.
 
-    The card tells the features, the training, the calibration, what the selection found, the metrics,
+    The card has the features, the training, the calibration, what the selection found, the metrics,
     and the command that regenerates the model.
 
     \b
@@ -146,7 +148,7 @@ def identify_motors(logs: tuple[Path, ...], airframe: Path, output: Path | None)
     supply_voltage in the profile, it also gets friction and the highest torque as shares of that at stall.
     """
     from mavhums.app.identify import identify, with_motors
-    from mavhums.app.options import Options
+    from mavhums.app.settings import Options
     from mavhums.core.files import written_whole
 
     if output is not None and output.exists():
@@ -161,3 +163,35 @@ def identify_motors(logs: tuple[Path, ...], airframe: Path, output: Path | None)
     with written_whole(output) as temporary:
         temporary.write_text(filled, encoding="utf-8")
     click.echo(f"{output}: identified {', '.join(motors)}")
+
+
+@click.command("warm-up", short_help="Compile the inner loops now, not at the first log.")
+def warm_up() -> None:
+    """Compile the inner loops now, so that the first log of any format need not wait for it.
+
+    That happens once after an installation or an update, and takes some twenty seconds. The result is kept
+    beside the installation, or in the user's cache where that cannot be written; where neither can, set
+    NUMBA_CACHE_DIR to a folder that can.
+    """
+    from mavhums.app.warm_up import warm_up as compile_all
+
+    begin = time.monotonic()
+    compiled = compile_all()
+    took = f"{time.monotonic() - begin:.0f} s"
+    say(f"ready: {compiled} loops compiled in {took}" if compiled else "ready: nothing was left to compile")
+
+
+def announce_compiling() -> None:
+    """Print on standard error why the first call takes longer; on a terminal with a count."""
+    count = 0
+
+    def tell() -> None:
+        nonlocal count
+        count += 1
+        if count == 1:
+            text = "mavhums: compiling its inner loops for this machine, once; it takes some twenty seconds"
+            say(f"{text} (ahead of time: mavhums warm-up)", err=True)
+        if sys.stderr.isatty():
+            click.echo(f"\r  {count} loops", nl=False, err=True)
+
+    compiling.on_compile(tell)

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 import click
 
 from mavhums.cli.options import AIRCRAFT_TABLE, BASELINE_FROM, JSON, PATH
-from mavhums.cli.output import complain, say, say_json
-from mavhums.cli.progress import steps
+from mavhums.cli.output import complain, say, say_json, steps
 from mavhums.core.errors import MavhumsError
 from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
-    from mavhums.app.options import History
-    from mavhums.history.flights import FlightHistory
+    from mavhums.app.settings import History
+    from mavhums.flights.history import FlightHistory
     from mavhums.report.trend import ActuatorTrend
 
 __all__ = ["indexed_history", "trend"]
@@ -76,8 +75,8 @@ def trend(
       3 files of the folder could not be read    0 none of these
     """
     from mavhums.core.table_writers import writer_for
-    from mavhums.history.aircraft_table import load_aircraft_table
-    from mavhums.history.trends import own_trend_report
+    from mavhums.flights.aircraft_table import load_aircraft_table
+    from mavhums.flights.trends import own_trend_report
 
     if output is not None:
         writer_for(output)
@@ -125,7 +124,7 @@ def _write(output: Path, trends: tuple[ActuatorTrend, ...]) -> None:
 
 def opened_history(folder: Path) -> FlightHistory:
     """Read a folder of flights, and print on standard error which files could not be read."""
-    from mavhums.history.files import read_history
+    from mavhums.flights.stores.folder import read_history
 
     with steps("reading the flights before") as progress:
         history = read_history(folder, progress=progress)
@@ -135,13 +134,13 @@ def opened_history(folder: Path) -> FlightHistory:
 
 def indexed_history(folder: Path | None, *, may_be_new: bool = False) -> History:
     """Open a folder of flights by its index; print on standard error which files could not be read."""
-    from mavhums.history.flights import FlightHistory
-    from mavhums.history.index import IndexedFolder
+    from mavhums.flights.history import FlightHistory
+    from mavhums.flights.stores.folder import FlightFolder
 
     if folder is None or (may_be_new and not folder.exists()):
         return FlightHistory()
     with steps("reading the flights before") as progress:
-        history = IndexedFolder(folder, progress=progress)
+        history = FlightFolder(folder, progress=progress)
     _tell(history)
     return history
 

@@ -11,6 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array
+
 __all__ = [
     "MOMENTS",
     "SUMS",
@@ -41,8 +43,6 @@ _COMMANDED_DEG, _HELD = 5.0, 0.25
 
 _RIDGE = 0.01
 """Of a regressor's variance: a window that hardly excites it gives a small coefficient, not a wild one."""
-
-Array = NDArray[np.float64]
 
 
 class Statistic(NamedTuple):

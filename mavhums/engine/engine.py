@@ -20,7 +20,6 @@ from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.arrays import Flags
 from mavhums.engine.axes import SIGNAL_MESSAGES, Axes
-from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples
 from mavhums.engine.monitors import Monitors
@@ -28,6 +27,7 @@ from mavhums.engine.networks import classified, network_answer, summary_of
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
+from mavhums.engine.vehicle_limit import MOST, VehicleLimit
 from mavhums.health.axis.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import of_subject
 from mavhums.health.decision.records import ActuatorRecord
@@ -41,6 +41,7 @@ from mavhums.health.verdict.actuator import (
     verdict_of_actuator,
     with_refused,
 )
+from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.axis import unjudged_axes, verdict_of_axis
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.log import Decoder, Table
@@ -98,7 +99,7 @@ class Engine:
         options = options or EngineOptions()
         airframe = options.airframe
         telemetry = messages_for(airframe.actuators if airframe else ())
-        self._crowd = Crowd(telemetry - TEXT_MESSAGES)
+        self._vehicle_limit = VehicleLimit(telemetry - TEXT_MESSAGES)
         wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | FLIGHT_MESSAGES
         wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
@@ -150,7 +151,7 @@ class Engine:
             told.get(key[0], {})[key] = count
         names = self._mappers.airframes
         looks = [self._look(vehicle, told.get(vehicle, {}), indicators) for vehicle in vehicles or (None,)]
-        verdicts = tuple(verdict for look in looks for verdict in look.verdicts)
+        verdicts = tuple(with_advice(verdict) for look in looks for verdict in look.verdicts)
         voted = {verdict.network.model for verdict in verdicts if verdict.network}
         return Assessment(
             log=LogSummary(
@@ -194,7 +195,7 @@ class Engine:
     def _notices(self, vehicles: tuple[int, ...]) -> Iterator[str]:
         for vehicle in vehicles:
             followed = self._axes.vehicle(vehicle)
-            if followed is not None and self._crowd.admits(vehicle):
+            if followed is not None and self._vehicle_limit.admits(vehicle):
                 whose = f"vehicle {vehicle}: " if len(vehicles) > 1 else ""
                 yield from (f"{whose}{said}" for said in notices(followed.told.last, followed.surfaces))
                 draft = self._mappers.drafts.get(vehicle)
@@ -231,25 +232,25 @@ class Engine:
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
-        self._crowd.heed(tables)
+        self._vehicle_limit.observe(tables)
         self._identities.feed(tables)
         self._recorded.feed(tables)
-        tables = self._clocks.feed(tables, self._crowd.admits)
+        tables = self._clocks.feed(tables, self._vehicle_limit.admits)
         yield from self._listen(tables)
         self._airspeeds.feed(tables)
         self._temperatures.feed(tables)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
         start_us = self._decoder.first_time_us or 0
-        yield from self._axes.feed(tables, start_us, admits=self._crowd.admits, final=final)
+        yield from self._axes.feed(tables, start_us, admits=self._vehicle_limit.admits, final=final)
         settled = list(self._mappers.feed(tables, final=final))
         for vehicle, time_us in self._clocks.jumps():
-            if not self._crowd.admits(vehicle):
+            if not self._vehicle_limit.admits(vehicle):
                 continue
             text = "its clock jumped: it rebooted, or its time was set"
             yield Notice(self._flight_time(time_us), vehicle, text)
         for mapper, mapped in settled:
-            if mapped.utc_us.size and self._crowd.admits(mapped.vehicle):
+            if mapped.utc_us.size and self._vehicle_limit.admits(mapped.vehicle):
                 yield from self._judge(mapper, mapped)
 
     def _listen(self, tables: Mapping[str, Table]) -> Iterator[Event]:
@@ -318,7 +319,7 @@ class Engine:
 
     def _axis_verdicts(self, vehicle: int) -> Iterator[Verdict]:
         followed = self._axes.vehicle(vehicle)
-        if followed is None or not self._crowd.admits(vehicle):
+        if followed is None or not self._vehicle_limit.admits(vehicle):
             return
         received = self._axes.received(vehicle)
         why = why_not_at_all(followed.flight, self._who(vehicle).kind, received)
@@ -349,7 +350,7 @@ class Engine:
             rotors = {} if vehicle is None else rotor_servos(self._axes.parameters(vehicle).values)
             yield from unjudged_vehicle(vehicle, tier, identity, surfaces=surfaces, rotors=rotors)
             return
-        if not self._crowd.admits(vehicle):
+        if not self._vehicle_limit.admits(vehicle):
             yield crowded_out(vehicle, tier, MOST)
             return
         past = self._past(mapper.airframe.name, self._begun()) if self._past and indicators else {}

@@ -14,8 +14,8 @@ from dataclasses import replace
 from typing import Final, NamedTuple, TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY
 from mavhums.health.axis.effectiveness import new_tracker
 from mavhums.health.axis.monitor import AxisMonitor
@@ -40,8 +40,6 @@ _ALIKE: Final = 0.97  # correlation of outputs that move together
 _MOVES_US: Final = 10.0  # standard deviation
 _HALF_US: Final = 400.0
 _SHOWN_ROWS: Final = 10 * RATE_HZ  # before an alarm: the windows in which a loss is certain
-
-Array = NDArray[np.float64]
 
 
 def _explained(rows: Rows, axis: str, demand: Array) -> float:

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Airframe
 from mavhums.core.conditions import Condition
@@ -38,9 +37,6 @@ _PARTED_S: Final = 3  # longer than an output that freezes takes to be noticed
 _INFERENCES: Final = 3
 _TRIES_S: Final = (60, 120, 180)  # of forward flight: a reference takes 45 s, and none begins later
 _RECENT_S: Final = 180  # before an alarm: with 120, two of seven wrong profiles raised it all the same
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
 
 
 class VehicleAxes:

@@ -11,32 +11,30 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mavhums.app.analysis import analyse as analyse_log
-from mavhums.app.analysis import analyse_alone
+from mavhums.app.analysis import analyse_alone, compared_with_own
 from mavhums.app.many import Outcome
-from mavhums.app.options import Options
-from mavhums.app.own_flights import compared_with_own
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.flight import flight
-from mavhums.fleet.naming import names_there, proposed, whose_in
-from mavhums.fleet.queries import past_flights
-from mavhums.fleet.repairs import since_of
-from mavhums.fleet.rows import BOARD_NAME, aircraft_in_store
 from mavhums.fleet.scan import ScanOptions, scanned
-from mavhums.fleet.sources import LogFile, logs_in
-from mavhums.fleet.store import OF_THIS_FORMAT, Store
-from mavhums.history.aircraft import (
+from mavhums.fleet.sources import logs_in
+from mavhums.flights.aircraft import (
     BOARD,
     GIVEN,
     UNKNOWN,
+    AircraftResolver,
     UnnamedAircraftError,
-    Whose,
     aircraft_of,
     board_of,
     latest,
 )
-from mavhums.history.comparison import LoneFlight
-from mavhums.history.flights import FlightHistory, Since
-from mavhums.history.stores import is_store
+from mavhums.flights.aircraft_table import Since
+from mavhums.flights.compare import LoneFlight
+from mavhums.flights.history import FlightHistory
+from mavhums.flights.naming import BOARD_NAME, aircraft_in_store, names_there, proposed, whose_in
+from mavhums.flights.queries import flight, past_flights
+from mavhums.flights.repairs import since_of
+from mavhums.flights.store import is_store
+from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Store
 from mavhums.report.assessment import Assessment
 from mavhums.report.flight import FlightCopy
 
@@ -52,7 +50,7 @@ class Past(NamedTuple):
     since: Since
 
 
-def analyse(log: Place, store: Place, options: Options | None = None) -> Assessment:
+def analyse(log: Place, store: Place, options: Options | Settings | None = None) -> Assessment:
     """Judge a log and compare it with the flights of its aircraft in a store; the store is not changed.
 
     The verdicts are those that :func:`scan` stores, unless later logs of earlier flights are scanned.
@@ -79,21 +77,21 @@ def analyse(log: Place, store: Place, options: Options | None = None) -> Assessm
     >>> fleet.analyse("flight.tlog", "store").exit_code.name  # doctest: +SKIP
     'EMERGENCY'
     """
-    options = replace(options or Options(), history=None)
+    settings = _without_history(options)
     kept = Store(store).opened()
-    alone = _alone(log, options)
-    return compared_with_own(alone, _with_past(alone, kept, log, options))
+    alone = _alone(log, settings)
+    return compared_with_own(alone, _with_past(alone, kept, log, settings))
 
 
-def against(log: Place, store: Place, options: Options | None = None) -> Options:
-    """Return options with the flights of a log's aircraft in a store as the history.
+def against(log: Place, store: Place, options: Options | Settings | None = None) -> Settings:
+    """Return settings with the flights of a log's aircraft in a store as the history.
 
     With them, :func:`mavhums.analyse` judges and records the log; parameters and errors are those of
     :func:`analyse`. The log is read once to find its aircraft.
     """
-    options = replace(options or Options(), history=None)
+    settings = _without_history(options)
     kept = Store(store).opened()
-    return _with_past(_alone(log, options), kept, log, options)
+    return _with_past(_alone(log, settings), kept, log, settings)
 
 
 def past(store: Place, aircraft: str, moment: datetime | None = None) -> Past:
@@ -202,28 +200,36 @@ def _outcomes(
             yield Outcome(file, None, error)
 
 
-def _alone(log: Place, options: Options) -> LoneFlight:
+def _without_history(options: Options | Settings | None) -> Settings:
+    """Return settings without a history: the store is the history."""
+    if isinstance(options, Settings):
+        return replace(options, history=FlightHistory())
+    return Settings.read(replace(options or Options(), history=None))
+
+
+def _alone(log: Place, settings: Settings) -> LoneFlight:
     if str(log) == "-":
         raise MavhumsError("-: a store names logs by their files", "save the log first")
-    return analyse_alone(log, options.resolved())
+    return analyse_alone(log, settings.engine)
 
 
-def _with_past(alone: LoneFlight, store: Store, log: Place, options: Options) -> Options:
-    """Return options with the past of a judged log's aircraft."""
-    given = options.whose()
+def _with_past(alone: LoneFlight, store: Store, log: Place, settings: Settings) -> Settings:
+    """Return settings with the past of a judged log's aircraft."""
+    given = settings.whose
     whose = whose_in(store, given)
     start = alone.assessment.log.start_utc
     aircraft = _aircraft(alone.assessment, store, str(Path(log).absolute()), whose, given.rule)
     if aircraft == UNKNOWN or start is None:
-        return replace(options, aircraft=None, aircraft_table=whose.table)
-    if not aircraft.startswith(BOARD_NAME):
-        options = replace(options, aircraft=f"{GIVEN}{aircraft}")
+        return replace(settings, whose=AircraftResolver(None, whose.table))
+    rule = given.rule if aircraft.startswith(BOARD_NAME) else f"{GIVEN}{aircraft}"
     before = _past(store, aircraft, datetime.fromisoformat(start))
-    since = latest(options.since, before.since)
-    return replace(options, history=before.history, since=since, aircraft_table=whose.table)
+    since = latest(settings.since, before.since)
+    return replace(settings, history=before.history, since=since, whose=AircraftResolver(rule, whose.table))
 
 
-def _aircraft(assessment: Assessment, store: Store, path: str, whose: Whose, rule: str | None) -> str:
+def _aircraft(
+    assessment: Assessment, store: Store, path: str, whose: AircraftResolver, rule: str | None
+) -> str:
     """Return whose flights a log is compared with: by the rule, else by those of its board in the store."""
     row = _judged(store, assessment.log.sha256 or "")
     if rule is None and row is not None and row.aircraft != UNKNOWN:
@@ -289,7 +295,7 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
         assessment = analyse(log, store, options)
     else:
         named = aircraft and not aircraft.startswith(BOARD_NAME)
-        whose = Whose(f"{GIVEN}{aircraft}") if named else options.whose()
+        whose = AircraftResolver(f"{GIVEN}{aircraft}") if named else Settings.read(options).whose
         assessment = whose.named(flight(store, aircraft, sha256))
     others = tuple(
         FlightCopy(vehicle=vehicle, log=counted, sha256=None, counts=True) for vehicle, counted in copies

@@ -6,56 +6,30 @@ import hashlib
 import json
 from functools import cache
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
-from mavhums import __version__
 from mavhums.app.analysis import analyse_alone
-from mavhums.app.options import Options
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
+from mavhums.core.version import __version__
 from mavhums.engine.options import EngineOptions
-from mavhums.fleet.sources import LogFile, UnreachedError, at_hand
-from mavhums.history.aircraft import BOARD, UNKNOWN, Whose, board_of
-from mavhums.history.comparison import LoneFlight, packed
-from mavhums.history.flights import PastFlight, UndatedError
-from mavhums.report.assessment import Assessment
+from mavhums.fleet.sources import UnreachedError, at_hand
+from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, board_of
+from mavhums.flights.compare import LoneFlight, packed
+from mavhums.flights.history import PastFlight, UndatedError
+from mavhums.flights.naming import aircraft_in_store
+from mavhums.flights.stores.delta import LogFile, Row
 
-__all__ = ["BOARD_NAME", "Row", "aircraft_in_store", "crashed", "judge", "judge_several", "settings_of"]
+__all__ = ["crashed", "judge", "judge_several", "settings_of"]
 
-
-BOARD_NAME: Final = "board "
-"""Begins the name of an aircraft that only its board identifies."""
 
 _AGAIN: Final = ""
 """Settings of a log that the next scan judges again."""
 
 
-class Row(NamedTuple):
-    """The data of a log in the store.
-
-    ``settings`` is the hash of everything besides the log that a judgement depends on. ``board`` is the id of
-    the only board that the log reports, None if it reports none or several. ``start_us`` is UTC,
-    None for a log without a date. ``flight`` contains the flight judged alone; it is None if ``problem`` and
-    ``remedy`` state why it could not be judged.
-    """
-
-    path: str
-    size: int
-    time_ns: int
-    settings: str
-    sha256: str | None
-    aircraft: str
-    board: str | None
-    start_us: int | None
-    duration_s: float | None
-    losses: bool
-    flight: bytes | None
-    problem: str | None
-    remedy: str | None
-
-
 def settings_of(options: Options) -> str:
     """Return the hash of everything besides the log that a judgement depends on."""
-    resolved = options.resolved()
+    resolved = Settings.read(options).engine
     told = {
         "version": __version__,
         "airframe": resolved.airframe.model_dump_json() if resolved.airframe else None,
@@ -69,12 +43,14 @@ def settings_of(options: Options) -> str:
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def judge_several(files: tuple[LogFile, ...], options: Options, settings: str, whose: Whose) -> list[Row]:
+def judge_several(
+    files: tuple[LogFile, ...], options: Options, settings: str, whose: AircraftResolver
+) -> list[Row]:
     """Judge logs one by one."""
     return [judge(file, options, settings, whose) for file in files]
 
 
-def judge(file: LogFile, options: Options, settings: str, whose: Whose) -> Row:
+def judge(file: LogFile, options: Options, settings: str, whose: AircraftResolver) -> Row:
     """Judge a log alone; a log that cannot be judged gives a row with the reason."""
     aircraft = whose.name(file.path, None, None) or UNKNOWN
     path = file.path
@@ -114,16 +90,7 @@ def _named(flight: LoneFlight, file: LogFile) -> LoneFlight:
     return flight._replace(assessment=flight.assessment.model_copy(update={"log": log}))
 
 
-def aircraft_in_store(path: str, assessment: Assessment, whose: Whose) -> str:
-    """Return the aircraft's name in a store: by the table, else by the rule; without a rule, by its board."""
-    board = board_of(assessment)
-    named = whose.name(path, board, assessment.log.start_utc)
-    if named is None and board and whose.rule in (None, BOARD):
-        return f"{BOARD_NAME}{board}"
-    return named or UNKNOWN
-
-
-def crashed(file: LogFile, settings: str, whose: Whose) -> Row:
+def crashed(file: LogFile, settings: str, whose: AircraftResolver) -> Row:
     """Return the row of a log on which every worker died."""
     remedy = "judge it alone to see why: mavhums analyse LOG"
     problem = f"{file.path}: crashed the worker that judged it"
@@ -148,7 +115,7 @@ def _failed(file: LogFile, settings: str, aircraft: str, problem: str, remedy: s
 
 @cache
 def _resolved(options: Options) -> EngineOptions:
-    return options.resolved()
+    return Settings.read(options).engine
 
 
 def _hash_of_file(path: str) -> str:

@@ -10,18 +10,17 @@ from itertools import islice
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from mavhums.app.options import Options
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.installed import reassigned
-from mavhums.fleet.naming import held_named, names_of, remember, renamed, whose_in
-from mavhums.fleet.repairs import Repairs, add_repairs, aircraft_in, named_in
-from mavhums.fleet.rows import Row, crashed, judge, judge_several, settings_of
-from mavhums.fleet.settling import settle
-from mavhums.fleet.sources import LogFile, logs_in
-from mavhums.fleet.store import Store
+from mavhums.fleet.rows import crashed, judge, judge_several, settings_of
+from mavhums.fleet.second_pass import second_pass
+from mavhums.fleet.sources import logs_in
 from mavhums.fleet.workers import batches, connected, count
-from mavhums.history.aircraft import UNKNOWN, UnnamedAircraftError, Whose
-from mavhums.history.aircraft_table import AircraftTable
+from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, UnnamedAircraftError
+from mavhums.flights.aircraft_table import AircraftTable
+from mavhums.flights.naming import held_named, names_of, remember, renamed, whose_in
+from mavhums.flights.repairs import Repairs, add_repairs, aircraft_in, named_in, reassigned
+from mavhums.flights.stores.delta import LogFile, Row, Store
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -129,7 +128,7 @@ def scanned(
 ) -> tuple[Scanned, dict[str, UnnamedAircraftError]]:
     """Scan listed logs; with ``asks``, leave out those whose aircraft is a guess, and return why, by path."""
     named = replace(options.judging, aircraft=options.aircraft, aircraft_table=options.aircraft_table)
-    given = named.whose()
+    given = Settings.read(named).whose
     options = replace(options, judging=replace(options.judging, history=None))
     settings = settings_of(options.judging)
     kept = Store(store)
@@ -165,7 +164,7 @@ def scanned(
 class _Commits:
     """Collects rows and commits them in blocks; at the end, commits the verdicts of their aircraft."""
 
-    def __init__(self, store: Store, aircraft: set[str], given: Whose | None) -> None:
+    def __init__(self, store: Store, aircraft: set[str], given: AircraftResolver | None) -> None:
         self.judged = self.failed = 0
         self.asked: dict[str, UnnamedAircraftError] = {}
         self._given = given
@@ -196,7 +195,7 @@ class _Commits:
     def close(self, client: Client | None = None) -> None:
         self._commit()
         for _ in range(_ROUNDS if self._store.is_shared else 1):
-            settle(self._store, sorted(self._aircraft | self._store.waiting()), client)
+            second_pass(self._store, sorted(self._aircraft | self._store.waiting()), client)
             self._aircraft = set()
         self._store.tidy()
 
@@ -224,7 +223,11 @@ class _Commits:
 
 
 def _rows(
-    client: Client | None, files: Sequence[LogFile], options: ScanOptions, settings: str, whose: Whose
+    client: Client | None,
+    files: Sequence[LogFile],
+    options: ScanOptions,
+    settings: str,
+    whose: AircraftResolver,
 ) -> Iterator[Row]:
     """Yield the row of each log, from this process or from workers."""
     if client is None:
@@ -234,7 +237,7 @@ def _rows(
 
 
 def _judged(
-    client: Client, files: Sequence[LogFile], options: ScanOptions, settings: str, whose: Whose
+    client: Client, files: Sequence[LogFile], options: ScanOptions, settings: str, whose: AircraftResolver
 ) -> Iterator[Row]:
     """Yield the row of each log as it is judged.
 

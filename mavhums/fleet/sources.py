@@ -15,17 +15,18 @@ from functools import cache
 from glob import glob, has_magic
 from itertools import chain
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 from urllib.parse import urlsplit
 
 from mavhums.core.errors import MavhumsError, MissingExtraError, UnreadableLogError
 from mavhums.core.packed import ARCHIVES, COMPRESSED, members
+from mavhums.flights.stores.delta import LogFile
 from mavhums.log.formats import SUFFIXES
 
 if TYPE_CHECKING:
     from pyarrow.fs import FileInfo, FileSystem
 
-__all__ = ["LogFile", "UnreachedError", "at_hand", "logs_in"]
+__all__ = ["UnreachedError", "at_hand", "logs_in"]
 
 _PACKED: Final = "|".join(map(re.escape, COMPRESSED))
 _LOG: Final = re.compile(rf".+({'|'.join(map(re.escape, SUFFIXES))})({_PACKED})?", re.IGNORECASE)
@@ -37,14 +38,6 @@ _ATTEMPTS: Final = 3
 _PART: Final = 1 << 20
 _SPARE: Final = 256 << 20
 _CHECK: Final = "check the address, the network and the credentials, and scan again"
-
-
-class LogFile(NamedTuple):
-    """A log on disk or in an object store; ``time_ns`` is its time of modification."""
-
-    path: str
-    size: int
-    time_ns: int
 
 
 class UnreachedError(Exception):

@@ -11,13 +11,17 @@ from typing import TYPE_CHECKING
 from mavhums.core.lazy import lazy_exports
 
 if TYPE_CHECKING:
-    from mavhums.learn.calibration import brier_score, calibrate, expected_calibration_error
-    from mavhums.learn.card import Calibration, Card, WindowCard
+    from mavhums.learn.card import Calibration, Card, Selection, WindowCard
     from mavhums.learn.chain import Scheme, select_features
-    from mavhums.learn.dependence import Dependence, RegressionRedundancyFilter
-    from mavhums.learn.ensemble import TanhNetworkEnsemble
+    from mavhums.learn.evaluation import (
+        CommandLeak,
+        CommandLeakWarning,
+        brier_score,
+        calibrate,
+        check_command,
+        expected_calibration_error,
+    )
     from mavhums.learn.inference import Network, TanhNetwork, WindowNetwork
-    from mavhums.learn.leakage import CommandLeak, CommandLeakWarning, check_command
     from mavhums.learn.model import (
         Answers,
         Model,
@@ -28,17 +32,21 @@ if TYPE_CHECKING:
         packaged_models,
         save_model,
     )
-    from mavhums.learn.network import TanhNetworkClassifier
+    from mavhums.learn.networks import TanhNetworkClassifier, TanhNetworkEnsemble
     from mavhums.learn.precedents import Precedent, PrecedentBase, PrecedentError, Provenance
     from mavhums.learn.ranking import ChiSquareRanking
-    from mavhums.learn.redundancy import PairwiseRedundancyFilter
+    from mavhums.learn.redundancy import Dependence, PairwiseRedundancyFilter, RegressionRedundancyFilter
     from mavhums.learn.regression import NonlinearRegression
-    from mavhums.learn.selection import Selection
-    from mavhums.learn.subsets import SubsetSearch, exhaustive_search, genetic_search
+    from mavhums.learn.subsets import (
+        NetworkSubsetSelector,
+        SubsetSearch,
+        exhaustive_search,
+        genetic_search,
+        network_objective,
+    )
     from mavhums.learn.thinning import VectorThinning
     from mavhums.learn.training import Candidate, TrainingResult, train_network
     from mavhums.learn.window_training import LabelledWindows, WindowResult, train_windows
-    from mavhums.learn.wrapper import NetworkSubsetSelector, network_objective
 
 __all__ = [
     "Answers",
@@ -90,13 +98,17 @@ __all__ = [
 ]
 
 _MODULES = {
-    "calibration": ("brier_score", "calibrate", "expected_calibration_error"),
-    "card": ("Calibration", "Card", "WindowCard"),
+    "card": ("Calibration", "Card", "Selection", "WindowCard"),
     "chain": ("Scheme", "select_features"),
-    "dependence": ("Dependence", "RegressionRedundancyFilter"),
-    "ensemble": ("TanhNetworkEnsemble",),
+    "evaluation": (
+        "CommandLeak",
+        "CommandLeakWarning",
+        "brier_score",
+        "calibrate",
+        "check_command",
+        "expected_calibration_error",
+    ),
     "inference": ("Network", "TanhNetwork", "WindowNetwork"),
-    "leakage": ("CommandLeak", "CommandLeakWarning", "check_command"),
     "model": (
         "Answers",
         "Model",
@@ -107,17 +119,21 @@ _MODULES = {
         "packaged_models",
         "save_model",
     ),
-    "network": ("TanhNetworkClassifier",),
+    "networks": ("TanhNetworkClassifier", "TanhNetworkEnsemble"),
     "precedents": ("Precedent", "PrecedentBase", "PrecedentError", "Provenance"),
     "ranking": ("ChiSquareRanking",),
-    "redundancy": ("PairwiseRedundancyFilter",),
+    "redundancy": ("Dependence", "PairwiseRedundancyFilter", "RegressionRedundancyFilter"),
     "regression": ("NonlinearRegression",),
-    "selection": ("Selection",),
-    "subsets": ("SubsetSearch", "exhaustive_search", "genetic_search"),
+    "subsets": (
+        "NetworkSubsetSelector",
+        "SubsetSearch",
+        "exhaustive_search",
+        "genetic_search",
+        "network_objective",
+    ),
     "thinning": ("VectorThinning",),
     "training": ("Candidate", "TrainingResult", "train_network"),
     "window_training": ("LabelledWindows", "WindowResult", "train_windows"),
-    "wrapper": ("NetworkSubsetSelector", "network_objective"),
 }
 __getattr__, __dir__ = lazy_exports(
     __name__,

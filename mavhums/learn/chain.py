@@ -5,34 +5,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Literal, get_args
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sklearn.base import clone
 
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
-from mavhums.learn.dependence import RegressionRedundancyFilter
+from mavhums.learn.card import Exclusion, Selection, Thinned, Wrapped
 from mavhums.learn.ranking import ChiSquareRanking
-from mavhums.learn.redundancy import PairwiseRedundancyFilter
+from mavhums.learn.redundancy import PairwiseRedundancyFilter, RegressionRedundancyFilter
 from mavhums.learn.regression import Elementary, basis_count
-from mavhums.learn.selection import Exclusion, Selection, Wrapped
-from mavhums.learn.subsets import SubsetSearch, exhaustive_search, genetic_search
+from mavhums.learn.subsets import (
+    SubsetSearch,
+    exhaustive_search,
+    genetic_search,
+    network_objective,
+    subset_training,
+)
 from mavhums.learn.thinning import VectorThinning
-from mavhums.learn.wrapper import network_objective
 
 __all__ = [
     "FUNCTIONS",
     "SELECTIONS",
+    "Rounds",
     "Scheme",
     "Vectors",
-    "search_subsets",
+    "reduce_vectors",
     "select_columns",
     "select_features",
-    "thin",
 ]
 
 Select = Literal["algorithm-1", "pairwise", "exhaustive", "genetic", "none"]
@@ -50,21 +55,42 @@ FUNCTIONS: Elementary = {
 
 FUNCTION_NAMES = dict(zip(("x", "abs", "sign", "square", "sqrt", "sin"), FUNCTIONS, strict=True))
 
-_MANY = 10
-"""With more quantities than this the 2^k - 1 subsets are searched genetically, not all."""
-
-_EVALUATIONS = 400
 _LARGEST_BASIS = 2000
 """Basis functions of Algorithm 1: beyond them its regressions take minutes and explain anything."""
 
 _SAMPLES, _ITERATIONS, _HIDDEN = 1000, 60, 8
 """Size of the first round of the wrapper, in which every subset has one small network."""
 
-_SHORTLIST, _SEEDS, _SECOND_ITERATIONS = 16, 3, 150
-"""The best subsets of the first round compete again with all vectors: its noise is above their difference."""
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+@dataclass(frozen=True)
+class Rounds:
+    """Sizes of the wrapper's two rounds; the defaults are those for networks of samples.
+
+    The best subsets of the first round compete again with all vectors: its noise is above their difference.
+
+    Attributes
+    ----------
+    many
+        With more features than this the 2^k - 1 subsets are searched genetically, not all.
+    evaluations
+        Number of subsets that the genetic search tries.
+    shortlist
+        Number of subsets in the second round.
+    hidden, iterations, seeds, options
+        The networks of the second round: neurons, iterations, how many for each subset (a network that
+        started badly says nothing about its inputs), and further options of the trainer.
+    by_loss
+        Whether the smallest loss wins, not the largest accuracy.
+    """
+
+    many: int = 10
+    evaluations: int = 400
+    shortlist: int = 16
+    hidden: int = 12
+    iterations: int = 150
+    seeds: int = 3
+    by_loss: bool = False
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -215,33 +241,84 @@ def _algorithm_1(
 
 @dataclass(frozen=True, eq=False)
 class Vectors:
-    """Feature vectors, shape (n, k), whether each is an emergency, and the weight of each, shape (n,)."""
+    """Feature vectors, shape (n, k), and the class and weight of each.
+
+    ``target`` says whether each is an emergency, shape (n,), or of each class, shape (n, classes).
+    """
 
     features: Array
-    emergency: Flags
+    target: Flags
     weight: Array
 
     def __len__(self) -> int:
         return len(self.features)
 
-    def part(self, rows: NDArray[np.intp]) -> Vectors:
+    @property
+    def samples(self) -> tuple[Array, Flags]:
+        """Features and classes, as the trainer takes them."""
+        return self.features, self.target
+
+    def part(self, rows: Integers) -> Vectors:
         """Return some of the vectors."""
-        return Vectors(self.features[rows], self.emergency[rows], self.weight[rows])
+        return Vectors(self.features[rows], self.target[rows], self.weight[rows])
+
+    def of_features(self, chosen: Flags) -> Vectors:
+        """Return the vectors with some of the features."""
+        return replace(self, features=self.features[:, chosen])
 
 
-def thin(vectors: Vectors, count: int | None, *, seed: int) -> Vectors:
+def reduce_vectors(
+    offered: Vectors,
+    checked: Vectors,
+    selection: Selection,
+    scheme: Scheme,
+    *,
+    seed: int,
+    rounds: Rounds | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> tuple[Vectors, Flags, Selection]:
+    """Thin the training vectors, and let the wrapper choose among the selected features.
+
+    Parameters
+    ----------
+    offered, checked
+        Training vectors of the selected features, and those held out.
+    tell
+        Called with a line about each stage, those of ``selection`` first.
+
+    Returns
+    -------
+    Vectors, Flags, Selection
+        The thinned vectors, still with all features; mask of the chosen features, shape (k,);
+        ``selection`` with the results of both stages.
+    """
+    before, chosen = selection.told(), np.ones(len(selection.selected), dtype=bool)
+    vectors = _thin(offered, scheme.vectors, seed=seed)
+    selection = selection.model_copy(update={"thinned": Thinned(offered=len(offered), kept=len(vectors))})
+    if scheme.select != "none" and len(chosen) > 1:
+        chosen, wrapped = search_subsets(
+            vectors, checked, scheme.select, seed=seed, rounds=rounds or Rounds()
+        )
+        selection = selection.model_copy(update={"wrapped": wrapped})
+    if tell:
+        after = selection.told(selection.chosen(chosen))[len(before) :]
+        for line in (*before, *after):
+            tell(line)
+    return vectors, chosen, selection
+
+
+def _thin(vectors: Vectors, count: int | None, *, seed: int) -> Vectors:
     """Keep vectors that represent the similar ones, each with the weight of those (paper, section 2)."""
     if count is None or count >= len(vectors):
         return vectors
-    thinning = VectorThinning(count, random_state=seed)
-    thinning.fit(vectors.features, vectors.emergency, vectors.weight)
-    kept = vectors.part(thinning.indices_)
-    return Vectors(kept.features, kept.emergency, thinning.weights_)
+    classes = vectors.target if vectors.target.ndim == 1 else vectors.target.argmax(axis=1)
+    thinning = VectorThinning(count, random_state=seed).fit(vectors.features, classes, vectors.weight)
+    return replace(vectors.part(thinning.indices_), weight=thinning.weights_)
 
 
 def search_subsets(
-    vectors: Vectors, validation: Vectors, select: Select, *, seed: int
-) -> tuple[Flags, Wrapped, SubsetSearch]:
+    vectors: Vectors, validation: Vectors, select: Select, *, seed: int, rounds: Rounds
+) -> tuple[Flags, Wrapped]:
     """Search the subset of features whose networks are best on the validation vectors.
 
     Every subset that is tried has one small network on some vectors. The best of them, and the
@@ -255,11 +332,13 @@ def search_subsets(
         ``"exhaustive"`` or ``"genetic"`` prescribe the search; otherwise the number of features does.
     seed
         Of all draws.
+    rounds
+        Sizes of the networks and searches.
 
     Returns
     -------
-    NDArray, Wrapped, SubsetSearch
-        Mask of the chosen features, shape (k,); what the card tells; scores of the first round.
+    Flags, Wrapped
+        Mask of the chosen features, shape (k,); what the card tells.
 
     Raises
     ------
@@ -268,44 +347,43 @@ def search_subsets(
     """
     random = np.random.default_rng(seed)
     features = vectors.features.shape[1]
-    genetic = select == "genetic" or (select != "exhaustive" and features > _MANY)
+    genetic = select == "genetic" or (select != "exhaustive" and features > rounds.many)
     few = [part.part(random.permutation(len(part))[:_SAMPLES]) for part in (vectors, validation)]
     quick = network_objective(
-        (few[0].features, few[0].emergency),
-        (few[1].features, few[1].emergency),
+        few[0].samples,
+        few[1].samples,
         weight=few[0].weight,
         hidden=_HIDDEN,
         max_iter=_ITERATIONS,
         random_state=seed,
     )
     if genetic:
-        search = genetic_search(quick, features, evaluations=_EVALUATIONS, random_state=seed)
+        search = genetic_search(quick, features, evaluations=rounds.evaluations, random_state=seed)
     else:
         search = exhaustive_search(quick, features)
     whole = np.ones((1, features), dtype=bool)
-    best = search.subsets[np.argsort(-search.scores, kind="stable")[:_SHORTLIST]]
+    best = search.subsets[np.argsort(-search.scores, kind="stable")[: rounds.shortlist]]
     shortlist = np.unique(np.concatenate([whole, best]), axis=0)
-    # The best of several seeds: a network that started badly says nothing about its inputs.
-    scores = np.max(
-        [
-            network_objective(
-                (vectors.features, vectors.emergency),
-                (validation.features, validation.emergency),
-                weight=vectors.weight,
-                hidden=_HIDDEN + 4,
-                max_iter=_SECOND_ITERATIONS,
-                random_state=seed + k,
-            )(shortlist)
-            for k in range(_SEEDS)
-        ],
-        axis=0,
-    )
-    final = SubsetSearch(shortlist, scores)
+    found = [
+        subset_training(
+            vectors.samples,
+            validation.samples,
+            weight=vectors.weight,
+            hidden=rounds.hidden,
+            max_iter=rounds.iterations,
+            random_state=seed + k,
+            **rounds.options,
+        )(shortlist)
+        for k in range(rounds.seeds)
+    ]
+    accuracies = np.max([each.validation_accuracy for each in found], axis=0)
+    losses = np.min([each.validation_loss for each in found], axis=0)
+    chosen = SubsetSearch(shortlist, -losses if rounds.by_loss else accuracies).best
     wrapped = Wrapped(
         search="genetic" if genetic else "exhaustive",
         tried=len(search.scores),
         possible=2**features - 1,
-        accuracy=round(final.score, 6),
-        accuracy_of_all=round(float(scores[shortlist.all(axis=1)][0]), 6),
+        accuracy=round(float(accuracies[(shortlist == chosen).all(axis=1)][0]), 6),
+        accuracy_of_all=round(float(accuracies[shortlist.all(axis=1)][0]), 6),
     )
-    return final.best, wrapped, search
+    return chosen, wrapped

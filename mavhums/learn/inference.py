@@ -9,11 +9,39 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.core.window_features import WINDOW_KEYS
-from mavhums.learn.scaling import unit_interval
 
-__all__ = ["MARGIN", "Network", "TanhNetwork", "WindowNetwork"]
+__all__ = ["MARGIN", "Network", "TanhNetwork", "WindowNetwork", "unit_interval"]
+
+
+def unit_interval(values: Array, minimum: Array, maximum: Array) -> Array:
+    """Map each feature's minimum to 0 and its maximum to 1; values beyond them are not clipped.
+
+    Parameters
+    ----------
+    values
+        Shape (n, k).
+    minimum, maximum
+        Range of each feature, shape (k,). A feature with equal minimum and maximum is shifted to 0.
+
+    Returns
+    -------
+    NDArray
+        Shape (n, k), dimensionless.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> unit_interval(np.array([[10.0], [15.0], [20.0]]), np.array([10.0]), np.array([20.0])).ravel()
+    array([0. , 0.5, 1. ])
+    """
+    # Half values, because the difference of two large floats of opposite sign overflows.
+    span = maximum / 2 - minimum / 2
+    scaled: Array = (values / 2 - minimum / 2) / np.where(span > 0, span, 0.5)
+    return scaled
+
 
 MARGIN = 0.1
 """How far outside the training range a sample may lie, as a fraction of that range."""
@@ -26,7 +54,7 @@ WINDOW_MARGIN = 0.1
 class TanhNetwork:
     """A network with k inputs, one hidden layer of h tanh neurons, and a linear output for each class.
 
-    Its two outputs are the binary neurons of the paper's table 3: the first is the larger for an
+    Two outputs are the binary neurons of the paper's table 3: the first is the larger for an
     emergency (1, 0), the second for normal operation (0, 1).
 
     Attributes
@@ -44,13 +72,13 @@ class TanhNetwork:
         If the shapes do not fit together, a number is not finite, or a minimum exceeds its maximum.
     """
 
-    minimum: NDArray[np.float64]
-    maximum: NDArray[np.float64]
-    w1: NDArray[np.float64]
-    b1: NDArray[np.float64]
-    w2: NDArray[np.float64]
-    b2: NDArray[np.float64]
-    _CLASSES: ClassVar[int | None] = 2
+    minimum: Array
+    maximum: Array
+    w1: Array
+    b1: Array
+    w2: Array
+    b2: Array
+    _CLASSES: ClassVar[int | None] = None
 
     def __post_init__(self) -> None:
         """Store read-only copies of the arrays, and reject invalid ones."""
@@ -71,18 +99,18 @@ class TanhNetwork:
             raise ValueError("a minimum exceeds its maximum")
 
     @property
-    def tensors(self) -> dict[str, NDArray[np.float64]]:
+    def tensors(self) -> dict[str, Array]:
         """The six arrays by name."""
         return {field.name: getattr(self, field.name) for field in fields(TanhNetwork)}
 
-    def outputs(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
+    def outputs(self, features: Array) -> Array:
         """Return the outputs for ``features`` of shape (n, k), as shape (n, classes)."""
         hidden = np.tanh(unit_interval(features, self.minimum, self.maximum) @ self.w1 + self.b1)
-        outputs: NDArray[np.float64] = hidden @ self.w2 + self.b2
+        outputs: Array = hidden @ self.w2 + self.b2
         return outputs
 
-    def p_first(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the softmax of the first output (emergency), shape (n,), within [0, 1]."""
+    def p_first(self, features: Array) -> Array:
+        """Return the softmax of the first of two outputs (emergency), shape (n,), within [0, 1]."""
         outputs = self.outputs(features)
         # The softmax of two outputs is a logistic function; this form of it cannot overflow.
         return 0.5 + 0.5 * np.tanh((outputs[:, 0] - outputs[:, 1]) / 2)
@@ -115,6 +143,7 @@ class Network(TanhNetwork):
     """
 
     keys: tuple[str, ...]
+    _CLASSES: ClassVar[int | None] = 2
 
     def __post_init__(self) -> None:
         """Reject keys that do not name the inputs."""
@@ -126,7 +155,7 @@ class Network(TanhNetwork):
         if len(set(self.keys)) != len(self.keys) or len(self.keys) != len(self.minimum):
             raise ValueError(f"{len(self.keys)} keys do not name {len(self.minimum)} inputs, each once")
 
-    def p_emergency(self, values: ArrayLike) -> NDArray[np.float64]:
+    def p_emergency(self, values: ArrayLike) -> Array:
         """Return the network's probability of an emergency for each sample.
 
         Parameters
@@ -146,12 +175,12 @@ class Network(TanhNetwork):
             If ``values`` has not twelve columns.
         """
         features = self._features(values)
-        finite: NDArray[np.bool_] = np.asarray(np.isfinite(features).all(axis=1))
+        finite: Flags = np.asarray(np.isfinite(features).all(axis=1))
         with np.errstate(over="ignore", invalid="ignore"):
             probability = self.p_first(np.where(finite[:, np.newaxis], features, self.minimum))
         return np.where(finite, probability, np.nan)
 
-    def inside(self, values: ArrayLike, margin: float = MARGIN) -> NDArray[np.bool_]:
+    def inside(self, values: ArrayLike, margin: float = MARGIN) -> Flags:
         """Return which samples lie inside the network's training range.
 
         Parameters
@@ -208,11 +237,11 @@ class Network(TanhNetwork):
         return np.asarray(vote(array, self._columns, low, high, *self._in_units))
 
     @cached_property
-    def _columns(self) -> NDArray[np.int64]:
+    def _columns(self) -> Integers:
         return np.array([column(key) for key in self.keys], dtype=np.int64)
 
     @cached_property
-    def _in_units(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
+    def _in_units(self) -> tuple[Array, Array, Array, float]:
         """Weights, biases, and output difference and threshold for unscaled inputs."""
         half = self.maximum / 2 - self.minimum / 2
         weights = np.ascontiguousarray((self.w1 / np.where(half > 0, 2 * half, 1.0)[:, np.newaxis]).T)
@@ -220,13 +249,13 @@ class Network(TanhNetwork):
         difference = np.ascontiguousarray(self.w2[:, 0] - self.w2[:, 1])
         return weights, biases, difference, float(self.b2[1] - self.b2[0])
 
-    def _envelope(self, margin: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _envelope(self, margin: float) -> tuple[Array, Array]:
         """Return the lower and upper bound of each input, shape (k,) each."""
         with np.errstate(over="ignore"):
             allowed = margin * (self.maximum - self.minimum)
             return self.minimum - allowed, self.maximum + allowed
 
-    def _features(self, values: ArrayLike) -> NDArray[np.float64]:
+    def _features(self, values: ArrayLike) -> Array:
         return _samples(values)[:, self._columns]
 
 
@@ -246,7 +275,6 @@ class WindowNetwork(TanhNetwork):
     """
 
     keys: tuple[str, ...]
-    _CLASSES: ClassVar[int | None] = None
 
     def __post_init__(self) -> None:
         """Reject keys that do not name the inputs."""
@@ -258,7 +286,7 @@ class WindowNetwork(TanhNetwork):
         if len(set(self.keys)) != len(self.keys) or len(self.keys) != len(self.minimum):
             raise ValueError(f"{len(self.keys)} keys do not name {len(self.minimum)} inputs, each once")
 
-    def probabilities(self, features: ArrayLike) -> NDArray[np.float64]:
+    def probabilities(self, features: ArrayLike) -> Array:
         """Return the probability of each class, shape (n, classes), each row of sum 1.
 
         Parameters
@@ -268,7 +296,7 @@ class WindowNetwork(TanhNetwork):
             window one of whose inputs is not finite has NaN throughout.
         """
         inputs = self._inputs(features)
-        finite: NDArray[np.bool_] = np.asarray(np.isfinite(inputs).all(axis=1))
+        finite: Flags = np.asarray(np.isfinite(inputs).all(axis=1))
         scaled = unit_interval(
             np.where(finite[:, np.newaxis], inputs, self.minimum), self.minimum, self.maximum
         )
@@ -278,22 +306,22 @@ class WindowNetwork(TanhNetwork):
         odds = np.exp(outputs - outputs.max(axis=1, keepdims=True))
         return np.where(finite[:, np.newaxis], odds / odds.sum(axis=1, keepdims=True), np.nan)
 
-    def inside(self, features: ArrayLike, margin: float = WINDOW_MARGIN) -> NDArray[np.bool_]:
+    def inside(self, features: ArrayLike, margin: float = WINDOW_MARGIN) -> Flags:
         """Return which windows lie inside the training range, widened by ``margin`` of it, shape (n,)."""
         inputs = self._inputs(features)
-        allowed: NDArray[np.float64] = margin * (self.maximum - self.minimum)
+        allowed: Array = margin * (self.maximum - self.minimum)
         return np.asarray(
             ((inputs >= self.minimum - allowed) & (inputs <= self.maximum + allowed)).all(axis=1)
         )
 
-    def _inputs(self, features: ArrayLike) -> NDArray[np.float64]:
+    def _inputs(self, features: ArrayLike) -> Array:
         array = np.asarray(features, dtype=np.float64)
         if array.ndim != 2 or array.shape[1] != len(WINDOW_KEYS):
             raise ValueError(f"features must have the shape (n, {len(WINDOW_KEYS)}), not {array.shape}")
         return array[:, [WINDOW_KEYS.index(key) for key in self.keys]]
 
 
-def _samples(values: ArrayLike) -> NDArray[np.float64]:
+def _samples(values: ArrayLike) -> Array:
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != len(KEYS):
         raise ValueError(f"values must have the shape (n, {len(KEYS)}), not {array.shape}")

@@ -15,6 +15,7 @@ import safetensors.numpy
 from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 
+from mavhums.core.arrays import Array, Flags
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
 from mavhums.learn.card import Card, WindowCard
@@ -59,8 +60,8 @@ class Answers(NamedTuple):
         Outside it the network abstains, whatever its probabilities.
     """
 
-    probabilities: NDArray[np.float64]
-    inside: NDArray[np.bool_]
+    probabilities: Array
+    inside: Flags
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +141,7 @@ class Model:
             raise ValueError("the model has no network of windows")
         return Answers(self.window.probabilities(features), self.window.inside(features))
 
-    def votes(self, values: NDArray[np.float64]) -> NDArray[np.int8]:
+    def votes(self, values: Array) -> NDArray[np.int8]:
         """Return the vote on each sample, as :meth:`Network.votes` does."""
         return self.network.votes(values)
 
@@ -264,7 +265,7 @@ def _parse(data: bytes, source: str) -> Model:
     for name, entry in entries:
         if entry["dtype"] != "F64":
             raise ModelError(f"{source}: tensor {name} is not of 64-bit floats", _REMEDY)
-        tensors[name] = _array(entry["data"], entry["shape"])
+        tensors[name] = np.frombuffer(entry["data"], dtype="<f8").reshape(entry["shape"]).astype(np.float64)
     wanted = _TENSORS | ({_WINDOW + name for name in _TENSORS} if card.window else set())
     if tensors.keys() != wanted:
         raise ModelError(f"{source}: holds other tensors than {', '.join(sorted(wanted))}", _REMEDY)
@@ -276,7 +277,7 @@ def _parse(data: bytes, source: str) -> Model:
     return Model(network, card, hashlib.sha256(data).hexdigest(), window)
 
 
-def _window(card: WindowCard, tensors: dict[str, NDArray[np.float64]]) -> WindowNetwork:
+def _window(card: WindowCard, tensors: dict[str, Array]) -> WindowNetwork:
     network = WindowNetwork(keys=card.features, **{name: tensors[_WINDOW + name] for name in _TENSORS})
     if len(network.b2) != len(card.classes):
         raise ValueError(f"{len(card.classes)} classes do not name {len(network.b2)} outputs")
@@ -296,7 +297,3 @@ def _card(data: bytes, source: str) -> Card:
         place = ".".join(str(part) for part in first["loc"]) or "card"
         remedy = "use the mavhums that wrote it" if place == "format" else _REMEDY
         raise ModelError(f"{source}: {place}: {first['msg']}", remedy) from error
-
-
-def _array(data: bytes | bytearray, shape: list[int]) -> NDArray[np.float64]:
-    return np.frombuffer(data, dtype="<f8").reshape(shape).astype(np.float64)

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array, Integers
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS
@@ -90,9 +90,7 @@ class PrecedentBase:
             raise MissingExtraError("the precedent base", "train") from error
         self.folder = Path(folder)
 
-    def add(
-        self, provenance: Provenance, time_us: NDArray[np.int64], values: NDArray[np.float64]
-    ) -> Precedent:
+    def add(self, provenance: Provenance, time_us: Integers, values: Array) -> Precedent:
         """Store one history; it replaces an earlier one of the same log and actuator.
 
         Parameters
@@ -151,7 +149,7 @@ class PrecedentBase:
                     f"{path}: not a precedent", "remove it, and add its log again"
                 ) from error
 
-    def read(self, precedent: Precedent) -> NDArray[np.float64]:
+    def read(self, precedent: Precedent) -> Array:
         """Return V1…V12 of a precedent, shape (n, 12)."""
         import pyarrow.parquet as pq
 

@@ -6,13 +6,15 @@ from numbers import Integral
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2_contingency
 from sklearn.feature_selection import SelectorMixin
+from sklearn.metrics.cluster import contingency_matrix
 from sklearn.utils.validation import check_is_fitted
 
-from mavhums.learn._classified import Classified
-from mavhums.learn.scaling import unit_interval
+from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.learn._estimators import Classified
+from mavhums.learn.inference import unit_interval
 
 __all__ = ["ChiSquareRanking"]
 
@@ -71,9 +73,9 @@ class ChiSquareRanking(SelectorMixin, Classified):
     array([False,  True])
     """
 
-    scores_: NDArray[np.float64]
-    degrees_of_freedom_: NDArray[np.int64]
-    p_values_: NDArray[np.float64]
+    scores_: Array
+    degrees_of_freedom_: Integers
+    p_values_: Array
 
     def __init__(
         self,
@@ -108,10 +110,9 @@ class ChiSquareRanking(SelectorMixin, Classified):
         limit = values.shape[1]
         if self.k != "all" and not (isinstance(self.k, Integral) and 1 <= self.k <= limit):
             raise ValueError(f"k must be 'all' or an integer from 1 to {limit}, got {self.k!r}")
-        classes, codes = np.unique(target, return_inverse=True)
         bins = _width_bins if self.strategy == "width" else _quantile_bins
         results = [
-            chi2_contingency(_contingency(bins(feature, self.bins), codes, len(classes)), correction=False)
+            chi2_contingency(contingency_matrix(bins(feature, self.bins), target), correction=False)
             for feature in values.T
         ]
         self.scores_ = np.array([result.statistic for result in results], dtype=np.float64)
@@ -119,7 +120,7 @@ class ChiSquareRanking(SelectorMixin, Classified):
         self.p_values_ = np.array([result.pvalue for result in results], dtype=np.float64)
         return self
 
-    def _get_support_mask(self) -> NDArray[np.bool_]:
+    def _get_support_mask(self) -> Flags:
         check_is_fitted(self)
         mask = np.ones(len(self.scores_), dtype=np.bool_)
         if self.k != "all":
@@ -127,18 +128,12 @@ class ChiSquareRanking(SelectorMixin, Classified):
         return mask
 
 
-def _width_bins(feature: NDArray[np.float64], bins: int) -> NDArray[np.int64]:
+def _width_bins(feature: Array, bins: int) -> Integers:
     scaled = unit_interval(feature, feature.min(), feature.max())
     return np.minimum((scaled * bins).astype(np.int64), bins - 1)
 
 
-def _quantile_bins(feature: NDArray[np.float64], bins: int) -> NDArray[np.int64]:
+def _quantile_bins(feature: Array, bins: int) -> Integers:
     inner = np.arange(1, bins) / bins
     edges = np.quantile(feature, inner, method="inverted_cdf")
     return np.searchsorted(edges, feature, side="left").astype(np.int64)
-
-
-def _contingency(bins: NDArray[np.int64], codes: NDArray[np.int64], classes: int) -> NDArray[np.int64]:
-    occupied, row = np.unique(bins, return_inverse=True)
-    counts = np.bincount(row * classes + codes, minlength=len(occupied) * classes)
-    return counts.reshape(len(occupied), classes)

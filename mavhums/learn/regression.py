@@ -8,12 +8,13 @@ from math import comb
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import qr, solve_triangular
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from mavhums.learn._parameters import check_positive_integers
+from mavhums.core.arrays import Array
+from mavhums.learn._estimators import check_positive_integers
 
 __all__ = [
     "IDENTITY",
@@ -25,11 +26,11 @@ __all__ = [
     "solve_least_squares",
 ]
 
-Elementary = Mapping[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]]
+Elementary = Mapping[str, Callable[[Array], Array]]
 """Elementary functions b_j by their notation, in which ``{}`` is the feature: ``"sin({})"``."""
 
 
-def _itself(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _itself(values: Array) -> Array:
     return values
 
 
@@ -75,9 +76,7 @@ def basis_products(functions: int, features: Sequence[int], order: int) -> list[
     return [product for m in range(order + 1) for product in combinations_with_replacement(elements, m)]
 
 
-def basis_values(
-    values: NDArray[np.float64], functions: Elementary, products: Sequence[tuple[Factor, ...]]
-) -> NDArray[np.float64]:
+def basis_values(values: Array, functions: Elementary, products: Sequence[tuple[Factor, ...]]) -> Array:
     """Evaluate each basis function on ``values`` of shape (n, k), as shape (n, N).
 
     Raises
@@ -85,7 +84,7 @@ def basis_values(
     ValueError
         If an elementary function does not return one finite number per sample.
     """
-    elements: dict[Factor, NDArray[np.float64]] = {}
+    elements: dict[Factor, Array] = {}
     for feature, function in {factor for product in products for factor in product}:
         name, compute = list(functions.items())[function]
         element = np.asarray(compute(values[:, feature]), dtype=np.float64)
@@ -145,10 +144,10 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
     """
 
     products_: list[tuple[Factor, ...]]
-    coef_: NDArray[np.float64]
+    coef_: Array
     rank_: int
     r2_: float
-    _share: NDArray[np.float64]
+    _share: Array
 
     def __init__(self, functions: Elementary | None = None, order: int = 2, tolerance: float = 1e-6) -> None:
         self.functions = functions
@@ -183,11 +182,11 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
         self._share[0] = np.abs(self.coef_[0]) / (target.std() or 1.0)
         return self
 
-    def predict(self, X: ArrayLike) -> NDArray[np.float64]:
+    def predict(self, X: ArrayLike) -> Array:
         """Return the predicted target, shape (n_samples,)."""
         check_is_fitted(self)
         values = validate_data(self, X, dtype=np.float64, reset=False)
-        predicted: NDArray[np.float64] = basis_values(values, self._functions(), self.products_) @ self.coef_
+        predicted: Array = basis_values(values, self._functions(), self.products_) @ self.coef_
         return predicted
 
     def expression(
@@ -240,9 +239,7 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
         return tags
 
 
-def solve_least_squares(
-    basis: NDArray[np.float64], target: NDArray[np.float64], tolerance: float
-) -> tuple[NDArray[np.float64], int]:
+def solve_least_squares(basis: Array, target: Array, tolerance: float) -> tuple[Array, int]:
     """Return the least-squares coefficients (zero for dependent columns) and the rank.
 
     Parameters

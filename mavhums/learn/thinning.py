@@ -12,9 +12,9 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 from threadpoolctl import threadpool_limits
 
-from mavhums.learn._classified import Classified
-from mavhums.learn._parameters import check_choice, check_positive_integers
-from mavhums.learn.scaling import unit_interval
+from mavhums.core.arrays import Array, Integers
+from mavhums.learn._estimators import Classified, check_choice, check_positive_integers
+from mavhums.learn.inference import unit_interval
 
 __all__ = ["VectorThinning"]
 
@@ -64,8 +64,8 @@ class VectorThinning(Classified):
     (array([0., 1., 5.]), array([6., 2., 4.]))
     """
 
-    indices_: NDArray[np.intp]
-    weights_: NDArray[np.float64]
+    indices_: Integers
+    weights_: Array
 
     def __init__(
         self,
@@ -118,9 +118,7 @@ class VectorThinning(Classified):
         self.indices_, self.weights_ = kept[order], np.concatenate(weights)[order]
         return self
 
-    def fit_resample(
-        self, X: ArrayLike, y: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[Any], NDArray[np.float64]]:
+    def fit_resample(self, X: ArrayLike, y: ArrayLike) -> tuple[Array, NDArray[Any], Array]:
         """Return the kept samples, their classes and their weights.
 
         Raises
@@ -134,11 +132,11 @@ class VectorThinning(Classified):
 
     def _representatives(
         self,
-        scaled: NDArray[np.float64],
-        counts: NDArray[np.float64],
+        scaled: Array,
+        counts: Array,
         count: int,
         random: np.random.RandomState,
-    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    ) -> tuple[Integers, Array]:
         distinct = len(np.unique(scaled, axis=0))
         # One thread: the sums do not depend on the cores, and a busy machine does not wait for its threads.
         with threadpool_limits(1):
@@ -151,10 +149,10 @@ class VectorThinning(Classified):
 
     def _drawn(
         self,
-        scaled: NDArray[np.float64],
-        counts: NDArray[np.float64],
+        scaled: Array,
+        counts: Array,
         count: int,
         random: np.random.RandomState,
-    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    ) -> tuple[Integers, Array]:
         chosen = random.choice(len(scaled), size=count, replace=False)
         return chosen, counts[chosen] * (counts.sum() / max(counts[chosen].sum(), 1e-300))

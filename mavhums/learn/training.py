@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import JsonValue
 
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.core.version import __version__
-from mavhums.learn.card import Card
-from mavhums.learn.chain import Scheme, Vectors, search_subsets, select_features, thin
-from mavhums.learn.ensemble import TanhNetworkEnsemble
+from mavhums.learn.card import Card, Selection
+from mavhums.learn.chain import Scheme, Vectors, reduce_vectors, select_features
+from mavhums.learn.evaluation import hold_out
 from mavhums.learn.inference import Network, TanhNetwork
-from mavhums.learn.selection import Selection, Thinned
-from mavhums.learn.splits import hold_out
+from mavhums.learn.networks import TanhNetworkEnsemble
 
 __all__ = ["Candidate", "TrainingResult", "train_network"]
 
@@ -171,19 +171,10 @@ def train_network(
     held_out, validation = hold_out(labels, flight, random)
     draw, say = int(random.integers(2**31 - 1)), tell or (lambda _: None)
     selection = select_features(samples[~held_out], labels[~held_out], keys=keys, scheme=scheme)
-    _tell_all(selection.told(), say)
     everything = Vectors(samples[:, [column(key) for key in selection.selected]], labels, weight)
     offered, checked = everything.part(np.flatnonzero(~held_out)), everything.part(np.flatnonzero(held_out))
-    vectors = thin(offered, scheme.vectors, seed=draw)
-    selection = selection.model_copy(update={"thinned": Thinned(offered=len(offered), kept=len(vectors))})
-    chosen_keys = selection.selected
-    if scheme.select != "none" and len(chosen_keys) > 1:
-        chosen, wrapped, _ = search_subsets(vectors, checked, scheme.select, seed=draw)
-        chosen_keys = tuple(key for key, used in zip(chosen_keys, chosen, strict=True) if used)
-        selection = selection.model_copy(update={"wrapped": wrapped})
-        vectors, checked = (replace(part, features=part.features[:, chosen]) for part in (vectors, checked))
-    _tell_all(selection.told(chosen_keys)[len(selection.told()) - 1 :], say)
-    networks, candidates = _fit(vectors, checked, scheme, random)
+    vectors, chosen, selection = reduce_vectors(offered, checked, selection, scheme, seed=draw, tell=tell)
+    networks, candidates = _fit(vectors.of_features(chosen), checked.of_features(chosen), scheme, random)
     best = max(
         range(len(candidates)),
         key=lambda k: (candidates[k].validation_accuracy, -candidates[k].hidden),
@@ -195,18 +186,13 @@ def train_network(
         f"{100 * float(np.median(accuracies)):.2f} %, worst {100 * min(accuracies):.2f} %)"
     )
     return TrainingResult(
-        network=Network(keys=chosen_keys, **networks[best].tensors),
+        network=Network(keys=selection.chosen(chosen), **networks[best].tensors),
         chosen=candidates[best],
         candidates=tuple(candidates),
         selection=selection,
         validation=validation,
         seed=seed,
     )
-
-
-def _tell_all(lines: Sequence[str], tell: Callable[[str], None]) -> None:
-    for line in lines:
-        tell(line)
 
 
 def _fit(
@@ -220,11 +206,11 @@ def _fit(
         max_iter=_ITERATIONS,
     ).fit(
         vectors.features,
-        vectors.emergency,
+        vectors.target,
         vectors.weight,
-        validation=(checked.features, checked.emergency),
+        validation=(checked.features, checked.target),
     )
-    trained = ensemble.member_scores(vectors.features, vectors.emergency)
+    trained = ensemble.member_scores(vectors.features, vectors.target)
     sizes = [len(network.b1) for network in ensemble.networks_]
     scores = zip(sizes, trained.tolist(), ensemble.validation_accuracies_.tolist(), strict=True)
     return ensemble.networks_, [Candidate(*each) for each in scores]
@@ -232,7 +218,7 @@ def _fit(
 
 def _checked(
     values: ArrayLike, emergency: ArrayLike, flights: ArrayLike, keys: Sequence[str]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.intp]]:
+) -> tuple[Array, Flags, Integers]:
     samples = np.asarray(values, dtype=np.float64)
     labels = np.asarray(emergency)
     if samples.ndim != 2 or samples.shape[1] != len(KEYS):
@@ -247,7 +233,7 @@ def _checked(
     return samples, labels, np.unique(np.asarray(flights), return_inverse=True)[1]
 
 
-def _checked_weights(weights: ArrayLike, samples: int) -> NDArray[np.float64]:
+def _checked_weights(weights: ArrayLike, samples: int) -> Array:
     weight = np.asarray(weights, dtype=np.float64)
     if weight.shape != (samples,) or not (np.isfinite(weight).all() and (weight > 0).all()):
         raise ValueError("weights must be one positive number for each sample")

@@ -10,6 +10,7 @@ from math import exp
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array, Integers
 from mavhums.core.kernels import kernel
 
 __all__ = ["ABSTAINS", "vote"]
@@ -19,13 +20,13 @@ ABSTAINS = -1
 
 @kernel
 def vote(
-    values: NDArray[np.float64],
-    columns: NDArray[np.int64],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    biases: NDArray[np.float64],
-    difference: NDArray[np.float64],
+    values: Array,
+    columns: Integers,
+    low: Array,
+    high: Array,
+    weights: Array,
+    biases: Array,
+    difference: Array,
     threshold: float,
 ) -> NDArray[np.int8]:
     """Return 1 for an emergency, 0 for none, -1 for a sample outside ``low`` … ``high``, shape (n,).

@@ -13,11 +13,11 @@ from mavhums.core.lazy import lazy_exports
 if TYPE_CHECKING:
     from mavhums.live.address import Address
     from mavhums.live.session import Session
-    from mavhums.live.setup import Options, prepare
+    from mavhums.live.setup import LiveOptions, prepare
 
-__all__ = ["Address", "Options", "Session", "prepare"]
+__all__ = ["Address", "LiveOptions", "Session", "prepare"]
 
 __getattr__, __dir__ = lazy_exports(
     __name__,
-    {"Address": "address", "Options": "setup", "Session": "session", "prepare": "setup"},
+    {"Address": "address", "LiveOptions": "setup", "Session": "session", "prepare": "setup"},
 )

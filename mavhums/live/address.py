@@ -64,7 +64,7 @@ class Address(NamedTuple):
                 return cls("tcp" if kind == "tcp" else "udpout", host, port)
         meant = f"udpin:{url.removeprefix('udp:').removeprefix(':')}"
         guess = f"did you mean {meant}? " if _NETWORK.fullmatch(meant) else ""
-        raise AddressError(f"{url!r} is no address of a link", f"{guess}it must be {FORMS}")
+        raise AddressError(f"{url!r} is not the address of a link", f"{guess}it must be {FORMS}")
 
     @property
     def exposed(self) -> bool:

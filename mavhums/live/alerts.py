@@ -18,7 +18,7 @@ from mavhums.log.mavlink.signing import signing_ticks
 from mavhums.report.live import ActuatorStatus, AlertObject
 from mavhums.vehicle.surfaces import AXES
 
-__all__ = ["COMPONENT", "Alerts", "health_name", "text_of"]
+__all__ = ["COMPONENT", "Alerts", "Signer", "health_name", "text_of"]
 
 COMPONENT = 194
 """MAV_COMP_ID_ONBOARD_COMPUTER4: the least used of the numbers for onboard computers."""
@@ -78,6 +78,26 @@ def health_name(number: int, actuator: str) -> str:
     return f"H{number}{actuator.encode('ascii', 'replace').decode()}"[:_NAME_LENGTH]
 
 
+class Signer:
+    """Key and time stamps by which the frames are signed.
+
+    Parameters
+    ----------
+    key
+        32 bytes.
+    newest_ticks
+        Returns the time stamp of the newest accepted signed frame.
+    """
+
+    def __init__(self, key: bytes, newest_ticks: Callable[[], int] = lambda: 0) -> None:
+        self.key, self._newest_ticks, self._ticks = key, newest_ticks, 0
+
+    def ticks(self, now_us: int) -> int:
+        """Return the next time stamp: later than every one sent or accepted, else receivers refuse it."""
+        self._ticks = max(self._ticks + 1, self._newest_ticks() + 1, signing_ticks(now_us))
+        return self._ticks
+
+
 class Alerts:
     """Sends alerts for each judged vehicle, with its system id and a separate component id.
 
@@ -87,10 +107,8 @@ class Alerts:
         Sends a frame about a vehicle to the receivers.
     component
         Component id.
-    key
-        Key that signs the frames; None sends them unsigned.
-    newest_ticks
-        Returns the time stamp of the newest accepted signed frame.
+    signer
+        Signs the frames; None sends them unsigned.
     start_us
         Start of the session, microseconds of UTC.
     unknown
@@ -102,17 +120,15 @@ class Alerts:
         send: Callable[[bytes, int], None],
         *,
         component: int = COMPONENT,
-        key: bytes | None = None,
-        newest_ticks: Callable[[], int] = lambda: 0,
+        signer: Signer | None = None,
         start_us: int = 0,
         unknown: int | None = None,
     ) -> None:
         self.mavlink2 = True
         self._send = send
-        self._component, self._key, self._newest_ticks = component, key, newest_ticks
+        self._component, self._signer = component, signer
         self._start_us, self._unknown = start_us, unknown
         self._voices: dict[tuple[int, bool], Any] = {}
-        self._ticks = 0
         self._held: dict[tuple[int, str], tuple[Condition, str]] = {}
         self._told: dict[tuple[int, str, Condition], int] = {}
 
@@ -167,17 +183,16 @@ class Alerts:
             yield AlertObject(utc=utc(now_us), vehicle=vehicle, severity=_SEVERITY[condition], text=text)
 
     def _say(self, vehicle: int, message: str, now_us: int, *fields: Any) -> None:
-        mavlink2 = self.mavlink2 or self._key is not None
+        mavlink2 = self.mavlink2 or self._signer is not None
         voice = self._voices.get((vehicle, mavlink2))
         if voice is None:
             dialect = import_module(f"pymavlink.dialects.{'v20' if mavlink2 else 'v10'}.common")
             voice = self._voices[vehicle, mavlink2] = dialect.MAVLink(None, vehicle, self._component)
-            if self._key is not None:
-                voice.signing.secret_key = self._key
+            if self._signer is not None:
+                voice.signing.secret_key = self._signer.key
                 voice.signing.sign_outgoing = True
                 voice.signing.link_id = self._component
-        if self._key is not None:
-            self._ticks = max(self._ticks + 1, self._newest_ticks() + 1, signing_ticks(now_us))
-            voice.signing.timestamp = self._ticks
+        if self._signer is not None:
+            voice.signing.timestamp = self._signer.ticks(now_us)
         self._send(bytes(getattr(voice, f"{message}_encode")(*fields).pack(voice)), vehicle)
         voice.seq = (voice.seq + 1) % 256

@@ -15,12 +15,57 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, Generic, TextIO, TypeVar
 
-__all__ = ["Outlet", "Spool"]
+__all__ = ["BoundedQueue", "Outgoing", "Outlet", "Spool"]
 
 _LOG = logging.getLogger(__name__)
 _ROOM: Final = 4 << 20
+_STREAM_ROOM: Final = 4096  # bytes: a second of alerts; older ones say nothing about the present
 
 Item = TypeVar("Item")
+
+
+class BoundedQueue(Generic[Item]):
+    """Items that wait; where their weight exceeds the room, the oldest are dropped and counted.
+
+    Attributes
+    ----------
+    dropped
+        Number of items that were dropped.
+
+    Examples
+    --------
+    >>> queue = BoundedQueue(room=10)
+    >>> queue.put("old", 6), queue.put("new", 6), queue.pop(), queue.dropped
+    (None, None, 'new', 1)
+    """
+
+    def __init__(self, room: int) -> None:
+        self.dropped = 0
+        self._room, self._weight = room, 0
+        self._items: deque[tuple[Item, int]] = deque()
+
+    def __bool__(self) -> bool:
+        return bool(self._items)
+
+    def put(self, item: Item, weight: int = 1) -> None:
+        """Queue an item; an item alone may exceed the room."""
+        self._items.append((item, weight))
+        self._weight += weight
+        while self._weight > self._room and len(self._items) > 1:
+            self.pop()
+            self.dropped += 1
+
+    def pop(self) -> Item:
+        """Return the oldest item."""
+        item, weight = self._items.popleft()
+        self._weight -= weight
+        return item
+
+    def clear(self) -> None:
+        """Drop all items."""
+        self.dropped += len(self._items)
+        self._items.clear()
+        self._weight = 0
 
 
 class Outlet(Generic[Item]):
@@ -39,8 +84,6 @@ class Outlet(Generic[Item]):
 
     Attributes
     ----------
-    dropped
-        Number of items that were dropped or failed.
     error
         Reason why the last item failed; None if it did not fail.
     gone
@@ -55,28 +98,29 @@ class Outlet(Generic[Item]):
         room: int = _ROOM,
         report: Callable[[str], object] | None = _LOG.warning,
     ) -> None:
-        self.name, self.dropped, self.gone = name, 0, False
+        self.name, self.gone = name, False
         self.error: str | None = None
-        self._take, self._room, self._report = take, room, report
-        self._waiting: deque[tuple[Item, int]] = deque()
-        self._weight = 0
+        self._take, self._report = take, report
+        self._waiting: BoundedQueue[Item] = BoundedQueue(room)
+        self._refused = 0
         self._closing = False
         self._busy = False
         self._change = threading.Condition()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
+    @property
+    def dropped(self) -> int:
+        """Number of items that were dropped or failed."""
+        return self._waiting.dropped + self._refused
+
     def put(self, item: Item, weight: int = 1) -> None:
         """Queue an item at once; drop the oldest items if there is no room."""
         with self._change:
             if self._closing:
-                self.dropped += 1
+                self._refused += 1
                 return
-            self._waiting.append((item, weight))
-            self._weight += weight
-            while self._weight > self._room and len(self._waiting) > 1:
-                self._weight -= self._waiting.popleft()[1]
-                self.dropped += 1
+            self._waiting.put(item, weight)
             self._change.notify_all()
 
     def close(self, timeout_s: float) -> bool:
@@ -86,7 +130,6 @@ class Outlet(Generic[Item]):
             self._change.notify_all()
             emptied = self._change.wait_for(lambda: not self._waiting and not self._busy, timeout_s)
             if not emptied:
-                self.dropped += len(self._waiting)
                 self._waiting.clear()
         return emptied
 
@@ -98,8 +141,7 @@ class Outlet(Generic[Item]):
                 self._change.wait_for(lambda: self._waiting or self._closing)
                 if not self._waiting:
                     return
-                item, weight = self._waiting.popleft()
-                self._weight -= weight
+                item = self._waiting.pop()
                 self._busy = True
             self._hand_over(item)
 
@@ -107,7 +149,7 @@ class Outlet(Generic[Item]):
         try:
             self._take(item)
         except Exception as error:
-            self.dropped += 1
+            self._refused += 1
             self.gone = self.gone or isinstance(error, BrokenPipeError)
             why = (error.strerror if isinstance(error, OSError) else None) or str(error) or repr(error)
             before, self.error = self.error, why
@@ -194,6 +236,56 @@ class Spool(io.TextIOBase):
                 left = left[os.write(self._descriptor, left) :]
         finally:
             self._torn = bool(left) and (self._torn or len(left) < start)
+
+
+class Outgoing:
+    """Frames for a stream that may stall, a few kilobytes; when full, the oldest one not begun is dropped.
+
+    Examples
+    --------
+    >>> out, sent = Outgoing(), []
+    >>> out.offer(b"frame")
+    >>> out.pump(lambda data: sent.append(bytes(data)) or len(data))
+    >>> sent
+    [b'frame']
+    """
+
+    def __init__(self) -> None:
+        self._frames: BoundedQueue[bytes] = BoundedQueue(_STREAM_ROOM)
+        self._begun = b""
+        self._refused = 0
+
+    @property
+    def dropped(self) -> int:
+        """Number of frames that were not sent completely."""
+        return self._frames.dropped + self._refused
+
+    def offer(self, frame: bytes) -> None:
+        """Queue a frame."""
+        self._frames.put(frame, len(frame))
+
+    def refuse(self) -> None:
+        """Count a frame without a destination."""
+        self._refused += 1
+
+    def pump(self, write: Callable[[bytes], int]) -> None:
+        """Write as much as possible; ``write`` returns how many bytes it took, or raises."""
+        try:
+            while self._begun or self._frames:
+                if not self._begun:
+                    self._begun = self._frames.pop()
+                taken = write(self._begun)
+                if not taken:
+                    return
+                self._begun = self._begun[taken:]
+        except OSError:
+            return  # full or broken: the reading side detects it
+
+    def clear(self) -> None:
+        """Drop everything after the stream has ended."""
+        self._refused += bool(self._begun)
+        self._frames.clear()
+        self._begun = b""
 
 
 def _descriptor(stream: TextIO | None) -> int | None:

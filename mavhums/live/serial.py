@@ -11,8 +11,8 @@ from typing import Any
 
 from mavhums.core.errors import MissingExtraError
 from mavhums.live.address import Address, AddressError
-from mavhums.live.clock import ReceiveClock
-from mavhums.live.outgoing import Outgoing
+from mavhums.live.links import ReceiveClock
+from mavhums.live.outlet import Outgoing
 from mavhums.log.mavlink.stamping import Piece
 
 __all__ = ["SerialLink"]

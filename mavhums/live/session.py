@@ -6,14 +6,14 @@ import logging
 import select
 import time
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
 
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import ConditionChanged, Event, Notice
-from mavhums.history.belonging import OtherAircraftError
+from mavhums.flights.aircraft import OtherAircraftError
 from mavhums.live.alerts import Alerts
-from mavhums.live.clock import ReceiveClock
-from mavhums.live.links import Link
+from mavhums.live.links import Link, ReceiveClock
 from mavhums.live.peers import Peers
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.watch import Watch
@@ -33,6 +33,7 @@ _MANY = 100
 _CONTESTED_US = 60_000_000
 _REMEMBER_EVERY = 10
 _PENDING = 1 << 13
+_GREETED = 1  # the vehicle that a greeting speaks for: ArduPilot's default system id
 
 
 class Sink(Protocol):
@@ -55,6 +56,49 @@ class Sink(Protocol):
         ...
 
 
+@dataclass(slots=True)
+class Reception:
+    """What a session receives by.
+
+    Attributes
+    ----------
+    stamper
+        Makes records of the received data.
+    links
+        Links to receive from.
+    clock
+        Clock of reception.
+    peers
+        The senders on the links; the stamper updates them.
+    remember
+        Called now and then and at the end, to store data for the next session; None for nothing.
+    """
+
+    stamper: Stamper
+    links: Sequence[Link] = ()
+    clock: ReceiveClock = field(default_factory=ReceiveClock)
+    peers: Peers = field(default_factory=Peers)
+    remember: Callable[[], None] | None = None
+
+
+class GroundStation(NamedTuple):
+    """What a session sends.
+
+    Attributes
+    ----------
+    alerts
+        Sends what is found; None for none.
+    greeter
+        Announces us once a second to peers that would not send otherwise; None for none.
+    links
+        Links that send alerts and receive nothing.
+    """
+
+    alerts: Alerts | None = None
+    greeter: Alerts | None = None
+    links: Sequence[Link] = ()
+
+
 class Session:
     """Feeds an engine from links.
 
@@ -65,32 +109,22 @@ class Session:
     ----------
     engine
         A new engine. It needs no key: the stamper's guard has checked the signatures.
-    stamper
-        Makes records of the received data.
-    links
-        Links to receive from.
-    recorder, alerts
-        None for none.
-    greet
-        Called once a second with the time, to announce ourselves to peers that would not send otherwise.
-    remember
-        Called now and then and at the end, to store data for the next session.
+    reception
+        What it receives by.
+    ground
+        What it sends.
+    recorder
+        Writes the accepted frames; None for none.
     sinks
         Take events, state and verdicts.
-    clock
-        Clock of reception.
-    peers
-        The senders on the links; the stamper updates them.
-    ground
-        Links that send alerts and receive nothing.
-    own
-        Returns an assessment among the earlier flights of its aircraft; raises
-        :class:`mavhums.OtherAircraftError`, which ends the session, if they are of another aircraft.
+    identify
+        Returns an assessment with the identity of its aircraft; raises
+        :class:`mavhums.OtherAircraftError`, which ends the session, if the history is of another one.
 
     Examples
     --------
     >>> from mavhums.log.mavlink.dialect import load_dialect
-    >>> session = Session(Engine(), Stamper(load_dialect()), [])
+    >>> session = Session(Engine(), Reception(Stamper(load_dialect())))
     >>> session.run(stop=lambda: True).verdicts[0].reason
     'nothing was received on any link'
     """
@@ -98,28 +132,21 @@ class Session:
     def __init__(
         self,
         engine: Engine,
-        stamper: Stamper,
-        links: Sequence[Link],
+        reception: Reception,
+        ground: GroundStation = GroundStation(),  # noqa: B008 — immutable
         *,
         recorder: TlogRecorder | None = None,
-        alerts: Alerts | None = None,
-        greet: Callable[[int], None] | None = None,
-        remember: Callable[[], None] | None = None,
         sinks: Sequence[Sink] = (),
-        clock: ReceiveClock | None = None,
-        peers: Peers | None = None,
-        ground: Sequence[Link] = (),
-        own: Callable[[Assessment], Assessment] | None = None,
+        identify: Callable[[Assessment], Assessment] | None = None,
     ) -> None:
-        self.clock = clock or ReceiveClock()
-        self.links, self.recorder, self.sinks = links, recorder, list(sinks)
-        self.peers = Peers() if peers is None else peers
-        self._ground = ground
-        self.watch = Watch(stamper, links, recorder, self.clock.now_us(), self.peers)
-        self.watch.told = [*links, *ground]
+        self.clock, self.links, self.peers = reception.clock, reception.links, reception.peers
+        self.recorder, self.sinks = recorder, list(sinks)
+        self.watch = Watch(reception.stamper, self.links, recorder, self.clock.now_us(), self.peers)
+        self.watch.alert_links = [*self.links, *ground.links]
         self._contested: dict[int, int] = {}
-        self._engine, self._stamper, self._alerts = engine, stamper, alerts
-        self._greet, self._remember, self._own = greet, remember, own
+        self._engine, self._stamper, self._remember = engine, reception.stamper, reception.remember
+        self._alerts, self._greeter, self._ground = ground
+        self._identify = identify
         self._identified: set[tuple[int, str | None]] = set()
         self._ticks = 0
         self._busy = False
@@ -164,15 +191,15 @@ class Session:
         now_us = self.clock.now_us()
         self._due_us = max(self._due_us + _TICK_US, now_us)
         assessment = self._engine.assessment(indicators=False)
-        self._hold_own(assessment)
+        self._check_same_aircraft(assessment)
         status, stale = self.watch.look(assessment, now_us)
         self._ticks += 1
         self.peers.forget(now_us)
-        self._tell_contested(status.link.contested, now_us)
+        self._warn_contested(status.link.contested, now_us)
         if self._remember and self._ticks % _REMEMBER_EVERY == 0:
             self._remember()
-        if self._greet:
-            self._greet(now_us)
+        if self._greeter:
+            self._greeter.heartbeat(_GREETED, now_us)
         if self._alerts:
             self._alerts.mavlink2 = self._stamper.speaks_mavlink2 or not self._stamper.frames
             self._announce(self._alerts.tick(status.actuators, now_us))
@@ -199,7 +226,7 @@ class Session:
         if self._remember:
             self._remember()
         path = str(self.recorder.path) if self.recorder else ", ".join(str(k.address) for k in self.links)
-        assessment, refusal = self._owned(self._heard(self._engine.assessment(path or None)))
+        assessment, refusal = self._identity(self._heard(self._engine.assessment(path or None)))
         for link in (*self.links, *self._ground):
             link.close()
         for sink in self.sinks:
@@ -208,17 +235,17 @@ class Session:
             raise refusal
         return assessment
 
-    def _hold_own(self, assessment: Assessment) -> None:
-        """Refuse the history of another aircraft as soon as a vehicle tells its board."""
+    def _check_same_aircraft(self, assessment: Assessment) -> None:
+        """Refuse the history of another aircraft as soon as a vehicle reports its board."""
         identified = {(flight.vehicle, flight.board) for flight in assessment.log.flight}
-        if self._own and identified != self._identified:
+        if self._identify and identified != self._identified:
             self._identified = identified
-            self._own(assessment)
+            self._identify(assessment)
 
-    def _owned(self, assessment: Assessment) -> tuple[Assessment, OtherAircraftError | None]:
+    def _identity(self, assessment: Assessment) -> tuple[Assessment, OtherAircraftError | None]:
         """Return the assessment among the earlier flights of its aircraft, or why they are of another."""
         try:
-            return (self._own(assessment) if self._own else assessment), None
+            return (self._identify(assessment) if self._identify else assessment), None
         except OtherAircraftError as error:
             log = assessment.log.model_copy(update={"notices": (*assessment.log.notices, error.problem)})
             return assessment.model_copy(update={"log": log}), error
@@ -265,19 +292,19 @@ class Session:
         if self._alerts:
             self._announce(self._alerts.take(events, faults, now_us))
 
-    def _tell_contested(self, vehicles: Sequence[int], now_us: int) -> None:
+    def _warn_contested(self, vehicles: Sequence[int], now_us: int) -> None:
         """Warn about vehicles with more than one sender, at most once a minute for each vehicle."""
-        told = []
+        notices = []
         for vehicle in vehicles:
             if now_us - self._contested.get(vehicle, 0) >= _CONTESTED_US:
                 self._contested[vehicle] = now_us
                 text = f"more than one sender speaks for vehicle {vehicle}; its verdicts mix them"
                 _LOG.warning("%s", text)
                 time_s = (now_us - (self._first_us or now_us)) / 1e6
-                told.append(Notice(time_s, vehicle, text))
-        if told:
+                notices.append(Notice(time_s, vehicle, text))
+        if notices:
             for sink in self.sinks:
-                sink.consume(told, {})
+                sink.consume(notices, {})
 
     def _announce(self, alerts: Sequence[AlertObject]) -> None:
         for alert in alerts:

@@ -2,49 +2,74 @@
 
 from __future__ import annotations
 
+import json
 import logging
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import os
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from mavhums.actuator.profile import load_airframe
-from mavhums.app import options as judging
-from mavhums.app.own_flights import among_own
+from mavhums.app.analysis import with_aircraft_identity
+from mavhums.app.settings import Options, Settings
+from mavhums.core.errors import MavhumsError
+from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
+from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
 from mavhums.health.actuator.monitor import Monitor
-from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.history.aircraft import latest
-from mavhums.history.belonging import hold_one_aircraft, swaps_of
 from mavhums.live.address import Address
-from mavhums.live.alerts import COMPONENT, Alerts
-from mavhums.live.clock import ReceiveClock
-from mavhums.live.links import Link, open_link
+from mavhums.live.alerts import COMPONENT, Alerts, Signer
+from mavhums.live.links import Link, ReceiveClock, TcpLink, UdpLink
 from mavhums.live.peers import Peers
 from mavhums.live.recorder import TlogRecorder
-from mavhums.live.seen import Seen
-from mavhums.live.session import Session, Sink
+from mavhums.live.serial import SerialLink
+from mavhums.live.session import GroundStation, Reception, Session, Sink
 from mavhums.log.mavlink.dialect import load_dialect
-from mavhums.log.mavlink.signing import SignatureGuard, load_key
+from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Piece, Stamper
-from mavhums.report.assessment import Decide
 
-__all__ = ["Options", "prepare"]
+__all__ = ["LiveOptions", "SeenSignatures", "prepare"]
 
 _LOG = logging.getLogger(__name__)
-_UNKNOWN_VEHICLE = 1
+_UNKNOWN_VEHICLE = 1  # ArduPilot's default, for a HEARTBEAT that a silent vehicle must hear first
 _HEADERS = 28  # bytes of a datagram's IPv4 and UDP headers
 _SERVO_OUTPUT_RAW = bytes.fromhex("fe150001012401000000dc05dc05dc05dc050000000000000000007188")
 
+_LINKS: Final[dict[str, Callable[[Address, ReceiveClock], Link]]] = {
+    "udpin": UdpLink,
+    "udpout": UdpLink,
+    "tcp": TcpLink,
+    "serial": SerialLink,
+}
+Stream = tuple[int, int, int]
 
-@dataclass(frozen=True, slots=True)
-class Options:
-    """The options of ``mavhums live``, under the same names.
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveOptions:
+    """The options of ``mavhums live``.
+
+    Attributes
+    ----------
+    urls
+        Addresses of the links.
+    judging
+        By what the links are judged. Their signatures are checked before the engine; the newest ones are
+        stored beside the key, if that is a file.
+    record
+        The .tlog to write; None for none.
+    alerts
+        Whether alerts are sent to the ground station over the links.
+    alerts_to
+        Address to which alerts are sent instead.
+    component
+        Component id of the alerts' sender.
 
     Raises
     ------
@@ -53,40 +78,18 @@ class Options:
     """
 
     urls: Sequence[str]
-    airframe: str | None = None
-    model: str | None = None
-    decide: Decide = "physics"
-    dialect: Path | None = None
-    false_alarms: float = FALSE_ALARMS
-    history: judging.History | Path | None = None
-    aircraft_table: Path | None = None
-    dates: Sequence[tuple[str | None, datetime]] = ()
-    key: Path | None = None
+    judging: Options | Settings = field(default_factory=Options)
     record: Path | None = None
     alerts: bool = False
     alerts_to: str | None = None
     component: int = COMPONENT
-
-    @property
-    def judging(self) -> judging.Options:
-        """The options by which the links are judged; signatures are checked before the engine."""
-        return judging.Options(
-            airframe=self.airframe,
-            model=self.model,
-            decide=self.decide,
-            history=self.history,
-            aircraft_table=self.aircraft_table,
-            since=dict(self.dates),
-            false_alarms=self.false_alarms,
-            dialect=self.dialect,
-        )
 
     def __post_init__(self) -> None:
         for url in (*self.urls, *filter(None, [self.alerts_to])):
             Address.parse(url)
 
 
-def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: bool = False) -> Session:
+def prepare(options: LiveOptions, sinks: Sequence[Sink] = (), *, vehicle_states: bool = False) -> Session:
     """Return a session that already listens; ``vehicle_states`` as in :class:`mavhums.Engine`.
 
     Raises
@@ -96,33 +99,26 @@ def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: boo
     """
     addresses = [Address.parse(url) for url in options.urls]
     ground = [Address.parse(options.alerts_to)] if options.alerts_to else []
-    key = load_key(options.key) if options.key else None
-    owned = _owned(options.judging)
-    judged_by = replace(owned, vehicle_states=vehicle_states).resolved()
-    seen = Seen(options.key) if options.key else None
-    guard = SignatureGuard(key, before=seen.load()) if key and seen else None
-    _warm_up(judged_by)
+    settings = _of_one_aircraft(Settings.read(options.judging))
+    key, file = settings.engine.key, getattr(options.judging, "key", None)
+    seen = SeenSignatures(Path(file)) if isinstance(file, str | os.PathLike) else None
+    guard = SignatureGuard(key, before=seen.load() if seen else None) if key else None
+    engine = replace(settings.with_baselines(), key=None, vehicle_states=vehicle_states)
+    _warm_up(engine)
     recorder = TlogRecorder(options.record) if options.record else None
-    clock = ReceiveClock()
+    clock, peers = ReceiveClock(), Peers()
     links = _open(addresses, clock, signed_only=key is not None)
     ground_links = _open(ground, clock, signed_only=key is not None) if ground else links
-    peers = Peers()
-    stamper = Stamper(load_dialect(options.dialect), guard, hear=peers.hear)
+    stamper = Stamper(load_dialect(_dialect(engine)), guard, hear=peers.hear)
+    reception = Reception(stamper, links, clock, peers)
+    if seen and guard:
+        reception.remember = lambda: seen.save(guard.latest)
 
     def voice(to: Sequence[Link], unknown: int | None) -> Alerts:
-        def send(frame: bytes, vehicle: int) -> None:
-            heard = []
-            if any(link.address.kind == "udpin" for link in to):
-                speaking = peers.speaking_for(vehicle, clock.now_us())
-                heard = [peer for peer in speaking if peers.afford(peer, len(frame) + _HEADERS)]
-            for link in to:
-                link.send(frame, heard)
-
         return Alerts(
-            send,
+            partial(_send, reception, to),
             component=options.component,
-            key=key,
-            newest_ticks=lambda: guard.newest if guard else 0,
+            signer=Signer(key, lambda: guard.newest if guard else 0) if key else None,
             start_us=clock.now_us(),
             unknown=unknown,
         )
@@ -132,38 +128,43 @@ def prepare(options: Options, sinks: Sequence[Sink] = (), *, vehicle_states: boo
     alerts = voice(ground_links, _UNKNOWN_VEHICLE if callers and not ground else None) if speaks else None
     greeter = voice(callers, None) if callers and (ground or not speaks) else None
     return Session(
-        Engine(judged_by),
-        stamper,
-        links,
+        Engine(engine),
+        reception,
+        GroundStation(alerts, greeter, ground_links if ground else ()),
         recorder=recorder,
-        alerts=alerts,
-        greet=(lambda now_us: greeter.heartbeat(_UNKNOWN_VEHICLE, now_us)) if greeter else None,
-        remember=(lambda: seen.save(guard.latest)) if seen and guard else None,
         sinks=sinks,
-        clock=clock,
-        peers=peers,
-        ground=ground_links if ground else (),
-        own=partial(among_own, options=owned),
+        identify=partial(with_aircraft_identity, settings=settings),
     )
 
 
-def _owned(options: judging.Options) -> judging.Options:
-    """Return the options with the history and the table read, if the history is of one aircraft."""
-    history, table = options.flights(), options.whose().table
+def _send(reception: Reception, to: Sequence[Link], frame: bytes, vehicle: int) -> None:
+    """Send a frame about a vehicle to the peers that speak for it, as far as they may receive."""
+    heard: list[Hashable] = []
+    if any(link.address.kind == "udpin" for link in to):
+        peers = reception.peers
+        speaking = peers.speaking_for(vehicle, reception.clock.now_us())
+        heard = [peer for peer in speaking if peers.afford(peer, len(frame) + _HEADERS)]
+    for link in to:
+        link.send(frame, heard)
+
+
+def _of_one_aircraft(settings: Settings) -> Settings:
+    """Return the settings with the dates of all swaps up to now, if the history is of one aircraft."""
+    history, table = settings.history, settings.whose.table
     for error in history.errors:
         _LOG.warning("%s", error)
-    hold_one_aircraft(history, table)
-    since = latest(options.since, swaps_of(history, table, datetime.now(UTC)))
-    return replace(options, history=history, aircraft_table=table, since=since)
+    check_one_aircraft(history, table)
+    since = latest(settings.since, swaps_of(history, table, datetime.now(UTC)))
+    return replace(settings, since=since)
 
 
 def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: bool) -> list[Link]:
     links: list[Link] = []
     try:
         for address in addresses:
-            links.append(open_link(address, clock))
+            links.append(_LINKS[address.kind](address, clock))
             if address.exposed:
-                trust = "" if signed_only else ", and nothing tells who; --key accepts only signed frames"
+                trust = "" if signed_only else ", without authentication; --key accepts only signed frames"
                 _LOG.warning("%s: not only this computer can send here%s", address, trust)
     except BaseException:
         for link in links:
@@ -172,9 +173,13 @@ def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: boo
     return links
 
 
+def _dialect(options: EngineOptions) -> Path | None:
+    return None if options.dialect is None else Path(options.dialect)
+
+
 def _warm_up(options: EngineOptions) -> None:
     """Compile the loops before the session, so that no data are lost during compilation."""
-    dialect = None if options.dialect is None else Path(options.dialect)
+    dialect = _dialect(options)
     stamper, airframe = Stamper(load_dialect(dialect)), load_airframe("paper")
     records = stamper.feed([Piece(None, 0, _SERVO_OUTPUT_RAW)])
     engine = Engine(EngineOptions(airframe, options.models, dialect=dialect))
@@ -184,3 +189,49 @@ def _warm_up(options: EngineOptions) -> None:
     list(Monitor(0, airframe.actuators[0]).feed(samples, np.zeros((samples.size, len(KEYS)))))
     for model in options.models:
         model.votes(np.zeros((1, len(KEYS))))
+
+
+class SeenSignatures:
+    """Keeps the accepted time stamps between sessions, so that a replayed recording is never accepted as new.
+
+    Parameters
+    ----------
+    key
+        File of the key; the time stamps are stored beside it, as ``KEY.seen``.
+    """
+
+    def __init__(self, key: Path) -> None:
+        self._path = key.with_name(f"{key.name}.seen")
+        self._saved: dict[Stream, int] = {}
+        self._complained = False
+
+    def load(self) -> dict[Stream, int]:
+        """Return the newest time stamp by link, system and component; empty if none is stored."""
+        try:
+            kept = json.loads(self._path.read_text(encoding="ascii"))
+            self._saved = {_stream(name): int(ticks) for name, ticks in kept.items()}
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError, AttributeError, TypeError) as error:
+            _LOG.warning("%s: %s; replays of former sessions cannot be recognised", self._path, error)
+            return {}
+        return dict(self._saved)
+
+    def save(self, latest: Mapping[Stream, int]) -> None:
+        """Store the newest time stamps."""
+        if latest == self._saved:
+            return
+        try:
+            with written_whole(self._path) as temporary:
+                kept = {"/".join(map(str, stream)): ticks for stream, ticks in latest.items()}
+                temporary.write_text(json.dumps(kept), encoding="ascii")
+            self._saved = dict(latest)
+        except MavhumsError as error:
+            if not self._complained:
+                _LOG.warning("%s; a replay of this session will not be recognised by the next", error)
+            self._complained = True
+
+
+def _stream(name: str) -> Stream:
+    link, system, component = map(int, name.split("/"))
+    return link, system, component

@@ -58,7 +58,7 @@ class Watch:
     ----------
     outlets
         Outputs whose losses are reported.
-    told
+    alert_links
         Links that send alerts.
     """
 
@@ -71,7 +71,7 @@ class Watch:
         peers: Peers | None = None,
     ) -> None:
         self.outlets: list[Outlet[Any]] = []
-        self.told: Sequence[Link] = links
+        self.alert_links: Sequence[Link] = links
         self._peers = Peers() if peers is None else peers
         self._stamper, self._links, self._recorder = stamper, links, recorder
         self._start_us = self._looked_us = start_us
@@ -137,15 +137,15 @@ class Watch:
 
     def outputs(self) -> tuple[OutputStatus, ...]:
         """Return the outputs that dropped items."""
-        told = [
+        lossy = [
             OutputStatus(name=o.name, dropped=o.dropped, error=o.error) for o in self.outlets if o.dropped
         ]
         unsent = [
             OutputStatus(name=f"alerts to {link.address}", dropped=link.unsent, error=None)
-            for link in self.told
+            for link in self.alert_links
             if link.unsent
         ]
-        return (*told, *unsent)
+        return (*lossy, *unsent)
 
     def record(self) -> RecordStatus | None:
         """Return the state of the recording."""

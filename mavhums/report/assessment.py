@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from importlib import resources
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
@@ -32,6 +32,7 @@ __all__ = [
     "DECIDE",
     "NOTICE",
     "READABLE",
+    "RECORD",
     "SCHEMA",
     "Assessment",
     "Coverage",
@@ -48,11 +49,15 @@ __all__ = [
     "Verdict",
     "exit_code_of",
     "json_schema",
+    "without_record",
 ]
 
 SCHEMA = "mavhums.assessment/2"
 READABLE = ("mavhums.assessment/1", SCHEMA)
 """Versions whose objects are still read: version 2 adds fields; ``network`` replaces one number."""
+
+RECORD: Final[dict[str, Any]] = {"verdicts": {"__all__": {"own"}}}
+"""Fields that only a later comparison needs: in a kept flight's record, and not in the public JSON."""
 
 
 ALL = "all"
@@ -189,7 +194,8 @@ class Verdict(Contract):
     and ``limits`` are those by which it was judged.
     ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
     ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
-    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``. ``network``
+    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``;
+    ``advice`` is the recommended action, which files of earlier versions lack. ``network``
     is what a network says of its friction; None if none covers the log.
 
     Examples
@@ -218,6 +224,7 @@ class Verdict(Contract):
     own: tuple[OwnRecord, ...] = ()
     reason: str | None = None
     remedy: str | None = None
+    advice: str | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -278,7 +285,7 @@ class Assessment(Contract):
 
     def to_json(self, *, indent: int | None = 2) -> str:
         """Return the assessment as JSON that follows ``schema/assessment-2.json``."""
-        return self.model_dump_json(by_alias=True, indent=indent)
+        return self.model_dump_json(by_alias=True, indent=indent, exclude=RECORD)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row per verdict, with the friction interval in columns of its own."""
@@ -369,11 +376,19 @@ def json_schema() -> dict[str, Any]:
     return schema
 
 
+def without_record(definitions: dict[str, Any]) -> None:
+    """Take the fields of :data:`RECORD` out of the definitions of a schema."""
+    verdict = definitions["Verdict"]
+    del verdict["properties"]["own"], definitions["OwnRecord"]
+    verdict["required"] = [name for name in verdict.get("required", ()) if name != "own"]
+
+
 def _generate_schema() -> dict[str, Any]:
     schema = Assessment.model_json_schema(by_alias=True, mode="serialization")
     for part in (schema, *schema["$defs"].values()):
         if "description" in part:
             part["description"] = part["description"].split("\n\nExamples")[0]
+    without_record(schema["$defs"])
     provenance = schema["$defs"]["Verdict"]["properties"]["provenance"]
     provenance["propertyNames"] = {"enum": list(KEYS)}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": SCHEMA, **schema}

@@ -14,7 +14,7 @@ from pydantic import Field, TypeAdapter
 
 from mavhums.core.conditions import Condition
 from mavhums.core.models import Contract
-from mavhums.report.assessment import Assessment, Interval, Suspect
+from mavhums.report.assessment import Assessment, Interval, Suspect, without_record
 
 __all__ = [
     "SCHEMA",
@@ -233,6 +233,7 @@ def json_schema() -> dict[str, Any]:
 
 def _generate_schema() -> dict[str, Any]:
     schema = TypeAdapter(LiveObject).json_schema(by_alias=True, mode="serialization")
+    without_record(schema["$defs"])
     for part in schema["$defs"].values():
         if "description" in part:
             part["description"] = part["description"].split("\n\nExamples")[0]

@@ -13,12 +13,12 @@ from nicegui import ui
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError
 from mavhums.core.packed import ARCHIVES, COMPRESSED
-from mavhums.history.aircraft import UnnamedAircraftError
+from mavhums.flights.aircraft import UnnamedAircraftError
 from mavhums.serve.options import Fleet
-from mavhums.serve.rendering import render
 from mavhums.serve.sessions import Dropped, Session, Sessions
+from mavhums.show.html_environment import environment
 
-__all__ = ["Home"]
+__all__ = ["Home", "markup", "render"]
 
 _EVERY_S: Final = 0.2
 _Keep = Callable[[Dropped, str], Awaitable[None]]
@@ -34,7 +34,7 @@ class Home:
     fleet
         The store in which logs can be kept; None without one.
     where
-        What is told about the place of the logs.
+        What the page says about the place of the logs.
     """
 
     def __init__(self, sessions: Sessions, session: Session, fleet: Fleet | None, where: str) -> None:
@@ -44,7 +44,7 @@ class Home:
         self._shown: tuple[str, str] | None = None
         limit = sessions.limits.log_bytes
         told = {"limit_bytes": limit, "limit_mb": f"{limit // 1_000_000:,}", "where": where}
-        _html(render("drop.html", packed=(*COMPRESSED, *ARCHIVES), **told))
+        markup(render("drop.html", packed=(*COMPRESSED, *ARCHIVES), **told))
         self._list = ui.element("ul").classes("logs").props('aria-label="Logs"')
         self._place = ui.element("section").classes("shown").props('aria-label="The answer"')
         ui.timer(_EVERY_S, self.update)
@@ -79,7 +79,7 @@ class Home:
         self._sessions.remove(self._session, log)
 
     async def keep(self, log: Dropped, aircraft: str | None = None) -> None:
-        """Keep a log in the store; where the store cannot tell its aircraft, ask the user."""
+        """Keep a log in the store; where the store cannot identify its aircraft, ask the user."""
         assert self._fleet
         log.kept, log.asked = "being kept in the store …", None
         try:
@@ -110,11 +110,11 @@ class Home:
             return
         with self._place:
             if wanted[1] == "answer":
-                _html(f"The answer for {escape(log.name)}", "h2")
+                markup(f"The answer for {escape(log.name)}", "h2")
                 _frame("answer", f"/logs/{log.id}/report", f"Answer for {log.name}", sandboxed=True)
             else:
-                _html(f"3-D view of {escape(log.name)}", "h2")
-                self._waits = _html("Preparing the recording …", "p").props("role=status")
+                markup(f"3-D view of {escape(log.name)}", "h2")
+                self._waits = markup("Preparing the recording …", "p").props("role=status")
 
     def _view_when_ready(self) -> None:
         assert self._shown
@@ -141,13 +141,13 @@ class _Row:
         self._classes = ""
         self._item = ui.element("li").classes("log")
         with self._item:
-            self._text = _html("")
+            self._text = markup("")
             self._actions = ui.element("div").classes("actions")
         with self._actions:
             self._answer = _button("Show the answer", log, lambda: home.choose(log, "answer"))
             self._view = _button("Open in the 3-D viewer", log, lambda: home.choose(log, "view"))
             save = f"/logs/{log.id}/report?save=1"
-            self._save = _html("Save the report", "a").classes("button").props(f'href="{save}" download')
+            self._save = markup("Save the report", "a").classes("button").props(f'href="{save}" download')
             self._keep = _button("Keep in the store", log, lambda: home.keep(log)) if home.keeps else None
             self._remove = _button("Remove", log, lambda: home.remove(log))
         self._asked = _Asked(self._item, log, home.keep)
@@ -213,7 +213,7 @@ class _Asked:
 
 def _button(text: str, log: Dropped, clicked: Callable[[], object]) -> ui.html:
     label = f'{text}<span class="hidden-text">: {escape(log.name)}</span>'
-    return _html(label, "button").props("type=button").on("click", clicked)
+    return markup(label, "button").props("type=button").on("click", clicked)
 
 
 def _frame(kind: str, address: str, title: str, *, sandboxed: bool) -> None:
@@ -224,6 +224,11 @@ def _frame(kind: str, address: str, title: str, *, sandboxed: bool) -> None:
         frame.props["sandbox"] = "allow-same-origin"
 
 
-def _html(content: str, tag: str = "div") -> ui.html:
+def markup(content: str, tag: str = "div") -> ui.html:
     """Add markup in which every text is escaped."""
     return ui.html(content, sanitize=False, tag=tag)
+
+
+def render(template: str, **values: object) -> str:
+    """Return a template of this room with its values; every text in it is escaped."""
+    return environment("mavhums.serve").get_template(template).render(**values)

@@ -29,7 +29,7 @@ _OBJECT: Final[TypeAdapter[LiveObject]] = TypeAdapter(LiveObject)
 
 
 class Seen(NamedTuple):
-    """A session as its file tells it.
+    """A session as its file describes it.
 
     Attributes
     ----------

@@ -5,22 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
+from mavhums.app.settings import Options
 from mavhums.report.assessment import Assessment, Verdict
 from mavhums.report.trend import TrendReport
 
-__all__ = ["Fleet", "Judging", "LastFlight", "Limits", "ServeOptions"]
-
-
-class Judging(NamedTuple):
-    """The options of each judgement, as in :class:`mavhums.Options`; all are texts or numbers."""
-
-    airframe: str | None = None
-    model: str | None = None
-    history: str | None = None
-    dialect: str | None = None
-    false_alarms: float = 1.0
+__all__ = ["Fleet", "LastFlight", "Limits", "ServeOptions"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +81,7 @@ class Fleet(Protocol):
         Raises
         ------
         UnnamedAircraftError
-            If the store cannot tell its aircraft, and none is given.
+            If the store cannot identify its aircraft, and none is given.
         """
 
 
@@ -105,7 +96,7 @@ class ServeOptions:
     public
         Name, with its port if it has one, under which a proxy with TLS serves the page; None without one.
     judging
-        Options of each judgement.
+        Options of each judgement: names, files and numbers, for the processes that judge.
     limits
         What one user and one log may use.
     fleet
@@ -119,7 +110,7 @@ class ServeOptions:
     host: str = "127.0.0.1"
     port: int = 8080
     public: str | None = None
-    judging: Judging = field(default_factory=Judging)
+    judging: Options = field(default_factory=Options)
     limits: Limits = field(default_factory=Limits)
     fleet: Fleet | None = None
     live: tuple[Path, ...] = ()

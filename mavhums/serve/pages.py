@@ -15,10 +15,9 @@ from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError
 from mavhums.serve.fleet_view import AircraftLine, aircraft_lines, flight_lines, trends_shown
 from mavhums.serve.guard import SESSION, is_loopback
-from mavhums.serve.home import Home
+from mavhums.serve.home import Home, markup, render
 from mavhums.serve.live_lines import LiveFile
 from mavhums.serve.options import Fleet, ServeOptions
-from mavhums.serve.rendering import render
 from mavhums.serve.sessions import Sessions
 from mavhums.show.trend import headline
 
@@ -39,7 +38,7 @@ def add_pages(sessions: Sessions, options: ServeOptions) -> None:
     def begin(here: str) -> None:
         ui.add_head_html(render("head.html"))
         if len(pages) > 1:
-            _html(render("nav.html", pages=pages, here=here))
+            markup(render("nav.html", pages=pages, here=here))
 
     @ui.page("/", title="mavhums: drop a log")
     def home(request: Request) -> None:
@@ -47,7 +46,7 @@ def add_pages(sessions: Sessions, options: ServeOptions) -> None:
         try:
             session = sessions.get(request.scope[SESSION])
         except MavhumsError as error:
-            _html(render("problem.html", problem=f"{error.problem}: {error.remedy}"))
+            markup(render("problem.html", problem=f"{error.problem}: {error.remedy}"))
             return
         where = (
             "nothing leaves it"
@@ -75,7 +74,7 @@ def _add_fleet(fleet: Fleet, begin: Callable[[str], None]) -> None:
         tally = Counter(line.condition for line in lines)
         order = sorted(tally.items(), key=lambda one: -URGENCY[one[0]])
         more = len(lines) > _AIRCRAFT
-        _html(render("fleet.html", lines=lines[:_AIRCRAFT], tally=order, problem=problem, more=more))
+        markup(render("fleet.html", lines=lines[:_AIRCRAFT], tally=order, problem=problem, more=more))
 
     @ui.page("/fleet/aircraft", title="mavhums: an aircraft", response_timeout=_PATIENCE_S)
     async def aircraft_page(name: str = "") -> None:
@@ -84,7 +83,7 @@ def _add_fleet(fleet: Fleet, begin: Callable[[str], None]) -> None:
             report = await asyncio.to_thread(fleet.trend, name)
             flights = await asyncio.to_thread(fleet.flights, name)
         except MavhumsError as error:
-            _html(render("aircraft.html", name=name, problem=f"{error.problem}: {error.remedy}"))
+            markup(render("aircraft.html", name=name, problem=f"{error.problem}: {error.remedy}"))
             return
         values = {
             "report": report,
@@ -92,24 +91,19 @@ def _add_fleet(fleet: Fleet, begin: Callable[[str], None]) -> None:
             "trends": trends_shown(report),
             "flights": flight_lines(name, flights),
         }
-        _html(render("aircraft.html", name=name, problem="", **values))
+        markup(render("aircraft.html", name=name, problem="", **values))
 
 
 def _add_live(paths: Sequence[Path], begin: Callable[[str], None]) -> None:
     @ui.page("/live", title="mavhums: live sessions")
     def live_page() -> None:
         begin("/live")
-        _html("Live sessions", "h1")
+        markup("Live sessions", "h1")
         files = [LiveFile(path) for path in paths]
-        place = _html("")
+        place = markup("")
 
         async def look() -> None:
             seen = await asyncio.to_thread(lambda: [file.seen() for file in files])
             place.set_content(render("live.html", sessions=seen))
 
         ui.timer(_LIVE_S, look)
-
-
-def _html(content: str, tag: str = "div") -> ui.html:
-    """Add markup that :func:`render` made, in which every text is escaped."""
-    return ui.html(content, sanitize=False, tag=tag)

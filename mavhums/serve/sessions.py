@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from mavhums.app.settings import Options
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.options import Judging, Limits
+from mavhums.serve.options import Limits
 from mavhums.serve.uploads import is_archive, receive, safe_name
 from mavhums.serve.workers import Workers
 
@@ -32,7 +33,7 @@ class Dropped:
     recording
         Whether there is a Rerun recording of it: ``""`` none yet, ``making``, ``ready``, or the problem.
     kept
-        What is told of keeping it in the store.
+        What the page says of keeping it in the store.
     note
         Which archive it came in, and what else that held.
     asked
@@ -98,10 +99,10 @@ class Sessions:
         The processes that judge.
     """
 
-    def __init__(self, limits: Limits, judging: Judging, workers: Workers) -> None:
+    def __init__(self, limits: Limits, judging: Options, workers: Workers) -> None:
         self.limits = limits
         self.folder = Path(tempfile.mkdtemp(prefix="mavhums-page-"))
-        self._judging = judging
+        self._options = judging.as_texts()
         self._workers = workers
         self._sessions: dict[str, Session] = {}
 
@@ -236,7 +237,7 @@ class Sessions:
     async def _run(
         self, session: Session, log: Dropped, job: dict[str, Any], progress: Any
     ) -> dict[str, Any]:
-        whole = job | {"log": str(log.path), "options": self._judging._asdict()}
+        whole = job | {"log": str(log.path), "options": self._options}
         return await self._workers.run(session.id, whole, progress)
 
     def _begin(self, session: Session, work: Coroutine[Any, Any, None]) -> None:

@@ -13,13 +13,14 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-from mavhums.core.errors import MavhumsError
+from mavhums.app.analysis import Failed, Outputs, judge
+from mavhums.app.settings import Options, Settings
+from mavhums.app.warm_up import warm_up
 from mavhums.core.packed import ArchiveError
-
-if TYPE_CHECKING:
-    from mavhums.app.options import Options
+from mavhums.serve.uploads import take_logs
+from mavhums.show.html import in_brief
 
 __all__ = ["main"]
 
@@ -28,7 +29,7 @@ _FILES: Final = 256
 
 Job = dict[str, Any]
 Tell = Callable[[Job], None]
-Among = Callable[[str, "Options"], "Options"]
+Among = Callable[[str, Settings], Settings]
 
 
 def main(memory_bytes: int, among: Among | None = None) -> None:
@@ -39,7 +40,7 @@ def main(memory_bytes: int, among: Among | None = None) -> None:
     memory_bytes
         Most memory that this process may use.
     among
-        Returns the options for a log among earlier flights that only the caller knows; None for no others.
+        Returns the settings for a log among earlier flights that only the caller knows; None for no others.
     """
     output = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # what a library prints must not be taken for an answer
@@ -51,10 +52,10 @@ def main(memory_bytes: int, among: Among | None = None) -> None:
         output.write(json.dumps(content) + "\n")
         output.flush()
 
-    _prepare()
+    warm_up()  # loads and compiles what the first log needs
     tell({"ready": True})
     while True:
-        tell(_done(jobs.get(), tell, among or (lambda _, options: options)))
+        tell(_done(jobs.get(), tell, among or (lambda _, settings: settings)))
 
 
 def _listen(jobs: queue.SimpleQueue[Job]) -> None:
@@ -76,49 +77,32 @@ def _limit(memory_bytes: int) -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (memory_bytes, memory_bytes))
 
 
-def _prepare() -> None:
-    """Load and compile what the first log needs."""
-    from mavhums.app.warm_up import warm_up
-
-    warm_up()
-
-
 def _done(job: Job, tell: Tell, among: Among) -> Job:
     """Return the answer to a job, whatever happens."""
+    log = Path(job["log"])
     try:
         if job["do"] == "unpack":
             return _unpack(job)
-        options = among(job["log"], _options(job))
-        return _record(job, options) if job["do"] == "record" else _judge(job, options, tell)
-    except ArchiveError as error:
-        return {
-            "problem": _without_folder(error.problem, job),
-            "remedy": "unpack it, and drop the logs in it",
-        }
-    except MavhumsError as error:
-        return {
-            "problem": _without_folder(error.problem, job),
-            "remedy": _without_folder(error.remedy, job),
-        }
-    except MemoryError:
-        return {
-            "problem": "needs more memory than the page allows",
-            "remedy": "judge it with mavhums analyse",
-        }
+        settings = among(job["log"], _settings(job))
     except Exception as error:
-        problem = f"cannot be judged: {type(error).__name__}: {str(error)[:200]}"
-        return {"problem": problem, "remedy": "please report it with the log, if you may share it"}
+        return _refusal(Failed.of(log, error), job)
+    outputs = Outputs(report=job["report"]) if job["do"] == "judge" else Outputs(recording=job["recording"])
+    judged = judge(log, settings, outputs, _reporting(tell))
+    if isinstance(judged, Failed):
+        return _refusal(judged, job)
+    return {"brief": in_brief(judged.assessment)._asdict()} if job["do"] == "judge" else {"recorded": True}
 
 
-def _without_folder(text: str, job: Job) -> str:
-    """Return a problem or remedy without the temporary folder of the log."""
-    return text.replace(f"{Path(job['log']).parent}{os.sep}", "")
+def _refusal(failed: Failed, job: Job) -> Job:
+    """Return problem and remedy without the temporary folder of the log."""
+    unpacked = "unpack it, and drop the logs in it"
+    remedy = unpacked if isinstance(failed.cause, ArchiveError) else failed.remedy
+    folder = f"{Path(job['log']).parent}{os.sep}"
+    return {"problem": failed.problem.replace(folder, ""), "remedy": remedy.replace(folder, "")}
 
 
-def _judge(job: Job, options: Options, tell: Tell) -> Job:
-    from mavhums.app.report import write_report
-    from mavhums.show.html import in_brief
-
+def _reporting(tell: Tell) -> Callable[[int], None]:
+    """Return a function that reports how much was read, some times a second."""
     told_s = 0.0
 
     def progress(read: int) -> None:
@@ -127,28 +111,16 @@ def _judge(job: Job, options: Options, tell: Tell) -> Job:
             told_s = time.monotonic()
             tell({"read": read})
 
-    assessment = write_report(job["log"], job["report"], options, progress=progress)
-    return {"brief": in_brief(assessment)._asdict()}
+    return progress
 
 
 def _unpack(job: Job) -> Job:
-    from mavhums.serve.archives import take_logs
-
     taken = take_logs(Path(job["log"]), Path(job["into"]), job["most_bytes"], job["most_logs"])
     return {"logs": None} if taken is None else {"logs": list(map(str, taken.logs)), "others": taken.others}
 
 
-def _record(job: Job, options: Options) -> Job:
-    from mavhums.app.analysis import analyse
-
-    analyse(job["log"], options, recording=job["recording"])
-    return {"recorded": True}
-
-
-def _options(job: Job) -> Options:
-    from mavhums.app.options import Options
-
-    return Options(**job["options"])
+def _settings(job: Job) -> Settings:
+    return Settings.read(Options(**job["options"]))
 
 
 if __name__ == "__main__":

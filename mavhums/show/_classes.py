@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array
 from mavhums.health.decision.events import Classified
 from mavhums.show._stream import send
 from mavhums.show._thin import Thinner
@@ -24,8 +24,6 @@ _STYLE: Final = rr.SeriesLines(
     widths=0.75,
     aggregation_policy=rr.components.AggregationPolicy.MinMax,  # the mean of a pixel would be no class
 )
-
-_Floats = NDArray[np.float64]
 
 
 class Classes:
@@ -52,7 +50,7 @@ class Classes:
         self._stream, self._path, self._live = stream, path, live
         self._names: list[str] = [_ABSTAINS]
         self._thinner = Thinner(2, 4 if live else _CAPACITY)
-        self._recent: list[tuple[_Floats, _Floats]] = []
+        self._recent: list[tuple[Array, Array]] = []
         self._last = np.nan
         self._drawn = False
 
@@ -82,7 +80,7 @@ class Classes:
         if self.any and not self._live:
             self._write(*self._thinner.rows())
 
-    def _write(self, time: _Floats, rows: _Floats) -> None:
+    def _write(self, time: Array, rows: Array) -> None:
         if not self._drawn:
             self._drawn = True
             self._stream.log(f"{self._path}/samples", _STYLE, static=True)

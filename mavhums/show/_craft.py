@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
+from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
 from mavhums.show._places import V_TAIL, Place, kind, places
 from mavhums.show._stream import send
@@ -21,8 +21,6 @@ _STEP_S: Final = 0.04
 _THICK: Final = 0.014
 _LABELLED: Final = 8
 _V1, _V3 = KEYS.index("V1"), KEYS.index("V3")
-
-_Floats = NDArray[np.float64]
 
 
 def craft_path(vehicle: int | None) -> str:
@@ -53,7 +51,7 @@ class Surface:
         stream.log(path.rsplit("/", 1)[0], hinge, static=True)
         stream.log(path, box, static=True)
 
-    def move(self, time_s: _Floats, values: _Floats) -> None:
+    def move(self, time_s: Array, values: Array) -> None:
         """Rotate the surface by V3, or by V1 if the log has no V3; positive is trailing edge down or left.
 
         Poses are at least 40 ms apart, which looks smooth.
@@ -114,7 +112,7 @@ class Craft:
             named = len(actuators) <= _LABELLED
             self.surfaces[actuator.name] = Surface(self._stream, path, actuator, place, named=named)
 
-    def attitude(self, time_s: _Floats, roll_pitch_yaw_rad: _Floats) -> None:
+    def attitude(self, time_s: Array, roll_pitch_yaw_rad: Array) -> None:
         """Rotate the airframe; the heading is separate, so that a view can follow it."""
         roll, pitch, yaw = (roll_pitch_yaw_rad[:, k] for k in range(3))
         heading = [rr.RotationAxisAngle((0, 0, 1), radians=-angle) for angle in yaw.tolist()]

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
 from mavhums.show._stream import send
 from mavhums.show._thin import Thinner
@@ -24,8 +24,6 @@ _RECENT_S, _RECENT_ROWS = 60.0, 20000
 _WINDOWS: Final = 20
 _GAP_S: Final = 3.0
 _NOTHING: Final = np.full((1, len(KEYS)), np.nan)
-
-_Floats = NDArray[np.float64]
 
 
 class Signals:
@@ -50,20 +48,20 @@ class Signals:
     """
 
     def __init__(
-        self, stream: rr.RecordingStream, path: str, *, live: bool, moved: Callable[[_Floats, _Floats], None]
+        self, stream: rr.RecordingStream, path: str, *, live: bool, moved: Callable[[Array, Array], None]
     ) -> None:
         self.present: set[str] = set()
         self._stream, self._path, self._live, self._moved = stream, path, live, moved
         self._written: set[str] = set()
         self._written_s: float | None = None
         self._thinner = Thinner(len(KEYS), 4 if live else _CAPACITY)
-        self._recent: deque[tuple[_Floats, _Floats]] = deque()
+        self._recent: deque[tuple[Array, Array]] = deque()
         self._recent_rows = 0
         self._pending: list[tuple[float, float]] = []
         self._whole: list[tuple[float, float]] = []
         self._marked_s = -np.inf
 
-    def add(self, time_s: _Floats, values: _Floats) -> None:
+    def add(self, time_s: Array, values: Array) -> None:
         """Add samples: increasing times of shape (n,), values V1…V12 of shape (n, 12)."""
         self.present |= _given(values)
         self._recent.append((time_s, values))
@@ -121,11 +119,11 @@ class Signals:
                 self._write(time[rows], values[rows])
                 self._whole.append((float(time[rows][0]), window[1]))
 
-    def _joined(self) -> tuple[_Floats, _Floats]:
+    def _joined(self) -> tuple[Array, Array]:
         time = np.concatenate([part for part, _ in self._recent])
         return time, np.concatenate([part for _, part in self._recent])
 
-    def _write(self, time: _Floats, values: _Floats) -> None:
+    def _write(self, time: Array, values: Array) -> None:
         """Write rows, and an empty row at each gap, so that no line crosses it."""
         self._moved(time, values)
         if self._written_s is not None:
@@ -143,7 +141,7 @@ class Signals:
             rows = slice(start, start + _ROWS_PER_CHUNK)
             self._write_chunk(time[rows], values[rows])
 
-    def _write_chunk(self, time: _Floats, values: _Floats) -> None:
+    def _write_chunk(self, time: Array, values: Array) -> None:
         self._written |= _given(values)
         columns = {
             key: rr.components.ScalarBatch(values[:, place])
@@ -155,6 +153,6 @@ class Signals:
             send(self._stream, self._path, time, content)
 
 
-def _given(values: _Floats) -> set[str]:
+def _given(values: Array) -> set[str]:
     """Return the quantities with data in any of the rows."""
     return {KEYS[place] for place in np.flatnonzero(np.isfinite(values).any(axis=0)).tolist()}

@@ -7,9 +7,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array
+
 __all__ = ["Thinner"]
 
-_Floats = NDArray[np.float64]
 _BATCH = 4096
 
 
@@ -46,17 +47,17 @@ class Thinner:
         self._time = np.empty(capacity)
         self._values = np.empty((capacity, columns))
         self._size = 0
-        self._waiting: list[tuple[_Floats, _Floats]] = []
+        self._waiting: list[tuple[Array, Array]] = []
         self._waiting_rows = 0
 
-    def add(self, time_s: _Floats, values: _Floats) -> None:
+    def add(self, time_s: Array, values: Array) -> None:
         """Add rows: times of shape (n,), increasing, and values of shape (n, columns)."""
         self._waiting.append((time_s, values))
         self._waiting_rows += time_s.size
         if self._waiting_rows >= max(_BATCH, 2 * self.group):
             self._take(final=False)
 
-    def rows(self) -> tuple[_Floats, _Floats]:
+    def rows(self) -> tuple[Array, Array]:
         """Return the kept rows: times of shape (m,) and values of shape (m, columns)."""
         self._take(final=True)
         return self._time[: self._size], self._values[: self._size]
@@ -94,18 +95,18 @@ class Thinner:
     def _whole(self, rows: int) -> int:
         return rows - rows % self.group
 
-    def _thinned(self, time: _Floats, values: _Floats) -> tuple[_Floats, _Floats]:
+    def _thinned(self, time: Array, values: Array) -> tuple[Array, Array]:
         if self.group == 1 or time.size < 2:
             return time, values
         return self._merge(time, values, min(self.group, time.size))
 
-    def _append(self, time: _Floats, values: _Floats) -> None:
+    def _append(self, time: Array, values: Array) -> None:
         end = self._size + time.size
         self._time[self._size : end], self._values[self._size : end] = time, values
         self._size = end
 
 
-def _extremes(time: _Floats, values: _Floats, group: int) -> tuple[_Floats, _Floats]:
+def _extremes(time: Array, values: Array, group: int) -> tuple[Array, Array]:
     """Return two rows for each ``group`` of rows; NaN is kept only if all values are NaN."""
     groups = values.reshape(-1, group, values.shape[1])
     lowest, highest = np.fmin.reduce(groups, axis=1), np.fmax.reduce(groups, axis=1)
@@ -115,14 +116,14 @@ def _extremes(time: _Floats, values: _Floats, group: int) -> tuple[_Floats, _Flo
     return _ends(time, group), thinned
 
 
-def _place(groups: _Floats, wanted: _Floats) -> NDArray[np.int64]:
+def _place(groups: Array, wanted: Array) -> NDArray[np.int64]:
     return np.asarray(np.argmax(groups == wanted[:, None, :], axis=1))
 
 
-def _first(time: _Floats, values: _Floats, group: int) -> tuple[_Floats, _Floats]:
+def _first(time: Array, values: Array, group: int) -> tuple[Array, Array]:
     ends = values.reshape(-1, group, values.shape[1])[:, [0, -1]]
     return _ends(time, group), ends.reshape(-1, values.shape[1])
 
 
-def _ends(time: _Floats, group: int) -> _Floats:
+def _ends(time: Array, group: int) -> Array:
     return time.reshape(-1, group)[:, [0, -1]].ravel()

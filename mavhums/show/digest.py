@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.actuator.detectors import to_inspect
-from mavhums.health.axis.detectors import to_inspect as axis_to_inspect
+from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.report.assessment import ALL, Assessment, Verdict
 from mavhums.show.servo_tables import ServoTable, reserve, usage
@@ -29,17 +28,6 @@ NOT_JUDGED: Final = "not judged (mavhums judges fixed wings, and servos with tel
 _NAMED: Final = 3  # more names than that push the other columns of a table out of sight
 _SHORT: Final = 60  # a longer reason is given below the headline, with its remedy
 _COMPARED: Final[tuple[Condition, ...]] = ("changed", "learning", "unchanged")
-
-_ADVICE: Final[dict[Condition, str]] = {
-    "normal": "nothing to do; keep the log for the trend over flights",
-    "degraded": "inspect {parts} before the next flight, and watch the trend over flights",
-    "emergency": "do not fly; inspect {parts}; repair or replace the actuator and test it on the ground",
-    "unchanged": "nothing to do; keep the log: later flights are compared with it",
-    "changed": "inspect {parts} before the next flight, and watch the trend over flights",
-    "learning": "keep the log: the baseline grows with every flight",
-    "undecided": "undecided is not healthy: check it by other means, or record what is missing",
-    "unmonitored": "unmonitored is not healthy: inspect it as before, or give it telemetry",
-}
 
 
 class Subject(NamedTuple):
@@ -153,14 +141,8 @@ def headline(assessment: Assessment) -> str:
 
 
 def advice(verdict: Verdict) -> str:
-    """Return the recommended action, by the worst condition and the suspected fault."""
-    suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
-    faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
-    look = axis_to_inspect if verdict.subject == "axis" else to_inspect
-    parts = next((parts for fault in faults if (parts := look(fault))), "the actuator and its wiring")
-    if verdict.subject == "axis" and verdict.gravest == "emergency":
-        return f"do not fly; inspect {parts}; repair and check the travel of each surface on the ground"
-    return _ADVICE[verdict.gravest].format(parts=parts)
+    """Return the recommended action, also of a verdict from a file that has none."""
+    return verdict.advice or with_advice(verdict).advice or ""
 
 
 def _headline(assessment: Assessment, without_wings: Sequence[str]) -> str:
@@ -271,7 +253,7 @@ def _by_reason(assessment: Assessment, condition: Condition, *, brief: bool) -> 
     for verdict in assessment.verdicts:
         if verdict.condition == condition and (verdict.reason or condition != "normal"):
             why = (verdict.reason or "no reason was given").rstrip(".")
-            todo = (verdict.remedy or _ADVICE[condition]).rstrip(".")
+            todo = (verdict.remedy or advice(verdict)).rstrip(".")
             if brief:
                 why, todo = why.partition("; ")[0], todo.partition("; ")[0]
             groups.setdefault((why, todo), []).append(verdict)

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array
 from mavhums.engine.events import Classified, Event, Followed, Indication, Notice, Window
 from mavhums.show._thin import Thinner
 
@@ -16,8 +16,6 @@ __all__ = ["Curve", "Gathered", "Key"]
 _POINTS: Final = 1200
 _CURVES: Final = 256
 _FIRST, _LAST = 20, 40
-
-_Floats = NDArray[np.float64]
 
 
 class Key(NamedTuple):
@@ -43,10 +41,10 @@ class Curve(NamedTuple):
         Times and values of single samples that the value sums up, shape (2, m); None of an indicator.
     """
 
-    time_s: _Floats
-    rows: _Floats
-    demanded: _Floats | None = None
-    samples: _Floats | None = None
+    time_s: Array
+    rows: Array
+    demanded: Array | None = None
+    samples: Array | None = None
 
 
 class Gathered:
@@ -162,7 +160,7 @@ class Gathered:
             self._last = [*self._last, event][-_LAST:]
 
 
-def _known(time_s: _Floats, values: _Floats) -> _Floats:
+def _known(time_s: Array, values: Array) -> Array:
     """Return times and values without gaps, shape (2, m)."""
     known = np.isfinite(values[:, 0])
     return np.stack([time_s[known], values[known, 0]])

@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array
 from mavhums.show.html_curves import Curve
 from mavhums.show.words import clock
 
@@ -24,8 +25,7 @@ _GAP_S: Final = 3.0
 _TIME_STEPS: Final = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 36000)
 
 
-_Floats = NDArray[np.float64]
-_Scale = Callable[[_Floats], _Floats]
+_Scale = Callable[[Array], Array]
 
 
 class Limit(NamedTuple):
@@ -140,7 +140,7 @@ def plot(
     )
 
 
-def _samples(samples: _Floats, x: _Scale, y: _Scale) -> Iterator[str]:
+def _samples(samples: Array, x: _Scale, y: _Scale) -> Iterator[str]:
     """Yield the path of single samples, as a line that crosses wherever neighbours differ."""
     for part in _parts(samples[0]):
         yield _path(x(samples[0][part]), y(samples[1][part]))

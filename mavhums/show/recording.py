@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from mavhums.show._scene import Scene
 
-__all__ = ["PipedRecorder", "Recorder"]
+__all__ = ["PipedRecorder", "Recorder", "check_viewer"]
 
 _FOOTER, _FOOTER_SIZE = b"RRF2FOOT", 12
 _WRITTEN_S = 60.0
@@ -150,6 +150,20 @@ class PipedRecorder:
         self._stream.flush()
 
 
+def check_viewer() -> None:
+    """Raise before any long work where a recording cannot be written.
+
+    Raises
+    ------
+    MissingExtraError
+        If rerun is not installed.
+    """
+    try:
+        import rerun  # noqa: F401  (only whether it can be imported)
+    except ImportError as error:
+        raise MissingExtraError("a recording or a live view", "viewer") from error
+
+
 def draw(recording_id: str, *, live: bool = False, position: bool = True) -> tuple[rr.RecordingStream, Scene]:
     """Return a stream without a destination, and the scene that draws on it.
 
@@ -158,11 +172,10 @@ def draw(recording_id: str, *, live: bool = False, position: bool = True) -> tup
     MissingExtraError
         If rerun is not installed.
     """
-    try:
-        from mavhums.show._scene import Scene
-        from mavhums.show._stream import open_stream
-    except ImportError as error:
-        raise MissingExtraError("a recording or a live view", "viewer") from error
+    check_viewer()
+    from mavhums.show._scene import Scene
+    from mavhums.show._stream import open_stream
+
     stream = open_stream(recording_id)
     return stream, Scene(stream, live=live, position=position)
 

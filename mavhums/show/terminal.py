@@ -31,7 +31,7 @@ def render(assessment: Assessment, console: Console, *, verbose: bool = False) -
     console
         Where to print; rich leaves the colours out where it is not a terminal.
     verbose
-        Print every reason and finding, the servos' use, and what nothing monitors, too.
+        Print every reason and finding, servo usage, and unmonitored servos, too.
     """
     said = digest(assessment, brief=not verbose)
     console.print(Text(printable(said.headline), style="bold"))
@@ -158,6 +158,6 @@ def _hidden(said: Digest) -> Iterator[str]:
     if any(len(verdict.evidence) > _FINDINGS for verdict in said.faulty):
         yield "all findings"
     if said.tables:
-        yield "the servos' use"
+        yield "servo usage"
     if said.unmonitored:
-        yield "what nothing monitors"
+        yield "unmonitored servos"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pandas as pd
 
 from mavhums.core.quantities import KEYS
-from mavhums.study.bound import Bound
 from mavhums.study.cyclograms import MAIN, TAKEOFF
+from mavhums.study.experiment import Bound
 from mavhums.study.findings import TWO, Findings
 from mavhums.study.published import BEST_12, BEST_SELECTED, SELECTED
 
@@ -62,18 +62,15 @@ def differences(findings: Findings) -> str:
 
 
 def _bound(bound: Bound) -> str:
+    # The share of the samples at rest that the paper's best needs, all others being right, %.
+    needed = (BEST_SELECTED - 100 * bound.moving_share) / (1 - bound.moving_share)
     return (
         f"Why the paper's {BEST_SELECTED} % is hardly reached on the take-off: an oracle that learned "
         f"{bound.takeoffs} other take-offs at the test frictions themselves classifies "
         f"{100 * bound.all:.2f} % of the 60,000 test samples right, {100 * bound.moving:.2f} % of those in "
         f"motion and {100 * bound.standing:.2f} % of the {100 * (1 - bound.moving_share):.1f} % at rest. "
-        f"{BEST_SELECTED} % needs {_needed(bound):.1f} % of those at rest from two training frictions alone."
+        f"{BEST_SELECTED} % needs {needed:.1f} % of those at rest from two training frictions alone."
     )
-
-
-def _needed(bound: Bound) -> float:
-    """Return the share of the samples at rest that the paper's best needs, all others being right, %."""
-    return (BEST_SELECTED - 100 * bound.moving_share) / (1 - bound.moving_share)
 
 
 def _named(inputs: tuple[str, ...]) -> str:

@@ -12,16 +12,14 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mavhums_sim.cyclogram import takeoff
+from mavhums.core.arrays import Array, Flags
+from mavhums_sim.cyclogram import Cyclogram, takeoff
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 from mavhums_sim.sensors import SensorNoise, sample_times, sense
 
 __all__ = ["CYCLOGRAMS", "MAIN", "TAKEOFF", "Flown", "fly_condition", "fly_takeoff"]
-
-Array = NDArray[np.float64]
 
 MAIN = "pilot ±20°"
 TAKEOFF = "take-off"
@@ -57,7 +55,7 @@ class Flown:
     friction_nm: float
     time_s: Array
     values: Array
-    moving: NDArray[np.bool_]
+    moving: Flags
     moving_fraction: float
 
 
@@ -89,8 +87,14 @@ def _steps(amplitude_deg: float, seed: int) -> Array:
     return command
 
 
+@cache
+def _air(seed: int) -> Cyclogram:
+    """Return a take-off, whose gusts take longer to draw than its actuators to simulate."""
+    return takeoff(seed, _DURATION_S)
+
+
 def _takeoff(seed: int = _SEED) -> Array:
-    command: Array = np.degrees(takeoff(seed, _DURATION_S).commands[_SURFACE])
+    command: Array = np.degrees(_air(seed).commands[_SURFACE])
     return command
 
 
@@ -115,7 +119,7 @@ def fly_takeoff(seed: int, friction_nm: float) -> Flown:
 
 def _fly(command_deg: Array, friction_nm: float, seed: int) -> Flown:
     command = np.radians(command_deg)
-    air = takeoff(seed, _DURATION_S)
+    air = _air(seed)
     pressure = 0.5 * _AIR_DENSITY * air.airspeed**2
     parameters = EmaParameters.from_data_sheet(integral_gain=400.0)
     motion = simulate(

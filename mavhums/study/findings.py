@@ -17,19 +17,18 @@ from mavhums.learn import (
     check_command,
     train_network,
 )
-from mavhums.study.bound import Bound, takeoff_bound
 from mavhums.study.cyclograms import CYCLOGRAMS, MAIN, TAKEOFF, Flown, fly_condition
-from mavhums.study.experiment import Effort, Experiment, run_experiment, samples
+from mavhums.study.experiment import Bound, Effort, Experiment, run_experiment, samples, takeoff_bound
 from mavhums.study.published import CONDITIONS, SELECTED, TEST_NM, TRAINING_NM
-from mavhums.study.selection import (
+from mavhums.study.tables import (
     Grouping,
     chi_square_table,
     grouping,
     p_level_table,
     subset_table,
+    table_1,
     thinning_table,
 )
-from mavhums.study.table_1 import table_1
 
 __all__ = ["TWO", "FigureOne", "Findings", "Progress", "find"]
 

@@ -79,12 +79,11 @@ def markdown_table(table: pd.DataFrame, digits: int = 2) -> str:
     | V2 | 98.01 |
     """
     lines = [_row(table.columns), "|" + "---|" * len(table.columns)]
-    lines += [_row(_cell(cell, digits) for cell in row) for row in table.itertuples(index=False)]
+    lines += [
+        _row(f"{cell:.{digits}f}" if isinstance(cell, float) else cell for cell in row)
+        for row in table.itertuples(index=False)
+    ]
     return "\n".join(lines)
-
-
-def _cell(cell: object, digits: int) -> object:
-    return f"{cell:.{digits}f}" if isinstance(cell, float) else cell
 
 
 def _row(cells: Iterable[object]) -> str:

@@ -9,6 +9,7 @@ __all__ = [
     "BEST_SELECTED",
     "CHI_SQUARE",
     "CONDITIONS",
+    "FIGURES_16_TO_19",
     "P_LEVELS",
     "SELECTED",
     "TABLE_1",
@@ -33,6 +34,9 @@ TRAINING_NM: Final = (0.225, 1.025)
 TEST_NM: Final = (0.275, 0.325, 0.375, 0.875, 0.925, 0.975)
 CONDITIONS: Final = (0.225, 0.275, 0.325, 0.375, 0.875, 0.925, 0.975, 1.025)
 """The second table 1 lists 1.025 as a test condition; the text and figures 16 to 19 train on it."""
+
+FIGURES_16_TO_19: Final = {16: 0.225, 17: 0.375, 18: 1.025, 19: 0.875}
+"""The friction of each figure, N·m."""
 
 SELECTED: Final = ("V2", "V5", "V9", "V11")
 

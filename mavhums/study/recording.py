@@ -15,7 +15,7 @@ from mavhums.show.blueprint import panels, whole_flight
 from mavhums.show.words import BLUE, COLOURS, SERIES
 from mavhums.study.cyclograms import Flown
 from mavhums.study.experiment import Experiment, emergency, held_decision
-from mavhums.study.figures import FIGURES_16_TO_19
+from mavhums.study.published import FIGURES_16_TO_19
 
 __all__ = ["record_study"]
 
@@ -54,7 +54,8 @@ def record_study(
 def _log_output(
     stream: rr.RecordingStream, flown: Flown, experiment: Experiment, colour: tuple[int, int, int]
 ) -> None:
-    entity = f"{_root(flown)}/output/{_inputs(experiment)}"
+    inputs = f"{len(experiment.inputs)}_inputs_{'_'.join(experiment.inputs)}"
+    entity = f"{_root(flown)}/output/{inputs}"
     probability = experiment.outputs[flown.friction_nm]
     names = f"P(emergency), {_short(experiment)}"
     stream.log(entity, rr.SeriesLines(names=names, colors=colour, widths=1.0), static=True)
@@ -93,12 +94,12 @@ def _blueprint(flights: Sequence[Flown], experiments: Sequence[Experiment]) -> r
 
 def _outputs(flights: Sequence[Flown]) -> rrb.Container:
     """Return figures 16 to 19."""
-    numbers = {friction: number for number, friction in FIGURES_16_TO_19.items()}
+    figures = {friction: f"Fig. {number}: " for number, friction in FIGURES_16_TO_19.items()}
     shown = _shown(flights)
     plots = [
         rrb.TimeSeriesView(
             origin=f"{_root(flown)}/output",
-            name=f"{_figure(numbers.get(flown.friction_nm))}{_condition(flown)}",
+            name=f"{figures.get(flown.friction_nm, '')}{_condition(flown)}",
             axis_x=whole_flight(),
             axis_y=rrb.ScalarAxis(range=(-0.05, 1.05)),
             plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=flown is shown[0]),
@@ -128,10 +129,6 @@ def _shown(flights: Sequence[Flown]) -> list[Flown]:
     return sorted(shown or flights[:4], key=lambda flown: flown.friction_nm)
 
 
-def _figure(number: int | None) -> str:
-    return f"Fig. {number}: " if number else ""
-
-
 def _condition(flown: Flown) -> str:
     return f"{flown.friction_nm:.3f} N·m, {'emergency' if emergency(flown) else 'normal'}"
 
@@ -146,7 +143,3 @@ def _lane(flown: Flown, experiment: Experiment) -> str:
 
 def _short(experiment: Experiment) -> str:
     return "all twelve" if len(experiment.inputs) == len(KEYS) else " ".join(experiment.inputs)
-
-
-def _inputs(experiment: Experiment) -> str:
-    return f"{len(experiment.inputs)}_inputs_{'_'.join(experiment.inputs)}"

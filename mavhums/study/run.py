@@ -3,22 +3,74 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
-from mavhums.core.quantities import KEYS
-from mavhums.study.cyclograms import MAIN, fly_condition
-from mavhums.study.experiment import Effort
-from mavhums.study.figures import FIGURES_16_TO_19, accuracy_figure, output_figure, quantities_figure
+from mavhums.core.quantities import KEYS, QUANTITIES
+from mavhums.study.cyclograms import MAIN, Flown, fly_condition
+from mavhums.study.experiment import Effort, Experiment, emergency
 from mavhums.study.findings import Findings, Progress, find
 from mavhums.study.outputs import Folder
+from mavhums.study.published import FIGURES_16_TO_19
 from mavhums.study.recording import record_study
 from mavhums.study.report import report
 
 __all__ = ["write_study"]
+
+
+def _quantities_figure(flown: Flown) -> Figure:
+    """Draw V1–V12 over the cyclogram (figures 3 to 14)."""
+    figure = Figure(figsize=(13, 11), layout="constrained")
+    for place, (axes, quantity) in enumerate(zip(figure.subplots(4, 3).flat, QUANTITIES, strict=True)):
+        axes.plot(flown.time_s, flown.values[:, place], linewidth=0.7)
+        axes.set_title(f"Figure {3 + place}: {quantity.key} {quantity.name}, {quantity.unit}", fontsize=9)
+        axes.grid(alpha=0.3)
+    figure.supxlabel("time, s")
+    return figure
+
+
+def _output_figure(experiment: Experiment, flights: Sequence[Flown]) -> Figure:
+    """Draw the network's output over the cyclogram at four frictions (figures 16 to 19)."""
+    times = {flown.friction_nm: flown for flown in flights}
+    figure = Figure(figsize=(13, 9), layout="constrained")
+    for axes, (number, friction) in zip(figure.subplots(4, 1).flat, FIGURES_16_TO_19.items(), strict=True):
+        flown = times[friction]
+        axes.plot(flown.time_s, experiment.outputs[friction], linewidth=0.7, color="tab:red")
+        wanted = "emergency" if emergency(flown) else "normal"
+        axes.set_title(f"Figure {number}: T_c = {friction} N·m, {wanted}", fontsize=9)
+        axes.set_ylim(-0.05, 1.05)
+        axes.grid(alpha=0.3)
+    figure.supylabel(f"probability of an emergency, inputs {', '.join(experiment.inputs)}")
+    figure.supxlabel("time, s")
+    return figure
+
+
+def _accuracy_figure(experiments: Sequence[Experiment]) -> Figure:
+    """Draw the test flights' accuracies against their moving fractions, per sample and held."""
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    axes = figure.subplots()
+    for number, experiment in enumerate(experiments):
+        flights = experiment.flights[experiment.flights["role"] == "test"]
+        label = f"{experiment.cyclogram}, {len(experiment.inputs)} inputs"
+        for name, marker in (("per_sample", "o"), ("held", "^")):
+            axes.plot(
+                flights["moving_fraction"],
+                flights[name],
+                marker,
+                color=f"C{number}",
+                fillstyle="full" if name == "held" else "none",
+                label=f"{label}, {name.replace('_', ' ')}",
+            )
+    axes.set_xlabel("moving fraction of the flight")
+    axes.set_ylabel("accuracy of the network chosen without test data, %")
+    axes.legend(fontsize=7)
+    axes.grid(alpha=0.3)
+    return figure
 
 
 def write_study(
@@ -60,10 +112,10 @@ def write_study(
     for name, table in _tables(findings).items():
         out.table(f"{name}.csv", table)
     flights = fly_condition(MAIN, tuple(FIGURES_16_TO_19.values()))
-    out.figure("figures-3-14.png", quantities_figure(flights[0]))
-    out.figure("figures-16-19.png", output_figure(findings.main[2], flights))
+    out.figure("figures-3-14.png", _quantities_figure(flights[0]))
+    out.figure("figures-16-19.png", _output_figure(findings.main[2], flights))
     everything = [experiment for part in findings.experiments.values() for experiment in part]
-    out.figure("accuracy-against-moving-fraction.png", accuracy_figure(everything))
+    out.figure("accuracy-against-moving-fraction.png", _accuracy_figure(everything))
     out.write("study.rrd", lambda path: record_study(path, text, flights, findings.main))
     return out.written
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator, Limits
+from mavhums.core.arrays import Array, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.health.actuator.votes import Classifier, VoteOutcome, count_votes, outcome
 from mavhums.health.estimation.motion import motion
@@ -42,8 +42,6 @@ _HEALTHY_PER_LIMIT = 0.225 / 0.375
 _EMERGENCY_PER_LIMIT = 1.025 / 0.875
 _SLOPE_S = 0.04
 _ESC_QUANTA = (0.01, 0.01, 1.0)  # V, A, rev/min of ESC_TELEMETRY
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +194,7 @@ def parameters_of(actuator: Actuator) -> EmaParameters:
     )
 
 
-def moving_samples(actuator: Actuator, flown: Flown) -> tuple[Array, NDArray[np.int64]]:
+def moving_samples(actuator: Actuator, flown: Flown) -> tuple[Array, Integers]:
     """Return a flight's moving samples, shape (n, 12), and the second of each, shape (n,)."""
     cutter = SlotCutter()
     parts = [cutter.feed(flown.time_s, with_extra_columns(flown.values)), cutter.finish()]

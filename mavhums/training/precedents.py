@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Airframe
 from mavhums.app.analysis import analyse
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import Event, Samples
 from mavhums.learn.precedents import Label, Origin, Precedent, PrecedentBase, Provenance
@@ -20,8 +20,6 @@ __all__ = ["add_log", "flown_samples"]
 
 _SIMULATED = "4D415648554D5353"
 """Beginning of the unique id of every board that ``mavhums-sim`` flies: MAVHUMSS in ASCII."""
-
-Array = NDArray[np.float64]
 
 
 def add_log(
@@ -100,9 +98,7 @@ def add_log(
     return added
 
 
-def flown_samples(
-    base: PrecedentBase, airframe: Airframe, *, every: int
-) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
+def flown_samples(base: PrecedentBase, airframe: Airframe, *, every: int) -> tuple[Array, Flags, Integers]:
     """Return the moving samples of an airframe's precedents: values, emergency, flight number.
 
     All actuators of one log share a flight number, so that splits keep whole flights together.

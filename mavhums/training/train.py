@@ -6,10 +6,10 @@ from collections.abc import Callable
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import JsonValue
 
 from mavhums.actuator.profile import Actuator, Airframe, Limits
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import column
 from mavhums.learn import (
@@ -47,7 +47,6 @@ _RATES_HZ = (100.0, 50.0, 25.0, 10.0)
 _WORKING = 20  # moving samples of a window in which a network is asked at all
 _CALIBRATION, _MEASUREMENT = 200_000, 400_000  # added to the seed; seeds of training flights are below both
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 
@@ -123,7 +122,11 @@ def train_model(
     supplement = None if precedents is None else flown_samples(precedents, airframe, every=_EVERY)
     samples, classes, flight = _both_classes(actuator, telemetry, flights, 1_000_000 * seed, tick)
     weights, keys = np.ones(len(samples)), telemetry.keys
-    if supplement is not None:
+    given, flown_conditions = "", dict[str, JsonValue]()
+    if precedents is not None and supplement is not None:
+        given = f" --precedents {precedents.folder.name} --flown-weight {flown_weight:g}"
+        logs = sorted({precedent.provenance.sha256 for precedent in precedents})
+        flown_conditions = {"precedent_logs": [*logs], "flown_weight": flown_weight}
         flown, flown_classes, flown_flights = supplement
         keys = tuple(key for key in keys if np.isfinite(flown[:, column(key)]).all())
         samples, classes = np.concatenate([samples, flown]), np.concatenate([classes, flown_classes])
@@ -145,7 +148,7 @@ def train_model(
         tier=telemetry.gives,
         command=(
             f"mavhums train --airframe {airframe.name} --tier {tier} --flights {flights} "
-            f"--seed {seed} {scheme.command}{_given(precedents, flown_weight)} -o MODEL"
+            f"--seed {seed} {scheme.command}{given} -o MODEL"
         ),
         conditions={
             "cyclograms": [*CYCLOGRAMS],
@@ -154,7 +157,7 @@ def train_model(
             "friction_emergency_nm": _rounded(limits.emergency, friction_range(limits)[1]),
             "actuators": "individuals with two masses, four a flight",
             "samples": "every twentieth moving sample at 100 Hz",
-            **_supplement(precedents, flown_weight),
+            **flown_conditions,
         },
     )
     draft = Model(result.network, card, "")
@@ -170,7 +173,7 @@ def train_model(
 
 def _both_classes(
     actuator: Actuator, telemetry: Telemetry, flights: int, seed: int, tick: Callable[[], None]
-) -> tuple[Array, NDArray[np.bool_], NDArray[np.int64]]:
+) -> tuple[Array, Flags, Integers]:
     """Return samples, classes and flight numbers for training."""
     limits = actuator.known_limits()
     low, high = friction_range(limits)
@@ -305,16 +308,3 @@ def _said(metrics: dict[str, float]) -> str:
 
 def _rounded(low: float, high: float) -> list[JsonValue]:
     return [round(low, 4), round(high, 4)]
-
-
-def _given(precedents: PrecedentBase | None, flown_weight: float) -> str:
-    if precedents is None:
-        return ""
-    return f" --precedents {precedents.folder.name} --flown-weight {flown_weight:g}"
-
-
-def _supplement(precedents: PrecedentBase | None, flown_weight: float) -> dict[str, JsonValue]:
-    if precedents is None:
-        return {}
-    logs = {precedent.provenance.sha256 for precedent in precedents}
-    return {"precedent_logs": [*sorted(logs)], "flown_weight": flown_weight}

@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import JsonValue
+from sklearn.metrics import confusion_matrix
 
 from mavhums.actuator.profile import Actuator, Limits
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.window_features import (
     SUMS,
     WINDOW_FEATURES,
@@ -20,7 +21,14 @@ from mavhums.core.window_features import (
 from mavhums.health.estimation.motion import motion, window_sums
 from mavhums.health.estimation.slots import SlotCutter, Windows, with_extra_columns
 from mavhums.health.estimation.thresholds import WINDOW_SLOTS
-from mavhums.learn import LabelledWindows, Scheme, WindowCard, WindowNetwork
+from mavhums.learn import (
+    LabelledWindows,
+    Scheme,
+    WindowCard,
+    WindowNetwork,
+    brier_score,
+    expected_calibration_error,
+)
 from mavhums.learn.window_training import at_temperature, decides_at, train_windows
 from mavhums.training.flights import Telemetry, friction_range, parameters_of, reported
 from mavhums_sim.conditions import Condition
@@ -56,8 +64,6 @@ _AIRCRAFT = 3
 """Aircraft that fly each cyclogram: their twelve actuators have every condition, so V1 reveals none."""
 _CALIBRATION, _MEASUREMENT = 600_000, 800_000  # added to the seed
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class FlownWindows(LabelledWindows):
@@ -76,7 +82,7 @@ class FlownWindows(LabelledWindows):
     """
 
     severity: Array
-    cyclogram: NDArray[np.int64]
+    cyclogram: Integers
     rate_hz: Array
     still: int
 
@@ -192,7 +198,7 @@ def _draw(
 
 def _sums(
     actuator: Actuator, telemetry: Telemetry, record: ActuatorRecord, *, signed: bool
-) -> tuple[Array, NDArray[np.int64]]:
+) -> tuple[Array, Integers]:
     """Return the sums of windows that do not overlap, shape (n, ``SUMS``), and their ends, s."""
     values = reported(actuator, telemetry, record, signed=signed)
     measured = np.ones(values.shape, dtype=np.bool_)
@@ -209,9 +215,7 @@ def _sums(
     return np.concatenate(sums), np.concatenate(ends)
 
 
-def _limited(
-    record: ActuatorRecord, ends: NDArray[np.int64], actuator: Actuator, sag_v: float
-) -> NDArray[np.bool_]:
+def _limited(record: ActuatorRecord, ends: Integers, actuator: Actuator, sag_v: float) -> Flags:
     limit = parameters_of(actuator).supply_voltage - sag_v - _NEAR_V
     at_limit = np.abs(record.values[:, 3]) >= limit
     bounds = np.searchsorted(record.time_s, [ends - WINDOW_SLOTS, ends])
@@ -275,29 +279,28 @@ def measure(
     network: WindowNetwork, windows: FlownWindows, classes: tuple[str, ...], level: float
 ) -> tuple[dict[str, float], dict[str, dict[str, int]]]:
     """Return shares of windows, and how many of each condition are decided as which."""
-    found = network.probabilities(windows.features)
+    found, inside = network.probabilities(windows.features), network.inside(windows.features)
     truth, said = windows.classes, found.argmax(axis=1)
     whole = np.isfinite(found).all(axis=1)
     top = np.where(whole, found.max(axis=1), 0.0)
-    decided = network.inside(windows.features) & (top >= level)
+    decided = inside & (top >= level)
     right = said == truth
     emergency = found[whole, classes.index(_FRICTION[-1])]
-    bins = np.minimum((top[whole] * 10).astype(int), 9)
-    excess = np.bincount(bins, weights=top[whole] - right[whole], minlength=10)
     metrics = {
         "windows": float(len(windows)),
         "windows_that_show_nothing": float(windows.still),
         "right": float(right.mean()),
         "decided_right": float(right[decided].mean()) if decided.any() else 0.0,
         "abstained": float(1 - decided.mean()),
-        "outside": float(1 - network.inside(windows.features).mean()),
-        "expected_calibration_error": float(np.abs(excess).sum() / max(whole.sum(), 1)),
-        "brier_score_of_an_emergency": float(np.mean((emergency - (truth[whole] == 2)) ** 2)),
+        "outside": float(1 - inside.mean()),
+        "expected_calibration_error": expected_calibration_error(top[whole], right[whole]),
+        "brier_score_of_an_emergency": brier_score(emergency, truth[whole] == 2),
     }
     told = np.where(decided, said, len(classes))
     names = (*classes, "abstained")
+    table = confusion_matrix(truth, told, labels=np.arange(len(names)))
     confusion = {
-        name: {names[k]: int(count) for k, count in enumerate(np.bincount(told[truth == number])) if count}
-        for number, name in enumerate(classes)
+        name: {names[k]: int(count) for k, count in enumerate(row) if count}
+        for name, row in zip(classes, table, strict=False)
     }
     return {name: round(value, 6) for name, value in metrics.items()}, confusion

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Integers
 from mavhums.core.kernels import kernel
 
 __all__ = ["BOOT", "BROKEN", "LOOSE", "SOUND", "UNSTAMPED", "USEC", "Mapped", "VehicleClock"]
@@ -45,8 +45,6 @@ _SEGMENT, _NEWEST, _HEARD, _OFFSET, _PRIMARY, _LAST_STAMP, _LAST_HEARD, _PERIODS
 _DELTA, _ASTRAY, _KNOWN, _AGREED, _STAMP, _AT = 10, 12, 14, 16, 18, 20  # two columns each, one per counter
 _PERIOD: Final = 22
 _COLUMNS: Final = 23
-
-Integers = NDArray[np.int64]
 
 
 class Mapped(NamedTuple):

@@ -20,7 +20,7 @@ NAMED_MESSAGES: Final = messages_of("named value")
 
 _DEGREES: Final = 256  # what one byte can say
 _LEAST_READINGS: Final = 10
-"""Readings of a temperature from which its median counts: fewer may all be of the warm-up."""
+"""Readings of a temperature from which its median counts: of fewer, single errors move it."""
 _MOST_NAMES: Final = 1000  # of a log: a sender that makes up names cannot fill the memory
 
 

@@ -12,9 +12,10 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array, Flags
 from mavhums.vehicle.airspeed import Speed
+from mavhums.vehicle.facts import ARDUPILOT, ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rows import PastRows, Rows
 from mavhums.vehicle.signals import all_outputs
@@ -27,21 +28,19 @@ _G: Final = 9.80665
 _FIXED_WING: Final = 1
 _VTOL: Final = range(19, 26)
 _VTOL_FORWARD: Final = 4  # MAV_VTOL_STATE_FW
-_ON_GROUND: Final = 1  # MAV_LANDED_STATE_ON_GROUND
-_ARDUPILOT: Final = 3
 _HOVERING_MODES: Final = (17, 18, 19, 20, 21, 22, 23, 25)  # ArduPlane's Q modes
 _UNLED_MODES: Final = (0, 2, 3, 4, 16)  # in these, ArduPlane does not control the attitude
 LEAST_SPEED: Final = 8.0
-"""Airspeed of forward flight, m/s."""
+"""Airspeed of forward flight, m/s. Lower lets wind on the ground in, higher loses slow aircraft."""
 
-_LEAST_GROUND_SPEED: Final = 5.0
+_LEAST_GROUND_SPEED_M_S: Final = 5.0
+"""A wind of 8 m/s looks like forward flight to the pitot tube of an aircraft that stands. Higher loses flight
+against the wind."""
 _AIRBORNE_S: Final = 3
+"""Seconds without a break before forward flight counts: fewer let gusts on the ground in."""
 _STOPPED_BY: Final = ("vtol", "mode", "ground", "slow")
-_SPACING_S: Final = 0.001  # resolution of what is counted
-_SPACINGS: Final = 10_000
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+_SPACING_S: Final = 0.001  # resolution of what is counted: a millisecond, as most stamps have
+_SPACINGS: Final = 10_000  # up to 10 s: a stream that comes more rarely is none
 
 
 class Flight:
@@ -112,6 +111,7 @@ class Flight:
         before = self._lift
         self._know(surfaces)
         for rows, pulses in self._past:
+            # What the rows counted under the former surfaces is taken back first.
             self._count(rows.up, rows.aloft, before.works(pulses), -1)
             flying = self._count(rows.up, rows.aloft, self._lift.works(pulses))
             yield replace(rows, flying=flying, outputs=self._demand(pulses, flying))
@@ -137,9 +137,11 @@ class Flight:
     def _rows(self, first: int, fresh: bool, signals: dict[str, Array]) -> Rows:
         flat = {name: values.reshape(-1, values.shape[-1]) for name, values in signals.items()}
         self.heard |= {name for name in flat.keys() - self.heard if np.isfinite(flat[name]).any()}
+        # A vehicle whose surfaces are all on the second message has outputs as well.
         if self.heard & {"outputs_2", "outputs_3"}:
             self.heard.add("outputs")
         gyro = np.asarray(np.isfinite(flat["rates"]).all(axis=1))
+        # A gyro is faster than the estimate of the attitude, which shows the motion where the gyro is silent.
         rates = np.where(gyro[:, None], flat["rates"], flat["slow_rates"])
         speed, trusted, source = self._speed.feed(signals)
         pulses = all_outputs(flat)
@@ -148,7 +150,8 @@ class Flight:
         flying = self._count(up, aloft, self._lift.works(pulses))
         self.doubted_s += _whole_seconds(flying & ~trusted)
         autopilot, mode = flat["state"][:, 1], flat["state"][:, 3]
-        unled = (autopilot == _ARDUPILOT) & np.isin(mode, _UNLED_MODES)
+        # An autopilot that does not control the attitude still sends the last command: no surface follows it.
+        unled = (autopilot == ARDUPILOT) & np.isin(mode, _UNLED_MODES)
         demand = np.where(unled[:, None], np.nan, flat["demand"])
         rows = Rows(
             second=first,
@@ -194,11 +197,12 @@ class Flight:
         self.kinds |= {int(k) for k in np.unique(kind[np.isfinite(kind)])}
         self.autopilots |= {int(k) for k in np.unique(autopilot[np.isfinite(autopilot)])}
         forward = flat["vtol"][:, 0] == _VTOL_FORWARD
+        # A quadplane reports a fixed wing: what it says of its transition then decides, where it says it.
         wing = (kind == _FIXED_WING) | (np.isin(kind, _VTOL) & forward)
         wing &= (flat["vtol"][:, 0] == _VTOL_FORWARD) | ~(flat["vtol"][:, 0] > 0)
-        hovering = (autopilot == _ARDUPILOT) & np.isin(mode, _HOVERING_MODES)
-        landed = flat["landed"][:, 0] == _ON_GROUND
-        slow = flat["groundspeed"][:, 0] <= _LEAST_GROUND_SPEED
+        hovering = (autopilot == ARDUPILOT) & np.isin(mode, _HOVERING_MODES)
+        landed = flat["landed"][:, 0] == ON_GROUND
+        slow = flat["groundspeed"][:, 0] <= _LEAST_GROUND_SPEED_M_S
         fast = (armed > 0) & (speed > LEAST_SPEED)
         self._rows_of.update(armed=int((armed > 0).sum()), fast=int(fast.sum()))
         self.fastest = max(self.fastest, float(np.max(speed, initial=0.0, where=(armed > 0) & (speed > 0))))

@@ -17,25 +17,27 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import ALIKE_US, Moved, Surfaces
 
 __all__ = ["inferred"]
 
-_MOVES_US: Final = 10.0
-_HALF_US: Final = 400.0
+_MOVES_US: Final = 10.0  # standard deviation: less is trim and noise, from which a slope follows by chance
+_MOVES_SHARE: Final = 0.9  # of the rows: an output that is off for longer shows no flight
+_HALF_US: Final = 400.0  # half of the usual travel: the scale of a demand, which no share depends on
 _AS_ONE: Final = 0.99  # share of the rows in which outputs with one demand differ by less than ALIKE_US
 _ROLLS_RAD_S: Final = 0.05  # deviation of the roll rate: without turns any slow output explains what is left
 _ROLL: Final = 0.6
+"""Share of the roll that an aileron must explain: lower takes other outputs for ailerons."""
 _PITCH: Final = 0.35
+"""Share of the pitch acceleration that an elevator must explain: gusts and speed change pitch as well."""
 _APART: Final = 2.0  # the second best output leaves so many times as much, or explains so many times less
 _MIXED: Final = (
     0.4  # of what ailerons leave, others explained up to 0.35 in development, of elevons from 0.48
 )
 _DOUBLE: Final = 0.95  # share of a demand that other outputs carry as well
-
-Array = NDArray[np.float64]
 
 Explains = Callable[[str, Array, Array], tuple[float, float]]
 """How much of the motion about an axis a demand (n,) explains, and how much of the rest others (n, k) do."""
@@ -79,7 +81,7 @@ def inferred(rows: Rows, pulses: Array, explains: Explains) -> Surfaces | None:
 
 
 def _moves(pulses: Array) -> bool:
-    return bool(np.isfinite(pulses).mean() > 0.9) and float(np.nanstd(pulses)) > _MOVES_US
+    return bool(np.isfinite(pulses).mean() > _MOVES_SHARE) and float(np.nanstd(pulses)) > _MOVES_US
 
 
 def _slope(pulses: Array, best: Array) -> float:

@@ -62,7 +62,7 @@ _PX4 = {
     17: "left spoiler",
     18: "right spoiler",
 }
-_PX4_UNTOLD = (0, 12)  # not set, custom
+_PX4_UNKNOWN = (0, 12)  # not set, custom
 _PX4_FIRST_SERVO = 201
 _PX4_MOTORS = range(101, 113)
 _CHANNELS = 32
@@ -77,6 +77,7 @@ class _Bus(NamedTuple):
 
 
 _PER_BUS = 16
+_LEAST_RANGE_US = 2
 _UAVCAN_FIRST = 32
 _BUSES = (
     _Bus("PWM_MAIN", 0, (1000, 1500, 2000)),
@@ -177,7 +178,7 @@ def _px4(values: Mapping[str, float]) -> Iterator[Output]:
             elif 0 <= k < _CHANNELS:
                 kind = values.get(f"CA_SV_CS{k}_TYPE", 0.0)
                 because = f"{because}, CA_SV_CS{k}_TYPE = {kind:g}"
-                surface = f"servo {k + 1}" if kind in _PX4_UNTOLD else _PX4.get(int(kind))
+                surface = f"servo {k + 1}" if kind in _PX4_UNKNOWN else _PX4.get(int(kind))
             if surface is None:
                 continue
             names = (f"{prefix}_MIN{n}", f"{prefix}_CENT{n}", f"{prefix}_MAX{n}")
@@ -207,7 +208,7 @@ def _pulses(
     """
     low, zero, high = (round(values.get(name, d)) for name, d in zip(names, defaults, strict=True))
     known = [name for name in (names[0], names[2]) if name in values]
-    if high - low < 2:  # no pulse lies between them: such a range has no zero
+    if high - low < _LEAST_RANGE_US:  # no pulse lies between them: such a range has no zero
         return defaults, f"CHECK: {names[0]} = {low} is not below {names[2]} = {high}", ""
     if len(known) < 2:
         by = "CHECK: the autopilot's usual pulses, the log does not tell them"

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array, Flags
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES
@@ -17,9 +18,6 @@ from mavhums.vehicle.surfaces import AXES
 __all__ = ["PastRows", "Rows"]
 
 _KEPT_S: Final = 1200  # 4 kB each; most flights of small aircraft are shorter
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,6 +136,7 @@ class PastRows:
         measured = [getattr(rows, name) for name in _MEASURED]
         self._parts.append(_Part(rows.second, rows.fresh, on, np.column_stack([*measured, pulses[:, on]])))
         self._seconds += rows.seconds
+        # Memory must not grow with the flight: the oldest rows go, and what is judged anew begins later.
         while self._seconds > _KEPT_S:
             self._drop(self._seconds - _KEPT_S)
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.outputs import control_surfaces
@@ -26,10 +26,9 @@ AXES: Final = ("roll", "pitch", "yaw")
 KINDS: Final = ("flaperon", "aileron", "elevon", "elevator", "rudder", "tail")
 _MIXED: Final = ("elevon", "tail")
 _FROZEN_S: Final = 1.0
+"""An output that stands for as long while others of its surface move is stuck: in flight all of them move."""
 ALIKE_US: Final = 3.0
 """Outputs with the same demand differ by less: they are whole microseconds, and so are their trims."""
-
-Array = NDArray[np.float64]
 
 
 class Moved(NamedTuple):
@@ -240,6 +239,7 @@ class Demands:
         changed = np.maximum.accumulate(np.maximum(changed, self._changed[name]), axis=0)
         stands = changed.max(axis=1, keepdims=True) - changed >= _FROZEN_S * RATE_HZ
         self._before[name], self._changed[name] = share[-1], changed[-1]
+        # With one output, or a mixed one, nothing tells a stuck output from one that is held.
         if "elevon" in name or "tail" in name or len(group) == 1:
             stands[:] = False
         share = np.where(stands, np.nan, share)

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Flags, Integers
 from mavhums.core.kernels import kernel
 from mavhums.vehicle.facts import OUTPUTS, Signal
 
@@ -26,10 +26,8 @@ HELD_S: Final = 2.0
 
 _OFF: Final = -1
 _LEAST_US, _GREATEST_US = 800, 2200
-_STOP: Final = 0.01
+_STOP: Final = 0.01  # share of the calibrated range: within it an output is at its end
 _HELD_US: Final = round(HELD_S * 1e6)
-
-Counts = NDArray[np.int64]
 
 
 class OutputUse(NamedTuple):
@@ -51,7 +49,7 @@ class OutputUse(NamedTuple):
     greatest_us: int
     travelled_us: int
     reversals: int
-    held_us: Counts
+    held_us: Integers
 
     @property
     def commanded(self) -> bool:
@@ -138,7 +136,7 @@ class Usage:
         self._armed_us += int(np.clip(np.diff(times), 0, _HELD_US)[armed].sum())
         self._armed_at_us, self._armed = int(times[-1]), float(signal.values[-1, 2])
 
-    def _follow(self, signal: Signal, counts: NDArray[np.bool_]) -> None:
+    def _follow(self, signal: Signal, counts: Flags) -> None:
         if not len(signal.values):
             return
         if not self._held.size:
@@ -164,16 +162,16 @@ class Usage:
 
 @kernel
 def _followed(
-    pulses: Counts,
-    time_us: Counts,
-    counts: NDArray[np.bool_],
-    held: Counts,
-    travelled: Counts,
-    reversals: Counts,
-    turn: Counts,
-    direction: Counts,
-    last: Counts,
-    last_time: Counts,
+    pulses: Integers,
+    time_us: Integers,
+    counts: Flags,
+    held: Integers,
+    travelled: Integers,
+    reversals: Integers,
+    turn: Integers,
+    direction: Integers,
+    last: Integers,
+    last_time: Integers,
 ) -> None:
     """Add samples to the sums: pulses of shape (n, outputs), -1 where an output is off."""
     for k in range(pulses.shape[0]):
@@ -183,6 +181,7 @@ def _followed(
         for j in range(pulses.shape[1]):
             pulse, before = pulses[k, j], last[j]
             last[j] = pulse
+            # A pulse holds until the next sample, but not over a gap: nobody knows what was sent in it.
             if before != _OFF and not fresh and counts[k] and passed > 0:
                 held[j, before - _LEAST_US] += passed
             if pulse == _OFF:

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums.core.arrays import Array, Flags
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.identity import Identity
 
@@ -31,6 +31,8 @@ _TAILSITTER: Final = 10  # Q_FRAME_CLASS
 _HELICOPTERS: Final = {6: 3, 11: 6, 13: 8}  # FRAME_CLASS: number of servos that move the main rotors
 _TAIL_ROTOR: Final = 3  # motor number, of the helicopter with one rotor
 
+_MOST_IDLE: Final = 0.5  # share of the range: a damaged parameter cannot hide the motors for good
+
 _CARRIES: Final = 0.05
 """Share of its range above its idle speed from which a lift motor carries. A tiltrotor that cruises keeps its
 fixed motors within 0.05 for 93 % of the time; in a hover every motor is above 0.2. Less loses cruise, more
@@ -39,9 +41,6 @@ judges transitions, in which the lift motors answer for the surfaces."""
 _FORWARD: Final = 0.8
 """Share of their servos' travel from which tilted motors pull: 72° or more, where under a third of the thrust
 lifts. A transition waits at Q_TILT_MAX, which is 45° by default: half of the travel."""
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 class _Motor(NamedTuple):
@@ -132,7 +131,7 @@ def lift_of(values: Mapping[str, float]) -> Lift:
         )
     )
     idle = values.get("Q_M_SPIN_MIN", 0.0)
-    carries_us = low + (min(max(idle, 0.0), 0.5) + _CARRIES) * max(high - low, 0.0)
+    carries_us = low + (min(max(idle, 0.0), _MOST_IDLE) + _CARRIES) * max(high - low, 0.0)
     if values.get("Q_FRAME_CLASS") == _TRICOPTER:
         numbers = {n: number for n, number in numbers.items() if number != _TAIL_SERVO}
     pulls = _mask(values, "Q_TAILSIT_MOTMX") if _is_tailsitter(values) else 0

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
+
+from mavhums_sim._arrays import Array
 
 __all__ = [
     "Constants",
@@ -22,8 +23,6 @@ __all__ = [
     "integrate_one_mass",
     "integrate_two_masses",
 ]
-
-Array = NDArray[np.float64]
 
 
 class Constants(NamedTuple):

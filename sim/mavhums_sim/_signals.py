@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from mavhums_sim._arrays import Array
 
 __all__ = ["gusts", "held", "ramp"]
-
-Array = NDArray[np.float64]
 
 
 def ramp(x: Array, start: float, end: float) -> Array:

@@ -7,13 +7,11 @@ from dataclasses import dataclass, field
 from math import inf, isfinite, radians
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.motion import Degradation
 
 __all__ = ["FAULTS", "Condition", "Fault", "degrade"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,14 +10,13 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim._signals import gusts, ramp
 from mavhums_sim.motion import CONTROL_PERIOD_S
 
 __all__ = ["SURFACES", "Cyclogram", "takeoff"]
 
-Array = NDArray[np.float64]
 
 SURFACES = ("aileron_left", "aileron_right", "elevator", "rudder")
 

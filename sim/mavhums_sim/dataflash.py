@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array, Records
 from mavhums_sim.flight import Flight, FlightRecord
 from mavhums_sim.link import BOOT_US, EPOCH_US
 from mavhums_sim.sensors import sample_times
@@ -49,16 +49,13 @@ _WEEK_MS = 7 * 86_400_000
 _AUTO = 10
 _VOLTS, _AMPERES, _SPEED = 0, 1, 2
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.void]
-
 
 class _Records(NamedTuple):
     """Records of one type: their times in the flight, s, and the records themselves."""
 
     name: str
     time_s: Array
-    rows: Rows
+    rows: Records
 
 
 def write_dataflash(record: FlightRecord, path: Path, *, day: float = 0.0) -> dict[str, int]:
@@ -121,7 +118,7 @@ def _records(name: str, time_s: Array, **columns: object) -> _Records:
     return _Records(name, time_s, rows)
 
 
-def _definitions() -> Rows:
+def _definitions() -> Records:
     rows = np.zeros(len(_TYPES), dtype=_wire("FMT"))
     rows["head"] = bytes([0xA3, 0x95, 128])
     for k, (name, (number, letters, columns)) in enumerate(_TYPES.items()):

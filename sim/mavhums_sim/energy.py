@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.motion import simulate
 
 __all__ = ["EnergyBalance", "energy_balance"]
 
-Array = NDArray[np.float64]
 
 _STEP_S = 1e-5
 _COULOMB = 0.225

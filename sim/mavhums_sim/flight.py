@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.conditions import Condition, degrade
 from mavhums_sim.cyclogram import SURFACES, Cyclogram
 from mavhums_sim.ema import EmaParameters
@@ -32,8 +32,6 @@ HEALTHY_FRICTION_NM = 0.225
 _AIR_DENSITY = 1.225
 HINGE_PER_DEFLECTION = 0.016  # c_δ, m³/rad: about 2 N·m at 20° and 24 m/s
 HINGE_PER_INCIDENCE = 0.006  # c_α, m³/rad
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields
 from math import radians
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim._integrate import Course, integrate_one_mass, integrate_two_masses
 from mavhums_sim.ema import EmaParameters
 
@@ -16,8 +16,6 @@ __all__ = ["CONTROL_PERIOD_S", "MOVING_RAD_S", "STEP_S", "Degradation", "Motion"
 CONTROL_PERIOD_S = 1e-3
 STEP_S = 1e-4
 MOVING_RAD_S = radians(0.1)  # slower motion is the controller's final creep into friction
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

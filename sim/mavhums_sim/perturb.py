@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Integers
+
 __all__ = [
     "KINDS",
     "begin_later",
@@ -31,7 +33,6 @@ _PAUSE_US = 100_000  # at most, between the parameters of a list
 _PLACES = (1, 20)  # of damage in one log
 _STREAMS = (26, 27, 30, 33, 36, 62, 74, 83, 105, 116)  # IMUs, attitude, position, outputs, demand, airspeed
 
-Times = NDArray[np.int64]
 Random = np.random.Generator
 
 
@@ -39,8 +40,8 @@ class _Frames(NamedTuple):
     """The frames of a log: bytes with their stamp, reception in µs, and message ids."""
 
     data: list[bytes]
-    time_us: Times
-    message: Times
+    time_us: Integers
+    message: Integers
 
 
 def _frames(tlog: bytes) -> _Frames:

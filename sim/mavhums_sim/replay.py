@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.cyclogram import SURFACES, Cyclogram
 from mavhums_sim.motion import CONTROL_PERIOD_S
 
 __all__ = ["Replay", "replay"]
 
-Array = NDArray[np.float64]
 Between = Literal["linear", "hold"]
 _NAMES = {  # SERVOn_FUNCTION of ArduPilot: the nth such output drives the nth surface named
     4: ("aileron_left", "aileron_right"),

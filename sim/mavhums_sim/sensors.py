@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.motion import Motion
 
@@ -20,7 +20,6 @@ __all__ = ["ELECTRONICS_A", "EscSide", "SensorNoise", "sample_times", "sense", "
 EscSide = Literal["motor", "bus"]
 ELECTRONICS_A = 0.05  # bus current of the electronics of one actuator
 
-Array = NDArray[np.float64]
 
 _DEGREES = 180.0 / np.pi
 _REV_MIN = 30.0 / np.pi

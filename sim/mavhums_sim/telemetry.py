@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from mavhums_sim._arrays import Array
 from mavhums_sim._files import written_whole
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.flight import ActuatorRecord, Flight, FlightRecord
@@ -39,7 +39,6 @@ BOARD = "SimBoard 4D415648 554D5353 494D0001"
 
 _FUNCTIONS = {"aileron_left": 4, "aileron_right": 4, "elevator": 19, "rudder": 21}
 
-Array = NDArray[np.float64]
 Message = Any
 
 MESSAGES = (

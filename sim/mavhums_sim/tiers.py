@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.esc_status import EscStatus
 from mavhums_sim.flight import ActuatorRecord, FlightRecord
@@ -34,7 +34,6 @@ __all__ = ["TIERS", "Stream", "actuator_streams", "servo_pulses"]
 
 _PWM_TRIM, _PWM_PER_DEGREE = 1500.0, 500.0 / 60.0
 
-Array = NDArray[np.float64]
 Message = Any
 
 

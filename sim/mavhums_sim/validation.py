@@ -11,15 +11,14 @@ from dataclasses import dataclass, replace
 from math import pi, radians, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.ema import DataSheet, EmaParameters, Gearbox
 from mavhums_sim.energy import energy_balance
 from mavhums_sim.motion import Degradation, Motion, simulate
 
 __all__ = ["CHECKS", "Check", "validate"]
 
-Array = NDArray[np.float64]
 
 _COULOMB = 0.225
 _ONE = EmaParameters.from_data_sheet()

@@ -11,12 +11,12 @@ from click.testing import CliRunner
 
 from mavhums import Engine, analyse
 from mavhums.app.analysis import analyse_alone
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.cli.main import cli
+from mavhums.flights.compare import compared, packed, unpacked
+from mavhums.flights.stores.folder import keep_assessment, read_history
+from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
-from mavhums.history.comparison import compared, packed, unpacked
-from mavhums.history.files import keep_assessment, read_history
-from mavhums.history.trends import trend_report
 from mavhums.report.assessment import Assessment, Verdict
 from tests.engine.test_axes import flown
 

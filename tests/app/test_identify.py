@@ -90,7 +90,7 @@ def test_the_supplys_voltage_gives_the_shares_of_stall(run: Run, log: Path, tmp_
 def test_the_reserve_is_told_only_where_it_is_known(run: Run, log: Path, tmp_path: Path) -> None:
     profile = tmp_path / "blank.toml"
     profile.write_text(BLANK.replace("esc = 2", "esc = 2\nsupply_voltage = 27"), encoding="utf-8")
-    told = run("analyse", str(log), "--airframe", str(profile)).out
+    told = run("analyse", str(log), "--airframe", str(profile), "--verbose").out
     [line] = re.findall(r"(\w+): highest sustained (\d+)\s%, reserve (\d+)\s%, friction [\d.]+\s%", told)
     assert line[0] == "elevator"
     assert int(line[1]) + int(line[2]) == pytest.approx(100, abs=1)
@@ -100,7 +100,7 @@ def test_the_reserve_is_told_only_where_it_is_known(run: Run, log: Path, tmp_pat
     assert re.search(rf">{line[2]}\s%</td>", text)
     assert text.count("Torque, by that at stall</h2>") == 1
     profile.write_text(BLANK, encoding="utf-8")
-    assert "at stall" not in run("analyse", str(log), "--airframe", str(profile)).out
+    assert "at stall" not in run("analyse", str(log), "--airframe", str(profile), "--verbose").out
 
 
 def test_a_log_that_shows_no_motor_says_what_would(log: Path) -> None:

@@ -16,10 +16,10 @@ import pytest
 
 import mavhums
 from mavhums.app.many import Batch, analyse_many
-from mavhums.app.options import Options
-from mavhums.app.processes import Crashed, in_processes
+from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode
-from mavhums.history.flights import FlightHistory
+from mavhums.core.process_pool import Lost, in_processes
+from mavhums.flights.history import FlightHistory
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet_logs import moved
@@ -93,7 +93,7 @@ def test_what_nobody_expected_is_an_outcome_of_its_log(
     def fails(path: Path, *_: object, **__: object) -> None:
         raise ZeroDivisionError("nought")
 
-    monkeypatch.setattr("mavhums.app.many.analyse", fails)
+    monkeypatch.setattr("mavhums.app.analysis.analyse_alone", fails)
     errors = [one.error for one in analyse_many(logs[:2], batch=Batch(jobs=1))]
     assert [error.problem for error in errors if error] == [
         f"{log}: ZeroDivisionError: nought" for log in logs[:2]
@@ -128,7 +128,7 @@ def test_a_process_that_dies_loses_only_the_item_that_kills_it_again(
     for number in range(deaths):
         (tmp_path / str(number)).touch()
     results = list(in_processes(Deadly([5], tmp_path), range(12), 2))
-    assert results == [Crashed() if number in lost else 2 * number for number in range(12)]
+    assert results == [Lost() if number in lost else 2 * number for number in range(12)]
 
 
 def test_iteration_that_ends_early_ends_the_processes(tmp_path: Path) -> None:
@@ -179,7 +179,7 @@ def test_ctrl_c_ends_all_processes_and_leaves_whole_json(
 INTERRUPTED_START = """
 import os, signal, sys, threading
 from multiprocessing import forkserver
-from mavhums.app.processes import in_processes
+from mavhums.core.process_pool import in_processes
 
 def connect(files, start=forkserver.connect_to_new_process):
     ends = start(files)

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from mavhums import Engine
 from mavhums.app.analysis import analyse_alone
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
+from mavhums.flights.compare import LoneFlight, compared, packed, unpacked
 from mavhums.health.decision.baseline import Baseline, Baselines
-from mavhums.history.comparison import LoneFlight, compared, packed, unpacked
 from mavhums.report.assessment import DECIDE, Assessment, Decide
 from mavhums_sim import Flight, Gearbox, fly, write_tlog
 from mavhums_sim.conditions import Condition

@@ -12,7 +12,7 @@ import jsonschema
 import pytest
 from fastcrc import crc16
 
-from mavhums.cli import progress as progress_module
+from mavhums.cli import output
 from mavhums.core.errors import ExitCode
 from mavhums.report.assessment import json_schema
 from mavhums_sim import Flight, fly, write_tlog
@@ -228,10 +228,10 @@ def test_progress_is_shown_on_a_terminal_only(
     big.write_bytes(growing_log.read_bytes() * 4)
     assert run("inspect", big).err == ""
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    with progress_module.reading(big) as progress:
+    with output.reading(big) as progress:
         assert progress is not None
         progress(10)
-    with progress_module.steps("training") as steps:
+    with output.steps("training") as steps:
         assert steps is not None
         steps(1, 2)
 

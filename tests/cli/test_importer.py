@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mavhums.cli.sniff import HEAD, is_log
+from mavhums.cli.importer import HEAD, is_log
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import carried_logs, real_logs
 

@@ -94,7 +94,7 @@ def test_a_fresh_draft_says_what_it_lacks(run: Run, tmp_path: Path) -> None:
     for text in (vehicle["remedy"], verdict["reason"], run("inspect", log, "--airframe", profile).out):
         assert "travel_deg" in text.replace("\n", " ")
     outcome = run("export", log, "-o", tmp_path / "v.csv", "--airframe", profile)
-    assert "has no travel_deg, without which a pulse is no angle" in outcome.err
+    assert "has no travel_deg, without which a pulse has no angle" in outcome.err
     assert "--messages SERVO_OUTPUT_RAW" in outcome.err
 
 

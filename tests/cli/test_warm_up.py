@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from mavhums.cli.warm_up import announce_compiling
+from mavhums.cli.tools import announce_compiling
 from mavhums.core import compiling
 from mavhums_sim import Flight, fly, write_dataflash
 from mavhums_sim.closed_loop import ClosedLoop, fly_closed_loop

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mavhums.fleet.past import rows_of
-from mavhums.fleet.rows import Row
-from mavhums.fleet.store import Store
-from mavhums.history.comparison import LoneFlight, packed
-from mavhums.history.flights import PastFlight
+from mavhums.fleet.second_pass import rows_of
+from mavhums.flights.compare import LoneFlight, packed
+from mavhums.flights.history import PastFlight
+from mavhums.flights.stores.delta import Row, Store
 from mavhums.report.assessment import Assessment
 
 __all__ = ["row_of", "write_store"]

@@ -34,8 +34,8 @@ distributed = pytest.importorskip("distributed")
 from deltalake import DeltaTable, write_deltalake  # noqa: E402
 
 from mavhums import fleet  # noqa: E402
-from mavhums.fleet.store import FORMAT, Store  # noqa: E402
-from mavhums.fleet.tables import LOGS, VERDICTS, schemas  # noqa: E402
+from mavhums.flights.stores.delta import FORMAT, Store  # noqa: E402
+from mavhums.flights.stores.delta_tables import LOGS, VERDICTS, schemas  # noqa: E402
 from tests.fleet.stores import row_of, write_store  # noqa: E402
 
 FLIGHTS = 6
@@ -164,7 +164,7 @@ def test_verdicts_of_an_aircraft_that_several_write_first_at_once_are_there_once
     def write(place: Path) -> None:
         store = Store(place)
         row: dict[str, object] = {"aircraft": "D-A", "sha256": "0"}
-        store.settle(partial(store.replace_verdicts, "D-A", [row]))
+        store.retried(partial(store.replace_verdicts, "D-A", [row]))
 
     for again in range(5):
         place = tmp_path / str(again)

@@ -15,9 +15,9 @@ import pandas as pd
 import pytest
 
 from mavhums.app.analysis import analyse
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.history.files import keep_assessment
+from mavhums.flights.stores.folder import keep_assessment
 from mavhums.report.assessment import Verdict
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
@@ -30,8 +30,8 @@ cloudpickle = pytest.importorskip("cloudpickle")
 
 from mavhums import fleet  # noqa: E402
 from mavhums.fleet.sources import logs_in  # noqa: E402
-from mavhums.fleet.store import Store  # noqa: E402
-from mavhums.fleet.tables import LOGS  # noqa: E402
+from mavhums.flights.stores.delta import Store  # noqa: E402
+from mavhums.flights.stores.delta_tables import LOGS  # noqa: E402
 
 FLIGHTS = 12
 DAY_S = 86_400.0
@@ -208,7 +208,7 @@ def test_what_was_committed_without_verdicts_gets_them_with_the_next_scan(
         raise SystemExit(137)
 
     few = sorted((logs / "D-A").iterdir())[:2]
-    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "settle", die)
+    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "second_pass", die)
     with pytest.raises(SystemExit):
         fleet.scan(few, tmp_path, options)
     monkeypatch.undo()

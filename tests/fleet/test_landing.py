@@ -22,9 +22,10 @@ pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")
 
 from mavhums import fleet
+from mavhums.app.settings import Settings
 from mavhums.cli import page_worker
-from mavhums.fleet.store import Store
-from mavhums.fleet.tables import LOGS, Tables
+from mavhums.flights.stores.delta import Store
+from mavhums.flights.stores.delta_tables import LOGS, Tables
 
 FLIGHTS = 11
 DAY_S = 86_400.0
@@ -146,7 +147,7 @@ def test_a_folder_that_is_no_store_is_one_aircrafts_history(run: Run, kept: Path
         assert "fleet scan" in error.value.remedy
     with pytest.raises(MavhumsError, match="is a fleet's store") as error:
         mavhums.analyse(log, mavhums.Options(history=kept / "store"))
-    assert "fleet.against" in error.value.remedy
+    assert "mavhums analyse LOG --history" in error.value.remedy
 
 
 def test_a_store_in_use_is_told(run: Run, kept: Path, store: Path) -> None:
@@ -202,7 +203,8 @@ def test_a_repair_that_was_a_mistake_leaves_nothing(
 def test_the_page_judges_by_the_flights_in_its_store(kept: Path, tmp_path: Path) -> None:
     """On the page the board names the aircraft."""
     healthy, log = sorted((kept / "D-A").glob("[01]*")), kept / "D-A" / "landed.tlog"
-    assert page_worker.among(tmp_path / "store", str(log), mavhums.Options()).history is None
+    settings = Settings.read(None)
+    assert page_worker.against_store(tmp_path / "store", str(log), settings) is settings
     fleet.scan(healthy, tmp_path / "store", fleet.ScanOptions(workers=0))
     command = [sys.executable, "-m", "mavhums.cli.page_worker", str(2 << 30), str(tmp_path / "store")]
     job = {"do": "judge", "log": str(log), "report": str(tmp_path / "report.html"), "options": {}}

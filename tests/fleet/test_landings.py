@@ -15,8 +15,8 @@ pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")
 
 from mavhums import fleet
-from mavhums.fleet import store as stores
-from mavhums.fleet.tables import LOGS, SETTLED, Tables
+from mavhums.flights.stores import delta as stores
+from mavhums.flights.stores.delta_tables import LOGS, SETTLED, Tables
 
 HOUR_S = 3_600.0
 LANDINGS = 200

@@ -22,10 +22,10 @@ pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")
 
 from mavhums import fleet
-from mavhums.cli.page_keeping import answer_to
+from mavhums.cli.page_worker import answer_to
 from mavhums.core.packed import ARCHIVES, COMPRESSED
-from mavhums.fleet.store import Store
-from mavhums.fleet.tables import NAMING
+from mavhums.flights.stores.delta import Store
+from mavhums.flights.stores.delta_tables import NAMING
 
 DAY_S = 86_400.0
 OLD = 3
@@ -103,7 +103,7 @@ def test_a_log_is_compared_with_the_flights_of_its_board(run: Run, flown: Path, 
     told = run("analyse", flown / "Downloads" / "new.tlog", "--history", store, "--json")
     assert json.loads(told.out)["log"]["flight"][0]["aircraft"] == "D-A"
     options = fleet.against(flown / "Downloads" / "nameless.tlog", store)
-    assert options.history is None
+    assert not options.history.flights
 
 
 def test_a_rule_that_is_given_names_known_logs_again(flown: Path, tmp_path: Path) -> None:
@@ -156,7 +156,7 @@ def test_the_page_asks_whose_log_it_is_and_leaves_nothing_behind(flown: Path, st
 def test_the_page_is_told_problem_and_remedy_as_they_are(flown: Path, store: Path, tmp_path: Path) -> None:
     bad = tmp_path / "bad.tlog"
     bad.write_bytes(b"no log")
-    command = [sys.executable, "-m", "mavhums.cli.page_keeping"]
+    command = [sys.executable, "-m", "mavhums.cli.page_worker", "keep"]
     job = json.dumps({"log": str(bad), "store": str(store), "options": {"aircraft": "=D-A"}})
     done = subprocess.run(command, input=job, capture_output=True, text=True, check=True)
     answer = json.loads(done.stdout)
@@ -189,7 +189,7 @@ def test_packed_logs_are_scanned_and_those_that_cannot_be_are_told(flown: Path, 
 
 def test_the_page_offers_what_is_read() -> None:
     pytest.importorskip("nicegui", reason="the page needs the extra 'serve'")
-    from mavhums.serve.rendering import render
+    from mavhums.serve.home import render
 
     text = render("drop.html", packed=(*COMPRESSED, *ARCHIVES), limit_bytes=1, limit_mb="1", where="")
     for suffix in (".tlog", ".BIN", ".ulg", ".gz", ".xz", ".bz2", ".zst", ".zip"):

@@ -9,8 +9,8 @@ import pytest
 
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.history.files import keep_assessment, read_history
-from mavhums.history.trends import trend_report
+from mavhums.flights.stores.folder import keep_assessment, read_history
+from mavhums.flights.trends import trend_report
 from mavhums.report.assessment import Assessment, Interval
 from tests.flights import flown, shown, verdict
 
@@ -18,7 +18,7 @@ pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")
 
 from mavhums import fleet
-from mavhums.fleet.queries import exit_code
+from mavhums.flights.queries import exit_code
 from tests.fleet.stores import write_store
 
 CONDITIONS: tuple[Condition, ...] = ("normal", "degraded", "undecided", "emergency", "unchanged")

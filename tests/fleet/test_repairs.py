@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mavhums.core.errors import MavhumsError
-from mavhums.history.files import keep_assessment
+from mavhums.flights.stores.folder import keep_assessment
 from mavhums.report.assessment import Assessment, Indicator
 from tests.conftest import Run
 from tests.flights import START, flown, shown, verdict
@@ -19,11 +19,11 @@ pytest.importorskip("duckdb")
 pytest.importorskip("distributed")
 
 from mavhums import fleet
-from mavhums.fleet.known import Known
-from mavhums.fleet.repairs import Repair, add_repairs, remove_repairs, repairs_in, repairs_of, since_of
-from mavhums.fleet.store import Store
-from mavhums.history.files import read_history
-from mavhums.history.flights import PastFlight
+from mavhums.flights.checkpoint import Checkpoint
+from mavhums.flights.history import PastFlight
+from mavhums.flights.repairs import Repair, add_repairs, remove_repairs, repairs_in, repairs_of, since_of
+from mavhums.flights.stores.delta import Store
+from mavhums.flights.stores.folder import read_history
 from tests.fleet.stores import write_store
 
 DATES = (
@@ -45,7 +45,7 @@ def flights() -> list[Assessment]:
 def test_each_flight_is_held_against_those_since_the_last_repair(tmp_path: Path) -> None:
     write_store(tmp_path / "store", {"D-A": flights()[:1]})
     add_repairs(Store(tmp_path / "store"), DATES)
-    known = Known(since_of(Store(tmp_path / "store"), "D-A"))
+    known = Checkpoint(since_of(Store(tmp_path / "store"), "D-A"))
     for day, flight in enumerate(flights()):
         start = START + timedelta(days=day)
         given = {repair.actuator: repair.at for repair in DATES[:3] if repair.at <= start}

@@ -15,9 +15,10 @@ from pathlib import Path
 import pytest
 
 from mavhums.app.analysis import analyse_alone
-from mavhums.app.options import Options
-from mavhums.history.comparison import LoneFlight, compared, packed
-from mavhums.history.flights import FlightHistory, Since
+from mavhums.app.settings import Options
+from mavhums.flights.aircraft_table import Since
+from mavhums.flights.compare import LoneFlight, compared, packed
+from mavhums.flights.history import FlightHistory
 from mavhums_sim import Flight, fly, write_tlog
 from tests.flights import identity
 from tests.health.self_baseline.servo import Servo, left
@@ -28,11 +29,16 @@ distributed = pytest.importorskip("distributed")
 cloudpickle = pytest.importorskip("cloudpickle")
 
 from mavhums import fleet  # noqa: E402
-from mavhums.fleet.known import Copies  # noqa: E402
-from mavhums.fleet.past import Part, Replayed, replayed, rows_of  # noqa: E402
-from mavhums.fleet.repairs import Repair, add_repairs  # noqa: E402
-from mavhums.fleet.settling import settle  # noqa: E402
-from mavhums.fleet.store import Store  # noqa: E402
+from mavhums.fleet.second_pass import (  # noqa: E402
+    Compared,
+    Part,
+    compare_part,
+    rows_of,
+    second_pass,
+)
+from mavhums.flights.checkpoint import Superseded  # noqa: E402
+from mavhums.flights.repairs import Repair, add_repairs  # noqa: E402
+from mavhums.flights.stores.delta import Store  # noqa: E402
 from tests.fleet.stores import row_of  # noqa: E402
 
 NAME = "D-A"
@@ -112,7 +118,7 @@ def sequential(flights: Sequence[LoneFlight], dates: Callable[[datetime], Since]
         if start:
             history = history.with_flight(assessment)
     paths = {flight.log: flight.assessment.log.path for flight in history.flights}
-    return rows, {key: paths[taken] for key, taken in history.untaken().items()}
+    return rows, {key: paths[taken] for key, taken in history.superseded_recordings().items()}
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -122,27 +128,30 @@ def test_in_any_parts_the_verdicts_are_those_of_the_whole_history(kinds: list[Lo
     assert copies
     assert any("drift" in str(row["verdict"]) for row in rows)
     cuts = sorted(random.Random(seed).sample(range(1, len(flights)), 3))
-    part: Replayed | None = None
+    part: Compared | None = None
     found: Rows = []
-    left_out: Copies = {}
+    left_out: Superseded = {}
     for first, last in zip([0, *cuts], [*cuts, len(flights)], strict=True):
         data = [packed(flight) for flight in flights[first:last]]
-        part = replayed(Part(NAME, data, dates, part and part.known, whole=True))
+        part = compare_part(Part(NAME, data, dates, part and part.checkpoint, whole=True))
         assert part is not None
         found += part.rows
-        left_out |= part.copies
+        left_out |= part.superseded
     assert found == rows
     assert part is not None
-    assert left_out | part.open_copies == copies
+    assert left_out | part.open_superseded == copies
 
 
 def test_a_flight_that_needs_all_records_is_refused_where_they_were_not_kept(kinds: list[LoneFlight]) -> None:
-    before = replayed(Part(NAME, [packed(on(0, kinds[0]))], since(0)))
+    before = compare_part(Part(NAME, [packed(on(0, kinds[0]))], since(0)))
     assert before is not None
     for own, settled in ((1, False), (0, True)):
         again = packed(on(1e-5, kinds[0], name="again", own=own))
-        assert replayed(Part(NAME, [again], since(0), before.known, settled)) is None
-    assert replayed(Part(NAME, [packed(on(1, kinds[0]))], since(0), before.known, settled=True)) is not None
+        assert compare_part(Part(NAME, [again], since(0), before.checkpoint, settled)) is None
+    assert (
+        compare_part(Part(NAME, [packed(on(1, kinds[0]))], since(0), before.checkpoint, final=True))
+        is not None
+    )
 
 
 class Judged:
@@ -150,18 +159,18 @@ class Judged:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.flights = 0
-        monkeypatch.setattr(import_module("mavhums.fleet.settling"), "replayed", self._replayed)
+        monkeypatch.setattr(import_module("mavhums.fleet.second_pass"), "compare_part", self._counted)
 
-    def _replayed(self, part: Part) -> Replayed | None:
+    def _counted(self, part: Part) -> Compared | None:
         self.flights += len(part.flights)
-        return replayed(part)
+        return compare_part(part)
 
     def in_scan(self, store: Store, *flights: LoneFlight) -> int:
         """Return how many flights are judged when some land."""
         self.flights = 0
         if flights:
             store.add_logs([row_of(flight.assessment, NAME, flight) for flight in flights])
-        settle(store, [NAME])
+        second_pass(store, [NAME])
         return self.flights
 
 
@@ -174,7 +183,7 @@ def afresh(place: Path, flights: Sequence[LoneFlight], repairs: Sequence[Repair]
     store = Store(place)
     store.add_logs([row_of(flight.assessment, NAME, flight) for flight in flights])
     add_repairs(store, repairs)
-    settle(store, [NAME])
+    second_pass(store, [NAME])
     return told(place), fleet.status(place).copies
 
 
@@ -229,7 +238,7 @@ def test_verdicts_whose_state_was_lost_are_made_again(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(import_module("mavhums.fleet.settling"), "store_state", die)
+        patch.setattr(import_module("mavhums.fleet.second_pass"), "store_checkpoint", die)
         with pytest.raises(KeyboardInterrupt):
             judged.in_scan(store, flights[2])
     assert store.waiting() == {NAME}
@@ -245,7 +254,7 @@ def test_flights_judged_again_before_an_interruption_are_waiting(
     for _ in range(2):
         store.add_logs([row_of(flight.assessment, NAME, flight)])
         assert store.waiting() == {NAME}
-        settle(store, [NAME])
+        second_pass(store, [NAME])
         assert store.waiting() == set()
 
 
@@ -256,16 +265,16 @@ class Dies(distributed.WorkerPlugin):  # type: ignore[misc, name-defined]
         self.times, self.count = times, count
 
     def setup(self, worker: object) -> None:
-        past = import_module("mavhums.fleet.past")
-        judge = past.replayed
+        past = import_module("mavhums.fleet.second_pass")
+        judge = past.compare_part
 
-        def deadly(part: Part) -> Replayed | None:
+        def deadly(part: Part) -> Compared | None:
             if part.aircraft == NAME and len(list(self.count.iterdir())) < self.times:
                 (self.count / str(time.time_ns())).touch()
                 os.kill(os.getpid(), 9)
             return judge(part)  # type: ignore[no-any-return]
 
-        past.replayed = deadly  # type: ignore[attr-defined]
+        past.compare_part = deadly  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow
@@ -275,7 +284,7 @@ def test_workers_make_the_same_verdicts_whether_they_die_or_not(
 ) -> None:
     flights = [on(day, kinds[day % 3]) for day in range(14)]
     expected = afresh(tmp_path / "all", flights)[0]  # type: ignore[index]
-    monkeypatch.setattr(import_module("mavhums.fleet.settling"), "_PART_FLIGHTS", 5)
+    monkeypatch.setattr(import_module("mavhums.fleet.second_pass"), "_PART_FLIGHTS", 5)
     store, names = Store(tmp_path / "store"), [NAME, "D-B", "D-C"]
     store.add_logs([row_of(each.assessment, name, each) for name in names for each in flights])
     (tmp_path / "count").mkdir()
@@ -287,7 +296,7 @@ def test_workers_make_the_same_verdicts_whether_they_die_or_not(
         distributed.Client(cluster) as client,
     ):
         client.register_plugin(Dies(times, tmp_path / "count"))
-        settle(store, names, client)
+        second_pass(store, names, client)
     for name in names:
         assert [
             (log, verdict.model_dump_json()) for log, verdict in fleet.verdicts(tmp_path / "store", name)

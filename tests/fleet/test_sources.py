@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.history.aircraft import Whose
+from mavhums.flights.aircraft import AircraftResolver
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet_logs import moved
@@ -22,8 +22,8 @@ pytest.importorskip("duckdb")
 from mavhums import fleet
 from mavhums.fleet import sources
 from mavhums.fleet.rows import judge
-from mavhums.fleet.sources import LogFile, at_hand, logs_in
-from mavhums.fleet.store import Store
+from mavhums.fleet.sources import at_hand, logs_in
+from mavhums.flights.stores.delta import LogFile, Store
 from mavhums.report.assessment import Assessment
 
 FLIGHTS = 3
@@ -92,7 +92,7 @@ def test_the_rows_are_those_of_a_folder(run: Run, folder: Path, there: str, tmp_
 
 
 def fleet_flights(store: Path) -> list[str]:
-    from mavhums.fleet.flight import flights
+    from mavhums.flights.queries import flights
 
     return [str(flight.log.path) for flight in flights(store, "D-B") if isinstance(flight, Assessment)]
 
@@ -168,7 +168,7 @@ def test_a_forbidden_log_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
             raise OSError(f"When reading '{path}': AWS Error ACCESS_DENIED during HeadObject")
 
     monkeypatch.setattr(sources, "_filesystem", lambda _: Forbidding())
-    row = judge(LogFile("s3://bucket/D-A/1.tlog", 10, 0), Options(), "settings", Whose("folder"))
+    row = judge(LogFile("s3://bucket/D-A/1.tlog", 10, 0), Options(), "settings", AircraftResolver("folder"))
     assert row.problem
     assert "s3://bucket/D-A/1.tlog: cannot be read: " in row.problem
     assert "ACCESS_DENIED" in row.problem

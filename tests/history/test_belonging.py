@@ -10,11 +10,9 @@ import pytest
 
 import mavhums
 from mavhums.core.errors import ExitCode
-from mavhums.history.aircraft import Whose, latest
-from mavhums.history.aircraft_table import AircraftTable, Installed
-from mavhums.history.belonging import OtherAircraftError, held_own
-from mavhums.history.files import keep_assessment, read_history
-from mavhums.history.index import IndexedFolder
+from mavhums.flights.aircraft import AircraftResolver, OtherAircraftError, check_same_aircraft, latest
+from mavhums.flights.aircraft_table import AircraftTable, Installed
+from mavhums.flights.stores.folder import FlightFolder, keep_assessment, read_history
 from mavhums.report.assessment import Assessment
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
@@ -31,8 +29,8 @@ def of(board: str | None, day: float, aircraft: str | None = None) -> Assessment
 def held(folder: Path, flights: Sequence[Assessment], new: Assessment, table: AircraftTable) -> Assessment:
     for each in flights:
         keep_assessment(each, folder)
-    by_index = held_own(new, IndexedFolder(folder), table)
-    assert held_own(new, read_history(folder), table) == by_index
+    by_index = check_same_aircraft(new, FlightFolder(folder), table)
+    assert check_same_aircraft(new, read_history(folder), table) == by_index
     return by_index
 
 
@@ -62,14 +60,14 @@ def test_a_swapped_board_is_known_from_the_table(tmp_path: Path) -> None:
             ("D-A", "0B", START + timedelta(days=5), None),
         )
     )
-    whose = Whose(table=table)
+    whose = AircraftResolver(table=table)
     new = whose.named(of("0B", 6))
     assert new.log.flight[0].aircraft == "D-A"
     assert held(tmp_path, [of("0A", 0), of("0A", 1)], new, table) == new
     with pytest.raises(OtherAircraftError, match=r"is of D-B, but .* holds flights of D-A"):
-        held_own(whose.named(of("0A", 7)), IndexedFolder(tmp_path), table)
+        check_same_aircraft(whose.named(of("0A", 7)), FlightFolder(tmp_path), table)
     with pytest.raises(OtherAircraftError):
-        held_own(of("0B", 6), IndexedFolder(tmp_path))
+        check_same_aircraft(of("0B", 6), FlightFolder(tmp_path))
 
 
 def test_a_mixed_history_is_refused(tmp_path: Path) -> None:

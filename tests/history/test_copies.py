@@ -13,13 +13,12 @@ from hypothesis import strategies as st
 
 import mavhums
 from mavhums.core.errors import ExitCode
-from mavhums.fleet.known import Known
-from mavhums.history.copies import Quality, Recording, copies
-from mavhums.history.files import keep_assessment, read_history
-from mavhums.history.flights import FlightHistory, PastFlight
-from mavhums.history.index import IndexedFolder
-from mavhums.history.repeated import with_copies
-from mavhums.history.trends import trend_report
+from mavhums.flights.checkpoint import Checkpoint
+from mavhums.flights.duplicates import Quality, Recording, superseded_recordings
+from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.store import with_duplicate_flights
+from mavhums.flights.stores.folder import FlightFolder, keep_assessment, read_history
+from mavhums.flights.trends import trend_report
 from mavhums.report.assessment import Assessment, Coverage
 from mavhums.report.flight import FlightIdentity
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
@@ -75,7 +74,9 @@ def test_the_recording_with_more_to_judge_is_taken() -> None:
         Quality(3, 900, 48, True, "d"),
     ]
     for better, worse in itertools.combinations(order, 2):
-        found = copies({"worse": Recording(flight, worse), "better": Recording(flight, better)})
+        found = superseded_recordings(
+            {"worse": Recording(flight, worse), "better": Recording(flight, better)}
+        )
         assert found == {"worse": "better"}
 
 
@@ -88,10 +89,10 @@ def test_one_log_of_two_flights_and_a_log_of_each() -> None:
         "first": recording(first, 400, "b"),
         "second": recording(second, 400, "c"),
     }
-    assert copies(best) == {"first": "whole", "second": "whole"}
+    assert superseded_recordings(best) == {"first": "whole", "second": "whole"}
     rather = best | {"whole": recording(whole, 300)}
-    assert copies(rather)["whole"] in ("first", "second")
-    assert len(copies(rather)) == 1
+    assert superseded_recordings(rather)["whole"] in ("first", "second")
+    assert len(superseded_recordings(rather)) == 1
 
 
 spans = st.tuples(st.sampled_from([-60.0, -45.0, -30.0, -5.0]), st.integers(0, 9), st.integers(0, 9))
@@ -111,8 +112,8 @@ def test_which_recordings_count_does_not_depend_on_their_order(
     }
     shuffled = list(known.items())
     order.shuffle(shuffled)  # type: ignore[attr-defined]
-    found = copies(known)
-    assert copies(dict(shuffled)) == found
+    found = superseded_recordings(known)
+    assert superseded_recordings(dict(shuffled)) == found
     counted = known.keys() - found.keys()
     for one, other in itertools.combinations(counted, 2):
         assert not known[one].flight.is_same(known[other].flight)
@@ -136,7 +137,7 @@ def test_baselines_and_trends_count_a_flight_once(tmp_path: Path) -> None:
     for day in range(12):
         keep_assessment(recorded(day, f"logged-{day}", 0.2 + 0.01 * day, 500), tmp_path)
         keep_assessment(recorded(day, f"sent-{day}", 0.5, 90, boot_s=-45.0), tmp_path)
-    for history in (read_history(tmp_path), IndexedFolder(tmp_path)):
+    for history in (read_history(tmp_path), FlightFolder(tmp_path)):
         baseline = history.baselines("paper", LATER)[1, "elevator", "friction"]
         assert baseline.flights == 12
         assert baseline.mean == pytest.approx(0.255)
@@ -157,7 +158,7 @@ def test_a_copy_that_was_not_over_does_not_replace_one_that_was(tmp_path: Path) 
     whole = whole.model_copy(update={"log": whole.log.model_copy(update={"duration_s": 1300.0})})
     for each in (whole, recorded(0, "first", 0.2, 100)):
         keep_assessment(each, tmp_path)
-    for history in (read_history(tmp_path), IndexedFolder(tmp_path)):
+    for history in (read_history(tmp_path), FlightFolder(tmp_path)):
         for after, expected in ((700, 1), (1400, 1)):
             past = history.past("paper", START + timedelta(seconds=after))
             assert len(past[1, "elevator"]) == expected
@@ -166,12 +167,12 @@ def test_a_copy_that_was_not_over_does_not_replace_one_that_was(tmp_path: Path) 
 def test_an_assessment_names_the_other_recordings(tmp_path: Path) -> None:
     sent = recorded(0, "sent", 0.2, 90)
     keep_assessment(recorded(1, "another", 0.2, 90), tmp_path)
-    assert with_copies(sent, IndexedFolder(tmp_path)) == sent
+    assert with_duplicate_flights(sent, FlightFolder(tmp_path)) == sent
     keep_assessment(recorded(0, "logged", 0.2, 500), tmp_path)
     keep_assessment(recorded(0, "relayed", 0.2, 50), tmp_path)
     keep_assessment(sent, tmp_path)
-    for history in (read_history(tmp_path), IndexedFolder(tmp_path)):
-        told = with_copies(sent, history).log.copies
+    for history in (read_history(tmp_path), FlightFolder(tmp_path)):
+        told = with_duplicate_flights(sent, history).log.copies
         assert {(copy.log, copy.counts) for copy in told} == {("logged.tlog", True), ("relayed.tlog", False)}
 
 
@@ -181,7 +182,7 @@ def test_where_the_better_recording_shows_a_fault_the_worse_is_no_reference(tmp_
     found = recorded(0, "found", 0.2, 500)
     worn = found.verdicts[0].model_copy(update={"condition": "degraded", "worst": "degraded"})
     keep_assessment(found.model_copy(update={"verdicts": (worn,)}), tmp_path)
-    for history in (read_history(tmp_path), IndexedFolder(tmp_path)):
+    for history in (read_history(tmp_path), FlightFolder(tmp_path)):
         assert history.baselines("paper", LATER)[1, "elevator", "friction"].flights == 10
 
 
@@ -205,7 +206,7 @@ def test_a_replay_keeps_what_the_baselines_need(seed: int) -> None:
             each = each.model_copy(update={"log": each.log.model_copy(update={"flight": ()})})
         flights.append(PastFlight.of(each))
     whole = FlightHistory(tuple(flights))
-    known = Known()
+    known = Checkpoint()
     for flight in whole.flights:
         assert known.baselines("paper", flight.start) == whole.baselines("paper", flight.start)
         assert known.past("paper", flight.start) == whole.past("paper", flight.start)

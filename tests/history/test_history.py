@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from mavhums.core.errors import MavhumsError
+from mavhums.flights.history import REFERENCE_FLIGHTS, FlightHistory, PastFlight
+from mavhums.flights.stores.folder import keep_assessment, read_history
+from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
-from mavhums.history.files import keep_assessment, read_history
-from mavhums.history.flights import REFERENCE_FLIGHTS, FlightHistory, PastFlight
-from mavhums.history.trends import trend_report
 from mavhums.report.assessment import SCHEMA, Assessment
 from mavhums.report.trend import to_frame
 from mavhums.show.trend import render_trends
@@ -97,20 +97,20 @@ def test_what_is_not_ours_is_left_alone(tmp_path: Path) -> None:
     assert len(read.flights) == 1
     assert read.errors == ()
     assert len(read.notices) == 3
-    assert all("is no assessment" in notice for notice in read.notices)
+    assert all("is not an assessment" in notice for notice in read.notices)
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda text: text[: len(text) // 2], "no whole JSON"),
-        (lambda _: "", "no whole JSON"),
-        (lambda _: "\0" * 500, "no whole JSON"),
-        (lambda text: text.replace("0.2", "NaN"), "no whole JSON"),
-        (lambda _: "[" * 100_000, "no whole JSON"),
+        (lambda text: text[: len(text) // 2], "not a complete JSON"),
+        (lambda _: "", "not a complete JSON"),
+        (lambda _: "\0" * 500, "not a complete JSON"),
+        (lambda text: text.replace("0.2", "NaN"), "not a complete JSON"),
+        (lambda _: "[" * 100_000, "not a complete JSON"),
         (lambda text: text.replace("assessment/2", "assessment/9"), "mavhums.assessment/9"),
         (lambda text: text.replace('"normal"', '"fine"'), "verdicts.0.condition"),
-        (lambda text: text.replace('"estimate": 0.2', '"estimate": 1e300'), "beyond all measure"),
+        (lambda text: text.replace('"estimate": 0.2', '"estimate": 1e300'), "outside the accepted range"),
         (
             lambda text: text.replace('"estimate": 0.2', f'"estimate": {"9" * 400}'),
             "verdicts.0.indicators.0.value",

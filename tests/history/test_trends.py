@@ -14,15 +14,17 @@ import pandas as pd
 import pytest
 
 import mavhums
+from mavhums.app.analysis import Judged
+from mavhums.app.settings import Settings
 from mavhums.cli import options
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
+from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.stores.folder import keep_assessment, read_history
+from mavhums.flights.trends import trend_report
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.health.decision.baseline import Baseline
-from mavhums.history.files import keep_assessment, read_history
-from mavhums.history.flights import FlightHistory, PastFlight
-from mavhums.history.trends import trend_report
-from mavhums.report.assessment import Assessment, Evidence, Interval
+from mavhums.report.assessment import Evidence, Interval
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run
@@ -223,7 +225,7 @@ def test_a_broken_file_is_told_and_the_rest_is_shown(run: Run, tmp_path: Path) -
         (tmp_path / f"foreign{k}.json").write_text("{}", encoding="utf-8")
     outcome = run("trend", tmp_path)
     assert outcome.code == ExitCode.READ_WITH_LOSSES
-    assert f"mavhums: {tmp_path}/cut.json: is no whole JSON file" in outcome.err
+    assert f"mavhums: {tmp_path}/cut.json: is not a complete JSON file" in outcome.err
     assert "remedy: if it was an assessment" in outcome.err
     assert "and 4 more notices" in outcome.err
     assert "elevator" in outcome.out
@@ -314,11 +316,11 @@ def test_of_several_logs_each_is_held_against_those_before(
 ) -> None:
     known: list[int] = []
 
-    def judge(log: Path, options: mavhums.Options, **_: Any) -> Assessment:
-        known.append(len(options.flights().flights))
-        return flown(verdict(), day=len(known), name=log.stem)
+    def judge(log: Path, settings: Settings, *_: Any) -> Judged:
+        known.append(len(settings.history.flights))
+        return Judged(log, flown(verdict(), day=len(known), name=log.stem))
 
-    monkeypatch.setattr("mavhums.app.many.analyse", judge)
+    monkeypatch.setattr("mavhums.app.many.judge", judge)
     assert run("analyse", *logs, "--history", tmp_path / "kept", "--keep").code == ExitCode.OK
     assert known == [0, 1, 2]
     known.clear()

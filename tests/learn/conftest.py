@@ -1,14 +1,15 @@
 """What the tests of the learning room share."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
-from mavhums.learn import Card, Network, Selection
-from mavhums.learn.optimisation import one_thread
+from mavhums.learn import Card, Network, Selection, chain
+from mavhums.learn.trainer import one_thread
 
 Flights = tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]
 
@@ -82,6 +83,13 @@ def card() -> Card:
         command="mavhums train --seed 3 -o test.safetensors",
         versions={"torch": "2.13.0"},
     )
+
+
+@pytest.fixture
+def small_wrapper(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wrapper of the same two rounds with fewer iterations and seeds."""
+    monkeypatch.setattr(chain, "_ITERATIONS", 20)
+    monkeypatch.setattr(chain, "Rounds", partial(chain.Rounds, shortlist=3, iterations=40, seeds=1))
 
 
 @pytest.fixture(autouse=True)

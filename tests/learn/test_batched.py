@@ -2,30 +2,38 @@ import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
+from scipy.special import softmax
 from sklearn.datasets import make_moons
 
 from mavhums.learn import TanhNetwork
-from mavhums.learn.batch_training import Batch, Trained, train_batch
 from mavhums.learn.batched import Data, Problem
-from mavhums.learn.solvers import adam, lbfgs
+from mavhums.learn.trainer import Batch, Trained, adam, lbfgs, train_batch
 
 MOONS, SIDE = make_moons(300, noise=0.2, random_state=0)
 SIDE = SIDE == 1
 BATCH = Batch([3, 7, 5], np.array([[1, 1], [1, 0], [1, 1]], dtype=bool), [4, 5, 6])
 
 
-def problem(weight_decay: float = 1e-2, dtype: torch.dtype = torch.float64) -> Problem:
+THREE = np.eye(3, dtype=bool)[np.where(MOONS[:, 1] < 0, 2, 1 - SIDE)]
+"""Three classes; the first of two is the emergency."""
+TARGETS = pytest.mark.parametrize("target", [SIDE, THREE], ids=["two classes", "three"])
+
+
+def problem(
+    weight_decay: float = 1e-2, dtype: torch.dtype = torch.float64, target: NDArray[np.bool_] = SIDE
+) -> Problem:
     scaled = (MOONS - MOONS.min(axis=0)) / np.ptp(MOONS, axis=0)
     weight = np.random.default_rng(0).uniform(1, 2, len(SIDE))
-    return Problem(BATCH, Data.of(scaled, SIDE, weight, dtype=dtype), weight_decay)
+    return Problem(BATCH, Data.of(scaled, target, weight, dtype=dtype), weight_decay)
 
 
 def networks(of: Problem, weights: torch.Tensor) -> list[TanhNetwork]:
     return of.networks(weights, MOONS.min(axis=0), MOONS.max(axis=0))
 
 
-def test_the_gradient_is_that_of_the_loss() -> None:
-    of = problem()
+@TARGETS
+def test_the_gradient_is_that_of_the_loss(target: NDArray[np.bool_]) -> None:
+    of = problem(target=target)
     weights, every = of.initial(), torch.arange(3)
     loss, gradient = of.evaluate(weights, every)
     numeric = torch.zeros_like(gradient)
@@ -38,13 +46,15 @@ def test_the_gradient_is_that_of_the_loss() -> None:
     torch.testing.assert_close(gradient, numeric * of.mask, rtol=1e-5, atol=1e-8)
 
 
-def test_the_loss_is_cross_entropy_plus_the_decay_of_the_network_in_numpy() -> None:
-    of = problem()
+@TARGETS
+def test_the_loss_is_cross_entropy_plus_the_decay_of_the_network_in_numpy(target: NDArray[np.bool_]) -> None:
+    of = problem(target=target)
+    truth = target if target.ndim == 2 else np.column_stack([target, ~target])
     weights = of.initial()
     loss, _ = of.evaluate(weights, torch.arange(3))
     share = of.data.weight.numpy()
     for network, found in zip(networks(of, weights), loss.tolist(), strict=True):
-        p = np.where(SIDE, network.p_first(MOONS), 1 - network.p_first(MOONS))
+        p = softmax(network.outputs(MOONS), axis=1)[truth]
         decay = np.square(network.w1).sum() + np.square(network.w2).sum()
         assert found == pytest.approx(-np.log(p) @ share + 1e-2 / 2 * decay)
 
@@ -56,7 +66,7 @@ def test_outputs_are_those_of_the_network_in_numpy_whatever_the_blocks(
     of = problem()
     weights = of.initial()
     expected = [network.outputs(MOONS) @ [1, -1] for network in networks(of, weights)]
-    np.testing.assert_allclose(of.logits(weights, of.data), expected, atol=1e-12)
+    np.testing.assert_allclose(of.logits(weights, of.data)[:, 0], expected, atol=1e-12)
 
 
 def test_a_feature_that_is_masked_out_has_no_say() -> None:
@@ -67,8 +77,9 @@ def test_a_feature_that_is_masked_out_has_no_say() -> None:
     assert [len(network.b1) for network in networks(of, of.initial())] == [3, 7, 5]
 
 
-def test_lbfgs_reaches_what_torch_reaches() -> None:
-    of = problem()
+@TARGETS
+def test_lbfgs_reaches_what_torch_reaches(target: NDArray[np.bool_]) -> None:
+    of = problem(target=target)
     found = lbfgs(of, max_iter=2000, tolerance=1e-8).weights
     loss, gradient = of.evaluate(found, torch.arange(3))
     assert gradient.abs().max() < 1e-4
@@ -128,11 +139,17 @@ def test_early_stopping_keeps_the_weights_best_on_validation() -> None:
     noise, sides = random.uniform(size=(60, 2)), random.integers(0, 2, 60) == 1
     held_out = random.uniform(size=(60, 2)), random.integers(0, 2, 60) == 1
     batch = Batch([12, 12], np.ones((2, 2), dtype=bool), [0, 1])
-    options = {"validation": held_out, "weight_decay": 0.0, "precision": "double", "max_iter": 300}
-    stopped = train_batch(batch, (noise, sides), patience=20, **options)  # type: ignore[arg-type]
-    to_the_end = train_batch(batch, (noise, sides), patience=None, **options)  # type: ignore[arg-type]
+
+    def run(count: int, patience: int | None) -> Trained:
+        options = {"validation": held_out, "weight_decay": 0.0, "precision": "double"}
+        return train_batch(batch, (noise, sides), patience=patience, max_iter=count, **options)  # type: ignore[arg-type]
+
+    stopped, to_the_end = run(300, 20), run(300, None)
+    last = int(stopped.iterations.max())
+    looked_at = np.array([run(count, None).validation_loss for count in range(10, last + 1, 10)])
+    np.testing.assert_array_equal(stopped.iterations, 10 * (1 + looked_at.argmin(axis=0)) + 20)
+    np.testing.assert_allclose(stopped.validation_loss, looked_at.min(axis=0), rtol=1e-6)
     assert (stopped.validation_loss < to_the_end.validation_loss).all()
-    assert (stopped.iterations < 300).all()
     assert (to_the_end.loss < stopped.loss).all()
     p = stopped.networks[0].p_first(held_out[0])
     assert stopped.validation_accuracy[0] == pytest.approx(((p > 0.5) == held_out[1]).mean())

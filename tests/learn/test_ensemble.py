@@ -70,7 +70,7 @@ def test_refuses_parameters_that_mean_nothing(parameter: str, value: Any) -> Non
 
 
 def test_without_torch_it_says_how_to_train(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "mavhums.learn.batch_training", raising=False)
+    monkeypatch.delitem(sys.modules, "mavhums.learn.trainer", raising=False)
     monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[train\]'"):
         fitted()

@@ -10,7 +10,7 @@ from sklearn.datasets import make_moons
 
 from mavhums.core.errors import MissingExtraError
 from mavhums.learn import TanhNetworkClassifier
-from mavhums.learn.optimisation import train
+from mavhums.learn.batched import Problem
 
 MOONS, SIDE = make_moons(400, noise=0.2, random_state=0)
 
@@ -70,13 +70,13 @@ def test_the_same_seed_gives_the_same_network_whatever_the_state_of_torch() -> N
 
 def test_trains_on_one_thread_and_restores_their_number(monkeypatch: pytest.MonkeyPatch) -> None:
     threads, used = torch.get_num_threads(), set()
-    cross_entropy = torch.nn.functional.cross_entropy
+    evaluate = Problem.evaluate
 
-    def spy(outputs: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
+    def spy(*given: Any) -> Any:
         used.add(torch.get_num_threads())
-        return cross_entropy(outputs, target)
+        return evaluate(*given)
 
-    monkeypatch.setattr(torch.nn.functional, "cross_entropy", spy)
+    monkeypatch.setattr(Problem, "evaluate", spy)
     torch.set_num_threads(2)
     try:
         fitted(max_iter=2)
@@ -98,27 +98,6 @@ def test_more_iterations_bring_the_loss_down_and_are_counted() -> None:
 
 def test_training_ends_when_it_has_converged() -> None:
     assert fitted(hidden=1, weight_decay=0.1, max_iter=5000).n_iter_ < 1000
-
-
-def test_early_stopping_returns_the_weights_best_on_what_was_held_out() -> None:
-    random = np.random.default_rng(3)
-    features, emergency = random.uniform(size=(60, 2)), random.integers(0, 2, 60) == 1
-    held_out = random.uniform(size=(60, 2)), random.integers(0, 2, 60) == 1
-
-    def loss(max_iter: int, validation: bool) -> tuple[float, int]:
-        found = train(
-            (features, emergency), hidden=12, weight_decay=0, max_iter=max_iter, seed=0,
-            validation=held_out if validation else None, patience=20,
-        )  # fmt: skip
-        hidden = np.tanh(held_out[0] @ found.w1 + found.b1) @ found.w2 + found.b2
-        difference = hidden[:, 0] - hidden[:, 1]
-        return float(np.logaddexp(0, np.where(held_out[1], -difference, difference)).mean()), found.iterations
-
-    stopped, iterations = loss(500, validation=True)
-    looked_at = [loss(count, validation=False)[0] for count in range(10, iterations + 1, 10)]
-    assert iterations == 10 * (1 + int(np.argmin(looked_at))) + 20
-    assert stopped == pytest.approx(min(looked_at), rel=1e-6)
-    assert stopped < loss(500, validation=False)[0]
 
 
 def test_validation_samples_are_not_trained_on() -> None:
@@ -153,7 +132,7 @@ def test_without_torch_it_still_predicts_but_says_how_to_train(monkeypatch: pyte
     classifier = fitted()
     expected = classifier.predict(MOONS)
     monkeypatch.setitem(sys.modules, "torch", None)
-    monkeypatch.delitem(sys.modules, "mavhums.learn.optimisation")
+    monkeypatch.delitem(sys.modules, "mavhums.learn.trainer")
     np.testing.assert_array_equal(classifier.predict(MOONS), expected)
     with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[train\]'"):
         clone(classifier).fit(MOONS, SIDE)

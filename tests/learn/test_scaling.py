@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from mavhums.learn.scaling import unit_interval
+from mavhums.learn.inference import unit_interval
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 

@@ -79,7 +79,7 @@ def test_the_selector_scores_on_whole_flights(monkeypatch: pytest.MonkeyPatch) -
         seen["training"], seen["validation"] = (set(part[0][:, 0]) for part in parts)
         return lambda subsets: subsets.sum(axis=1).astype(float)
 
-    monkeypatch.setattr("mavhums.learn.wrapper.network_objective", spy)
+    monkeypatch.setattr("mavhums.learn.subsets.network_objective", spy)
     NetworkSubsetSelector(random_state=0).fit(values, side, groups=flights)
     assert not seen["training"] & seen["validation"]
     assert {flight % 2 for flight in seen["validation"]} == {0, 1}

@@ -21,6 +21,7 @@ from mavhums.learn import (
 from mavhums.learn import training as training_module
 
 Flights = Callable[..., tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]]
+pytestmark = pytest.mark.usefixtures("small_wrapper")
 PAIRS = Scheme(select="pairwise", r2=0.9, vectors=None, networks=2, hidden=(3,))
 FEW: dict[str, Any] = {"seed": 0, "scheme": PAIRS}
 

@@ -14,11 +14,11 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
 from mavhums.learn import packaged_models
-from mavhums.live.alerts import Alerts
-from mavhums.live.clock import ReceiveClock
+from mavhums.live.alerts import Alerts, Signer
+from mavhums.live.links import ReceiveClock
 from mavhums.live.peers import Peers
 from mavhums.live.recorder import TlogRecorder
-from mavhums.live.session import Session
+from mavhums.live.session import GroundStation, Reception, Session
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Piece, Stamper
@@ -75,16 +75,14 @@ class Rig:
         self.stamper = Stamper(load_dialect(), self.guard, hear=self.peers.hear)
         self.recorder = TlogRecorder(folder / "live.tlog")
         self.clock = ReceiveClock(lambda: self.wall_us * 1000, lambda: self.now_us * 1000)
-        self.alerts = Alerts(lambda frame, _: self.said.append(frame), key=key, start_us=start_us)
+        signer = Signer(key) if key else None
+        self.alerts = Alerts(lambda frame, _: self.said.append(frame), signer=signer, start_us=start_us)
         self.session = Session(
             Engine(EngineOptions(models=packaged_models())),
-            self.stamper,
-            [],
+            Reception(self.stamper, [], self.clock, self.peers),
+            GroundStation(self.alerts),
             recorder=self.recorder,
-            alerts=self.alerts,
             sinks=[self.shown],
-            clock=self.clock,
-            peers=self.peers,
         )
         self._tick_us = start_us
 

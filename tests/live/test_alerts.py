@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import common as v2
 
 from mavhums.core.conditions import Condition
 from mavhums.engine.events import ConditionChanged
-from mavhums.live.alerts import Alerts, health_name, text_of
+from mavhums.live.alerts import Alerts, Signer, health_name, text_of
 from mavhums.report.live import ActuatorStatus
 from mavhums_sim.link import EPOCH_US
 
@@ -147,7 +147,7 @@ def test_mavlink_1_is_spoken_where_nobody_speaks_2() -> None:
 def test_what_is_said_is_signed_and_newer_than_all_that_was_heard(newest: int) -> None:
     key = bytes(range(32))
     ground = Ground(key=key)
-    alerts = Alerts(ground.hear, key=key, newest_ticks=lambda: newest)
+    alerts = Alerts(ground.hear, signer=Signer(key, lambda: newest))
     alerts.mavlink2 = False
     for k in range(5):
         alerts.tick([status("elevator", "normal")], EPOCH_US + k)

@@ -168,7 +168,7 @@ def test_udpout_makes_itself_known(tmp_path: Path, worn_pieces: list[Piece]) -> 
 
 def test_a_port_that_others_reach_is_warned_of(run: Run, tmp_path: Path) -> None:
     outcome = run("live", "udpin:0.0.0.0:0", "--duration", "0.2")
-    assert "not only this computer can send here, and nothing tells who; --key" in outcome.err
+    assert "not only this computer can send here, without authentication; --key" in outcome.err
     key = tmp_path / "key"
     key.write_bytes(KEY)
     outcome = run("live", "udpin:0.0.0.0:0", "--duration", "0.2", "--key", key)
@@ -179,15 +179,15 @@ def test_a_port_that_others_reach_is_warned_of(run: Run, tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["14550"], "'14550' is no address of a link"),
-        (["udpin:99999"], "'udpin:99999' is no address"),
-        (["udpout:14550"], "'udpout:14550' is no address"),
+        (["14550"], "'14550' is not the address of a link"),
+        (["udpin:99999"], "'udpin:99999' is not the address"),
+        (["udpout:14550"], "'udpout:14550' is not the address"),
         (["udpin:nonesuch.invalid:1"], "no such host"),
         (["serial:/dev/nonesuch"], "/dev/nonesuch"),
         (["udpin:0", "--airframe", "nonesuch"], "nonesuch"),
         (["udpin:0", "--key", "nonesuch"], "nonesuch: No such file"),
         (["udpin:0", "--record", "nonesuch/a.tlog"], "cannot write nonesuch/a.tlog"),
-        (["udpin:0", "--alerts-to", "ground"], "'ground' is no address"),
+        (["udpin:0", "--alerts-to", "ground"], "'ground' is not the address"),
     ],
 )
 def test_what_cannot_be_used_is_named(run: Run, arguments: list[str], complaint: str) -> None:
@@ -252,7 +252,7 @@ def test_the_word_after_viewer_may_be_the_link(run: Run) -> None:
     assert outcome.code == 1
     assert "no viewer 'nonesuch'" in outcome.err
     outcome = run("live", "--viewer", "udpin:999999", "--duration", "0.1")
-    assert "is no address of a link" in outcome.err
+    assert "is not the address of a link" in outcome.err
 
 
 def test_a_recording_alone(run: Run, tmp_path: Path) -> None:

@@ -10,9 +10,9 @@ import pytest
 
 import mavhums
 from mavhums.core.errors import ExitCode
-from mavhums.history.files import keep_assessment
+from mavhums.flights.stores.folder import keep_assessment
 from mavhums.live.session import Session
-from mavhums.live.setup import Options, prepare
+from mavhums.live.setup import LiveOptions, prepare
 from mavhums.log.mavlink.stamping import Piece
 from tests.conftest import Run
 from tests.flights import flown, identity, shown, verdict
@@ -41,7 +41,11 @@ def board(worn_pieces: list[Piece], tmp_path_factory: pytest.TempPathFactory) ->
 def session(tmp_path: Path, history: Path, table: Path | None = None) -> tuple[Session, Shown]:
     """A session as ``mavhums live`` prepares it."""
     sink, record = Shown(), tmp_path / "live.tlog"
-    options = Options([f"udpin:{free_port()}"], record=record, history=history, aircraft_table=table)
+    options = LiveOptions(
+        urls=[f"udpin:{free_port()}"],
+        record=record,
+        judging=mavhums.Options(history=history, aircraft_table=table),
+    )
     return prepare(options, [sink]), sink
 
 

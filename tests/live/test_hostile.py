@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 import mavhums
-from mavhums.engine.crowd import MOST, Crowd
 from mavhums.engine.engine import Engine
+from mavhums.engine.vehicle_limit import MOST, VehicleLimit
 from mavhums.log.mavlink.decoder import MavlinkDecoder
 from mavhums.log.mavlink.stamping import Piece
 from mavhums_sim.link import EPOCH_US
@@ -113,10 +113,10 @@ def test_a_place_is_not_taken_by_who_says_nothing_of_actuators(tmp_path: Path) -
 
 
 def test_a_crowd_admits_everyone_while_there_is_room() -> None:
-    crowd = Crowd({"DEBUG_FLOAT_ARRAY"})
-    crowd.heed({})
-    assert crowd.admits(7)
-    assert crowd.admits(None)
+    vehicle_limit = VehicleLimit({"DEBUG_FLOAT_ARRAY"})
+    vehicle_limit.observe({})
+    assert vehicle_limit.admits(7)
+    assert vehicle_limit.admits(None)
 
 
 @pytest.mark.slow
@@ -129,7 +129,7 @@ def test_an_attack_costs_little(
     for what in ("memory_mb", "cpu", "shutdown_s", "shutdown_cpu_s"):
         record_property(what, getattr(cost, what))
     print(f"{cost.memory_mb:.0f} MB, {cost.cpu:.1%} of a core after it, {cost.shutdown_s:.2f} s to end")
-    assert cost.memory_mb < 512, "MemoryMax of the unit in docs/live.md"
+    assert cost.memory_mb < 512, "MemoryMax of the unit in docs/guide/live.md"
     assert cost.shutdown_cpu_s < 1.5
     assert cost.shutdown_s < 20.0, "2 s on a computer that has nothing else to do"
     if not ATTACKS[name].lasts:

@@ -20,10 +20,10 @@ from typing import Any
 import pytest
 
 import mavhums
-from mavhums.cli.stopping import Stop
+from mavhums.cli.signals import Stop
 from mavhums.engine.events import Samples
-from mavhums.live.detached import Detached
 from mavhums.live.outlet import Outlet, Spool
+from mavhums.live.sinks import ThreadedSink
 from mavhums.log.mavlink.stamping import Piece
 from tests.live.conftest import Rig
 from tests.live.programs import ENVIRONMENT, free_port
@@ -154,7 +154,7 @@ class Hanging:
 
 def test_a_viewer_that_hangs_holds_nothing_up(rig: Rig, worn_pieces: list[Piece]) -> None:
     viewer, released = Hanging(), threading.Event()
-    detached = Detached(viewer, "viewer", released.set, patience_s=0.01)
+    detached = ThreadedSink(viewer, "viewer", released.set, patience_s=0.01)
     rig.session.sinks.append(detached)
     rig.session.watch.outlets.append(detached.outlet)
     rig.hear(worn_pieces)
@@ -167,7 +167,7 @@ def test_a_viewer_that_hangs_holds_nothing_up(rig: Rig, worn_pieces: list[Piece]
 def test_a_viewer_that_keeps_up_sees_everything(rig: Rig, worn_pieces: list[Piece]) -> None:
     viewer, released = Hanging(), threading.Event()
     viewer.gate.open.set()
-    detached = Detached(viewer, "viewer", released.set, patience_s=30)
+    detached = ThreadedSink(viewer, "viewer", released.set, patience_s=30)
     rig.session.sinks.append(detached)
     rig.hear(worn_pieces[:3000])
     rig.end()

@@ -22,9 +22,9 @@ import mavhums.live
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Notice, Samples
 from mavhums.live import Address
 from mavhums.live.address import AddressError
-from mavhums.live.lines import JsonLines, PlainLines
 from mavhums.live.recorder import TlogRecorder
-from mavhums.live.seen import Seen
+from mavhums.live.setup import SeenSignatures
+from mavhums.live.sinks import JsonLines, PlainLines
 from mavhums.live.view import View, draw
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.report import live as objects
@@ -164,22 +164,22 @@ def test_a_file_that_vanishes_in_flight_is_noticed(
 
 def test_what_was_seen_is_remembered(tmp_path: Path) -> None:
     key = tmp_path / "key"
-    assert Seen(key).load() == {}
-    Seen(key).save({(0, 1, 1): 5, (3, 2, 1): 7})
-    assert Seen(key).load() == {(0, 1, 1): 5, (3, 2, 1): 7}
+    assert SeenSignatures(key).load() == {}
+    SeenSignatures(key).save({(0, 1, 1): 5, (3, 2, 1): 7})
+    assert SeenSignatures(key).load() == {(0, 1, 1): 5, (3, 2, 1): 7}
 
 
 @pytest.mark.parametrize("content", ["", "7", "[]", '{"0/1": 5}', '{"0/1/1": "x"}', '{"0/1/1": null}'])
 def test_damaged_memory_is_said(tmp_path: Path, content: str, caplog: pytest.LogCaptureFixture) -> None:
     (tmp_path / "key.seen").write_text(content)
-    assert Seen(tmp_path / "key").load() == {}
+    assert SeenSignatures(tmp_path / "key").load() == {}
     assert "replays of former sessions cannot be recognised" in caplog.text
 
 
 def test_memory_that_cannot_be_written_is_said_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    seen = Seen(tmp_path / "nonesuch" / "key")
+    seen = SeenSignatures(tmp_path / "nonesuch" / "key")
     seen.save({(0, 1, 1): 5})
     seen.save({(0, 1, 1): 6})
     assert caplog.text.count("will not be recognised by the next") == 1
@@ -291,9 +291,9 @@ class Failing:
 def test_a_viewer_that_fails_ends_nothing(
     rig: Rig, worn_pieces: list[Piece], caplog: pytest.LogCaptureFixture
 ) -> None:
-    from mavhums.live.viewer import Drawn
+    from mavhums.live.sinks import RerunSink
 
-    rig.session.sinks.append(Drawn(Failing()))  # type: ignore[arg-type]
+    rig.session.sinks.append(RerunSink(Failing()))  # type: ignore[arg-type]
     flown(rig, worn_pieces)
     rig.end()
     assert caplog.text.count("nothing is drawn any more: the viewer is gone") == 1
@@ -312,14 +312,15 @@ COMPILED = """
 import gc, sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
-from mavhums.live.setup import Options, prepare
+from mavhums.app.settings import Options
+from mavhums.live.setup import LiveOptions, prepare
 from mavhums.log.mavlink.stamping import Piece
 
 def compiled():
     kernels = [kernel for kernel in gc.get_objects() if isinstance(kernel, Dispatcher)]
     return {str(kernel.py_func): len(kernel.signatures) for kernel in kernels}
 
-session = prepare(Options(["udpin:0"], airframe="paper"))
+session = prepare(LiveOptions(urls=["udpin:0"], judging=Options(airframe="paper")))
 before = compiled()
 session.take([Piece(None, session.clock.now_us(), Path(sys.argv[1]).read_bytes())])
 session.tick()

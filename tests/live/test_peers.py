@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
+from mavhums.app.settings import Options
 from mavhums.live.peers import Peers
 from mavhums.live.session import Session
-from mavhums.live.setup import Options, prepare
+from mavhums.live.setup import LiveOptions, prepare
 from mavhums.log.mavlink.stamping import Piece
 from tests.live.attacks import attitude
 
@@ -105,7 +106,7 @@ def hear(session: Session) -> None:
 
 @pytest.fixture
 def session() -> Iterator[Session]:
-    session = prepare(Options(["udpin:0"], airframe="paper", alerts=True))
+    session = prepare(LiveOptions(urls=["udpin:0"], judging=Options(airframe="paper"), alerts=True))
     yield session
     session.close()
 
@@ -167,8 +168,8 @@ def test_a_peer_that_has_closed_costs_only_what_is_sent_to_it() -> None:
         ground.bind(("127.0.0.1", 0))
         ground.settimeout(10)
         port = ground.getsockname()[1]
-        session = prepare(Options(["udpin:0"], alerts_to=f"udpout:127.0.0.1:{port}"))
-    link = session.watch.told[-1]
+        session = prepare(LiveOptions(urls=["udpin:0"], alerts_to=f"udpout:127.0.0.1:{port}"))
+    link = session.watch.alert_links[-1]
     send: Callable[[bytes, int], None] = session._alerts._send  # type: ignore[union-attr]
     send(bytes(v2.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3).pack(v2.MAVLink(None))), 1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
-from mavhums.live import Options, prepare
+from mavhums.live import LiveOptions, prepare
 from mavhums.log.mavlink.stamping import Piece
 from mavhums_sim import Flight, fly
 from mavhums_sim.link import Link
@@ -51,7 +51,9 @@ def test_a_session_gives_what_its_recording_gives(
 ) -> None:
     profile = str(PROFILES.get(log.name, "paper"))
     recording = tmp_path / "live.tlog"
-    session = prepare(Options(["udpin:0"], airframe=profile, record=recording))
+    session = prepare(
+        LiveOptions(urls=["udpin:0"], judging=mavhums.Options(airframe=profile), record=recording)
+    )
     port = session.links[0].address.port
     sent = datagrams(log)
 

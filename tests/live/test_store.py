@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from mavhums.app.options import Options as Judging
+from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode
-from mavhums.live.setup import Options, prepare
+from mavhums.live.setup import LiveOptions, prepare
 from mavhums.log.mavlink.stamping import Piece
 from mavhums_sim.link import EPOCH_US
 from tests.conftest import Run
@@ -47,11 +47,13 @@ def test_a_session_is_judged_by_the_flights_in_a_store(
     history, since = fleet.past(store, "D-A", NOW)
     assert not since
     address = f"udpin:{free_port()}"
-    session = prepare(Options([address], airframe="paper", record=recording, history=history))
+    session = prepare(
+        LiveOptions(urls=[address], record=recording, judging=Options(airframe="paper", history=history))
+    )
     session.take(list(worn_pieces))
     live = session.close()
     assert "friction_drift" in live.to_json()
-    judging = Judging(airframe="paper", aircraft="=D-A")
+    judging = Options(airframe="paper", aircraft="=D-A")
     (kept,) = fleet.keep([recording], store, judging)
     assert kept.assessment
     assert json.dumps(verdicts(kept.assessment)) == json.dumps(verdicts(live))
@@ -78,7 +80,7 @@ def test_the_recording_is_kept_at_the_end(
         assert fleet.scan([recording], store, options) == (0, 0, 1)
     else:
         (file,) = (tmp_path / place).glob("live-*.json")
-        told = list(json.loads(file.read_text())["verdicts"])
+        told = list(json.loads(file.read_text())["assessment"]["verdicts"])
     assert len(told) == 4
     again = run("analyse", recording, "--json", *(("--aircraft", "=D-A") if named else ()))
     assert code == again.code

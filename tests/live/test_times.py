@@ -17,9 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavhums.live.address import Address
-from mavhums.live.clock import ReceiveClock
-from mavhums.live.links import TcpLink, UdpLink
-from mavhums.live.outgoing import Outgoing
+from mavhums.live.links import ReceiveClock, TcpLink, UdpLink
+from mavhums.live.outlet import Outgoing
 from mavhums.log.mavlink.stamping import Piece
 
 SECOND = 1_000_000_000

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.archives import take_logs
-from mavhums.serve.options import Judging, Limits
+from mavhums.serve.options import Limits
 from mavhums.serve.sessions import Session, Sessions
+from mavhums.serve.uploads import take_logs
 from mavhums.serve.workers import Workers
 from tests.serve.test_sessions import content, settled
 
@@ -65,7 +66,7 @@ def test_the_page_judges_each_log_of_an_archive(mixed: Path, tmp_path: Path) -> 
     async def whole() -> Session:
         workers = Workers(Limits(workers=1))
         await workers.start()
-        sessions = Sessions(Limits(), Judging(airframe="paper"), workers)
+        sessions = Sessions(Limits(), Options(airframe="paper"), workers)
         try:
             session = sessions.get("a")
             await sessions.add(session, "flights.zip", content(mixed.read_bytes()))

@@ -10,7 +10,7 @@ from mavhums.core.conditions import Condition
 from mavhums.report.assessment import Assessment, Interval, LogSummary, Suspect, Verdict
 from mavhums.report.trend import ActuatorTrend, FlightPoint, RepairDate, TrendReport
 from mavhums.serve.fleet_view import aircraft_lines, flight_lines, trends_shown
-from mavhums.serve.rendering import render
+from mavhums.serve.home import render
 
 MARKUP = "<img src=x onerror=alert(1)>"
 

@@ -1,4 +1,4 @@
-"""The page behind a proxy with TLS, set up as docs/page.md tells."""
+"""The page behind a proxy with TLS, set up as docs/guide/page.md tells."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ pytest.importorskip("nicegui", reason="the page needs the extra 'serve'")
 
 NGINX = shutil.which("nginx") or shutil.which("/usr/sbin/nginx")
 OPENSSL = shutil.which("openssl")
-DOCS = Path(__file__).parents[2] / "docs" / "page.md"
+DOCS = Path(__file__).parents[2] / "docs" / "guide" / "page.md"
 NAME = "hums.example.org"
 
 pytestmark = [

@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
+from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.options import Judging, Limits
+from mavhums.serve.options import Limits
 from mavhums.serve.sessions import Session, Sessions
 from mavhums.serve.workers import Job, Progress, Workers
 
@@ -41,7 +42,7 @@ async def content(*parts: bytes) -> AsyncIterator[bytes]:
 
 def using(use: Callable[[Sessions], Awaitable[Any]], limits: Limits | None = None, **answer: Any) -> Any:
     async def whole() -> Any:
-        sessions = Sessions(limits or Limits(), Judging(airframe="paper"), Judged(answer or None))
+        sessions = Sessions(limits or Limits(), Options(airframe="paper"), Judged(answer or None))
         try:
             return await use(sessions)
         finally:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mavhums.core.errors import MavhumsError
 from mavhums.serve.options import Limits
-from mavhums.serve.uploads import hold_size, receive, safe_name
+from mavhums.serve.uploads import check_size, receive, safe_name
 
 SMALL = Limits(log_bytes=1000, upload_s=1.0, silence_s=0.05)
 
@@ -77,4 +77,4 @@ def test_an_upload_replaces_nothing(tmp_path: Path) -> None:
 
 def test_a_disk_without_room_is_told(tmp_path: Path) -> None:
     with pytest.raises(MavhumsError, match="no room"):
-        hold_size(1 << 60, tmp_path, Limits(log_bytes=1 << 61))
+        check_size(1 << 60, tmp_path, Limits(log_bytes=1 << 61))

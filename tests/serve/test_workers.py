@@ -12,7 +12,7 @@ from typing import Any
 import psutil
 import pytest
 
-from mavhums.serve.options import Judging, Limits
+from mavhums.serve.options import Limits
 from mavhums.serve.workers import Workers
 
 # A stand-in that does what a job says; the true program starts too slowly to be killed a dozen times.
@@ -145,7 +145,7 @@ def test_the_true_process_judges_refuses_and_limits_its_memory(short_log: Path, 
     job: dict[str, Any] = {
         "do": "judge",
         "report": str(tmp_path / "report.html"),
-        "options": Judging()._asdict(),
+        "options": {},
     }
 
     async def use(workers: Workers) -> tuple[dict[str, Any], ...]:
@@ -206,7 +206,7 @@ def test_the_least_memory_that_is_allowed_is_enough(growing_log: Path, tmp_path:
     from mavhums.cli.serve import LEAST_MEMORY_MB
 
     limits = Limits(workers=1, memory_bytes=LEAST_MEMORY_MB << 20)
-    job: dict[str, Any] = {"log": str(growing_log), "options": Judging()._asdict()}
+    job: dict[str, Any] = {"log": str(growing_log), "options": {}}
 
     async def use() -> list[Any]:
         workers = Workers(limits)

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
 from mavhums import analyse
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.show import markdown
 from mavhums.show._stream import open_stream
 from mavhums.show._tracks import Track

@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavhums.app.report import write_report
+from mavhums.app.analysis import write_report
 from mavhums.core.conditions import URGENCY
 from mavhums.engine.events import Followed, Indication, Notice
 from mavhums.report.assessment import (

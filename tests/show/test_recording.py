@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mavhums import analyse
 from mavhums.actuator.profile import Limits, load_airframe
-from mavhums.app.options import Options
+from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window

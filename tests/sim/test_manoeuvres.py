@@ -9,7 +9,7 @@ from mavhums_sim import Flight, fly
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 
-# As docs/simulator.md states them: moving fraction from…to, peak hinge moment from…to in N·m.
+# As docs/method/simulator.md states them: moving fraction from…to, peak hinge moment from…to in N·m.
 STATED = {
     "preflight": ((0.12, 0.24), (0.0, 0.0)),
     "takeoff": ((0.90, 1.00), (1.8, 3.5)),

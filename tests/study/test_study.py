@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from rerun.chunk import RrdReader
 
 from mavhums.cli.main import cli
 from mavhums.core.quantities import KEYS
+from mavhums.learn import chain
 from mavhums.study.experiment import Effort
 
 TINY = Effort(networks=3, iterations=40, every=20, subset_samples=0, thinning=(), takeoffs=0)
@@ -35,6 +37,9 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def quick_study(out: Path, effort: Effort) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Effort, "quick", classmethod(lambda _: effort))
+        patch.setattr(chain, "_SAMPLES", 200)
+        patch.setattr(chain, "_ITERATIONS", 10)
+        patch.setattr(chain, "Rounds", partial(chain.Rounds, shortlist=2, iterations=20, seeds=1))
         outcome = CliRunner().invoke(cli, ["study", "paper", "-o", str(out), "--quick"])
     assert outcome.exit_code == 0, outcome.output
     assert outcome.output.splitlines() == [str(out / path.name) for path in map(Path, outcome.output.split())]

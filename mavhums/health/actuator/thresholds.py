@@ -19,8 +19,8 @@ WIDEST_GEAR_ERROR_DEG: Final = 0.05
 # hand.
 WIDEST_RESISTANCE_SHARE: Final = 0.05
 
-# Largest standard error of a torque constant that counts: a loss of 7 % is to be seen (docs/health.md, what
-# cannot be seen).
+# Largest standard error of a torque constant that counts: a loss of 7 % is to be seen
+# (docs/method/verdicts.md, what cannot be seen).
 WIDEST_TORQUE_CONSTANT_SHARE: Final = 0.02
 
 # Departure of the back-EMF from the data sheet beyond which nobody knows what torque a current is worth: no
@@ -48,7 +48,7 @@ FRICTION_CONTRADICTION_ERRORS: Final = 3.0
 FRICTIONLESS_LIMIT_SHARE: Final = 0.01
 
 # What motion in single samples leaves out, as a share of the friction: play at reversals and inertia make
-# it a few per cent too small in the mean (docs/health.md).
+# it a few per cent too small in the mean (docs/method/verdicts.md).
 PER_SAMPLE_ERROR_SHARE: Final = 0.05
 
 # What the balance leaves out over a flight, play, wind-up and stick-slip, as a share of the normal limit.
@@ -67,7 +67,7 @@ FOLLOWING_LONGEST_GAP_S: Final = 0.5
 FOLLOWING_STANDS_SHARE: Final = 0.1
 
 # Times the limit that must be asked in a second to show that a shaft follows; less shows no fault and ends
-# none. With it healthy individuals reach 0.8° (docs/health.md).
+# none. With it healthy individuals reach 0.8° (docs/method/verdicts.md).
 FOLLOWING_ASKED_LIMITS: Final = 5.0
 
 # Share of the commanded travel that a jam leaves out: of healthy actuators none leaves out more than 0.15,
@@ -75,7 +75,7 @@ FOLLOWING_ASKED_LIMITS: Final = 5.0
 JAM_SHARE: Final = 0.8
 
 # Commanded travel that shows a jam, °: several times what an actuator of 1.0 N·m of friction leaves out
-# while its controller builds up the torque to break away (docs/health.md).
+# while its controller builds up the torque to break away (docs/method/verdicts.md).
 JAM_COMMAND_DEG: Final = 4.0
 
 # Quarters of a slot in which a jam is sought: one of 3 s holds 11 whole ones, whenever it begins.
@@ -103,7 +103,7 @@ LONGEST_SPEED_STEP_S: Final = 0.15
 SURELY_FOLLOWS_SHARE: Final = 2.0
 
 # Share of the current at stall with which a standing shaft is jammed: healthy ones take up to 0.3, with 1.0
-# N·m of friction 0.66 (docs/health.md).
+# N·m of friction 0.66 (docs/method/verdicts.md).
 STALLED_SHARE: Final = 0.8
 
 # Seconds of ten that a motor must push in vain: a reversal at a stop takes less. By hand.

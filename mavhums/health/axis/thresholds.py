@@ -1,8 +1,8 @@
 """Numbers that decide about an axis: what each trades, and what set it.
 
 Limits of a loss, a lag, a trim and a tracking error are the profile's (:class:`~mavhums.report.axis_limits`).
-Most others were chosen on the development flights of docs/control.md: 24 real flights of the ALFA data set,
-49 flights in software in the loop, and closed-loop flights with seeds below 9000; "development" below.
+Most others were chosen on the development flights of docs/evidence/axes.md: 24 real flights of the ALFA data
+set, 49 flights in software in the loop, and closed-loop flights with seeds below 9000; "development" below.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from mavhums.health.estimation.thresholds import WINDOW_S
 WINDOW_SECONDS: Final = int(WINDOW_S)
 
 # Seconds of flight that make a reference: fewer leave the gain too uncertain, more leave fewer to be
-# judged. Development (docs/control.md).
+# judged. Development (docs/evidence/axes.md).
 REFERENCE_S: Final = 45
 
 # Seconds within which a reference is sought, s: older rows are of another phase of the flight.
@@ -40,7 +40,7 @@ LEAST_DRIVE: Final = 1e-4
 NORMAL_S: Final = 30
 
 # Effectiveness that the 95 % interval of a normal axis must exceed: a loss of 40 % is what the test is for
-# (docs/control.md).
+# (docs/evidence/axes.md).
 NORMAL_EFFECTIVENESS: Final = 0.6
 
 # Seconds in a row at full effectiveness that end a fault: two windows that share no row. By hand.
@@ -50,7 +50,7 @@ FULL_S: Final = 20
 JUDGED_ERROR: Final = 0.2
 
 # Share of the effectiveness whose loss the CUSUM is tuned to, where no profile has limits: smaller losses
-# are within what manoeuvres change by themselves (docs/control.md).
+# are within what manoeuvres change by themselves (docs/evidence/axes.md).
 LOSS_TO_DETECT: Final = 0.4
 
 # The loss that the CUSUM is tuned to, beside the loss that the profile calls degraded: halfway lies the
@@ -75,7 +75,7 @@ COMMON_PITCH: Final = 0.5
 DOUBTFUL_TIMES: Final = 2.0
 
 # Judged seconds below which a loss is doubtful, and a lag is not sought: a single manoeuvre may differ
-# (docs/control.md).
+# (docs/evidence/axes.md).
 DOUBTFUL_S: Final = 7
 
 # Judged seconds that make a loss an emergency, a whole window. By hand.
@@ -111,8 +111,8 @@ ROLL_PERSISTENT_S: Final = 3
 # Below, tracking limits are wider.
 SLOW_STREAM_S: Final = 0.42
 
-# The same by axis, s. In pitch 10 Hz: slower samples miss most of the short period (docs/control.md: 4 % of
-# the seconds at 4 Hz could be judged, and the only false alarms came from there).
+# The same by axis, s. In pitch 10 Hz: slower samples miss most of the short period (docs/evidence/axes.md:
+# 4 % of the seconds at 4 Hz could be judged, and the only false alarms came from there).
 SLOWEST_STREAM_S: Final = {"roll": SLOW_STREAM_S, "pitch": 0.15, "yaw": SLOW_STREAM_S}
 
 # Rate that a reason names for roll and yaw.
@@ -179,11 +179,11 @@ DRIVEN_SHARE: Final = 0.5
 TAIL_SHARE: Final = 0.07
 
 # Largest unexplained response: in roll beyond it, gusts alone make the gain of ten healthy seconds scatter by
-# 14 % and more (docs/control.md). Pitch and yaw: development.
+# 14 % and more (docs/evidence/axes.md). Pitch and yaw: development.
 GUSTY: Final = {"roll": 0.1, "pitch": 0.5, "yaw": 0.5}
 
 # Memory of the filter that removes trim, s: longer ones keep phugoid and wind. In pitch a step of thrust or
-# speed changes the elevator's trim for good (docs/control.md).
+# speed changes the elevator's trim for good (docs/method/axes.md).
 SLOW_PART_S: Final = {"roll": 8.0, "pitch": 2.0, "yaw": 8.0}
 
 # Delays of an axis's own response that are tried, s: whole rows of 0.05 s; each costs a fit. By hand.
@@ -197,10 +197,10 @@ DELAYS_S: Final = {
 LAGS_S: Final = {"roll": (0.0, 0.1, 0.2), "pitch": (0.0, 0.1), "yaw": (0.0, 0.2)}
 
 # Share of the response that a reference must explain: below, the surfaces cannot be told from gusts and
-# each other (docs/control.md).
+# each other (docs/evidence/axes.md).
 EXPLAINED: Final = {"roll": 0.75, "pitch": 0.45, "yaw": 0.5}
 
-# Largest relative standard error of a reference's gain (docs/control.md).
+# Largest relative standard error of a reference's gain (docs/evidence/axes.md).
 GAIN_ERROR: Final = {"roll": 0.10, "pitch": 0.06, "yaw": 0.06}
 
 # Least variance of a second's score, relative to the gain's square: quiet air does not last.

@@ -27,7 +27,7 @@ LASTING_WINDOWS: Final = 20
 MOST_POOLED_FREEDOM: Final = 36.0
 
 # Fewer flights make no baseline: their scatter is too uncertain to keep the promised false alarms
-# (docs/own-history.md).
+# (docs/evidence/self-baseline.md).
 BASELINE_FLIGHTS: Final = 10
 
 # Degrees of freedom that a flight of few windows is taken to have, so that its error stays finite. By

@@ -55,13 +55,13 @@ MOST_COLUMN_CORRELATION: Final = 0.999
 # costs.
 PEAK_EXCEEDED_SHARE: Final = 0.001
 
-# Share of its mean by which a healthy actuator's friction scatters from flight to flight: 3–13 % from day
-# to day on a real actuator on a bench (docs/own-history.md). It costs sensitivity and keeps the promised
-# false alarms (docs/health.md, early detection with and without it).
+# Share of its mean by which a healthy actuator's friction scatters from flight to flight: 3–13 % from day to
+# day on a real actuator on a bench (docs/evidence/self-baseline.md). It costs sensitivity and keeps the
+# promised false alarms (docs/evidence/actuators.md, early detection with and without it).
 NATURAL_SCATTER_SHARE: Final = 0.05
 
-# Weight of the natural scatter, in degrees of freedom: as much as ten flights have (docs/own-
-# history.md).
+# Weight of the natural scatter, in degrees of freedom: as much as ten flights have
+# (docs/evidence/self-baseline.md).
 NATURAL_SCATTER_FREEDOM: Final = 9.0
 
 # Largest twist of the gear beside that of its stiffness; without a bound grave play under a small load
@@ -93,16 +93,16 @@ MOVING_ROTOR_REV_MIN: Final = 50.0
 # Hz.
 MOVING_ANGLE_DEG_S: Final = 2.5
 
-# Slower telemetry is no evidence for an own-scale equation, Hz: at 25 Hz the figures of docs/own-history.md
-# hold.
+# Slower telemetry is no evidence for an own-scale equation, Hz: at 25 Hz the figures of
+# docs/evidence/self-baseline.md hold.
 OWN_RATE_HZ: Final = 20.0
 
 # Flights of a baseline: with five neither the promised false alarms nor the stated least rise are kept
-# (docs/own-history.md, 10 % scatter).
+# (docs/evidence/self-baseline.md, 10 % scatter).
 OWN_FLIGHTS: Final = 10
 
-# Flights of a baseline by position only, whose line over the activity takes one more coefficient (docs/own-
-# history.md).
+# Flights of a baseline by position only, whose line over the activity takes one more coefficient
+# (docs/evidence/self-baseline.md).
 TRACKING_FLIGHTS: Final = 20
 
 # Largest share of the load that a gear's friction is: spur gears of small servos lose 0.29–0.34 of it on a

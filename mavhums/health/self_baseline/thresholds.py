@@ -1,6 +1,6 @@
 """Numbers that decide about a servo without a data sheet: what each trades, and what set it.
 
-They were tuned on the simulated aircraft 0–2 and fixed before the figures of docs/own-history.md.
+They were tuned on the simulated aircraft 0–2 and fixed before the figures of docs/evidence/self-baseline.md.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ ALIKE_RATE_RATIO: Final = 1.25
 SHOWN_FLIGHTS: Final = 4
 
 # Times the baseline's largest error, by information, that a flight's own error counts at most; of healthy
-# flights at most 2.4 (docs/own-history.md).
+# flights at most 2.4 (docs/evidence/self-baseline.md).
 BLURRED_TIMES: Final = 3.0
 
 # Latest flights among which the onset of a change is sought: bounds the time of a comparison.
@@ -43,8 +43,8 @@ MOTOR_FLIGHTS: Final = 10
 # hand.
 LEAST_CONSTANT_LOSS_SHARE: Final = 0.03
 
-# Bias of the friction current's level by flight mode, as measured on aircraft 0–2 (docs/own-history.md); it
-# cancels only in a comparison with the past.
+# Bias of the friction current's level by flight mode, as measured on aircraft 0–2
+# (docs/evidence/self-baseline.md); it cancels only in a comparison with the past.
 STALL_BIAS_SHARE: Final = 0.1
 
 # Times the stated supply beyond which a voltage at the motor shows that the statement is wrong. By hand.

@@ -21,7 +21,7 @@ from mavhums.vehicle.grid import RATE_HZ, Received
 from mavhums.vehicle.surfaces import Surfaces
 
 _BEGINS_IN_FLIGHT: Final = (
-    "the log begins in flight: normal is what it was then, and nothing tells whether that was healthy",
+    "the log begins in flight: control is as it was then, and the log does not show whether that was healthy",
     "record from before take-off, or compare with earlier flights (--history)",
 )
 _GAIN: Final = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m")}

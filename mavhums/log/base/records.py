@@ -157,6 +157,11 @@ def _copy(data: Bytes, source: int, kept: int, out: Bytes, place: int, size: int
 
     Whole words are written; bytes beyond the end belong to the next record, which is written later.
     """
+    # A whole payload, as every one of an on-board log, needs no look at each word: a third of the time.
+    if kept == size:
+        for j in range(0, size, 8):
+            store_word(out, place + j, load_word(data, source + j))
+        return
     for j in range(0, size, 8):
         left = kept - j
         if left >= 8:

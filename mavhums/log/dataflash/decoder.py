@@ -224,7 +224,8 @@ class DataFlashDecoder:
     def _tables(self, boot: int, part: RecordBatch) -> list[Table]:
         vehicle, shift, first = self._datings[boot].vehicle, self._shift_of(boot), self._firsts.get(boot, 0)
         times = part.rows["time_us"]
-        times[times < 0] = first  # records before the log's first time, as its definitions, have this one
+        if times[0] < 0:  # records before the log's first time, as its definitions, have this one
+            times[times < 0] = first
         context = RowContext(self._frames, shift, vehicle)
         found = self._definitions.gather(part, self._gathered, context)
         counts = found.counts.copy()
@@ -264,7 +265,10 @@ def _boot_of(part: RecordBatch) -> int:
 
 def _by_boot(batch: RecordBatch) -> Iterator[RecordBatch]:
     """Yield the parts of a batch that belong to one log each."""
+    if not batch.rows.size:
+        return
     boots = batch.rows["boot"]
-    for rows in np.split(batch.rows, np.flatnonzero(np.diff(boots)) + 1):
+    first, last = int(boots[0]), int(boots[-1])
+    for rows in np.split(batch.rows, np.searchsorted(boots, np.arange(first + 1, last + 1))):
         if rows.size:
             yield replace(batch, rows=rows)

@@ -355,5 +355,6 @@ class RecordScanner(BlockScanner):
         self._carried["base"] += position - GUARD
         if final:
             self._finish(longest=_LONGEST_RECORD)
-        # A copy: records wait for the flight's date while the next blocks are scanned.
-        return RecordBatch(data, base, self._rows[:found].copy())
+        # Records wait for the flight's date while the next blocks are scanned: those get other memory.
+        rows, self._rows = self._rows[:found], self._rows[:0]
+        return RecordBatch(data, base, rows)

@@ -12,7 +12,8 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from mavhums_sim._arrays import Array
 
 __all__ = ["FRAME_S", "STATES", "Air", "Aircraft", "Dispersion", "Trim"]
 
@@ -45,8 +46,6 @@ _INPUTS = {
     "external_reactions/thrust/magnitude": 1.0 / _POUND,
     "propeller/torque-lbsft": 1.0 / _POUND_FOOT,
 }
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

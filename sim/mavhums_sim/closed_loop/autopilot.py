@@ -16,14 +16,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
+
 __all__ = ["CLIMB", "HEADING", "LOITER", "STICKS", "TRACK", "Autopilot", "attitude", "guide"]
 
 CLIMB, TRACK, LOITER, HEADING, STICKS = range(5)
 GRAVITY = 9.80665
 PERIOD_S = 0.02
 _LOW_M = 70.0  # below which the pilot climbs
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

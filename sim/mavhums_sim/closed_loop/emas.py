@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim._integrate import Constants, Course, State, advance_one_mass, advance_two_masses
 from mavhums_sim.conditions import degrade
 from mavhums_sim.cyclogram import SURFACES, Cyclogram
@@ -22,7 +22,6 @@ from mavhums_sim.motion import CONTROL_PERIOD_S, STEP_S, Degradation, Motion
 
 __all__ = ["Emas"]
 
-Array = NDArray[np.float64]
 
 _PERIODS = 10  # of control in a frame
 _STEPS = round(CONTROL_PERIOD_S / STEP_S)

@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.closed_loop.aircraft import FRAME_S, Air, Aircraft, Dispersion
 from mavhums_sim.closed_loop.autopilot import Autopilot
 from mavhums_sim.closed_loop.emas import Emas
@@ -22,7 +23,6 @@ from mavhums_sim.motion import CONTROL_PERIOD_S
 
 __all__ = ["CONFOUNDERS", "ClosedLoop", "Confounder", "FlownLoop", "fly_closed_loop"]
 
-Array = NDArray[np.float64]
 Flavour = Literal["ardupilot", "px4"]
 
 CONFOUNDERS = {

@@ -7,15 +7,14 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.closed_loop.aircraft import FRAME_S, STATES
 from mavhums_sim.closed_loop.autopilot import CLIMB, STICKS, TRACK, attitude, guide
 from mavhums_sim.closed_loop.surfaces import fail, follow, play
 
 __all__ = ["COLUMNS", "ERRORS", "MEMORY", "VEHICLE", "advance"]
 
-Array = NDArray[np.float64]
 
 MEMORY = np.dtype(
     [

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.closed_loop.autopilot import CLIMB, HEADING, LOITER, STICKS, TRACK
 
 __all__ = ["LEG", "PHASES", "Mission", "plan", "sticks"]
@@ -31,7 +32,6 @@ LEG = np.dtype(
     ]
 )
 
-Array = NDArray[np.float64]
 Mission = Literal["mixed", "waypoints", "loiter", "heading", "manual"]
 _BASE_M = 120.0
 _LANDS_S = 300.0  # a shorter flight does not land

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.closed_loop.autopilot import Autopilot
 from mavhums_sim.closed_loop.flight import FlownLoop
 from mavhums_sim.closed_loop.surfaces import LAYOUTS
@@ -14,7 +15,6 @@ from mavhums_sim.closed_loop.tables import Table, whole
 
 __all__ = ["Outputs"]
 
-Array = NDArray[np.float64]
 
 _INTEGER, _REAL = 6, 9
 _CHANNELS = 8

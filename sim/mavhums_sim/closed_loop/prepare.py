@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.closed_loop.aircraft import FRAME_S, Aircraft
 from mavhums_sim.closed_loop.frame import ERRORS, VEHICLE
 from mavhums_sim.closed_loop.surfaces import FAULT, LAYOUTS, SERVO, Servo
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Gust", "fault_rows", "measurement_errors", "servo_rows", "vehicle_row", "wander"]
 
-Array = NDArray[np.float64]
 
 _CRUISE, _CRUISE_HEIGHT_M = 25.0, 100.0
 _GUST_FRAMES, _GUST_S = 10, 3.0

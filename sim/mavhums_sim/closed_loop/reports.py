@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.closed_loop.aircraft import FRAME_S
 from mavhums_sim.closed_loop.flight import FlownLoop
 from mavhums_sim.closed_loop.frame import ERRORS
@@ -19,7 +20,6 @@ from mavhums_sim.sensors import sample_times
 
 __all__ = ["ARDUPLANE_MODES", "PX4_MODES", "Streams", "report"]
 
-Array = NDArray[np.float64]
 
 ARDUPLANE_MODES = dict(zip(PHASES, (10, 10, 12, 7, 5, 10), strict=True))
 PX4_MODES = dict(

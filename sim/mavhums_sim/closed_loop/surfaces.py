@@ -8,11 +8,11 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
+
+from mavhums_sim._arrays import Array
 
 __all__ = ["FAULT", "KINDS", "LAYOUTS", "SERVO", "Layout", "Servo", "SurfaceFault", "fail", "follow"]
 
-Array = NDArray[np.float64]
 
 FREEZE, FLOAT, GAIN, SLOW, RATE, BIAS, BACKLASH = range(1, 8)
 KINDS = {

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from mavhums_sim._arrays import Array
 from mavhums_sim.link import BOOT_US
 from mavhums_sim.tiers import Stream
 
 __all__ = ["Columns", "Table", "boot_ms", "boot_us", "text_rows", "whole"]
 
-Array = NDArray[np.float64]
 Columns = dict[str, Any]
 
 _CLASSES = {kind.msgname: kind for kind in mavlink.mavlink_map.values()}

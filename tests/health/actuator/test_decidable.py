@@ -15,9 +15,9 @@ from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.tiers import tier_named
 from mavhums.core.quantities import KEYS, column
+from mavhums.flights.compare import against_baselines
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.replay import replay
 from mavhums.health.verdict.actuator import verdict_of_actuator
 from mavhums.report.assessment import Coverage
 from mavhums_sim.conditions import Condition
@@ -123,7 +123,7 @@ def test_where_no_window_is_decidable_nothing_is_decided(
         tier=tier_named("named"),
     )
     if against:
-        verdict = replay(verdict, alone.record(), BASELINES, start_utc=START, end_s=end_s)
+        verdict = against_baselines(verdict, alone.record(), BASELINES, start_utc=START, end_s=end_s)
     now = monitor.findings()
     assert (verdict.condition, verdict.worst) == (now.condition, now.worst)
     assert verdict.coverage.decidable == now.coverage.decidable

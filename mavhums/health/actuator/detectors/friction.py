@@ -190,7 +190,7 @@ def _too_wide(detector: FrictionDetector, flight: Mapping[str, Fit]) -> tuple[st
         return (
             f"its friction of {fit['friction'].value[0]:.2g} N·m may be that of the load: the profile has no "
             "load_friction",
-            "fill in load_friction of [actuators.ema], or learn it from its first flights with --history",
+            "fill in load_friction of [actuators.ema]",
         )
     if not fit.both_ways("friction", "offset")[0]:
         return "the actuator moves one way only, which does not tell friction from load", _MOVE_IT

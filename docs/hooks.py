@@ -1,0 +1,171 @@
+"""What the site shows beyond its pages: tables of JSON and profile fields, and links into the repository.
+
+A page names a table, ``<!-- fields: mavhums analyse --json -->``; the table comes from the model's JSON
+schema and the descriptions in ``reference/fields.toml``. A link that leaves ``docs`` works on GitHub as it
+stands; on the site it becomes an address of the repository. What is missing is a warning, and a strict build
+fails on it (with ``--quiet`` it would not: mkdocs then counts no warnings).
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import tomllib
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, Protocol
+
+from mavhums.actuator.profile import Airframe
+from mavhums.report import assessment, live
+from mavhums.report.inspection import Inspection
+from mavhums.report.trend import TrendReport
+
+DOCS = Path(__file__).parent
+DESCRIPTIONS = DOCS / "reference" / "fields.toml"
+PROFILE = "profile"
+
+Schema = dict[str, Any]
+
+_ANY = "any"
+_FIELDS = re.compile(r"<!-- fields: (.+?) -->")
+_LINK = re.compile(r"(?<=\]\()(\.\./[^)\s#]+)")
+_ROLE = re.compile(r":\w+:(?=<code>)(<code>)~?\.?")
+_log = logging.getLogger("mkdocs.hooks.mavhums")  # a warning below "mkdocs" fails a strict build
+
+
+class _File(Protocol):
+    src_uri: str
+
+
+class _Page(Protocol):
+    file: _File
+
+
+def on_pre_build(config: Any) -> None:
+    """Warn of descriptions whose field is gone."""
+    for name in unused():
+        _log.warning("%s describes %s, which does not exist", DESCRIPTIONS.name, name)
+
+
+def on_page_markdown(markdown: str, page: _Page, config: Any, **_: object) -> str:
+    """Fill in a page's tables of fields, and turn its links out of ``docs`` into addresses."""
+    source = page.file.src_uri
+
+    def address(link: re.Match[str]) -> str:
+        target = (DOCS / source).parent.joinpath(link[1]).resolve()
+        if target.is_relative_to(DOCS):
+            return link[1]
+        if not target.exists():
+            _log.warning("%s links to %s, which does not exist", source, link[1])
+        path = Path(os.path.relpath(target, DOCS.parent)).as_posix()
+        return f"{config['extra']['repository']}/blob/main/{path}"
+
+    return _LINK.sub(address, _FIELDS.sub(lambda mark: table(mark[1]), markdown))
+
+
+def on_page_content(html: str, **_: object) -> str:
+    """Leave out the roles in docstrings, which Markdown does not know."""
+    return _ROLE.sub(r"\1", html)
+
+
+def schemas() -> dict[str, Schema]:
+    """Return the schemas of what mavhums prints as JSON, by command, and of the profile."""
+    return {
+        "mavhums analyse --json": assessment.json_schema(),
+        "mavhums live --json": live.json_schema(),
+        "mavhums trend --json": TrendReport.model_json_schema(by_alias=True, mode="serialization"),
+        "mavhums inspect --json": Inspection.model_json_schema(by_alias=True, mode="serialization"),
+        PROFILE: Airframe.model_json_schema(by_alias=True, mode="validation"),
+    }
+
+
+def table(name: str) -> str:
+    """Return the tables of a schema's objects; an object that an earlier schema has is described there."""
+    every = schemas()
+    earlier = {one for key in list(every)[: list(every).index(name)] for one, _ in objects(every[key])}
+    profile = name == PROFILE
+    level = "##" if profile else "###"
+    found = [(key, one) for key, one in objects(every[name]) if profile or key not in earlier]
+    return "\n\n".join(_table(key, one, level, defaults=profile) for key, one in found)
+
+
+def objects(schema: Schema) -> Iterator[tuple[str, Schema]]:
+    """Yield the objects of a schema by name, the outermost first."""
+    if "properties" in schema:
+        yield schema["title"], schema
+    for name, one in sorted(schema.get("$defs", {}).items()):
+        if "properties" in one:
+            yield name, one
+
+
+def unused() -> list[str]:
+    """Return the descriptions in ``fields.toml`` of fields that do not exist."""
+    known = {(o, key) for one in schemas().values() for o, part in objects(one) for key in part["properties"]}
+    keys = {key for _, key in known}
+    return sorted(
+        f"{section}.{key}"
+        for section, texts in _descriptions().items()
+        for key in texts
+        if (key not in keys if section == _ANY else (section, key) not in known)
+    )
+
+
+@cache
+def _descriptions() -> dict[str, dict[str, str]]:
+    return tomllib.loads(DESCRIPTIONS.read_text(encoding="utf-8"))
+
+
+def _described(section: str, key: str) -> str | None:
+    return _descriptions().get(section, {}).get(key) or _descriptions()[_ANY].get(key)
+
+
+def _table(name: str, schema: Schema, heading: str, *, defaults: bool = False) -> str:
+    summary = " ".join(schema.get("description", "").split("\n\n")[0].split()).replace("``", "`")
+    titles = ["field", "type", *["default"] * defaults, "meaning"]
+    rows = [f"{heading} {name}", "", summary, "", _row(titles), _row(["---"] * len(titles))]
+    for key, value in schema["properties"].items():
+        text = value.get("description") or _described(name, key)
+        if text is None:
+            _log.warning("%s.%s: give the field a description, or add it to %s", name, key, DESCRIPTIONS.name)
+        default = [_default(value, required=key in schema.get("required", []))] * defaults
+        rows.append(_row([f"`{key}`", _type(value), *default, text or ""]))
+    return "\n".join(rows)
+
+
+def _row(cells: list[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _default(value: Schema, *, required: bool) -> str:
+    default = value.get("default")
+    if required:
+        return "required"
+    return f"`{default}`" if default not in (None, "", {}) else "none"
+
+
+def _type(value: Schema) -> str:
+    """Return a schema's type in words, with its bounds."""
+    if "$ref" in value:
+        name = value["$ref"].rsplit("/", 1)[1]
+        return f"[{name}](#{name.lower()})"
+    if "anyOf" in value or "oneOf" in value:
+        choices: list[Schema] = value.get("anyOf") or value["oneOf"]
+        return " or ".join(dict.fromkeys(map(_type, choices)))
+    if "const" in value:
+        return f"`{value['const']}`"
+    if "enum" in value:
+        return ", ".join(f"`{one}`" for one in value["enum"])
+    if value.get("type") == "array":
+        return f"list of {_type(value.get('items', {}))}" if "items" in value else "list of numbers"
+    if value.get("type") == "object":
+        inner = value.get("additionalProperties")
+        return f"object of {_type(inner)}" if isinstance(inner, dict) else "object"
+    return f"{value.get('type', 'any')}{_bounds(value)}"
+
+
+def _bounds(value: Schema) -> str:
+    signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
+    found = [f"{sign} {value[key]:g}" for key, sign in signs.items() if key in value]
+    return f" {', '.join(found)}" if found else ""

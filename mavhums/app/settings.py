@@ -1,0 +1,199 @@
+"""The user's options, and what they name: read and checked once, and only that travels on."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from pathlib import Path
+
+from mavhums.actuator.profile import Airframe, load_airframe
+from mavhums.core.errors import MavhumsError
+from mavhums.engine.options import EngineOptions
+from mavhums.flights.aircraft import AircraftResolver, check_aircraft_rule
+from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
+from mavhums.flights.history import FlightHistory
+from mavhums.flights.store import EarlierFlights, is_store
+from mavhums.flights.stores.folder import FlightFolder
+from mavhums.health.decision.thresholds import FALSE_ALARMS
+from mavhums.learn import Model, load_model, packaged_models
+from mavhums.log.mavlink.signing import load_key
+from mavhums.report.assessment import Decide
+
+__all__ = ["History", "Options", "Settings"]
+
+History = EarlierFlights
+"""The earlier flights: all of them in memory, or a folder of which only the new ones are read."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """The options by which a log or a link is judged; :class:`Settings` has what they name.
+
+    Attributes
+    ----------
+    airframe
+        A profile, its name or its path; if None, the one that the log names.
+    model
+        A model, its packaged name or its file, or several models; if None, those that ship with mavhums.
+    decide
+        Who decides an actuator's friction: ``physics``; ``network``, where one is for its airframe; or
+        ``both``: the physics decides, and where the network says otherwise is told. Without limits in the
+        profile the physics cannot decide, and the network does.
+    history
+        The aircraft's earlier flights, or their folder; they provide each actuator's own baseline.
+    since
+        Dates from which earlier flights count, by actuator; None stands for all others.
+    aircraft
+        How a log's path names its aircraft: ``folder``, or a regular expression with a group ``aircraft``.
+    aircraft_table
+        The operator's table of installed boards and actuators, or its file: it names the aircraft of a board,
+        and the baseline of an actuator begins anew when it is swapped.
+    false_alarms
+        Accepted number of false alarms in 100 hours of an actuator.
+    dialect
+        A MAVLink XML file whose definitions take precedence over the shipped ones.
+    key
+        A MAVLink 2 signing key of 32 bytes, or its file: only frames signed with it count.
+    vehicle_states
+        Whether the events include attitude, position, flight mode, and what a network says of each sample,
+        as a recording needs them.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> options = mavhums.Options(airframe="paper", false_alarms=0.1)
+    >>> mavhums.analyse("flight.tlog", options).airframe
+    'paper'
+    """
+
+    airframe: Airframe | str | Path | None = None
+    model: Model | Sequence[Model] | str | Path | None = None
+    decide: Decide = "physics"
+    history: History | str | os.PathLike[str] | None = None
+    since: Since | None = None
+    aircraft: str | None = None
+    aircraft_table: AircraftTable | str | os.PathLike[str] | None = None
+    false_alarms: float = FALSE_ALARMS
+    dialect: str | os.PathLike[str] | None = None
+    key: bytes | str | os.PathLike[str] | None = None
+    vehicle_states: bool = False
+
+    def resolved(self) -> EngineOptions:
+        """Return the options of an engine that judges one flight, with every named file read.
+
+        Raises
+        ------
+        ProfileError, ModelError, KeyFileError, AircraftTableError
+            If the profile, the model, the key or the table cannot be used.
+        MavhumsError
+            If there is no folder for the history.
+        """
+        return Settings.read(self).with_baselines()
+
+    def as_texts(self) -> dict[str, str | float]:
+        """Return what differs from the defaults, as JSON holds it, for another process.
+
+        Raises
+        ------
+        TypeError
+            If an option is an object, not the name or the file of one.
+        """
+        texts: dict[str, str | float] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value == field.default:
+                continue
+            if not isinstance(value, str | float | int | os.PathLike):
+                raise TypeError(f"{field.name}: {type(value).__name__} is not a name or a file")
+            texts[field.name] = os.fspath(value) if isinstance(value, os.PathLike) else value
+        return texts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """How logs are judged and what with, in memory.
+
+    Attributes
+    ----------
+    engine
+        Options of an engine that judges a flight alone: profile, models, key and the like.
+    history
+        The aircraft's earlier flights.
+    since
+        Dates from which they count, by actuator; None stands for all others.
+    whose
+        How the aircraft of a log is identified.
+    """
+
+    engine: EngineOptions
+    history: History
+    since: Since
+    whose: AircraftResolver
+
+    @classmethod
+    def read(cls, options: Options | Settings | None) -> Settings:
+        """Read the files that options name; settings are returned as they are, None is the defaults.
+
+        Raises
+        ------
+        ProfileError, ModelError, KeyFileError, AircraftTableError
+            If the profile, the model, the key or the table cannot be used.
+        MavhumsError
+            If there is no folder for the history, it is a fleet's store, or the rule cannot identify an
+            aircraft.
+        """
+        if isinstance(options, Settings):
+            return options
+        given = options or Options()
+        check_aircraft_rule(given.aircraft)
+        airframe, key, table = given.airframe, given.key, given.aircraft_table
+        engine = EngineOptions(
+            airframe=airframe if isinstance(airframe, Airframe | None) else load_airframe(airframe),
+            models=_models(given.model),
+            decide=given.decide,
+            false_alarms=given.false_alarms,
+            dialect=given.dialect,
+            key=key if isinstance(key, bytes | None) else load_key(key),
+            vehicle_states=given.vehicle_states,
+        )
+        if not isinstance(table, AircraftTable):
+            table = AircraftTable() if table is None else load_aircraft_table(table)
+        whose = AircraftResolver(given.aircraft, table)
+        return cls(engine=engine, history=_history(given.history), since=given.since or {}, whose=whose)
+
+    def with_baselines(self, since: Since | None = None) -> EngineOptions:
+        """Return the options of an engine that compares with the earlier flights while it judges.
+
+        ``since`` replaces the dates from which they count.
+        """
+        since = self.since if since is None else since
+        return replace(
+            self.engine,
+            baselines=partial(self.history.baselines, since=since),
+            past=partial(self.history.past, since=since),
+        )
+
+    def with_vehicle_states(self) -> Settings:
+        """Return settings by which the events also have what a recording or a report draws."""
+        return replace(self, engine=replace(self.engine, vehicle_states=True))
+
+
+def _models(model: Model | Sequence[Model] | str | Path | None) -> Sequence[Model]:
+    if model is None:
+        return packaged_models()
+    if isinstance(model, str | Path):
+        return (load_model(model),)
+    return (model,) if isinstance(model, Model) else model
+
+
+def _history(history: History | str | os.PathLike[str] | None) -> History:
+    if history is None:
+        return FlightHistory()
+    if not isinstance(history, str | os.PathLike):
+        return history
+    if is_store(history):
+        problem = f"{history}: is a fleet's store, not a folder of one aircraft's flights"
+        raise MavhumsError(problem, f"judge with the command: mavhums analyse LOG --history {history}")
+    return FlightFolder(history)

@@ -1,0 +1,180 @@
+"""Runs a function on many items in several processes; the results come in the order of the items.
+
+A process that dies, hangs or outgrows its memory loses the item that it works on, and nothing else.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Sequence
+from concurrent.futures import Future
+from contextlib import contextmanager
+from itertools import islice
+from multiprocessing import resource_tracker
+from threading import Thread, current_thread, main_thread
+from types import FrameType
+from typing import Any, Final, NamedTuple, TypeVar
+
+__all__ = ["Lost", "in_processes"]
+
+_AHEAD: Final = 3  # items in work for each process, so that a slow item idles no other process
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+class Lost(NamedTuple):
+    """Stands for the result of an item on which its process died, or on which it took too long."""
+
+    hung: bool = False
+
+
+def in_processes(
+    function: Callable[[Item], Result],
+    items: Iterable[Item],
+    jobs: int,
+    *,
+    prepare: Callable[[], None] | None = None,
+    preload: Sequence[str] = (),
+    item_s: float | None = None,
+) -> Generator[Result | Lost]:
+    """Yield the function's result for each item, in order; only a few items are worked on ahead.
+
+    The first item runs alone, because its process may compile the kernels for all others. An item on which a
+    process dies is tried once more: the cause may have been another program that took all memory. The
+    processes end when the iteration ends, even early, and when this process dies.
+
+    Parameters
+    ----------
+    function
+        Sent once to each process.
+    items
+        Arguments of the function.
+    jobs
+        Number of processes.
+    prepare
+        Called in each process before its first item.
+    preload
+        Modules that the processes share, so that each need not import them again.
+    item_s
+        Longest time for an item, s; None for no limit.
+    """
+    from pebble import ProcessExpired
+
+    waiting, most = iter(items), 1
+    pool = _Pool(function, jobs, prepare, preload, item_s)
+    ahead: deque[tuple[Item, Future[Result]]] = deque()
+    try:
+        while True:
+            ahead.extend((item, pool.submit(item)) for item in islice(waiting, most - len(ahead)))
+            if not ahead:
+                return
+            item, future = ahead.popleft()
+            try:
+                try:
+                    yield future.result()
+                except ProcessExpired:
+                    yield pool.submit(item).result()
+            except ProcessExpired:
+                yield Lost()
+            except TimeoutError:
+                yield Lost(hung=True)
+            most = jobs * _AHEAD
+    finally:
+        pool.end()
+
+
+class _Pool:
+    """Processes that run one function."""
+
+    def __init__(
+        self,
+        function: Callable[[Any], Any],
+        jobs: int,
+        prepare: Callable[[], None] | None,
+        preload: Sequence[str],
+        item_s: float | None,
+    ) -> None:
+        from pebble import ProcessPool
+
+        forks = "forkserver" in multiprocessing.get_all_start_methods()
+        context: Any = multiprocessing.get_context("forkserver" if forks else "spawn")
+        if forks:
+            context.set_forkserver_preload(list(preload))
+        self._item_s = item_s
+        self._pool = ProcessPool(jobs, initializer=_begin, initargs=(function, prepare), context=context)
+
+    def submit(self, item: Any) -> Future[Any]:
+        with _interrupts_wait():
+            future: Future[Any] = self._pool.schedule(_run, (item,), timeout=self._item_s)
+            return future
+
+    def end(self) -> None:
+        """End the processes, whatever they are doing."""
+        with _interrupts_wait():
+            self._pool.stop()  # type: ignore[no-untyped-call]
+            self._pool.join()
+
+
+@contextmanager
+def _interrupts_wait() -> Generator[None]:
+    """Let Ctrl-C wait while processes start or end: one that is half started prints a traceback."""
+    if current_thread() is not main_thread():  # interrupts are handled by the main thread only
+        yield
+        return
+    interrupted = False
+
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = True
+
+    before = signal.signal(signal.SIGINT, note)
+    try:
+        with _blocked_in_children():
+            yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if interrupted:
+            signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
+def _blocked_in_children() -> Generator[None]:
+    """Start processes with Ctrl-C blocked: each inherits it, and ignores Ctrl-C once it has begun."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # its start would unblock Ctrl-C
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+_function: Callable[[Any], Any]
+
+
+def _begin(function: Callable[[Any], Any], prepare: Callable[[], None] | None) -> None:
+    """Prepare a new process: Ctrl-C is the caller's to handle, and the process ends with the caller."""
+    global _function  # noqa: PLW0603 — the only way that a pool offers to send data once to a process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # a handler would wait for the end of a compiled loop
+    Thread(target=_end_with_caller, daemon=True).start()
+    _function = function
+    if prepare is not None:
+        prepare()
+
+
+def _end_with_caller() -> None:
+    caller = multiprocessing.parent_process()
+    if caller is not None:
+        caller.join()
+        os._exit(1)
+
+
+def _run(item: Any) -> Any:
+    return _function(item)

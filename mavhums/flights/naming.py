@@ -1,0 +1,192 @@
+"""How a store names aircraft: it remembers the rule and the boards of its scans, so that none is guessed."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Collection, Iterable
+from datetime import UTC, datetime, timedelta
+from typing import Final
+
+from mavhums.flights.aircraft import (
+    BOARD,
+    FOLDER,
+    GIVEN,
+    UNKNOWN,
+    AircraftResolver,
+    UnnamedAircraftError,
+    board_of,
+)
+from mavhums.flights.aircraft_table import AircraftTable, Installed
+from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Row, Store
+from mavhums.flights.stores.delta_tables import NAMING
+from mavhums.report.assessment import Assessment
+
+__all__ = [
+    "BOARD_NAME",
+    "aircraft_in_store",
+    "held_named",
+    "names_of",
+    "names_there",
+    "proposed",
+    "remember",
+    "renamed",
+    "rule_of",
+    "whose_in",
+]
+
+BOARD_NAME: Final = "board "
+"""Begins the name of an aircraft that only its board identifies."""
+
+_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+_SHOWN: Final = 20
+
+
+def aircraft_in_store(path: str, assessment: Assessment, whose: AircraftResolver) -> str:
+    """Return the aircraft's name in a store: by the table, else by the rule; without a rule, by its board."""
+    board = board_of(assessment)
+    named = whose.name(path, board, assessment.log.start_utc)
+    if named is None and board and whose.rule in (None, BOARD):
+        return f"{BOARD_NAME}{board}"
+    return named or UNKNOWN
+
+
+def rule_of(store: Store) -> str | None:
+    """Return the rule by which a store names aircraft; None if it has neither a rule nor a log.
+
+    It is the latest that a scan was given. Stores of versions that did not keep it are told by their names:
+    where any is not a board's, a rule that nothing tells has given it, and each new log must be named.
+    """
+    latest = _latest(store)
+    if latest is not None:
+        return latest[0]
+    named, judged = store.query(
+        f"SELECT count(*) FILTER (aircraft <> '' AND NOT starts_with(aircraft, '{BOARD_NAME}')), count(*)"
+        " FROM logs WHERE flight IS NOT NULL"
+    ).fetchone()
+    return GIVEN if named else BOARD if judged else None
+
+
+def whose_in(store: Store, given: AircraftResolver) -> AircraftResolver:
+    """Return the operator's knowledge of whose logs they are, with what a store remembers of it."""
+    boards = None if given.table.installed else _boards(store)
+    table = AircraftTable(map(Installed.model_validate, json.loads(boards))) if boards else given.table
+    return AircraftResolver(given.rule or rule_of(store), table)
+
+
+def remember(store: Store, given: AircraftResolver) -> None:
+    """Store the rule and the boards of a scan, if they are new.
+
+    A name that was given for some logs (``=D-EABC``) is the rule of a store that has no other.
+    """
+    before = rule_of(store)
+    rule = given.rule or before or BOARD
+    if rule.startswith(GIVEN):
+        rule = before or GIVEN
+    entries = [each.model_dump(mode="json", by_alias=True) for each in given.table.installed if each.board]
+    boards = json.dumps(entries) if entries else _boards(store)
+    if (rule, boards) != _latest(store):
+        store.append(NAMING, [{"rule": rule, "boards": boards, "stored": time.time_ns()}])
+
+
+def held_named(store: Store, row: Row, given: AircraftResolver) -> None:
+    """Refuse the name of a new log's aircraft that only a guess gives.
+
+    Parameters
+    ----------
+    store
+        The store.
+    row
+        The log, with its aircraft by the rule and the table.
+    given
+        What the operator gave for this log.
+
+    Raises
+    ------
+    UnnamedAircraftError
+        If nothing names the aircraft, or the remembered rule gives a name that the store does not have: a
+        log in another folder than the scanned ones is of no aircraft of that folder's name.
+    """
+    rule = given.rule or rule_of(store)
+    sure = given.rule is not None or rule in (None, BOARD)
+    if row.aircraft != UNKNOWN and (sure or row.aircraft in names_there(store)):
+        return
+    how = {
+        None: "their boards",
+        BOARD: "their boards",
+        FOLDER: "the folders of their logs",
+        GIVEN: "names that are given",
+    }
+    found = f"has none named {row.aircraft}" if row.aircraft else "finds no name in this log"
+    several = proposed(store, row.board)
+    why = f"; its board flew in {several[0]}" if several else ""
+    raise UnnamedAircraftError(
+        f"{row.path}: which aircraft is it of? The store names aircraft by"
+        f" {how.get(rule, 'the expression ' + str(rule))}, and {found}{why}",
+        f"name it: --aircraft '={several[0] if several else 'NAME'}'",
+        tuple(several),
+    )
+
+
+def proposed(store: Store, board: str | None) -> list[str]:
+    """Return the named aircraft in which a board flew, the latest first."""
+    rows = store.query(
+        "SELECT aircraft FROM logs WHERE board = ? AND aircraft <> '' AND flight IS NOT NULL"
+        " GROUP BY aircraft ORDER BY max(start_us) DESC NULLS LAST",
+        board,
+    ).fetchall()
+    return [name for (name,) in rows[:_SHOWN]]
+
+
+def names_of(store: Store, logs: Collection[str]) -> dict[str, str]:
+    """Return the aircraft of those logs, by their hashes, that a store has judged: a flight is kept once."""
+    if not logs:
+        return {}
+    listed = ", ".join(f"'{each}'" for each in sorted(logs))
+    return dict(
+        store.query(
+            "SELECT sha256, arg_max(aircraft, scanned) FROM logs"
+            f" WHERE sha256 IN ({listed}) AND flight IS NOT NULL AND {OF_THIS_FORMAT} GROUP BY sha256"
+        ).fetchall()
+    )
+
+
+def renamed(store: Store, files: Iterable[LogFile], given: AircraftResolver) -> set[str]:
+    """Name known logs again by a rule that was given, and return the aircraft whose flights change.
+
+    Logs are not read again. A log that lies at several paths has the name of the first.
+    """
+    if given.rule is None:
+        return set()
+    paths = {file.path for file in files}
+    names: dict[str, str] = {}
+    before: dict[str, str] = {}
+    rows = store.query(
+        "SELECT path, sha256, arg_max(aircraft, scanned), any_value(board), any_value(start_us)"
+        " FROM logs WHERE flight IS NOT NULL GROUP BY path, sha256 ORDER BY path"
+    ).fetchall()
+    for path, sha256, aircraft, board, start_us in rows:
+        if path in paths and sha256 not in names:
+            start = None if start_us is None else (_EPOCH + timedelta(microseconds=start_us)).isoformat()
+            by_board = f"{BOARD_NAME}{board}" if board and given.rule == BOARD else aircraft
+            names[sha256] = given.name(path, board, start) or by_board
+            before[sha256] = aircraft
+    changed = {sha256: name for sha256, name in names.items() if name != before[sha256]}
+    store.rename(changed)
+    return {*changed.values(), *(before[sha256] for sha256 in changed)}
+
+
+def names_there(store: Store) -> set[str]:
+    """Return the aircraft that a store has."""
+    rows = store.query("SELECT DISTINCT aircraft FROM logs WHERE aircraft <> '' AND flight IS NOT NULL")
+    return {name for (name,) in rows.fetchall()}
+
+
+def _latest(store: Store) -> tuple[str, str | None] | None:
+    row = store.query("SELECT rule, boards FROM naming ORDER BY stored DESC LIMIT 1").fetchone()
+    return None if row is None else (str(row[0]), row[1])
+
+
+def _boards(store: Store) -> str | None:
+    latest = _latest(store)
+    return latest[1] if latest else None

@@ -1,0 +1,284 @@
+"""Queries on a fleet's store."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from mavhums.core.collecting import no_collection
+from mavhums.core.conditions import URGENCY
+from mavhums.core.errors import ExitCode, MavhumsError
+from mavhums.flights.aircraft import UNKNOWN
+from mavhums.flights.compare import unpacked
+from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.repairs import installed_in, repairs_of, since_of
+from mavhums.flights.stores.delta import Store
+from mavhums.flights.trends import trend_report
+from mavhums.log.base.losses import Losses
+from mavhums.report.assessment import Assessment, LogSummary, Verdict, exit_code_of
+from mavhums.report.trend import RepairDate, TrendReport
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "Status",
+    "Worst",
+    "exit_code",
+    "export",
+    "flight",
+    "flights",
+    "past_flights",
+    "status",
+    "trend",
+    "verdicts",
+    "worst",
+]
+
+_COLUMNS = "aircraft, path, start_us, vehicle, actuator, condition, worst"
+_LAST = f"""
+WITH last AS (
+    SELECT aircraft, CASE WHEN aircraft = '' THEN path END AS log, vehicle, actuator,
+        max(start_us) AS start_us
+    FROM verdicts GROUP BY ALL)
+SELECT {_COLUMNS} FROM (
+    SELECT each.aircraft, each.vehicle, each.actuator, each.start_us, min(each.path) AS path,
+        arg_min(each.condition, each.path) AS condition, arg_min(each.worst, each.path) AS worst,
+        arg_min(each.urgency, each.path) AS urgency, arg_min(each.friction_nm, each.path) AS friction_nm
+    FROM verdicts AS each JOIN last ON each.aircraft = last.aircraft AND each.actuator = last.actuator
+        AND each.vehicle IS NOT DISTINCT FROM last.vehicle
+        AND each.start_us IS NOT DISTINCT FROM last.start_us AND (last.log IS NULL OR each.path = last.log)
+    GROUP BY each.aircraft, last.log, each.vehicle, each.actuator, each.start_us)
+ORDER BY urgency DESC, friction_nm DESC NULLS LAST, aircraft, path, vehicle, actuator
+"""
+"""The actuators in their last flights, the worst first; without the JSON of the verdicts, which is large."""
+
+
+class Status(NamedTuple):
+    """The contents of a store.
+
+    Attributes
+    ----------
+    judged, aircraft, unknown
+        Number of judged logs, of known aircraft, and of logs without one.
+    failures
+        Problem and remedy of each log that could not be judged.
+    copies
+        Each log whose flight another log records better, and that log, which counts.
+    """
+
+    judged: int
+    aircraft: int
+    unknown: int
+    failures: tuple[tuple[str, str], ...]
+    copies: tuple[tuple[str, str], ...] = ()
+
+
+class Worst(NamedTuple):
+    """An actuator in its aircraft's last flight. ``aircraft`` is empty if it is unknown."""
+
+    aircraft: str
+    path: str
+    start_us: int | None
+    verdict: Verdict
+
+
+def status(store: str | os.PathLike[str]) -> Status:
+    """Return the contents of a store.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist.
+    """
+    kept = Store(store).opened()
+    judged, aircraft, unknown = kept.query(
+        "SELECT COUNT(DISTINCT sha256), COUNT(DISTINCT nullif(aircraft, '')),"
+        " COUNT(DISTINCT CASE WHEN aircraft = '' THEN sha256 END) FROM logs WHERE flight IS NOT NULL"
+    ).fetchone()
+    failures = kept.query(
+        "SELECT problem, remedy FROM"
+        " (FROM logs QUALIFY row_number() OVER (PARTITION BY path ORDER BY scanned DESC) = 1)"
+        " WHERE problem IS NOT NULL ORDER BY path"
+    ).fetchall()
+    copies = kept.query("SELECT DISTINCT path, counted FROM copies ORDER BY path").fetchall()
+    return Status(judged, aircraft, unknown, tuple(failures), tuple(copies))
+
+
+def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Worst]:
+    """Return every actuator as of its aircraft's last flight, the worst first.
+
+    Parameters
+    ----------
+    store
+        Folder of the store.
+    most
+        Maximum number of actuators; None for all.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist.
+    """
+    kept = Store(store).opened()
+    rows = kept.query(_LAST + (f" LIMIT {most:d}" if most is not None else "")).fetchall()
+    judged = _verdicts_of(kept, {path for _, path, *_ in rows})
+    return [
+        Worst(aircraft, path, start_us, judged[aircraft, path, vehicle, actuator])
+        for aircraft, path, start_us, vehicle, actuator, *_ in rows
+    ]
+
+
+def exit_code(store: str | os.PathLike[str]) -> ExitCode:
+    """Return the exit code of ``fleet worst``: that of ``analyse`` for the last flights and the failures."""
+    rows = Store(store).opened().query(_LAST).fetchall()
+    code = exit_code_of(max(condition, worst, key=URGENCY.__getitem__) for *_, condition, worst in rows)
+    if code not in (ExitCode.EMERGENCY, ExitCode.DEGRADED) and status(store).failures:
+        return ExitCode.ERROR
+    return code if rows else ExitCode.UNDECIDED
+
+
+def verdicts(store: str | os.PathLike[str], aircraft: str) -> list[tuple[str, Verdict]]:
+    """Return an aircraft's verdicts with its past, each with its log, in time order."""
+    rows = (
+        Store(store)
+        .opened()
+        .query(
+            "SELECT path, verdict FROM"
+            " (SELECT *, row_number() OVER () AS place FROM verdicts WHERE aircraft = ?)"
+            " ORDER BY start_us, path, place",
+            aircraft,
+        )
+        .fetchall()
+    )
+    return [(path, Verdict.model_validate_json(verdict)) for path, verdict in rows]
+
+
+def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
+    """Return the trends of an aircraft's actuators.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist, or does not contain the aircraft.
+    """
+    if aircraft == UNKNOWN:
+        raise MavhumsError(f"{store}: an unknown aircraft has no trend", "name aircraft with --aircraft")
+    kept = Store(store).opened()
+    with no_collection():
+        flown = tuple(past_flights(kept, aircraft))
+        if not flown:
+            raise MavhumsError(f"{store}: no flight of the aircraft {aircraft!r}", _aircraft_in(kept))
+        since = installed_in(kept, aircraft).since(aircraft, flown[-1].end)
+        repaired = since_of(kept, aircraft)(flown[-1].end)
+        report = trend_report(FlightHistory(flown), since=since, repaired=repaired)
+    repairs = sorted(repairs_of(kept, aircraft), key=lambda repair: repair.at)
+    told = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repairs)
+    return report.model_copy(update={"repairs": told})
+
+
+def flights(store: str | os.PathLike[str], aircraft: str) -> list[Assessment]:
+    """Return an aircraft's dated flights in time order, with verdicts only: without losses, usage and texts.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist.
+    """
+    return [flown.assessment for flown in past_flights(Store(store).opened(), aircraft)]
+
+
+def flight(store: str | os.PathLike[str], aircraft: str, sha256: str) -> Assessment:
+    """Return the whole assessment of a log, its verdicts compared with the aircraft's past.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist or does not have the log.
+    """
+    kept = Store(store).opened()
+    row = kept.query(
+        "SELECT arg_max(flight, scanned) FROM logs WHERE aircraft = ? AND sha256 = ? AND flight IS NOT NULL",
+        aircraft,
+        sha256,
+    ).fetchone()
+    if row is None or row[0] is None:
+        raise MavhumsError(f"{store}: no such flight of the aircraft {aircraft!r}", "choose one of its list")
+    alone = unpacked(row[0]).assessment
+    told = kept.query(
+        "SELECT verdict FROM verdicts WHERE aircraft = ? AND sha256 = ?", aircraft, sha256
+    ).fetchall()
+    if not told:
+        return alone
+    return alone.model_copy(
+        update={"verdicts": tuple(Verdict.model_validate_json(verdict) for (verdict,) in told)}
+    )
+
+
+def past_flights(store: Store, aircraft: str) -> Iterator[PastFlight]:
+    """Yield an aircraft's dated flights in time order, each with its verdicts and the times of its log."""
+    rows = store.query(
+        "SELECT path, sha256, start_us, airframe, duration_s, list(verdict ORDER BY place) FROM ("
+        " SELECT v.*, row_number() OVER () AS place,"
+        "  coalesce((SELECT max(duration_s) FROM logs AS l WHERE l.sha256 = v.sha256), 0.0) AS duration_s"
+        " FROM verdicts AS v WHERE aircraft = ? AND start_us IS NOT NULL)"
+        " GROUP BY ALL ORDER BY start_us, path",
+        aircraft,
+    ).fetchall()
+    for path, sha256, start_us, airframe, duration_s, told in rows:
+        start = datetime.fromtimestamp(0, tz=UTC) + timedelta(microseconds=start_us)
+        log = LogSummary(
+            path=path,
+            sha256=sha256,
+            start_utc=start.isoformat(),
+            duration_s=duration_s,
+            vehicles=(),
+            losses=Losses(),
+        )
+        verdicts = tuple(map(Verdict.model_validate_json, told))
+        flight = Assessment(log=log, airframe=airframe, model=None, verdicts=verdicts)
+        yield PastFlight(flight, start, start + timedelta(seconds=duration_s))
+
+
+def _verdicts_of(store: Store, paths: Collection[str]) -> dict[tuple[str, str, int | None, str], Verdict]:
+    """Return the verdicts on some logs; literal names let DuckDB skip most of the table."""
+    if not paths:
+        return {}
+    named = ", ".join("'" + path.replace("'", "''") + "'" for path in sorted(paths))
+    rows = store.query(
+        f"SELECT aircraft, path, vehicle, actuator, verdict FROM verdicts WHERE path IN ({named})"
+    ).fetchall()
+    return {(*key,): Verdict.model_validate_json(verdict) for *key, verdict in rows}
+
+
+def _aircraft_in(store: Store) -> str:
+    named = store.query("SELECT DISTINCT aircraft FROM logs WHERE aircraft <> '' ORDER BY 1").fetchall()
+    return f"the store has: {', '.join(name for (name,) in named[:20]) or 'none'}"
+
+
+def export(store: str | os.PathLike[str], output: str | os.PathLike[str] | None = None) -> pd.DataFrame:
+    """Return one row per verdict; also write them to a .csv or .parquet table if one is named.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist, or the table cannot be written.
+    """
+    from mavhums.core.files import written_whole
+    from mavhums.core.table_writers import writer_for
+
+    columns = "aircraft, path, sha256, start_us, vehicle, actuator, condition, worst, friction_nm, airframe"
+    answer = (
+        Store(store)
+        .opened()
+        .query(f"SELECT {columns} FROM verdicts ORDER BY aircraft, start_us, path, vehicle, actuator")
+    )
+    frame: pd.DataFrame = answer.df()
+    if output is not None:
+        writer = writer_for(Path(output))
+        with written_whole(Path(output)) as temporary, writer(temporary) as table:
+            table.write(frame)
+    return frame

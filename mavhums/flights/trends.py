@@ -1,0 +1,302 @@
+"""The trend of each actuator's indicators over its flights, and its remaining useful life (RUL)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection
+from dataclasses import replace
+from functools import cache
+from math import sqrt
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
+from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
+from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.stores.folder import read_history
+from mavhums.health.axis.past import LOSSES
+from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.thresholds import TREND_FLIGHTS
+from mavhums.health.decision.trend import Trend, fit_trend
+from mavhums.report.assessment import ALL, Indicator, Interval, Verdict
+from mavhums.report.trend import ActuatorTrend, FlightPoint, LastFlight, TrendReport, to_frame
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["own_trend_report", "trend", "trend_report"]
+
+_NORMAL_95 = 1.96
+_POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
+
+
+class _Flown(NamedTuple):
+    """One flight of one actuator; ``number`` counts all its flights from 1."""
+
+    number: int
+    flight: PastFlight
+    start_utc: str
+    verdict: Verdict
+    gravest: Condition
+
+
+_Shown = list[tuple[_Flown, Indicator]]
+
+
+def trend(
+    folder: str | os.PathLike[str],
+    *,
+    actuators: Collection[str] = (),
+    faults: Collection[str] = (),
+    since: Since | None = None,
+    aircraft_table: AircraftTable | str | os.PathLike[str] | None = None,
+) -> pd.DataFrame:
+    """Return every actuator's indicators over the flights in a folder of assessments.
+
+    Parameters
+    ----------
+    folder
+        The same as for :func:`mavhums.flights.stores.folder.read_history`.
+    actuators, faults
+        Names to include; all if empty.
+    since
+        Dates from which flights count, by actuator; the key None applies to all others.
+    aircraft_table
+        The operator's table of installed boards and actuators, or its file: it names the aircraft of a board,
+        and an actuator's flights count from its last swap.
+
+    Returns
+    -------
+    DataFrame
+        A row per flight and indicator, sorted by actuator and time: ``vehicle``, ``actuator``,
+        ``airframe``, ``fault``, ``quantity``, ``unit``, ``flight`` (from 1), ``start_utc``, ``log``,
+        ``estimate`` with its 95 % interval ``low`` and ``high``, ``condition``, and the limits ``limit``
+        (degraded) and ``emergency``, NaN where there is none, and the flight's ``highest`` estimate and the
+        one at its ``end``, NaN where the flight does not tell.
+
+    Raises
+    ------
+    OtherAircraftError
+        If the folder holds flights of several aircraft with one system id.
+    AircraftTableError
+        If the table cannot be used.
+    MavhumsError
+        If the folder does not exist.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> from mavhums.flights.stores.folder import keep_assessment
+    >>> file = keep_assessment(mavhums.analyse("flight.tlog"), "flights")
+    >>> list(mavhums.trend("flights", faults=["friction"]).columns)[9:12]
+    ['estimate', 'low', 'high']
+    """
+    if not isinstance(aircraft_table, AircraftTable | None):
+        aircraft_table = load_aircraft_table(aircraft_table)
+    history = read_history(folder)
+    report = own_trend_report(history, aircraft_table, actuators=actuators, faults=faults, since=since)
+    return to_frame(
+        sorted(report.trends, key=lambda one: (one.vehicle, one.actuator, one.airframe or "", one.fault))
+    )
+
+
+def own_trend_report(
+    history: FlightHistory,
+    table: AircraftTable | None = None,
+    *,
+    actuators: Collection[str] = (),
+    faults: Collection[str] = (),
+    since: Since | None = None,
+) -> TrendReport:
+    """Fit the trends of one aircraft; errors and arguments are those of ``trend``."""
+    check_one_aircraft(history, table)
+    if table is not None and history.flights:
+        since = latest(since, swaps_of(history, table, history.flights[-1].start))
+    return trend_report(history, actuators=actuators, faults=faults, since=since)
+
+
+def trend_report(
+    history: FlightHistory,
+    *,
+    actuators: Collection[str] = (),
+    faults: Collection[str] = (),
+    since: Since | None = None,
+    repaired: Since | None = None,
+) -> TrendReport:
+    """Fit a trend to every indicator of every actuator; the other arguments are those of ``trend``.
+
+    Flights before ``repaired`` are shown, but neither trend nor baseline rests on them.
+    """
+    trends: list[ActuatorTrend] = []
+    unshown: list[str] = []
+    others: list[LastFlight] = []
+    counted = latest(since, repaired)
+    references = cache(lambda airframe, before: history.baselines(airframe, before, counted))
+    for (vehicle, actuator, airframe), flown in _by_actuator(history, actuators, since).items():
+        shown = _by_fault(flown)
+        if not shown and flown[-1].verdict.condition != "unmonitored":
+            unshown.append(f"{vehicle}: {actuator}")
+        wanted = sorted(name for name in shown if not faults or name in faults)
+        if not wanted and SEVERITY[flown[-1].gravest] > SEVERITY["normal"]:
+            others.append(_last_flight(flown[-1]))
+        for fault in wanted:
+            newest, _ = shown[fault][-1]
+            baseline = references(airframe, newest.flight.start).get((vehicle, actuator, fault))
+            trends.append(_trend(flown, shown[fault], baseline, counted))
+    return TrendReport(
+        flights=history.count(),
+        trends=tuple(sorted(trends, key=_rank)),
+        unshown=tuple(unshown),
+        errors=tuple(error.problem for error in history.errors),
+        notices=history.notices,
+        others=tuple(sorted(others, key=lambda one: (-URGENCY[one.condition], one.vehicle, one.actuator))),
+    )
+
+
+def _last_flight(flown: _Flown) -> LastFlight:
+    """Return the condition of a flight, with its gravest finding."""
+    verdict = flown.verdict
+    rules = (each.rule for each in verdict.evidence if each.rule.startswith(flown.gravest))
+    return LastFlight(
+        subject=verdict.subject,
+        vehicle=verdict.vehicle or 0,
+        actuator=verdict.actuator,
+        condition=flown.gravest,
+        reason=next(rules, verdict.reason),
+    )
+
+
+def _by_actuator(
+    history: FlightHistory, actuators: Collection[str], since: Since | None
+) -> dict[tuple[int, str, str | None], list[_Flown]]:
+    """Return the flights of each actuator in time order."""
+    found: dict[tuple[int, str, str | None], list[_Flown]] = {}
+    left_out = history.superseded_recordings()
+    for flight in history.flights:
+        start_utc = flight.start.isoformat()
+        for verdict in flight.assessment.verdicts:
+            unwanted = verdict.actuator == ALL or (actuators and verdict.actuator not in actuators)
+            if verdict.vehicle is None or unwanted or not flight.counts(verdict.actuator, since):
+                continue
+            if (flight.assessment.airframe, flight.log, verdict.vehicle) in left_out:
+                continue
+            key = (verdict.vehicle, verdict.actuator, flight.assessment.airframe)
+            flown = found.setdefault(key, [])
+            flown.append(_Flown(len(flown) + 1, flight, start_utc, verdict, verdict.gravest))
+    return found
+
+
+def _by_fault(flown: list[_Flown]) -> dict[str, _Shown]:
+    """Return the flights that show each fault's indicator; of several in one flight, the first counts."""
+    found: dict[str, _Shown] = {}
+    for each in flown:
+        for one in each.verdict.indicators:
+            pairs = found.setdefault(one.fault, [])
+            if not pairs or pairs[-1][0] is not each:
+                pairs.append((each, one))
+    return found
+
+
+def _trend(flown: list[_Flown], pairs: _Shown, baseline: Baseline | None, counted: Since) -> ActuatorTrend:
+    newest = pairs[-1][1]
+    pairs = [(each, one) for each, one in pairs if (one.quantity, one.unit) == (newest.quantity, newest.unit)]
+    latest = flown[-1].verdict
+    limit, emergency = newest.limit, newest.emergency
+    falls = newest.fault in LOSSES and baseline is not None
+    if falls and baseline is not None and latest.limits is not None:
+        limit = latest.limits.effectiveness_degraded * baseline.mean
+        emergency = latest.limits.effectiveness_emergency * baseline.mean
+    used = [(each, one) for each, one in pairs if each.flight.counts(latest.actuator, counted)]
+    fitted = _fitted(used, emergency, -1.0 if falls else 1.0)
+    expected = baseline.prediction() if baseline else None
+    return ActuatorTrend(
+        subject=latest.subject,
+        vehicle=latest.vehicle or 0,
+        actuator=latest.actuator,
+        airframe=flown[-1].flight.assessment.airframe,
+        fault=newest.fault,
+        quantity=newest.quantity,
+        unit=newest.unit,
+        condition=flown[-1].gravest,
+        flights=len(flown),
+        limit=limit,
+        emergency=emergency,
+        baseline=expected,
+        change=_change(newest, expected),
+        level=fitted.level if fitted else None,
+        per_flight=fitted.per_flight if fitted else None,
+        between=fitted.between if fitted else None,
+        left_out=tuple(used[place][0].start_utc for place in fitted.left_out) if fitted else (),
+        flights_left=fitted.flights_left if fitted else None,
+        reason=fitted.reason if fitted else f"{len(used)} flights show it; a trend needs {TREND_FLIGHTS}",
+        points=_POINTS.validate_python(
+            [
+                {
+                    "flight": each.number,
+                    "start_utc": each.start_utc,
+                    "log": each.flight.assessment.log.path,
+                    "value": one.value,
+                    "highest": _highest(each.verdict, one),
+                    "end": _at_end(each.verdict, one),
+                    "condition": each.gravest,
+                }
+                for each, one in pairs
+            ]
+        ),
+    )
+
+
+def _highest(verdict: Verdict, one: Indicator) -> float | None:
+    """Return the highest estimate of a flight: the mean over it may lie below a limit that was passed."""
+    if one.fault in LOSSES:
+        return None
+    return max((each.value for each in verdict.evidence if each.kind == one.fault), default=None)
+
+
+def _at_end(verdict: Verdict, one: Indicator) -> float | None:
+    friction = verdict.friction_nm
+    return friction.estimate if one.fault == "friction" and friction is not None else None
+
+
+def _fitted(pairs: _Shown, emergency: float | None, sign: float) -> Trend | None:
+    """Return the trend of an indicator that a fault raises, or, with the sign −1, lowers."""
+    fitted = fit_trend(
+        np.array([each.number for each, _ in pairs], dtype=np.float64),
+        sign * np.array([one.value.estimate for _, one in pairs]),
+        np.array([_error(one) for _, one in pairs]),
+        None if emergency is None else sign * emergency,
+    )
+    if fitted is None or sign > 0:
+        return fitted
+    return replace(fitted, level=_mirrored(fitted.level), per_flight=_mirrored(fitted.per_flight))
+
+
+def _mirrored(interval: Interval) -> Interval:
+    return Interval(estimate=-interval.estimate, low=-interval.high, high=-interval.low)
+
+
+def _error(one: Indicator) -> float:
+    """Return the standard error of the flight-to-flight part, which excludes the torque scale."""
+    if one.scatter is not None:
+        return one.scatter / sqrt(one.windows)
+    return (one.value.high - one.value.low) / (2 * _NORMAL_95)
+
+
+def _change(newest: Indicator, expected: Interval | None) -> Interval | None:
+    if expected is None:
+        return None
+    value = newest.value.estimate
+    return Interval(estimate=value - expected.estimate, low=value - expected.high, high=value - expected.low)
+
+
+def _rank(one: ActuatorTrend) -> tuple[float, float, float, int, str]:
+    """Sort by worst condition, then fewest remaining flights, then smallest distance to the limit."""
+    left = one.flights_left.low if one.flights_left else float("inf")
+    value = one.points[-1].value.estimate
+    share = 0.0
+    if one.emergency and value:
+        share = one.emergency / value if one.fault in LOSSES else value / one.emergency
+    return -URGENCY[one.condition], left, -share, one.vehicle, one.actuator

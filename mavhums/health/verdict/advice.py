@@ -1,0 +1,40 @@
+"""What to do about a verdict: by its gravest condition, and by what the suspected fault makes one look at."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from mavhums.core.conditions import Condition
+from mavhums.health.actuator.detectors import to_inspect
+from mavhums.health.axis.detectors import to_inspect as axis_to_inspect
+from mavhums.report.assessment import Verdict
+
+_BY_CONDITION: Final[dict[Condition, str]] = {
+    "normal": "nothing to do; keep the log for the trend over flights",
+    "degraded": "inspect {parts} before the next flight, and watch the trend over flights",
+    "emergency": "do not fly; inspect {parts}; repair or replace the actuator and test it on the ground",
+    "unchanged": "nothing to do; keep the log: later flights are compared with it",
+    "changed": "inspect {parts} before the next flight, and watch the trend over flights",
+    "learning": "keep the log: the baseline grows with every flight",
+    "undecided": "undecided is not healthy: check it by other means, or record what is missing",
+    "unmonitored": "unmonitored is not healthy: inspect it as before, or give it telemetry",
+}
+
+
+def with_advice(verdict: Verdict) -> Verdict:
+    """Return a verdict with the recommended action.
+
+    Examples
+    --------
+    >>> with_advice(Verdict(vehicle=1, actuator="rudder", condition="learning", worst="learning")).advice
+    'keep the log: the baseline grows with every flight'
+    """
+    suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
+    # Without a suspect the latest evidence names what was found.
+    faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
+    look = axis_to_inspect if verdict.subject == "axis" else to_inspect
+    parts = next((parts for fault in faults if (parts := look(fault))), "the actuator and its wiring")
+    advice = _BY_CONDITION[verdict.gravest].format(parts=parts)
+    if verdict.subject == "axis" and verdict.gravest == "emergency":
+        advice = f"do not fly; inspect {parts}; repair and check the travel of each surface on the ground"
+    return verdict.model_copy(update={"advice": advice})

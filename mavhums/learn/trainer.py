@@ -1,0 +1,336 @@
+"""The trainer: L-BFGS and Adam for a batch of networks, divided over the cores; only for training."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import torch
+from joblib import Parallel, delayed
+
+from mavhums.core.arrays import Array, Integers
+from mavhums.learn.batched import Batch, Data, Problem, Samples
+from mavhums.learn.inference import TanhNetwork, unit_interval
+
+__all__ = ["Batch", "Optimiser", "Solution", "Trained", "adam", "lbfgs", "one_thread", "train_batch"]
+
+_MEMORY = 12
+_HALVINGS = 12
+_DESCENT = 1e-4
+
+Tensor = torch.Tensor
+
+
+@dataclass(eq=False)
+class Solution:
+    """Each network's weights, shape (B, …), and number of iterations, shape (B,).
+
+    With validation samples the weights are those with the smallest validation loss so far, and a
+    network stops after ``patience`` iterations without a smaller one.
+    """
+
+    problem: Problem
+    validation: Data | None
+    patience: int
+    weights: Tensor
+    iterations: Tensor
+    _best: Tensor = field(init=False)
+    _best_loss: Tensor = field(init=False)
+    _best_at: Tensor = field(init=False)
+
+    @classmethod
+    def start(cls, problem: Problem, validation: Data | None, patience: int) -> Solution:
+        """Draw the initial weights."""
+        weights = problem.initial()
+        solution = cls(problem, validation, patience, weights, torch.zeros(len(weights), dtype=torch.int64))
+        solution._best = weights.clone()
+        solution._best_loss = torch.full((len(weights),), torch.inf).to(weights)
+        solution._best_at = torch.zeros_like(solution.iterations)
+        return solution
+
+    def look(self, running: Tensor) -> None:
+        """Update the best weights, and clear ``running``, shape (B,), for networks that stop early."""
+        if self.validation is None:
+            return
+        loss = self.problem.loss(self.weights, self.validation)
+        better = running & (loss < self._best_loss).cpu()
+        self._best[better] = self.weights[better]
+        self._best_loss[better] = loss[better]
+        self._best_at[better] = self.iterations[better]
+        running &= self.iterations - self._best_at < self.patience
+
+    def finish(self) -> Solution:
+        """Restore the best weights."""
+        if self.validation is not None:
+            self.weights = self._best
+        return self
+
+
+def lbfgs(
+    problem: Problem,
+    *,
+    max_iter: int,
+    validation: Data | None = None,
+    patience: int = 50,
+    look_every: int = 10,
+    tolerance: float = 1e-5,
+) -> Solution:
+    """Minimise each network's loss by L-BFGS with backtracking (J. Nocedal, S. Wright, chapter 7).
+
+    Parameters
+    ----------
+    problem
+        Loss and gradient.
+    max_iter
+        Maximum number of iterations of each network.
+    validation, patience
+        See :class:`Solution`; evaluated every ``look_every`` iterations.
+    tolerance
+        A network has converged when its largest gradient component is below this.
+    """
+    solution = Solution.start(problem, validation, patience)
+    every = torch.arange(len(problem.batch))
+    running = torch.ones(len(every), dtype=torch.bool)
+    loss, gradient = problem.evaluate(solution.weights, every)
+    history: list[tuple[Tensor, Tensor, Tensor]] = []
+    for iteration in range(1, max_iter + 1):
+        running &= (gradient.abs().amax(dim=1) > tolerance).cpu()
+        if not running.any():
+            break
+        direction = _direction(gradient, history)
+        rows = every[running]
+        step, new_loss, new_gradient = _backtrack(problem, solution.weights, loss, gradient, direction, rows)
+        change = torch.zeros_like(direction)
+        change[rows] = step[:, None] * direction[rows]
+        difference = torch.zeros_like(gradient)
+        difference[rows] = new_gradient - gradient[rows]
+        curvature = (change * difference).sum(dim=1)
+        sound = curvature > 1e-10 * difference.square().sum(dim=1)
+        history = [*history[-_MEMORY + 1 :], (change, difference, torch.where(sound, 1 / curvature, 0))]
+        solution.weights += change
+        loss[rows], gradient[rows] = new_loss, new_gradient
+        running[rows[(step == 0).cpu()]] = False
+        solution.iterations[rows] = iteration
+        if iteration % look_every == 0 or iteration == max_iter:
+            solution.look(running)
+    solution.look(running.fill_(True))
+    return solution.finish()
+
+
+def adam(
+    problem: Problem,
+    *,
+    max_iter: int,
+    batch_size: int = 200,
+    learning_rate: float = 1e-2,
+    seed: int = 0,
+    validation: Data | None = None,
+    patience: int = 20,
+) -> Solution:
+    """Minimise each network's loss by Adam; an iteration is one epoch over the shuffled samples.
+
+    Parameters
+    ----------
+    problem
+        Loss and gradient.
+    max_iter
+        Maximum number of epochs; cosine annealing reduces the step from ``learning_rate`` to zero.
+    batch_size
+        Samples per step; all networks use the same mini-batches.
+    seed
+        Seed of the order of the samples.
+    validation, patience
+        See :class:`Solution`; evaluated after every epoch.
+    """
+    solution = Solution.start(problem, validation, patience)
+    every = torch.arange(len(problem.batch))
+    running = torch.ones(len(every), dtype=torch.bool)
+    solution.weights.requires_grad_()
+    steps = -(-len(problem.data) // batch_size)
+    optimiser = torch.optim.Adam([solution.weights], lr=learning_rate, foreach=True)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, T_max=max_iter * steps)
+    shuffle = torch.Generator().manual_seed(seed)
+    for iteration in range(1, max_iter + 1):
+        order = torch.randperm(len(problem.data), generator=shuffle).to(problem.data.weight.device)
+        for rows in torch.split(order, batch_size):
+            _, solution.weights.grad = problem.evaluate(
+                solution.weights.detach(), every, problem.data.rows(rows)
+            )
+            optimiser.step()
+            schedule.step()
+        solution.iterations[running] = iteration
+        with torch.no_grad():
+            solution.look(running)
+        if not running.any():
+            break
+    solution.weights = solution.weights.detach()
+    return solution.finish()
+
+
+def _direction(gradient: Tensor, history: list[tuple[Tensor, Tensor, Tensor]]) -> Tensor:
+    """Return the quasi-Newton direction by the two-loop recursion, for all networks at once."""
+    found = -gradient
+    if not history:
+        return found / gradient.abs().sum(dim=1, keepdim=True).clamp(min=1)
+    factors = []
+    for change, difference, rho in reversed(history):
+        factor = rho * (change * found).sum(dim=1)
+        found = found - factor[:, None] * difference
+        factors.append(factor)
+    scale = torch.ones_like(history[0][2])
+    for _, difference, rho in history:
+        scale = torch.where(rho > 0, 1 / (rho * difference.square().sum(dim=1)), scale)
+    found = found * scale[:, None]
+    for (change, difference, rho), factor in zip(history, reversed(factors), strict=True):
+        found = found + (factor - rho * (difference * found).sum(dim=1))[:, None] * change
+    uphill = (found * gradient).sum(dim=1, keepdim=True) >= 0
+    return torch.where(uphill, -gradient, found)
+
+
+def _backtrack(
+    problem: Problem, weights: Tensor, loss: Tensor, gradient: Tensor, direction: Tensor, rows: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Halve each network's step until its loss decreases enough; a step of 0 means that it never did."""
+    slope = (direction[rows] * gradient[rows]).sum(dim=1)
+    step = torch.zeros_like(slope)
+    new_loss, new_gradient = loss[rows].clone(), gradient[rows].clone()
+    waiting = torch.arange(len(rows))
+    size = 1.0
+    for _ in range(_HALVINGS):
+        those = rows[waiting]
+        tried_loss, tried_gradient = problem.evaluate(weights[those] + size * direction[those], those)
+        fine = (tried_loss <= loss[those] + _DESCENT * size * slope[waiting]).cpu()
+        taken = waiting[fine]
+        step[taken], new_loss[taken], new_gradient[taken] = size, tried_loss[fine], tried_gradient[fine]
+        waiting = waiting[~fine]
+        if not len(waiting):
+            break
+        size /= 2
+    return step, new_loss, new_gradient
+
+
+_NEURONS_PER_PART = 2048
+
+Optimiser = Literal["lbfgs", "adam"]
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """The trained networks of a batch, in the batch's order; arrays of shape (B,).
+
+    Attributes
+    ----------
+    loss
+        Mean cross-entropy over the training samples.
+    iterations
+        Iterations of L-BFGS, or epochs of Adam.
+    validation_loss, validation_accuracy
+        Loss and accuracy on the validation samples; NaN without validation samples.
+    """
+
+    networks: tuple[TanhNetwork, ...]
+    loss: Array
+    iterations: Integers
+    validation_loss: Array
+    validation_accuracy: Array
+
+
+def train_batch(
+    batch: Batch,
+    samples: Samples,
+    *,
+    weight: Array | None = None,
+    validation: Samples | None = None,
+    bounds: tuple[Array, Array] | None = None,
+    optimiser: Optimiser = "lbfgs",
+    weight_decay: float = 1e-4,
+    max_iter: int = 200,
+    patience: int | None = 50,
+    precision: Literal["single", "double"] = "single",
+    device: str = "auto",
+    n_jobs: int | None = None,
+) -> Trained:
+    """Train every network of a batch on the same samples.
+
+    Parameters
+    ----------
+    batch
+        The networks: hidden neurons, input features, seeds.
+    samples, validation
+        Features, shape (n, k), and whether each sample is an emergency, shape (n,), or of each of
+        several classes, shape (n, classes).
+    weight
+        Weight of each sample, not negative, shape (n,).
+    bounds
+        Minimum and maximum of each feature, shape (k,) each, which become 0 and 1; None takes those of the
+        samples with nonzero weight.
+    optimiser, max_iter, weight_decay
+        L-BFGS uses all samples in each iteration; Adam uses mini-batches, and its iteration is one
+        epoch.
+    patience
+        Early stopping: a network stops after this many iterations without a smaller validation
+        loss, and its best weights are restored; None disables early stopping.
+    precision
+        Floating-point precision of training; single is twice as fast, double is reproducible to
+        the last digits.
+    device
+        ``"cpu"``, another torch device, or ``"auto"``: a GPU if one is available.
+    n_jobs
+        Number of threads, as in joblib; each trains its own networks. The result does not depend
+        on it.
+    """
+    used = samples[0] if weight is None else samples[0][weight > 0]
+    minimum, maximum = bounds or (used.min(axis=0), used.max(axis=0))
+    where = ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device
+    dtype = torch.float32 if precision == "single" else torch.float64
+
+    def data_of(part: Samples, weights: Array | None = None) -> Data:
+        scaled = unit_interval(part[0], minimum, maximum)
+        return Data.of(scaled, part[1], weights, device=where, dtype=dtype)
+
+    data = data_of(samples, weight)
+    held_out = None if validation is None else data_of(validation)
+    stopping_data = None if patience is None else held_out
+    solve = lbfgs if optimiser == "lbfgs" else adam
+
+    def train_part(networks: Integers) -> tuple[list[TanhNetwork], list[list[float]]]:
+        problem = Problem(batch.part(networks.tolist()), data, weight_decay)
+        solution = solve(problem, max_iter=max_iter, validation=stopping_data, patience=patience or max_iter)
+        figures = [problem.loss(solution.weights, data), solution.iterations]
+        if held_out is not None:
+            figures += [measure(solution.weights, held_out) for measure in (problem.loss, problem.accuracy)]
+        return problem.networks(solution.weights, minimum, maximum), [part.tolist() for part in figures]
+
+    order = np.argsort(np.asarray(batch.hidden), kind="stable")
+    parts = np.array_split(order, -(-sum(batch.hidden) // _NEURONS_PER_PART) or 1)
+    if sum(batch.hidden) <= _NEURONS_PER_PART and len(batch) > 1:
+        parts = np.array_split(order, 2)
+    with one_thread():
+        done = Parallel(n_jobs=n_jobs, prefer="threads")(delayed(train_part)(part) for part in parts)
+    networks: list[TanhNetwork] = [network for found, _ in done for network in found]
+    figures = np.full((4, len(batch)), np.nan)
+    for part, (_, found) in zip(parts, done, strict=True):
+        figures[: len(found), part] = found
+    position = np.empty(len(batch), dtype=np.int64)
+    position[np.concatenate(parts)] = np.arange(len(batch))
+    return Trained(
+        networks=tuple(networks[place] for place in position),
+        loss=figures[0],
+        iterations=figures[1].astype(np.int64),
+        validation_loss=figures[2],
+        validation_accuracy=figures[3],
+    )
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Make torch compute each operation on one thread, then restore the previous setting."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)

@@ -1,0 +1,13 @@
+"""Aliases of numpy's array types."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Array", "Integers", "Records"]
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Records = NDArray[np.void]
+"""Rows with fields."""

@@ -1,0 +1,86 @@
+"""What the options name is read once, and an error has one sentence wherever a log is judged."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import mavhums
+from mavhums.app.analysis import Failed, Judged, judge
+from mavhums.app.settings import Options, Settings
+from mavhums.core.process_pool import Lost, in_processes
+from tests.conftest import Run
+
+
+def test_profile_table_and_history_are_read_once(
+    run: Run, growing_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[str] = []
+
+    def counted(name: str) -> None:
+        function = getattr(sys.modules["mavhums.app.settings"], name)
+
+        def call(*given: Any) -> Any:
+            read.append(name)
+            return function(*given)
+
+        monkeypatch.setattr(f"mavhums.app.settings.{name}", call)
+
+    for name in ("load_airframe", "load_aircraft_table", "packaged_models", "_history"):
+        counted(name)
+    table = tmp_path / "table.csv"
+    table.write_text("aircraft,board,actuator,serial,from,to\nD-A,0A,,,,\n")
+    named = ("--airframe", "paper", "--aircraft", "=D-A", "--aircraft-table", table)
+    kept = ("--history", tmp_path / "kept", "--keep")
+    assert run("analyse", growing_log, *named, *kept).err == ""
+    assert sorted(read) == ["_history", "load_aircraft_table", "load_airframe", "packaged_models"]
+
+
+def test_settings_are_not_read_again() -> None:
+    settings = Settings.read(Options(airframe="paper"))
+    assert Settings.read(settings) is settings
+
+
+def test_any_error_is_a_problem_with_its_remedy(growing_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = Settings.read(None)
+    assert isinstance(judge(growing_log, settings), Judged)
+
+    def failing(error: Exception) -> Failed:
+        def fail(*_: object, **__: object) -> None:
+            raise error
+
+        monkeypatch.setattr("mavhums.app.analysis.analyse_alone", fail)
+        failed = judge(growing_log, settings)
+        assert isinstance(failed, Failed)
+        assert failed.remedy
+        assert failed.error.problem == failed.problem
+        return failed
+
+    known = mavhums.MissingExtraError("reading it", "zstd")
+    assert failing(known).error is known
+    assert "memory" in failing(MemoryError()).problem
+    assert failing(ZeroDivisionError("nought")).problem == f"{growing_log}: ZeroDivisionError: nought"
+
+
+def _hangs_at_two(number: int) -> int:
+    if number == 2:
+        time.sleep(600)
+    return 2 * number
+
+
+def test_an_item_that_hangs_costs_only_itself() -> None:
+    results = list(in_processes(_hangs_at_two, range(5), 2, item_s=3.0))
+    assert results == [0, 2, Lost(hung=True), 6, 8]
+
+
+def test_options_travel_to_another_process_as_texts(tmp_path: Path) -> None:
+    options = Options(airframe="paper", history=tmp_path, false_alarms=2.0)
+    texts = options.as_texts()
+    assert texts == {"airframe": "paper", "history": str(tmp_path), "false_alarms": 2.0}
+    assert Options(**texts).as_texts() == texts  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="airframe"):
+        Options(airframe=mavhums.load_airframe("paper")).as_texts()

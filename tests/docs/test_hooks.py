@@ -1,0 +1,47 @@
+"""What the site's hook fills in, and what it warns of: a strict build fails on a warning below "mkdocs"."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from docs import hooks
+
+CONFIG = {"extra": {"repository": "https://example.org/repo"}}
+
+
+def filled(markdown: str, source: str = "guide/start.md") -> str:
+    return hooks.on_page_markdown(markdown, SimpleNamespace(file=SimpleNamespace(src_uri=source)), CONFIG)
+
+
+@pytest.mark.parametrize("name", hooks.schemas())
+def test_every_table_describes_every_field(name: str, caplog: pytest.LogCaptureFixture) -> None:
+    text = filled(f"<!-- fields: {name} -->")
+    assert text.startswith("##")
+    assert "| field | type |" in text
+    assert caplog.records == []
+
+
+def test_a_field_without_a_description_and_a_description_without_a_field_are_warnings(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(hooks, "_descriptions", lambda: {"any": {"gone": "Nothing."}})
+    filled(f"<!-- fields: {hooks.PROFILE} -->")
+    assert "Actuator.servo: give the field a description, or add it to fields.toml" in caplog.messages
+    hooks.on_pre_build(CONFIG)
+    assert caplog.messages[-1] == "fields.toml describes any.gone, which does not exist"
+    assert {record.name.split(".")[0] for record in caplog.records} == {"mkdocs"}
+
+
+def test_a_link_out_of_the_pages_becomes_an_address(caplog: pytest.LogCaptureFixture) -> None:
+    text = "[a](../../README.md#x) [b](../method/axes.md) [c](profile.md) [d](https://x.org/../y)"
+    wanted = "[a](https://example.org/repo/blob/main/README.md#x) " + text.split(" ", 1)[1]
+    assert filled(text) == wanted
+    assert caplog.messages == []
+    filled("[a](../../nothing.md)")
+    assert caplog.messages == ["guide/start.md links to ../../nothing.md, which does not exist"]
+
+
+def test_roles_of_docstrings_go() -> None:
+    assert hooks.on_page_content("a :class:<code>~Model</code>: b") == "a <code>Model</code>: b"
