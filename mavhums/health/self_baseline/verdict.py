@@ -68,13 +68,15 @@ def _beside(
 ) -> Verdict:
     """Return the verdict with a quantity of its strokes, which can make it changed and nothing else."""
     record = record_of(verdict.own, equation.name)
-    found = compare(equation, record, past, false_alarms) if record else None
+    if record is None:
+        return verdict
+    found = compare(equation, record, past, false_alarms)
     kept = {
         "indicators": tuple(one for one in verdict.indicators if one.fault != equation.fault),
         "evidence": tuple(one for one in verdict.evidence if one.kind != _kind(equation)),
         "suspects": tuple(one for one in verdict.suspects if one.fault != equation.fault),
     }
-    if record is None or found is None or found.value is None:
+    if found.value is None:
         return verdict.model_copy(update=kept)
     text = comparison_text(equation, found)
     kept["indicators"] += (_indicator(equation, record, found, found.value),)
