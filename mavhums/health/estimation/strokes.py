@@ -15,7 +15,9 @@ The samples of a stroke are judged when it has ended, so that blocks do not matt
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,6 +43,17 @@ _V1, _V3, _V4, _V5, _V7, _V10 = (column(f"V{k}") for k in (1, 3, 4, 5, 7, 10))
 _COLUMNS = 3  # command, position error, current
 
 
+class _Stroke(NamedTuple):
+    """A stroke's direction (0 at rest), roughness, ripple and median current; its ends and inner times."""
+
+    way: float
+    rough: float
+    ripple: float
+    current: float
+    span_s: Array
+    inner_s: Array
+
+
 class StrokeSums:
     """Collects what the strokes of one flight show.
 
@@ -56,12 +69,8 @@ class StrokeSums:
         self._equation = equation
         self._motor_side = actuator.esc_side == "motor"
         self._time_s, self._values = np.empty(0), np.empty((0, _COLUMNS))
-        self._strokes: list[
-            tuple[float, float, float, float]
-        ] = []  # direction, rough, ripple, median current
-        self._span = 0.0
-        self._first_s = self._last_s = np.nan
-        self._samples = 0
+        self._rate = np.empty(0)  # of the stroke that has not ended
+        self._strokes: list[_Stroke] = []
 
     @property
     def gap(self) -> None:
@@ -95,55 +104,59 @@ class StrokeSums:
         turns |= np.diff(time_s[:ready]) > STROKE_SPAN_S
         edges = [0, *(np.flatnonzero(turns) + 1).tolist()]
         for a, b in pairwise(edges):
-            self._stroke(slice(a, int(ahead[b - 1]) + 1), rate[a:b])
+            found = self._stroke(slice(a, int(ahead[b - 1]) + 1), rate[a:b])
+            if found is not None and len(self._strokes) < MOST_STROKES:
+                self._strokes.append(found)
         # What is longer than any stroke is one for no shorter a part of it.
         begin = max(edges[-1], int(np.searchsorted(time_s, time_s[-1] - 2.0 * LONGEST_STROKE_S)))
-        self._time_s, self._values = time_s[begin:], self._values[begin:]
+        self._time_s, self._values, self._rate = time_s[begin:], self._values[begin:], rate[begin:]
 
-    def _stroke(self, part: slice, rate: Array) -> None:
+    def _stroke(self, part: slice, rate: Array) -> _Stroke | None:
         mean = float(rate.mean())
         standing = bool(np.abs(rate).max() < STROKE_SPEED_SHARE * MOVING_ANGLE_DEG_S)
         steady = float(np.ptp(rate)) <= STROKE_SPEED_SHARE * abs(mean) and abs(mean) > MOVING_ANGLE_DEG_S
         time_s = self._time_s[part]
         if not (standing or steady) or time_s[-1] - time_s[0] > LONGEST_STROKE_S:
-            return
+            return None
         inner = (time_s >= time_s[0] + STROKE_BEGIN_S) & (time_s <= time_s[-1] - STROKE_END_S)
-        if inner.sum() < LEAST_STROKE_SAMPLES or len(self._strokes) >= MOST_STROKES:
-            return
+        if inner.sum() < LEAST_STROKE_SAMPLES:
+            return None
         _, error, current = self._values[part][inner].T
-        self._first_s = float(np.fmin(self._first_s, time_s[0]))
-        self._last_s = float(time_s[-1])
-        self._span += float(time_s[inner][-1] - time_s[inner][0])
-        self._samples += int(inner.sum()) - 1
-        known = np.isfinite(current).all()
-        way = 0.0 if standing else float(np.sign(mean))
-        self._strokes.append(
-            (
-                way,
-                _rough(time_s[inner], error),
-                _rough(time_s[inner], current),
-                float(np.median(current)) if known else np.nan,
-            )
+        return _Stroke(
+            0.0 if standing else float(np.sign(mean)),
+            _rough(time_s[inner], error),
+            _rough(time_s[inner], current),
+            float(np.median(current)) if np.isfinite(current).all() else np.nan,
+            time_s[[0, -1]],
+            time_s[inner],
         )
+
+    def _all(self) -> list[_Stroke]:
+        """Return the strokes, that with which the log ends included."""
+        last = self._stroke(slice(None), self._rate) if self._rate.size else None
+        return [*self._strokes, *([last] if last else [])][:MOST_STROKES]
 
     def record(self) -> OwnRecord | None:
         """Return the record of the flight so far; None if no stroke shows the quantity."""
-        rows = self._rows()
-        if not rows or self._span <= 0.0:
+        strokes = self._all()
+        rows = self._rows(strokes)
+        if not rows:
             return None
+        span_s = sum(float(stroke.inner_s[-1] - stroke.inner_s[0]) for stroke in strokes)
+        samples = sum(stroke.inner_s.size - 1 for stroke in strokes)
         return OwnRecord(
             equation=self._equation.name,
             setup="strokes at constant speed",
-            rate_hz=float(f"{self._samples / self._span:.3g}"),
-            duration_s=round(self._last_s - self._first_s, 1),
+            rate_hz=float(f"{samples / span_s:.3g}"),
+            duration_s=round(float(strokes[-1].span_s[1] - strokes[0].span_s[0]), 1),
             groups=tuple((1.0, float(f"{value:.6g}"), float(f"{load:.6g}")) for value, load in rows),
         )
 
-    def _rows(self) -> list[tuple[float, float]]:
+    def _rows(self, strokes: Sequence[_Stroke]) -> list[tuple[float, float]]:
         """Return quantity and load of each stroke, or of each pair of strokes."""
-        if not self._strokes:
+        if not strokes:
             return []
-        way, rough, ripple, current = np.array(self._strokes).T
+        way, rough, ripple, current = np.array([stroke[:4] for stroke in strokes]).T
         loads = _pairs(way, current)
         load = float(np.median([d for _, d in loads])) if loads else 0.0
         rest = current[(way == 0.0) & np.isfinite(current)]
@@ -155,10 +168,13 @@ class StrokeSums:
 
 
 def _pairs(way: Array, current: Array) -> list[tuple[float, float]]:
-    """Return half-sum and half-difference of the currents of each stroke out and the next one back."""
+    """Return half-sum and half-difference of the currents of each stroke out and the next one back.
+
+    The difference is that of the way of positive speed less the other: its sign is the load's direction.
+    """
     strokes = [(w, c) for w, c in zip(way.tolist(), current.tolist(), strict=True) if w and np.isfinite(c)]
     pairs = [(a, b) for a, b in zip(strokes[::2], strokes[1::2], strict=False) if a[0] != b[0]]
-    return [((a[1] + b[1]) / 2, abs(a[1] - b[1]) / 2) for a, b in pairs]
+    return [((a[1] + b[1]) / 2, a[0] * (a[1] - b[1]) / 2) for a, b in pairs]
 
 
 def _rough(time_s: Array, values: Array) -> float:

@@ -82,11 +82,16 @@ def _has_load(record: OwnRecord) -> bool:
 def mean_load(record: OwnRecord) -> float | None:
     """Return the mean size of the load in motion, in the unit of the left side; None if not recorded."""
     if of_strokes(record):
-        return float(np.mean([row[2] for row in record.groups]))
+        return abs(float(np.mean([row[2] for row in record.groups])))
     if not _has_load(record):
         return None
     gram = grams_of(record)[1].sum(axis=0)
     return float(gram[_SIGN, _LOADED] / gram[_SIGN, _SIGN]) if gram[_SIGN, _SIGN] > 0.0 else None
+
+
+def load_direction(record: OwnRecord) -> float:
+    """Return the mean sign of the load over the strokes."""
+    return float(np.mean(np.sign([row[2] for row in record.groups])))
 
 
 def _columns(record: OwnRecord) -> tuple[tuple[int, ...], tuple[int, ...]]:

@@ -26,6 +26,7 @@ from mavhums.health.estimation.wear import (
     grams_of,
     information,
     learned,
+    load_direction,
     mean_load,
     of_strokes,
     wear,
@@ -37,6 +38,7 @@ from mavhums.health.self_baseline.thresholds import (
     BEYOND_LOAD,
     BLURRED_TIMES,
     DIFFERENT_LOADS,
+    OTHER_DIRECTION,
     SHOWN_FLIGHTS,
     TRAILING_FLIGHTS,
     WARMTH_K,
@@ -171,6 +173,7 @@ class _Healthy:
             known += tuple(_loads([r for _, r in shown]))
         if of_strokes(records[0]):
             fewest = float(min(len(r.groups) for _, r in shown))
+            known += tuple(_directions([r for _, r in shown]))
             known += (
                 Difference(_strokes, fewest, fewest, np.inf, 0.0, "shorter in strokes", "", fitted=False),
             )
@@ -335,6 +338,13 @@ def _loads(records: Sequence[OwnRecord]) -> list[Difference]:
         return []
     differ = found.high > DIFFERENT_LOADS * found.low
     return [replace(found, margin=BEYOND_LOAD * found.high, fitted=differ)]
+
+
+def _directions(records: Sequence[OwnRecord]) -> list[Difference]:
+    """Return the direction of the load, which presses other flanks: friction and roughness differ there."""
+    other = "loaded the other way"
+    found = _difference(load_direction, records, OTHER_DIRECTION, other, other)
+    return [] if found is None else [replace(found, fitted=found.high - found.low > OTHER_DIRECTION)]
 
 
 def _strokes(record: OwnRecord) -> float:

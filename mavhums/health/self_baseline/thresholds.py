@@ -57,3 +57,7 @@ BEYOND_LOAD: Final = 0.05
 # Highest over lowest load of the baseline's flights from which a line over the load is fitted: closer ones
 # give it no slope. By hand.
 DIFFERENT_LOADS: Final = 1.3
+
+# Difference between two flights' mean signs of the load over their strokes from which they are loaded in
+# opposite directions: signs of no load scatter about zero.
+OTHER_DIRECTION: Final = 1.0

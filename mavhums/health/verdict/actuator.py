@@ -268,8 +268,10 @@ def _why_undecided(
     actuator: Actuator, findings: ActuatorFindings, provenance: dict[str, str]
 ) -> tuple[str, str]:
     missing = [] if "V7" in provenance else ["V7"]
-    if not {"V5", "V8"} & provenance.keys():
-        missing.append("V5 or V8")
+    # At the motor the voltage shows the current, at the supply bus it does not.
+    shown_by = {"V4", "V5", "V8"} if actuator.esc_side == "motor" else {"V5", "V8"}
+    if not shown_by & provenance.keys():
+        missing.append("V4, V5 or V8" if actuator.esc_side == "motor" else "V5 or V8")
     if "V6" in provenance and "V5" not in provenance and actuator.esc_side == "bus":
         return (
             "its ESC measures at the supply bus, where driving and braking currents of the motor look alike",
