@@ -128,8 +128,8 @@ def _count(
                 counts[2, k] += value != last[k]
             refused[i, k] = _repeats(counts[0, k], counts[1, k], counts[2, k], min_rate_hz)
             # Before it is decided, a register's repetitions must not enter a fit of a few samples.
-            early = counts[0, k] < _DECIDED_S and k in (_V5, _V8)
-            refused[i, k] |= early and moves and value == last[k]
+            early = counts[0, k] < _DECIDED_S and counts[2, k] < _CHANGED_SHARE * counts[1, k]
+            refused[i, k] |= early and k in (_V5, _V8) and moves and value == last[k]
         for k in range(values.shape[1]):
             if not np.isnan(values[i, k]):
                 last[k] = values[i, k]

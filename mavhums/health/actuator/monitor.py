@@ -225,7 +225,8 @@ class Monitor:
         whole = self._fits.whole() if indicators else {}
         trackers, deciding = self._trackers.values(), self._deciding().values()
         suspects = [suspect for tracker in deciding if (suspect := suspect_of(tracker))]
-        shown = [indicator for tracker in trackers if whole and (indicator := indicator_of(tracker, whole))]
+        load = self._load.mean if self._load else None
+        shown = [i for one in trackers if whole and (i := indicator_of(one, whole, load))]
         evidence = [e for tracker in deciding for e in evidence_of(tracker)]
         if self._by_network:
             evidence += self._tally.evidence()
@@ -393,8 +394,7 @@ class Monitor:
 def _intervals(look: WindowEvaluation) -> dict[int, Interval]:
     """Return the 95 % intervals of the windows with evidence, by window."""
     value, half = look.own.value, look.half
-    low, high = value - half, value + half
     return {
-        k: Interval(estimate=float(value[k]), low=float(low[k]), high=float(high[k]))
+        k: Interval(estimate=float(value[k]), low=float((value - half)[k]), high=float((value + half)[k]))
         for k in np.flatnonzero(np.isfinite(value)).tolist()
     }

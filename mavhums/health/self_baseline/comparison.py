@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.special import stdtr, stdtrit
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import Condition
@@ -41,6 +41,7 @@ from mavhums.health.self_baseline.thresholds import (
     OTHER_DIRECTION,
     SHOWN_FLIGHTS,
     TRAILING_FLIGHTS,
+    USEFUL_RISE,
     WARMTH_K,
 )
 from mavhums.report.assessment import Interval, OwnRecord
@@ -79,6 +80,9 @@ class Comparison:
         Reason of ``undecided``.
     load
         Load at which the quantity is told, in its unit; None where it does not grow with the load.
+    useful_at
+        False alarms per 100 hours that this flight would have to allow for a rise of ``USEFUL_RISE`` to be
+        detected with 95 % probability; None where the allowed number does, infinity where none does.
     """
 
     condition: Condition
@@ -91,6 +95,7 @@ class Comparison:
     since: Onset | None = None
     why: str = ""
     load: float | None = None
+    useful_at: float | None = None
 
 
 def compare(
@@ -129,6 +134,7 @@ def compare(
         why = f"its flight was {healthy.beyond(own)} than any of its baseline"
         return Comparison("undecided", _interval(own_wear), healthy.shown, needed, why=why)
     rise, bound, found = healthy.rise(own_wear, own, false_alarms)
+    least_rise = found / abs(healthy.mean(own))
     trailing = after[-TRAILING_FLIGHTS:]
     return Comparison(
         condition="changed" if rise > bound else "unchanged",
@@ -137,7 +143,8 @@ def compare(
         needed=equation.min_flights,
         baseline=healthy.prediction(own),
         change=healthy.relative(own_wear, own),
-        least_rise=found / abs(healthy.mean(own)),
+        least_rise=least_rise,
+        useful_at=healthy.alarms_at(USEFUL_RISE, own_wear, own) if least_rise > USEFUL_RISE else None,
         since=healthy.since(trailing, false_alarms) if rise > bound else None,
         load=healthy.load,
     )
@@ -201,15 +208,25 @@ class _Healthy:
 
     def rise(self, own_wear: Wear, record: OwnRecord, false_alarms: float) -> tuple[float, float, float]:
         """Return the rise, its threshold, and the rise that would be detected with 95 % probability."""
+        error, freedom = self._error(own_wear, record)
+        # The rate is per hour: a longer flight may use more of it.
+        tail = min(tail_of(false_alarms) * _windows(record), MOST_FLIGHT_TAIL)
+        bound = float(stdtrit(freedom, 1.0 - tail)) * error
+        return self.sign * (own_wear.value - self.mean(record)), bound, bound + NORMAL_95_ONE_SIDED * error
+
+    def alarms_at(self, rise: float, own_wear: Wear, record: OwnRecord) -> float:
+        """Return the false alarms per 100 hours at which a relative rise would be detected."""
+        error, freedom = self._error(own_wear, record)
+        bound = rise * abs(self.mean(record)) - NORMAL_95_ONE_SIDED * error
+        tail = 1.0 - float(stdtr(freedom, bound / error))
+        return tail / tail_of(1.0) / _windows(record) if tail <= MOST_FLIGHT_TAIL else np.inf
+
+    def _error(self, own_wear: Wear, record: OwnRecord) -> tuple[float, float]:
+        """Return the standard error of a flight's rise, and its degrees of freedom."""
         variance = self.flights.variance_at(self._row(record))
         # A grave fault makes the flight as uncertain as large, and would hide itself.
         own = min(own_wear.error, self.noise / information(record) ** 0.5) ** 2
-        freedom = satterthwaite(variance, self.flights.freedom, own, own_wear.freedom)
-        # The rate is per hour: a longer flight may use more of it.
-        tail = min(tail_of(false_alarms) * max(record.duration_s / WINDOW_S, 1.0), MOST_FLIGHT_TAIL)
-        error = (variance + own) ** 0.5
-        bound = float(stdtrit(freedom, 1.0 - tail)) * error
-        return self.sign * (own_wear.value - self.mean(record)), bound, bound + NORMAL_95_ONE_SIDED * error
+        return (variance + own) ** 0.5, satterthwaite(variance, self.flights.freedom, own, own_wear.freedom)
 
     def relative(self, own_wear: Wear, record: OwnRecord) -> Interval:
         """Return the relative change with its 95 % interval."""
@@ -238,6 +255,10 @@ class _Healthy:
                 break
             first = Onset(number, date)
         return first
+
+
+def _windows(record: OwnRecord) -> float:
+    return max(record.duration_s / WINDOW_S, 1.0)
 
 
 def _row(known: Sequence[Difference], record: OwnRecord) -> Array:

@@ -61,3 +61,7 @@ DIFFERENT_LOADS: Final = 1.3
 # Difference between two flights' mean signs of the load over their strokes from which they are loaded in
 # opposite directions: signs of no load scatter about zero.
 OTHER_DIRECTION: Final = 1.0
+
+# Rise that an operator wants found: beyond it, a comparison says at which rate of false alarms it would be.
+# By hand.
+USEFUL_RISE: Final = 0.5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 from mavhums.core.conditions import Condition
 from mavhums.core.statistics import ERRORS_95
@@ -10,7 +11,7 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT
-from mavhums.health.estimation.wear import shows
+from mavhums.health.estimation.wear import mean_load, shows
 from mavhums.health.self_baseline.comparison import Comparison, compare
 from mavhums.health.self_baseline.motor import (
     MOTOR_FAULTS,
@@ -21,7 +22,7 @@ from mavhums.health.self_baseline.motor import (
     stall_indicators,
 )
 from mavhums.health.self_baseline.past import PastRecord, record_of
-from mavhums.health.self_baseline.thresholds import CHANGED_CONFIDENCE
+from mavhums.health.self_baseline.thresholds import CHANGED_CONFIDENCE, USEFUL_RISE
 from mavhums.report.assessment import (
     Evidence,
     Indicator,
@@ -165,6 +166,7 @@ def _indicator(equation: OwnEquation, record: OwnRecord, found: Comparison, valu
         baseline_flights=found.flights,
         needed_flights=found.needed,
         least_rise=None if found.least_rise is None else round(found.least_rise, 4),
+        load=None if (load := mean_load(record)) is None else float(f"{load:.4g}"),
     )
 
 
@@ -203,10 +205,19 @@ def comparison_text(equation: OwnEquation, found: Comparison) -> str:
         half = max(found.change.high - found.change.estimate, 0.0)
         return (
             f"{equation.quantity}{at_load} within ±{half:.0%} of its first {found.flights} flights "
-            f"(a rise of {found.least_rise:.0%} would have been found); {_NO_LIMIT}"
+            f"(a rise of {found.least_rise:.0%} would have been found{_at_rate(found)}); {_NO_LIMIT}"
         )
     since = f" since flight {found.since.flight} ({found.since.date[:10]})" if found.since else ""
     return f"{equation.quantity}{at_load} {_change(found.change)}{since}: {equation.cause}; {_NO_LIMIT}"
+
+
+def _at_rate(found: Comparison) -> str:
+    """Return at which rate of false alarms so short or uncertain a flight shows a useful rise."""
+    if found.useful_at is None:
+        return ""
+    if found.useful_at == inf:
+        return f", one of {USEFUL_RISE:.0%} at no useful rate of false alarms"
+    return f", one of {USEFUL_RISE:.0%} at {found.useful_at:.2g} false alarms in 100 h"
 
 
 def constant_text(equation: OwnEquation, found: Comparison, lost: float) -> str:

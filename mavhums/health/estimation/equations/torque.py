@@ -78,6 +78,12 @@ class Load:
         self._actuator = actuator
         prior = _prior(actuator)
         self._slots = SlotLoad(Prior(prior.mean[:5], prior.deviation[:5]), (2, 4))
+        self._sum, self._count = 0.0, 0
+
+    @property
+    def mean(self) -> float | None:
+        """Mean size of the load in motion so far, N·m; None before it is known."""
+        return self._sum / self._count if self._count else None
 
     def feed(self, slots: Slots, motion: Motion) -> Motion:
         """Return the motion with the load at its samples; NaN where it is not known yet."""
@@ -86,7 +92,10 @@ class Load:
         X, y, usable = _rows(self._actuator, motion)
         fitted = self._slots.feed(slots, np.ascontiguousarray(X[:, :5]), y, usable)
         measured = motion.values[:, _V11]
-        return motion._replace(load=np.where(np.isfinite(measured), measured, fitted))
+        load = np.where(np.isfinite(measured), measured, fitted)
+        shown = load[motion.moving & np.isfinite(load)]
+        self._sum, self._count = self._sum + float(np.abs(shown).sum()), self._count + shown.size
+        return motion._replace(load=load)
 
 
 def _rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Flags]:
