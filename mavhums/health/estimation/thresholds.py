@@ -97,6 +97,17 @@ MOVING_ANGLE_DEG_S: Final = 2.5
 # docs/evidence/self-baseline.md hold.
 OWN_RATE_HZ: Final = 20.0
 
+# Share of the angle's changes below which a speed is a coarse register, whose steps and delay pass for
+# friction: that of a servo on a bench changes 41 times a second, its angle 99 times. By hand.
+COARSE_SPEED_SHARE: Final = 0.5
+
+# Changes of the angle in a slot from which the coarseness of the speed shows. By hand.
+COARSE_LEAST_CHANGES: Final = 10
+
+# Time either way over which a line through the angle gives its speed, s: a shorter one has the angle's steps,
+# a longer one the motion's curvature. By hand.
+ANGLE_SPEED_S: Final = 0.04
+
 # Flights of a baseline: with five neither the promised false alarms nor the stated least rise are kept
 # (docs/evidence/self-baseline.md, 10 % scatter).
 OWN_FLIGHTS: Final = 10

@@ -17,7 +17,12 @@ from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.flight_sums import KEPT
-from mavhums.health.estimation.random_effects import Population, population, satterthwaite
+from mavhums.health.estimation.random_effects import (
+    Population,
+    population,
+    satterthwaite,
+    scattering_share,
+)
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.estimation.wear import (
     Individual,
@@ -155,7 +160,8 @@ class _Healthy:
     """The reference flights: their population, and their known differences.
 
     ``noise`` is the largest error of a flight with one sample of information; infinite if a flight's own
-    error counts however large it is.
+    error counts however large it is. ``shared`` is the share of a flight's own variance that scatters from
+    flight to flight.
     """
 
     nuisances: Individual
@@ -164,6 +170,7 @@ class _Healthy:
     sign: float
     shown: int
     noise: float
+    shared: float
 
     @classmethod
     @lru_cache(maxsize=1024)
@@ -184,10 +191,12 @@ class _Healthy:
             known += (
                 Difference(_strokes, fewest, fewest, np.inf, 0.0, "shorter in strokes", "", fitted=False),
             )
-        flights = population(np.array([_row(known, r) for _, r in shown]), values, errors)
+        design = np.array([_row(known, r) for _, r in shown])
+        shared = scattering_share(design, values, errors)
+        flights = population(design, values, shared**0.5 * errors)
         noise = max(w.error * information(r) ** 0.5 for w, r in shown) if equation.blurs else np.inf
         sign = float(np.sign(flights.coefficients[0])) or 1.0
-        return cls(nuisances, flights, known, sign, len(shown), BLURRED_TIMES * noise)
+        return cls(nuisances, flights, known, sign, len(shown), BLURRED_TIMES * noise, shared)
 
     @property
     def load(self) -> float | None:
@@ -225,14 +234,16 @@ class _Healthy:
         """Return the standard error of a flight's rise, and its degrees of freedom."""
         variance = self.flights.variance_at(self._row(record))
         # A grave fault makes the flight as uncertain as large, and would hide itself.
-        own = min(own_wear.error, self.noise / information(record) ** 0.5) ** 2
+        own = self.shared * min(own_wear.error, self.noise / information(record) ** 0.5) ** 2
         return (variance + own) ** 0.5, satterthwaite(variance, self.flights.freedom, own, own_wear.freedom)
 
     def relative(self, own_wear: Wear, record: OwnRecord) -> Interval:
         """Return the relative change with its 95 % interval."""
         mean = self.mean(record)
         change = own_wear.value / mean - 1.0
-        error = (own_wear.error**2 + self.flights.variance_at(self._row(record))) ** 0.5 / abs(mean)
+        error = (self.shared * own_wear.error**2 + self.flights.variance_at(self._row(record))) ** 0.5 / abs(
+            mean
+        )
         half = float(stdtrit(min(own_wear.freedom, self.flights.freedom), CENTRAL_95)) * error
         return Interval(estimate=change, low=change - half, high=change + half)
 

@@ -260,6 +260,9 @@ def judged(time_s: Array, values: Array, actuator: Actuator) -> Monitor:
 def test_the_load_takes_its_share_of_the_friction(v11: bool) -> None:
     time_s, values = loaded(0.225, 0.3, v11=v11)
     shown = judged(time_s, values, with_load_friction(0.3)).findings().indicators
+    (load,) = [one.load for one in shown if one.fault == "friction"]
+    assert load is not None
+    assert load > 0.0
     friction = next(one.value.estimate for one in shown if one.fault == "friction")
     assert friction == pytest.approx(0.225, abs=0.03)
     assert judged(time_s, values, with_load_friction(0.3)).worst == "normal"

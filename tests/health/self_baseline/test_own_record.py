@@ -23,6 +23,7 @@ from mavhums.health.estimation.wear import (
     mean_load,
     wear,
 )
+from mavhums.report.assessment import OwnRecord
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
 
 SERVO = Servo()
@@ -171,3 +172,25 @@ def test_a_record_of_an_earlier_version_is_read() -> None:
     assert one is not None
     assert other is not None
     assert one.value == pytest.approx(other.value, rel=1e-6)
+
+
+def with_angle(seed: int, step_rad_s: float, late: int) -> OwnRecord:
+    """What a flight leaves whose speed comes in steps and late, beside a measured angle."""
+    time_s, values, airspeed = SERVO.flown(seed, rate_hz=100.0)
+    speed = values[:, column("V7")] * np.pi / 30.0
+    angle = np.cumsum(speed * np.gradient(time_s))
+    values[:, column("V3")] = np.degrees(angle - angle.mean()) + 0.01
+    register = np.round(speed / step_rad_s) * step_rad_s if step_rad_s else speed
+    values[:, column("V7")] = np.roll(register, late) * 30.0 / np.pi
+    found = collected(OwnSums(EQUATION, blank()), (time_s, values, airspeed))
+    assert found is not None
+    return found
+
+
+def test_a_coarse_register_of_the_speed_gives_way_to_the_angle() -> None:
+    fine, coarse = with_angle(1, 0.0, 0), with_angle(1, 8.0, 1)
+    assert fine.setup == "angle from V3, airspeed"
+    assert coarse.setup == "angle from V3, its speed, airspeed"
+    free = wear(coarse, None)
+    assert free is not None
+    assert free.value == pytest.approx(SERVO.friction_a, rel=0.1)

@@ -128,3 +128,36 @@ def test_a_rise_is_changed_and_a_healthy_flight_is_not(equation: object) -> None
     assert compare(equation, worn, past).condition == "changed"  # type: ignore[arg-type]
     # Fewer strokes scatter more than those of the baseline.
     assert compare(equation, short, past).condition == "undecided"  # type: ignore[arg-type]
+
+
+def test_the_stroke_with_which_a_log_ends_counts() -> None:
+    time_s, values = swept(4, sweeps=2)
+    ends = time_s < 29.5  # in the last rest but 0.5 s: strokes out and back, twice
+    whole = left((time_s[ends], values[ends]), ROUGHNESS)
+    assert whole is not None
+    assert len(whole.groups) == 4
+    within = time_s < 28.5
+    part = left((time_s[within], values[within]), ROUGHNESS)
+    assert part is not None
+    assert len(part.groups) == 4
+
+
+def test_a_load_the_other_way_is_another_baseline() -> None:
+    """Other flanks of the gear press: the friction differs there, and only flights there say by how much."""
+
+    def at(seed: int, way: float) -> OwnRecord:
+        record = left(swept(seed, load=way * 0.2, friction=0.3 + 0.1 * (way < 0.0)), TWO_WAYS)
+        assert record is not None
+        return record
+
+    def past(*ways: float) -> list[PastRecord]:
+        return [PastRecord((at(300 + k, way),), f"2026-03-{k + 1:02d}", True) for k, way in enumerate(ways)]
+
+    one_way, both = past(*[1.0] * 14), past(*[1.0, -1.0] * 7)
+    assert compare(TWO_WAYS, at(400, 1.0), one_way).condition == "unchanged"
+    found = compare(TWO_WAYS, at(400, -1.0), one_way)
+    assert (found.condition, "loaded the other way" in found.why) == ("undecided", True)
+    other = compare(TWO_WAYS, at(400, -1.0), both)
+    assert other.condition == "unchanged"
+    assert other.least_rise is not None
+    assert other.least_rise < 0.3
