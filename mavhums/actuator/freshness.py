@@ -11,6 +11,7 @@ The counts run from sample to sample, so that the division of the log into block
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -20,7 +21,10 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
 
-__all__ = ["Freshness", "refreshed"]
+__all__ = ["NOT_USED", "Freshness", "not_used", "refreshed"]
+
+NOT_USED: Final = " (not used: {})"
+"""What the provenance of a quantity that is no evidence ends with."""
 
 _JUDGED: Final = tuple(column(key) for key in ("V4", "V5", "V7", "V8", "V10"))
 _NAMES: Final = {"V4": "voltage", "V5": "current", "V7": "speed", "V8": "torque", "V10": "shaft's speed"}
@@ -171,3 +175,15 @@ def refreshed(rate_hz: float) -> str:
     if rate_hz < 0.75:
         return f"refreshed once in {1.0 / rate_hz:.0f} s"
     return "refreshed once a second" if rate_hz < 1.5 else f"refreshed {rate_hz:.2g} times a second"
+
+
+def not_used(provenance: Mapping[str, str]) -> dict[str, str]:
+    """Return why a quantity is no evidence, by key, from the provenance of all.
+
+    Examples
+    --------
+    >>> not_used({"V4": "A.b", "V5": "A.c (not used: the current is refreshed once a second)"})
+    {'V5': 'the current is refreshed once a second'}
+    """
+    begin, end = NOT_USED.split("{}")
+    return {key: how.partition(begin)[2].removesuffix(end) for key, how in provenance.items() if begin in how}

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned, Aligner
 from mavhums.actuator.derive import REPORTED, Deriver
-from mavhums.actuator.freshness import Freshness
+from mavhums.actuator.freshness import NOT_USED, Freshness
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.actuator.readings import Reading, read
 from mavhums.actuator.tiers import TIERS
@@ -345,7 +345,7 @@ class Mapper:
                 merged[key] = f"derived: {_fill_in(how, fields)}"
         for key, why in self.refused(vehicle, actuator).items():
             if key in merged:
-                merged[key] += f" (not used: {why})"
+                merged[key] += NOT_USED.format(why)
         return {key: merged[key] for key in KEYS if key in merged}
 
     def _ours(self, table: Table) -> Table:

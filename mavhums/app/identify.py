@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from mavhums.actuator.freshness import not_used
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
@@ -22,7 +23,6 @@ __all__ = ["Motor", "identify", "with_motors"]
 _BLOCK = re.compile(r"(?m)^\[\[actuators\]\][^\n]*\n(?:(?!^\[\[actuators\]\]).*\n?)*")
 _BEFORE = re.compile(r"(?ms)^\[actuators\.identified\][^\n]*\n(?:(?!^\[)[^\n]*\n?)*")
 _OWN_NAME = re.compile(r"(?m)^name\s*=\s*(\"(?:[^\"\\]|\\.)*\"|'[^']*')")
-_NOT_USED = re.compile(r"\(not used: (.*)\)$")
 _TO_IDENTIFY = "record each servo's voltage, current and rotor speed (V4, V5, V7) at the motor, in motion"
 
 
@@ -66,9 +66,7 @@ def identify(
     settings = replace(Settings.read(options), history=FlightHistory())
     for path in logs:
         for verdict in analyse(path, settings, progress=progress).verdicts:
-            refused += [
-                f"{key} {why}" for key, how in verdict.provenance.items() for why in _NOT_USED.findall(how)
-            ]
+            refused += [f"{key} {why}" for key, why in not_used(verdict.provenance).items()]
             for record in verdict.own:
                 records.setdefault(verdict.actuator, []).append((Path(path).name, record))
     motors = {}

@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 from types import MappingProxyType
 from typing import NamedTuple
 
+from mavhums.actuator.freshness import not_used
 from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.signs import SIGNED_BY_VOLTAGE
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
@@ -131,11 +132,12 @@ def against_baseline(
     )
 
 
-def with_refused(verdict: Verdict, refused: Mapping[str, str]) -> Verdict:
-    """Return an undecided verdict with what the log carries and no equation could use, by quantity."""
-    if not refused or verdict.condition != "undecided":
-        return verdict
+def with_refused(verdict: Verdict) -> Verdict:
+    """Return an undecided verdict with what the log carries and no equation could use."""
+    refused = not_used(verdict.provenance)
     why = "; ".join(refused.values())
+    if verdict.condition != "undecided" or (verdict.reason or "").startswith(why):
+        return verdict
     return verdict.model_copy(
         update={
             "reason": f"{why}; {verdict.reason}" if verdict.reason else why,
