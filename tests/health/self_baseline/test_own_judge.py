@@ -196,8 +196,8 @@ def test_a_weaker_motor_is_told_from_friction() -> None:
 
 
 def test_an_uncertain_flight_says_at_which_rate_of_false_alarms_it_shows_a_useful_rise() -> None:
-    before = past(*(left(Servo(), seed, seconds=60.0, noise_a=0.4) for seed in range(12)))
-    own = left(Servo(), 60, seconds=60.0, noise_a=0.4)
+    before = past(*(left(Servo(), seed, seconds=60.0, noise_a=0.25) for seed in range(12)))
+    own = left(Servo(), 60, seconds=60.0, noise_a=0.25)
     found = compare(EQUATION, own, before)
     assert found.least_rise is not None
     assert found.least_rise > USEFUL_RISE
