@@ -7,7 +7,7 @@ A folder holds ``*.parquet`` with ``*_meta.parquet`` (bus servos under a pendulu
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +16,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from mavhums.health.estimation.motion import angle_speed
 
 Array = NDArray[np.float64]
 
@@ -26,7 +28,6 @@ RUN_APART_S = 1.0  # between the recordings of one flight, whose ends do not mee
 REV_MIN = 60 / (2 * np.pi)
 CURRENTS = ("sensor", "sensor with V11", "sensor, magnitude", "register", "register, signed", "none")
 """How a log of the servo carries its current: a sensor's, its magnitude, the register's, none."""
-SCREW_HZ, SEQUENCE_S = 25.0, 12.96
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +44,25 @@ class Sheet:
 SHEETS = {
     "sts3215": Sheet(345.0, 2.377, 12.0 / 2.7, 2.94, 12.0),
 }
-"""Data sheets by the name of the recording; a servo that is not listed is judged by its own flights alone."""
+"""Data sheets by the name of the recording; another servo's constants are identified from its flights."""
+GEAR_RATIO = 345.0  # of a servo without a sheet: only its product with the motor's constant counts
+SUPPLY_V = 12.0
+
+
+class Friction(NamedTuple):
+    """Coefficients of V = r·τ + j·dw/dt + (F_c + m·|τ|)·sgn w + k·w + c; μ = m/r, T_c = F_c/r."""
+
+    volts_per_nm: float
+    inertia_v: float
+    by_load_v: float
+    constant_v: float
+    back_emf: float
+    offset_v: float
+
+    def sheet(self) -> Sheet:
+        """Return the constants that these stand for."""
+        resistance = self.volts_per_nm * self.back_emf
+        return Sheet(GEAR_RATIO, self.back_emf, resistance, SUPPLY_V / self.volts_per_nm, SUPPLY_V)
 
 
 class Flight(NamedTuple):
@@ -56,6 +75,36 @@ class Flight(NamedTuple):
     values: Array
     register_a: Array
     true_load: Array
+
+    def geared(self, ratio: float) -> Flight:
+        """Return the flight of a servo whose gear has this ratio."""
+        values = self.values.copy()
+        values[:, 6] *= ratio / GEAR_RATIO
+        return self._replace(values=values)
+
+
+def fitted(flights: Sequence[Flight]) -> Friction:
+    """Return friction and motor of a servo from all its flights, whose load torque is known."""
+    rows, left = [], []
+    for flight in flights:
+        angle, volts = np.radians(flight.values[:, 2]), flight.values[:, 3]
+        speed = angle_speed(flight.time_s, angle, 0.04)
+        rate = np.gradient(speed, flight.time_s)
+        steady = (np.abs(speed) > 0.2) & (np.abs(rate) < 15.0) & (np.abs(volts) < 0.95 * SUPPLY_V)
+        steady &= np.gradient(flight.time_s) < 0.05
+        load, way = flight.true_load, np.sign(speed)
+        terms = np.stack([load, rate, np.abs(load) * way, way, speed, np.ones(load.size)], axis=1)
+        rows.append(terms[steady])
+        left.append(volts[steady])
+    return Friction(*np.linalg.lstsq(np.concatenate(rows), np.concatenate(left))[0].tolist())
+
+
+def register_rates(rows: pd.DataFrame) -> dict[str, float]:
+    """Return the changes a second of each register while the servo moves."""
+    moves = (rows["speed"].abs() > 0.2) & (rows["run"] == rows["run"].shift())
+    seconds = float(rows["time"].diff()[moves].sum())
+    names = [name for name in ("position", "duty", "speed", "voltage", "current") if name in rows]
+    return {name: float((rows[name].diff()[moves] != 0.0).sum()) / seconds for name in names}
 
 
 def profile(sheet: Sheet | None, *, friction: str = "") -> str:
@@ -129,24 +178,6 @@ def with_current(flight: Flight, kind: str, sheet: Sheet) -> Array:
     elif kind.startswith("register"):
         values[:, 4] = flight.register_a * (np.sign(values[:, 3]) if "signed" in kind else 1.0)
     return values
-
-
-def screw_runs(folder: Path) -> Iterator[tuple[str, int, int, pd.DataFrame]]:
-    """Yield condition, load, number and samples of each run; a repeated run once."""
-    for path in sorted((folder / "cranfield").glob("*.csv.gz")):
-        rows, seen = pd.read_csv(path), set()
-        for (load, run), own in rows.groupby(["load", "run"]):
-            what = own[["position", "current"]].to_numpy().tobytes()
-            if what not in seen:
-                seen.add(what)
-                yield path.name.removesuffix(".csv.gz"), int(load), int(run), own
-
-
-def screw_values(run: pd.DataFrame) -> tuple[Array, Array]:
-    """Return time and V1…V12 of a run of the screw: 1 mm as 1°, the current as the sensor gives it."""
-    values = np.full((len(run), 12), np.nan)
-    values[:, 0], values[:, 2], values[:, 4] = run["set_point"], run["position"], run["current"]
-    return ((run["sequence"] - 1) * SEQUENCE_S + run["time"]).to_numpy(dtype=np.float64), values
 
 
 def write_log(path: Path, number: int, time_s: Array, values: Array) -> Path:

@@ -19,19 +19,19 @@ from pathlib import Path
 import numpy as np
 from _real_logs import (
     CURRENTS,
-    SCREW_HZ,
+    GEAR_RATIO,
     SHEETS,
     Flight,
+    Friction,
     Sheet,
+    fitted,
     profile,
-    screw_runs,
-    screw_values,
+    register_rates,
     servo_flights,
     servos,
     with_current,
     write_log,
 )
-from scipy.stats import beta
 
 import mavhums
 from mavhums.actuator.profile import Ema
@@ -39,7 +39,9 @@ from mavhums.app.identify import identify
 from mavhums.core.errors import MavhumsError
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
-from mavhums.report.assessment import Verdict
+from mavhums.report.assessment import Indicator, Verdict
+from mavhums.study.real import rate
+from mavhums.study.rig import HEALTHY, read_rig
 
 SECTIONS = ("sheet", "own", "identify", "screw")
 RISES = (0.25, 0.5, 1.0)
@@ -47,13 +49,6 @@ LEARNING, DRAWS = 20, 4
 FRICTIONS = {"none said": "", "0.3 ± 0.1": "load_friction = 0.3\nload_friction_uncertainty = 0.1\n"}
 SCREW = 'name = "screw"\n[[actuators]]\nname = "servo"\nservo = 1\npwm_us = [1000, 1500, 2000]\n'
 FRICTION_KEYS = "load_friction" in Ema.model_fields
-
-
-def rate(found: int, of: int) -> str:
-    """Return a rate with its Clopper-Pearson interval; too narrow, for flights of one bench are alike."""
-    low = beta.ppf(0.025, found, of - found + 1) if found else 0.0
-    high = beta.ppf(0.975, found + 1, of - found) if found < of else 1.0
-    return f"{found}/{of} ({100 * low:.0f}–{100 * high:.0f} %)"
 
 
 def judged(path: Path, airframe: Path) -> Verdict:
@@ -101,21 +96,18 @@ def _sheet_row(kind: str, name: str, verdicts: Iterable[Verdict]) -> str:
     return f"| {kind} | {name} | {ends} | {ever} | {span} | {reasons} |"
 
 
-def worn(flight: Flight, rise: float) -> Flight:
-    """Return the flight with so much more of its friction in the voltage: V + r·sgn w·(F_c + μ·|L|).
-
-    F_c and μ are those of all flights of the servo (V = R/k·τ …, slow motion alone).
-    """
+def worn(flight: Flight, rise: float, friction: Friction) -> Flight:
+    """Return the flight with so much more of its friction in the voltage: V + r·sgn w·(F_c + m·|τ|)."""
     values = flight.values.copy()
-    speed = np.nan_to_num(values[:, 6])
-    friction = np.sign(speed) * (0.052 + 0.293 * np.abs(flight.true_load)) * 1.873
-    values[:, 3] += rise * friction
+    way = np.sign(np.nan_to_num(values[:, 6]))
+    values[:, 3] += rise * way * (friction.constant_v + friction.by_load_v * np.abs(flight.true_load))
     return flight._replace(values=values)
 
 
 def own_table(
     flights: Sequence[Flight], sheet: Sheet, folder: Path, pool: ProcessPoolExecutor
 ) -> Iterator[str]:
+    friction = fitted(flights)
     blank = folder / "blank.toml"
     blank.write_text(profile(None), encoding="utf-8")
     cells = " | ".join(f"+{rise:.0%} found" for rise in RISES)
@@ -123,7 +115,9 @@ def own_table(
     yield f"|---{'|---' * (6 + len(RISES))}|"
     for kind in CURRENTS:
         run = partial(_flown, kind=kind, sheet=sheet, folder=folder, airframes=[blank])
-        levels = {r: [v for [v] in pool.map(run, [worn(f, r) for f in flights])] for r in (0.0, *RISES)}
+        levels = {
+            r: [v for [v] in pool.map(run, [worn(f, r, friction) for f in flights])] for r in (0.0, *RISES)
+        }
         yield _own_row(kind, flights, levels)
 
 
@@ -186,30 +180,42 @@ def identified(flights: Sequence[Flight], sheet: Sheet, folder: Path) -> Iterato
 
 def screw_table(folder: Path, data: Path) -> Iterator[str]:
     blank = folder / "screw.toml"
-    blank.write_text(
-        'name = "screw"\n[[actuators]]\nname = "servo"\nservo = 1\npwm_us = [1000, 1500, 2000]\n'
-    )
-    runs: dict[tuple[str, int], list[Verdict]] = defaultdict(list)
-    for number, (condition, load, _, run) in enumerate(screw_runs(data)):
-        path = write_log(folder / "screw.tlog", number, *screw_values(run))
-        runs[condition, load].append(judged(path, blank))
-    normal = [(load, k) for (name, load), own in runs.items() if name == "normal" for k in range(len(own))]
-    yield f"\nHistory: {len(normal)} normal runs of 65 s at {SCREW_HZ:g} Hz; each normal run without itself."
-    yield "\n| condition | load | said | changed indicators | least rise |\n|---|---|---|---|---|"
-    for (condition, load), verdicts in sorted(runs.items()):
-        said, faults, least = Counter(), Counter(), defaultdict(list)
+    blank.write_text(SCREW, encoding="utf-8")
+    recorded, repeated = read_rig(data)
+    runs: dict[tuple[str, float], list[Verdict]] = defaultdict(list)
+    for number, run in enumerate(recorded):
+        path = write_log(folder / "screw.tlog", number, *run.flown())
+        runs[run.condition, run.load].append(judged(path, blank))
+    normal = [(at, k) for at, own in runs.items() if at[0] == HEALTHY for k in range(len(own))]
+    yield f"\nHistory: {len(normal)} healthy runs; each without itself. Left out: {repeated or 'none'}."
+    yield "\n| condition | load | said | changed | change (least rise) |\n|---|---|---|---|---|"
+    above: list[bool] = []
+    for at, verdicts in sorted(runs.items()):
+        said, faults = Counter(), Counter()
+        shown: dict[str, list[Indicator]] = defaultdict(list)
         for k, verdict in enumerate(verdicts):
-            past = [runs["normal", at][j] for at, j in normal if (condition, load, k) != ("normal", at, j)]
-            found = compare_with_own_flights(verdict, history(past))
+            past = history(runs[other][j] for other, j in normal if (other, j) != (at, k))
+            found = compare_with_own_flights(verdict, past)
             said[found.condition] += 1
             faults.update(suspect.fault for suspect in found.suspects)
             for one in found.indicators:
-                if one.least_rise is not None:
-                    least[one.fault].append(one.least_rise)
+                if one.least_rise is not None and one.baseline is not None:
+                    shown[one.fault].append(one)
+        rises = {fault: _rise(several) for fault, several in shown.items()}
+        if at[0] != HEALTHY and any(change > least for change, least in rises.values()):
+            above += [True] * said["changed"] + [False] * (len(verdicts) - said["changed"])
         ends = ", ".join(f"{n} {text}" for text, n in said.most_common())
-        which = ", ".join(f"{n} {text}" for text, n in faults.most_common()) or "–"
-        rises = ", ".join(f"{fault} {np.median(rise):.0%}" for fault, rise in least.items())
-        yield f"| {condition} | {load} | {ends} | {which} | {rises} |"
+        which = ", ".join(f"{fault} {rate(n, len(verdicts))}" for fault, n in faults.items()) or "–"
+        changes = ", ".join(f"{fault} {c:+.0%} ({least:.0%})" for fault, (c, least) in rises.items())
+        yield f"| {at[0]} | {at[1]:g} | {ends} | {which} | {changes} |"
+    found_of = rate(sum(above), len(above))
+    yield f"\nConditions and loads whose mean change lies above the least rise: found {found_of}"
+
+
+def _rise(several: Sequence[Indicator]) -> tuple[float, float]:
+    """Return the mean change and the median least rise of an indicator over several runs."""
+    changes = [one.value.estimate / one.baseline.estimate - 1.0 for one in several if one.baseline]
+    return float(np.mean(changes)), float(np.median([one.least_rise or 0.0 for one in several]))
 
 
 def main() -> None:
@@ -217,7 +223,7 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     parser.add_argument("--only", choices=SECTIONS, action="append")
     parser.add_argument("--reps", type=int, nargs="*", help="the servo's repetitions; all if omitted")
-    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--kinds", nargs="*", help=f"currents, of {', '.join(CURRENTS)}")
     args = parser.parse_args()
     if args.kinds:
@@ -226,16 +232,23 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name, ProcessPoolExecutor(args.workers) as pool:
         folder = Path(name)
         for servo, (rows, meta) in servos(args.data).items():
-            sheet = SHEETS.get(servo)
-            if sheet is None:
-                print(f"\n## {servo}: no data sheet in SHEETS; that of sts3215 makes its V5 and its limits")
-                sheet = SHEETS["sts3215"]
-            flights = [
+            whole = [
                 flight
-                for flight in servo_flights(rows, meta, sheet.gear_ratio)
+                for flight in servo_flights(rows, meta, GEAR_RATIO)
                 if args.reps is None or flight.rep in args.reps
             ]
+            found = fitted(whole)
+            sheet = SHEETS.get(servo, found.sheet())
+            flights = [flight.geared(sheet.gear_ratio) for flight in whole]
             print(f"\n## {servo}: {len(flights)} flights", flush=True)
+            print(
+                f"\nOf all flights: R/k {found.volts_per_nm:.3f} V/(N·m), k {found.back_emf:.3f} V·s/rad, "
+                f"T_c {found.constant_v / found.volts_per_nm:.3f} N·m, "
+                f"μ {found.by_load_v / found.volts_per_nm:.3f}; "
+                f"{'data sheet' if servo in SHEETS else 'no data sheet: limits and V5 follow from these'}"
+            )
+            rates = ", ".join(f"{name} {hz:.3g}" for name, hz in register_rates(rows).items())
+            print(f"Changes a second in motion: {rates}", flush=True)
             if "sheet" in sections:
                 for line in sheet_table(flights, sheet, folder, pool):
                     print(line, flush=True)

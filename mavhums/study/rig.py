@@ -65,15 +65,19 @@ class Run:
     number: int
     rows: pd.DataFrame
 
-    def records(self) -> tuple[OwnRecord, ...]:
-        """Return the run's records of its strokes, 1 mm as 1°, as those of a flight."""
+    def flown(self) -> tuple[Array, Array]:
+        """Return times, s, and V1…V12 as of a flight, shapes (n,) and (n, 12): 1 mm as 1°."""
         rows = self.rows
         length = rows.groupby("sequence")["time"].max().max() + rows["time"].diff().abs().median()
         begin = rows["sequence"].rank(method="dense").to_numpy() - 1
         values = np.full((len(rows), len(KEYS)), np.nan)
         for key, name in (("V1", "set_point"), ("V3", "position"), ("V5", "current")):
             values[:, column(key)] = rows[name]
-        time_s = np.asarray(begin * length + rows["time"], dtype=np.float64)
+        return np.asarray(begin * length + rows["time"], dtype=np.float64), values
+
+    def records(self) -> tuple[OwnRecord, ...]:
+        """Return the run's records of its strokes, as those of a flight."""
+        time_s, values = self.flown()
         actuator = Actuator(name="rig", servo=1, pwm_us=(1000, 1500, 2000))
         cutter, sums = SlotCutter(), [StrokeSums(equation, actuator) for equation in STROKE_EQUATIONS]
         for slots in (cutter.feed(time_s, with_extra_columns(values)), cutter.finish()):
