@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -65,7 +67,7 @@ class _Grouped(click.Group):
     cls=_Grouped,
     headings={
         "Judge": ("analyse", "report", "serve", "live"),
-        "Look": ("inspect", "export"),
+        "Look": ("inspect", "check", "export"),
         "Over flights": ("trend", "fleet"),
         "Set up": ("profile", "warm-up"),
         "Models": ("model", "train", "precedents", "study"),
@@ -116,6 +118,32 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, messages: boo
 
         render_inspection(inspection, Console(), messages=messages)
     raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
+
+
+@cli.command(short_help="Check surfaces that are swept on the ground.")
+@LOG
+@AIRFRAME
+@DIALECT
+@JSON
+def check(log: Path, airframe: str | None, dialect: Path | None, as_json: bool) -> None:
+    """Check the servos whose surfaces are swept on the ground in LOG, before take-off.
+
+    For each: the travel and the speed that it reaches, the hysteresis between the two ways (play, friction
+    and lag), the roughness of its motion, and the friction in its current. `analyse --history` compares
+    roughness and friction with the aircraft's earlier sweeps.
+
+    Ends with 0 if travel and speed are reached, and with 10 if not.
+    """
+    from mavhums.app.check import check_log
+
+    with reading(log) as progress:
+        sweeps = check_log(log, airframe=airframe, dialect=dialect, progress=progress)
+    if as_json:
+        say_json(json.dumps([asdict(sweep) for sweep in sweeps], indent=2, ensure_ascii=False))
+    else:
+        for sweep in sweeps:
+            say(sweep.told())
+    raise SystemExit(ExitCode.DEGRADED if any(sweep.faults for sweep in sweeps) else ExitCode.OK)
 
 
 for _command in (

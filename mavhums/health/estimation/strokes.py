@@ -43,54 +43,73 @@ from mavhums.health.estimation.thresholds import (
 from mavhums.report.assessment import OwnRecord
 
 _V1, _V3, _V4, _V5, _V7, _V10 = (column(f"V{k}") for k in (1, 3, 4, 5, 7, 10))
-_COLUMNS = 3  # command, position error, current
+_COLUMNS = 3  # command, measured angle, current
 
 
-class _Stroke(NamedTuple):
-    """A stroke's direction (0 at rest), roughness, ripple and median current; its ends and inner times."""
+class Stroke(NamedTuple):
+    """What one stroke shows; NaN where it is not measured.
+
+    Attributes
+    ----------
+    way
+        Its direction; 0 at rest.
+    rough, ripple, current
+        Roughness, °, ripple of the current and its median, A.
+    commanded, reached
+        Least and greatest angle, °, shape (2,), over the whole stroke.
+    commanded_deg_s, reached_deg_s
+        Speeds of its steady part.
+    error
+        Mean position error of its steady part, °.
+    span_s, inner_s
+        Its begin and end, and the times of its steady part.
+    """
 
     way: float
     rough: float
     ripple: float
     current: float
+    commanded: Array
+    reached: Array
+    commanded_deg_s: float
+    reached_deg_s: float
+    error: float
     span_s: Array
     inner_s: Array
 
 
-class StrokeSums:
-    """Collects what the strokes of one flight show.
+class Strokes:
+    """Collects the strokes of one actuator, the first ``MOST_STROKES`` of a flight.
 
     Parameters
     ----------
-    equation
-        One of those of strokes.
     actuator
         The actuator of the flight.
     """
 
-    def __init__(self, equation: OwnEquation, actuator: Actuator) -> None:
-        self._equation = equation
+    def __init__(self, actuator: Actuator) -> None:
         self._motor_side = actuator.esc_side == "motor"
         self._time_s, self._values = np.empty(0), np.empty((0, _COLUMNS))
         self._rate = np.empty(0)  # of the stroke that has not ended
-        self._strokes: list[_Stroke] = []
+        self._strokes: list[Stroke] = []
 
     @property
-    def gap(self) -> None:
-        """None: a flight without strokes is no reason for a verdict."""
-        return
+    def strokes(self) -> list[Stroke]:
+        """The strokes so far, that with which the log ends included."""
+        last = self._stroke(slice(None), self._rate) if self._rate.size else None
+        return [*self._strokes, *([last] if last else [])][:MOST_STROKES]
 
     def feed(self, slots: Slots) -> None:
         """Process the samples of several slots."""
         own, time_s = slots.values[slots.judged], slots.time_s[slots.judged]
         measured = own[:, SENSED] > 0
-        error = np.where(measured, own[:, _V1] - own[:, _V3], np.nan)
+        angle = np.where(measured, own[:, _V3], np.nan)
         alone = np.isnan(own[:, [_V4, _V7, _V10]]).all(axis=1) & self._motor_side
         # With a voltage or a speed beside it, the equations of the current say more.
         current = np.where(alone, own[:, _V5], np.nan)
         known = np.isfinite(own[:, _V1])
         self._time_s = np.concatenate([self._time_s, time_s[known]])
-        self._values = np.concatenate([self._values, np.stack([own[:, _V1], error, current], axis=1)[known]])
+        self._values = np.concatenate([self._values, np.stack([own[:, _V1], angle, current], axis=1)[known]])
         self._take()
 
     def _take(self) -> None:
@@ -114,7 +133,7 @@ class StrokeSums:
         begin = max(edges[-1], int(np.searchsorted(time_s, time_s[-1] - 2.0 * LONGEST_STROKE_S)))
         self._time_s, self._values, self._rate = time_s[begin:], self._values[begin:], rate[begin:]
 
-    def _stroke(self, part: slice, rate: Array) -> _Stroke | None:
+    def _stroke(self, part: slice, rate: Array) -> Stroke | None:
         mean = float(rate.mean())
         standing = bool(np.abs(rate).max() < STROKE_SPEED_SHARE * MOVING_ANGLE_DEG_S)
         steady = float(np.ptp(rate)) <= STROKE_SPEED_SHARE * abs(mean) and abs(mean) > MOVING_ANGLE_DEG_S
@@ -124,24 +143,46 @@ class StrokeSums:
         inner = (time_s >= time_s[0] + STROKE_BEGIN_S) & (time_s <= time_s[-1] - STROKE_END_S)
         if inner.sum() < LEAST_STROKE_SAMPLES:
             return None
-        _, error, current = self._values[part][inner].T
-        return _Stroke(
-            0.0 if standing else float(np.sign(mean)),
-            _rough(time_s[inner], error),
-            _rough(time_s[inner], current),
-            float(np.median(current)) if np.isfinite(current).all() else np.nan,
-            time_s[[0, -1]],
-            time_s[inner],
+        command, angle, current = self._values[part].T
+        steady_s, error = time_s[inner], (command - angle)[inner]
+        return Stroke(
+            way=0.0 if standing else float(np.sign(mean)),
+            rough=_rough(steady_s, error),
+            ripple=_rough(steady_s, current[inner]),
+            current=float(np.median(current[inner])),
+            commanded=np.array([command.min(), command.max()]),
+            reached=np.array([angle.min(), angle.max()]),
+            commanded_deg_s=mean,
+            reached_deg_s=_slope(steady_s, angle[inner]),
+            error=float(error.mean()),
+            span_s=time_s[[0, -1]],
+            inner_s=steady_s,
         )
 
-    def _all(self) -> list[_Stroke]:
-        """Return the strokes, that with which the log ends included."""
-        last = self._stroke(slice(None), self._rate) if self._rate.size else None
-        return [*self._strokes, *([last] if last else [])][:MOST_STROKES]
+
+class StrokeSums(Strokes):
+    """Collects what the strokes of one flight show of one quantity.
+
+    Parameters
+    ----------
+    equation
+        One of those of strokes.
+    actuator
+        The actuator of the flight.
+    """
+
+    def __init__(self, equation: OwnEquation, actuator: Actuator) -> None:
+        super().__init__(actuator)
+        self._equation = equation
+
+    @property
+    def gap(self) -> None:
+        """None: a flight without strokes is no reason for a verdict."""
+        return
 
     def record(self) -> OwnRecord | None:
         """Return the record of the flight so far; None if no stroke shows the quantity."""
-        strokes = self._all()
+        strokes = self.strokes
         rows = self._rows(strokes)
         if not rows:
             return None
@@ -155,12 +196,12 @@ class StrokeSums:
             groups=tuple((1.0, float(f"{value:.6g}"), float(f"{load:.6g}")) for value, load in rows),
         )
 
-    def _rows(self, strokes: Sequence[_Stroke]) -> list[tuple[float, float]]:
+    def _rows(self, strokes: Sequence[Stroke]) -> list[tuple[float, float]]:
         """Return quantity and load of each stroke, or of each pair of strokes."""
         if not strokes:
             return []
         way, rough, ripple, current = np.array([stroke[:4] for stroke in strokes]).T
-        loads = _pairs(way, current)
+        loads = pairs_of(strokes)
         load = float(np.median([d for _, d in loads])) if loads else 0.0
         rest = current[(way == 0.0) & np.isfinite(current)]
         if self._equation.name == TWO_WAYS.name:
@@ -170,14 +211,20 @@ class StrokeSums:
         return [(float(value), load) for value in shown[usable]]
 
 
-def _pairs(way: Array, current: Array) -> list[tuple[float, float]]:
+def pairs_of(strokes: Sequence[Stroke]) -> list[tuple[float, float]]:
     """Return half-sum and half-difference of the currents of each stroke out and the next one back.
 
     The difference is that of the way of positive speed less the other: its sign is the load's direction.
     """
-    strokes = [(w, c) for w, c in zip(way.tolist(), current.tolist(), strict=True) if w and np.isfinite(c)]
-    pairs = [(a, b) for a, b in zip(strokes[::2], strokes[1::2], strict=False) if a[0] != b[0]]
-    return [((a[1] + b[1]) / 2, a[0] * (a[1] - b[1]) / 2) for a, b in pairs]
+    moving = [one for one in strokes if one.way and np.isfinite(one.current)]
+    pairs = [(a, b) for a, b in zip(moving[::2], moving[1::2], strict=False) if a.way != b.way]
+    return [((a.current + b.current) / 2, a.way * (a.current - b.current) / 2) for a, b in pairs]
+
+
+def _slope(time_s: Array, values: Array) -> float:
+    """Return the slope of a line in time; NaN where a value is not known."""
+    around = time_s - time_s.mean()
+    return float(around @ values / (around @ around))
 
 
 def _rough(time_s: Array, values: Array) -> float:

@@ -83,7 +83,7 @@ def mean_load(record: OwnRecord) -> float | None:
     """Return the mean size of the load in motion, in the unit of the left side; None if not recorded."""
     if of_strokes(record):
         return abs(float(np.mean([row[2] for row in record.groups])))
-    if not _has_load(record):
+    if record.equation == POWER.name or not _has_load(record):
         return None
     gram = grams_of(record)[1].sum(axis=0)
     return float(gram[_SIGN, _LOADED] / gram[_SIGN, _SIGN]) if gram[_SIGN, _SIGN] > 0.0 else None
