@@ -28,8 +28,9 @@ from mavhums.health.self_baseline.past import PastRecord
 from mavhums.learn import LabelledWindows, Scheme
 from mavhums.learn.window_training import ClassesResult, train_classes
 from mavhums.study.findings import Progress
-from mavhums.study.outputs import Folder, markdown_table
+from mavhums.study.report import markdown_table
 from mavhums.study.rig import CONSTANTS, FEATURES, HEALTHY, Constants, Run, examples, read_rig, stage
+from mavhums.study.run import Folder
 
 __all__ = ["Size", "rate", "strokes_table", "write_real_study"]
 

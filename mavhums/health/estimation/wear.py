@@ -27,7 +27,7 @@ _LOAD, _ANGLE, _LOADED = KEPT.index("load"), KEPT.index("angle"), KEPT.index("lo
 _EARLIER = len(KEPT) - 1
 _C, _D, _E = QUADRATIC.index(9), QUADRATIC.index(11), QUADRATIC.index(12)
 _POWER = POWER_COLUMNS - 1
-_ROUNDS = 4
+_ROUNDS = 4  # of reweighting: more cost time in each flight and each of its references
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,11 +8,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtr, stdtrit
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import Condition
-from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED, stdtrit
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.equations.interface import OwnEquation
@@ -225,6 +224,8 @@ class _Healthy:
 
     def alarms_at(self, rise: float, own_wear: Wear, record: OwnRecord) -> float:
         """Return the false alarms per 100 hours at which a relative rise would be detected."""
+        from scipy.special import stdtr  # spent only where a comparison finds little
+
         error, freedom = self._error(own_wear, record)
         bound = rise * abs(self.mean(record)) - NORMAL_95_ONE_SIDED * error
         tail = 1.0 - float(stdtr(freedom, bound / error))
