@@ -1,4 +1,4 @@
-"""The paper's conditions by an EMA whose friction grows with the load: ``python benchmarks/load_friction.py``.
+"""The paper's conditions, with friction that grows with the load: ``python benchmarks/load_friction.py``.
 
 Eight simulated flights of 60 s with the elevator at each of the paper's frictions, the other surfaces
 healthy; μ of the EMA is 0 or 0.3. Each is judged with a profile that says 0 (the paper's), nothing, or
