@@ -369,7 +369,7 @@ class Engine:
             )
             refused = mapper.refused(vehicle, actuator)
             if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
-                gap = "; ".join(refused.values()) or findings.own_gap
+                gap = "; ".join(filter(None, [*refused.values(), findings.own_gap])) or None
                 yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance, gap)
             else:
                 verdict = verdict_of_actuator(
