@@ -327,7 +327,7 @@ class Engine:
         for axis in AXES:
             findings = followed.monitor.findings(axis)
             verdict = verdict_of_axis(
-                vehicle, findings, followed.surfaces, followed.flight, start_utc, received
+                vehicle, findings, followed.surfaces, followed.flight, start_utc, followed.grid
             )
             yield compare_with_earlier_flights(
                 verdict,

@@ -128,7 +128,7 @@ class VehicleAxes:
         at = int(np.searchsorted(seconds.index, min(ends))) if ends else len(seconds.index)
         if at == len(seconds.index):
             return seconds, None
-        return _part(seconds, 0, at), _part(seconds, at, len(seconds.index))
+        return seconds.part(0, at), seconds.part(at, len(seconds.index))
 
     def _follow(self, seconds: Seconds) -> Iterator[AxisEvent]:
         for rows in self.flight.feed(seconds):
@@ -318,7 +318,3 @@ def _followed(vehicle: int, rows: Rows) -> Iterator[Followed]:
         known = np.isfinite(angles[:, 1]) & rows.flying[::_SHOWN_EVERY]
         if known.any():
             yield Followed(vehicle, axis, time_s[known], angles[known])
-
-
-def _part(seconds: Seconds, a: int, b: int) -> Seconds:
-    return Seconds(seconds.index[a:b], {name: values[a:b] for name, values in seconds.signals.items()})
