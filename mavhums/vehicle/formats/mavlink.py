@@ -148,8 +148,6 @@ def _parameters(table: Table) -> NDArray[Any]:
 
 
 _MILLI_RATES: Final = ("xgyro", "ygyro", "zgyro")
-_ESTIMATED_RATES: Final = ("rollspeed", "pitchspeed", "yawspeed")
-_QUATERNION: Final = dict.fromkeys(("q1", "q2", "q3", "q4"), 1)
 _MILLI_FORCE: Final = ("xacc", "yacc", "zacc")
 _ESC_BATCHES: Final = {f"ESC_TELEMETRY_{k + 1}_TO_{k + 4}": k for k in range(0, 32, 4)}
 
@@ -171,13 +169,12 @@ SOURCES: Final = (
     plain("rates", "RAW_IMU", *_MILLI_RATES, scale=1e-3),
     plain("rates", "SCALED_IMU", *_MILLI_RATES, scale=1e-3),
     plain("rates", "SCALED_IMU2", *_MILLI_RATES, scale=1e-3),
-    *(plain("rates", name, *_ESTIMATED_RATES) for name in ("ATTITUDE", "ATTITUDE_QUATERNION")),
+    plain("rates", "ATTITUDE", "rollspeed", "pitchspeed", "yawspeed"),
     plain("force", "HIGHRES_IMU", *_MILLI_FORCE),
     plain("force", "RAW_IMU", *_MILLI_FORCE, scale=_G / 1e3),
     plain("force", "SCALED_IMU", *_MILLI_FORCE, scale=_G / 1e3),
     plain("force", "SCALED_IMU2", *_MILLI_FORCE, scale=_G / 1e3),
     plain("attitude", "ATTITUDE", "roll", "pitch", "yaw"),
-    Source("attitude", "ATTITUDE_QUATERNION", _QUATERNION, lambda t: angles_of(columns(t, *_QUATERNION))),
     Source("demand", "ATTITUDE_TARGET", {"q": 4, "type_mask": 1}, _target),
     Source("demand", "NAV_CONTROLLER_OUTPUT", {"nav_roll": 1, "nav_pitch": 1}, _navigated),
     plain("airspeed", "VFR_HUD", "airspeed"),
