@@ -15,7 +15,7 @@ from mavhums.actuator.profile_checks import Place, explain_syntax, explain_value
 from mavhums.core.errors import MavhumsError
 from mavhums.core.models import Contract, Frozen
 from mavhums.core.quantities import KEYS
-from mavhums.report.axis_limits import AxisLimits
+from mavhums.report.sections import AxisLimits
 
 __all__ = [
     "Actuator",
@@ -28,8 +28,8 @@ __all__ = [
     "packaged_airframes",
 ]
 
-_LARGEST = 1e9
-_SMALLEST = 1e-12
+_LARGEST = 1e9  # squares and products of such numbers stay finite
+_SMALLEST = 1e-12  # and their quotients, too
 _Finite = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST, allow_inf_nan=False)]
 _Positive = Annotated[float, Field(ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)]
 _Pulse = Annotated[int, Field(ge=0, le=65_535)]

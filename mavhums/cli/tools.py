@@ -1,8 +1,7 @@
-"""The commands ``export``, ``model``, ``profile``, ``warm-up``; the notice that the first call compiles."""
+"""The commands ``export``, ``model``, ``profile`` and ``warm-up``."""
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 
@@ -10,10 +9,9 @@ import click
 
 from mavhums.cli.options import AIRFRAME, LOG, MODEL, PATH
 from mavhums.cli.output import reading, say, say_json
-from mavhums.core import compiling
 from mavhums.core.errors import MavhumsError
 
-__all__ = ["announce_compiling", "export", "model", "profile", "warm_up"]
+__all__ = ["export", "model", "profile", "warm_up"]
 
 _TO_FILL_IN = "travel_deg, [actuators.ema] and [actuators.limits] of each actuator"
 
@@ -179,19 +177,3 @@ def warm_up() -> None:
     compiled = compile_all()
     took = f"{time.monotonic() - begin:.0f} s"
     say(f"ready: {compiled} loops compiled in {took}" if compiled else "ready: nothing was left to compile")
-
-
-def announce_compiling() -> None:
-    """Print on standard error why the first call takes longer; on a terminal with a count."""
-    count = 0
-
-    def tell() -> None:
-        nonlocal count
-        count += 1
-        if count == 1:
-            text = "mavhums: compiling its inner loops for this machine, once; it takes some twenty seconds"
-            say(f"{text} (ahead of time: mavhums warm-up)", err=True)
-        if sys.stderr.isatty():
-            click.echo(f"\r  {count} loops", nl=False, err=True)
-
-    compiling.on_compile(tell)

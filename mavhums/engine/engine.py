@@ -47,7 +47,7 @@ from mavhums.report.assessment import (
     LogSummary,
     Verdict,
 )
-from mavhums.report.flight import FlightIdentity
+from mavhums.report.sections import FlightIdentity
 from mavhums.report.usage import VehicleUsage
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks

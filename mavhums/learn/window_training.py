@@ -109,7 +109,7 @@ def train_windows(
         If torch, or pygad for the genetic search, is not installed.
     """
     try:
-        from mavhums.learn.trainer import Batch, train_batch
+        from mavhums.learn.trainer import NetworkBatch, train_batch
     except ModuleNotFoundError as error:
         raise MissingExtraError("training", "train") from error
     scheme = scheme or Scheme()
@@ -133,7 +133,9 @@ def train_windows(
     sizes = np.resize(_HIDDEN, max(1, scheme.networks // _SHARE)).tolist()
     inputs = selection.chosen(chosen)
     trained = train_batch(
-        Batch(sizes, np.ones((len(sizes), len(inputs)), dtype=bool), [seed + k for k in range(len(sizes))]),
+        NetworkBatch(
+            sizes, np.ones((len(sizes), len(inputs)), dtype=bool), [seed + k for k in range(len(sizes))]
+        ),
         vectors.of_features(chosen).samples,
         weight=vectors.weight,
         validation=held_out.of_features(chosen).samples,

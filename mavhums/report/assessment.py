@@ -13,15 +13,22 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
+from mavhums.core.about import NOTICE
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
-from mavhums.core.notice import NOTICE
 from mavhums.core.quantities import KEYS
 from mavhums.log.base.losses import Losses
-from mavhums.report.axis_limits import AxisLimits
-from mavhums.report.flight import FlightCopy, FlightIdentity
-from mavhums.report.network import DECIDE, Decide, ModelSummary, NetworkAnswer, with_network
+from mavhums.report.sections import (
+    DECIDE,
+    AxisLimits,
+    Decide,
+    FlightCopy,
+    FlightIdentity,
+    ModelSummary,
+    NetworkAnswer,
+    with_network,
+)
 from mavhums.report.usage import VehicleUsage
 
 if TYPE_CHECKING:

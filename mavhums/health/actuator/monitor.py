@@ -51,7 +51,7 @@ from mavhums.health.estimation.slots import SlotCutter, Slots, Windows, with_ext
 from mavhums.health.estimation.thresholds import WINDOW_S, WINDOW_SLOTS
 from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
-_MOST_WAITING = 64
+_MOST_WAITING = 64  # blocks: bounds the memory where the clock stands still
 
 MonitorEvent = Window | ConditionChanged | Indication | ComparisonInput
 

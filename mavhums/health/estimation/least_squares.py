@@ -19,8 +19,8 @@ from mavhums.core.kernels import kernel
 from mavhums.core.statistics import uniform_deviation
 from mavhums.health.estimation.thresholds import LEAST_FILLED_SLOTS
 
-_WEAK = 1e-8
-_LEAST = 1e-8
+_WEAK = 1e-8  # share of a sum of squares: keeps a matrix regular, far below the weight of any sample
+_LEAST = 1e-8  # coefficient that counts as zero, so that nothing is divided by it
 
 
 def row_length(p: int) -> int:

@@ -24,7 +24,7 @@ _SPEED, _ACCELERATION = KEPT.index("speed"), KEPT.index("acceleration")
 _LOAD, _ANGLE = KEPT.index("load"), KEPT.index("angle")
 _C, _D, _E = QUADRATIC.index(9), QUADRATIC.index(11), QUADRATIC.index(12)
 _POWER = POWER_COLUMNS - 1
-_ROUNDS = 4
+_ROUNDS = 4  # of reweighting: more cost time in each flight and each of its references
 
 
 @dataclass(frozen=True, slots=True)
