@@ -63,6 +63,11 @@ class Ema(Contract):
         Relative 95 % uncertainty of the inertia; it must cover the inertia of the surface.
     viscous, viscous_uncertainty
         Viscous drag at the output shaft and its 95 % uncertainty, N·m·s/rad.
+    load_friction
+        Friction per load, both torques at the output shaft: T_f = T_c + load_friction·|load|. None if
+        unknown: between 0 and 0.5, and no emergency rests on it being small.
+    load_friction_uncertainty
+        Its 95 % uncertainty; without effect where load_friction is 0 or unknown.
     stiffness
         Stiffness of the gear, at the output shaft, N·m/rad; None if unknown.
     supply_voltage
@@ -77,6 +82,8 @@ class Ema(Contract):
     inertia_uncertainty: Annotated[float, Field(gt=0, le=10)] = 0.5
     viscous: _NotNegative = 0.0
     viscous_uncertainty: _Positive = 0.05
+    load_friction: Annotated[float, Field(ge=0, le=1)] | None = None
+    load_friction_uncertainty: Annotated[float, Field(ge=0, le=1)] = 0.1
     stiffness: _Positive | None = None
     supply_voltage: _Positive | None = None
 

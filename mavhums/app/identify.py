@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from mavhums.actuator.freshness import not_used
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
@@ -61,9 +62,11 @@ def identify(
         If a log or the profile cannot be read, or no log shows any motor.
     """
     records: dict[str, list[tuple[str, OwnRecord]]] = {}
+    refused: list[str] = []
     settings = replace(Settings.read(options), history=FlightHistory())
     for path in logs:
         for verdict in analyse(path, settings, progress=progress).verdicts:
+            refused += [f"{key} {why}" for key, why in not_used(verdict.provenance).items()]
             for record in verdict.own:
                 records.setdefault(verdict.actuator, []).append((Path(path).name, record))
     motors = {}
@@ -71,6 +74,11 @@ def identify(
         found = identified([record for _, record in several])
         if found is not None:
             motors[actuator] = _motor(found, several)
+    if not motors and refused:
+        problem = f"no log shows an actuator's motor: {', '.join(dict.fromkeys(refused))}"
+        raise MavhumsError(
+            problem, f"{_TO_IDENTIFY}, as sampled and not as a register that is seldom refreshed"
+        )
     if not motors:
         raise MavhumsError("no log shows an actuator's motor: V4, V5 and V7 together", _TO_IDENTIFY)
     return motors

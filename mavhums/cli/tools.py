@@ -1,4 +1,4 @@
-"""The commands ``export``, ``model``, ``profile`` and ``warm-up``."""
+"""The commands ``check``, ``export``, ``model``, ``profile`` and ``warm-up``."""
 
 from __future__ import annotations
 
@@ -7,13 +7,42 @@ from pathlib import Path
 
 import click
 
-from mavhums.cli.options import AIRFRAME, LOG, MODEL, PATH
+from mavhums.cli.options import AIRFRAME, DIALECT, JSON, LOG, MODEL, PATH
 from mavhums.cli.output import reading, say, say_json
-from mavhums.core.errors import MavhumsError
+from mavhums.core.errors import ExitCode, MavhumsError
 
-__all__ = ["export", "model", "profile", "warm_up"]
+__all__ = ["check", "export", "model", "profile", "warm_up"]
 
 _TO_FILL_IN = "travel_deg, [actuators.ema] and [actuators.limits] of each actuator"
+
+
+@click.command(short_help="Check surfaces that are swept on the ground.")
+@LOG
+@AIRFRAME
+@DIALECT
+@JSON
+def check(log: Path, airframe: str | None, dialect: Path | None, as_json: bool) -> None:
+    """Check the servos whose surfaces are swept on the ground in LOG, before take-off.
+
+    For each: the travel and the speed that it reaches, the hysteresis between the two ways (play, friction
+    and lag), the roughness of its motion, and the friction in its current. `analyse --history` compares
+    roughness and friction with the aircraft's earlier sweeps.
+
+    Ends with 0 if travel and speed are reached, and with 10 if not.
+    """
+    import json
+    from dataclasses import asdict
+
+    from mavhums.app.check import check_log
+
+    with reading(log) as progress:
+        sweeps = check_log(log, airframe=airframe, dialect=dialect, progress=progress)
+    if as_json:
+        say_json(json.dumps([asdict(sweep) for sweep in sweeps], indent=2, ensure_ascii=False))
+    else:
+        for sweep in sweeps:
+            say(sweep.told())
+    raise SystemExit(ExitCode.DEGRADED if any(sweep.faults for sweep in sweeps) else ExitCode.OK)
 
 
 @click.command(short_help="Write a log as a table: V1–V12, or messages.")

@@ -36,7 +36,7 @@ from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.self_baseline.past import PastSource
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
-from mavhums.health.verdict.actuator import against_baseline
+from mavhums.health.verdict.actuator import against_baseline, with_refused
 from mavhums.health.verdict.advice import with_advice
 from mavhums.report.assessment import Assessment, Verdict
 
@@ -214,7 +214,7 @@ def _with_findings(
             shown = comparisons[key].findings(flight.records[key])
             verdict = against_baseline(without_own(verdict), shown, start_utc=start, end_s=end_s)
         flights = flown.get(flight.profiles.get(key, ""), {}).get(key, ())
-        return compare_with_own_flights(verdict, flights, flight.false_alarms)
+        return with_refused(compare_with_own_flights(verdict, flights, flight.false_alarms))
 
     verdicts = ((verdict, found(verdict)) for verdict in flight.assessment.verdicts)
     advised = tuple(alone if now is alone else with_advice(now) for alone, now in verdicts)

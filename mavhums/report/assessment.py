@@ -149,6 +149,9 @@ class Indicator(Contract):
         How many flights that baseline rests on, and how many it takes; None where limits alone decide.
     least_rise
         Share of the baseline by which the quantity must rise to be found with 95 % probability.
+    load
+        Mean size of the load in the flight's motion, in the quantity's unit; None where the friction does not
+        depend on it, or nothing shows it.
     """
 
     fault: str
@@ -163,6 +166,7 @@ class Indicator(Contract):
     baseline_flights: int | None = Field(default=None, ge=0)
     needed_flights: int | None = Field(default=None, ge=1)
     least_rise: float | None = Field(default=None, ge=0)
+    load: float | None = Field(default=None, ge=0)
 
 
 class OwnRecord(Contract):

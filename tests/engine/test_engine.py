@@ -263,7 +263,7 @@ def test_what_the_telemetry_leaves_out_is_named(growing_record: FlightRecord) ->
     assert "leaves out servo 4" in str(rudder.reason)
 
 
-@pytest.mark.parametrize(("missing", "reason"), [((6,), "V7"), ((4, 7), "V5 or V8")])
+@pytest.mark.parametrize(("missing", "reason"), [((6,), "V7"), ((3, 4, 7), "V4, V5 or V8")])
 def test_an_open_torque_balance_is_named(
     growing_record: FlightRecord, missing: tuple[int, ...], reason: str
 ) -> None:

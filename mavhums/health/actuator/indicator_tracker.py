@@ -211,8 +211,13 @@ def suspect_of(tracker: IndicatorTracker) -> Suspect | None:
     return suspected(tracker.detector, tracker.decision.condition, tracker.latest, None)
 
 
-def indicator_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> Indicator | None:
-    """Return the quantity over the whole flight; None if the flight has no evidence for it."""
+def indicator_of(
+    tracker: IndicatorTracker, flight: Mapping[str, Fit], load: float | None = None
+) -> Indicator | None:
+    """Return the quantity over the whole flight; None if the flight has no evidence for it.
+
+    ``load`` is the mean load in motion, where the friction depends on it.
+    """
     overall = tracker.detector.overall(flight)
     if overall is None or not np.isfinite(overall.value[0]) or not tracker.judged:
         return None
@@ -227,6 +232,7 @@ def indicator_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> Indica
         scatter=tracker.variance.deviation,
         limit=tracker.detector.levels.normal,
         emergency=tracker.detector.levels.emergency,
+        load=float(f"{load:.4g}") if load is not None and tracker.detector.fault == "friction" else None,
     )
 
 

@@ -240,6 +240,13 @@ class Fit:
         """Variance of a residual, shape (W,)."""
         return self._solution[2]
 
+    def given(self, term: str, other: str, value: float) -> Array:
+        """Return the coefficient of a term if that of another were this value, shape (W,)."""
+        coefficients, _, _, inverse = self._solution
+        place, at = self._places[term], self._places[other]
+        slope = inverse[:, place, at] / inverse[:, at, at]
+        return np.asarray(coefficients[:, place] + slope * (value - coefficients[:, at]))
+
     def both_ways(self, term: str, constant: str) -> Integers:
         """Return the number of slots in which a term of ±1 had its rarer sign, shape (W,).
 
