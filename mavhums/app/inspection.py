@@ -262,7 +262,7 @@ def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
         return
     for axis in AXES:
         findings = axes.monitor.findings(axis)
-        yield verdict_of_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, received)
+        yield verdict_of_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, axes.grid)
 
 
 def _said(verdict: Verdict, *, judged: bool) -> Judgeable:

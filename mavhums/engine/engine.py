@@ -336,7 +336,9 @@ class Engine:
         start_utc = _utc(self._decoder.first_time_us or 0)
         for axis in AXES:
             findings = followed.monitor.findings(axis)
-            yield verdict_of_axis(vehicle, findings, followed.surfaces, followed.flight, start_utc, received)
+            yield verdict_of_axis(
+                vehicle, findings, followed.surfaces, followed.flight, start_utc, followed.grid
+            )
 
     def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)

@@ -7,7 +7,7 @@ from these classes by ``python -m mavhums.report.assessment``.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -66,6 +66,12 @@ READABLE = ("mavhums.assessment/1", SCHEMA)
 RECORD: Final[dict[str, Any]] = {"verdicts": {"__all__": {"own"}}}
 """Fields that only a later comparison needs: in a kept flight's record, and not in the public JSON."""
 
+MEASURED: Final[Mapping[str, str]] = {
+    "rates": "body rates",
+    "force": "acceleration",
+    "speed": "airspeed",
+}
+"""Sources of an axis, beside the outputs' (V1), in the fields ``provenance``."""
 
 ALL = "all"
 """Stands for the actuator where a verdict is on all of a vehicle's."""
@@ -403,7 +409,7 @@ def _generate_schema() -> dict[str, Any]:
             part["description"] = part["description"].split("\n\nExamples")[0]
     without_record(schema["$defs"])
     provenance = schema["$defs"]["Verdict"]["properties"]["provenance"]
-    provenance["propertyNames"] = {"enum": list(KEYS)}
+    provenance["propertyNames"] = {"enum": [*KEYS, *MEASURED]}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": SCHEMA, **schema}
 
 

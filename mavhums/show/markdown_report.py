@@ -8,7 +8,7 @@ from math import floor, log10
 from typing import Final
 
 from mavhums.core.quantities import QUANTITIES
-from mavhums.report.assessment import NOTICE, Assessment, Indicator, Interval, Verdict
+from mavhums.report.assessment import MEASURED, NOTICE, Assessment, Indicator, Interval, Verdict
 from mavhums.show.digest import Digest, Paragraph, Subject, advice, digest
 from mavhums.show.verdict_words import certainty
 from mavhums.show.words import (
@@ -189,10 +189,13 @@ def _provenance(assessment: Assessment) -> Iterator[str]:
         lines = [f"## Where the values of {_literal(join(names))} came from"]
         lines += [f"Telemetry tier: {_literal(tier)}."] if tier else []
         table = ["| quantity | source |", "|---|---|"]
-        for quantity in QUANTITIES:
-            sources = [source for v in verdicts if (source := v.provenance.get(quantity.key))]
+        quantities = {one.key: f"{one.key} {one.name}, {one.unit}" for one in QUANTITIES}
+        if verdicts[0].subject == "axis":
+            quantities = {"V1": "command", **MEASURED}
+        for key, quantity in quantities.items():
+            sources = [source for v in verdicts if (source := v.provenance.get(key))]
             source = _literal(_as_one(sources)) if sources else "not in the log"
-            table.append(f"| {quantity.key} {quantity.name}, {quantity.unit} | {source} |")
+            table.append(f"| {quantity} | {source} |")
         yield "\n\n".join([*lines, "\n".join(table)])
 
 

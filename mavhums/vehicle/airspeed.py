@@ -149,7 +149,7 @@ class Speed:
         self._wind = WindTriangle()
         self._check = AirspeedCheck()
 
-    def feed(self, signals: dict[str, Array]) -> tuple[Array, Flags, Array]:
+    def feed(self, signals: Mapping[str, Array]) -> tuple[Array, Flags, Array]:
         """Return the airspeed, m/s, whether it can be relied on, and where it comes from, each (n,).
 
         It comes from the sensor (0), from the wind triangle (1) or is the speed over ground (2).
@@ -170,7 +170,7 @@ class Speed:
             source.ravel().astype(np.float64),
         )
 
-    def _triangle(self, signals: dict[str, Array]) -> tuple[Array, list[bool]]:
+    def _triangle(self, signals: Mapping[str, Array]) -> tuple[Array, list[bool]]:
         """Return the airspeed without the sensor, shape (k, RATE_HZ), and whether it is settled, of k."""
         winds, settled = [], []
         for velocity, attitude in zip(signals["velocity"][:, 0], signals["attitude"][:, 0], strict=True):

@@ -50,8 +50,7 @@ CONTINUOUS: Final[Mapping[str, int]] = {
     "outputs": OUTPUTS,  # pulses, µs, NaN where an output is off
     "outputs_2": ALL_OUTPUTS,  # those that a second and a third message carry, NaN for the others
     "outputs_3": ALL_OUTPUTS,
-    "rates": 3,  # roll, pitch, yaw rate of the fastest gyro, rad/s
-    "slow_rates": 3,  # the same from the attitude estimate
+    "rates": 3,  # roll, pitch, yaw rate, rad/s
     "force": 3,  # specific force, forward, right, down, m/s²
     "mixer": 4,  # what the mixer of a multirotor was asked for: roll, pitch, yaw, thrust, shares of full
     "attitude": 3,  # roll, pitch, yaw, rad
@@ -107,6 +106,8 @@ class Signal(NamedTuple):
         Shape (n, columns of the signal), NaN where unknown.
     stamped
         Whether the samples carry their own times; those without are never earlier than their sender's others.
+    rank
+        Place of its source among those of the same signal, the preferred one first.
     """
 
     vehicle: int
@@ -116,6 +117,7 @@ class Signal(NamedTuple):
     time_us: NDArray[np.int64]
     values: Array
     stamped: bool = True
+    rank: int = 0
 
 
 class ServoIds(NamedTuple):

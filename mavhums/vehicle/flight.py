@@ -6,7 +6,7 @@ The detectors of an axis use only these data.
 from __future__ import annotations
 
 import itertools
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
@@ -76,6 +76,7 @@ class Flight:
         self.parted_s = 0.0
         self.fastest = 0.0
         self._rows_of: Counter[str] = Counter()
+        self._used: defaultdict[str, Counter[int]] = defaultdict(Counter)
         self._spacings = {name: np.zeros(_SPACINGS, dtype=np.int64) for name in ("outputs", "rates")}
         self.kinds: set[int] = set()
         self.autopilots: set[int] = set()
@@ -93,6 +94,13 @@ class Flight:
         ``vtol`` state, a hovering ``mode``, on the ``ground``, ``slow`` over ground, ``lift`` motors.
         """
         return self._rows_of[what] / RATE_HZ
+
+    def used_s(self, signal: str) -> dict[int, int]:
+        """Return the seconds of forward flight by the rank of the stream that carried a signal.
+
+        Of ``speed`` they are by where it comes from, see :meth:`mavhums.vehicle.airspeed.Speed.feed`.
+        """
+        return {rank: seconds for rank, seconds in self._used[signal].most_common() if rank >= 0}
 
     def rate_hz(self, stream: str) -> float | None:
         """Return how often a second the ``outputs`` or the ``rates`` came in flight; None if not known."""
@@ -132,21 +140,23 @@ class Flight:
             first = int(seconds.index[a])
             fresh = first != self._next
             self._next = first + b - a
-            yield self._rows(first, fresh, {name: values[a:b] for name, values in seconds.signals.items()})
+            yield self._rows(first, fresh, seconds.part(a, b))
 
-    def _rows(self, first: int, fresh: bool, signals: dict[str, Array]) -> Rows:
+    def _rows(self, first: int, fresh: bool, seconds: Seconds) -> Rows:
+        signals = seconds.signals
         flat = {name: values.reshape(-1, values.shape[-1]) for name, values in signals.items()}
         self.heard |= {name for name in flat.keys() - self.heard if np.isfinite(flat[name]).any()}
         # A vehicle whose surfaces are all on the second message has outputs as well.
         if self.heard & {"outputs_2", "outputs_3"}:
             self.heard.add("outputs")
-        gyro = np.asarray(np.isfinite(flat["rates"]).all(axis=1))
-        # A gyro is faster than the estimate of the attitude, which shows the motion where the gyro is silent.
-        rates = np.where(gyro[:, None], flat["rates"], flat["slow_rates"])
+        rates = flat["rates"]
         speed, trusted, source = self._speed.feed(signals)
         pulses = all_outputs(flat)
         up = self._up(flat, speed)
         aloft = self._lasting(up, fresh)
+        whole = aloft.reshape(-1, RATE_HZ).all(axis=1)
+        for name, used in (*seconds.ranks.items(), ("speed", source[::RATE_HZ].astype(np.int64))):
+            self._used[name].update(used[whole].tolist())
         flying = self._count(up, aloft, self._lift.works(pulses))
         self.doubted_s += _whole_seconds(flying & ~trusted)
         autopilot, mode = flat["state"][:, 1], flat["state"][:, 3]
@@ -170,7 +180,7 @@ class Flight:
             up=up,
             aloft=aloft,
             trusted=trusted,
-            sources=2.0 * source + gyro,
+            sources=source + 3.0 * np.repeat(seconds.ranks["rates"], RATE_HZ),
             spacing=self._spaced(flat, aloft),
             outputs=self._demand(pulses, flying),
         )
@@ -225,8 +235,7 @@ class Flight:
 
     def _spaced(self, flat: dict[str, Array], aloft: Flags) -> Array:
         """Return the longer spacing, of the outputs or of the rates in use, (n,); count both in flight."""
-        fast = np.isfinite(flat["rates"]).all(axis=1)
-        rates = np.where(fast, flat["rates_spacing"][:, 0], flat["slow_rates_spacing"][:, 0])
+        rates = flat["rates_spacing"][:, 0]
         first, second = flat["outputs_spacing"][:, 0], flat["outputs_2_spacing"][:, 0]
         outputs = np.where(np.isfinite(first), first, second)
         for name, spacing in (("outputs", outputs), ("rates", rates)):

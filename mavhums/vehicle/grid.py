@@ -5,12 +5,14 @@ a sample is late only if it is not later than its stream's earlier ones, or if i
 that needs every stream heard within :data:`HORIZON_S` to have passed the second. The stream that lags
 most decides, but not by more than the horizon, which bounds what is kept. Samples that come later are
 counted and ignored, so a settled second does not depend on how the log was cut into blocks. Between samples a
-signal is interpolated; over a gap of more than :data:`GAP_S` it is NaN.
+signal is interpolated; over a gap of more than :data:`GAP_S` it is NaN. Several messages that carry one
+signal are streams of their own; the best one is used (:mod:`mavhums.vehicle.streams`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -18,14 +20,19 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
-from mavhums.vehicle.facts import CONTINUOUS, SIGNALS, STEPPED, Signal
+from mavhums.vehicle.facts import CONTINUOUS, STEPPED, Signal
+from mavhums.vehicle.streams import DERIVED, Candidate, Choice, body_rates
 
 __all__ = ["GAP_S", "HORIZON_S", "RATE_HZ", "Grid", "Order", "Received", "Seconds"]
 
 RATE_HZ: Final = 20
 """Rate of the grid: more costs memory and time, and streams of 10 Hz carry no more."""
 _HELD_S: Final = 5.0  # a state holds as long: heartbeats come once a second, some of them are lost
-_SPACED: Final = ("outputs", "outputs_2", "rates", "slow_rates")
+_TELLING: Final = ("outputs", "outputs_2", "attitude", "rates", "state")
+_CHOSEN: Final = ("attitude", "rates", "force", "demand", "airspeed")
+"""Signals that several messages carry in some format."""
+_HALF_S: Final = 0.5 / RATE_HZ
+_STREAMS: Final = 64  # more than the tables of a format have; none beyond is kept
 
 HORIZON_S: Final = 30.0
 """Longest time for which a stream is waited for: above nearly all latencies of real links, and bounded."""
@@ -48,15 +55,27 @@ class Received(NamedTuple):
     repeated: int
 
 
+class Stream(NamedTuple):
+    """One message that carries a signal, and its place among those of that signal."""
+
+    name: str
+    rank: int
+    message: str
+
+    @classmethod
+    def of(cls, signal: Signal) -> Stream:
+        """Return the stream of new samples."""
+        return cls(signal.name, signal.rank, signal.source)
+
+
 class Order:
     """Decides which samples of one vehicle's streams come in time, in the order of the log."""
 
     def __init__(self) -> None:
-        count = len(SIGNALS)
-        self._places = {name: k for k, name in enumerate(SIGNALS)}
-        self._counts = np.zeros((count, len(Received._fields)), dtype=np.int64)
-        self._newest, self._heard = np.full(count, -np.inf), np.full(count, -np.inf)
-        self._kinds = np.array([[True, name in CONTINUOUS] for name in SIGNALS])
+        self._places: dict[Stream, int] = {}
+        self._counts = np.zeros((_STREAMS, len(Received._fields)), dtype=np.int64)
+        self._newest, self._heard = np.full(_STREAMS, -np.inf), np.full(_STREAMS, -np.inf)
+        self._kinds = np.ones((_STREAMS, 2), dtype=np.bool_)
         self._state = np.array([0.0, -np.inf, -np.inf, -np.inf])
 
     @property
@@ -69,20 +88,19 @@ class Order:
         """Flight time of the newest sample of any stream; minus infinity before the first."""
         return float(self._state[_NEWEST])
 
-    def received(self, name: str) -> Received:
-        """Return the numbers of a signal's samples so far."""
-        return Received(*self._counts[self._places[name]].tolist())
+    def received(self, stream: Stream) -> Received:
+        """Return the numbers of a stream's samples so far."""
+        return Received(*self._counts[self._places[stream]].tolist())
 
     def feed(self, signals: Sequence[Signal], times: Sequence[Array]) -> list[Flags]:
         """Return, of each signal, which samples come in time; ``times`` are flight times, s."""
         if not signals:
             return []
         edges = np.cumsum([0, *(time_s.size for time_s in times)])
-        stream = np.concatenate(
-            [np.full(signal.frame.size, self._places[signal.name], dtype=np.int64) for signal in signals]
-        )
-        for signal in signals:
-            self._kinds[self._places[signal.name], 0] = signal.stamped
+        places = [self._places.setdefault(Stream.of(signal), len(self._places)) for signal in signals]
+        for signal, place in zip(signals, places, strict=True):
+            self._kinds[place] = signal.stamped, signal.name in CONTINUOUS
+        stream = np.repeat(places, [signal.frame.size for signal in signals])
         order = np.argsort(np.concatenate([signal.frame for signal in signals]), kind="stable")
         kept = np.zeros(stream.size, dtype=np.bool_)
         kept[order] = _follow(
@@ -146,6 +164,7 @@ def _reach(kinds: Flags, newest: Array, heard: Array, state: Array) -> float:
     return float(max(reach, state[_NEWEST_STAMPED] - HORIZON_S))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Seconds:
     """Settled seconds: arrays of k seconds with ``RATE_HZ`` rows each.
 
@@ -156,11 +175,18 @@ class Seconds:
     signals
         By name, shape (k, RATE_HZ, columns). Names such as ``outputs_spacing`` have one column: the distance
         between the samples before and after a row, s.
+    ranks
+        By name of a signal that several messages carry, which of them was used, shape (k,); -1 for none.
     """
 
-    def __init__(self, index: Integers, signals: Mapping[str, Array]) -> None:
-        self.index = index
-        self.signals = signals
+    index: Integers
+    signals: Mapping[str, Array]
+    ranks: Mapping[str, Integers] = field(default_factory=dict)
+
+    def part(self, a: int, b: int) -> Seconds:
+        """Return the seconds from place ``a`` to before ``b``."""
+        signals = {name: values[a:b] for name, values in self.signals.items()}
+        return Seconds(self.index[a:b], signals, {name: ranks[a:b] for name, ranks in self.ranks.items()})
 
     def part(self, a: int, b: int) -> Seconds:
         """Return the seconds from place ``a`` to before place ``b``."""
@@ -174,20 +200,14 @@ class Grid:
     ----------
     start_us
         Start of flight time, microseconds of UTC.
-
-    Attributes
-    ----------
-    sources
-        Message or record of each signal heard.
     """
 
     def __init__(self, start_us: int) -> None:
         self._start_us = start_us
-        self._times: dict[str, Array] = {name: np.empty(0) for name in SIGNALS}
-        self._values = {name: np.empty((0, n)) for name, n in {**CONTINUOUS, **STEPPED}.items()}
+        self._kept: dict[Stream, tuple[Array, Array]] = {}
+        self._choices = {name: Choice(GAP_S) for name in _CHOSEN}
         self._order = Order()
         self._settled = -(1 << 40)
-        self.sources: dict[str, str] = {}
 
     def feed(self, signals: Sequence[Signal], *, final: bool = False) -> Seconds | None:
         """Take new samples and return the seconds that they settle; ``final`` marks the end of the input."""
@@ -196,18 +216,65 @@ class Grid:
         if not index.size:
             return None
         at = (index[:, None] + np.arange(RATE_HZ) / RATE_HZ).ravel()
-        shape = (index.size, RATE_HZ, -1)
-        found = {name: _between(self._times[name], self._values[name], at) for name in CONTINUOUS}
-        found |= {name: _held(self._times[name], self._values[name], at) for name in STEPPED}
-        found |= {f"{name}_spacing": _spacing(self._times[name], at) for name in _SPACED}
+        found = {}
+        for name, columns in STEPPED.items():
+            known = [self._kept[stream] for stream in self._streams(name)]
+            held = _held(*known[0], at) if known else np.full((at.size, columns), np.nan)
+            found[name] = held.reshape(index.size, RATE_HZ, columns)
+        candidates = {name: self._candidates(name, at) for name in CONTINUOUS}
+        ranks = {"attitude": self._choices["attitude"].step(index.size, candidates["attitude"])}
+        change = self._change(at, ranks["attitude"])
+        candidates["rates"].append(change)
+        for name in _CHOSEN[1:]:
+            truth = change if name == "rates" else None
+            ranks[name] = self._choices[name].step(index.size, candidates[name], truth)
+        for name, columns in CONTINUOUS.items():
+            found[name] = np.full((index.size, RATE_HZ, columns), np.nan)
+            found[f"{name}_spacing"] = np.full((index.size, RATE_HZ, 1), np.nan)
+            for one in candidates[name]:
+                used = ranks[name] == one.rank if name in ranks else slice(None)
+                found[name][used] = one.values[used]
+                found[f"{name}_spacing"][used, :, 0] = one.spacing[used]
         self._settled = int(index[-1]) + 1
         self._forget()
-        return Seconds(index, {name: values.reshape(shape) for name, values in found.items()})
+        return Seconds(index, found, ranks)
+
+    def _streams(self, name: str) -> list[Stream]:
+        """Return the streams of a signal that were heard, the preferred one first."""
+        return sorted(stream for stream in self._kept if stream.name == name)
+
+    def _candidates(self, name: str, at: Array) -> list[Candidate]:
+        shape = at.size // RATE_HZ, RATE_HZ
+        return [
+            Candidate(
+                stream.rank,
+                _between(*self._kept[stream], at, turns=name == "attitude").reshape(*shape, -1),
+                _spacing(self._kept[stream][0], at).reshape(shape),
+            )
+            for stream in self._streams(name)
+        ]
+
+    def _change(self, at: Array, ranks: Integers) -> Candidate:
+        """Return the body rates by the change of the attitude over each row, where its streams are used."""
+        shape = at.size // RATE_HZ, RATE_HZ
+        rates, spacing = np.full((*shape, 3), np.nan), np.full(shape, np.nan)
+        for stream in self._streams("attitude"):
+            kept, used = self._kept[stream], ranks == stream.rank
+            before, after = (_between(*kept, at + half, turns=True) for half in (-_HALF_S, _HALF_S))
+            rates[used] = body_rates(before, after, 2 * _HALF_S).reshape(*shape, 3)[used]
+            spacing[used] = _spacing(kept[0], at).reshape(shape)[used]
+        return Candidate(DERIVED, rates, spacing)
+
+    def source(self, name: str, rank: int) -> str:
+        """Return the message of a signal's stream, as a verdict names it."""
+        if rank == DERIVED:
+            return "the change of the attitude"
+        return next(stream.message for stream in self._kept if stream[:2] == (name, rank))
 
     @property
     def held(self) -> int:
         """Number of samples that are kept for the seconds to come."""
-        return sum(time_s.size for time_s in self._times.values())
+        return sum(time_s.size for time_s, _ in self._kept.values())
 
     def reached_s(self, frames: Integers, signals: Sequence[Signal]) -> Integers:
         """Return the second of the latest sample before places in the log, (n,), given the next signals.
@@ -224,37 +291,37 @@ class Grid:
     def received(self) -> dict[str, Received]:
         """Return, by message, how many samples were kept, came late, or came twice."""
         found: dict[str, Received] = {}
-        for name, source in self.sources.items():
-            counts = self._order.received(name)
-            found[source] = max(found.get(source, counts), counts, key=sum)
+        for stream in self._kept:
+            counts = self._order.received(stream)
+            found[stream.message] = max(found.get(stream.message, counts), counts, key=sum)
         return found
 
     def _take(self, signals: Sequence[Signal]) -> None:
         times = [(signal.time_us - self._start_us) / 1e6 for signal in signals]
         for signal, time_s, good in zip(signals, times, self._order.feed(signals, times), strict=True):
-            name = signal.name
-            self._times[name] = np.concatenate([self._times[name], time_s[good]])
-            self._values[name] = np.concatenate([self._values[name], signal.values[good]])
-            self.sources.setdefault(name, signal.source)
+            columns = signal.values.shape[1]
+            old = self._kept.get(Stream.of(signal), (np.empty(0), np.empty((0, columns))))
+            new = time_s[good], signal.values[good]
+            self._kept[Stream.of(signal)] = np.concatenate([old[0], new[0]]), np.concatenate([old[1], new[1]])
 
     def _heard(self, reach: float) -> Integers:
         """Return the settled seconds that contain or adjoin a sample of the attitude or of an output."""
-        heard = [
-            np.floor(self._times[name]) for name in ("outputs", "outputs_2", "attitude", "rates", "state")
-        ]
-        seconds = np.unique(np.concatenate(heard)).astype(np.int64)
+        heard = [np.floor(time_s) for stream, (time_s, _) in self._kept.items() if stream.name in _TELLING]
+        seconds = np.unique(np.concatenate([np.empty(0), *heard])).astype(np.int64)
         return seconds[(seconds >= self._settled) & (seconds + 1 <= reach)]
 
     def _forget(self) -> None:
         """Keep the samples that the next second may need: the one before it, and all later ones."""
-        for name in SIGNALS:
-            first = max(int(np.searchsorted(self._times[name], self._settled - GAP_S)) - 1, 0)
-            self._times[name] = self._times[name][first:]
-            self._values[name] = self._values[name][first:]
+        for stream, (time_s, values) in self._kept.items():
+            first = max(int(np.searchsorted(time_s, self._settled - GAP_S)) - 1, 0)
+            self._kept[stream] = time_s[first:], values[first:]
 
 
-def _between(time_s: Array, values: Array, at: Array) -> Array:
-    """Interpolate; return NaN where the samples on both sides are more than a gap apart."""
+def _between(time_s: Array, values: Array, at: Array, *, turns: bool = False) -> Array:
+    """Interpolate; return NaN where the samples on both sides are more than a gap apart.
+
+    ``turns`` tells that the values are angles, which are interpolated the shorter way round.
+    """
     out = np.full((at.size, values.shape[1]), np.nan)
     after = np.searchsorted(time_s, at, side="right")
     inside = (after > 0) & (after < time_s.size)
@@ -265,6 +332,8 @@ def _between(time_s: Array, values: Array, at: Array) -> Array:
     share = ((at[inside] - time_s[left]) / span)[:, None]
     a, b = values[left], values[right]
     step = b - a
+    if turns:
+        step = (step + np.pi) % (2 * np.pi) - np.pi
     mixed = a + share * step
     out[inside] = np.where(close[:, None], mixed, np.nan)
     return out

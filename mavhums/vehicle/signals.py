@@ -1,7 +1,8 @@
 """Reads the signals of every vehicle from the tables of any format, block by block.
 
-If several messages of a vehicle give the same signal, the first received is used; if several components send
-that message, the first sender is used.
+If several messages of a vehicle give a continuous signal, each is a stream of its own, among which the grid
+chooses; of other signals the first message received is used. If several components send a signal, the first
+sender is used.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array
 from mavhums.log import Table
-from mavhums.vehicle.facts import SIGNALS, Signal
+from mavhums.vehicle.facts import SIGNALS, STEPPED, Signal
 from mavhums.vehicle.formats import each, messages_of, reports
 from mavhums.vehicle.formats.base import Report, Source, wide
 from mavhums.vehicle.states import kind_named, texts
@@ -42,16 +43,18 @@ class SignalReader:
         ]
         self._choose(parts)
         for report, vehicle, table in parts:
-            source, component = self._chosen[vehicle, report.source.fact]
-            if source is not report.source:
+            first, component = self._chosen[vehicle, report.source.fact]
+            source, rank = report.source, report.rank
+            if source is not first and source.fact in STEPPED:
                 continue
             own = table if source.all_components else table.select(table.component == component)
             if len(own):
                 values, stamped = source.values(own), report.format.is_stamped(own)
-                yield Signal(vehicle, source.fact, source.message, own.frame, own.time_us, values, stamped)
+                times = own.frame, own.time_us
+                yield Signal(vehicle, source.fact, source.message, *times, values, stamped, rank)
 
     def _choose(self, parts: list[tuple[Report, int, Table]]) -> None:
-        """Choose for each signal the message that came first, whatever block it came in."""
+        """Choose for each signal the message and its sender that came first, whatever block they came in."""
         firsts: dict[tuple[int, str], int] = {}
         for report, vehicle, table in parts:
             key, first = (vehicle, report.source.fact), int(table.frame[0])

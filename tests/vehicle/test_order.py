@@ -14,7 +14,7 @@ from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.grid import HORIZON_S, Grid, Order, Received
 
 Array = NDArray[np.float64]
-COLUMNS = {"outputs": 16, "rates": 3, "attitude": 3, "airspeed": 1, "state": 4}
+COLUMNS = {"outputs": 16, "rates": 3, "rates 2": 3, "attitude": 3, "airspeed": 1, "state": 4}
 UNSTAMPED = ("airspeed", "state")
 
 
@@ -31,7 +31,8 @@ def signals(rows: list[tuple[str, float]], first: int = 0) -> list[Signal]:
         time_us = np.array([round(time * 1e6) for other, time in rows if other == name], dtype=np.int64)
         values = np.sin(time_us[:, None] / 1e6 + np.arange(COLUMNS[name]))
         stamped = name not in UNSTAMPED
-        found.append(Signal(1, name, name, np.array(frame), time_us, values, stamped))
+        signal, _, rank = name.partition(" ")  # a second stream of the same signal
+        found.append(Signal(1, signal, name, np.array(frame), time_us, values, stamped, int(rank or 0)))
     return found
 
 

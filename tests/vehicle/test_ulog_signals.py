@@ -22,7 +22,9 @@ def table(name: str, fields: Fields, rows: list[tuple[Any, ...]], instance: int 
 
 
 def signals(*tables: Table) -> dict[str, Signal]:
-    return {signal.name: signal for signal in SignalReader().read({t.name: t for t in tables})}
+    """Return the preferred source of each signal."""
+    found = sorted(SignalReader().read({t.name: t for t in tables}), key=lambda one: -one.rank)
+    return {signal.name: signal for signal in found}
 
 
 def test_every_topic_gives_its_signal() -> None:
@@ -54,7 +56,6 @@ def test_every_topic_gives_its_signal() -> None:
     assert found["outputs"].values[0, :2].tolist() == [1500.0, 900.0]
     assert np.isnan(found["outputs"].values[0, 2:]).all()
     assert found["rates"].values.tolist() == [[1, 2, 3]]
-    assert found["slow_rates"].values.tolist() == [[4, 5, 6]]
     assert found["attitude"].values[0] == pytest.approx([np.pi / 2, 0, 0], abs=1e-6)
     assert found["demand"].values[0] == pytest.approx([0, np.pi / 2], abs=1e-3)
     assert found["velocity"].values.tolist() == [[3.0, 4.0]]
@@ -74,7 +75,7 @@ def test_older_layouts_give_the_same() -> None:
         ),
         table("vehicle_attitude_setpoint", [("roll_body", "f4"), ("pitch_body", "f4")], [(0.5, 0.25)]),
     )
-    assert found["slow_rates"].values[0] == pytest.approx([0.1, 0.2, 0.3])
+    assert found["rates"].values[0] == pytest.approx([0.1, 0.2, 0.3])
     assert found["demand"].values.tolist() == [[0.5, 0.25]]
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from datetime import datetime
-from types import MappingProxyType
 from typing import Final
 
 from mavhums.core.conditions import SEVERITY
@@ -17,13 +16,14 @@ from mavhums.health.verdict.actuator import rounded, rounded_suspects, since
 from mavhums.health.verdict.obstacles import why_undecided
 from mavhums.report.assessment import Indicator, Interval, Verdict
 from mavhums.vehicle.flight import Flight
-from mavhums.vehicle.grid import RATE_HZ, Received
+from mavhums.vehicle.grid import RATE_HZ, Grid
 from mavhums.vehicle.surfaces import Surfaces
 
 _BEGINS_IN_FLIGHT: Final = (
     "the log begins in flight: control is as it was then, and the log does not show whether that was healthy",
     "record from before take-off, or compare with earlier flights (--history)",
 )
+_SPEEDS: Final = ("the airspeed sensor", "the wind triangle", "the speed over ground")
 _GAIN: Final = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m")}
 _CONSTANTS: Final = {"hard_over": ("trim", "1"), "manoeuvre": ("load factor by full demand", "s²/m²")}
 
@@ -47,10 +47,10 @@ def verdict_of_axis(
     surfaces: Surfaces | None,
     flight: Flight,
     start_utc: datetime,
-    received: Mapping[str, Received] = MappingProxyType({}),
+    grid: Grid,
 ) -> Verdict:
-    """Return the verdict on one axis of a vehicle that flew, with the numbers of samples by message."""
-    reason, remedy = None, None
+    """Return the verdict on one axis of a vehicle that flew; the grid tells which messages were used."""
+    reason, remedy, received = None, None, grid.received()
     if findings.condition == "undecided":
         reason, remedy = why_undecided(findings, surfaces, flight, received)
     # A reference from a flight that was already damaged calls the damage normal.
@@ -59,6 +59,7 @@ def verdict_of_axis(
     axis = findings.axis
     refused = surfaces is not None and axis in surfaces.contradicted
     origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces, axis)}"}
+    origin |= _measured(axis, flight, grid)
     coverage = findings.coverage
     late = sum(counts.late for counts in received.values())
     counted = coverage.model_copy(
@@ -85,6 +86,19 @@ def verdict_of_axis(
         reason=reason,
         remedy=remedy,
     )
+
+
+def _measured(axis: str, flight: Flight, grid: Grid) -> dict[str, str]:
+    """Return what the motion was measured with, and for how long where it changed."""
+    found = {}
+    for signal in ("rates", "speed") if axis == "roll" else ("rates", "force", "speed"):
+        used = [
+            (_SPEEDS[rank] if signal == "speed" else grid.source(signal, rank), seconds)
+            for rank, seconds in flight.used_s(signal).items()
+        ]
+        if used:
+            found[signal] = ", ".join(f"{name} for {s} s" if len(used) > 1 else name for name, s in used)
+    return found
 
 
 def _origin(surfaces: Surfaces, axis: str) -> str:

@@ -133,8 +133,8 @@ class FormatModule(Protocol):
     AUTOPILOT
         The MAV_AUTOPILOT that writes such logs; None if any may.
     SOURCES, SERVO_SOURCES
-        Where it keeps facts, and telemetry of servos. Of several sources of a signal the first received
-        counts.
+        Where it keeps facts, and telemetry of servos. Of several sources of a continuous signal the one with
+        the shortest spacing counts, of equal ones the first in the table.
     REMEDIES
         How a fact that is missing is recorded, by autopilot: the messages, and the parameter that sets them.
         ``motion`` stands for outputs, rates and attitude together, which every axis needs.
@@ -169,6 +169,11 @@ class Report(NamedTuple):
     def values(self) -> NDArray[Any]:
         """The fact's values, row for row."""
         return self.source.values(self.table)
+
+    @property
+    def rank(self) -> int:
+        """Place of the source among those of the same fact in its format, the preferred one first."""
+        return [one for one in self.format.SOURCES if one.fact == self.source.fact].index(self.source)
 
     @property
     def texts(self) -> list[str]:

@@ -1,0 +1,106 @@
+"""Which of several streams of one signal is used."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from mavhums.vehicle.facts import Signal
+from mavhums.vehicle.formats import mavlink
+from mavhums.vehicle.grid import Grid, Seconds
+
+Array = NDArray[np.float64]
+GYRO, ESTIMATE = 0, 1
+
+
+def angles(time_s: Array) -> Array:
+    """Return an attitude that turns on and banks, with a whole turn of the heading each 40 s."""
+    yaw = (np.pi + 2 * np.pi * time_s / 40) % (2 * np.pi) - np.pi
+    return np.stack([0.6 * np.sin(time_s), 0.1 * np.cos(0.7 * time_s), yaw], axis=1)
+
+
+def rates(time_s: Array) -> Array:
+    """Return the body rates of that attitude, by its analytic derivative."""
+    roll, pitch, yaw_rate = 0.6 * np.sin(time_s), 0.1 * np.cos(0.7 * time_s), 2 * np.pi / 40
+    roll_rate, pitch_rate = 0.6 * np.cos(time_s), -0.07 * np.sin(0.7 * time_s)
+    return np.stack(
+        [
+            roll_rate - yaw_rate * np.sin(pitch),
+            pitch_rate * np.cos(roll) + yaw_rate * np.cos(pitch) * np.sin(roll),
+            yaw_rate * np.cos(pitch) * np.cos(roll) - pitch_rate * np.sin(roll),
+        ],
+        axis=1,
+    )
+
+
+def stream(
+    name: str, hz: float, *, rank: int = 0, begin: float = 0.0, end: float = 60.0, times: float = 1.0
+) -> Signal:
+    time_s = np.arange(begin, end, 1 / hz)
+    values = times * (angles(time_s) if name == "attitude" else rates(time_s))
+    time_us = np.rint(1e6 * time_s).astype(np.int64)
+    return Signal(1, name, f"{name}{rank}", time_us // 100 + rank, time_us, values, True, rank)
+
+
+def used(*streams: Signal) -> Seconds:
+    found = Grid(0).feed(streams, final=True)
+    assert found is not None
+    return found
+
+
+def test_attitude_at_10_hz_beats_a_gyro_at_2_hz() -> None:
+    found = used(stream("attitude", 10), stream("rates", 2), stream("rates", 10, rank=ESTIMATE))
+    assert set(found.ranks["rates"][5:55].tolist()) == {ESTIMATE}
+    error = found.signals["rates"][10:50] - rates((np.arange(800) / 20) + 10.0).reshape(40, 20, 3)
+    assert np.abs(error).max() < 0.01  # 2 Hz: 0.02
+
+
+@given(st.sampled_from([4.0, 10.0, 25.0]), st.floats(0.0, 20.0), st.floats(0.0, 20.0))
+def test_of_equal_streams_the_first_of_the_table_is_used(hz: float, gyro_s: float, other_s: float) -> None:
+    found = used(
+        stream("attitude", hz), stream("rates", hz, begin=gyro_s), stream("rates", hz, rank=1, begin=other_s)
+    )
+    assert set(found.ranks["rates"][35:55].tolist()) == {GYRO}
+
+
+def test_a_stream_that_dies_is_replaced_and_used_again() -> None:
+    parts = [stream("rates", 10, end=30), stream("rates", 10, begin=50, end=90)]
+    rest = stream("attitude", 10, end=90), stream("rates", 10, rank=ESTIMATE, end=90)
+    by_second = used(*parts, *rest).ranks["rates"]
+    assert set(by_second[10:29].tolist()) == {GYRO}
+    assert set(by_second[33:50].tolist()) == {ESTIMATE}
+    assert set(by_second[65:88].tolist()) == {GYRO}
+
+
+def test_one_lost_second_changes_nothing() -> None:
+    parts = [stream("rates", 10, end=30), stream("rates", 10, begin=30.5)]
+    assert set(used(*parts, stream("attitude", 10), stream("rates", 10, rank=1)).ranks["rates"][5:55]) == {
+        GYRO
+    }
+
+
+@pytest.mark.parametrize("times", [57.3, -1.0, 0.0])
+def test_rates_that_contradict_the_attitude_are_not_used(times: float) -> None:
+    found = used(stream("attitude", 10), stream("rates", 25, times=times), stream("rates", 10, rank=ESTIMATE))
+    assert set(found.ranks["rates"][10:55].tolist()) == {ESTIMATE}
+
+
+def test_an_attitude_alone_gives_the_rates() -> None:
+    found = used(stream("attitude", 25))
+    error = found.signals["rates"][5:55] - rates((np.arange(1000) / 20) + 5.0).reshape(50, 20, 3)
+    assert np.abs(error).max() < 0.02
+
+
+def test_angles_are_interpolated_the_shorter_way_round() -> None:
+    time_us = np.arange(0, 4_000_000, 400_000)
+    turning = np.array([[3.0 if k % 2 else -3.0, 0.0, 0.0] for k in range(time_us.size)])
+    found = used(Signal(1, "attitude", "ATTITUDE", time_us // 1000, time_us, turning))
+    roll = found.signals["attitude"][:3, :, 0]
+    assert np.abs(roll).min() > 2.9
+
+
+def test_one_format_has_no_more_streams_than_are_kept() -> None:
+    assert len(mavlink.SOURCES) < 64
