@@ -184,13 +184,9 @@ class Seconds:
     ranks: Mapping[str, Integers] = field(default_factory=dict)
 
     def part(self, a: int, b: int) -> Seconds:
-        """Return the seconds from place ``a`` to before ``b``."""
+        """Return the seconds from place ``a`` to before place ``b``."""
         signals = {name: values[a:b] for name, values in self.signals.items()}
         return Seconds(self.index[a:b], signals, {name: ranks[a:b] for name, ranks in self.ranks.items()})
-
-    def part(self, a: int, b: int) -> Seconds:
-        """Return the seconds from place ``a`` to before place ``b``."""
-        return Seconds(self.index[a:b], {name: values[a:b] for name, values in self.signals.items()})
 
 
 class Grid:
