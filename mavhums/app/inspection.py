@@ -225,11 +225,11 @@ def _judgeable(
     """
     for verdict in _axes(identity, axes):
         judged = {verdict.condition, verdict.worst} != {"undecided"}
-        yield _of_verdict(verdict, judged=judged)
+        yield _said(verdict, judged=judged)
     if mapper is None:
         surfaces = axes.surfaces if axes else None
         for verdict in unjudged_vehicle(identity.vehicle, sent, identity, surfaces=surfaces, rotors=rotors):
-            yield _of_verdict(verdict, judged=False)
+            yield _said(verdict, judged=False)
         return
     for actuator in mapper.airframe.actuators:
         name = mapper.tier(identity.vehicle, actuator)
@@ -238,10 +238,10 @@ def _judgeable(
         against = axes.told.last.against(actuator.name) if axes else ()
         if against:
             why = against_log(against), to_correct(against)
-            yield _of_verdict(unjudged(identity.vehicle, actuator.name, why, tier, provenance), judged=False)
+            yield _said(unjudged(identity.vehicle, actuator.name, why, tier, provenance), judged=False)
             continue
         verdict = unjudged_actuator(identity.vehicle, actuator, tier or sent, provenance)
-        yield _of_verdict(verdict, judged=tier is not None and tier.judged and not actuator.blanks)
+        yield _said(verdict, judged=tier is not None and tier.judged and not actuator.blanks)
 
 
 def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
@@ -257,7 +257,7 @@ def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
         yield verdict_of_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, received)
 
 
-def _of_verdict(verdict: Verdict, *, judged: bool) -> Judgeable:
+def _said(verdict: Verdict, *, judged: bool) -> Judgeable:
     return Judgeable(
         subject=verdict.subject,
         name="every actuator" if verdict.actuator == ALL else verdict.actuator,
