@@ -71,8 +71,8 @@ AIRCRAFT = click.option(
     "--aircraft",
     metavar="RULE",
     help="Names the log's aircraft: 'folder' for the name of its folder, '=NAME' for this name, 'board' for"
-    " the id of its board, or a regular expression of the path with a group (?P<aircraft>…). Default: the rule"
-    " that the store remembers, else the board's id.",
+    " the id of its board, or a regular expression of the path with a group (?P<aircraft>…). Default: the"
+    " rule that the store remembers, else the board's id.",
 )
 AIRCRAFT_TABLE = click.option(
     "--aircraft-table",
