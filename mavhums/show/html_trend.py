@@ -69,7 +69,7 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[Repair
         actuator=f"{prefix}{trend.actuator}{' control' if trend.subject == 'axis' else ''}",
         condition=trend.condition,
         title=f"{trend.quantity}{f', {unit.strip()}' if unit else ''}",
-        told="; ".join([_trend_text(trend, unit), *(mark.text for mark in marks)]),
+        told="; ".join([_told(trend, unit), *(mark.text for mark in marks)]),
         life=_life(trend.flights_left, trend.reason),
         first=trend.fault in _MAIN or trend.flights_left is not None or _beyond(trend),
         drawing=drawing,
@@ -108,7 +108,7 @@ def _falls(trend: ActuatorTrend) -> bool:
     return trend.fault in LOSSES
 
 
-def _trend_text(trend: ActuatorTrend, unit: str) -> str:
+def _told(trend: ActuatorTrend, unit: str) -> str:
     last = trend.points[-1]
     parts = [f"flight {last.flight}: {_interval(last.value)}{unit}, 95 % interval"]
     if trend.change:
