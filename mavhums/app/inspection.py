@@ -35,10 +35,10 @@ from mavhums.report.inspection import (
     VehicleTelemetry,
 )
 from mavhums.vehicle.clocks import Clocks
-from mavhums.vehicle.counts import NAMED_MESSAGES, NamedValues
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.states import TEXT_MESSAGES
 from mavhums.vehicle.surfaces import AXES
+from mavhums.vehicle.usage import NAMED_MESSAGES, NamedValues
 from mavhums.vehicle.vtol import known_as, rotor_servos
 
 __all__ = ["inspect_log"]

@@ -61,7 +61,7 @@ _LEVELS = ("debug", "info", "warning", "error")
 @HISTORY
 @KEEP
 @BASELINE_FROM
-@click.option("--aircraft", metavar="NAME", help="Whose flight it is, where --history is a fleet's STORE.")
+@click.option("--aircraft", metavar="NAME", help="Name of the aircraft, where --history is a fleet's STORE.")
 @AIRCRAFT_TABLE
 @KEY
 @click.option(
@@ -128,7 +128,7 @@ def live(
     verdicts to them at the end, as `mavhums analyse --keep` does.
 
     Ctrl-C, SIGTERM and SIGHUP end the session and print the verdicts. Exit codes are those of analyse.
-    Neither recording nor judging waits for an output: what nobody reads is dropped and counted.
+    Neither recording nor judging waits for an output: unread output is dropped and counted.
     """
     if given["viewer"] and ":" in given["viewer"] and "://" not in given["viewer"]:
         given |= {"urls": (given["viewer"], *given["urls"]), "viewer": "window"}

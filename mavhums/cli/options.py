@@ -70,9 +70,9 @@ DECIDE = click.option(
 AIRCRAFT = click.option(
     "--aircraft",
     metavar="RULE",
-    help="Whose log it is: 'folder' for the name of its folder, '=NAME' for this name, 'board' for the id of"
-    " its board, or a regular expression of the path with a group (?P<aircraft>…). Default: the rule that"
-    " the store remembers, else the board's id.",
+    help="Names the log's aircraft: 'folder' for the name of its folder, '=NAME' for this name, 'board' for"
+    " the id of its board, or a regular expression of the path with a group (?P<aircraft>…). Default: the"
+    " rule that the store remembers, else the board's id.",
 )
 AIRCRAFT_TABLE = click.option(
     "--aircraft-table",
@@ -82,7 +82,10 @@ AIRCRAFT_TABLE = click.option(
     " The baseline of an actuator begins anew when it is swapped.",
 )
 DIALECT = click.option(
-    "--dialect", type=PATH, metavar="FILE", help="MAVLink XML whose messages go before the ones known here."
+    "--dialect",
+    type=PATH,
+    metavar="FILE",
+    help="MAVLink XML whose messages take precedence over the known ones.",
 )
 KEY = click.option(
     "--key",
@@ -149,7 +152,8 @@ BASELINE_FROM = click.option(
     type=_NamedDate(),
     multiple=True,
     metavar="[ACTUATOR=]DATE",
-    help="Flights before that date no longer count, as after a repair. Can be repeated.",
+    help="Flights before that date no longer count, as after a repair: of all actuators, or of one."
+    " Can be repeated.",
 )
 
 NAMED_DATE = _NamedDate()

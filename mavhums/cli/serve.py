@@ -96,8 +96,8 @@ def serve(
     """Serve a page in the browser: drop logs, see the verdicts; with STORE, the fleet.
 
     The page works without a network, and logs never leave this computer. Nothing is kept: logs are removed
-    when the session ends, unless you keep one in STORE, a store of `mavhums fleet scan`. A log is held
-    against the flights of its aircraft in STORE, or against those in --history.
+    when the session ends, unless you keep one in STORE, a store of `mavhums fleet scan`. A log is
+    compared with the flights of its aircraft in STORE, or with those in --history.
     """
     from mavhums.learn import load_model
     from mavhums.serve import Limits, ServeOptions

@@ -82,7 +82,7 @@ def trend(
     wanted = () if "all" in faults else faults
     table = load_aircraft_table(aircraft_table) if aircraft_table else None
     report = own_trend_report(history, table, actuators=actuators, faults=wanted, since=dict(dates))
-    _hold_known(folder, history, [*actuators, *(name for name, _ in dates if name)], wanted)
+    _check_names_known(folder, history, [*actuators, *(name for name, _ in dates if name)], wanted)
     if output is not None:
         _write(output, report.trends)
     if as_json:
@@ -96,7 +96,9 @@ def trend(
     raise SystemExit(report.exit_code)
 
 
-def _hold_known(folder: Path, history: FlightHistory, actuators: list[str], faults: Sequence[str]) -> None:
+def _check_names_known(
+    folder: Path, history: FlightHistory, actuators: list[str], faults: Sequence[str]
+) -> None:
     """Refuse misspelt names: those that occur in no flight."""
     verdicts = [verdict for flight in history.flights for verdict in flight.assessment.verdicts]
     known = {verdict.actuator for verdict in verdicts}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import pi, sqrt
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
 from mavhums.core.arrays import Array
 
@@ -18,8 +18,6 @@ __all__ = [
     "RAD_S_PER_REV_MIN",
     "STANDARD_GRAVITY",
     "TAIL_95",
-    "stdtr",
-    "stdtrit",
     "uniform_deviation",
 ]
 
@@ -66,31 +64,3 @@ def uniform_deviation(width: Width) -> Width:
     0.2887
     """
     return width / sqrt(12.0)
-
-
-def stdtr(freedom: Any, value: Any) -> Any:
-    """Return the probability below a value of Student's t, by SciPy's function of this name.
-
-    Loading it takes a tenth of a second, which a log without telemetry of servos does not need.
-
-    Examples
-    --------
-    >>> float(stdtr(4, 0.0))
-    0.5
-    """
-    from scipy.special import stdtr
-
-    return stdtr(freedom, value)
-
-
-def stdtrit(freedom: Any, probability: Any) -> Any:
-    """Return the quantile of Student's t, by SciPy's function of this name; see :func:`stdtr`.
-
-    Examples
-    --------
-    >>> round(float(stdtrit(4, CENTRAL_95)), 3)
-    2.776
-    """
-    from scipy.special import stdtrit
-
-    return stdtrit(freedom, probability)

@@ -316,7 +316,7 @@ def change_repairs(store: str | os.PathLike[str], *, add: Repairs = (), remove: 
         repair that is to be removed, or the aircraft or actuator of one that is to be added.
     """
     kept = Store(store).opened()
-    _hold_known(kept, add)
+    _check_aircraft_known(kept, add)
     with kept.locked():
         aircraft = remove_repairs(kept, remove)
         aircraft |= add_repairs(kept, add)
@@ -324,7 +324,7 @@ def change_repairs(store: str | os.PathLike[str], *, add: Repairs = (), remove: 
     return repairs_in(store)
 
 
-def _hold_known(store: Store, repairs: Repairs) -> None:
+def _check_aircraft_known(store: Store, repairs: Repairs) -> None:
     """Refuse repairs of aircraft or actuators that no flight in the store has.
 
     Raises

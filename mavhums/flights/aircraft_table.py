@@ -171,7 +171,7 @@ def load_aircraft_table(path: str | os.PathLike[str]) -> AircraftTable:
             place = ".".join(str(part) for part in first["loc"])
             told = first["msg"].removeprefix("Value error, ")
             raise AircraftTableError(f"{where}: {place + ': ' if place else ''}{told}", _EXAMPLE) from error
-    _hold_consistent(installed)
+    _check_consistent(installed)
     return AircraftTable(each for _, each in installed)
 
 
@@ -207,7 +207,7 @@ def _of_toml(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
     yield from ((f"{path}: installed[{number}]", entry) for number, entry in enumerate(several, 1))
 
 
-def _hold_consistent(installed: Sequence[tuple[str, Installed]]) -> None:
+def _check_consistent(installed: Sequence[tuple[str, Installed]]) -> None:
     """Refuse entries of which only one can be true."""
     places: dict[tuple[str, ...], list[tuple[str, Installed]]] = defaultdict(list)
     for where, each in installed:

@@ -87,7 +87,7 @@ def read_flights(path: Path) -> Iterator[PastFlight | MavhumsError | Ignored]:
         try:
             kept = isinstance(item, dict) and item.get("schema") == FLIGHT_SCHEMA
             assessment = KeptFlight.model_validate(item).whole() if kept else Assessment.model_validate(item)
-            _hold_plausible(assessment, path)
+            _check_plausible(assessment, path)
             yield PastFlight.of(assessment, path, written)
         except ValidationError as error:
             mistake = error.errors(include_input=False, include_url=False)[0]
@@ -125,7 +125,7 @@ def _json(path: Path) -> Any:
         raise MavhumsError(problem, f"if it was an assessment, {_AGAIN}; else take it out") from error
 
 
-def _hold_plausible(assessment: Assessment, path: Path) -> None:
+def _check_plausible(assessment: Assessment, path: Path) -> None:
     """Reject implausibly large numbers before they enter statistics."""
     for verdict in assessment.verdicts:
         for shown in verdict.indicators:

@@ -13,7 +13,6 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
-from mavhums.core.statistics import NORMAL_95
 from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
 from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
 from mavhums.flights.history import FlightHistory, PastFlight
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["own_trend_report", "trend", "trend_report"]
 
+_NORMAL_95 = 1.96
 _POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
 
 
@@ -282,7 +282,7 @@ def _error(one: Indicator) -> float:
     """Return the standard error of the flight-to-flight part, which excludes the torque scale."""
     if one.scatter is not None:
         return one.scatter / sqrt(one.windows)
-    return (one.value.high - one.value.low) / (2 * NORMAL_95)
+    return (one.value.high - one.value.low) / (2 * _NORMAL_95)
 
 
 def _change(newest: Indicator, expected: Interval | None) -> Interval | None:

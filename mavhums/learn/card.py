@@ -106,13 +106,13 @@ class Selection(Contract):
         """Return those of :attr:`selected` that a mask of the same length chooses."""
         return tuple(key for key, used in zip(self.selected, np.asarray(mask).tolist(), strict=True) if used)
 
-    def told(self, inputs: tuple[str, ...] = ()) -> list[str]:
+    def stage_lines(self, inputs: tuple[str, ...] = ()) -> list[str]:
         """Return a line for each stage.
 
         Parameters
         ----------
         inputs
-            The network's inputs, which the wrapper chose; it is told only with them.
+            The network's inputs, which the wrapper chose; its line needs them.
 
         Examples
         --------
@@ -121,7 +121,7 @@ class Selection(Contract):
         ...     groups=(("V5", "V8"),), selected=("V5",), filter="R² ≥ 0.99",
         ...     excluded=(Exclusion(quantity="V8", r2=0.9999, expression="V8 = 0.02·V5"),),
         ... )
-        >>> for line in found.told():
+        >>> for line in found.stage_lines():
         ...     print(line)
         chi-square: V5 90 (p 0), V8 80 (p 1e-09)
         filter: R² ≥ 0.99; keeps V5

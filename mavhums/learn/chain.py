@@ -292,7 +292,7 @@ def reduce_vectors(
         The thinned vectors, still with all features; mask of the chosen features, shape (k,);
         ``selection`` with the results of both stages.
     """
-    before, chosen = selection.told(), np.ones(len(selection.selected), dtype=bool)
+    before, chosen = selection.stage_lines(), np.ones(len(selection.selected), dtype=bool)
     vectors = _thin(offered, scheme.vectors, seed=seed)
     selection = selection.model_copy(update={"thinned": Thinned(offered=len(offered), kept=len(vectors))})
     if scheme.select != "none" and len(chosen) > 1:
@@ -301,7 +301,7 @@ def reduce_vectors(
         )
         selection = selection.model_copy(update={"wrapped": wrapped})
     if tell:
-        after = selection.told(selection.chosen(chosen))[len(before) :]
+        after = selection.stage_lines(selection.chosen(chosen))[len(before) :]
         for line in (*before, *after):
             tell(line)
     return vectors, chosen, selection

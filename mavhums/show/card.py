@@ -54,7 +54,7 @@ def _window(card: WindowCard, console: Console) -> None:
         for name, row in card.confusion.items()
     }
     _pairs(console, "What they flew, and were decided as", told)
-    for line in card.selection.told(card.features):
+    for line in card.selection.stage_lines(card.features):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
 
 
@@ -101,7 +101,7 @@ def _selection(card: Card, console: Console) -> None:
                 _fate(card, key),
             )
     console.print(table)
-    for line in selection.told(card.features)[1:]:
+    for line in selection.stage_lines(card.features)[1:]:
         console.print(line, markup=False, highlight=False, soft_wrap=True)
 
 

@@ -192,7 +192,7 @@ def _what(assessment: Assessment) -> str:
     Examples
     --------
     >>> axis = Verdict(subject="axis", vehicle=1, actuator="roll", condition="normal", worst="normal")
-    >>> _told([axis, axis.model_copy(update={"actuator": "pitch"})], "normal")
+    >>> _names_in([axis, axis.model_copy(update={"actuator": "pitch"})], "normal")
     'roll and pitch normal'
     """
     said = digest(assessment)
@@ -201,11 +201,11 @@ def _what(assessment: Assessment) -> str:
         return "; ".join(line.partition(" (")[0] for line in said.headline.split("; "))
     if SEVERITY[ranked[0].gravest] > SEVERITY["normal"]:
         return said.headline
-    parts = [_told(ranked, condition) for condition in ("normal", "unchanged", "learning", "undecided")]
+    parts = [_names_in(ranked, condition) for condition in ("normal", "unchanged", "learning", "undecided")]
     return "; ".join(filter(None, parts)) or "servos unmonitored"
 
 
-def _told(verdicts: Sequence[Verdict], condition: Condition) -> str:
+def _names_in(verdicts: Sequence[Verdict], condition: Condition) -> str:
     """Return which verdicts have a condition; empty if none has."""
     names = ["actuators" if v.actuator == ALL else v.actuator for v in verdicts if v.gravest == condition]
     return f"{join(names)} {'not judged' if condition == 'undecided' else condition}" if names else ""

@@ -163,7 +163,7 @@ def train_model(
     draft = Model(result.network, card, "")
     calibration, measured = _calibration(actuator, telemetry, draft, 2 * flights, 1_000_000 * seed, tick)
     say = tell or (lambda _: None)
-    say(_said(measured))
+    say(_metrics_text(measured))
     window, window_card = train_window_network(
         actuator, telemetry, flights, seed=seed, scheme=scheme, tell=say, tick=tick
     )
@@ -295,7 +295,7 @@ def _calibration(
     return calibration, second.metrics(calibration)
 
 
-def _said(metrics: dict[str, float]) -> str:
+def _metrics_text(metrics: dict[str, float]) -> str:
     if not metrics:
         return "flights not trained on: the network votes too rarely to be measured"
     percent = {name: f"{100 * value:.2f} %" for name, value in metrics.items()}

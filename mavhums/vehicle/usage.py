@@ -1,22 +1,30 @@
-"""The travel, reversals and dwell times of the servo outputs of a vehicle, in constant memory.
-
-Pulses and times count in whole microseconds, so that every sum is exact and does not
-depend on how a log is cut into blocks. A pulse holds until the next sample, but no longer than
-:data:`HELD_S`. A reversal counts when the output has returned by :data:`BAND_US`.
-"""
+"""What a whole log tells of use, counted in constant memory: outputs, temperatures of ESCs, named values."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from mavhums.core.arrays import Flags, Integers
 from mavhums.core.kernels import kernel
+from mavhums.log import Table
+from mavhums.log.base.tables import text_of
 from mavhums.vehicle.facts import OUTPUTS, Signal
+from mavhums.vehicle.formats import each, messages_of, reports
 
-__all__ = ["BAND_US", "HELD_S", "OutputUse", "Usage"]
+__all__ = [
+    "BAND_US",
+    "ESC_TEMPERATURE_MESSAGES",
+    "HELD_S",
+    "NAMED_MESSAGES",
+    "EscTemperatures",
+    "NamedValues",
+    "OutputUse",
+    "Usage",
+]
 
 BAND_US: Final = 8
 """Movement that counts: 1 % of the usual travel of 800 µs, above the dead band of a usual servo."""
@@ -200,3 +208,72 @@ def _followed(
                 reversals[j] += 1
                 direction[j] = -direction[j]
                 turn[j] = pulse
+
+
+ESC_TEMPERATURE_MESSAGES: Final = messages_of("ESC temperature")
+NAMED_MESSAGES: Final = messages_of("named value")
+
+_DEGREES: Final = 256  # what one byte can say
+_LEAST_READINGS: Final = 10
+"""Readings of a temperature from which its median counts: of fewer, single errors move it."""
+_MOST_NAMES: Final = 1000  # of a log: a sender that makes up names cannot fill the memory
+
+
+class EscTemperatures:
+    """Counts the readings of every ESC, block by block; the median is robust to outliers.
+
+    An ESC without a sensor reports zero.
+
+    Examples
+    --------
+    >>> EscTemperatures().median(1, 0) is None
+    True
+    """
+
+    def __init__(self) -> None:
+        self._counts: dict[tuple[int, int], Integers] = {}
+
+    def feed(self, tables: Mapping[str, Table]) -> None:
+        """Take the readings in these messages."""
+        for report in reports(tables, "ESC temperature"):
+            values = report.values.astype(np.int64)
+            for vehicle, rows in each(report.table.system):
+                for k, degrees in enumerate(values[rows].T):
+                    counts = np.bincount(degrees, minlength=_DEGREES)
+                    key = vehicle, report.source.first + k
+                    self._counts[key] = self._counts.get(key, np.zeros(_DEGREES, dtype=np.int64)) + counts
+
+    def median(self, vehicle: int, esc: int | None) -> float | None:
+        """Return the median of an ESC's readings, °C; None if it has no sensor."""
+        counts = None if esc is None else self._counts.get((vehicle, esc))
+        if counts is None:
+            return None
+        measured = counts.copy()
+        measured[0] = 0
+        if measured.sum() < _LEAST_READINGS:
+            return None
+        return float(np.searchsorted(measured.cumsum(), measured.sum() / 2))
+
+
+class NamedValues:
+    """Counts named values, which scripts and autopilots send under their own names.
+
+    Attributes
+    ----------
+    counts
+        Counts by (system, message, name); only the first thousand names of a log are counted.
+    """
+
+    def __init__(self) -> None:
+        self.counts: Counter[tuple[int, str, str]] = Counter()
+
+    def feed(self, tables: Mapping[str, Table]) -> None:
+        """Take the named values in these messages."""
+        for report in reports(tables, "named value"):
+            values = report.values
+            for system, rows in each(report.table.system):
+                names, counts = np.unique(values[rows], return_counts=True)
+                for name, count in zip(names.tolist(), counts.tolist(), strict=True):
+                    key = (system, report.source.message, text_of(name))
+                    if key in self.counts or len(self.counts) < _MOST_NAMES:
+                        self.counts[key] += int(count)

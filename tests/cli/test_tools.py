@@ -207,7 +207,7 @@ def test_the_packaged_model_shows_its_card(run: Run) -> None:
     assert rows.keys() == model.card.selection.chi_square.keys()
     inputs = {key for key, line in rows.items() if line.rstrip().endswith("input")}
     assert inputs == set(model.card.features)
-    for line in model.card.selection.told(model.card.features)[1:]:
+    for line in model.card.selection.stage_lines(model.card.features)[1:]:
         assert line in outcome.out
 
 
@@ -251,7 +251,7 @@ def test_the_card_of_a_network_of_windows_tells_its_stages_and_its_confusion(run
     for name, row in window.confusion.items():
         said = ", ".join(f"{each} {count}" for each, count in row.items())
         assert f"{name} {said}".replace("_", " ") in shown
-    for line in window.selection.told(window.features):
+    for line in window.selection.stage_lines(window.features):
         assert " ".join(line.split()) in shown
 
 

@@ -166,7 +166,7 @@ def test_each_stage_is_told_and_what_is_told_is_on_the_card(flights: Flights) ->
     stages = [line.split(":")[0] for line in said if not line.startswith(" ")]
     assert stages == ["chi-square", "filter", "thinning", "wrapper", "networks"]
     found = result.selection
-    assert said[:-1] == found.told(result.network.keys)
+    assert said[:-1] == found.stage_lines(result.network.keys)
     dropped = {each.quantity for each in found.excluded}
     assert {"V8", "V10"} <= dropped  # the same signals as V5 and V7 in other units
     assert dropped.isdisjoint(found.selected)

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.log import Decoder, Table
 from mavhums.vehicle.airspeed import Airspeeds
-from mavhums.vehicle.counts import EscTemperatures
+from mavhums.vehicle.usage import EscTemperatures
 from tests.logs import write_log
 
 SECOND = 1_000_000

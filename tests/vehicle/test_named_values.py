@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import all as dialect
 
 from mavhums.log import Decoder
-from mavhums.vehicle.counts import NAMED_MESSAGES, NamedValues
+from mavhums.vehicle.usage import NAMED_MESSAGES, NamedValues
 from tests.conftest import Run
 
 

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final
 
+from scipy.special import stdtr, stdtrit
+
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import CENTRAL_95, NORMAL_95, stdtr, stdtrit
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95
 from mavhums.health.axis.thresholds import MOST_CONFIDENCE, PAST_TESTS
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.limits import tail_of

@@ -13,10 +13,11 @@ from datetime import datetime
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import CENTRAL_95, stdtrit
+from mavhums.core.statistics import CENTRAL_95
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import (
     AXIS_SCATTER_SHARE,

@@ -8,10 +8,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import Condition
-from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED, stdtrit
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.equations.interface import OwnEquation

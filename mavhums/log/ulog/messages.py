@@ -128,21 +128,22 @@ class Unpacker:
 
     def tables(self, batch: RecordBatch, layouts: list[Layout]) -> Iterator[Table]:
         """Yield the tables of a batch."""
-        yield from self._said(batch)
+        yield from self._other_tables(batch)
         for layout in layouts[len(self._definitions) :]:
             self._definitions.add(layout.name, layout.wire)
         context = RowContext(self._frames, self.offset_us, self.vehicle)
         yield from self._definitions.gather(batch, self.wanted, context).tables.values()
         self._frames += batch.rows.size
 
-    def _said(self, batch: RecordBatch) -> Iterator[Table]:
+    def _other_tables(self, batch: RecordBatch) -> Iterator[Table]:
         """Yield parameters, texts, information and dropouts."""
         found: dict[str, list[tuple[int, tuple[object, ...]]]] = {}
         for k in np.flatnonzero(batch.rows["kind"] != _DATA).tolist():
             reader = READERS.get(int(batch.rows["kind"][k]))
             if reader is not None:
                 self.others[reader.table] = self.others.get(reader.table, 0) + 1
-                said = reader.read(batch.payload(batch.rows[k])) if self._wants(reader.table) else None
+                wanted = self.wanted is None or reader.table in self.wanted
+                said = reader.read(batch.payload(batch.rows[k])) if wanted else None
                 if said is not None:
                     found.setdefault(reader.table, []).append((k, said))
         for reader in READERS.values():
@@ -154,6 +155,3 @@ class Unpacker:
                 vehicle, zeros = np.full(rows.size, self.vehicle, np.uint8), np.zeros(rows.size, np.uint8)
                 time_us = rows["time_us"] + self.offset_us
                 yield Table(reader.table, frame, time_us, vehicle, zeros, zeros, zeros, fields)
-
-    def _wants(self, name: str) -> bool:
-        return self.wanted is None or name in self.wanted
