@@ -11,8 +11,9 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Final, NamedTuple
 
+from scipy.special import stdtr, stdtrit
+
 from mavhums.core.conditions import SEVERITY
-from mavhums.core.statistics import stdtr, stdtrit
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.thresholds import MOST_FLIGHT_TAIL
 from mavhums.health.motor.trims import BETWEEN_FLIGHTS, TRIM, TRIM_YAW
