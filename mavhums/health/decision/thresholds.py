@@ -73,6 +73,26 @@ FLIGHTS_PER_OUTLIER: Final = 10
 # hand.
 MOST_AUTOCORRELATION: Final = 0.8
 
+# Chance that an indicator that does not grow is ever said to, in so many flights: with the indicators of four
+# actuators and three axes at most one aircraft in a hundred, by benchmarks/growth.py far fewer.
+GROWTH_CHANCE: Final = 4e-4
+GROWTH_HORIZON_FLIGHTS: Final = 200.0
+
+# Flights for which an indicator must have grown: fewer are outliers. By hand.
+GROWTH_FLIGHTS: Final = 5
+
+# Slopes that are sought, in standard deviations of one flight: from a limit in 300 flights at a scatter of 3 %
+# to one in 10 at 10 %. The false alarms do not depend on them.
+GROWTH_SCALES: Final = (0.03, 0.1, 0.4)
+
+# Least size of a step, in standard errors by the scatter of neighbours, which weather that lasts makes too
+# small; flights whose median is taken on either side, flights through which a line must be unlikely, and
+# flights after a step that must confirm it. By benchmarks/growth.py, on its seeds for development.
+STEP_SIZE: Final = 7.0
+STEP_CONFIRMED_FLIGHTS: Final = 3
+STEP_MEAN_FLIGHTS: Final = 5
+STEP_NEIGHBOURS: Final = 8
+
 # How much likelier a step must be than the line. By hand.
 STEP_LIKELIHOOD_RATIO: Final = 20.0
 
