@@ -22,6 +22,7 @@ from mavhums.log.base.losses import Losses
 from mavhums.report.axis_limits import AxisLimits
 from mavhums.report.flight import FlightCopy, FlightIdentity
 from mavhums.report.network import DECIDE, Decide, ModelSummary, NetworkAnswer, with_network
+from mavhums.report.standing import Interval, Standing
 from mavhums.report.usage import VehicleUsage
 
 if TYPE_CHECKING:
@@ -62,14 +63,6 @@ RECORD: Final[dict[str, Any]] = {"verdicts": {"__all__": {"own"}}}
 
 ALL = "all"
 """Stands for the actuator where a verdict is on all of a vehicle's."""
-
-
-class Interval(Contract):
-    """An estimate with its 95 % interval."""
-
-    estimate: float
-    low: float
-    high: float
 
 
 class Suspect(Contract):
@@ -195,7 +188,8 @@ class Verdict(Contract):
     ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
     ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
     actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``;
-    ``advice`` is the recommended action, which files of earlier versions lack. ``network``
+    ``advice`` is the recommended action, which files of earlier versions lack. ``standing`` is how it stands
+    over its flights, this one included; None without a history. ``network``
     is what a network says of its friction; None if none covers the log.
 
     Examples
@@ -225,6 +219,7 @@ class Verdict(Contract):
     reason: str | None = None
     remedy: str | None = None
     advice: str | None = None
+    standing: Standing | None = None
 
     @model_validator(mode="before")
     @classmethod

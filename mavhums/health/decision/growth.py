@@ -14,7 +14,7 @@ last one, and the scatter of the flights before still counts.
 References
 ----------
 M. Lindon, D. W. Ham, M. Tingley and I. Bojinov (2022), arXiv:2210.08589: anytime-valid linear models.
-J. Shin, A. Ramdas and A. Rinaldo (2024), New England Journal of Statistics in Data Science 2:229: e-detectors.
+J. Shin, A. Ramdas and A. Rinaldo (2024), New England J. of Statistics in Data Science 2:229: e-detectors.
 F. Liang et al. (2008), Journal of the American Statistical Association 103:410: the Bayes factor of a slope.
 """
 
@@ -35,7 +35,6 @@ from mavhums.health.decision.thresholds import (
     GROWTH_HORIZON_FLIGHTS,
     GROWTH_SCALES,
     LEAST_ERROR_SHARE,
-    MOST_AUTOCORRELATION,
     OUTLIER_PROBABILITY,
     STEP_CONFIRMED_FLIGHTS,
     STEP_LIKELIHOOD_RATIO,
@@ -44,6 +43,7 @@ from mavhums.health.decision.thresholds import (
     STEP_SIZE,
     TREND_FLIGHTS,
 )
+from mavhums.health.decision.trend import widening
 from mavhums.health.estimation.random_effects import variance_between
 from mavhums.report.assessment import Interval
 
@@ -82,10 +82,6 @@ class Course:
 
     Attributes
     ----------
-    step
-        Index of the first flight after the last step; None if there is none.
-    step_size
-        Mean of the flights after the step minus that of those before; 0 without one.
     grows
         Whether growth is certain.
     evidence
@@ -98,8 +94,6 @@ class Course:
         Indices of the flights too far off the line.
     """
 
-    step: int | None
-    step_size: float
     grows: bool
     evidence: float
     since: int
@@ -108,10 +102,10 @@ class Course:
     left_out: tuple[int, ...]
     _courses: _Courses
 
-    def flights_left(self, limit: float) -> Interval:
-        """Return the number of flights until the line reaches a limit, with its 95 % interval.
+    def flights_left(self, limit: float) -> tuple[float, float, float]:
+        """Return in how many flights the line reaches a limit: low end, median and high end of 95 %.
 
-        The interval's high end is infinite if the line need not reach it.
+        They are infinite where it need not reach it.
         """
         some, weights = self._courses, _weights(self._courses)
 
@@ -121,11 +115,11 @@ class Course:
             return float(weights @ stdtr(some.freedom, (line - limit) / error))
 
         low, middle, high = (_quantile(reached, share, 0.0) for share in (_LOW, _MIDDLE, _HIGH))
-        return Interval(estimate=middle, low=low, high=high)
+        return low, middle, high
 
 
-def course_of(numbers: Array, values: Array, errors: Array) -> Course | None:
-    """Return the course of an indicator; None for fewer than ``TREND_FLIGHTS`` flights since the last step.
+def course_of(numbers: Array, values: Array, errors: Array, *, begin: int = 0) -> Course | None:
+    """Return the course of an indicator; None for fewer than ``TREND_FLIGHTS`` flights since ``begin``.
 
     Parameters
     ----------
@@ -135,31 +129,27 @@ def course_of(numbers: Array, values: Array, errors: Array) -> Course | None:
         Values of the indicator, which a fault raises, shape (n,), in any unit.
     errors
         Standard errors of measurement, shape (n,), in the same unit.
+    begin
+        Index of the first flight after the last step; of the flights before only their scatter counts.
 
     Examples
     --------
     >>> flights = np.arange(40.0)
     >>> noise = 0.004 * np.sin(np.arange(40) * 2.4)
     >>> course = course_of(flights, 0.225 + 0.005 * flights + noise, np.full(40, 0.002))
-    >>> course.grows, round(course.flights_left(0.875).estimate)
-    (True, 91)
+    >>> course.grows, [round(left) for left in course.flights_left(0.875)]
+    (True, [89, 91, 93])
     >>> course_of(flights, 0.225 + noise, np.full(40, 0.002)).grows
     False
     """
-    if len(values) < TREND_FLIGHTS:
-        return None
-    errors = np.maximum(errors, max(LEAST_ERROR_SHARE * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
-    step = last_step(values, errors)
-    begin = step or 0
     if len(values) - begin < TREND_FLIGHTS:
         return None
+    errors = np.maximum(errors, max(LEAST_ERROR_SHARE * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
     squares, freedom = _scatter_before(numbers[:begin], values[:begin], errors[:begin])
     kept, courses = _without_outliers(numbers[begin:], values[begin:], errors[begin:], (squares, freedom))
     evidence = float(logsumexp(courses.log_odds))
     best = int(np.argmax(courses.log_odds))
     return Course(
-        step=step,
-        step_size=_step_size(values, step),
         grows=evidence >= -log(GROWTH_CHANCE),
         evidence=evidence,
         since=begin + int(np.flatnonzero(kept)[courses.first[best]]),
@@ -173,8 +163,8 @@ def course_of(numbers: Array, values: Array, errors: Array) -> Course | None:
 def last_step(values: Array, errors: Array) -> int | None:
     """Return the index of the first flight after the last step; None if there is none.
 
-    The mean of the flights after it leaves that of the flights before by seven standard errors, by the scatter
-    of neighbours, which no growth raises; and beside the step a line through the same flights is unlikely.
+    The mean of the flights after it leaves that of those before by seven standard errors, by the scatter of
+    neighbours, which no growth raises; and beside the step a line through the same flights is unlikely.
 
     Parameters
     ----------
@@ -188,6 +178,8 @@ def last_step(values: Array, errors: Array) -> int | None:
     8
     """
     n = len(values)
+    if n < TREND_FLIGHTS:
+        return None
     scatter = max(float(np.median(np.abs(np.diff(values)))) * _TO_DEVIATION, float(np.median(errors)))
     places = np.arange(TREND_FLIGHTS // 2, n - STEP_CONFIRMED_FLIGHTS + 1)
     sums = np.concatenate([[0.0], np.cumsum(values)])
@@ -220,12 +212,6 @@ def _is_step(before: Array, after: Array, scatter: float) -> bool:
 
 def _squares(values: Array) -> float:
     return float(np.var(values) * len(values)) if len(values) else 0.0
-
-
-def _step_size(values: Array, step: int | None) -> float:
-    if step is None:
-        return 0.0
-    return float(np.mean(values[step:][:STEP_MEAN_FLIGHTS]) - np.mean(values[:step][-STEP_MEAN_FLIGHTS:]))
 
 
 def _scatter_before(numbers: Array, values: Array, errors: Array) -> tuple[float, float]:
@@ -277,18 +263,18 @@ def _courses(numbers: Array, values: Array, errors: Array, known: tuple[float, f
     squares = np.maximum(total - product**2 / spread, 1e-12 * total + 1e-300)
     best = int(np.argmin(squares))
     residuals = np.sqrt(weights) * (rest - slope[best] * centred[best])
-    widening = _widening(residuals)
+    inflation = widening(residuals)
     waited = np.diff(numbers[first], prepend=numbers[0])
     prior = np.where(first == 0, 0.5, 0.5 * waited / GROWTH_HORIZON_FLIGHTS)
     freedom = n - 2 + known[1]
     return _Courses(
         first=first,
-        log_odds=np.log(prior) + _log_bayes_factors(total, product, spread, freedom + 1, widening),
+        log_odds=np.log(prior) + _log_bayes_factors(total, product, spread, freedom + 1, inflation),
         level=values @ weights / n + slope * (grown[:, -1] - middle),
         slope=slope,
         ahead=grown[:, -1] - middle,
         spread=spread,
-        variance=widening * squares / freedom,
+        variance=inflation * squares / freedom,
         total_weight=float(n),
         freedom=freedom,
         residuals=residuals,
@@ -297,7 +283,7 @@ def _courses(numbers: Array, values: Array, errors: Array, known: tuple[float, f
 
 
 def _log_bayes_factors(
-    total: float, product: Array, spread: Array, freedom: float, widening: float
+    total: float, product: Array, spread: Array, freedom: float, inflation: float
 ) -> Array:
     """Return each course's logarithm of the Bayes factor of a rise, averaged over sizes of a slope."""
     found = []
@@ -307,17 +293,9 @@ def _log_bayes_factors(
         two_sided = 0.5 * np.log(1 - share) + freedom / 2 * np.log((total + 1e-300) / rest)
         error = np.sqrt(rest / freedom / (spread + scale**-2))
         rising = np.log(2 * stdtr(freedom, share * product / spread / error) + 1e-300)
-        found.append(two_sided / widening + rising)
+        found.append(two_sided / inflation + rising)
     averaged: Array = logsumexp(found, axis=0) - log(len(GROWTH_SCALES))
     return averaged
-
-
-def _widening(residuals: Array) -> float:
-    """Return the variance inflation from correlated neighbouring flights; 1 if they are uncorrelated."""
-    total = float(residuals @ residuals)
-    alike = float(residuals[:-1] @ residuals[1:]) / total if total > 0 else 0.0
-    alike = min(max(alike, 0.0), MOST_AUTOCORRELATION)
-    return (1 + alike) / (1 - alike)
 
 
 def _weights(courses: _Courses) -> Array:
