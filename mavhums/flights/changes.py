@@ -1,7 +1,7 @@
 """How the aircraft of a store stand, and what changed since a time.
 
-The second pass keeps how each aircraft stands beside the verdicts, so that a list of the fleet reads one row an
-aircraft. The rows before stay: what changed since yesterday is the difference of what a reader saw then and what
+The second pass keeps how each aircraft stands beside the verdicts, so that a list of the fleet reads a row of
+each. The rows before stay: what changed since yesterday is the difference of what a reader saw then and what
 there is now, whatever came late or was judged again.
 """
 

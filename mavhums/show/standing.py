@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from math import ceil, floor
 
-from mavhums.core.conditions import SEVERITY
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.report.standing import FlightsLeft, Growth, Standing, Step
 
-__all__ = ["left_words", "sentences", "since_words", "step_words", "value_words"]
+__all__ = ["growth_words", "left_words", "mark_of", "sentences", "since_words", "step_words", "value_words"]
 
 
 def sentences(standing: Standing) -> list[str]:
@@ -32,6 +32,13 @@ def sentences(standing: Standing) -> list[str]:
     if standing.step is not None:
         said.append(step_words(standing.step))
     return said
+
+
+def mark_of(standing: Standing) -> tuple[Condition, str]:
+    """Return the condition whose colour a list shows, and its word: what grows is not called normal."""
+    if standing.growth is not None and SEVERITY[standing.condition] <= 0:
+        return "changed", "grows"
+    return standing.condition, standing.condition
 
 
 def value_words(standing: Standing) -> str:

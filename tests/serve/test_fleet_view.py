@@ -8,6 +8,7 @@ import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.report.assessment import Assessment, Interval, LogSummary, Suspect, Verdict
+from mavhums.report.standing import FlightsLeft, Growth, Standing
 from mavhums.report.trend import ActuatorTrend, FlightPoint, RepairDate, TrendReport
 from mavhums.serve.fleet_view import aircraft_lines, flight_lines, trends_shown
 from mavhums.serve.home import render
@@ -20,6 +21,7 @@ class Row(NamedTuple):
     path: str
     start_us: int | None
     verdict: Verdict
+    standing: Standing | None = None
 
 
 def verdict(actuator: str, condition: Condition, reason: str | None = None, fault: str = "") -> Verdict:
@@ -50,6 +52,38 @@ def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
     assert first.address == "/fleet/aircraft?name=D-B"
     assert (unknown.address, unknown.detail, unknown.last_flight) == ("", "too slow", "date not known")
     assert (well.worst, well.detail) == ("", "")
+
+
+def test_what_grows_is_not_called_normal() -> None:
+    grows = Standing(
+        vehicle=1,
+        actuator="rudder",
+        airframe=None,
+        condition="normal",
+        last="normal",
+        growth=growth(),
+        flights=29,
+        last_utc="2026-03-29T09:00:00+00:00",
+        log=None,
+    )
+    (line,) = aircraft_lines([Row("D-A", "a.tlog", 0, verdict("rudder", "normal"), grows)])
+    assert (line.condition, line.word, line.worst) == ("changed", "grows", "rudder")
+    assert line.counts == (("grows", 1),)
+    assert "friction grows by 0.005 N·m a flight since flight 3" in line.detail
+    assert "9 flights (5–14), about 2026-04-07, until degraded; more than 80 flights" in line.detail
+
+
+def growth(left: float = 9.0) -> Growth:
+    return Growth(
+        fault="friction",
+        quantity="friction",
+        unit="N·m",
+        since_flight=3,
+        since_utc="2026-03-03T09:00:00+00:00",
+        per_flight=Interval(estimate=0.005, low=0.004, high=0.006),
+        to_degraded=FlightsLeft(estimate=left, low=5.2, high=13.4, expected_utc="2026-04-07"),
+        to_emergency=FlightsLeft(estimate=110, low=80, high=150, is_far=True),
+    )
 
 
 def test_flights_come_latest_first_and_lead_to_their_reports() -> None:
