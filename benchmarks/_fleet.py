@@ -17,6 +17,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import ConditionChanged, Window
+from mavhums.flights.actuator_comparison import ActuatorComparison
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums.health.decision.baseline import Baseline
 from mavhums_sim import EmaParameters, Flight, FlightRecord
@@ -165,11 +166,24 @@ def judge(
     judged = []
     for surface, flown in record.actuators.items():
         actuator = ACTUATORS[surface]
-        monitor = Monitor(1, actuator, baselines=known.get(surface), window_s=window_s)
+        monitor, comparison = (
+            Monitor(1, actuator, window_s=window_s),
+            ActuatorComparison(known.get(surface, {})),
+        )
         times, values = quantities(flown, actuator, tier)
         unsigned = magnitudes(flown, tier)
-        events = [*monitor.feed(times, values, measured(tier, times.size), magnitudes=unsigned)]
-        events += monitor.finish()
+        alone = [*monitor.feed(times, values, measured(tier, times.size), magnitudes=unsigned)]
+        alone += monitor.finish()
+        events = [after for event in alone for after in comparison.follow(event)]
+        found = comparison.findings(monitor.record())
+        findings = replace(
+            monitor.findings(),
+            condition=found.condition,
+            worst=found.worst,
+            since_s=found.since_s,
+            suspects=found.suspects,
+            evidence=found.evidence,
+        )
         windows = tuple(event for event in events if isinstance(event, Window))
         changes = tuple(event for event in events if isinstance(event, ConditionChanged))
         truth = {
@@ -177,7 +191,7 @@ def judge(
             "torque_constant": flown.individual.torque_constant,
             "moving": flown.motion.moving_fraction,
         }
-        judged.append(Judged(surface, monitor.findings(), windows if keep_windows else (), changes, truth))
+        judged.append(Judged(surface, findings, windows if keep_windows else (), changes, truth))
     return judged
 
 

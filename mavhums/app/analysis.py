@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -18,7 +17,7 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_same_aircraft, latest
-from mavhums.flights.compare import LoneFlight, compared
+from mavhums.flights.compare import Comparison, LoneFlight, compared
 from mavhums.flights.store import with_duplicate_flights
 from mavhums.log import Decoder, read_blocks
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
@@ -283,7 +282,7 @@ def write_report(
 
 
 def analyse_alone(path: Place, options: EngineOptions, *, progress: Progress = None) -> LoneFlight:
-    """Judge a log by itself, whatever baselines the options have; the errors are those of :func:`analyse`.
+    """Judge a log by itself; the errors are those of :func:`analyse`.
 
     :func:`mavhums.flights.compare.compared` compares the result with earlier flights.
 
@@ -294,7 +293,8 @@ def analyse_alone(path: Place, options: EngineOptions, *, progress: Progress = N
     >>> compared(flight, {}) == flight.assessment
     True
     """
-    engine, digest = _fed(path, replace(options, baselines={}, past=None, recorded=True), (), progress)
+    engine = Engine(replace(options, recorded=True))
+    digest = _fed(path, engine, options.dialect, progress=progress)
     assessment = engine.assessment(str(path), digest)
     return LoneFlight(assessment, engine.records(), engine.profiles(), options.false_alarms)
 
@@ -307,10 +307,10 @@ def compared_with_own(flight: LoneFlight, settings: Settings) -> Assessment:
     OtherAircraftError
         If the history is of another aircraft.
     """
-    assessment, history = with_aircraft_identity(flight.assessment, settings), settings.history
+    assessment = with_aircraft_identity(flight.assessment, settings)
     since = latest(settings.since, settings.whose.since(assessment))
     own = flight._replace(assessment=assessment)
-    return compared(own, partial(history.baselines, since=since), partial(history.past, since=since))
+    return compared(own, *settings.earlier(since))
 
 
 def with_aircraft_identity(assessment: Assessment, settings: Settings) -> Assessment:
@@ -329,18 +329,22 @@ def _judged_with(
     path: Place, settings: Settings, consumers: Sequence[Consumer], progress: Progress
 ) -> Assessment:
     """Compare while judging, so that the consumers see what the earlier flights change."""
-    options = settings.with_baselines(latest(settings.since, _swaps(path, settings)))
-    engine, digest = _fed(path, options, consumers, progress)
+    options, since = settings.engine, latest(settings.since, _swaps(path, settings))
+    engine = Comparison(Engine(options), *settings.earlier(since), options.false_alarms)
+    digest = _fed(path, engine, options.dialect, consumers, progress)
     return with_aircraft_identity(engine.assessment(str(path), digest), settings)
 
 
 def _fed(
-    path: Place, options: EngineOptions, consumers: Sequence[Consumer], progress: Progress
-) -> tuple[Engine, str]:
-    """Return an engine that has processed a log, and the log's hash."""
-    engine = Engine(options)
+    path: Place,
+    engine: Engine | Comparison,
+    dialect: Place | None,
+    consumers: Sequence[Consumer] = (),
+    progress: Progress = None,
+) -> str:
+    """Process a log, and return its hash."""
     digest, size = hashlib.sha256(), 0
-    for block in read_blocks(path, size=_BLOCK, dialect=options.dialect):
+    for block in read_blocks(path, size=_BLOCK, dialect=dialect):
         digest.update(block)
         size += len(block)
         events = engine.feed(block)
@@ -351,7 +355,7 @@ def _fed(
     last = engine.finish()
     for consume in consumers:
         consume(last)
-    return engine, digest.hexdigest()
+    return digest.hexdigest()
 
 
 def _sha256(path: Place, options: EngineOptions) -> str:

@@ -16,7 +16,9 @@ from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_t
 from mavhums.flights.history import FlightHistory
 from mavhums.flights.store import EarlierFlights, is_store
 from mavhums.flights.stores.folder import FlightFolder
+from mavhums.health.decision.baseline import BaselineSource
 from mavhums.health.decision.thresholds import FALSE_ALARMS
+from mavhums.health.self_baseline.past import PastSource
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key
 from mavhums.report.assessment import Decide
@@ -90,7 +92,7 @@ class Options:
         MavhumsError
             If there is no folder for the history.
         """
-        return Settings.read(self).with_baselines()
+        return Settings.read(self).engine
 
     def as_texts(self) -> dict[str, str | float]:
         """Return what differs from the defaults, as JSON holds it, for another process.
@@ -163,17 +165,9 @@ class Settings:
         whose = AircraftResolver(given.aircraft, table)
         return cls(engine=engine, history=_history(given.history), since=given.since or {}, whose=whose)
 
-    def with_baselines(self, since: Since | None = None) -> EngineOptions:
-        """Return the options of an engine that compares with the earlier flights while it judges.
-
-        ``since`` replaces the dates from which they count.
-        """
-        since = self.since if since is None else since
-        return replace(
-            self.engine,
-            baselines=partial(self.history.baselines, since=since),
-            past=partial(self.history.past, since=since),
-        )
+    def earlier(self, since: Since) -> tuple[BaselineSource, PastSource]:
+        """Return what a flight is compared with: baselines and flights that count from dates on."""
+        return partial(self.history.baselines, since=since), partial(self.history.past, since=since)
 
     def with_vehicle_states(self) -> Settings:
         """Return settings by which the events also have what a recording or a report draws."""

@@ -20,15 +20,13 @@ from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.engine.axes import SIGNAL_MESSAGES, Axes
 from mavhums.engine.drops import with_drops
-from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples
+from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Forgotten, Notice, Samples
 from mavhums.engine.monitors import Monitors
 from mavhums.engine.networks import classified, network_answer, summary_of
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
 from mavhums.engine.vehicle_limit import MOST, VehicleLimit
-from mavhums.health.axis.past import compare_with_earlier_flights
-from mavhums.health.decision.baseline import of_subject
 from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.self_baseline.past import comparable
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
@@ -83,7 +81,7 @@ class Engine:
     Parameters
     ----------
     options
-        Profile, models, baselines and the like; the defaults if None.
+        Profile, models and the like; the defaults if None.
 
     Examples
     --------
@@ -108,7 +106,6 @@ class Engine:
         self._identities, self._recorded = Identities(), RecordedFlights()
         self._mappers = VehicleMappers(airframe)
         self._clocks = Clocks()
-        self._past = options.past
         self._airspeeds = Airspeeds()
         self._temperatures = EscTemperatures()
         self._false_alarms = options.false_alarms
@@ -155,7 +152,7 @@ class Engine:
             log=LogSummary(
                 path=path,
                 sha256=sha256,
-                start_utc=begun.isoformat() if (begun := self._begun()) else None,
+                start_utc=begun.isoformat() if (begun := self.start_utc()) else None,
                 duration_s=0.0 if first is None or last is None else (last - first) / 1e6,
                 vehicles=vehicles,
                 losses=with_drops(decoder.losses, self._clocks, self._axes),
@@ -182,9 +179,13 @@ class Engine:
             self._looks[vehicle] = look
         return look
 
-    def records(self) -> dict[tuple[int, str], ActuatorRecord]:
-        """Return this flight's records of each vehicle's actuators, if the option ``recorded`` is set."""
-        return self._monitors.records()
+    def records(self, *, whole: bool = True) -> dict[tuple[int, str], ActuatorRecord]:
+        """Return this flight's records of each vehicle's actuators.
+
+        They have windows and decisions if the option ``recorded`` is set. Without the estimates over the
+        ``whole`` flight the call costs next to nothing.
+        """
+        return self._monitors.records(whole=whole)
 
     def profiles(self) -> dict[tuple[int, str], str]:
         """Return the name of the profile by which each vehicle's actuators are judged."""
@@ -280,7 +281,7 @@ class Engine:
                 continue
             bus_v = None if mapped.bus_v is None else mapped.bus_v[a:b]
             magnitudes = None if mapped.magnitudes is None else mapped.magnitudes[a:b]
-            monitor = self._monitors.of(mapper.airframe, mapped, self._begun())
+            monitor = self._monitors.of(mapper.airframe, mapped)
             if self._states:
                 serving = self._monitors.serving(mapper.airframe)
                 yield from classified(mapped, time_s, slice(a, b), serving)
@@ -288,14 +289,17 @@ class Engine:
                 time_s[a:b], mapped.values[a:b], mapped.measured[a:b], bus_v, airspeed[a:b], magnitudes
             )
 
-    def _forget(self, vehicle: int, actuator: str, time_s: float) -> Iterator[ConditionChanged]:
+    def _forget(self, vehicle: int, actuator: str, time_s: float) -> Iterator[Event]:
         """Forget what was judged of an actuator whose output, as the log tells now, moves something else."""
         monitor = self._monitors.forget(vehicle, actuator)
-        if monitor is not None and monitor.condition != "undecided":
-            why = f"undecided: {against_log(self._axes.told(vehicle).last.against(actuator))}"
+        if monitor is None:
+            return
+        why = f"undecided: {against_log(self._axes.told(vehicle).last.against(actuator))}"
+        if monitor.condition != "undecided":
             yield ConditionChanged(vehicle, actuator, time_s, time_s, monitor.condition, "undecided", why)
+        yield Forgotten(vehicle, actuator, time_s, why)
 
-    def _begun(self) -> datetime | None:
+    def start_utc(self) -> datetime | None:
         """Return the start of the flight; None if no clock gives it."""
         first = self._decoder.first_time_us
         return None if first is None or self._decoder.undated else _utc(first)
@@ -323,19 +327,9 @@ class Engine:
             yield unjudged_axes(vehicle, *why)
             return
         start_utc = _utc(self._decoder.first_time_us or 0)
-        baselines = self._monitors.baselines(", ".join(self._mappers.airframes) or None, self._begun())
         for axis in AXES:
             findings = followed.monitor.findings(axis)
-            verdict = verdict_of_axis(
-                vehicle, findings, followed.surfaces, followed.flight, start_utc, received
-            )
-            yield compare_with_earlier_flights(
-                verdict,
-                of_subject(baselines, (vehicle, axis)),
-                start_utc=start_utc,
-                end_s=self._end_s(vehicle),
-                false_alarms=self._false_alarms,
-            )
+            yield verdict_of_axis(vehicle, findings, followed.surfaces, followed.flight, start_utc, received)
 
     def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)
@@ -349,7 +343,6 @@ class Engine:
         if not self._vehicle_limit.admits(vehicle):
             yield crowded_out(vehicle, tier, MOST)
             return
-        past = self._past(mapper.airframe.name, self._begun()) if self._past and indicators else {}
         told = self._axes.told(vehicle).last
         for actuator in mapper.airframe.actuators:
             monitor = self._monitors.get(vehicle, actuator.name)
@@ -382,8 +375,7 @@ class Engine:
                     tier=tier_named(own),
                     network=network_answer(findings, self._monitors.serving(mapper.airframe), self._decide),
                 )
-                flown = past.get((vehicle, actuator.name), ())
-                yield compare_with_own_flights(verdict, flown, self._false_alarms)
+                yield compare_with_own_flights(verdict, (), self._false_alarms)
 
     def _end_s(self, vehicle: int) -> float:
         """Return the flight time of the log's end, by the vehicle's own clock, as all its samples are."""

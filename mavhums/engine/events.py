@@ -8,17 +8,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mavhums.actuator.mapping import AirframeNamed, Samples
-from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Window
+from mavhums.health.decision.events import (
+    Classified,
+    ComparisonInput,
+    ConditionChanged,
+    Forgotten,
+    Indication,
+    Window,
+)
 from mavhums.vehicle.states import Attitude, FlightMode, Followed, Position
 
 __all__ = [
     "AirframeNamed",
     "Attitude",
     "Classified",
+    "ComparisonInput",
     "ConditionChanged",
     "Event",
     "FlightMode",
     "Followed",
+    "Forgotten",
     "Indication",
     "Notice",
     "Position",
@@ -48,4 +57,6 @@ Event = (
     | Followed
     | Position
     | FlightMode
+    | ComparisonInput
+    | Forgotten
 )

@@ -1,15 +1,13 @@
-"""The monitors of all actuators of a log, each with its profile, its models and its own baselines."""
+"""The monitors of all actuators of a log, each with its profile and its models."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from datetime import datetime
 
 from mavhums.actuator.mapping import Mapped
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.options import EngineOptions
 from mavhums.health.actuator.monitor import Monitor
-from mavhums.health.decision.baseline import Baselines, of_subject
 from mavhums.health.decision.records import ActuatorRecord
 from mavhums.learn import Model
 
@@ -25,7 +23,7 @@ class Monitors:
     Parameters
     ----------
     options
-        Models, baselines and the like.
+        Models and the like.
 
     Attributes
     ----------
@@ -40,7 +38,6 @@ class Monitors:
         self.profiles: dict[Key, str] = {}
         self._options = options
         self._monitors: dict[Key, Monitor] = {}
-        self._looked_up: dict[str | None, Baselines] = {}
 
     def __iter__(self) -> Iterator[tuple[Key, Monitor]]:
         return iter(list(self._monitors.items()))
@@ -58,8 +55,8 @@ class Monitors:
         for key in [key for key in self._monitors if key[0] == vehicle]:
             del self._monitors[key]
 
-    def of(self, airframe: Airframe, mapped: Mapped, begun: datetime | None) -> Monitor:
-        """Return the monitor of an actuator that sends; ``begun`` is the start of the flight, if known."""
+    def of(self, airframe: Airframe, mapped: Mapped) -> Monitor:
+        """Return the monitor of an actuator that sends."""
         key = (mapped.vehicle, mapped.actuator.name)
         if key not in self._monitors:
             self.profiles[key] = airframe.name
@@ -68,27 +65,15 @@ class Monitors:
                 mapped.actuator,
                 self.serving(airframe),
                 by_network=self._options.decide == "network",
-                baselines=of_subject(self.baselines(airframe.name, begun), key),
                 false_alarms=self._options.false_alarms,
                 recorded=self._options.recorded,
             )
         return self._monitors[key]
 
-    def records(self) -> dict[Key, ActuatorRecord]:
-        """Return this flight's records, if the option ``recorded`` is set."""
-        return {key: monitor.record() for key, monitor in self._monitors.items() if self._options.recorded}
+    def records(self, *, whole: bool = True) -> dict[Key, ActuatorRecord]:
+        """Return this flight's records."""
+        return {key: monitor.record(whole=whole) for key, monitor in self._monitors.items()}
 
     def serving(self, airframe: Airframe) -> list[Model]:
         """Return the models that are for an airframe."""
         return [model for model in self.models if model.card.airframe == airframe.name]
-
-    def baselines(self, airframe: str | None, begun: datetime | None) -> Baselines:
-        """Return the baselines of an airframe, which are looked up once the start of the flight is known."""
-        baselines = self._options.baselines
-        if not callable(baselines):
-            return baselines
-        if begun is None:
-            return baselines(airframe, None)
-        if airframe not in self._looked_up:
-            self._looked_up[airframe] = baselines(airframe, begun)
-        return self._looked_up[airframe]

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mavhums.actuator.profile import Airframe
-from mavhums.health.decision.baseline import BaselineSource
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.health.self_baseline.past import PastSource
 from mavhums.report.assessment import Decide
 
 if TYPE_CHECKING:
@@ -33,12 +31,6 @@ class EngineOptions:
     decide
         Who decides an actuator's friction: the physics, a network where one is for its airframe, or both.
         With ``both`` the physics decides, and where the network says otherwise is told.
-    baselines
-        Baselines from the actuators' own earlier flights, or a function that returns them for an airframe
-        and a time.
-    past
-        Function that returns the actuators' earlier flights for an airframe and a time: an actuator without
-        a known limit is compared with them.
     false_alarms
         Accepted number of false alarms in 100 hours of an actuator.
     dialect
@@ -61,8 +53,6 @@ class EngineOptions:
     airframe: Airframe | None = None
     models: Sequence[Model] = ()
     decide: Decide = "physics"
-    baselines: BaselineSource = field(default_factory=dict)
-    past: PastSource | None = None
     false_alarms: float = FALSE_ALARMS
     dialect: str | os.PathLike[str] | None = None
     key: bytes | None = None

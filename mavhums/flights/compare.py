@@ -1,51 +1,53 @@
 """Compares a flight that was judged alone with the aircraft's earlier flights.
 
-An actuator's comparison is a fold over what its record has kept: windows and decisions in the order of time.
-It feeds the drift test of :mod:`mavhums.health.decision.baseline` as a flight does. It is a pure function:
-one command after each landing, a fleet, and a flight that arrives late give the same result.
+An actuator's comparison is a fold over the engine's events: windows and decisions in the order of time, for
+the drift test of :mod:`mavhums.health.decision.baseline`. They come from the engine while it judges, or from
+the record of the flight: a link, one command after each landing, a fleet, and a flight that arrives late give
+the same result.
 """
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime
-from itertools import groupby
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
 
-from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
+from mavhums.engine.engine import Engine
+from mavhums.engine.events import AirframeNamed, Event
+from mavhums.flights.actuator_comparison import ActuatorComparison, events_of
 from mavhums.health.axis.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import (
-    Baseline,
+    Baselines,
     BaselineSource,
-    Drift,
-    Shift,
-    condition_with_drift,
     of_subject,
-    onset_with_drift,
 )
-from mavhums.health.decision.conditions import ConditionTracker, IndicatorChange
-from mavhums.health.decision.evidence import (
-    concludes,
-    drift_evidence,
-    drift_rule,
-    in_order,
-    limit_rule,
-    ranked,
-    suspected,
+from mavhums.health.decision.events import (
+    ComparisonInput,
+    ConditionChanged,
+    Forgotten,
+    Window,
 )
-from mavhums.health.decision.records import ActuatorRecord, FaultRecord
+from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.self_baseline.past import PastSource
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
-from mavhums.health.verdict.actuator import BaselineFindings, against_baseline
+from mavhums.health.verdict.actuator import against_baseline
 from mavhums.health.verdict.advice import with_advice
-from mavhums.report.assessment import Assessment, Evidence, Suspect, Verdict
+from mavhums.report.assessment import Assessment, Verdict
 
-__all__ = ["LoneFlight", "Records", "against_baselines", "compared", "packed", "unpacked"]
+__all__ = [
+    "Comparison",
+    "LoneFlight",
+    "Records",
+    "compared",
+    "packed",
+    "unpacked",
+]
 
 Records = Mapping[tuple[int, str], ActuatorRecord]
 """What a flight leaves of each actuator, by vehicle and actuator."""
@@ -86,179 +88,144 @@ def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | N
     past
         Function that returns the earlier flights for an airframe and a time; None for none.
     """
-    log = flight.assessment.log
-    start = None if log.start_utc is None else datetime.fromisoformat(log.start_utc)
+    start = _start_of(flight.assessment)
     if start is None:
         return flight.assessment
-    profiles = set(flight.profiles.values())
-    judged_by = flight.assessment.airframe
-    known = {
-        name: baselines(name, start) if callable(baselines) else baselines for name in {*profiles, judged_by}
-    }
-    own_scale = any(verdict.own for verdict in flight.assessment.verdicts)
-    flown = {name: past(name, start) for name in profiles} if past and own_scale else {}
-
-    def held(verdict: Verdict) -> Verdict:
-        key = (verdict.vehicle or 0, verdict.actuator)
-        record, profile = flight.records.get(key), flight.profiles.get(key, "")
-        if verdict.subject == "axis":
-            own = of_subject(known[judged_by], key)
-            return compare_with_earlier_flights(
-                verdict, own, start_utc=start, end_s=log.duration_s, false_alarms=flight.false_alarms
-            )
-        if record is None or not verdict.coverage.windows:
-            return verdict
-        own = of_subject(known.get(profile, {}), key)
+    comparisons, source = {}, cache(partial(_looked_up, baselines))
+    for key, record in flight.records.items():
+        own = of_subject(source(flight.profiles.get(key, ""), start), key)
         if own:
-            alone = without_own(verdict)
-            verdict = against_baselines(alone, record, own, start_utc=start, end_s=log.duration_s)
-        return compare_with_own_flights(verdict, flown.get(profile, {}).get(key, ()), record.false_alarms)
-
-    return flight.assessment.model_copy(
-        update={"verdicts": tuple(with_advice(held(verdict)) for verdict in flight.assessment.verdicts)}
-    )
+            comparisons[key] = ActuatorComparison(own, record.false_alarms)
+            for event in events_of(record, *key):
+                comparisons[key].take(event)
+    return _with_findings(flight, start, source, past, comparisons)
 
 
-def against_baselines(
-    verdict: Verdict,
-    record: ActuatorRecord,
-    baselines: Mapping[str, Baseline],
-    *,
-    start_utc: datetime,
-    end_s: float,
-) -> Verdict:
-    """Return the verdict on an actuator after the comparison with its own baseline.
+class Comparison:
+    """Compares a flight with the actuators' own earlier flights while the engine judges it.
+
+    It stands in for the engine. The events of an actuator that has a baseline are those of the comparison. A
+    flight whose start is not known has no earlier flights.
 
     Parameters
     ----------
-    verdict
-        Verdict on the flight alone.
-    record
-        Record of the same flight.
-    baselines
-        Baselines from the actuator's earlier flights, by fault.
-    start_utc
-        Start of flight time.
-    end_s
-        End of the log, in flight time.
+    engine
+        A new engine.
+    baselines, past
+        As for :func:`compared`. An airframe's baselines are looked up once.
+    false_alarms
+        Accepted number of false alarms in 100 hours of an actuator or an axis, as in the engine's options.
+
+    Examples
+    --------
+    >>> comparison = Comparison(Engine(), {})
+    >>> comparison.feed(b"") + comparison.finish()
+    []
     """
-    traces = [_Trace(record, fault, baselines.get(fault.fault)) for fault in record.faults]
-    # In the order of time, then of the detectors, as in flight.
-    changes = [(at_s, place, said) for place, trace in enumerate(traces) for at_s, said in trace.changes()]
-    holding = ConditionTracker()
-    for _, place, said in sorted(changes, key=lambda each: each[:2]):
-        holding.take(record.faults[place].fault, said)
-    if record.concluded_s is not None:
-        judged = next((len(fault.windows) for fault in record.faults if fault.fault == "friction"), 0)
-        concluded = [
-            (trace.fault.fault, trace.conclude(record.concluded_s))
-            for trace in traces
-            if concludes(len(trace.fault.windows), judged) or trace.fault.settled is not None
-        ]
-        for fault, change in concluded:
-            if change is not None:
-                holding.take(fault, change)
-    evidence = (each for trace in traces for each in trace.evidence())
-    intervals = {fault: baseline.prediction() for fault, baseline in baselines.items()}
-    return against_baseline(
-        verdict,
-        BaselineFindings(
-            condition=holding.condition,
-            worst=holding.worst,
-            since_s=holding.since_s,
-            suspects=ranked(suspect for trace in traces if (suspect := trace.suspect())),
-            evidence=in_order(evidence),
-            baselines=intervals,
-            last_s=record.end_s,
-            decidable=max([0, *(len(trace.fault.windows) for trace in traces if trace.alarm)]),
-        ),
-        start_utc=start_utc,
-        end_s=end_s,
-    )
+
+    def __init__(
+        self,
+        engine: Engine,
+        baselines: BaselineSource,
+        past: PastSource | None = None,
+        false_alarms: float = FALSE_ALARMS,
+    ) -> None:
+        self._engine, self._past, self._false_alarms = engine, past, false_alarms
+        self._baselines = cache(partial(_looked_up, baselines))
+        self._airframes: dict[int | None, str] = {}
+        self._comparisons: dict[tuple[int, str], ActuatorComparison | None] = {}
+
+    def feed(self, block: bytes) -> list[Event]:
+        """Take the next bytes and return the events that they cause."""
+        return list(self.follow(self._engine.feed(block)))
+
+    def finish(self) -> list[Event]:
+        """End the input; judge the remaining data and return the events."""
+        return list(self.follow(self._engine.finish()))
+
+    def assessment(
+        self, path: str | None = None, sha256: str | None = None, *, indicators: bool = True
+    ) -> Assessment:
+        """Return the verdicts on all data so far; ``indicators`` as in the engine."""
+        alone = self._engine.assessment(path, sha256, indicators=indicators)
+        start = _start_of(alone)
+        if start is None:
+            return alone
+        comparisons = {key: one for key, one in self._comparisons.items() if one}
+        records = self._engine.records(whole=False) if comparisons else {}
+        flight = LoneFlight(alone, records, self._engine.profiles(), self._false_alarms)
+        return _with_findings(flight, start, self._baselines, self._past, comparisons)
+
+    def follow(self, events: Iterable[Event]) -> Iterator[Event]:
+        """Yield the events of a flight after the comparison, given those of the flight alone."""
+        for event in events:
+            if isinstance(event, AirframeNamed):
+                # What was judged by another profile does not count.
+                self._airframes[event.vehicle] = event.airframe.name
+                for key in [key for key in self._comparisons if key[0] == event.vehicle]:
+                    del self._comparisons[key]
+            if isinstance(event, ComparisonInput | Window | ConditionChanged | Forgotten):
+                key = event.vehicle, event.actuator
+                if isinstance(event, ComparisonInput) and key not in self._comparisons:
+                    self._comparisons[key] = self._begun(key)
+                one = self._comparisons.get(key)
+                if one is not None:
+                    yield from one.follow(event)
+                elif isinstance(event, Window | ConditionChanged):
+                    yield event
+                if isinstance(event, Forgotten):
+                    self._comparisons.pop(key, None)
+            else:
+                yield event
+
+    def _begun(self, key: tuple[int, str]) -> ActuatorComparison | None:
+        airframe = self._airframes.get(key[0], self._airframes.get(None))
+        start = self._engine.start_utc()
+        own = {} if start is None else of_subject(self._baselines(airframe, start), key)
+        return ActuatorComparison(own, self._false_alarms) if own else None
 
 
-class _RecordedStep(NamedTuple):
-    """The events at the end of a window: a non-overlapping window, then a decision."""
+def _with_findings(
+    flight: LoneFlight,
+    start: datetime,
+    baselines: BaselineSource,
+    past: PastSource | None,
+    comparisons: Mapping[tuple[int, str], ActuatorComparison],
+) -> Assessment:
+    """Return the assessment of a flight with what the comparisons found."""
+    judged_by, end_s = flight.assessment.airframe, flight.assessment.log.duration_s
+    known = _looked_up(baselines, judged_by, start)
+    own_scale = any(verdict.own for verdict in flight.assessment.verdicts)
+    profiles = set(flight.profiles.values())
+    flown = {name: past(name, start) for name in profiles} if past and own_scale else {}
 
-    end_s: float
-    order: int
-    place: int
-
-
-class _Trace:
-    """Tracks one indicator through the record of a flight, as the tracker does in flight."""
-
-    def __init__(self, record: ActuatorRecord, fault: FaultRecord, baseline: Baseline | None) -> None:
-        self.record = record
-        self.fault = fault
-        self.drift = (
-            Drift(baseline, two_sided=fault.two_sided, false_alarms=record.false_alarms) if baseline else None
-        )
-        self._decided: Condition = "undecided"
-        self._decided_s: float | None = None
-        self._latest = fault.latest
-
-    def changes(self) -> Iterator[tuple[float, IndicatorChange]]:
-        """Yield each change of the condition, with the end of the window that causes it."""
-        events = [_RecordedStep(window.end_s, 0, k) for k, window in enumerate(self.fault.windows)]
-        events += [_RecordedStep(decided.end_s, 1, k) for k, decided in enumerate(self.fault.decided)]
-        for end_s, together in groupby(sorted(events), key=lambda event: event.end_s):
-            before = self._condition
-            for event in together:
-                self._take(event)
-            if self._condition != before:
-                since_s = onset_with_drift(self._decided, self._decided_s, self.alarm)
-                yield end_s, IndicatorChange(0, self._condition, since_s or 0.0, self._rule())
-
-    def conclude(self, start_s: float) -> IndicatorChange | None:
-        """Judge by the whole flight, which counts from ``start_s``; return the change."""
-        before, whole = self._condition, self.fault.whole
-        if self.drift is not None and whole is not None:
-            self.drift.conclude(*whole, start_s)
-            self._latest = self._latest or whole
-        if self.fault.settled is not None:
-            self._decided, self._decided_s = self.fault.settled, start_s
-        if self._condition == before:
-            return None
-        return IndicatorChange(0, self._condition, start_s, f"{self._rule()}, over the whole flight")
-
-    def suspect(self) -> Suspect | None:
-        """Return the suspected fault, if there is one."""
-        return suspected(self.fault, self._decided, self._latest, self.alarm)
-
-    def evidence(self) -> Iterator[Evidence]:
-        """Yield the evidence according to the limits, and the shift from the baseline if it alarmed."""
-        yield from self.fault.evidence
-        if self.drift is not None and self.alarm is not None:
-            windows, length_s = self.fault.windows, self.record.window_s
-            last_s = windows[-1].end_s + length_s - length_s if windows else self.alarm.since_s
-            yield drift_evidence(
-                self.fault, self.drift.baseline, self.alarm, last_s, self.record.false_alarms
+    def found(verdict: Verdict) -> Verdict:
+        key = (verdict.vehicle or 0, verdict.actuator)
+        if verdict.subject == "axis":
+            own = of_subject(known, key)
+            return compare_with_earlier_flights(
+                verdict, own, start_utc=start, end_s=end_s, false_alarms=flight.false_alarms
             )
+        if not verdict.coverage.windows:
+            return verdict
+        if key in comparisons:
+            shown = comparisons[key].findings(flight.records[key])
+            verdict = against_baseline(without_own(verdict), shown, start_utc=start, end_s=end_s)
+        flights = flown.get(flight.profiles.get(key, ""), {}).get(key, ())
+        return compare_with_own_flights(verdict, flights, flight.false_alarms)
 
-    @property
-    def alarm(self) -> Shift | None:
-        """The shift from the baseline, if it alarmed."""
-        return self.drift.alarm if self.drift else None
+    verdicts = ((verdict, found(verdict)) for verdict in flight.assessment.verdicts)
+    advised = tuple(alone if now is alone else with_advice(now) for alone, now in verdicts)
+    return flight.assessment.model_copy(update={"verdicts": advised})
 
-    @property
-    def _condition(self) -> Condition:
-        return condition_with_drift(self._decided, self.alarm)
 
-    def _take(self, event: _RecordedStep) -> None:
-        if event.order:
-            _, self._decided, self._decided_s = self.fault.decided[event.place]
-        elif self.drift is not None:
-            window = self.fault.windows[event.place]
-            start_s = window.end_s - self.record.window_s
-            self.drift.feed(window.value, window.error, window.freedom, start_s)
+def _start_of(assessment: Assessment) -> datetime | None:
+    start = assessment.log.start_utc
+    return None if start is None else datetime.fromisoformat(start)
 
-    def _rule(self) -> str:
-        """Return the reason for the condition as text."""
-        condition, alarms = self._condition, self.record.false_alarms
-        if condition != self._decided and self.drift is not None and self.alarm is not None:
-            return drift_rule(self.fault, self.drift.baseline, self.alarm, alarms)
-        return limit_rule(self.fault, condition, alarms)
+
+def _looked_up(baselines: BaselineSource, airframe: str | None, start: datetime) -> Baselines:
+    return baselines(airframe, start) if callable(baselines) else baselines
 
 
 def packed(flight: LoneFlight) -> bytes:

@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import ConditionChanged, Event, Notice
 from mavhums.flights.aircraft import OtherAircraftError
+from mavhums.flights.compare import Comparison
 from mavhums.live.alerts import Alerts
 from mavhums.live.links import Link, ReceiveClock
 from mavhums.live.peers import Peers
@@ -108,7 +109,8 @@ class Session:
     Parameters
     ----------
     engine
-        A new engine. It needs no key: the stamper's guard has checked the signatures.
+        A new engine, or the comparison that stands in for it. It needs no key: the stamper's guard has
+        checked the signatures.
     reception
         What it receives by.
     ground
@@ -131,7 +133,7 @@ class Session:
 
     def __init__(
         self,
-        engine: Engine,
+        engine: Engine | Comparison,
         reception: Reception,
         ground: GroundStation = GroundStation(),  # noqa: B008 — immutable
         *,

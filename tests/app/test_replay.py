@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -13,14 +14,26 @@ from mavhums import Engine
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
+from mavhums.engine.events import (
+    ComparisonInput,
+    ConditionChanged,
+    Event,
+    Forgotten,
+    Window,
+)
 from mavhums.engine.options import EngineOptions
-from mavhums.flights.compare import LoneFlight, compared, packed, unpacked
+from mavhums.flights.actuator_comparison import ActuatorComparison
+from mavhums.flights.compare import Comparison, LoneFlight, compared, packed, unpacked
 from mavhums.health.decision.baseline import Baseline, Baselines
+from mavhums.health.decision.events import IndicatorStep
+from mavhums.health.decision.limits import Levels
+from mavhums.health.decision.records import Estimate, FaultRecord
 from mavhums.report.assessment import DECIDE, Assessment, Decide
 from mavhums_sim import Flight, Gearbox, fly, write_tlog
 from mavhums_sim.conditions import Condition
 from mavhums_sim.ema import EmaParameters
 from tests.fleet_logs import joined, records
+from tests.strategies import cuts
 
 TWO_MASSES = EmaParameters.from_data_sheet(gearbox=Gearbox())
 KINDS = ("healthy", "wear", "jam", "backlash", "silent", "several", "short")
@@ -28,7 +41,7 @@ KINDS = ("healthy", "wear", "jam", "backlash", "silent", "several", "short")
 
 def in_flight(path: Path, options: EngineOptions, baselines: Baselines) -> Assessment:
     """Judge as a link is judged: the drift test fed while it flies."""
-    engine = Engine(replace(options, baselines=baselines))
+    engine = Comparison(Engine(options), baselines, None, options.false_alarms)
     engine.feed(path.read_bytes())
     engine.finish()
     return engine.assessment(str(path), None)
@@ -134,6 +147,43 @@ def test_the_cases_do_drift_and_replay_says_so(
     assert later == in_flight(logs[kind], Options().resolved(), baselines)
     told = {one.kind for verdict in later.verdicts for one in verdict.evidence}
     assert kind == "short" or "friction_drift" in told
+
+
+@given(kind=st.sampled_from(KINDS), data=st.data())
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_where_blocks_end_changes_no_event_of_the_comparison(
+    logs: dict[str, Path], alone: dict[str, LoneFlight], kind: str, data: st.DataObject
+) -> None:
+    content, baselines = logs[kind].read_bytes(), baselines_about(alone[kind], [0.5], 1e-4)
+
+    def events(places: list[int]) -> dict[tuple[int, str], list[Event]]:
+        engine = Comparison(Engine(), baselines)
+        told = [e for a, b in pairwise([0, *places, len(content)]) for e in engine.feed(content[a:b])]
+        found: dict[tuple[int, str], list[Event]] = {}
+        for event in [*told, *engine.finish()]:
+            if isinstance(event, Window | ConditionChanged):
+                found.setdefault((event.vehicle, event.actuator), []).append(event)
+        return found
+
+    assert events(data.draw(cuts(len(content)))) == events([])
+
+
+def test_an_actuator_that_is_forgotten_takes_its_drift_back() -> None:
+    """What the limits left undecided the baseline degraded: the change that revises it says so."""
+    indicator = FaultRecord("friction", "friction", "N·m", Levels(0.375, 0.875), two_sided=False)
+    comparison = ActuatorComparison({"friction": Baseline(0.2, 0.001, 12, 0.001, 0.002)})
+    told: list[Event] = []
+    for k in range(8):
+        steps = (IndicatorStep(indicator, Estimate(0.3, 0.01, 9.0), None),)
+        told += comparison.follow(ComparisonInput(1, "rudder", 10.0 * k, 10.0 * k + 10.0, steps))
+        told += comparison.follow(
+            Window(1, "rudder", 10.0 * k, 10.0 * k + 10.0, 1.0, None, None, "undecided")
+        )
+    told += comparison.follow(Forgotten(1, "rudder", 85.0, "undecided: it moves something else"))
+    drifted, revised = (event for event in told if isinstance(event, ConditionChanged))
+    assert (drifted.before, drifted.after, drifted.since_s) == ("undecided", "degraded", 0.0)
+    assert (revised.before, revised.after, revised.time_s) == ("degraded", "undecided", 85.0)
+    assert [event.condition for event in told if isinstance(event, Window)][-1] == "degraded"
 
 
 def test_without_baselines_the_flight_alone_is_returned(alone: dict[str, LoneFlight]) -> None:

@@ -23,6 +23,7 @@ from mavhums.core.errors import ExitCode
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import AirframeNamed, Classified, ConditionChanged, Notice, Samples, Window
 from mavhums.engine.options import EngineOptions
+from mavhums.flights.compare import Comparison
 from mavhums.health.decision.baseline import Baseline
 from mavhums.learn import Model, default_model, packaged_models
 from mavhums.report.assessment import Assessment, Verdict, json_schema
@@ -574,7 +575,11 @@ def test_the_supplys_sag_is_seen_by_an_esc_at_the_bus() -> None:
 def test_baselines_reach_the_actuator_that_they_are_of(growing_record: FlightRecord) -> None:
     own = Baseline(mean=0.10, error=0.001, flights=10, between=0.002, spread=0.003)
     baselines = {(1, "rudder", "friction"): own, (2, "aileron_left", "friction"): own}
-    assessment = judge_records((data for _, data in packed(growing_record)), baselines=baselines)
+    comparison = Comparison(Engine(), baselines)
+    for _, data in packed(growing_record):
+        comparison.feed(data)
+    comparison.finish()
+    assessment = comparison.assessment()
     rudder = of(assessment, "rudder")
     assert rudder.condition == "degraded"
     assert "friction_drift" in [e.kind for e in rudder.evidence]

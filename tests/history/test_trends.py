@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -19,11 +20,13 @@ from mavhums.app.settings import Settings
 from mavhums.cli import options
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
+from mavhums.flights.actuator_comparison import ActuatorComparison
+from mavhums.flights.compare import Comparison
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
-from mavhums.health.actuator.monitor import Monitor
 from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.events import ComparisonInput, ConditionChanged
 from mavhums.report.assessment import Evidence, Interval
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
@@ -335,34 +338,39 @@ def test_of_several_logs_each_is_held_against_those_before(
     assert known == [3, 3, 3]
 
 
-def test_each_monitor_gets_the_baselines_of_its_own_actuator(
+def test_each_actuator_is_compared_with_its_own_baselines(
     logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for day in (*range(-13, -1), 0.5, 5):
         wear = (verdict(shown(0.2)), verdict(shown(0.3), actuator="rudder"))
         keep_assessment(flown(*wear, day=day), tmp_path)
-    given: dict[str, Any] = {}
+    given: dict[str, Mapping[str, Baseline]] = {}
 
-    class Spy(Monitor):
-        def __init__(self, vehicle: int, actuator: Any, *rest: Any, **named: Any) -> None:
-            given[actuator.name] = named["baselines"]
-            super().__init__(vehicle, actuator, *rest, **named)
+    class Spy(ActuatorComparison):
+        def __init__(self, baselines: Mapping[str, Baseline], false_alarms: float) -> None:
+            self.known = baselines
+            super().__init__(baselines, false_alarms)
 
-    def follow(**given: Any) -> None:
+        def take(self, event: ComparisonInput) -> list[ConditionChanged]:
+            given[event.actuator] = self.known
+            return super().take(event)
+
+    def follow(**options: Any) -> None:
         """Judge in flight, as where somebody follows the events."""
-        mavhums.analyse(logs[0], mavhums.Options(**given), consume=lambda events: None)
+        given.clear()
+        mavhums.analyse(logs[0], mavhums.Options(**options), consume=lambda events: None)
 
-    monkeypatch.setattr("mavhums.engine.monitors.Monitor", Spy)
+    monkeypatch.setattr("mavhums.flights.compare.ActuatorComparison", Spy)
     follow(history=tmp_path)
     expected = Baseline.of([shown(0.2)] * 12)
     assert given["elevator"] == {"friction": expected}
     assert given["rudder"]["friction"].mean == pytest.approx(0.3)
-    assert given["aileron_left"] == {}
+    assert given.keys() == {"elevator", "rudder"}
     follow(history=tmp_path, since={"elevator": START - timedelta(days=11, hours=1)})
     assert given["elevator"]["friction"].flights == 10
     assert given["rudder"]["friction"].flights == 12
     follow()
-    assert given["elevator"] == {}
+    assert not given
 
 
 def test_a_log_without_a_date_has_no_baseline(
@@ -377,13 +385,14 @@ def test_a_log_without_a_date_has_no_baseline(
     for log, undated in ((logs[0], False), (tmp_path / "flight.raw", True)):
         if undated:
             log.write_bytes(_without_times(logs[0].read_bytes()))
-        engine = mavhums.Engine(mavhums.EngineOptions(baselines=baselines))
+        engine = Comparison(mavhums.Engine(), baselines)
         engine.feed(log.read_bytes())
         engine.finish()
-        assert {name for name, _ in asked} == {"paper"}
         said = engine.assessment().log.start_utc
-        assert {before.isoformat() if before else None for _, before in asked} == {said}
         assert (said is None) == undated
+        assert [(name, before and before.isoformat()) for name, before in asked] == [("paper", said)] * (
+            not undated
+        )
         asked.clear()
 
 

@@ -39,7 +39,9 @@ def test_a_burst_of_spoofed_senders_leaves_nothing(rig: Rig, worn_pieces: list[P
     rig.hear(worn_pieces + burst)
     assert max(held) <= 65, "64 senders and the one that takes another's place"
     assert len(rig.peers) <= 64
-    decoder = rig.session._engine._decoder._chosen
+    engine = rig.session._engine
+    assert isinstance(engine, Engine)
+    decoder = engine._decoder._chosen
     assert isinstance(decoder, MavlinkDecoder)
     assert decoder._stats._senders.size <= 1024
     assert len(decoder.counts) <= 1100
@@ -60,7 +62,9 @@ def test_a_stream_is_not_cut_by_senders_of_another_link(rig: Rig, worn_pieces: l
             both += [next(spoofed)._replace(time_us=piece.time_us) for _ in range(100)]
     for k in range(0, len(both), 1000):
         rig.session.take(both[k : k + 1000])
-    counts = rig.session._engine._decoder.counts
+    engine = rig.session._engine
+    assert isinstance(engine, Engine)
+    counts = engine._decoder.counts
     assert sum(count for (system, _, _), count in counts.items() if system == 1) == 40
     rig.session.close()
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,9 +30,14 @@ from mavhums.health.actuator.votes import (
     outcomes,
     window_outcomes,
 )
-from mavhums.health.decision.baseline import Baseline
-from mavhums.health.decision.conditions import ConditionTracker, IndicatorChange
-from mavhums.health.decision.events import ConditionChanged, Indication, Window
+from mavhums.health.decision.conditions import ConditionTracker
+from mavhums.health.decision.events import (
+    ComparisonInput,
+    ConditionChanged,
+    Indication,
+    IndicatorStep,
+    Window,
+)
 from mavhums.health.decision.evidence import concludes, in_order, ranked
 from mavhums.health.decision.limits import Panel, WindowEvaluation
 from mavhums.health.decision.records import ActuatorRecord
@@ -47,6 +52,8 @@ from mavhums.health.estimation.thresholds import WINDOW_S, WINDOW_SLOTS
 from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
 _MOST_WAITING = 64
+
+MonitorEvent = Window | ConditionChanged | Indication | ComparisonInput
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +95,6 @@ class Monitor:
     by_network
         Whether the networks, if there are any, decide the friction in place of the physics. They do in any
         case if the profile has no limits, without which the physics decides no friction.
-    baselines
-        Baselines from the actuator's earlier flights, by fault.
     window_s
         Length of a window; each slides by a tenth of it.
     false_alarms
@@ -105,7 +110,6 @@ class Monitor:
         networks: Sequence[Classifier] = (),
         *,
         by_network: bool = False,
-        baselines: Mapping[str, Baseline] | None = None,
         window_s: float = WINDOW_S,
         false_alarms: float = FALSE_ALARMS,
         recorded: bool = False,
@@ -130,7 +134,6 @@ class Monitor:
         self._trackers = {
             detector.fault: IndicatorTracker(
                 detector,
-                (baselines or {}).get(detector.fault),
                 window_s=window_s,
                 false_alarms=false_alarms,
                 recorded=recorded,
@@ -163,7 +166,7 @@ class Monitor:
         bus_v: Array | None = None,
         airspeed: Array | None = None,
         magnitudes: Array | None = None,
-    ) -> Iterator[Window | ConditionChanged | Indication]:
+    ) -> Iterator[MonitorEvent]:
         """Process samples at flight times ``time_s`` (n,), ``values`` V1…V12 (n, 12).
 
         ``measured`` (n, 12) marks measured values, as opposed to derived ones; all if omitted. The rotor's
@@ -184,7 +187,7 @@ class Monitor:
         if self._cutter.completes(self._latest_s) or len(self._waiting) >= _MOST_WAITING:
             yield from self._judge(self._cut())
 
-    def finish(self) -> Iterator[Window | ConditionChanged | Indication]:
+    def finish(self) -> Iterator[MonitorEvent]:
         """Process the remaining samples, and judge by the whole flight what its windows left undecided."""
         if self._waiting:
             yield from self._judge(self._cut())
@@ -197,12 +200,13 @@ class Monitor:
         trackers = self._deciding()
         friction = trackers.get("friction")
         judged = friction.judged if friction else 0
-        concluded = [
-            (fault, tracker.conclude(whole, start_s, end_s))
-            for fault, tracker in trackers.items()
+        steps = tuple(
+            tracker.conclude(whole, start_s, end_s)
+            for tracker in trackers.values()
             if concludes(tracker.judged, judged) or tracker.surely_grave(whole)
-        ]
-        yield from self._changed([(fault, change) for fault, change in concluded if change], end_s)
+        )
+        yield ComparisonInput(self.vehicle, self.actuator.name, start_s, end_s, steps, whole=True)
+        yield from self._changed(steps, end_s)
         self._friction = (friction and friction.concluded) or self._friction
 
     @property
@@ -272,10 +276,13 @@ class Monitor:
             rate_hz=self._samples / max(lasted_s, self._slot_s),
         )
 
-    def record(self) -> ActuatorRecord:
-        """Return the flight's record for the comparison with other flights, if it was ``recorded``."""
-        whole, latest = self._fits.whole(), self._tally.latest
-        faults = tuple(record_of(tracker, whole) for tracker in self._deciding().values())
+    def record(self, *, whole: bool = True) -> ActuatorRecord:
+        """Return the flight's record for the comparison with other flights.
+
+        It has windows and decisions if the flight is ``recorded``, and estimates over the ``whole`` flight.
+        """
+        flight, latest = self._fits.whole() if whole else {}, self._tally.latest
+        faults = tuple(record_of(tracker, flight) for tracker in self._deciding().values())
         return ActuatorRecord(
             window_s=self._window_s,
             false_alarms=self._false_alarms,
@@ -291,7 +298,7 @@ class Monitor:
         self._waiting.clear()
         return self._cutter.feed(time_s, with_extra_columns(*quantities))
 
-    def _judge(self, slots: Slots | None) -> Iterator[Window | ConditionChanged | Indication]:
+    def _judge(self, slots: Slots | None) -> Iterator[MonitorEvent]:
         if slots is None:
             return
         for own in self._own:
@@ -306,23 +313,23 @@ class Monitor:
         whole = slots.index - self._first + 1 >= WINDOW_SLOTS
         end_s: Array = np.asarray((slots.index[whole] + 1) * self._slot_s, dtype=np.float64)
         looks = dict(zip(self._trackers, self._panel.feed(found, whole), strict=True))
-        changes: dict[int, list[tuple[str, IndicatorChange]]] = {}
+        steps: dict[int, list[IndicatorStep]] = {}
         deciding = self._deciding()
         for fault, look in looks.items():
             yield from self._indicate(fault, look, end_s)
-            for change in self._trackers[fault].feed(look, end_s):
+            for k, step in self._trackers[fault].feed(look, end_s).items():
                 # Where a network decides the friction, the physics is shown and changes nothing.
                 if fault in deciding:
-                    changes.setdefault(change.window, []).append((fault, change))
+                    steps.setdefault(k, []).append(step)
         friction = _intervals(looks["friction"]) if "friction" in looks else {}
         ballots = votes[whole].astype(np.int64)
         if self._by_window:
             voted = window_outcomes(self._networks, ballots, sums[whole])
         else:
             voted = outcomes(self._networks, ballots)
-        for change in self._tally.feed(voted, end_s.tolist()):
+        for k, change in self._tally.feed(voted, end_s.tolist()):
             if self._by_network:
-                changes.setdefault(change.window, []).append(("friction", change))
+                steps.setdefault(k, []).append(IndicatorStep(self._tally.described, None, change))
         answered = {k for k, vote in enumerate(voted) if vote}
         self._count_decidable(
             [looks[fault] for fault in deciding], answered if self._by_network else friction.keys()
@@ -330,7 +337,11 @@ class Monitor:
         for k, (end, fraction, vote) in enumerate(
             zip(end_s.tolist(), moving[whole].tolist(), voted, strict=True)
         ):
-            changed = [*self._changed(changes.get(k, []), end)]
+            said = tuple(steps.get(k, ()))
+            if said:
+                start_s, name = end - self._window_s, self.actuator.name
+                yield ComparisonInput(self.vehicle, name, start_s, end, said)
+            changed = [*self._changed(said, end)]
             yield self._window(end, fraction, friction.get(k), vote)
             yield from changed
 
@@ -369,12 +380,10 @@ class Monitor:
                 self.vehicle, self.actuator.name, fault, end_s[shown], value, value - half, value + half
             )
 
-    def _changed(
-        self, changes: list[tuple[str, IndicatorChange]], end_s: float
-    ) -> Iterator[ConditionChanged]:
+    def _changed(self, steps: Iterable[IndicatorStep], end_s: float) -> Iterator[ConditionChanged]:
         """Process the detectors' changes; report a change of the actuator's condition."""
-        for fault, change in changes:
-            turn = self._held.take(fault, change)
+        for indicator, _, change in steps:
+            turn = self._held.take(indicator.fault, change) if change else None
             if turn is not None:
                 yield ConditionChanged(self.vehicle, self.actuator.name, end_s, *turn)
 

@@ -65,8 +65,9 @@ class NetworkTally:
         self.latest: tuple[float, VoteOutcome] | None = None
         self.worst: Condition = "undecided"
         self._window_s = window_s
-        self._levels = Levels(EVEN_PROBABILITY, EVEN_PROBABILITY)
-        self._decision = Decision(self._levels)
+        levels = Levels(EVEN_PROBABILITY, EVEN_PROBABILITY)
+        self.described = FaultRecord("friction", _QUANTITY, "1", levels, two_sided=False)
+        self._decision = Decision(levels)
         self._decided: list[Decided] = []
         self._episodes = Episodes()
         self._first_s: float | None = None
@@ -80,8 +81,8 @@ class NetworkTally:
 
     def feed(
         self, outcomes: Sequence[VoteOutcome | None], end_s: Sequence[float]
-    ) -> Iterator[IndicatorChange]:
-        """Take the outcomes of the windows that end at ``end_s``; yield the changes of the condition."""
+    ) -> Iterator[tuple[int, IndicatorChange]]:
+        """Take the outcomes of the windows that end at ``end_s``; yield each change, with its window."""
         for k, (said, end) in enumerate(zip(outcomes, end_s, strict=True)):
             if said is None:
                 continue
@@ -99,7 +100,7 @@ class NetworkTally:
                 if self._recorded:
                     self._decided.append(Decided(end, condition, since_s))
                 self._episodes.begin_decided(condition, since_s, end, said.p_emergency)
-                yield IndicatorChange(k, condition, since_s, _rule(condition))
+                yield k, IndicatorChange(condition, since_s, _rule(condition))
             else:
                 agrees = severity == SEVERITY[self._decision.condition]
                 self._episodes.extend(said.p_emergency, end, agrees=agrees)
@@ -140,19 +141,7 @@ class NetworkTally:
     def record(self) -> FaultRecord:
         """Return the record of a flight whose friction the network decides, for a later comparison."""
         latest = None if self.latest is None else Estimate(self.latest[1].p_emergency, 0.0, 1.0)
-        return FaultRecord(
-            fault="friction",
-            quantity=_QUANTITY,
-            unit="1",
-            levels=self._levels,
-            two_sided=False,
-            windows=(),
-            decided=tuple(self._decided),
-            settled=None,
-            whole=None,
-            latest=latest,
-            evidence=self.evidence(),
-        )
+        return self.described._replace(decided=tuple(self._decided), latest=latest, evidence=self.evidence())
 
     def why_undecided(self) -> tuple[str, str]:
         """Return reason and remedy if the network decides and held no condition."""

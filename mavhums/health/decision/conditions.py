@@ -14,9 +14,8 @@ _MOST_EPISODES = 100
 
 
 class IndicatorChange(NamedTuple):
-    """A change of an indicator's condition: the window k that brings it, and the onset."""
+    """A change of an indicator's condition, its onset, and the reason as text."""
 
-    window: int
     condition: Condition
     since_s: float
     rule: str
@@ -47,9 +46,9 @@ class ConditionTracker:
     Examples
     --------
     >>> tracker = ConditionTracker()
-    >>> tracker.take("friction", IndicatorChange(0, "normal", 0.0, "normal: …")).after
+    >>> tracker.take("friction", IndicatorChange("normal", 0.0, "normal: …")).after
     'normal'
-    >>> tracker.take("backlash", IndicatorChange(5, "degraded", 3.0, "degraded: …")).since_s
+    >>> tracker.take("backlash", IndicatorChange("degraded", 3.0, "degraded: …")).since_s
     3.0
     >>> tracker.condition, tracker.worst
     ('degraded', 'degraded')

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import Condition
+from mavhums.health.decision.conditions import IndicatorChange
+from mavhums.health.decision.records import Estimate, FaultRecord
 from mavhums.report.assessment import Interval
 
 
@@ -47,6 +50,43 @@ class ConditionChanged:
     rule: str
     fault: str = "friction"
     finding: str = ""
+
+
+class IndicatorStep(NamedTuple):
+    """What a window says of one indicator, of which ``indicator`` is the description, without a flight.
+
+    ``estimate`` is None if the window overlaps the previous one that has one, or shows nothing; ``change`` is
+    the change of the decision by limits, if there is one.
+    """
+
+    indicator: FaultRecord
+    estimate: Estimate | None
+    change: IndicatorChange | None
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonInput:
+    """What an actuator's window adds to the comparison with its earlier flights; it precedes the window.
+
+    With ``whole``, it is the flight as a whole, which may decide at its end.
+    """
+
+    vehicle: int
+    actuator: str
+    start_s: float
+    end_s: float
+    steps: tuple[IndicatorStep, ...]
+    whole: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Forgotten:
+    """What was judged of an actuator no longer counts, for the reason in ``rule``."""
+
+    vehicle: int
+    actuator: str
+    time_s: float
+    rule: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -62,12 +62,12 @@ class FaultRecord(NamedTuple):
     unit: str
     levels: Levels
     two_sided: bool
-    windows: tuple[WindowRecord, ...]
-    decided: tuple[Decided, ...]
-    settled: Condition | None
-    whole: Estimate | None
-    latest: Estimate | None
-    evidence: tuple[Evidence, ...]
+    windows: tuple[WindowRecord, ...] = ()
+    decided: tuple[Decided, ...] = ()
+    settled: Condition | None = None
+    whole: Estimate | None = None
+    latest: Estimate | None = None
+    evidence: tuple[Evidence, ...] = ()
 
 
 class ActuatorRecord(NamedTuple):

@@ -15,14 +15,15 @@ from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.tiers import tier_named
 from mavhums.core.quantities import KEYS, column
-from mavhums.flights.compare import against_baselines
-from mavhums.health.actuator.monitor import Monitor
+from mavhums.engine.events import Event
+from mavhums.flights.actuator_comparison import ActuatorComparison, events_of
+from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.verdict.actuator import verdict_of_actuator
+from mavhums.health.verdict.actuator import against_baseline, verdict_of_actuator
 from mavhums.report.assessment import Coverage
 from mavhums_sim.conditions import Condition
 from mavhums_sim.sensors import EscSide
-from tests.health.flown import Telemetry, actuator_of, flown, telemetry
+from tests.health.flown import Telemetry, actuator_of, compared, flown, telemetry
 
 TIERS = ("instrumented", "esc-signed", "esc-unsigned", "esc at the bus", "angles")
 FAULTS = {"none": 0.0, "friction": 0.7, "backlash": 0.3, "resistance": 0.3, "jam": 10.0}
@@ -100,17 +101,16 @@ def test_where_no_window_is_decidable_nothing_is_decided(
     values = seen.values.copy()
     values[~shown(seen, spans), column("V7")] = np.nan
     gave = np.tile(measured, (seen.time_s.size, 1))
-    monitor = Monitor(1, actuator, baselines=BASELINES if against else None)
-    alone = Monitor(1, actuator, recorded=True)
+    monitor, own = Monitor(1, actuator, recorded=True), BASELINES if against else {}
+    events: list[Event] = []
     for block in np.array_split(np.arange(seen.time_s.size), 13):
         bus_v = None if seen.bus_v is None else seen.bus_v[block]
-        for one in (monitor, alone):
-            list(one.feed(seen.time_s[block], values[block], gave[block], bus_v))
-        agrees(monitor)
-    for one in (monitor, alone):
-        list(one.finish())
-    agrees(monitor)
-    findings, end_s = alone.findings(), float(seen.time_s[-1])
+        events += monitor.feed(seen.time_s[block], values[block], gave[block], bus_v)
+        agrees(compared(monitor, events, own)[1])
+    events += monitor.finish()
+    now = compared(monitor, events, own)[1]
+    agrees(now)
+    findings, end_s = monitor.findings(), float(seen.time_s[-1])
     verdict = verdict_of_actuator(
         1,
         actuator,
@@ -123,15 +123,16 @@ def test_where_no_window_is_decidable_nothing_is_decided(
         tier=tier_named("named"),
     )
     if against:
-        verdict = against_baselines(verdict, alone.record(), BASELINES, start_utc=START, end_s=end_s)
-    now = monitor.findings()
+        record, again = monitor.record(), ActuatorComparison(BASELINES)
+        for event in events_of(record, 1, actuator.name):
+            again.take(event)
+        verdict = against_baseline(verdict, again.findings(record), start_utc=START, end_s=end_s)
     assert (verdict.condition, verdict.worst) == (now.condition, now.worst)
     assert verdict.coverage.decidable == now.coverage.decidable
     assert (verdict.reason is not None) == (verdict.condition == "undecided")
 
 
-def agrees(monitor: Monitor) -> None:
-    findings = monitor.findings()
+def agrees(findings: ActuatorFindings) -> None:
     rests_on: Coverage = findings.coverage
     assert rests_on.decidable <= rests_on.windows
     if rests_on.decidable == 0:

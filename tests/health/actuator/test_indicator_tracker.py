@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -11,18 +12,30 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from mavhums.core.conditions import Condition
+from mavhums.flights.actuator_comparison import IndicatorComparison
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.actuator.indicator_tracker import IndicatorTracker, evidence_of, indicator_of, suspect_of
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.conditions import IndicatorChange
+from mavhums.health.decision.events import ComparisonInput, IndicatorStep
 from mavhums.health.decision.limits import Levels, Panel
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
+from mavhums.report.assessment import Evidence, Suspect
 
 NOTHING: Mapping[str, Fit] = {}
 BASELINE = Baseline(mean=0.2, error=0.001, flights=10, between=0.002, spread=0.003)
 ERROR = 0.01
+
+
+class Changed(NamedTuple):
+    """A change of the condition, and the window that causes it."""
+
+    window: int
+    condition: Condition
+    since_s: float
+    rule: str
 
 
 class Wear:
@@ -71,11 +84,34 @@ def one(value: float, error: float = ERROR, freedom: float = 9.0) -> Estimates:
 
 
 class Followed(IndicatorTracker):
-    """A tracker with a panel of its own."""
+    """A tracker with a panel of its own, and the comparison with a baseline that its steps feed."""
 
     def __init__(self, detector: Detector, baseline: Baseline | None, false_alarms: float) -> None:
-        super().__init__(detector, baseline, window_s=10.0, false_alarms=false_alarms)
+        super().__init__(detector, window_s=10.0, false_alarms=false_alarms)
         self.panel = Panel([detector.levels], [detector.two_sided], false_alarms)
+        self.comparison = IndicatorComparison(self.described, baseline, false_alarms)
+
+    @property
+    def condition(self) -> Condition:
+        return self.comparison.condition
+
+    def compare(
+        self, step: IndicatorStep, start_s: float, end_s: float, *, whole: bool = False
+    ) -> IndicatorChange | None:
+        event = ComparisonInput(1, "elevator", start_s, end_s, (step,), whole)
+        change = self.comparison.take(step, event)
+        if self.comparison.alarm is None:
+            # Without a shift the comparison changes nothing.
+            assert change == step.change
+        return change
+
+    def evidence(self) -> list[Evidence]:
+        return [*evidence_of(self), *self.comparison.evidence()]
+
+    def suspect(self) -> Suspect | None:
+        found = next(self.comparison.suspects(self.latest), None)
+        assert self.comparison.alarm is not None or found == suspect_of(self)
+        return found
 
 
 def tracker(
@@ -87,16 +123,21 @@ def tracker(
 
 def follow(
     followed: Followed, values: Sequence[float], start_s: float = 0.0, error: float = ERROR
-) -> list[IndicatorChange]:
+) -> list[Changed]:
     """Feed windows of 10 s that end a second after one another; return the changes."""
     array = np.array(values, dtype=float)
     end_s = start_s + 10.0 + np.arange(array.size, dtype=np.float64)
     estimates = Estimates(array, np.full(array.size, error), np.full(array.size, 9.0))
     (look,) = followed.panel.feed([estimates], np.ones(array.size, dtype=bool))
-    return followed.feed(look, end_s)
+    changes = []
+    for k, step in followed.feed(look, end_s).items():
+        end = float(end_s[k])
+        change = followed.compare(step, end - followed.window_s, end)
+        changes += [Changed(k, *change)] if change else []
+    return changes
 
 
-def changed(changes: Sequence[IndicatorChange]) -> list[tuple[int, Condition, float]]:
+def changed(changes: Sequence[Changed]) -> list[tuple[int, Condition, float]]:
     return [(change.window, change.condition, change.since_s) for change in changes]
 
 
@@ -106,7 +147,7 @@ def test_a_tracker_decides_and_says_from_which_window_on_and_since_when() -> Non
     assert changed(changes) == [(4, "normal", 0.0), (34, "degraded", 35.0), (54, "emergency", 55.0)]
     assert changes[1].rule == "degraded: wear reliably above 0.5 mm, with ≤ 1 false alarm per 100 h"
     assert changes[2].rule == "emergency: interval of wear reaches 1 mm, with ≤ 1 false alarm per 100 h"
-    assert (followed.condition, followed.since_s) == ("emergency", 55.0)
+    assert (followed.condition, followed.decision.since_s) == ("emergency", 55.0)
 
 
 def test_windows_that_show_nothing_change_nothing() -> None:
@@ -223,13 +264,13 @@ def test_a_drift_degrades_what_the_limits_call_normal() -> None:
     assert change.condition == "degraded"
     assert change.rule.startswith("degraded: wear +0.")
     assert "from its own baseline of 0.2 mm over 10 flights" in change.rule
-    assert followed.since_s == change.since_s == 40.0  # start of the first window that shows it
-    (found,) = evidence_of(followed)
+    assert change.since_s == 40.0  # start of the first window that shows it
+    (found,) = followed.evidence()
     assert (found.kind, found.limit) == ("wear_drift", 0.2)
     assert found.value == pytest.approx(0.3, abs=0.05)
     assert found.start_s == change.since_s
     assert 80.0 <= found.end_s <= 110.0
-    suspect = suspect_of(followed)
+    suspect = followed.suspect()
     assert suspect is not None
     assert suspect.confidence > 0.99
 
@@ -238,9 +279,9 @@ def test_what_left_its_baseline_before_its_limit_has_been_degraded_since_then() 
     followed = tracker(baseline=BASELINE)
     follow(followed, [0.2] * 40)
     (drifted,) = follow(followed, [0.3] * 60, 40.0)
-    follow(followed, [0.7] * 60, 100.0)
-    assert (followed.condition, followed.since_s) == ("degraded", drifted.since_s)
-    assert {e.kind for e in evidence_of(followed)} == {"wear", "wear_drift"}
+    assert follow(followed, [0.7] * 60, 100.0) == []
+    assert (followed.condition, drifted.since_s) == ("degraded", 40.0)
+    assert {e.kind for e in followed.evidence()} == {"wear", "wear_drift"}
     (worse,) = follow(followed, [1.2] * 60, 160.0)
     assert (worse.condition, worse.since_s) == ("emergency", 165.0)
 
@@ -249,8 +290,8 @@ def test_a_change_of_side_is_a_drift() -> None:
     followed = tracker(Bias(), BASELINE)
     follow(followed, [0.2] * 40 + [-0.2] * 40)
     assert followed.condition == "degraded"
-    assert evidence_of(followed)[0].value == pytest.approx(-0.2, abs=0.05)
-    suspect = suspect_of(followed)
+    assert followed.evidence()[0].value == pytest.approx(-0.2, abs=0.05)
+    suspect = followed.suspect()
     assert suspect is not None
     assert suspect.confidence > 0.99
 
@@ -258,7 +299,7 @@ def test_a_change_of_side_is_a_drift() -> None:
 def test_a_baseline_that_is_held_is_no_drift() -> None:
     followed = tracker(baseline=BASELINE)
     follow(followed, [0.2] * 400)
-    assert (followed.condition, evidence_of(followed), suspect_of(followed)) == ("normal", [], None)
+    assert (followed.condition, followed.evidence(), followed.suspect()) == ("normal", [], None)
 
 
 def test_each_second_is_counted_once_in_the_scatter() -> None:
@@ -275,8 +316,8 @@ def test_each_second_is_counted_once_in_the_scatter() -> None:
     assert indicator.scatter == pytest.approx(np.std(values[::10], ddof=1))
 
 
-def test_an_indicator_is_the_whole_flights_with_its_interval_limits_and_baseline() -> None:
-    followed = tracker(Wear(whole=one(0.21, 0.02, 20.0)), BASELINE)
+def test_an_indicator_is_the_whole_flights_with_its_interval_and_limits() -> None:
+    followed = tracker(Wear(whole=one(0.21, 0.02, 20.0)))
     follow(followed, [0.2] * 30)
     indicator = indicator_of(followed, NOTHING)
     assert indicator is not None
@@ -285,7 +326,6 @@ def test_an_indicator_is_the_whole_flights_with_its_interval_limits_and_baseline
     assert (indicator.value.low, indicator.value.high) == pytest.approx((0.21 - half, 0.21 + half))
     assert (indicator.fault, indicator.quantity, indicator.unit) == ("wear", "wear", "mm")
     assert (indicator.limit, indicator.emergency) == (0.5, 1.0)
-    assert indicator.baseline == BASELINE.prediction()
     for whole in (None, one(np.nan)):
         silent = tracker(Wear(whole=whole))
         follow(silent, [0.2] * 30)
@@ -298,7 +338,8 @@ def test_an_indicator_is_the_whole_flights_with_its_interval_limits_and_baseline
 def test_what_no_window_shows_the_whole_flight_may(value: float, condition: Condition) -> None:
     followed = tracker(Friction(whole=one(value)))
     assert follow(followed, [np.nan] * 30) == []
-    change, interval = followed.conclude(NOTHING, 3.0, 90.0), followed.concluded
+    step = followed.conclude(NOTHING, 3.0, 90.0)
+    change, interval = followed.compare(step, 3.0, 90.0, whole=True), followed.concluded
     assert change is not None
     assert interval is not None
     assert (change.condition, change.since_s) == (condition, 3.0)
@@ -309,7 +350,7 @@ def test_what_no_window_shows_the_whole_flight_may(value: float, condition: Cond
     )
     (episode,) = evidence_of(followed)
     assert (episode.start_s, episode.end_s, episode.value) == (3.0, 90.0, value)
-    assert (followed.condition, followed.since_s) == (condition, 3.0)
+    assert (followed.condition, followed.decision.since_s) == (condition, 3.0)
     suspect = suspect_of(followed)
     assert (suspect is None) == (condition == "normal")
     assert suspect is None or suspect.confidence > 0.99
@@ -319,7 +360,7 @@ def test_the_whole_flight_adds_a_fault_and_ends_none() -> None:
     for windows, whole, condition in ((0.2, 1.2, "emergency"), (0.7, 0.2, "degraded"), (0.2, 0.2, "normal")):
         followed = tracker(Friction(whole=one(whole)))
         follow(followed, [windows] * 30)
-        change = followed.conclude(NOTHING, 0.0, 40.0)
+        change = followed.compare(followed.conclude(NOTHING, 0.0, 40.0), 0.0, 40.0, whole=True)
         assert (change is not None) == (condition == "emergency")
         assert followed.condition == condition
 
@@ -327,7 +368,7 @@ def test_the_whole_flight_adds_a_fault_and_ends_none() -> None:
 def test_the_whole_flight_may_say_nothing() -> None:
     for whole in (None, one(np.nan), one(0.75, 0.3)):
         unsure = tracker(Friction(whole=whole))
-        assert unsure.conclude(NOTHING, 0.0, 40.0) is None
+        assert unsure.conclude(NOTHING, 0.0, 40.0).change is None
         assert (unsure.condition, evidence_of(unsure)) == ("undecided", [])
 
 
