@@ -19,6 +19,7 @@ from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_same_aircraft, latest
 from mavhums.flights.compare import Comparison, LoneFlight, compared
 from mavhums.flights.store import with_duplicate_flights
+from mavhums.flights.trends import with_standings
 from mavhums.log import Decoder, read_blocks
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 
@@ -310,7 +311,7 @@ def compared_with_own(flight: LoneFlight, settings: Settings) -> Assessment:
     assessment = with_aircraft_identity(flight.assessment, settings)
     since = latest(settings.since, settings.whose.since(assessment))
     own = flight._replace(assessment=assessment)
-    return compared(own, *settings.earlier(since))
+    return with_standings(compared(own, *settings.earlier(since)), settings.history, since)
 
 
 def with_aircraft_identity(assessment: Assessment, settings: Settings) -> Assessment:
@@ -332,7 +333,8 @@ def _judged_with(
     options, since = settings.engine, latest(settings.since, _swaps(path, settings))
     engine = Comparison(Engine(options), *settings.earlier(since), options.false_alarms)
     digest = _fed(path, engine, options.dialect, consumers, progress)
-    return with_aircraft_identity(engine.assessment(str(path), digest), settings)
+    assessment = with_aircraft_identity(engine.assessment(str(path), digest), settings)
+    return with_standings(assessment, settings.history, since)
 
 
 def _fed(

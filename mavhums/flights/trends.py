@@ -16,22 +16,23 @@ from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, URGENCY
 from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
 from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
-from mavhums.flights.history import FlightHistory
+from mavhums.flights.history import FlightHistory, PastFlight, UndatedError
 from mavhums.flights.standing import Flown, growth_of, standing_of, step_of
+from mavhums.flights.store import EarlierFlights
 from mavhums.flights.stores.folder import read_history
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import course_of, last_step
 from mavhums.health.decision.thresholds import TREND_FLIGHTS
 from mavhums.health.decision.trend import Trend, fit_trend
-from mavhums.report.assessment import ALL, Indicator, Interval, Verdict
+from mavhums.report.assessment import ALL, Assessment, Indicator, Interval, Verdict
 from mavhums.report.standing import FlightsLeft, Growth, Standing, Step
 from mavhums.report.trend import ActuatorTrend, FlightPoint, LastFlight, TrendReport, to_frame
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["own_trend_report", "trend", "trend_report"]
+__all__ = ["own_trend_report", "trend", "trend_report", "with_standings"]
 
 _NORMAL_95 = 1.96
 _POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
@@ -153,6 +154,39 @@ def trend_report(
         others=tuple(sorted(others, key=lambda one: (-URGENCY[one.condition], one.vehicle, one.actuator))),
         standings=tuple(sorted(standings, key=lambda one: one.rank)),
     )
+
+
+def with_standings(assessment: Assessment, earlier: EarlierFlights, since: Since | None) -> Assessment:
+    """Return an assessment with how each actuator stands over its flights, this one included.
+
+    Parameters
+    ----------
+    assessment
+        Of the flight, compared with the earlier ones.
+    earlier
+        The aircraft's flights; those after this one do not count.
+    since
+        Dates from which an actuator's flights count.
+    """
+    try:
+        flown = PastFlight.of(assessment)
+    except UndatedError:
+        return assessment
+    recent = earlier.recent()
+    before = tuple(one for one in recent if one.end <= flown.start and one.log != flown.log)
+    if not before:
+        return assessment
+    report = trend_report(FlightHistory((*before, flown)), repaired=since)
+    found = {
+        (one.vehicle, one.actuator): one
+        for one in report.standings
+        if one.airframe == assessment.airframe and one.last_utc == flown.start.isoformat()
+    }
+    verdicts = tuple(
+        verdict.model_copy(update={"standing": found.get((verdict.vehicle or 0, verdict.actuator))})
+        for verdict in assessment.verdicts
+    )
+    return assessment.model_copy(update={"verdicts": verdicts})
 
 
 def _last_flight(flown: Flown) -> LastFlight:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
-from mavhums.core.conditions import URGENCY, Condition
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
 from mavhums.core.notice import NOTICE
@@ -318,9 +318,13 @@ class Assessment(Contract):
     def exit_code(self) -> ExitCode:
         """The exit code for the worst condition.
 
-        Unmonitored actuators do not count, unless no actuator was judged.
+        Unmonitored actuators do not count, unless no actuator was judged. What stands over the flights
+        counts, too, and certain growth is degraded.
         """
-        code = exit_code_of(verdict.gravest for verdict in self.verdicts)
+        found = [verdict.gravest for verdict in self.verdicts]
+        stands = [verdict.standing for verdict in self.verdicts if verdict.standing]
+        found += [one.condition for one in stands if SEVERITY[one.condition] > 0]
+        code = exit_code_of([*found, *("degraded" for one in stands if one.growth)])
         return ExitCode.READ_WITH_LOSSES if code == ExitCode.OK and self.log.losses.any else code
 
 

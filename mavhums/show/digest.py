@@ -10,6 +10,7 @@ from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.report.assessment import ALL, Assessment, Verdict
 from mavhums.show.servo_tables import ServoTable, reserve, usage
+from mavhums.show.standing import sentences, since_words, soonest_words
 from mavhums.show.verdict_words import (
     control_left,
     course,
@@ -82,6 +83,8 @@ class Digest(NamedTuple):
         A line for each vehicle of which nothing is judged.
     network
         What the networks say beside the physics, where the user asks for it.
+    over_flights
+        What stands, grows or changed over the flights, where there is a history.
     tables
         Reserve of torque, and the use of each vehicle's servos.
     whose, losses
@@ -98,6 +101,7 @@ class Digest(NamedTuple):
     unmonitored: list[Paragraph]
     without_wings: list[str]
     network: list[str]
+    over_flights: list[str]
     tables: list[ServoTable]
     whose: list[str]
     losses: str
@@ -129,6 +133,7 @@ def digest(assessment: Assessment, *, brief: bool = False) -> Digest:
         unmonitored=[*_by_reason(rest, "unmonitored", brief=brief)],
         without_wings=lines if rest.verdicts else [],  # else the headline says it
         network=_network(rest),
+        over_flights=[f"{title}: {said}" for title, said in _over_flights(rest)],
         tables=[table for table in tables if table],
         whose=whose(assessment.log),
         losses=losses(assessment.log.losses),
@@ -145,7 +150,27 @@ def advice(verdict: Verdict) -> str:
     return verdict.advice or with_advice(verdict).advice or ""
 
 
+def _over_flights(assessment: Assessment) -> Iterator[tuple[str, str]]:
+    for verdict in assessment.ranked():
+        for said in sentences(verdict.standing) if verdict.standing else ():
+            yield name(verdict, assessment), said
+
+
 def _headline(assessment: Assessment, without_wings: Sequence[str]) -> str:
+    """Return the result in one line; of what is well in this flight, whether it is over the flights, too."""
+    text = _of_the_flight(assessment, without_wings)
+    for verdict in assessment.ranked():
+        standing, title = verdict.standing, name(verdict, assessment)
+        if standing is None:
+            continue
+        if SEVERITY[standing.condition] > max(SEVERITY[verdict.gravest], 0):
+            text += f"; {title} {standing.condition} {since_words(standing)}".rstrip()
+        if standing.growth is not None:
+            text += f"; {title} grows: {soonest_words(standing.growth)}"
+    return text
+
+
+def _of_the_flight(assessment: Assessment, without_wings: Sequence[str]) -> str:
     ranked = assessment.ranked()
     if not ranked:
         return "; ".join(without_wings) or "No actuator was found in this log"

@@ -6,8 +6,18 @@ from math import ceil, floor
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.report.standing import FlightsLeft, Growth, Standing, Step
+from mavhums.show.words import join
 
-__all__ = ["growth_words", "left_words", "mark_of", "sentences", "since_words", "step_words", "value_words"]
+__all__ = [
+    "growth_words",
+    "left_words",
+    "mark_of",
+    "sentences",
+    "since_words",
+    "soonest_words",
+    "step_words",
+    "value_words",
+]
 
 
 def sentences(standing: Standing) -> list[str]:
@@ -69,6 +79,13 @@ def growth_words(growth: Growth) -> str:
     )
     limits = [(left_words(left), word) for left, word in _limits(growth)]
     return "; ".join([said, *(f"{left} until {word}" for left, word in limits)])
+
+
+def soonest_words(growth: Growth) -> str:
+    """Return the flights left to each limit that is ahead."""
+    return join(
+        [f"{left_words(left)} until {word}" for left, word in _limits(growth)] or ["no limit is ahead"]
+    )
 
 
 def left_words(left: FlightsLeft, *, dates: bool = True) -> str:

@@ -15,7 +15,7 @@ from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.report.assessment import Interval
 from mavhums.report.standing import Growth, Standing
 from mavhums.report.trend import ActuatorTrend, LastFlight, TrendReport
-from mavhums.show.standing import left_words, sentences, since_words
+from mavhums.show.standing import left_words, sentences, since_words, soonest_words
 from mavhums.show.words import COLOURS, join, printable
 
 __all__ = ["render_trends", "sparkline"]
@@ -47,7 +47,7 @@ def headline(report: TrendReport) -> str:
     states = [(one, _state(by_name.get(_subject(one)), one)) for one in last]
     gravest = max((state for _, state in states), key=URGENCY.__getitem__)
     growing = [one for one in report.trends if one.growth]
-    grown = [f"{_title(one, report)} grows: {_soonest(one.growth)}" for one in growing if one.growth]
+    grown = [f"{_title(one, report)} grows: {soonest_words(one.growth)}" for one in growing if one.growth]
     if SEVERITY[gravest] <= 0:
         return "; ".join(grown) or "No actuator shows wear towards a limit"
     worst = {_name(one, report): by_name.get(_subject(one)) for one, state in states if state == gravest}
@@ -68,14 +68,6 @@ def _state(standing: Standing | None, one: ActuatorTrend | LastFlight) -> Condit
     """Return the state over the flights, where it is a fault, else the condition of the last flight."""
     faulty = standing is not None and SEVERITY[standing.condition] > 0
     return standing.condition if standing is not None and faulty else one.condition
-
-
-def _soonest(growth: Growth) -> str:
-    limits = ((growth.to_degraded, "degraded"), (growth.to_emergency, "emergency"))
-    return join(
-        [f"{left_words(left)} until {word}" for left, word in limits if left and left.estimate > 0]
-        or ["no limit is known"]
-    )
 
 
 def sparkline(values: Sequence[float], cells: int = _CELLS) -> str:
