@@ -177,16 +177,8 @@ def with_standings(assessment: Assessment, earlier: EarlierFlights, since: Since
     if not before:
         return assessment
     report = trend_report(FlightHistory((*before, flown)), repaired=since)
-    found = {
-        (one.vehicle, one.actuator): one
-        for one in report.standings
-        if one.airframe == assessment.airframe and one.last_utc == flown.start.isoformat()
-    }
-    verdicts = tuple(
-        verdict.model_copy(update={"standing": found.get((verdict.vehicle or 0, verdict.actuator))})
-        for verdict in assessment.verdicts
-    )
-    return assessment.model_copy(update={"verdicts": verdicts})
+    found = (one for one in report.standings if one.last_utc == flown.start.isoformat())
+    return assessment.model_copy(update={"standings": tuple(found)})
 
 
 def _last_flight(flown: Flown) -> LastFlight:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
 from mavhums.flights.compare import Comparison
-from mavhums.flights.trends import with_standings
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts, Signer
@@ -36,9 +35,6 @@ from mavhums.live.session import GroundStation, Reception, Session, Sink
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Piece, Stamper
-
-if TYPE_CHECKING:
-    from mavhums.report.assessment import Assessment
 
 __all__ = ["LiveOptions", "SeenSignatures", "prepare"]
 
@@ -138,14 +134,8 @@ def prepare(options: LiveOptions, sinks: Sequence[Sink] = (), *, vehicle_states:
         GroundStation(alerts, greeter, ground_links if ground else ()),
         recorder=recorder,
         sinks=sinks,
-        identify=partial(_identified, settings=settings),
+        identify=partial(with_aircraft_identity, settings=settings),
     )
-
-
-def _identified(assessment: Assessment, settings: Settings) -> Assessment:
-    """Return an assessment among its aircraft's earlier flights, as `analyse` returns that of the recording."""
-    named = with_aircraft_identity(assessment, settings)
-    return with_standings(named, settings.history, settings.since)
 
 
 def _send(reception: Reception, to: Sequence[Link], frame: bytes, vehicle: int) -> None:

@@ -188,8 +188,7 @@ class Verdict(Contract):
     ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
     ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
     actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``;
-    ``advice`` is the recommended action, which files of earlier versions lack. ``standing`` is how it stands
-    over its flights, this one included; None without a history. ``network``
+    ``advice`` is the recommended action, which files of earlier versions lack. ``network``
     is what a network says of its friction; None if none covers the log.
 
     Examples
@@ -219,7 +218,6 @@ class Verdict(Contract):
     reason: str | None = None
     remedy: str | None = None
     advice: str | None = None
-    standing: Standing | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -256,7 +254,8 @@ class Assessment(Contract):
     """Every verdict that a log supports.
 
     ``model`` is the richest network among those of the verdicts, ``usage`` what each vehicle's log tells of
-    the use of its servos.
+    the use of its servos. ``standings`` is how each actuator and axis stands over its flights, this one
+    included, where there is a history; worst first.
 
     Examples
     --------
@@ -277,6 +276,7 @@ class Assessment(Contract):
     model: ModelSummary | None
     verdicts: tuple[Verdict, ...]
     usage: tuple[VehicleUsage, ...] = ()
+    standings: tuple[Standing, ...] = ()
 
     def to_json(self, *, indent: int | None = 2) -> str:
         """Return the assessment as JSON that follows ``schema/assessment-2.json``."""
@@ -322,9 +322,9 @@ class Assessment(Contract):
         counts, too, and certain growth is degraded.
         """
         found = [verdict.gravest for verdict in self.verdicts]
-        stands = [verdict.standing for verdict in self.verdicts if verdict.standing]
-        found += [one.condition for one in stands if SEVERITY[one.condition] > 0]
-        code = exit_code_of([*found, *("degraded" for one in stands if one.growth)])
+        found += [one.condition for one in self.standings if SEVERITY[one.condition] > 0]
+        found += ["degraded" for one in self.standings if one.growth]
+        code = exit_code_of(found)
         return ExitCode.READ_WITH_LOSSES if code == ExitCode.OK and self.log.losses.any else code
 
 

@@ -9,6 +9,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.report.assessment import ALL, Assessment, Verdict
+from mavhums.report.standing import Standing
 from mavhums.show.servo_tables import ServoTable, reserve, usage
 from mavhums.show.standing import sentences, since_words, soonest_words
 from mavhums.show.verdict_words import (
@@ -151,22 +152,27 @@ def advice(verdict: Verdict) -> str:
 
 
 def _over_flights(assessment: Assessment) -> Iterator[tuple[str, str]]:
-    for verdict in assessment.ranked():
-        for said in sentences(verdict.standing) if verdict.standing else ():
-            yield name(verdict, assessment), said
+    for standing in assessment.standings:
+        for said in sentences(standing):
+            yield _name(standing, assessment), said
+
+
+def _name(standing: Standing, assessment: Assessment) -> str:
+    own = f"{standing.actuator} control" if standing.subject == "axis" else standing.actuator
+    several = len({other.vehicle for other in assessment.verdicts}) > 1
+    return f"{standing.vehicle}: {own}" if several else own
 
 
 def _headline(assessment: Assessment, without_wings: Sequence[str]) -> str:
     """Return the result in one line; of what is well in this flight, whether it is over the flights, too."""
     text = _of_the_flight(assessment, without_wings)
-    for verdict in assessment.ranked():
-        standing, title = verdict.standing, name(verdict, assessment)
-        if standing is None:
-            continue
-        if SEVERITY[standing.condition] > max(SEVERITY[verdict.gravest], 0):
-            text += f"; {title} {standing.condition} {since_words(standing)}".rstrip()
-        if standing.growth is not None:
-            text += f"; {title} grows: {soonest_words(standing.growth)}"
+    shown = {(one.vehicle, one.actuator): one.gravest for one in assessment.verdicts}
+    for one in assessment.standings:
+        alone = shown.get((one.vehicle, one.actuator), "normal")
+        if SEVERITY[one.condition] > max(SEVERITY[alone], 0):
+            text += f"; {_name(one, assessment)} {one.condition} {since_words(one)}".rstrip()
+        if one.growth is not None:
+            text += f"; {_name(one, assessment)} grows: {soonest_words(one.growth)}"
     return text
 
 

@@ -86,8 +86,7 @@ def keep_assessment(assessment: Assessment, folder: str | os.PathLike[str]) -> P
         raise MavhumsError(problem, "name another with --history") from error
     with written_whole(path) as temporary:
         # How it stood is told from the flights again: what came late may change it.
-        alone = tuple(verdict.model_copy(update={"standing": None}) for verdict in assessment.verdicts)
-        kept = KeptFlight.of(assessment.model_copy(update={"verdicts": alone}))
+        kept = KeptFlight.of(assessment.model_copy(update={"standings": ()}))
         text = kept.model_dump_json(by_alias=True, indent=2, exclude={"assessment": RECORD})
         temporary.write_text(text + "\n", encoding="utf-8")
     return path
