@@ -1,10 +1,10 @@
-"""Growth over flights, asked after every flight: ``python benchmarks/growth.py [--histories N] [--first SEED]``.
+"""Growth over flights, asked after every flight: ``python benchmarks/growth.py [--histories N]``.
 
-Histories of one friction, N·m, as `mavhums trend` sees them: a level of 0.225, a scatter from flight to flight of
-3, 5 or 10 %, errors of measurement, and limits at 0.375 and 0.875. Without growth: how many of the histories of
-200 flights ever get one. With growth: how many are told 10, 5 and 1 flights before the limit, and at all looks
-of the last ten; how many intervals of the flights left hold the truth. Then repairs that nobody recorded.
-Seeds below 1000 were used for development.
+Histories of one friction, N·m, as `mavhums trend` sees them: a level of 0.225, a scatter from flight to
+flight of 3, 5 or 10 %, errors of measurement, a limit at 0.375. With growth: how many are told 10, 5 and
+1 flights before the limit, and at all looks of the last ten; how many intervals of the flights left hold
+the truth. Then repairs that nobody recorded. Without growth: how many of the histories of 200 flights
+ever get one. Seeds below 1000 were used for development.
 """
 
 from __future__ import annotations

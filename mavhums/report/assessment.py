@@ -323,7 +323,8 @@ class Assessment(Contract):
         """
         found = [verdict.gravest for verdict in self.verdicts]
         found += [one.condition for one in self.standings if SEVERITY[one.condition] > 0]
-        found += ["degraded" for one in self.standings if one.growth]
+        if any(one.growth for one in self.standings):
+            found.append("degraded")
         code = exit_code_of(found)
         return ExitCode.READ_WITH_LOSSES if code == ExitCode.OK and self.log.losses.any else code
 
