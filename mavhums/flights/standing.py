@@ -142,13 +142,20 @@ def standing_of(flown: Sequence[Flown], trends: Iterable[ActuatorTrend], counted
     """
     several = [*trends]
     last = flown[-1]
-    mended = max((one.step.flight for one in several if one.step and one.step.better), default=0)
-    since = [
-        each for each in flown if each.number >= mended and each.flight.counts(each.verdict.actuator, counted)
-    ]
+    since = [each for each in flown if each.flight.counts(each.verdict.actuator, counted)]
     condition, first, latest = _state(since)
+    if latest is not None:
+        # A repair that nobody recorded ends the fault that it mended, and no other.
+        fault = _finding(latest.verdict, condition)["fault"]
+        mended = max(
+            (one.step.flight for one in several if one.fault == fault and one.step and one.step.better),
+            default=0,
+        )
+        if mended > latest.number:
+            condition, first, latest = _state([each for each in since if each.number >= mended])
     growing = [one.growth for one in several if one.growth]
-    steps = [one.step for one in several if one.step]
+    # A step of long ago is known, or nobody will look into it any more.
+    steps = [one.step for one in several if one.step and last.number - one.step.flight < RATE_FLIGHTS]
     faulty = latest is not None
     finding = _finding((latest or last).verdict, condition) if faulty else {}
     return Standing(

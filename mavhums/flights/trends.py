@@ -235,7 +235,7 @@ def _trend(flown: list[Flown], pairs: _Shown, baseline: Baseline | None, counted
         limit = latest.limits.effectiveness_degraded * baseline.mean
         emergency = latest.limits.effectiveness_emergency * baseline.mean
     used = [(each, one) for each, one in pairs if each.flight.counts(latest.actuator, counted)]
-    sign = -1.0 if falls else 1.0
+    sign = -1.0 if newest.fault in LOSSES else 1.0
     numbers = np.array([each.number for each, _ in used], dtype=np.float64)
     values = sign * np.array([one.value.estimate for _, one in used])
     errors = np.array([_error(one) for _, one in used])

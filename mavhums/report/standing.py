@@ -97,7 +97,7 @@ class Standing(Contract):
     growth
         The one with the fewest flights left; None where nothing certainly grows.
     step
-        The last one.
+        The last one, if it is one of the last 20 flights.
     reason
         Of the last flight, where nothing was decided or found.
     flights, last_utc, log

@@ -103,5 +103,5 @@ CLEAR_FLIGHTS: Final = 5
 # alarm, so less than is needed to tell it. By hand.
 BASELINE_GROWTH_ODDS: Final = 20.0
 
-# Flights whose dates tell how often an aircraft flies.
+# Flights whose dates tell how often an aircraft flies, and for which a step is told.
 RATE_FLIGHTS: Final = 20
