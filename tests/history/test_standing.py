@@ -47,10 +47,8 @@ def test_an_interval_above_the_limit_is_enough_for_the_state() -> None:
 
 
 def test_flights_that_could_not_be_judged_end_nothing() -> None:
-    flights = [*history([0.2, 0.42]).flights]
-    for day in range(2, 9):
-        flights.append(PastFlight.of(flown(verdict(condition="undecided"), day=day)))
-    (one,) = trend_report(FlightHistory(tuple(flights))).standings
+    blind = (PastFlight.of(flown(verdict(condition="undecided"), day=day)) for day in range(2, 9))
+    (one,) = trend_report(FlightHistory((*history([0.2, 0.42]).flights, *blind))).standings
     assert (one.condition, one.last, one.clear_flights) == ("degraded", "undecided", 0)
 
 
