@@ -256,7 +256,9 @@ def _courses(numbers: Array, values: Array, errors: Array, known: tuple[float, f
     middle = grown @ weights / n
     centred = grown - middle[:, None]
     rest = values - float(weights @ values) / n
-    total = float(weights @ rest**2) + known[0]
+    # Flights that agree to the last digit scatter, too: nothing is known of it but that it is small.
+    least = n * (1e-6 * float(np.abs(values).max()) + 1e-9) ** 2
+    total = float(weights @ rest**2) + known[0] + least
     spread = centred**2 @ weights
     product = centred @ (weights * rest)
     slope = product / spread
@@ -312,7 +314,9 @@ def _averaged(courses: _Courses, estimates: Array, shares: Array) -> Interval:
     def below(offset: float) -> float:
         return float(weights @ stdtr(courses.freedom, (middle - width + offset - estimates) / errors))
 
-    low, high = (_quantile(below, share, 0.0, 2 * width) + middle - width for share in (_LOW, _HIGH))
+    low, high = (
+        min(_quantile(below, share, 0.0, 2 * width), 2 * width) + middle - width for share in (_LOW, _HIGH)
+    )
     return Interval(estimate=min(max(middle, low), high), low=low, high=high)
 
 

@@ -111,3 +111,12 @@ def test_any_numbers_have_ordered_flights_left(
     assert 0 <= low <= middle <= high
     assert np.isfinite(found.per_flight.estimate)
     last_step(np.array(values), np.array(errors[:n]))
+
+
+@pytest.mark.parametrize("value", [0.0, 0.2, -3e5])
+def test_flights_that_agree_to_the_last_digit_do_not_grow(value: float) -> None:
+    for n in (TREND_FLIGHTS, 60):
+        found = course(np.arange(1.0, n + 1), np.full(n, value), np.full(n, 0.002))
+        assert not found.grows
+        assert found.level.estimate == pytest.approx(value, abs=1e-3)
+        assert last_step(np.full(n, value), np.full(n, 0.002)) is None
