@@ -18,8 +18,8 @@ from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_same_aircraft, latest
 from mavhums.flights.compare import Comparison, LoneFlight, compared
+from mavhums.flights.history import FlightHistory
 from mavhums.flights.store import with_duplicate_flights
-from mavhums.flights.trends import with_standings
 from mavhums.log import Decoder, read_blocks
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 
@@ -311,7 +311,16 @@ def compared_with_own(flight: LoneFlight, settings: Settings) -> Assessment:
     assessment = with_aircraft_identity(flight.assessment, settings)
     since = latest(settings.since, settings.whose.since(assessment))
     own = flight._replace(assessment=assessment)
-    return with_standings(compared(own, *settings.earlier(since)), settings.history, since)
+    return _over_flights(compared(own, *settings.earlier(since)), settings, since)
+
+
+def _over_flights(assessment: Assessment, settings: Settings, since: Since) -> Assessment:
+    """Return the assessment with how each actuator stands over its flights, where there are earlier ones."""
+    if isinstance(settings.history, FlightHistory) and not settings.history.flights:
+        return assessment
+    from mavhums.flights.trends import with_standings
+
+    return with_standings(assessment, settings.history, since)
 
 
 def with_aircraft_identity(assessment: Assessment, settings: Settings) -> Assessment:
@@ -334,7 +343,7 @@ def _judged_with(
     engine = Comparison(Engine(options), *settings.earlier(since), options.false_alarms)
     digest = _fed(path, engine, options.dialect, consumers, progress)
     assessment = with_aircraft_identity(engine.assessment(str(path), digest), settings)
-    return with_standings(assessment, settings.history, since)
+    return _over_flights(assessment, settings, since)
 
 
 def _fed(

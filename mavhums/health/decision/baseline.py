@@ -18,7 +18,6 @@ from scipy.special import stdtrit
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import CENTRAL_95
-from mavhums.health.decision.growth import course_of
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import (
     AXIS_SCATTER_SHARE,
@@ -117,6 +116,8 @@ def _design(values: Array, errors: Array, fault: str) -> Array:
 
     A mean over flights that wear already would hide as much wear.
     """
+    from mavhums.health.decision.growth import course_of  # SciPy's tests, needed only with earlier flights
+
     ones, numbers = np.ones_like(values), np.arange(len(values), dtype=np.float64)
     course = course_of(numbers, -values if fault in AXIS_SCATTER_SHARE else values, errors)
     if course is None or course.evidence < np.log(BASELINE_GROWTH_ODDS):
