@@ -24,7 +24,7 @@ from _closed_loop import TURBULENCE
 
 from mavhums import Options
 from mavhums.app.analysis import analyse_alone
-from mavhums.flights.compare import LoneFlight, compared
+from mavhums.flights.compare import StandaloneAssessment, compared
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.report.assessment import Verdict
 from mavhums_sim.closed_loop import Air, ClosedLoop, SurfaceFault, fly_closed_loop
@@ -58,7 +58,7 @@ class Flown:
     day: int
     fault: str
 
-    def judged(self) -> LoneFlight:
+    def judged(self) -> StandaloneAssessment:
         """Fly it, and judge its log by itself."""
         rng = np.random.default_rng([self.aircraft, self.day, 51])
         air = Air(float(rng.uniform(0, 9)), float(rng.uniform(0, 360)), float(rng.choice(TURBULENCE)))
@@ -73,7 +73,7 @@ class Flown:
             return analyse_alone(path, Options().resolved())
 
 
-def judged(flown: Flown) -> LoneFlight:
+def judged(flown: Flown) -> StandaloneAssessment:
     """Fly and judge, in a process of its own."""
     return flown.judged()
 

@@ -34,7 +34,7 @@ from mavhums import Options, analyse, analyse_many, fleet
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.many import Batch
 from mavhums.fleet.second_pass import rows_of, second_pass
-from mavhums.flights.compare import LoneFlight
+from mavhums.flights.compare import StandaloneAssessment
 from mavhums.flights.queries import exit_code
 from mavhums.flights.stores.delta import Store
 from mavhums.flights.stores.folder import FlightFolder, keep_assessment, read_history
@@ -165,7 +165,9 @@ def memory(folder: Path) -> None:
         )
 
 
-def copies_of(alone: LoneFlight, folder: Path, aircraft: int, flights: int) -> Iterator[LoneFlight]:
+def copies_of(
+    alone: StandaloneAssessment, folder: Path, aircraft: int, flights: int
+) -> Iterator[StandaloneAssessment]:
     """Yield a flight as if it had been flown on many days."""
     log = alone.assessment.log
     start = datetime.fromisoformat(log.start_utc or "")

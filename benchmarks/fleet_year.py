@@ -22,7 +22,7 @@ import numpy as np
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.flights.changes import digest
-from mavhums.flights.compare import LoneFlight, packed
+from mavhums.flights.compare import StandaloneAssessment, packed
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.queries import STANDINGS_OF
 from mavhums.flights.stores.delta import FORMAT, Row, Store
@@ -105,7 +105,7 @@ def row_of(aircraft: str, number: int, start: datetime, verdicts: list[Verdict])
     )  # fmt: skip
     flight = Assessment(log=log, airframe="paper", model=None, verdicts=tuple(verdicts))
     start_us = round(start.timestamp() * 1e6)
-    data = packed(LoneFlight(flight, {}, {}))
+    data = packed(StandaloneAssessment(flight, {}, {}))
     row = Row(log.path or "", 1, 1, "", log.sha256, aircraft, None, start_us, 900.0, False, data, None, None)
     return row, flight
 

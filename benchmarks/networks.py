@@ -42,7 +42,7 @@ from mavhums.learn import (
     packaged_models,
     train_network,
 )
-from mavhums.training.flights import TELEMETRY, Flown, Telemetry, fly_fleet, moving_samples
+from mavhums.training.flights import TELEMETRY, ActuatorFlight, Telemetry, fly_fleet, moving_samples
 from mavhums.training.flights import windows as votes_of
 from mavhums_sim.conditions import Condition
 from mavhums_sim.manoeuvres import CYCLOGRAMS
@@ -74,7 +74,7 @@ def fleet(
     cyclograms: Sequence[str],
     conditions: tuple[Condition, ...] = (),
     rates_hz: Sequence[float] = (100.0,),
-) -> Iterable[Flown]:
+) -> Iterable[ActuatorFlight]:
     frictions = np.random.default_rng([SEED, part]).uniform(*friction, (flights, 4))
     seed = SEED + 10_000 * part
     return fly_fleet(
@@ -98,7 +98,7 @@ class Tally:
         self.share: list[float] = []
         self.friction: list[float] = []
 
-    def take(self, flown: Flown) -> None:
+    def take(self, flown: ActuatorFlight) -> None:
         moving, _ = moving_samples(ACTUATOR, flown)
         votes = self.model.votes(moving)
         self.right += int(np.count_nonzero(votes[votes >= 0] == (flown.friction_nm > MIDDLE)))

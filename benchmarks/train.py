@@ -23,8 +23,8 @@ from mavhums.core.quantities import KEYS
 from mavhums.learn import TanhNetworkEnsemble, exhaustive_search, genetic_search, network_objective
 from mavhums.study.cyclograms import MAIN, fly_condition
 from mavhums.study.experiment import samples
-from mavhums.study.outputs import markdown_table
 from mavhums.study.published import SELECTED, TEST_NM, TRAINING_NM
+from mavhums.study.report import markdown_table
 
 HIDDEN = tuple(range(4, 17))
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mavhums.core.lazy import lazy_exports
-from mavhums.core.version import __version__ as __version__
+from mavhums.core.about import __version__ as __version__
+from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
     from mavhums.actuator import actuators, load_airframe

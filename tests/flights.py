@@ -13,7 +13,7 @@ from mavhums.core.conditions import Condition
 from mavhums.flights.stores.folder import keep_assessment
 from mavhums.log.base.losses import Losses
 from mavhums.report.assessment import Assessment, Indicator, Interval, LogSummary, Suspect, Verdict
-from mavhums.report.flight import FlightIdentity
+from mavhums.report.sections import FlightIdentity
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
 

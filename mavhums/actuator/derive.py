@@ -18,12 +18,11 @@ from mavhums.actuator.signs import SIGNED_BY_VOLTAGE, CurrentSigns
 from mavhums.core.arrays import Array
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
+from mavhums.core.statistics import DEGREES_S_PER_REV_MIN, RAD_S_PER_REV_MIN
 
 __all__ = ["REPORTED", "Deriver"]
 
 _V1, _V2, _V3, _V4, _V5, _V6, _V7, _V8, _V9, _V10, _V11, _V12 = (column(f"V{k}") for k in range(1, 13))
-_RAD_S = 2 * np.pi / 60
-_DEGREES_S = 6.0
 _AGREEMENT_SHARE = 0.5  # of the speed, by which it may differ from the command's rate in acceleration
 _AGREEMENT_DEG_S = 5.0  # the same at low speeds; wider lets the sign of another motion in
 _MAX_STEP_US = 500_000  # over which speed is integrated: beyond, nobody knows how the shaft turned
@@ -37,8 +36,8 @@ _RULES: tuple[tuple[int, str, Callable[[Array, Ema], Array]], ...] = (
     (_V8, "k_t·V5", lambda v, ema: ema.torque_constant * v[:, _V5]),
     (_V6, "V4·V5", lambda v, _: v[:, _V4] * v[:, _V5]),
     (_V10, "V7/N", lambda v, ema: v[:, _V7] / ema.gear_ratio),
-    (_V9, "V8·ω", lambda v, _: v[:, _V8] * v[:, _V7] * _RAD_S),
-    (_V12, "V11·ω/N", lambda v, _: v[:, _V11] * v[:, _V10] * _RAD_S),
+    (_V9, "V8·ω", lambda v, _: v[:, _V8] * v[:, _V7] * RAD_S_PER_REV_MIN),
+    (_V12, "V11·ω/N", lambda v, _: v[:, _V11] * v[:, _V10] * RAD_S_PER_REV_MIN),
 )
 
 
@@ -91,7 +90,7 @@ class Deriver:
 
     def _sign_speed(self, values: Array, command_rate: Array) -> None:
         """Give V7 the sign of the command's rate; NaN where the two are inconsistent."""
-        speed_deg_s = values[:, _V7] * _DEGREES_S / self._actuator.known_ema().gear_ratio
+        speed_deg_s = values[:, _V7] * DEGREES_S_PER_REV_MIN / self._actuator.known_ema().gear_ratio
         apart = np.abs(speed_deg_s - np.abs(command_rate))
         fits = apart <= _AGREEMENT_SHARE * speed_deg_s + _AGREEMENT_DEG_S
         signed = np.where(fits & (command_rate != 0), np.sign(command_rate) * values[:, _V7], np.nan)
@@ -167,6 +166,6 @@ def _integrate(utc_us: NDArray[np.int64], values: Array, ratio: float, turned: A
                 values[k, _V2] = 0.0 if np.isnan(values[k, _V1]) else values[k, _V1] * ratio
             else:
                 step_s = min(utc_us[k] - turned[0], _MAX_STEP_US) * 1e-6
-                values[k, _V2] = turned[2] + step_s * (speed + turned[1]) / 2 * _DEGREES_S
+                values[k, _V2] = turned[2] + step_s * (speed + turned[1]) / 2 * DEGREES_S_PER_REV_MIN
         turned[0], turned[1], turned[2] = utc_us[k], speed, values[k, _V2]
     return filled

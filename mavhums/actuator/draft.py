@@ -29,7 +29,7 @@ _HEAD = """\
 # DRAFT of an airframe profile, from the parameters of vehicle {vehicle} in {log}.
 #
 # A log cannot tell what an actuator is made of. Until you fill in what is marked FILL IN, an actuator
-# that reports something is held against its own earlier flights alone. Remove the # of a line that you
+# that reports something is compared with its own earlier flights alone. Remove the # of a line that you
 # fill in. What is marked GUESS follows from a name in the log: check it.
 name = {name}
 """

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned, Aligner
 from mavhums.actuator.derive import REPORTED, Deriver
+from mavhums.actuator.freshness import NOT_USED, Freshness
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.actuator.readings import Reading, read
 from mavhums.actuator.tiers import TIERS
@@ -26,8 +27,12 @@ from mavhums.vehicle.formats import SERVO_SOURCES
 
 __all__ = ["AirframeNamed", "Gate", "Mapped", "Mapper", "Samples", "bounds", "messages_for"]
 
-_SIGNED = [column(key) for key in ("V4", "V5", "V7")]
+MAGNITUDES = [column(key) for key in ("V4", "V5", "V7")]
+"""Columns of the quantities that some sources give without their sign."""
 _UNCOUNTED = 20  # blocks whose origins are kept before they are counted together
+_DERIVED = {"V4": ("V6",), "V5": ("V6", "V8", "V9"), "V7": ("V2", "V3", "V9", "V10", "V12")}
+_FOLLOWS = [(column(source), [column(key) for key in derived]) for source, derived in _DERIVED.items()]
+"""What the deriver makes of a quantity, and may not outlive it."""
 _TRUST = tuple(tier.name for tier in TIERS)
 
 _MARGIN = 3.0
@@ -91,6 +96,8 @@ class Mapped:
     magnitudes
         Of V4, V5 and V7, shape (n, 3), from a source without signs; V4 and V5 are NaN if it measures at the
         supply bus. None if the source is signed.
+    refused
+        Which values are no evidence, shape (n, 12): see :mod:`~mavhums.actuator.freshness`. None if all are.
     """
 
     vehicle: int
@@ -100,6 +107,7 @@ class Mapped:
     measured: Flags
     bus_v: Array | None = None
     magnitudes: Array | None = None
+    refused: Flags | None = None
 
 
 @dataclass(slots=True, eq=False)
@@ -111,6 +119,7 @@ class _Track:
     aligner: Aligner
     deriver: Deriver
     gate: Gate
+    freshness: Freshness
     tier: str = ""
     _used: Integers = field(default_factory=lambda: np.zeros((0, len(KEYS)), dtype=np.int64))
     _origins: list[NDArray[np.int8]] = field(default_factory=list)
@@ -121,6 +130,18 @@ class _Track:
         self._origins.append(aligned.origin)
         if len(self._origins) > _UNCOUNTED:
             self.used()
+
+    def refused(self, aligned: Aligned, measured: Flags) -> Flags | None:
+        """Return which values are no evidence, with those that follow from them; None if none is refused."""
+        refused = self.freshness.feed(aligned.utc_us, aligned.values)
+        if not refused.any():
+            return None
+        for source, derived in _FOLLOWS:
+            refused[:, derived] |= refused[:, [source]] & ~measured[:, derived]
+        # Without the current, the voltage equation gives a magnitude of the voltage no sign.
+        if not aligned.signed:
+            refused[:, column("V4")] |= refused[:, column("V5")]
+        return refused
 
     def used(self) -> Integers:
         """Return the number of values of each quantity from each source, shape (sources, 12)."""
@@ -239,7 +260,14 @@ class Mapper:
             if key not in self._tracks:
                 actuator = readings[0].actuator
                 aligner = Aligner(_TRUST, actuator.response_lag_s)
-                self._tracks[key] = _Track(key[0], actuator, aligner, Deriver(actuator), Gate(actuator))
+                self._tracks[key] = _Track(
+                    key[0],
+                    actuator,
+                    aligner,
+                    Deriver(actuator),
+                    Gate(actuator),
+                    Freshness(actuator.min_rate_hz),
+                )
             track = self._tracks[key]
             admitted = [reading._replace(values=track.gate.admit(reading.values)) for reading in readings]
             for aligned in track.aligner.feed(admitted, loose=loose, final=final):
@@ -247,8 +275,8 @@ class Mapper:
                 values = track.deriver.complete(aligned)
                 measured = aligned.origin >= 0
                 if not aligned.signed:  # a magnitude's sign is derived
-                    measured[:, _SIGNED] = False
-                magnitudes = None if aligned.signed else aligned.values[:, _SIGNED]
+                    measured[:, MAGNITUDES] = False
+                magnitudes = None if aligned.signed else aligned.values[:, MAGNITUDES]
                 at_bus = track.actuator.esc_side == "bus" and aligned.tier.startswith(REPORTED)
                 if at_bus and magnitudes is not None:
                     magnitudes[:, :2] = np.nan
@@ -261,6 +289,7 @@ class Mapper:
                         measured,
                         aligned.values[:, column("V4")] if at_bus else None,
                         magnitudes,
+                        track.refused(aligned, measured) if not at_bus else None,
                     )
                 )
         return out
@@ -290,6 +319,11 @@ class Mapper:
         counts = zip(KEYS, track.gate.refused.tolist(), track.gate.given.tolist(), strict=True)
         return {key: (refused, given) for key, refused, given in counts if refused}
 
+    def refused(self, vehicle: int, actuator: Actuator) -> dict[str, str]:
+        """Return why a quantity that the log carries is no evidence, by key."""
+        track = self._tracks.get((vehicle, actuator.name))
+        return track.freshness.reasons() if track and actuator.esc_side == "motor" else {}
+
     def provenance(self, vehicle: int, actuator: Actuator) -> dict[str, str]:
         """Return the provenance of each quantity.
 
@@ -309,6 +343,9 @@ class Mapper:
             reworked = "{" in how
             if reworked or key not in fields:
                 merged[key] = f"derived: {_fill_in(how, fields)}"
+        for key, why in self.refused(vehicle, actuator).items():
+            if key in merged:
+                merged[key] += NOT_USED.format(why)
         return {key: merged[key] for key in KEYS if key in merged}
 
     def _ours(self, table: Table) -> Table:

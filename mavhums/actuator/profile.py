@@ -15,7 +15,7 @@ from mavhums.actuator.profile_checks import Place, explain_syntax, explain_value
 from mavhums.core.errors import MavhumsError
 from mavhums.core.models import Contract, Frozen
 from mavhums.core.quantities import KEYS
-from mavhums.report.axis_limits import AxisLimits
+from mavhums.report.sections import AxisLimits
 
 __all__ = [
     "Actuator",
@@ -28,8 +28,8 @@ __all__ = [
     "packaged_airframes",
 ]
 
-_LARGEST = 1e9
-_SMALLEST = 1e-12
+_LARGEST = 1e9  # squares and products of such numbers stay finite
+_SMALLEST = 1e-12  # and their quotients, too
 _Finite = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST, allow_inf_nan=False)]
 _Positive = Annotated[float, Field(ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)]
 _Pulse = Annotated[int, Field(ge=0, le=65_535)]
@@ -63,6 +63,11 @@ class Ema(Contract):
         Relative 95 % uncertainty of the inertia; it must cover the inertia of the surface.
     viscous, viscous_uncertainty
         Viscous drag at the output shaft and its 95 % uncertainty, N·m·s/rad.
+    load_friction
+        Friction per load, both torques at the output shaft: T_f = T_c + load_friction·|load|. None if
+        unknown: between 0 and 0.5, and no emergency rests on it being small.
+    load_friction_uncertainty
+        Its 95 % uncertainty; without effect where load_friction is 0 or unknown.
     stiffness
         Stiffness of the gear, at the output shaft, N·m/rad; None if unknown.
     supply_voltage
@@ -77,6 +82,8 @@ class Ema(Contract):
     inertia_uncertainty: Annotated[float, Field(gt=0, le=10)] = 0.5
     viscous: _NotNegative = 0.0
     viscous_uncertainty: _Positive = 0.05
+    load_friction: Annotated[float, Field(ge=0, le=1)] | None = None
+    load_friction_uncertainty: Annotated[float, Field(ge=0, le=1)] = 0.1
     stiffness: _Positive | None = None
     supply_voltage: _Positive | None = None
 

@@ -24,7 +24,7 @@ __all__ = ["Reading", "in_columns", "read"]
 
 _PULSES_US: Final = (500.0, 2500.0)
 """Pulses that are a command. Wider than those of an output in use: a servo may be calibrated to more."""
-_UAVCAN: Final = (0.0, 1000.0)
+_UAVCAN: Final = (0.0, 1000.0)  # PX4 sends the same command there as 0 to 1000
 
 
 class Reading(NamedTuple):

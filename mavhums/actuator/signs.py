@@ -23,6 +23,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import column
+from mavhums.core.statistics import RAD_S_PER_REV_MIN
 
 __all__ = ["SIGNED_BY_VOLTAGE", "CurrentSigns"]
 
@@ -30,7 +31,6 @@ SIGNED_BY_VOLTAGE = "sign from the voltage equation"
 """How a provenance ends whose magnitude the log carries and whose sign is derived here."""
 
 _V4, _V5, _V7 = column("V4"), column("V5"), column("V7")
-_RAD_S = 2 * np.pi / 60
 _STEP_V, _STEP_A = 0.01, 0.01  # of ESC_TELEMETRY; noise of voltage and current is taken to have their ratio
 
 _SURE = 2.5
@@ -151,7 +151,7 @@ def _decide(
             standing[3] += amperes * amperes
         if not abs(speed) > moving:
             continue
-        drop, back_emf = resistance * amperes, torque_constant * abs(speed) * _RAD_S
+        drop, back_emf = resistance * amperes, torque_constant * abs(speed) * RAD_S_PER_REV_MIN
         driving = abs(volts - (back_emf + drop))
         opposing = abs(volts - abs(back_emf - drop))
         if min(driving, opposing) > _MISFIT_V + _MISFIT_SHARE * max(back_emf, drop):
@@ -169,4 +169,4 @@ def _decide(
             continue
         current = way * amperes if motion[2] > 0 else -way * amperes
         values[k, _V5] = current
-        values[k, _V4] = volts * np.sign(resistance * current + torque_constant * speed * _RAD_S)
+        values[k, _V4] = volts * np.sign(resistance * current + torque_constant * speed * RAD_S_PER_REV_MIN)

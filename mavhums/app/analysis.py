@@ -17,9 +17,9 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_same_aircraft, latest
-from mavhums.flights.compare import Comparison, LoneFlight, compared
+from mavhums.flights.compare import FlightComparison, StandaloneAssessment, compared
 from mavhums.flights.history import FlightHistory
-from mavhums.flights.store import with_duplicate_flights
+from mavhums.flights.stores import with_duplicate_flights
 from mavhums.log import Decoder, read_blocks
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 
@@ -63,7 +63,7 @@ class Judged(NamedTuple):
 
     log: Path
     assessment: Assessment
-    alone: LoneFlight | None = None
+    alone: StandaloneAssessment | None = None
 
 
 class Failed(NamedTuple):
@@ -282,7 +282,7 @@ def write_report(
     return assessment
 
 
-def analyse_alone(path: Place, options: EngineOptions, *, progress: Progress = None) -> LoneFlight:
+def analyse_alone(path: Place, options: EngineOptions, *, progress: Progress = None) -> StandaloneAssessment:
     """Judge a log by itself; the errors are those of :func:`analyse`.
 
     :func:`mavhums.flights.compare.compared` compares the result with earlier flights.
@@ -297,10 +297,10 @@ def analyse_alone(path: Place, options: EngineOptions, *, progress: Progress = N
     engine = Engine(replace(options, recorded=True))
     digest = _fed(path, engine, options.dialect, progress=progress)
     assessment = engine.assessment(str(path), digest)
-    return LoneFlight(assessment, engine.records(), engine.profiles(), options.false_alarms)
+    return StandaloneAssessment(assessment, engine.records(), engine.profiles(), options.false_alarms)
 
 
-def compared_with_own(flight: LoneFlight, settings: Settings) -> Assessment:
+def compared_with_own(flight: StandaloneAssessment, settings: Settings) -> Assessment:
     """Return the assessment of a flight that was judged alone, compared with its aircraft's earlier flights.
 
     Raises
@@ -340,7 +340,7 @@ def _judged_with(
 ) -> Assessment:
     """Compare while judging, so that the consumers see what the earlier flights change."""
     options, since = settings.engine, latest(settings.since, _swaps(path, settings))
-    engine = Comparison(Engine(options), *settings.earlier(since), options.false_alarms)
+    engine = FlightComparison(Engine(options), *settings.earlier(since), options.false_alarms)
     digest = _fed(path, engine, options.dialect, consumers, progress)
     assessment = with_aircraft_identity(engine.assessment(str(path), digest), settings)
     return _over_flights(assessment, settings, since)
@@ -348,7 +348,7 @@ def _judged_with(
 
 def _fed(
     path: Place,
-    engine: Engine | Comparison,
+    engine: Engine | FlightComparison,
     dialect: Place | None,
     consumers: Sequence[Consumer] = (),
     progress: Progress = None,

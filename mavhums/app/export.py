@@ -99,7 +99,7 @@ def export_quantities(
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     output = Path(output)
     writer_for(output)
-    asked = _Asked(path, _models(model)) if classify else None
+    asked = _SampleClassifier(path, _models(model)) if classify else None
     decoder, fleet, rows = _write(path, output, given, asked, progress)
     if not fleet.airframes:
         if str(path) == "-" or asked is not None:
@@ -110,7 +110,7 @@ def export_quantities(
     return {output: rows}
 
 
-class _Asked:
+class _SampleClassifier:
     """The networks that a log's samples are shown to, and what came of it.
 
     Parameters
@@ -165,7 +165,7 @@ def _write(
     path: str | os.PathLike[str],
     output: Path,
     airframe: Airframe | None,
-    asked: _Asked | None,
+    asked: _SampleClassifier | None,
     progress: Progress,
 ) -> tuple[Decoder, VehicleMappers, int]:
     """Write the table of a log by a profile; return decoder, vehicles and rows written; no rows, no file."""
@@ -255,7 +255,11 @@ def export_messages(
             for name, table in tables.items():
                 wanted = name.upper()
                 if wanted not in writers:
-                    files[wanted] = output if len(names) == 1 else _beside(output, name)
+                    files[wanted] = (
+                        output
+                        if len(names) == 1
+                        else output.with_name(f"{output.stem}-{name}{output.suffix}")
+                    )
                     file = stack.enter_context(written_whole(files[wanted]))
                     writers[wanted] = stack.enter_context(writer(file))
                 writers[wanted].write(table.to_frame().reset_index())
@@ -274,10 +278,6 @@ def _rows(mapped: Mapped, first_time_us: int, *, named: bool) -> pd.DataFrame:
     frame.insert(2, "time", pd.DatetimeIndex(mapped.utc_us.astype("datetime64[us]"), tz="UTC"))
     frame.insert(3, "flight_time_s", (mapped.utc_us - first_time_us) / 1e6)
     return frame
-
-
-def _beside(output: Path, name: str) -> Path:
-    return output.with_name(f"{output.stem}-{name}{output.suffix}")
 
 
 def _absent(path: str | os.PathLike[str], name: str, there: set[str]) -> MavhumsError:

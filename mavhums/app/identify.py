@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from mavhums.actuator.freshness import not_used
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
@@ -17,7 +18,7 @@ from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, 
 from mavhums.health.self_baseline.motor import Shares, friction_current, lacking, shares
 from mavhums.report.assessment import Interval, OwnRecord
 
-__all__ = ["Motor", "identify", "with_motors"]
+__all__ = ["MotorIdentification", "identify", "with_motors"]
 
 _BLOCK = re.compile(r"(?m)^\[\[actuators\]\][^\n]*\n(?:(?!^\[\[actuators\]\]).*\n?)*")
 _BEFORE = re.compile(r"(?ms)^\[actuators\.identified\][^\n]*\n(?:(?!^\[)[^\n]*\n?)*")
@@ -26,7 +27,7 @@ _TO_IDENTIFY = "record each servo's voltage, current and rotor speed (V4, V5, V7
 
 
 @dataclass(frozen=True, slots=True)
-class Motor:
+class MotorIdentification:
     """The identified motor of one actuator, and the names of the logs used.
 
     ``shares`` are those of the torque at stall; where they are None, ``lacking`` is the reason.
@@ -43,7 +44,7 @@ def identify(
     options: Options | Settings,
     *,
     progress: Callable[[int], None] | None = None,
-) -> dict[str, Motor]:
+) -> dict[str, MotorIdentification]:
     """Return the motor of each actuator, identified from all logs of one aircraft, by actuator.
 
     Parameters
@@ -61,9 +62,11 @@ def identify(
         If a log or the profile cannot be read, or no log shows any motor.
     """
     records: dict[str, list[tuple[str, OwnRecord]]] = {}
+    refused: list[str] = []
     settings = replace(Settings.read(options), history=FlightHistory())
     for path in logs:
         for verdict in analyse(path, settings, progress=progress).verdicts:
+            refused += [f"{key} {why}" for key, why in not_used(verdict.provenance).items()]
             for record in verdict.own:
                 records.setdefault(verdict.actuator, []).append((Path(path).name, record))
     motors = {}
@@ -71,16 +74,21 @@ def identify(
         found = identified([record for _, record in several])
         if found is not None:
             motors[actuator] = _motor(found, several)
+    if not motors and refused:
+        problem = f"no log shows an actuator's motor: {', '.join(dict.fromkeys(refused))}"
+        raise MavhumsError(
+            problem, f"{_TO_IDENTIFY}, as sampled and not as a register that is seldom refreshed"
+        )
     if not motors:
         raise MavhumsError("no log shows an actuator's motor: V4, V5 and V7 together", _TO_IDENTIFY)
     return motors
 
 
-def _motor(found: Identified, several: Sequence[tuple[str, OwnRecord]]) -> Motor:
+def _motor(found: Identified, several: Sequence[tuple[str, OwnRecord]]) -> MotorIdentification:
     of_motor = [(name, record) for name, record in several if record.equation == VOLTAGE]
     records = [record for _, record in of_motor]
     friction = friction_current([record for _, record in several])
-    return Motor(
+    return MotorIdentification(
         found,
         tuple(dict.fromkeys(name for name, _ in of_motor)),
         shares(records, found, friction),
@@ -88,13 +96,13 @@ def _motor(found: Identified, several: Sequence[tuple[str, OwnRecord]]) -> Motor
     )
 
 
-def with_motors(profile: str, motors: Mapping[str, Motor]) -> str:
+def with_motors(profile: str, motors: Mapping[str, MotorIdentification]) -> str:
     """Return a profile's text with the identified motors; all other text is unchanged.
 
     Examples
     --------
     >>> one = Interval(estimate=1.0, low=0.9, high=1.1)
-    >>> motor = Motor(Identified(one, one, one, 1), ("a.tlog",))
+    >>> motor = MotorIdentification(Identified(one, one, one, 1), ("a.tlog",))
     >>> print(with_motors('[[actuators]]\\nname = "rudder"\\n', {"rudder": motor}), end="")
     [[actuators]]
     name = "rudder"
@@ -122,7 +130,7 @@ def _plain(quoted: str) -> str:
     return quoted[1:-1] if quoted.startswith("'") else str(json.loads(quoted))
 
 
-def _section(motor: Motor) -> str:
+def _section(motor: MotorIdentification) -> str:
     found = motor.found
     return (
         "[actuators.identified]  # estimate and 95 % interval, by the voltage equation\n"
@@ -136,7 +144,7 @@ def _section(motor: Motor) -> str:
     )
 
 
-def _shares(motor: Motor) -> str:
+def _shares(motor: MotorIdentification) -> str:
     found = motor.shares
     if found is None:
         return f"# no share of stall: {motor.lacking}\n" if motor.lacking else ""

@@ -13,9 +13,7 @@ from typing import Final, NamedTuple
 from mavhums.app.analysis import Failed, Judged, Outputs, compared_with_own, judge
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
-from mavhums.core.process_pool import Lost, in_processes
 from mavhums.flights.history import FlightHistory
-from mavhums.flights.stores.folder import keep_assessment
 from mavhums.report.assessment import Assessment
 
 __all__ = ["Batch", "Outcome", "analyse_many"]
@@ -103,6 +101,8 @@ def analyse_many(
             if isinstance(judged, Judged):
                 try:
                     if batch.keep is not None:
+                        from mavhums.flights.stores.folder import keep_assessment
+
                         keep_assessment(judged.assessment, batch.keep)
                         settings = replace(settings, history=settings.history.with_flight(judged.assessment))
                 except MavhumsError as error:
@@ -135,6 +135,8 @@ def _by_processes(
     logs: Sequence[Path], settings: Settings, jobs: int, batch: Batch
 ) -> Generator[Judged | Failed]:
     """Yield each log judged without the earlier flights, which only this process has."""
+    from mavhums.core.process_pool import Lost, in_processes  # one log needs no pool
+
     alone = partial(_without_cause, replace(settings, history=FlightHistory()))
     flights = in_processes(alone, logs, jobs, prepare=batch.prepare, preload=["mavhums.app.many"])
     with closing(flights):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mavhums.actuator.profile import load_airframe
-from mavhums.core import compiling
+from mavhums.core import startup
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
 from mavhums.health.axis.filters import AttitudeResponse, Lag
@@ -38,7 +38,7 @@ def warm_up() -> int:
         nonlocal compiled
         compiled += 1
 
-    compiling.on_compile(count)
+    startup.on_compile(count)
     stamper = Stamper(load_dialect())
     engine = Engine(EngineOptions(load_airframe("paper"), packaged_models()))
     for time_us, frame in _frames():

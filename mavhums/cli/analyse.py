@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mavhums.cli.keeping import check_baseline_dates, divided, judged_in_store
+from mavhums.cli.keeping import check_baseline_dates, divided, indexed_history, judged_in_store
 from mavhums.cli.options import (
     AIRCRAFT,
     AIRCRAFT_TABLE,
@@ -29,11 +29,9 @@ from mavhums.cli.options import (
     PATH,
     gathered,
 )
-from mavhums.cli.output import reading, say
+from mavhums.cli.output import announce_compiling, reading, say
 from mavhums.cli.printers import JsonPrinter, OutcomePrinter, TablePrinter, open_recordings, recordings_of
-from mavhums.cli.tools import announce_compiling
-from mavhums.cli.trend import indexed_history
-from mavhums.core.notice import EPILOG
+from mavhums.core.about import EPILOG
 
 if TYPE_CHECKING:
     from mavhums.app.settings import Options
@@ -85,10 +83,10 @@ def analyse(
 
     Several logs are judged on all cores. What is not normal comes in the order given, each with its log's
     name, and at the end a table of all, worst first; --verbose shows all of each log.
-    With --history, each actuator is also held against its own first flights; --keep makes this flight one of
-    them, so that one command after each landing is all the book-keeping. Give several logs oldest first.
+    With --history, each actuator is also compared with its own first flights; --keep adds this flight to
+    them, so that one command after each landing keeps the history. Give several logs oldest first.
     The flight of another aircraft than those in DIR is refused. A STORE of `mavhums fleet scan` holds many
-    aircraft: each log is held against the flights of its own, and --keep puts it in as a scan does.
+    aircraft: each log is compared with the flights of its own, and --keep adds it as a scan does.
 
     \b
     Exit codes, the first that applies:

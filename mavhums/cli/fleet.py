@@ -25,8 +25,8 @@ from mavhums.cli.options import (
     gathered,
 )
 from mavhums.cli.output import say, say_json
+from mavhums.core.about import EPILOG
 from mavhums.core.errors import ExitCode
-from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from mavhums.app.settings import Options
@@ -105,8 +105,8 @@ def scan(
 ) -> None:
     """Judge the LOGS that STORE does not have yet: files, folders with logs, or patterns.
 
-    Each aircraft's flights are held against its first ones, whatever the order of arrival. A log that cannot
-    be judged stops nothing. After an interruption the same command resumes.
+    Each aircraft's flights are compared with its first ones, whatever the order of arrival. A log that cannot
+    be judged does not stop the scan. After an interruption the same command resumes.
 
     \b
     Exit codes, the first that applies:
@@ -268,7 +268,7 @@ def digest(
     type=NAMED_DATE,
     multiple=True,
     metavar="[[AIRCRAFT/]ACTUATOR=]DATE",
-    help="Flights from then on are held against none before: D-EABC/rudder=2026-03-01, or D-EABC/=2026-03-01"
+    help="Flights before that date no longer count: D-EABC/rudder=2026-03-01, or D-EABC/=2026-03-01"
     " for all its actuators. Can be repeated.",
 )
 @click.option(

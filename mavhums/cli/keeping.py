@@ -15,15 +15,25 @@ from mavhums.core.errors import ExitCode, MavhumsError
 
 if TYPE_CHECKING:
     from mavhums.app.many import Batch, Outcome
-    from mavhums.app.settings import Options
+    from mavhums.app.settings import History, Options
     from mavhums.report.assessment import Assessment
 
-__all__ = ["Keeper", "check_baseline_dates", "divided", "judged_in_store", "live_judging"]
+__all__ = [
+    "Keeper",
+    "check_baseline_dates",
+    "divided",
+    "indexed_history",
+    "judged_in_store",
+    "live_judging",
+    "tell_losses",
+]
+
+_SHOWN_NOTICES = 5
 
 
 def divided(history: Path | str | None) -> tuple[Path | None, Path | str | None]:
     """Return the folder of flights or the store of a fleet that a history is; one of the two is None."""
-    from mavhums.flights.store import is_store  # not before: --help loads nothing heavy
+    from mavhums.flights.stores import is_store  # not before: --help loads nothing heavy
 
     if history is None or not is_store(history):
         return None if history is None else Path(history), None
@@ -46,6 +56,29 @@ def check_baseline_dates(dates: Sequence[Any], history: Path | str | None) -> No
         raise click.UsageError(
             f"{history} keeps the dates of repairs: mavhums fleet repairs {history} --add {entry}"
         )
+
+
+def indexed_history(folder: Path | None, *, may_be_new: bool = False) -> History:
+    """Open a folder of flights by its index; print on standard error which files could not be read."""
+    from mavhums.flights.history import FlightHistory
+    from mavhums.flights.stores.folder import FlightFolder
+
+    if folder is None or (may_be_new and not folder.exists()):
+        return FlightHistory()
+    with steps("reading the flights before") as progress:
+        history = FlightFolder(folder, progress=progress)
+    tell_losses(history)
+    return history
+
+
+def tell_losses(history: History) -> None:
+    """Print on standard error which files of a history could not be read, and its first notices."""
+    for error in history.errors:
+        complain(error)
+    for notice in history.notices[:_SHOWN_NOTICES]:
+        say(f"mavhums: {notice}", err=True)
+    if len(history.notices) > _SHOWN_NOTICES:
+        say(f"mavhums: and {len(history.notices) - _SHOWN_NOTICES} more notices", err=True)
 
 
 def judged_in_store(

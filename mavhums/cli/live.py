@@ -5,13 +5,15 @@ from __future__ import annotations
 import gc
 import logging
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, NamedTuple, cast
+from types import FrameType, TracebackType
+from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self, cast
 
 import click
 
@@ -30,8 +32,7 @@ from mavhums.cli.options import (
     PATH,
     gathered,
 )
-from mavhums.cli.signals import Stop
-from mavhums.core.notice import EPILOG
+from mavhums.core.about import EPILOG
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from mavhums.live.sinks import ThreadedSink
     from mavhums.report.assessment import Assessment
 
-__all__ = ["live"]
+__all__ = ["Stop", "live"]
 
 _LOG = logging.getLogger(__name__)
 _PATIENCE_S, _RECORDING_S = 0.5, 10.0  # for readers that stall, and for finishing a recording
@@ -123,8 +124,8 @@ def live(
       mavhums live udpin:14550 --record flight-%Y%m%d-%H%M%S.tlog --alerts
       mavhums live serial:/dev/ttyACM0:115200 --json | tee events.jsonl
 
-    With --history, each actuator is also held against its own first flights; --keep puts the recording's
-    verdicts there at the end, as `mavhums analyse --keep` does.
+    With --history, each actuator is also compared with its own first flights; --keep adds the recording's
+    verdicts to them at the end, as `mavhums analyse --keep` does.
 
     Ctrl-C, SIGTERM and SIGHUP end the session and print the verdicts. Exit codes are those of analyse.
     Neither recording nor judging waits for an output: what nobody reads is dropped and counted.
@@ -270,3 +271,45 @@ def _log(level: str, err: Spool, console: Console | None) -> None:
     logger = logging.getLogger("mavhums")
     logger.handlers = [handler]
     logger.setLevel(level.upper())
+
+
+class Stop:
+    """Returns whether to stop: after a time, at Ctrl-C, SIGTERM or SIGHUP; a second signal aborts.
+
+    Until ``begun``, there is nothing to end in order, and a signal ends the program at once. SIGHUP stays
+    ignored if the program was started with it ignored (``nohup``).
+
+    Parameters
+    ----------
+    duration
+        Seconds; None for no limit.
+    """
+
+    def __init__(self, duration: float | None) -> None:
+        self.begun = False
+        self._stopped = False
+        self._end = None if duration is None else time.monotonic() + duration
+        self._before: dict[int, Any] = {}
+
+    def __call__(self) -> bool:
+        """Return whether to stop."""
+        return self._stopped or (self._end is not None and time.monotonic() >= self._end)
+
+    def __enter__(self) -> Self:
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            left_alone = name == "SIGHUP" and number and signal.getsignal(number) is signal.SIG_IGN
+            if number is not None and not left_alone:
+                self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self._stopped or not self.begun:
+            signal.default_int_handler(number, frame)
+        self._stopped = True

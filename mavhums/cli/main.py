@@ -1,75 +1,67 @@
-"""The command line. Commands import their modules when they run, so that ``--help`` is fast."""
+"""The command line. Commands are imported when they run, and their own modules only then."""
 
 from __future__ import annotations
 
+import signal
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from types import FrameType
+from typing import Final, Never
 
 import click
 
-from mavhums.cli.analyse import analyse, report
-from mavhums.cli.fleet import fleet
-from mavhums.cli.learn import precedents, study, train
-from mavhums.cli.live import live
 from mavhums.cli.options import AIRFRAME, DIALECT, JSON, LOG
-from mavhums.cli.output import complain, reading, say, say_json, sound_output
-from mavhums.cli.serve import serve
-from mavhums.cli.signals import end_on_signals, interrupts_end_silently
-from mavhums.cli.tools import announce_compiling, export, model, profile, warm_up
-from mavhums.cli.trend import trend
-from mavhums.core.collecting import collect_seldom
+from mavhums.cli.output import announce_compiling, complain, reading, say, say_json, sound_output
+from mavhums.core.about import __version__
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.core.version import __version__
+from mavhums.core.startup import collect_seldom
 
 __all__ = ["main"]
+
+_HOMES: Final[Mapping[str, Mapping[str, str]]] = {
+    "Judge": {"analyse": "analyse", "report": "analyse", "serve": "serve", "live": "live"},
+    "Look": {"inspect": "", "check": "tools", "export": "tools"},
+    "Over flights": {"trend": "trend", "fleet": "fleet"},
+    "Set up": {"profile": "tools", "warm-up": "tools"},
+    "Models": {"model": "tools", "train": "learn", "precedents": "learn", "study": "learn"},
+}
+"""The module of each command, by the heading of the help; without one it stands below."""
 
 _LONGEST: Final = 60  # a line of 80 columns holds that beside the name
 
 
-class _Grouped(click.Group):
-    """A group that lists its commands under headings.
+class _Commands(click.Group):
+    """The commands under their headings, each imported when it is asked for."""
 
-    Parameters
-    ----------
-    headings
-        Names of commands by heading, in the order of the help. A command that is under none comes last,
-        under *Other*.
-    """
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the commands' names in the order of the help."""
+        return [name for homes in _HOMES.values() for name in homes]
 
-    def __init__(
-        self, *arguments: Any, headings: Mapping[str, Sequence[str]] | None = None, **options: Any
-    ) -> None:
-        super().__init__(*arguments, **options)
-        self._headings = dict(headings or {})
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command; None if there is none of this name."""
+        home = next((homes[cmd_name] for homes in _HOMES.values() if cmd_name in homes), "")
+        command = home and getattr(import_module(f"mavhums.cli.{home}"), cmd_name.replace("-", "_"))
+        return command or super().get_command(ctx, cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the commands, the most used first."""
-        names = self.list_commands(ctx)
-        listed = {name for several in self._headings.values() for name in several}
-        rest = [name for name in names if name not in listed]
-        width = max(map(len, names), default=0)
-        for heading, several in {**self._headings, "Other": rest}.items():
-            rows = [
-                (name.ljust(width), self.commands[name].get_short_help_str(_LONGEST))
-                for name in several
-                if name in names
-            ]
-            if rows:
-                with formatter.section(heading):
-                    formatter.write_dl(rows)
+        """Write the commands under their headings, the most used first."""
+        width = max(map(len, self.list_commands(ctx)))
+        for heading, homes in _HOMES.items():
+            commands = {name: self.get_command(ctx, name) for name in homes}
+            with formatter.section(heading):
+                formatter.write_dl(
+                    [
+                        (name.ljust(width), command.get_short_help_str(_LONGEST))
+                        for name, command in commands.items()
+                        if command
+                    ]
+                )
 
 
 @click.group(
-    cls=_Grouped,
-    headings={
-        "Judge": ("analyse", "report", "serve", "live"),
-        "Look": ("inspect", "export"),
-        "Over flights": ("trend", "fleet"),
-        "Set up": ("profile", "warm-up"),
-        "Models": ("model", "train", "precedents", "study"),
-    },
+    cls=_Commands,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 @click.version_option(__version__, prog_name="mavhums")
@@ -118,27 +110,9 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, messages: boo
     raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
 
 
-for _command in (
-    analyse,
-    report,
-    serve,
-    live,
-    trend,
-    fleet,
-    train,
-    precedents,
-    study,
-    export,
-    model,
-    profile,
-    warm_up,
-):
-    cli.add_command(_command)
-
-
 def main() -> None:
     """Run the command line; an error that the user can correct is one line with a remedy."""
-    end_on_signals()
+    _end_on_signals()
     collect_seldom()
     announce_compiling()
     with sound_output():
@@ -154,4 +128,29 @@ def main() -> None:
             say("mavhums: stopped; no output was left half-written", err=True)
             sys.exit(130)
         finally:
-            interrupts_end_silently()
+            _interrupts_end_silently()
+
+
+_BY_SIGNAL = 128
+
+
+def _end_on_signals() -> None:
+    """Make SIGTERM and a terminal's SIGHUP end the program in order, and remove unfinished files.
+
+    A signal that the caller ignores, as ``nohup`` does, stays ignored. A command with its own handlers, such
+    as ``live``, replaces these.
+    """
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) == signal.SIG_DFL:
+            signal.signal(number, _end)
+
+
+def _interrupts_end_silently() -> None:
+    """Let Ctrl-C end the program silently: what it had to do is done, and the interpreter exits."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def _end(number: int, _: FrameType | None) -> Never:
+    signal.signal(number, signal.SIG_IGN)
+    sys.exit(_BY_SIGNAL + number)

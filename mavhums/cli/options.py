@@ -65,7 +65,7 @@ DECIDE = click.option(
     show_default=True,
     help="Who decides an actuator's friction. physics: the physics, or a network if the profile has no"
     " limits. network: a network wherever one is for the airframe. both: the physics, and the network's"
-    " disagreement is told.",
+    " disagreement is reported.",
 )
 AIRCRAFT = click.option(
     "--aircraft",
@@ -101,7 +101,7 @@ FALSE_ALARMS = click.option(
 JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 
 
-class _Place(click.ParamType["Path | str"]):
+class _PlaceParameter(click.ParamType["Path | str"]):
     """A path, or the address of an object store, which stays a text."""
 
     name = "path"
@@ -110,7 +110,7 @@ class _Place(click.ParamType["Path | str"]):
         return str(value) if "://" in str(value) else Path(str(value))
 
 
-PLACE = _Place()
+PLACE = _PlaceParameter()
 HISTORY = click.option(
     "--history",
     type=PLACE,
@@ -149,7 +149,7 @@ BASELINE_FROM = click.option(
     type=_NamedDate(),
     multiple=True,
     metavar="[ACTUATOR=]DATE",
-    help="Earlier flights do not count, as after a repair; of all actuators, or of one. Can be repeated.",
+    help="Flights before that date no longer count, as after a repair. Can be repeated.",
 )
 
 NAMED_DATE = _NamedDate()
@@ -159,7 +159,7 @@ REPAIRS = click.option(
     type=NAMED_DATE,
     multiple=True,
     metavar="[[AIRCRAFT/]ACTUATOR=]DATE",
-    help="Flights from then on are held against none before, as after a repair: D-EABC/rudder=2026-03-01, or"
+    help="Flights before that date no longer count, as after a repair: D-EABC/rudder=2026-03-01, or"
     " D-EABC/=2026-03-01 for all its actuators. The store keeps it. Can be repeated.",
 )
 

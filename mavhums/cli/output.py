@@ -13,10 +13,11 @@ from typing import TextIO
 
 import click
 
+from mavhums.core import startup
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.text import printable
 
-__all__ = ["complain", "reading", "say", "say_json", "sound_output", "steps"]
+__all__ = ["announce_compiling", "complain", "reading", "say", "say_json", "sound_output", "steps"]
 
 _BEYOND_ASCII = re.compile(r"[^\x00-\x7e]")
 _TOLD = (ExitCode.EMERGENCY, ExitCode.DEGRADED)
@@ -117,3 +118,19 @@ def steps(title: str) -> Iterator[Callable[[int, int], None] | None]:
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def announce_compiling() -> None:
+    """Print on standard error why the first call takes longer; on a terminal with a count."""
+    count = 0
+
+    def tell() -> None:
+        nonlocal count
+        count += 1
+        if count == 1:
+            text = "mavhums: compiling its inner loops for this machine, once; it takes some twenty seconds"
+            say(f"{text} (ahead of time: mavhums warm-up)", err=True)
+        if sys.stderr.isatty():
+            click.echo(f"\r  {count} loops", nl=False, err=True)
+
+    startup.on_compile(tell)

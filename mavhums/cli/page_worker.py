@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
 from mavhums.flights.aircraft import UnnamedAircraftError
-from mavhums.flights.store import is_store
+from mavhums.flights.stores import is_store
 
 if TYPE_CHECKING:
     from mavhums.app.settings import Settings

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Self
 import click
 
 from mavhums.cli.output import complain, say, say_json
+from mavhums.core.about import EPILOG
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError, MissingExtraError
-from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from mavhums.app.many import Outcome
     from mavhums.report.assessment import Assessment
-    from mavhums.show.many import Line
+    from mavhums.show.terminal import Line
 
 __all__ = ["JsonPrinter", "OutcomePrinter", "TablePrinter", "open_recordings", "recordings_of"]
 
@@ -88,8 +88,7 @@ class TablePrinter(OutcomePrinter):
         from rich.console import Console
 
         from mavhums.show import render
-        from mavhums.show.many import line_of
-        from mavhums.show.terminal import render_findings
+        from mavhums.show.terminal import line_of, render_findings
         from mavhums.show.viewer_program import viewer_command
 
         self._lines.append(line_of(log, assessment))
@@ -107,7 +106,7 @@ class TablePrinter(OutcomePrinter):
 
     def _failed(self, log: Path, error: MavhumsError) -> None:
         """Print no more than the error."""
-        from mavhums.show.many import line_of
+        from mavhums.show.terminal import line_of
 
         self._lines.append(line_of(log, error))
 
@@ -117,7 +116,7 @@ class TablePrinter(OutcomePrinter):
             return
         from rich.console import Console
 
-        from mavhums.show.many import render_many
+        from mavhums.show.terminal import render_many
 
         render_many(self._lines, Console())
         if not self._whole:

@@ -15,8 +15,8 @@ import click
 
 from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, HISTORY, MODEL, PATH, gathered
 from mavhums.cli.output import say
+from mavhums.core.about import EPILOG
 from mavhums.core.errors import MavhumsError
-from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -112,7 +112,7 @@ def serve(
         memory_bytes=max_memory_mb << 20,
         workers=workers,
     )
-    fleet = None if store is None else _Store(store, options)
+    fleet = None if store is None else _PageStore(store, options)
     worker = (sys.executable, "-m", "mavhums.cli.page_worker", str(limits.memory_bytes), str(store))
     page = ServeOptions(
         host=host,
@@ -138,7 +138,7 @@ def _public(name: str | None) -> str | None:
     return name.lower() if name else None
 
 
-class _Store:
+class _PageStore:
     """A store as the page needs it."""
 
     def __init__(self, folder: Path, options: Options) -> None:

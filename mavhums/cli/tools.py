@@ -1,21 +1,48 @@
-"""The commands ``export``, ``model``, ``profile``, ``warm-up``; the notice that the first call compiles."""
+"""The commands ``check``, ``export``, ``model``, ``profile`` and ``warm-up``."""
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 
 import click
 
-from mavhums.cli.options import AIRFRAME, LOG, MODEL, PATH
+from mavhums.cli.options import AIRFRAME, DIALECT, JSON, LOG, MODEL, PATH
 from mavhums.cli.output import reading, say, say_json
-from mavhums.core import compiling
-from mavhums.core.errors import MavhumsError
+from mavhums.core.errors import ExitCode, MavhumsError
 
-__all__ = ["announce_compiling", "export", "model", "profile", "warm_up"]
+__all__ = ["check", "export", "model", "profile", "warm_up"]
 
 _TO_FILL_IN = "travel_deg, [actuators.ema] and [actuators.limits] of each actuator"
+
+
+@click.command(short_help="Check surfaces that are swept on the ground.")
+@LOG
+@AIRFRAME
+@DIALECT
+@JSON
+def check(log: Path, airframe: str | None, dialect: Path | None, as_json: bool) -> None:
+    """Check the servos whose surfaces are swept on the ground in LOG, before take-off.
+
+    For each: the travel and the speed that it reaches, the hysteresis between the two ways (play, friction
+    and lag), the roughness of its motion, and the friction in its current. `analyse --history` compares
+    roughness and friction with the aircraft's earlier sweeps.
+
+    Ends with 0 if travel and speed are reached, and with 10 if not.
+    """
+    import json
+    from dataclasses import asdict
+
+    from mavhums.app.check import check_log
+
+    with reading(log) as progress:
+        sweeps = check_log(log, airframe=airframe, dialect=dialect, progress=progress)
+    if as_json:
+        say_json(json.dumps([asdict(sweep) for sweep in sweeps], indent=2, ensure_ascii=False))
+    else:
+        for sweep in sweeps:
+            say(sweep.told())
+    raise SystemExit(ExitCode.DEGRADED if any(sweep.faults for sweep in sweeps) else ExitCode.OK)
 
 
 @click.command(short_help="Write a log as a table: V1–V12, or messages.")
@@ -179,19 +206,3 @@ def warm_up() -> None:
     compiled = compile_all()
     took = f"{time.monotonic() - begin:.0f} s"
     say(f"ready: {compiled} loops compiled in {took}" if compiled else "ready: nothing was left to compile")
-
-
-def announce_compiling() -> None:
-    """Print on standard error why the first call takes longer; on a terminal with a count."""
-    count = 0
-
-    def tell() -> None:
-        nonlocal count
-        count += 1
-        if count == 1:
-            text = "mavhums: compiling its inner loops for this machine, once; it takes some twenty seconds"
-            say(f"{text} (ahead of time: mavhums warm-up)", err=True)
-        if sys.stderr.isatty():
-            click.echo(f"\r  {count} loops", nl=False, err=True)
-
-    compiling.on_compile(tell)

@@ -1,4 +1,4 @@
-"""The command ``trend``, and its code for folders of flights that ``analyse`` shares."""
+"""The command ``trend``."""
 
 from __future__ import annotations
 
@@ -9,19 +9,17 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mavhums.cli.keeping import tell_losses
 from mavhums.cli.options import AIRCRAFT_TABLE, BASELINE_FROM, JSON, PATH
-from mavhums.cli.output import complain, say, say_json, steps
+from mavhums.cli.output import say_json, steps
+from mavhums.core.about import EPILOG
 from mavhums.core.errors import MavhumsError
-from mavhums.core.notice import EPILOG
 
 if TYPE_CHECKING:
-    from mavhums.app.settings import History
     from mavhums.flights.history import FlightHistory
     from mavhums.report.trend import ActuatorTrend
 
-__all__ = ["indexed_history", "trend", "write_trends"]
-
-_SHOWN_NOTICES = 5
+__all__ = ["trend", "write_trends"]
 
 
 @click.command(short_help="Show each actuator over its flights.", epilog=EPILOG)
@@ -129,27 +127,5 @@ def opened_history(folder: Path) -> FlightHistory:
 
     with steps("reading the flights before") as progress:
         history = read_history(folder, progress=progress)
-    _tell(history)
+    tell_losses(history)
     return history
-
-
-def indexed_history(folder: Path | None, *, may_be_new: bool = False) -> History:
-    """Open a folder of flights by its index; print on standard error which files could not be read."""
-    from mavhums.flights.history import FlightHistory
-    from mavhums.flights.stores.folder import FlightFolder
-
-    if folder is None or (may_be_new and not folder.exists()):
-        return FlightHistory()
-    with steps("reading the flights before") as progress:
-        history = FlightFolder(folder, progress=progress)
-    _tell(history)
-    return history
-
-
-def _tell(history: History) -> None:
-    for error in history.errors:
-        complain(error)
-    for notice in history.notices[:_SHOWN_NOTICES]:
-        say(f"mavhums: {notice}", err=True)
-    if len(history.notices) > _SHOWN_NOTICES:
-        say(f"mavhums: and {len(history.notices) - _SHOWN_NOTICES} more notices", err=True)

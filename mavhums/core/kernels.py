@@ -12,7 +12,7 @@ from typing import TypeVar, cast
 import numba
 from numba.core import event
 
-from mavhums.core import compiling
+from mavhums.core import startup
 
 __all__ = ["inlined", "kernel"]
 
@@ -33,7 +33,7 @@ class _CompileListener(event.Listener):
     """Reports compilations by numba; a cached kernel is not compiled."""
 
     def on_start(self, event: event.Event) -> None:
-        compiling.notify()
+        startup.notify_of_compilation()
 
     def on_end(self, event: event.Event) -> None:
         """Do nothing: only the start is reported."""

@@ -7,7 +7,7 @@ of its own. The verdicts do not depend on how the input is cut into blocks.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import pairwise
 from typing import Final
@@ -15,9 +15,10 @@ from typing import Final
 import numpy as np
 
 from mavhums.actuator.contradictions import against_log, remedy
-from mavhums.actuator.mapping import Mapped, Mapper, messages_for
+from mavhums.actuator.mapping import MAGNITUDES, Mapped, Mapper, messages_for
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
+from mavhums.core.arrays import Flags
 from mavhums.engine.axes import SIGNAL_MESSAGES, Axes
 from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Forgotten, Notice, Samples
@@ -36,6 +37,7 @@ from mavhums.health.verdict.actuator import (
     unjudged_actuator,
     unjudged_vehicle,
     verdict_of_actuator,
+    with_refused,
 )
 from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.axis import unjudged_axes, verdict_of_axis
@@ -47,7 +49,7 @@ from mavhums.report.assessment import (
     LogSummary,
     Verdict,
 )
-from mavhums.report.flight import FlightIdentity
+from mavhums.report.sections import FlightIdentity
 from mavhums.report.usage import VehicleUsage
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
@@ -272,6 +274,8 @@ class Engine:
         actuator = mapped.actuator
         time_s = (mapped.utc_us - (self._decoder.first_time_us or 0)) / 1e6
         yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)
+        if mapped.refused is not None:
+            mapped = _evidence(mapped, mapped.refused)
         airspeed = self._airspeeds.at(mapped.vehicle, mapped.utc_us)
         refused = self._axes.told(mapped.vehicle).refused(actuator.name, time_s)
         edges = (np.flatnonzero(np.diff(refused)) + 1).tolist()
@@ -360,8 +364,10 @@ class Engine:
             findings = monitor.findings(
                 indicators=indicators, temperature_c=self._temperatures.median(vehicle, actuator.esc)
             )
+            refused = mapper.refused(vehicle, actuator)
             if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
-                yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance, findings.own_gap)
+                gap = "; ".join(refused.values()) or findings.own_gap
+                yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance, gap)
             else:
                 verdict = verdict_of_actuator(
                     vehicle,
@@ -375,7 +381,8 @@ class Engine:
                     tier=tier_named(own),
                     network=network_answer(findings, self._monitors.serving(mapper.airframe), self._decide),
                 )
-                yield compare_with_own_flights(verdict, (), self._false_alarms)
+                verdict = compare_with_own_flights(verdict, (), self._false_alarms)
+                yield with_refused(verdict)
 
     def _end_s(self, vehicle: int) -> float:
         """Return the flight time of the log's end, by the vehicle's own clock, as all its samples are."""
@@ -383,6 +390,14 @@ class Engine:
 
     def _flight_time(self, time_us: int) -> float:
         return (time_us - (self._decoder.first_time_us or 0)) / 1e6
+
+
+def _evidence(mapped: Mapped, refused: Flags) -> Mapped:
+    """Return samples without the values that are no evidence."""
+    values, magnitudes = np.where(refused, np.nan, mapped.values), mapped.magnitudes
+    if magnitudes is not None:
+        magnitudes = np.where(refused[:, MAGNITUDES], np.nan, magnitudes)
+    return replace(mapped, values=values, magnitudes=magnitudes)
 
 
 def _utc(time_us: int) -> datetime:

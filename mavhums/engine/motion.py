@@ -3,7 +3,7 @@
 A wrong profile looks like a lost surface: the demand that its outputs give is not the one that moves the
 aircraft. So in the first minutes each output that moves is tried as the demand of the axis. An output that
 explains the motion much worse than another one does not move the axis. Outputs that move together, as rudder
-and aileron do in coordinated flight, cannot be told apart then. So an alarm is held against other outputs,
+and aileron do in coordinated flight, cannot be told apart then. So an alarm is tested against other outputs,
 too: where one of them explains the same seconds without any loss, the surface is not lost.
 """
 
@@ -20,7 +20,7 @@ from mavhums.core.conditions import SEVERITY
 from mavhums.health.axis.effectiveness import new_tracker
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.decision.events import ConditionChanged
-from mavhums.report.axis_limits import AxisLimits
+from mavhums.report.sections import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES, Moved
@@ -38,7 +38,7 @@ in software-in-the-loop an aileron had 0.98 of it or more, an elevator at most 0
 
 _ALIKE: Final = 0.97  # correlation of outputs that move together
 _MOVES_US: Final = 10.0  # standard deviation
-_HALF_US: Final = 400.0
+_HALF_US: Final = 400.0  # full deflection of common calibrations, 1100 to 1900 µs; only scales a demand
 _SHOWN_ROWS: Final = 10 * RATE_HZ  # before an alarm: the windows in which a loss is certain
 
 

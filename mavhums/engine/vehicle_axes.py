@@ -15,8 +15,9 @@ from mavhums.engine.motion import TRIED_AXES, contradiction, refutation, rests_o
 from mavhums.engine.told import Known, Told
 from mavhums.health.axis.effectiveness import explained_by
 from mavhums.health.axis.monitor import AxisMonitor
+from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Indication
-from mavhums.report.axis_limits import AxisLimits
+from mavhums.report.sections import AxisLimits
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
@@ -29,12 +30,12 @@ __all__ = ["AxisEvent", "VehicleAxes"]
 
 AxisEvent = ConditionChanged | Indication | Followed | Notice
 _SHOWN_EVERY: Final = 5  # rows: four angles a second
-_INFER_S: Final = 45
-_RETRY_S: Final = 10
-_LATEST_S: Final = 600
-_INFERRED_FROM_S: Final = 120
+_INFER_S: Final = REFERENCE_S  # of forward flight: what a reference takes shows the surfaces, too
+_RETRY_S: Final = 10  # between tries: each fits minutes of flight anew
+_LATEST_S: Final = 600  # since there was hope: bounds the cost of a flight that allows no inference
+_INFERRED_FROM_S: Final = 120  # the latest flight; longer costs more at each try
 _PARTED_S: Final = 3  # longer than an output that freezes takes to be noticed
-_INFERENCES: Final = 3
+_INFERENCES: Final = 3  # each that is given up judges the flight anew: bounds the revisions
 _TRIES_S: Final = (60, 120, 180)  # of forward flight: a reference takes 45 s, and none begins later
 _RECENT_S: Final = 180  # before an alarm: with 120, two of seven wrong profiles raised it all the same
 

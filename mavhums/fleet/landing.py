@@ -28,15 +28,15 @@ from mavhums.flights.aircraft import (
     latest,
 )
 from mavhums.flights.aircraft_table import Since
-from mavhums.flights.compare import LoneFlight
+from mavhums.flights.compare import StandaloneAssessment
 from mavhums.flights.history import FlightHistory
 from mavhums.flights.naming import BOARD_NAME, aircraft_in_store, names_there, proposed, whose_in
 from mavhums.flights.queries import flight, past_flights, standings
 from mavhums.flights.repairs import since_of
-from mavhums.flights.store import is_store
+from mavhums.flights.stores import is_store
 from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Store
 from mavhums.report.assessment import Assessment
-from mavhums.report.flight import FlightCopy
+from mavhums.report.sections import FlightCopy
 
 __all__ = ["Past", "against", "analyse", "keep", "past", "record"]
 
@@ -207,13 +207,13 @@ def _without_history(options: Options | Settings | None) -> Settings:
     return Settings.read(replace(options or Options(), history=None))
 
 
-def _alone(log: Place, settings: Settings) -> LoneFlight:
+def _alone(log: Place, settings: Settings) -> StandaloneAssessment:
     if str(log) == "-":
         raise MavhumsError("-: a store names logs by their files", "save the log first")
     return analyse_alone(log, settings.engine)
 
 
-def _with_past(alone: LoneFlight, store: Store, log: Place, settings: Settings) -> Settings:
+def _with_past(alone: StandaloneAssessment, store: Store, log: Place, settings: Settings) -> Settings:
     """Return settings with the past of a judged log's aircraft."""
     given = settings.whose
     whose = whose_in(store, given)

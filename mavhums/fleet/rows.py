@@ -8,14 +8,13 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from mavhums.app.analysis import analyse_alone
+from mavhums.app.analysis import Failed, analyse_alone
 from mavhums.app.settings import Options, Settings
-from mavhums.core.errors import MavhumsError
-from mavhums.core.version import __version__
+from mavhums.core.about import __version__
 from mavhums.engine.options import EngineOptions
 from mavhums.fleet.sources import UnreachedError, at_hand
 from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, board_of
-from mavhums.flights.compare import LoneFlight, packed
+from mavhums.flights.compare import StandaloneAssessment, packed
 from mavhums.flights.history import PastFlight, UndatedError
 from mavhums.flights.naming import aircraft_in_store
 from mavhums.flights.stores.delta import LogFile, Row
@@ -59,11 +58,9 @@ def judge(file: LogFile, options: Options, settings: str, whose: AircraftResolve
             flight = _named(analyse_alone(path, _resolved(options)), file)
     except UnreachedError as error:
         return _failed(file, _AGAIN, aircraft, error.problem, error.remedy)
-    except MavhumsError as error:
-        return _failed(file, settings, aircraft, error.problem.replace(path, file.path), error.remedy)
     except Exception as error:
-        told = f"{file.path}: {type(error).__name__}: {str(error)[:200]}"
-        return _failed(file, settings, aircraft, told, "report it with the log")
+        failed = Failed.of(Path(path), error)
+        return _failed(file, settings, aircraft, failed.problem.replace(path, file.path), failed.remedy)
     try:
         start_us: int | None = round(PastFlight.of(flight.assessment).start.timestamp() * 1e6)
     except UndatedError:
@@ -84,7 +81,7 @@ def judge(file: LogFile, options: Options, settings: str, whose: AircraftResolve
     )
 
 
-def _named(flight: LoneFlight, file: LogFile) -> LoneFlight:
+def _named(flight: StandaloneAssessment, file: LogFile) -> StandaloneAssessment:
     """Return a flight under the path of its log, wherever its copy lay."""
     log = flight.assessment.log.model_copy(update={"path": file.path})
     return flight._replace(assessment=flight.assessment.model_copy(update={"log": log}))

@@ -24,7 +24,7 @@ from mavhums.health.decision.baseline import Baselines
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.report.assessment import Assessment
-from mavhums.report.flight import CLOCKS_APART_S
+from mavhums.report.sections import CLOCKS_APART_S
 
 __all__ = ["Checkpoint", "Superseded", "TooLateError"]
 
@@ -52,7 +52,7 @@ class _Group:
     final: bool = False
 
 
-class _Flight(NamedTuple):
+class _FlightSummary(NamedTuple):
     assessment: Assessment
     recordings: tuple[Recording, ...]
 
@@ -60,10 +60,10 @@ class _Flight(NamedTuple):
 class _State(NamedTuple):
     """What is stored of a checkpoint; ``sums`` is None where the sums of the flights were not kept."""
 
-    references: tuple[_Flight, ...]
-    open: tuple[tuple[tuple[_Flight, ...], bool], ...]
+    references: tuple[_FlightSummary, ...]
+    open: tuple[tuple[tuple[_FlightSummary, ...], bool], ...]
     counts: tuple[tuple[_Key, int], ...]
-    sums: tuple[_Flight, ...] | None
+    sums: tuple[_FlightSummary, ...] | None
 
 
 class Checkpoint:
@@ -247,11 +247,11 @@ def _is_near(flown: PastFlight, others: Iterable[PastFlight]) -> bool:
     )
 
 
-def _stored(flights: Sequence[PastFlight]) -> tuple[_Flight, ...]:
-    return tuple(_Flight(flight.assessment, flight.recordings) for flight in flights)
+def _stored(flights: Sequence[PastFlight]) -> tuple[_FlightSummary, ...]:
+    return tuple(_FlightSummary(flight.assessment, flight.recordings) for flight in flights)
 
 
-def _flights(stored: tuple[_Flight, ...]) -> list[PastFlight]:
+def _flights(stored: tuple[_FlightSummary, ...]) -> list[PastFlight]:
     return [replace(PastFlight.of(flight.assessment), recordings=flight.recordings) for flight in stored]
 
 

@@ -36,14 +36,14 @@ from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.self_baseline.past import PastSource
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
-from mavhums.health.verdict.actuator import against_baseline
+from mavhums.health.verdict.actuator import against_baseline, with_refused
 from mavhums.health.verdict.advice import with_advice
 from mavhums.report.assessment import Assessment, Verdict
 
 __all__ = [
-    "Comparison",
-    "LoneFlight",
+    "FlightComparison",
     "Records",
+    "StandaloneAssessment",
     "compared",
     "packed",
     "unpacked",
@@ -55,7 +55,7 @@ Records = Mapping[tuple[int, str], ActuatorRecord]
 _LARGEST = 256 << 20
 
 
-class LoneFlight(NamedTuple):
+class StandaloneAssessment(NamedTuple):
     """A flight judged by itself.
 
     Attributes
@@ -76,7 +76,9 @@ class LoneFlight(NamedTuple):
     false_alarms: float = FALSE_ALARMS
 
 
-def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | None = None) -> Assessment:
+def compared(
+    flight: StandaloneAssessment, baselines: BaselineSource, past: PastSource | None = None
+) -> Assessment:
     """Return the assessment of a flight, compared with the actuators' own earlier flights.
 
     Parameters
@@ -101,7 +103,7 @@ def compared(flight: LoneFlight, baselines: BaselineSource, past: PastSource | N
     return _with_findings(flight, start, source, past, comparisons)
 
 
-class Comparison:
+class FlightComparison:
     """Compares a flight with the actuators' own earlier flights while the engine judges it.
 
     It stands in for the engine. The events of an actuator that has a baseline are those of the comparison. A
@@ -118,7 +120,7 @@ class Comparison:
 
     Examples
     --------
-    >>> comparison = Comparison(Engine(), {})
+    >>> comparison = FlightComparison(Engine(), {})
     >>> comparison.feed(b"") + comparison.finish()
     []
     """
@@ -153,7 +155,7 @@ class Comparison:
             return alone
         comparisons = {key: one for key, one in self._comparisons.items() if one}
         records = self._engine.records(whole=False) if comparisons else {}
-        flight = LoneFlight(alone, records, self._engine.profiles(), self._false_alarms)
+        flight = StandaloneAssessment(alone, records, self._engine.profiles(), self._false_alarms)
         return _with_findings(flight, start, self._baselines, self._past, comparisons)
 
     def follow(self, events: Iterable[Event]) -> Iterator[Event]:
@@ -186,7 +188,7 @@ class Comparison:
 
 
 def _with_findings(
-    flight: LoneFlight,
+    flight: StandaloneAssessment,
     start: datetime,
     baselines: BaselineSource,
     past: PastSource | None,
@@ -212,7 +214,7 @@ def _with_findings(
             shown = comparisons[key].findings(flight.records[key])
             verdict = against_baseline(without_own(verdict), shown, start_utc=start, end_s=end_s)
         flights = flown.get(flight.profiles.get(key, ""), {}).get(key, ())
-        return compare_with_own_flights(verdict, flights, flight.false_alarms)
+        return with_refused(compare_with_own_flights(verdict, flights, flight.false_alarms))
 
     verdicts = ((verdict, found(verdict)) for verdict in flight.assessment.verdicts)
     advised = tuple(alone if now is alone else with_advice(now) for alone, now in verdicts)
@@ -228,7 +230,7 @@ def _looked_up(baselines: BaselineSource, airframe: str | None, start: datetime)
     return baselines(airframe, start) if callable(baselines) else baselines
 
 
-def packed(flight: LoneFlight) -> bytes:
+def packed(flight: StandaloneAssessment) -> bytes:
     """Return a flight as bytes that :func:`unpacked` reads; the numbers are preserved exactly.
 
     Examples
@@ -247,7 +249,7 @@ def packed(flight: LoneFlight) -> bytes:
     return zlib.compress(_STORED.dump_json(content, by_alias=True))
 
 
-def unpacked(data: bytes) -> LoneFlight:
+def unpacked(data: bytes) -> StandaloneAssessment:
     """Return the flight in the bytes that :func:`packed` returned.
 
     Raises
@@ -265,7 +267,7 @@ def unpacked(data: bytes) -> LoneFlight:
         ) from error
     records = {(vehicle, actuator): record for vehicle, actuator, _, record in content.records}
     profiles = {(vehicle, actuator): profile for vehicle, actuator, profile, _ in content.records}
-    return LoneFlight(content.assessment, records, profiles, content.false_alarms)
+    return StandaloneAssessment(content.assessment, records, profiles, content.false_alarms)
 
 
 class _Stored(NamedTuple):

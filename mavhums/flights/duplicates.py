@@ -14,7 +14,7 @@ from operator import itemgetter
 from typing import NamedTuple, TypeVar
 
 from mavhums.report.assessment import ALL, Assessment
-from mavhums.report.flight import CLOCKS_APART_S, FlightIdentity
+from mavhums.report.sections import CLOCKS_APART_S, FlightIdentity
 
 __all__ = ["Quality", "Recording", "recordings_of", "superseded_recordings"]
 

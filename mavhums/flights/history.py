@@ -265,9 +265,7 @@ def _once(flights: Iterable[PastFlight]) -> tuple[PastFlight, ...]:
     once: dict[tuple[str | None, ...], PastFlight] = {}
     for flight in sorted(flights, key=lambda flight: (flight.written, str(flight.file))):
         once[flight.log, flight.assessment.airframe] = flight
-    in_order = sorted(once.values(), key=lambda flight: (flight.start, flight.log, _profile(flight)))
+    in_order = sorted(
+        once.values(), key=lambda flight: (flight.start, flight.log, flight.assessment.airframe or "")
+    )
     return tuple(in_order)
-
-
-def _profile(flight: PastFlight) -> str:
-    return flight.assessment.airframe or ""

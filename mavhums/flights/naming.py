@@ -54,8 +54,8 @@ def aircraft_in_store(path: str, assessment: Assessment, whose: AircraftResolver
 def rule_of(store: Store) -> str | None:
     """Return the rule by which a store names aircraft; None if it has neither a rule nor a log.
 
-    It is the latest that a scan was given. Stores of versions that did not keep it are told by their names:
-    where any is not a board's, a rule that nothing tells has given it, and each new log must be named.
+    It is the latest that a scan was given. Versions that did not keep it are recognised by the names there:
+    where one is not a board's, an unknown rule has given it, and each new log must be named.
     """
     latest = _latest(store)
     if latest is not None:

@@ -35,7 +35,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class Repair(NamedTuple):
-    """A repair; flights that begin on or after it are held against none before it.
+    """A repair: flights that begin on or after it are not compared with flights before it.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What is settled of an aircraft: the flights with final verdicts, and what the next one needs of them."""
+"""Checkpoint of an aircraft in a store: flights with final verdicts, and what the next one needs of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from mavhums.core.version import __version__
+from mavhums.core.about import __version__
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.repairs import installed_in, repairs_of
 from mavhums.flights.stores.delta import FORMAT, OF_THIS_FORMAT, Store

@@ -14,11 +14,12 @@ from pydantic import TypeAdapter
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, URGENCY
+from mavhums.core.statistics import NORMAL_95
 from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
 from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
 from mavhums.flights.history import FlightHistory, PastFlight, UndatedError
 from mavhums.flights.standing import Flown, growth_of, standing_of, step_of
-from mavhums.flights.store import EarlierFlights
+from mavhums.flights.stores import EarlierFlights
 from mavhums.flights.stores.folder import read_history
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.decision.baseline import Baseline
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
 __all__ = ["own_trend_report", "trend", "trend_report", "with_standings"]
 
-_NORMAL_95 = 1.96
 _POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
 
 
@@ -335,7 +335,7 @@ def _error(one: Indicator) -> float:
     """Return the standard error of the flight-to-flight part, which excludes the torque scale."""
     if one.scatter is not None:
         return one.scatter / sqrt(one.windows)
-    return (one.value.high - one.value.low) / (2 * _NORMAL_95)
+    return (one.value.high - one.value.low) / (2 * NORMAL_95)
 
 
 def _change(newest: Indicator, expected: Interval | None) -> Interval | None:

@@ -16,7 +16,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from mavhums.core.arrays import Array, Flags, Integers
 
 __all__ = [
-    "Classified",
+    "LabelledEstimator",
     "SupportSelector",
     "check_choice",
     "check_positive_integers",
@@ -56,7 +56,7 @@ def two_classes(target: NDArray[Any]) -> tuple[NDArray[Any], Integers]:
     return classes, codes
 
 
-class Classified(BaseEstimator):
+class LabelledEstimator(BaseEstimator):
     """An estimator whose ``fit`` requires the samples' classes."""
 
     def _checked(self, X: ArrayLike, y: ArrayLike, **wanted: Any) -> tuple[Array, NDArray[Any]]:
@@ -78,7 +78,7 @@ class Classified(BaseEstimator):
         return tags
 
 
-class SupportSelector(SelectorMixin, Classified):
+class SupportSelector(SelectorMixin, LabelledEstimator):
     """A selector whose ``fit`` stores the mask of kept features in ``support_``, shape (n_features,)."""
 
     support_: Flags

@@ -18,7 +18,7 @@ import torch
 from mavhums.core.arrays import Array, Flags
 from mavhums.learn.inference import TanhNetwork
 
-__all__ = ["Batch", "Data", "Problem", "Samples"]
+__all__ = ["Data", "NetworkBatch", "Problem", "Samples"]
 
 _BLOCK = 1 << 19
 """Number of hidden activations computed at once; they fit into the processor's cache."""
@@ -75,7 +75,7 @@ class Data:
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class NetworkBatch:
     """The networks of a batch: hidden neurons, input features and seeds.
 
     Attributes
@@ -95,10 +95,10 @@ class Batch:
     def __len__(self) -> int:
         return len(self.hidden)
 
-    def part(self, networks: Sequence[int]) -> Batch:
+    def part(self, networks: Sequence[int]) -> NetworkBatch:
         """Return a subset of the networks."""
         hidden, seeds = ([values[i] for i in networks] for values in (self.hidden, self.seeds))
-        return Batch(hidden, self.subsets[list(networks)], seeds)
+        return NetworkBatch(hidden, self.subsets[list(networks)], seeds)
 
 
 class Problem:
@@ -117,7 +117,7 @@ class Problem:
         Half of it times the sum of squared weights, biases excepted, is added to the mean loss.
     """
 
-    def __init__(self, batch: Batch, data: Data, weight_decay: float) -> None:
+    def __init__(self, batch: NetworkBatch, data: Data, weight_decay: float) -> None:
         self.batch, self.data = batch, data
         self.width, self.inputs = max(batch.hidden), batch.subsets.shape[1]
         self.outputs = len(data.target)

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
+from math import exp
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
 from mavhums.core.window_features import WINDOW_KEYS
 
-__all__ = ["MARGIN", "Network", "TanhNetwork", "WindowNetwork", "unit_interval"]
+__all__ = ["ABSTAINS", "MARGIN", "Network", "TanhNetwork", "WindowNetwork", "unit_interval", "vote"]
 
 
 def unit_interval(values: Array, minimum: Array, maximum: Array) -> Array:
@@ -230,7 +232,7 @@ class Network(TanhNetwork):
         >>> network.votes(values)
         array([ 0,  1, -1], dtype=int8)
         """
-        from mavhums.learn.voting import vote
+        from mavhums.learn.inference import vote
 
         array = _samples(values)
         low, high = self._envelope(margin)
@@ -326,3 +328,57 @@ def _samples(values: ArrayLike) -> Array:
     if array.ndim != 2 or array.shape[1] != len(KEYS):
         raise ValueError(f"values must have the shape (n, {len(KEYS)}), not {array.shape}")
     return array
+
+
+ABSTAINS = -1
+
+
+@kernel
+def vote(
+    values: Array,
+    columns: Integers,
+    low: Array,
+    high: Array,
+    weights: Array,
+    biases: Array,
+    difference: Array,
+    threshold: float,
+) -> NDArray[np.int8]:
+    """Return 1 for an emergency, 0 for none, -1 for a sample outside ``low`` … ``high``, shape (n,).
+
+    Parameters
+    ----------
+    values
+        V1…V12, shape (n, 12).
+    columns
+        Columns of the network's k inputs in ``values``.
+    low, high
+        Bounds of each input, shape (k,).
+    weights, biases
+        Weights and biases of the h hidden neurons for unscaled inputs, shapes (h, k) and (h,).
+    difference, threshold
+        Output weights, first minus second, shape (h,), and the threshold for their sum.
+    """
+    n, k, h = len(values), len(columns), len(biases)
+    votes = np.empty(n, dtype=np.int8)
+    inputs = np.empty(k)
+    for i in range(n):
+        inside = True
+        for j in range(k):
+            x = values[i, columns[j]]
+            if not low[j] <= x <= high[j]:
+                inside = False
+                break
+            inputs[j] = x
+        if not inside:
+            votes[i] = ABSTAINS
+            continue
+        sum_ = -threshold
+        for m in range(h):
+            inner = biases[m]
+            for j in range(k):
+                inner += weights[m, j] * inputs[j]
+            # tanh by the exponential is three times as fast; overflow gives infinity, which is correct here.
+            sum_ += difference[m] * (1.0 - 2.0 / (exp(2.0 * inner) + 1.0))
+        votes[i] = 1 if sum_ > 0.0 else 0
+    return votes

@@ -15,7 +15,7 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, vali
 
 from mavhums.core.arrays import Array, Integers
 from mavhums.core.errors import MissingExtraError
-from mavhums.learn._estimators import Classified, check_choice, check_positive_integers, two_classes
+from mavhums.learn._estimators import LabelledEstimator, check_choice, check_positive_integers, two_classes
 from mavhums.learn.inference import TanhNetwork
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["TanhNetworkClassifier", "TanhNetworkEnsemble"]
 
 
-class _Networks(ClassifierMixin, Classified):
+class _Networks(ClassifierMixin, LabelledEstimator):
     """A classifier of two classes by networks; ``fit`` stores the classes in ``classes_``."""
 
     classes_: NDArray[Any]
@@ -74,10 +74,10 @@ class _Networks(ClassifierMixin, Classified):
     ) -> Trained:
         """Train networks on all features; ``options`` go to ``train_batch``."""
         try:
-            from mavhums.learn.trainer import Batch, train_batch
+            from mavhums.learn.trainer import NetworkBatch, train_batch
         except ModuleNotFoundError as error:
             raise MissingExtraError("training", "train") from error
-        batch = Batch(hidden, np.ones((len(hidden), samples[0].shape[1]), dtype=bool), seeds)
+        batch = NetworkBatch(hidden, np.ones((len(hidden), samples[0].shape[1]), dtype=bool), seeds)
         return train_batch(batch, samples, weight_decay=self.weight_decay, max_iter=self.max_iter, **options)
 
     def __sklearn_tags__(self) -> Any:

@@ -13,13 +13,13 @@ from sklearn.metrics.cluster import contingency_matrix
 from sklearn.utils.validation import check_is_fitted
 
 from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.learn._estimators import Classified
+from mavhums.learn._estimators import LabelledEstimator
 from mavhums.learn.inference import unit_interval
 
 __all__ = ["ChiSquareRanking"]
 
 
-class ChiSquareRanking(SelectorMixin, Classified):
+class ChiSquareRanking(SelectorMixin, LabelledEstimator):
     """Rank features by Pearson's chi-square between their bins and the classes.
 
     :func:`sklearn.feature_selection.chi2` treats feature values as counts and requires them to be

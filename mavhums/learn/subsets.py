@@ -217,12 +217,12 @@ def subset_training(
     samples do not stop the training.
     """
     try:
-        from mavhums.learn.trainer import Batch, train_batch
+        from mavhums.learn.trainer import NetworkBatch, train_batch
     except ModuleNotFoundError as error:
         raise MissingExtraError("training", "train") from error
 
     def train(subsets: Flags) -> Trained:
-        batch = Batch([hidden] * len(subsets), subsets, [random_state] * len(subsets))
+        batch = NetworkBatch([hidden] * len(subsets), subsets, [random_state] * len(subsets))
         return train_batch(batch, samples, validation=validation, **{"patience": None} | options)
 
     return train

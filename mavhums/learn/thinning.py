@@ -13,7 +13,7 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted
 from threadpoolctl import threadpool_limits
 
 from mavhums.core.arrays import Array, Integers
-from mavhums.learn._estimators import Classified, check_choice, check_positive_integers
+from mavhums.learn._estimators import LabelledEstimator, check_choice, check_positive_integers
 from mavhums.learn.inference import unit_interval
 
 __all__ = ["VectorThinning"]
@@ -21,7 +21,7 @@ __all__ = ["VectorThinning"]
 _ITERATIONS = 20
 
 
-class VectorThinning(Classified):
+class VectorThinning(LabelledEstimator):
     """Keep representative vectors of each class, each weighted by the number it represents.
 
     Each class keeps its share of the vectors, at least one. Similarity is measured on features

@@ -12,10 +12,10 @@ import torch
 from joblib import Parallel, delayed
 
 from mavhums.core.arrays import Array, Integers
-from mavhums.learn.batched import Batch, Data, Problem, Samples
+from mavhums.learn.batched import Data, NetworkBatch, Problem, Samples
 from mavhums.learn.inference import TanhNetwork, unit_interval
 
-__all__ = ["Batch", "Optimiser", "Solution", "Trained", "adam", "lbfgs", "one_thread", "train_batch"]
+__all__ = ["NetworkBatch", "Optimiser", "Solution", "Trained", "adam", "lbfgs", "one_thread", "train_batch"]
 
 _MEMORY = 12
 _HALVINGS = 12
@@ -239,7 +239,7 @@ class Trained:
 
 
 def train_batch(
-    batch: Batch,
+    batch: NetworkBatch,
     samples: Samples,
     *,
     weight: Array | None = None,

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import JsonValue
 
+from mavhums.core.about import __version__
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
-from mavhums.core.version import __version__
 from mavhums.learn.card import Card, Selection
 from mavhums.learn.chain import Scheme, Vectors, reduce_vectors, select_features
 from mavhums.learn.evaluation import hold_out

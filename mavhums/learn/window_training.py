@@ -15,10 +15,18 @@ from mavhums.core.errors import MissingExtraError
 from mavhums.core.window_features import WINDOW_KEYS
 from mavhums.learn.card import Selection
 from mavhums.learn.chain import Rounds, Scheme, Vectors, reduce_vectors, select_columns
-from mavhums.learn.inference import WindowNetwork
+from mavhums.learn.inference import TanhNetwork, WindowNetwork
 from mavhums.learn.ranking import ChiSquareRanking
 
-__all__ = ["LabelledWindows", "WindowResult", "at_temperature", "decides_at", "train_windows"]
+__all__ = [
+    "ClassesResult",
+    "LabelledWindows",
+    "WindowResult",
+    "at_temperature",
+    "decides_at",
+    "train_classes",
+    "train_windows",
+]
 
 _HELD_OUT = 0.25
 _SHARE = 5
@@ -108,20 +116,47 @@ def train_windows(
     MissingExtraError
         If torch, or pygad for the genetic search, is not installed.
     """
-    try:
-        from mavhums.learn.trainer import Batch, train_batch
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("training", "train") from error
-    scheme = scheme or Scheme()
     columns = [WINDOW_KEYS.index(key) for key in keys]
     finite: Flags = np.asarray(np.isfinite(windows.features[:, columns]).all(axis=1))
     whole = windows.part(finite)
+    part = LabelledWindows(whole.features[:, columns], whole.classes, whole.flights)
+    found = train_classes(part, classes=classes, names=keys, seed=seed, scheme=scheme, tell=tell)
+    network = WindowNetwork(keys=found.inputs, **found.network.tensors)
+    return WindowResult(network, found.selection, found.candidates)
+
+
+@dataclass(frozen=True, eq=False)
+class ClassesResult:
+    """The chosen network, the names of its inputs, what the stages kept, and each candidate's accuracy."""
+
+    network: TanhNetwork
+    inputs: tuple[str, ...]
+    selection: Selection
+    candidates: tuple[tuple[int, float], ...]
+
+
+def train_classes(
+    examples: LabelledWindows,
+    *,
+    classes: int,
+    names: Sequence[str],
+    seed: int,
+    scheme: Scheme | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> ClassesResult:
+    """Do the same with any finite features, shape (n, k), of these ``names``."""
+    try:
+        from mavhums.learn.trainer import NetworkBatch, train_batch
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("training", "train") from error
+    scheme = scheme or Scheme()
     split = GroupShuffleSplit(1, test_size=_HELD_OUT, random_state=seed)
-    offered, checked = (whole.part(rows) for rows in next(split.split(whole.features, groups=whole.flights)))
+    offered, checked = (
+        examples.part(rows) for rows in next(split.split(examples.features, groups=examples.flights))
+    )
     ranking = ChiSquareRanking(strategy="quantile")
-    linear = replace(scheme, order=1)
-    selection = select_columns(offered.features[:, columns], offered.classes, keys, linear, ranking)
-    kept = [WINDOW_KEYS.index(key) for key in selection.selected]
+    selection = select_columns(offered.features, offered.classes, names, replace(scheme, order=1), ranking)
+    kept = [list(names).index(name) for name in selection.selected]
     target, of_all = np.eye(classes, dtype=bool), offered.features[:, kept]
     vectors, held_out = (
         Vectors(part.features[:, kept], target[part.classes], np.ones(len(part)))
@@ -133,11 +168,13 @@ def train_windows(
     sizes = np.resize(_HIDDEN, max(1, scheme.networks // _SHARE)).tolist()
     inputs = selection.chosen(chosen)
     trained = train_batch(
-        Batch(sizes, np.ones((len(sizes), len(inputs)), dtype=bool), [seed + k for k in range(len(sizes))]),
+        NetworkBatch(
+            sizes, np.ones((len(sizes), len(inputs)), dtype=bool), [seed + k for k in range(len(sizes))]
+        ),
         vectors.of_features(chosen).samples,
         weight=vectors.weight,
         validation=held_out.of_features(chosen).samples,
-        # Of all windows: those that thinning keeps span less than what the network may be asked.
+        # Of all examples: those that thinning keeps span less than what the network may be asked.
         bounds=(of_all[:, chosen].min(axis=0), of_all[:, chosen].max(axis=0)),
         max_iter=_ITERATIONS,
         weight_decay=_DECAY,
@@ -150,8 +187,7 @@ def train_windows(
             f"{100 * accuracies.max():.2f} % of the windows held out (worst {100 * accuracies.min():.2f} %)"
         )
     best = trained.networks[int(np.argmin(trained.validation_loss))]
-    candidates = tuple(zip(sizes, accuracies.tolist(), strict=True))
-    return WindowResult(WindowNetwork(keys=inputs, **best.tensors), selection, candidates)
+    return ClassesResult(best, inputs, selection, tuple(zip(sizes, accuracies.tolist(), strict=True)))
 
 
 def at_temperature(network: WindowNetwork, windows: LabelledWindows) -> tuple[WindowNetwork, float]:

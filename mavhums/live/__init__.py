@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mavhums.core.lazy import lazy_exports
+from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
     from mavhums.live.address import Address

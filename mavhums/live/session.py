@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import ConditionChanged, Event, Notice
 from mavhums.flights.aircraft import OtherAircraftError
-from mavhums.flights.compare import Comparison
+from mavhums.flights.compare import FlightComparison
 from mavhums.live.alerts import Alerts
 from mavhums.live.links import Link, ReceiveClock
 from mavhums.live.peers import Peers
@@ -133,7 +133,7 @@ class Session:
 
     def __init__(
         self,
-        engine: Engine | Comparison,
+        engine: Engine | FlightComparison,
         reception: Reception,
         ground: GroundStation = GroundStation(),  # noqa: B008 — immutable
         *,

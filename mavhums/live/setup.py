@@ -23,7 +23,7 @@ from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
-from mavhums.flights.compare import Comparison
+from mavhums.flights.compare import FlightComparison
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts, Signer
@@ -129,7 +129,7 @@ def prepare(options: LiveOptions, sinks: Sequence[Sink] = (), *, vehicle_states:
     alerts = voice(ground_links, _UNKNOWN_VEHICLE if callers and not ground else None) if speaks else None
     greeter = voice(callers, None) if callers and (ground or not speaks) else None
     return Session(
-        Comparison(Engine(engine), *settings.earlier(settings.since), engine.false_alarms),
+        FlightComparison(Engine(engine), *settings.earlier(settings.since), engine.false_alarms),
         reception,
         GroundStation(alerts, greeter, ground_links if ground else ()),
         recorder=recorder,

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from mavhums.core.version import __version__
+from mavhums.core.about import __version__
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
 from mavhums.live.outlet import Outlet
 from mavhums.live.session import Sink

@@ -13,15 +13,22 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
+from mavhums.core.about import NOTICE
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
-from mavhums.core.notice import NOTICE
 from mavhums.core.quantities import KEYS
 from mavhums.log.base.losses import Losses
-from mavhums.report.axis_limits import AxisLimits
-from mavhums.report.flight import FlightCopy, FlightIdentity
-from mavhums.report.network import DECIDE, Decide, ModelSummary, NetworkAnswer, with_network
+from mavhums.report.sections import (
+    DECIDE,
+    AxisLimits,
+    Decide,
+    FlightCopy,
+    FlightIdentity,
+    ModelSummary,
+    NetworkAnswer,
+    with_network,
+)
 from mavhums.report.standing import Interval, Standing
 from mavhums.report.usage import VehicleUsage
 
@@ -129,6 +136,9 @@ class Indicator(Contract):
         How many flights that baseline rests on, and how many it takes; None where limits alone decide.
     least_rise
         Share of the baseline by which the quantity must rise to be found with 95 % probability.
+    load
+        Mean size of the load in the flight's motion, in the quantity's unit; None where the friction does not
+        depend on it, or nothing shows it.
     """
 
     fault: str
@@ -143,6 +153,7 @@ class Indicator(Contract):
     baseline_flights: int | None = Field(default=None, ge=0)
     needed_flights: int | None = Field(default=None, ge=1)
     least_rise: float | None = Field(default=None, ge=0)
+    load: float | None = Field(default=None, ge=0)
 
 
 class OwnRecord(Contract):

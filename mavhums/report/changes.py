@@ -6,10 +6,10 @@ from typing import Literal
 
 from pydantic import Field
 
+from mavhums.core.about import NOTICE
 from mavhums.core.conditions import SEVERITY
 from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
-from mavhums.core.notice import NOTICE
 from mavhums.report.standing import Standing
 
 __all__ = ["Change", "FailedLog", "FleetDigest", "SilentAircraft"]

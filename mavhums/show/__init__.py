@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mavhums.core.lazy import lazy_exports
+from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
     from mavhums.show.blueprint import layout

@@ -69,7 +69,8 @@ class Thinner:
         values = np.concatenate([part for _, part in self._waiting])
         start = 0
         while start < time.size:
-            size = self._whole(min(time.size - start, self._room()))
+            rows = min(time.size - start, self._room())
+            size = rows - rows % self.group
             if size == 0:
                 if not final:
                     break
@@ -91,9 +92,6 @@ class Thinner:
             self.group = max(2 * self.group, 4)
         rows = self._capacity - self._size
         return rows if self.group == 1 else rows // 2 * self.group
-
-    def _whole(self, rows: int) -> int:
-        return rows - rows % self.group
 
     def _thinned(self, time: Array, values: Array) -> tuple[Array, Array]:
         if self.group == 1 or time.size < 2:

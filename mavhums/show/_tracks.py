@@ -15,10 +15,9 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import Classified, ConditionChanged, Followed, Indication, Samples, Window
 from mavhums.health.actuator.detector import Detector
 from mavhums.report.assessment import Verdict
-from mavhums.report.axis_limits import AxisLimits
-from mavhums.show._classes import Classes
+from mavhums.report.sections import AxisLimits
 from mavhums.show._craft import Surface
-from mavhums.show._signals import Signals
+from mavhums.show._signals import Classes, Signals
 from mavhums.show._stream import Times, send
 from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW
 

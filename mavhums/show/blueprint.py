@@ -78,7 +78,7 @@ class Lane(NamedTuple):
     states: str = ""
 
 
-class _Axes(NamedTuple):
+class _TimeRange(NamedTuple):
     """The time range of plots; conditions are always shown from the start."""
 
     signals: rrb.TimeAxis
@@ -119,7 +119,9 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
         Whether the views follow the newest data instead of showing the whole flight.
     """
     axes = (
-        _Axes(_latest(_LIVE_SIGNALS_S), _latest(_LIVE_EVIDENCE_S)) if live else _Axes(*[whole_flight()] * 2)
+        _TimeRange(_latest(_LIVE_SIGNALS_S), _latest(_LIVE_EVIDENCE_S))
+        if live
+        else _TimeRange(*[whole_flight()] * 2)
     )
     tabs = [_actuator(lane, axes) for lane in lanes if lane.present or lane.faults or lane.angles]
     around = around or Surroundings()
@@ -196,7 +198,7 @@ def _tab(lane: Lane) -> str:
     return f"{lane.title}: {lane.condition}" + (f", was {lane.worst}" if changed else "")
 
 
-def _actuator(lane: Lane, axes: _Axes) -> rrb.Container:
+def _actuator(lane: Lane, axes: _TimeRange) -> rrb.Container:
     root, keys = lane.root, lane.present
     answer: list[rrb.View | rrb.Container] = list(_faults(lane, axes.evidence))
     if len(answer) > 1:

@@ -8,16 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mavhums.core.about import __version__
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.version import __version__
 from mavhums.report.assessment import ALL, Assessment, Verdict
-from mavhums.report.axis_limits import AxisLimits
+from mavhums.report.sections import AxisLimits
 from mavhums.show.digest import Subject, advice, digest
 from mavhums.show.html_craft import Part, outline
 from mavhums.show.html_curves import Curve, Gathered, Key
 from mavhums.show.html_environment import ICONS, environment, moment
 from mavhums.show.html_plot import Limit, Plot, plot
-from mavhums.show.servo_tables import ServoTable
 from mavhums.show.verdict_words import certainty, implausible
 from mavhums.show.words import clock, finding, join, name, percent
 
@@ -114,17 +113,12 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
             file=PurePath(log.path.replace("\\", "/")).name if log.path else "a live link",
             aircraft=list(_aircraft(rest)),
             plots=list(_plots(rest, gathered)),
-            tables=[_cut(table) for table in said.tables[:_VEHICLES]],
+            tables=[table._replace(rows=table.rows[:_OUTPUTS]) for table in said.tables[:_VEHICLES]],
             notices=gathered.notices(),
             texts=gathered.texts,
             version=__version__,
         )
     )
-
-
-def _cut(table: ServoTable) -> ServoTable:
-    """Return a table without the rows beyond what a person reads."""
-    return table._replace(rows=table.rows[:_OUTPUTS])
 
 
 def _answer(one: Subject) -> _Answer:
@@ -252,7 +246,7 @@ def _attitude(verdict: Verdict, axis: str, curve: Curve, assessment: Assessment)
 
 
 def _limits(verdict: Verdict, fault: str) -> tuple[str, list[Limit]]:
-    """Return what a curve shows, with its unit, and the levels that it is held against."""
+    """Return what a curve shows, with its unit, and the levels that it is compared with."""
     if fault == "effectiveness":
         reference = Limit(1.0, "as at the beginning")
         known = verdict.limits or AxisLimits()

@@ -29,7 +29,7 @@ _Scale = Callable[[Array], Array]
 
 
 class Limit(NamedTuple):
-    """A level that a curve is held against."""
+    """A level that a curve is compared with."""
 
     value: float
     name: str

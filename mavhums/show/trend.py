@@ -160,7 +160,7 @@ def _reasons(report: TrendReport) -> list[str]:
             lines.append(f"{_title(one, report)}: outlier, left out of the trend line: {flown} UTC.")
     if report.repairs:
         told = join(f"{one.actuator or 'all actuators'} {one.at_utc[:10]}" for one in report.repairs)
-        lines.append(f"Repaired: {told}; flights since then are held against none before.")
+        lines.append(f"Repaired: {told}; flights before that no longer count.")
     lines += [said for one in report.trends if (said := _peak(one, report))]
     for other in report.others:
         why = f": {other.reason}" if other.reason else ""

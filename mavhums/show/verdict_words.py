@@ -163,7 +163,7 @@ def network_cell(verdict: Verdict) -> str | None:
 
 
 def network_sentence(verdict: Verdict) -> str | None:
-    """Return one sentence on the network if it decides, or is held against the physics; else None.
+    """Return one sentence on the network if it decides, or is compared with the physics; else None.
 
     Examples
     --------

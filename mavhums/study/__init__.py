@@ -8,15 +8,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mavhums.core.lazy import lazy_exports
+from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
+    from mavhums.study.real import write_real_study
     from mavhums.study.run import write_study
 
-__all__ = ["write_study"]
+__all__ = ["write_real_study", "write_study"]
 
 _OPTIONAL = ("matplotlib", "pygad", "rerun", "sklearn", "torch")
 
 __getattr__, __dir__ = lazy_exports(
-    __name__, {"write_study": "run"}, missing=dict.fromkeys(_OPTIONAL, ("the study", "all"))
+    __name__,
+    {"write_real_study": "real", "write_study": "run"},
+    missing=dict.fromkeys(_OPTIONAL, ("the study", "all")),
 )

@@ -19,7 +19,7 @@ from mavhums_sim.ema import EmaParameters
 from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 from mavhums_sim.sensors import SensorNoise, sample_times, sense
 
-__all__ = ["CYCLOGRAMS", "MAIN", "TAKEOFF", "Flown", "fly_condition", "fly_takeoff"]
+__all__ = ["CYCLOGRAMS", "MAIN", "TAKEOFF", "CyclogramSamples", "fly_condition", "fly_takeoff"]
 
 MAIN = "pilot ±20°"
 TAKEOFF = "take-off"
@@ -35,7 +35,7 @@ _SEED = 0
 
 
 @dataclass(frozen=True, eq=False)
-class Flown:
+class CyclogramSamples:
     """Samples of one condition over one cyclogram.
 
     Attributes
@@ -108,16 +108,16 @@ CYCLOGRAMS: dict[str, Callable[[], Array]] = {
 
 
 @cache
-def _flown(cyclogram: str, friction_nm: float) -> Flown:
+def _flown(cyclogram: str, friction_nm: float) -> CyclogramSamples:
     return _fly(CYCLOGRAMS[cyclogram](), friction_nm, _SEED)
 
 
-def fly_takeoff(seed: int, friction_nm: float) -> Flown:
+def fly_takeoff(seed: int, friction_nm: float) -> CyclogramSamples:
     """Simulate another take-off, with a command, an airspeed and sample times of its own."""
     return _fly(_takeoff(seed), friction_nm, seed)
 
 
-def _fly(command_deg: Array, friction_nm: float, seed: int) -> Flown:
+def _fly(command_deg: Array, friction_nm: float, seed: int) -> CyclogramSamples:
     command = np.radians(command_deg)
     air = _air(seed)
     pressure = 0.5 * _AIR_DENSITY * air.airspeed**2
@@ -133,10 +133,10 @@ def _fly(command_deg: Array, friction_nm: float, seed: int) -> Flown:
     times = sample_times(random, _DURATION_S, _RATE_HZ)
     values = sense(motion, parameters, times, random, SensorNoise.none())
     moving = np.abs(values[:, 9]) * 6 >= _MOVING_DEG_S
-    return Flown(friction_nm, times, values, moving, float(np.mean(motion.speed != 0)))
+    return CyclogramSamples(friction_nm, times, values, moving, float(np.mean(motion.speed != 0)))
 
 
-def fly_condition(cyclogram: str, frictions_nm: Sequence[float]) -> list[Flown]:
+def fly_condition(cyclogram: str, frictions_nm: Sequence[float]) -> list[CyclogramSamples]:
     """Simulate a cyclogram of :data:`CYCLOGRAMS` at each friction; 10,000 samples each.
 
     The command and the sample times are the same at every friction, so neither reveals the class.

@@ -12,7 +12,7 @@ import pandas as pd
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import column
 from mavhums.learn import TanhNetwork, TanhNetworkEnsemble
-from mavhums.study.cyclograms import TAKEOFF, Flown, fly_condition, fly_takeoff
+from mavhums.study.cyclograms import TAKEOFF, CyclogramSamples, fly_condition, fly_takeoff
 from mavhums.study.published import TEST_NM, TRAINING_NM
 
 __all__ = [
@@ -63,12 +63,12 @@ class Effort:
         return cls(networks=5, iterations=60, every=10, subset_samples=0, thinning=(), takeoffs=0)
 
 
-def emergency(flown: Flown) -> bool:
+def emergency(flown: CyclogramSamples) -> bool:
     """Return whether a condition belongs to the emergency class."""
     return flown.friction_nm > _EMERGENCY_NM
 
 
-def samples(flights: Sequence[Flown], every: int = 1) -> tuple[Array, Flags, Integers]:
+def samples(flights: Sequence[CyclogramSamples], every: int = 1) -> tuple[Array, Flags, Integers]:
     """Return V1…V12, class and flight index of the concatenated samples of several flights."""
     values = [flown.values[::every] for flown in flights]
     numbers = np.repeat(np.arange(len(flights)), [len(part) for part in values])
@@ -205,11 +205,13 @@ def run_experiment(
     )
 
 
-def _member_scores(ensemble: TanhNetworkEnsemble, flown: Flown, columns: list[int]) -> Array:
+def _member_scores(ensemble: TanhNetworkEnsemble, flown: CyclogramSamples, columns: list[int]) -> Array:
     return ensemble.member_scores(flown.values[:, columns], np.full(len(flown.values), emergency(flown)))
 
 
-def _judge(network: TanhNetwork, flown: Flown, columns: list[int]) -> tuple[dict[str, float | str], Array]:
+def _judge(
+    network: TanhNetwork, flown: CyclogramSamples, columns: list[int]
+) -> tuple[dict[str, float | str], Array]:
     probability = network.p_first(flown.values[:, columns])
     decisions, truth = probability > 0.5, emergency(flown)
     row: dict[str, float | str] = {

@@ -17,7 +17,7 @@ __all__ = [
     "TABLE_5",
     "TEST_NM",
     "TRAINING_NM",
-    "Row",
+    "PublishedNetwork",
 ]
 
 TABLE_1: Final = {
@@ -41,7 +41,7 @@ FIGURES_16_TO_19: Final = {16: 0.225, 17: 0.375, 18: 1.025, 19: 0.875}
 SELECTED: Final = ("V2", "V5", "V9", "V11")
 
 
-class Row(NamedTuple):
+class PublishedNetwork(NamedTuple):
     """A network of table 4 or 5: hidden neurons and accuracies, %."""
 
     hidden: int
@@ -50,18 +50,18 @@ class Row(NamedTuple):
 
 
 TABLE_4: Final = (
-    Row(11, 98.73, 93.96167),
-    Row(16, 99.38, 96.70167),
-    Row(12, 95.07, 92.41167),
-    Row(11, 98.30, 95.02167),
-    Row(10, 99.98, 94.79),
+    PublishedNetwork(11, 98.73, 93.96167),
+    PublishedNetwork(16, 99.38, 96.70167),
+    PublishedNetwork(12, 95.07, 92.41167),
+    PublishedNetwork(11, 98.30, 95.02167),
+    PublishedNetwork(10, 99.98, 94.79),
 )
 TABLE_5: Final = (
-    Row(14, 99.985, 98.01),
-    Row(15, 99.045, 95.14333),
-    Row(11, 96.685, 95.405),
-    Row(16, 99.79, 96.70667),
-    Row(11, 96.68, 94.00167),
+    PublishedNetwork(14, 99.985, 98.01),
+    PublishedNetwork(15, 99.045, 95.14333),
+    PublishedNetwork(11, 96.685, 95.405),
+    PublishedNetwork(16, 99.79, 96.70667),
+    PublishedNetwork(11, 96.68, 94.00167),
 )
 BEST_12: Final = 96.70
 BEST_SELECTED: Final = 98.01

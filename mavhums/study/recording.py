@@ -13,7 +13,7 @@ from mavhums.core.quantities import KEYS, QUANTITIES
 from mavhums.show._stream import open_stream, send
 from mavhums.show.blueprint import panels, whole_flight
 from mavhums.show.words import BLUE, COLOURS, SERIES
-from mavhums.study.cyclograms import Flown
+from mavhums.study.cyclograms import CyclogramSamples
 from mavhums.study.experiment import Experiment, emergency, held_decision
 from mavhums.study.published import FIGURES_16_TO_19
 
@@ -23,7 +23,7 @@ _STATES = {state: COLOURS[state] for state in ("normal", "emergency")}
 
 
 def record_study(
-    path: Path, report: str, flights: Sequence[Flown], experiments: Sequence[Experiment]
+    path: Path, report: str, flights: Sequence[CyclogramSamples], experiments: Sequence[Experiment]
 ) -> None:
     """Write the recording of the main cyclogram.
 
@@ -52,7 +52,7 @@ def record_study(
 
 
 def _log_output(
-    stream: rr.RecordingStream, flown: Flown, experiment: Experiment, colour: tuple[int, int, int]
+    stream: rr.RecordingStream, flown: CyclogramSamples, experiment: Experiment, colour: tuple[int, int, int]
 ) -> None:
     inputs = f"{len(experiment.inputs)}_inputs_{'_'.join(experiment.inputs)}"
     entity = f"{_root(flown)}/output/{inputs}"
@@ -71,7 +71,7 @@ def _log_output(
     send(stream, held, flown.time_s[changes], rr.StateChange.columns(state=found))
 
 
-def _blueprint(flights: Sequence[Flown], experiments: Sequence[Experiment]) -> rrb.Blueprint:
+def _blueprint(flights: Sequence[CyclogramSamples], experiments: Sequence[Experiment]) -> rrb.Blueprint:
     left: list[rrb.View | rrb.Container] = []
     if experiments:
         lanes = [_lane(flown, experiment) for experiment in experiments for flown in _shown(flights)]
@@ -92,7 +92,7 @@ def _blueprint(flights: Sequence[Flown], experiments: Sequence[Experiment]) -> r
     )
 
 
-def _outputs(flights: Sequence[Flown]) -> rrb.Container:
+def _outputs(flights: Sequence[CyclogramSamples]) -> rrb.Container:
     """Return figures 16 to 19."""
     figures = {friction: f"Fig. {number}: " for number, friction in FIGURES_16_TO_19.items()}
     shown = _shown(flights)
@@ -109,7 +109,7 @@ def _outputs(flights: Sequence[Flown]) -> rrb.Container:
     return rrb.Grid(*plots, grid_columns=2, name="Network outputs: figures 16 to 19")
 
 
-def _quantities(flown: Flown) -> rrb.Container:
+def _quantities(flown: CyclogramSamples) -> rrb.Container:
     """Return figures 3 to 14 of one condition."""
     plots = [
         rrb.TimeSeriesView(
@@ -123,21 +123,21 @@ def _quantities(flown: Flown) -> rrb.Container:
     return rrb.Grid(*plots, grid_columns=3, name=_condition(flown))
 
 
-def _shown(flights: Sequence[Flown]) -> list[Flown]:
+def _shown(flights: Sequence[CyclogramSamples]) -> list[CyclogramSamples]:
     """Return those flights of figures 16 to 19 that exist, in order of friction."""
     shown = [flown for flown in flights if flown.friction_nm in FIGURES_16_TO_19.values()]
     return sorted(shown or flights[:4], key=lambda flown: flown.friction_nm)
 
 
-def _condition(flown: Flown) -> str:
+def _condition(flown: CyclogramSamples) -> str:
     return f"{flown.friction_nm:.3f} N·m, {'emergency' if emergency(flown) else 'normal'}"
 
 
-def _root(flown: Flown) -> str:
+def _root(flown: CyclogramSamples) -> str:
     return f"friction_{round(1000 * flown.friction_nm):04d}"
 
 
-def _lane(flown: Flown, experiment: Experiment) -> str:
+def _lane(flown: CyclogramSamples, experiment: Experiment) -> str:
     return f"/decision/{_short(experiment).replace(' ', '_')}/{flown.friction_nm:.3f}"
 
 

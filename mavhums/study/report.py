@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import pandas as pd
 
 from mavhums.core.quantities import KEYS
 from mavhums.learn import Scheme
-from mavhums.study.comparison import differences, first_table
 from mavhums.study.cyclograms import MAIN, TAKEOFF
 from mavhums.study.experiment import Experiment
-from mavhums.study.findings import Findings
-from mavhums.study.outputs import markdown_table
+from mavhums.study.findings import Findings, differences, first_table
 from mavhums.study.published import (
     CONDITIONS,
     SELECTED,
     TABLE_4,
     TABLE_5,
     TRAINING_NM,
-    Row,
+    PublishedNetwork,
 )
 
-__all__ = ["report"]
+__all__ = ["markdown_table", "report"]
 
 _HELD_GOAL = 99.9
 _MOVES = 0.9
@@ -204,7 +204,7 @@ def _tables_4_and_5(findings: Findings) -> str:
     return "\n\n".join(parts)
 
 
-def _best(experiment: Experiment, published: tuple[Row, ...]) -> str:
+def _best(experiment: Experiment, published: tuple[PublishedNetwork, ...]) -> str:
     best = experiment.best_five
     columns: dict[str, list[object]] = {}
     if published:
@@ -329,3 +329,25 @@ the conditions nearest to the limits, 0.375 and 0.875 N·m.
 ![Figures 16 to 19](figures-16-19.png)
 
 {markdown_table(table)}"""
+
+
+def markdown_table(table: pd.DataFrame, digits: int = 2) -> str:
+    """Return a table in Markdown, numbers rounded.
+
+    Examples
+    --------
+    >>> print(markdown_table(pd.DataFrame({"input": ["V2"], "test, %": [98.012]})))
+    | input | test, % |
+    |---|---|
+    | V2 | 98.01 |
+    """
+    lines = [_row(table.columns), "|" + "---|" * len(table.columns)]
+    lines += [
+        _row(f"{cell:.{digits}f}" if isinstance(cell, float) else cell for cell in row)
+        for row in table.itertuples(index=False)
+    ]
+    return "\n".join(lines)
+
+
+def _row(cells: Iterable[object]) -> str:
+    return f"| {' | '.join(str(cell) for cell in cells)} |"

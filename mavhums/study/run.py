@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
 
@@ -11,19 +11,20 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from mavhums.core.errors import MavhumsError
+from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS, QUANTITIES
-from mavhums.study.cyclograms import MAIN, Flown, fly_condition
+from mavhums.study.cyclograms import MAIN, CyclogramSamples, fly_condition
 from mavhums.study.experiment import Effort, Experiment, emergency
 from mavhums.study.findings import Findings, Progress, find
-from mavhums.study.outputs import Folder
 from mavhums.study.published import FIGURES_16_TO_19
 from mavhums.study.recording import record_study
 from mavhums.study.report import report
 
-__all__ = ["write_study"]
+__all__ = ["Folder", "write_study"]
 
 
-def _quantities_figure(flown: Flown) -> Figure:
+def _quantities_figure(flown: CyclogramSamples) -> Figure:
     """Draw V1–V12 over the cyclogram (figures 3 to 14)."""
     figure = Figure(figsize=(13, 11), layout="constrained")
     for place, (axes, quantity) in enumerate(zip(figure.subplots(4, 3).flat, QUANTITIES, strict=True)):
@@ -34,7 +35,7 @@ def _quantities_figure(flown: Flown) -> Figure:
     return figure
 
 
-def _output_figure(experiment: Experiment, flights: Sequence[Flown]) -> Figure:
+def _output_figure(experiment: Experiment, flights: Sequence[CyclogramSamples]) -> Figure:
     """Draw the network's output over the cyclogram at four frictions (figures 16 to 19)."""
     times = {flown.friction_nm: flown for flown in flights}
     figure = Figure(figsize=(13, 9), layout="constrained")
@@ -152,3 +153,57 @@ def _tables(findings: Findings) -> dict[str, pd.DataFrame]:
         "flights": joined("flights"),
         "moving-fraction": findings.moving,
     }
+
+
+class Folder:
+    """The folder of a report, and the list of files written into it.
+
+    Parameters
+    ----------
+    path
+        Created if it does not exist.
+
+    Attributes
+    ----------
+    written
+        Files in the order of their writing.
+
+    Raises
+    ------
+    MavhumsError
+        If the folder cannot be created.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.written: list[Path] = []
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise MavhumsError(f"{path}: {error.strerror}", "name a folder that you may write to") from error
+
+    def write(self, name: str, save: Callable[[Path], object]) -> Path:
+        """Let ``save`` write a file beside its place, and move it there.
+
+        Raises
+        ------
+        MavhumsError
+            If the file cannot be written.
+        """
+        path = self.path / name
+        with written_whole(path, remedy="name a folder that you may write to") as temporary:
+            save(temporary)
+        self.written.append(path)
+        return path
+
+    def text(self, name: str, text: str) -> Path:
+        """Write text as UTF-8."""
+        return self.write(name, lambda path: path.write_text(text, encoding="utf-8"))
+
+    def table(self, name: str, table: pd.DataFrame) -> Path:
+        """Write a table as CSV."""
+        return self.write(name, lambda path: table.to_csv(path, index=False, float_format="%.6g"))
+
+    def figure(self, name: str, figure: Figure) -> Path:
+        """Write a figure as PNG."""
+        return self.write(name, lambda path: figure.savefig(path, dpi=110, format="png"))

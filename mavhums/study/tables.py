@@ -24,7 +24,7 @@ from mavhums.learn import (
 )
 from mavhums.learn.evaluation import hold_out
 from mavhums.learn.subsets import Objective
-from mavhums.study.cyclograms import Flown
+from mavhums.study.cyclograms import CyclogramSamples
 from mavhums.study.experiment import Effort, samples
 from mavhums.study.published import CHI_SQUARE, P_LEVELS, TABLE_1
 from mavhums_sim.ema import DataSheet, EmaParameters
@@ -98,7 +98,7 @@ class Grouping:
     expressions: tuple[tuple[str, float], ...]
 
 
-def grouping(flights: list[Flown]) -> Grouping:
+def grouping(flights: list[CyclogramSamples]) -> Grouping:
     """Run Algorithm 1 and the pairwise filter on the flights' samples."""
     values, classes, _ = samples(flights)
     multiple = select_features(values, classes)
@@ -112,7 +112,7 @@ def grouping(flights: list[Flown]) -> Grouping:
     )
 
 
-def chi_square_table(training: list[Flown], flights: list[Flown]) -> pd.DataFrame:
+def chi_square_table(training: list[CyclogramSamples], flights: list[CyclogramSamples]) -> pd.DataFrame:
     """Return each quantity's chi-square: the paper's, and ours by samples, bins and strategy."""
     table = pd.DataFrame({"quantity": list(CHI_SQUARE), "paper": list(CHI_SQUARE.values())})
     for name, part in (("training", training), ("all", flights)):
@@ -135,7 +135,12 @@ def p_level_table() -> pd.DataFrame:
 
 
 def subset_table(
-    training: list[Flown], test: list[Flown], keys: tuple[str, ...], effort: Effort, *, seed: int
+    training: list[CyclogramSamples],
+    test: list[CyclogramSamples],
+    keys: tuple[str, ...],
+    effort: Effort,
+    *,
+    seed: int,
 ) -> tuple[pd.DataFrame, SubsetSearch, SubsetSearch | None]:
     """Score every subset of the quantities, and repeat the search genetically if they are many.
 
@@ -198,7 +203,12 @@ _THINNINGS: tuple[tuple[str, _Method, bool], ...] = (
 
 
 def thinning_table(
-    training: list[Flown], test: list[Flown], keys: tuple[str, ...], effort: Effort, *, seed: int
+    training: list[CyclogramSamples],
+    test: list[CyclogramSamples],
+    keys: tuple[str, ...],
+    effort: Effort,
+    *,
+    seed: int,
 ) -> pd.DataFrame:
     """Return test accuracies of networks trained on thinned precedents, by method and size.
 

@@ -20,6 +20,7 @@ from mavhums.core.quantities import KEYS, column
 from mavhums.health.actuator.votes import Classifier, VoteOutcome, count_votes, outcome
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
+from mavhums.health.estimation.thresholds import WINDOW_SLOTS
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.ema import EmaParameters
@@ -27,7 +28,7 @@ from mavhums_sim.flight import ActuatorRecord, Flight, fly
 
 __all__ = [
     "TELEMETRY",
-    "Flown",
+    "ActuatorFlight",
     "Telemetry",
     "fly_fleet",
     "friction_range",
@@ -37,7 +38,6 @@ __all__ = [
     "windows",
 ]
 
-WINDOW_S = 10
 _HEALTHY_PER_LIMIT = 0.225 / 0.375
 _EMERGENCY_PER_LIMIT = 1.025 / 0.875
 _SLOPE_S = 0.04
@@ -86,7 +86,7 @@ TELEMETRY = {
 """Telemetry by name; the one with the most quantities comes first."""
 
 
-class Flown(NamedTuple):
+class ActuatorFlight(NamedTuple):
     """One actuator's flight: samples V1…V12 of shape (n, 12) at ``time_s`` (n,)."""
 
     flight: int
@@ -105,7 +105,7 @@ def fly_fleet(
     cyclograms: Sequence[str],
     rates_hz: Sequence[float] = (100.0,),
     conditions: tuple[Condition, ...] = (),
-) -> Iterator[Flown]:
+) -> Iterator[ActuatorFlight]:
     """Simulate flights, and yield each actuator as the telemetry reports it.
 
     Parameters
@@ -136,7 +136,7 @@ def fly_fleet(
         records = fly(flight).actuators.values()
         for k, (record, friction) in enumerate(zip(records, row, strict=True)):
             values = reported(actuator, telemetry, record, signed=k % 2 == 0)
-            yield Flown(number, cyclogram, float(friction), record.time_s, values)
+            yield ActuatorFlight(number, cyclogram, float(friction), record.time_s, values)
 
 
 def reported(actuator: Actuator, telemetry: Telemetry, record: ActuatorRecord, *, signed: bool) -> Array:
@@ -194,7 +194,7 @@ def parameters_of(actuator: Actuator) -> EmaParameters:
     )
 
 
-def moving_samples(actuator: Actuator, flown: Flown) -> tuple[Array, Integers]:
+def moving_samples(actuator: Actuator, flown: ActuatorFlight) -> tuple[Array, Integers]:
     """Return a flight's moving samples, shape (n, 12), and the second of each, shape (n,)."""
     cutter = SlotCutter()
     parts = [cutter.feed(flown.time_s, with_extra_columns(flown.values)), cutter.finish()]
@@ -208,13 +208,13 @@ def moving_samples(actuator: Actuator, flown: Flown) -> tuple[Array, Integers]:
 
 
 def windows(
-    actuator: Actuator, networks: Sequence[Classifier], flown: Flown
+    actuator: Actuator, networks: Sequence[Classifier], flown: ActuatorFlight
 ) -> Iterator[tuple[VoteOutcome | None, int]]:
     """Yield the network's result and the samples of each complete, non-overlapping ten-second window."""
     moving, seconds = moving_samples(actuator, flown)
-    count = int(flown.time_s[-1] + 0.5) // WINDOW_S * WINDOW_S
+    count = int(flown.time_s[-1] + 0.5) // WINDOW_SLOTS * WINDOW_SLOTS
     bounds = np.searchsorted(seconds, np.arange(count + 1))
     counts = count_votes(networks, moving, bounds, actuator.known_ema().gear_ratio)
-    for start in range(0, count, WINDOW_S):
-        window = counts[start : start + WINDOW_S]
-        yield outcome(networks, window), int(bounds[start + WINDOW_S] - bounds[start])
+    for start in range(0, count, WINDOW_SLOTS):
+        window = counts[start : start + WINDOW_SLOTS]
+        yield outcome(networks, window), int(bounds[start + WINDOW_SLOTS] - bounds[start])

@@ -28,7 +28,7 @@ from mavhums.learn import (
 )
 from mavhums.training.flights import (
     TELEMETRY,
-    Flown,
+    ActuatorFlight,
     Telemetry,
     fly_fleet,
     friction_range,
@@ -212,7 +212,7 @@ class _Measured:
         self.clear: list[bool] = []
         self.samples = self.voted = self.right = self.working = 0
 
-    def take(self, actuator: Actuator, model: Model, flown: Flown) -> None:
+    def take(self, actuator: Actuator, model: Model, flown: ActuatorFlight) -> None:
         """Count the samples of the two classes, and the windows of any friction."""
         clear = not self.limits.normal < flown.friction_nm < self.limits.emergency
         event = flown.friction_nm > self.middle

@@ -14,7 +14,7 @@ import numpy as np
 from mavhums.core.arrays import Integers
 from mavhums.core.kernels import kernel
 
-__all__ = ["BOOT", "BROKEN", "LOOSE", "SOUND", "UNSTAMPED", "USEC", "Mapped", "VehicleClock"]
+__all__ = ["BOOT", "BROKEN", "LOOSE", "SOUND", "UNSTAMPED", "USEC", "MappedTimes", "VehicleClock"]
 
 UNSTAMPED: Final = -1
 BOOT: Final = 0
@@ -33,7 +33,7 @@ _NEIGHBOURS_US: Final = 100_000  # stamps of both counters received within this 
 _OPENING_US: Final = 6_000_000  # before, types with a great latency have not yet been heard
 _PERIOD_US: Final = 500_000  # in which every type that tells is heard, however often others come
 _LEAST_PERIODS: Final = 10  # 5 s; the median of fewer moves with single delays
-_MOST_PERIODS: Final = 30
+_MOST_PERIODS: Final = 30  # 15 s: bounds the search for an offset and its memory
 _OFFSET_US: Final = 300_000  # types of message differ by tens of ms on real links, two counters by 2.5 s
 _SCATTER_US: Final = 600_000  # 10–90 %: an offset is constant, latencies are not
 _SPREAD_US: Final = 500_000  # what a comparison of a demand with its answer stands
@@ -47,7 +47,7 @@ _PERIOD: Final = 22
 _COLUMNS: Final = 23
 
 
-class Mapped(NamedTuple):
+class MappedTimes(NamedTuple):
     """Times of messages on the vehicle's axis.
 
     Attributes
@@ -90,9 +90,9 @@ class VehicleClock:
 
     def map(
         self, component: Integers, counter: Integers, stamp_us: Integers, received_us: Integers
-    ) -> Mapped:
+    ) -> MappedTimes:
         """Return the times of messages in the order of the log; all arrays have shape (n,)."""
-        mapped = Mapped(*(np.zeros(component.size, dtype=np.int64) for _ in range(3)))
+        mapped = MappedTimes(*(np.zeros(component.size, dtype=np.int64) for _ in range(3)))
         slot = self._slots_of(component)
         counter = np.where(slot == _SENDERS, UNSTAMPED, counter)
         _follow(slot, counter, stamp_us, received_us, self._senders, self._pairs, self._main, *mapped)
@@ -213,8 +213,8 @@ def _begin(sender: Integers, kind: int, stamp: int, received: int, offset: int) 
 def _compare(sender: Integers, pairs: Integers, kind: int, stamp: int, received: int) -> None:
     """Learn the offset between the counters from neighbours in the order of arrival, once.
 
-    Every message is held against the last one of the other counter, and the least and the greatest
-    difference of each period are kept, so that each type has its say, however rarely it comes. Where only
+    Every message is compared with the last one of the other counter, and the least and the greatest
+    difference of each period are kept, so that each type counts, however rare it is. Where only
     some types of a counter lag, these two lie apart: that is latency.
     """
     count = sender[_PERIODS]

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags
+from mavhums.core.statistics import STANDARD_GRAVITY
 from mavhums.vehicle.airspeed import Speed
 from mavhums.vehicle.facts import ARDUPILOT, ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
@@ -24,7 +25,6 @@ from mavhums.vehicle.vtol import NO_LIFT
 
 __all__ = ["LEAST_SPEED", "Flight", "Rows"]
 
-_G: Final = 9.80665
 _FIXED_WING: Final = 1
 _VTOL: Final = range(19, 26)
 _VTOL_FORWARD: Final = 4  # MAV_VTOL_STATE_FW
@@ -160,7 +160,7 @@ class Flight:
             pitch_rate=rates[:, 1],
             yaw_rate=rates[:, 2],
             side_force=flat["force"][:, 1],
-            load=flat["force"][:, 2] / _G,
+            load=flat["force"][:, 2] / STANDARD_GRAVITY,
             roll=flat["attitude"][:, 0],
             pitch=flat["attitude"][:, 1],
             roll_demand=demand[:, 0],

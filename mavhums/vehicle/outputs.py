@@ -77,7 +77,7 @@ class _Bus(NamedTuple):
 
 
 _PER_BUS = 16
-_LEAST_RANGE_US = 2
+_LEAST_RANGE_US = 2  # a zero needs a pulse between the ends
 _UAVCAN_FIRST = 32
 _BUSES = (
     _Bus("PWM_MAIN", 0, (1000, 1500, 2000)),
@@ -208,7 +208,7 @@ def _pulses(
     """
     low, zero, high = (round(values.get(name, d)) for name, d in zip(names, defaults, strict=True))
     known = [name for name in (names[0], names[2]) if name in values]
-    if high - low < _LEAST_RANGE_US:  # no pulse lies between them: such a range has no zero
+    if high - low < _LEAST_RANGE_US:
         return defaults, f"CHECK: {names[0]} = {low} is not below {names[2]} = {high}", ""
     if len(known) < 2:
         by = "CHECK: the autopilot's usual pulses, the log does not tell them"

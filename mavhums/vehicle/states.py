@@ -15,7 +15,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Integers
 from mavhums.log import Table
 from mavhums.vehicle.formats import each, messages_of, reports
-from mavhums.vehicle.formats.base import Format
+from mavhums.vehicle.formats.base import FormatModule
 
 __all__ = [
     "STATE_MESSAGES",
@@ -145,7 +145,7 @@ class ModeChanges:
     def __init__(self) -> None:
         self._kinds: dict[int, int] = {}
         self._latest: dict[int, str] = {}
-        self._waiting: list[tuple[int, int, Format, tuple[int, ...]]] = []
+        self._waiting: list[tuple[int, int, FormatModule, tuple[int, ...]]] = []
 
     def feed(self, tables: Mapping[str, Table]) -> Iterator[tuple[int, int, str]]:
         """Yield (vehicle, microseconds of UTC, name) of each change."""
@@ -165,7 +165,7 @@ class ModeChanges:
                 yield vehicle, time_us, mode
 
 
-def _changes(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, Format, tuple[int, ...]]]:
+def _changes(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, FormatModule, tuple[int, ...]]]:
     """Yield vehicle, microseconds of UTC, format and values of the first mode and of each other one."""
     for report in reports(tables, "mode"):
         for vehicle, rows in each(report.table.system):

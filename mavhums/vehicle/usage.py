@@ -25,7 +25,7 @@ HELD_S: Final = 2.0
 """Longest time for which a sample of an output, or a state, is taken to hold."""
 
 _OFF: Final = -1
-_LEAST_US, _GREATEST_US = 800, 2200
+_LEAST_US, _GREATEST_US = 800, 2200  # each µs is counted, in bounded memory; pulses beyond count as the ends
 _STOP: Final = 0.01  # share of the calibrated range: within it an output is at its end
 _HELD_US: Final = round(HELD_S * 1e6)
 

@@ -47,6 +47,7 @@ class Constants(NamedTuple):
     damping: float
     backlash: float
     rotor_friction: float
+    load_friction: float
 
 
 class Course(NamedTuple):
@@ -183,7 +184,16 @@ def advance_one_mass(
             current = steady + (current - steady) * decay
             load = course.load_slope[k] * angle + course.load_offset[k]
             torque = torque_per_ampere * current - load - c.viscous * speed
-            speed = rub(speed, torque, kinetic, breakaway, c.inertia, dt, c.karnopp_band)
+            pressed = c.load_friction * abs(load)
+            speed = rub(
+                speed,
+                torque,
+                kinetic + pressed,
+                breakaway + c.stiction_ratio * pressed,
+                c.inertia,
+                dt,
+                c.karnopp_band,
+            )
             angle += speed * dt
         _note(out, k, (angle, speed, angle, speed, current, voltage, load))
     _remember(memory, (angle, speed, angle, speed, current, integral))
@@ -220,17 +230,26 @@ def advance_two_masses(
             load = course.load_slope[k] * angle + course.load_offset[k]
             teeth = mesh(rotor - angle, rotor_speed - speed, half, c.stiffness, c.damping)
             torque = torque_per_ampere * current - teeth - c.viscous * rotor_speed
+            pressed = c.load_friction * abs(load)
+            rotor_pressed = c.rotor_friction * pressed
+            pressed -= rotor_pressed
             rotor_speed = rub(
                 rotor_speed,
                 torque,
-                rotor_friction,
-                c.stiction_ratio * rotor_friction,
+                rotor_friction + rotor_pressed,
+                c.stiction_ratio * (rotor_friction + rotor_pressed),
                 c.inertia,
                 dt,
                 c.karnopp_band,
             )
             speed = rub(
-                speed, teeth - load, output_kinetic, output_breakaway, c.output_inertia, dt, c.karnopp_band
+                speed,
+                teeth - load,
+                output_kinetic + pressed,
+                output_breakaway + c.stiction_ratio * pressed,
+                c.output_inertia,
+                dt,
+                c.karnopp_band,
             )
             rotor += rotor_speed * dt
             angle += speed * dt

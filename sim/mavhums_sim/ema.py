@@ -99,6 +99,8 @@ class EmaParameters:
         T_s / T_c.
     viscous
         Viscous drag on the rotor, N·m·s/rad.
+    load_friction
+        μ of the friction T_c + μ·|load|; the paper's does not depend on the load.
     gearbox
         Elastic gear with play: two masses. None is a rigid gear: one mass.
     friction_method
@@ -119,6 +121,7 @@ class EmaParameters:
     integral_gain: float = 0.0
     stiction_ratio: float = 1.2
     viscous: float = 0.0
+    load_friction: float = 0.0
     gearbox: Gearbox | None = None
     friction_method: FrictionMethod = "impulse"
 
@@ -205,4 +208,5 @@ class EmaParameters:
             damping=gear.damping,
             backlash=gear.backlash,
             rotor_friction=gear.rotor_friction,
+            load_friction=self.load_friction,
         )

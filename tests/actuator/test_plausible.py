@@ -101,9 +101,13 @@ def test_a_current_that_stands_still_shows_no_friction(
     judged: Callable[..., Assessment], current: float
 ) -> None:
     """The torque of a frozen sensor balances with a friction of nothing, and no residual at all."""
-    verdict = elevator(judged(current, ["V5", "V8", "V11"], frozen=True))
+    verdict = elevator(judged(current, ["V4", "V5", "V8", "V11"], frozen=True))
     assert verdict.friction_nm is None
     assert verdict.condition == "undecided"
+    by_voltage = elevator(judged(current, ["V5", "V8", "V11"], frozen=True))
+    assert by_voltage.condition == "undecided"
+    assert by_voltage.friction_nm is not None
+    assert by_voltage.friction_nm.low < TRUE_NM < by_voltage.friction_nm.high
 
 
 def test_nothing_that_the_simulator_flies_is_taken_out(judged: Callable[..., Assessment]) -> None:

@@ -13,7 +13,7 @@ from mavhums import Engine, analyse
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.cli.main import cli
-from mavhums.flights.compare import Comparison, compared, packed, unpacked
+from mavhums.flights.compare import FlightComparison, compared, packed, unpacked
 from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
@@ -130,7 +130,7 @@ def test_in_flight_and_afterwards_the_past_says_the_same(folder: Path) -> None:
         for fault, mean in (("effectiveness", 0.122), ("slow", 0.1), ("hard_over", 0.01))
     }
     options = Options().resolved()
-    engine = Comparison(Engine(options), baselines)
+    engine = FlightComparison(Engine(options), baselines)
     engine.feed(path.read_bytes())
     engine.finish()
     later = compared(unpacked(packed(analyse_alone(path, options))), baselines)

@@ -10,7 +10,7 @@ import pytest
 
 import mavhums
 from mavhums.actuator import load_airframe
-from mavhums.app.identify import Motor, identify, with_motors
+from mavhums.app.identify import MotorIdentification, identify, with_motors
 from mavhums.core.errors import MavhumsError
 from mavhums.health.estimation.motor_identification import Identified
 from mavhums.report.assessment import Interval
@@ -110,7 +110,9 @@ def test_a_log_that_shows_no_motor_says_what_would(log: Path) -> None:
 
 def test_other_actuators_stay_as_they_are() -> None:
     one = Interval(estimate=1.0, low=0.9, high=1.1)
-    filled = with_motors(BLANK, {"rudder": Motor(Identified(one, one, one, 2), ("a.tlog", "b.tlog"))})
+    filled = with_motors(
+        BLANK, {"rudder": MotorIdentification(Identified(one, one, one, 2), ("a.tlog", "b.tlog"))}
+    )
     head, rudder = filled.split('[[actuators]]\nname = "rudder"')
     assert head == BLANK.split('[[actuators]]\nname = "rudder"', maxsplit=1)[0]
     assert 'flights = ["a.tlog", "b.tlog"]' in rudder

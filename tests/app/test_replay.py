@@ -23,7 +23,7 @@ from mavhums.engine.events import (
 )
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.actuator_comparison import ActuatorComparison
-from mavhums.flights.compare import Comparison, LoneFlight, compared, packed, unpacked
+from mavhums.flights.compare import FlightComparison, StandaloneAssessment, compared, packed, unpacked
 from mavhums.health.decision.baseline import Baseline, Baselines
 from mavhums.health.decision.events import IndicatorStep
 from mavhums.health.decision.limits import Levels
@@ -41,7 +41,7 @@ KINDS = ("healthy", "wear", "jam", "backlash", "silent", "several", "short")
 
 def in_flight(path: Path, options: EngineOptions, baselines: Baselines) -> Assessment:
     """Judge as a link is judged: the drift test fed while it flies."""
-    engine = Comparison(Engine(options), baselines, None, options.false_alarms)
+    engine = FlightComparison(Engine(options), baselines, None, options.false_alarms)
     engine.feed(path.read_bytes())
     engine.finish()
     return engine.assessment(str(path), None)
@@ -89,11 +89,11 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.fixture(scope="module")
-def alone(logs: dict[str, Path]) -> dict[str, LoneFlight]:
+def alone(logs: dict[str, Path]) -> dict[str, StandaloneAssessment]:
     return {kind: analyse_alone(logs[kind], Options().resolved()) for kind in KINDS}
 
 
-def baselines_about(flight: LoneFlight, shifts: list[float], spread: float) -> Baselines:
+def baselines_about(flight: StandaloneAssessment, shifts: list[float], spread: float) -> Baselines:
     """Return baselines that lie beside what the flight shows, each by another share of it."""
     found = [(v.vehicle or 0, v.actuator, one) for v in flight.assessment.verdicts for one in v.indicators]
     return {
@@ -114,7 +114,7 @@ def baselines_about(flight: LoneFlight, shifts: list[float], spread: float) -> B
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_replayed_verdicts_are_those_of_the_drift_followed_in_flight(
     logs: dict[str, Path],
-    alone: dict[str, LoneFlight],
+    alone: dict[str, StandaloneAssessment],
     kind: str,
     shifts: list[float],
     spread: float,
@@ -128,7 +128,7 @@ def test_replayed_verdicts_are_those_of_the_drift_followed_in_flight(
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_the_network_decided_no_baseline_of_the_friction_overrules(
-    logs: dict[str, Path], alone: dict[str, LoneFlight], kind: str
+    logs: dict[str, Path], alone: dict[str, StandaloneAssessment], kind: str
 ) -> None:
     baselines = baselines_about(alone[kind], [0.5], 1e-4)
     friction = {key: own for key, own in baselines.items() if key[2] == "friction"}
@@ -140,7 +140,7 @@ def test_what_the_network_decided_no_baseline_of_the_friction_overrules(
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_cases_do_drift_and_replay_says_so(
-    logs: dict[str, Path], alone: dict[str, LoneFlight], kind: str
+    logs: dict[str, Path], alone: dict[str, StandaloneAssessment], kind: str
 ) -> None:
     baselines = baselines_about(alone[kind], [0.5], 1e-4)
     later = judged_later(logs[kind], Options().resolved(), baselines)
@@ -152,12 +152,12 @@ def test_the_cases_do_drift_and_replay_says_so(
 @given(kind=st.sampled_from(KINDS), data=st.data())
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_where_blocks_end_changes_no_event_of_the_comparison(
-    logs: dict[str, Path], alone: dict[str, LoneFlight], kind: str, data: st.DataObject
+    logs: dict[str, Path], alone: dict[str, StandaloneAssessment], kind: str, data: st.DataObject
 ) -> None:
     content, baselines = logs[kind].read_bytes(), baselines_about(alone[kind], [0.5], 1e-4)
 
     def events(places: list[int]) -> dict[tuple[int, str], list[Event]]:
-        engine = Comparison(Engine(), baselines)
+        engine = FlightComparison(Engine(), baselines)
         told = [e for a, b in pairwise([0, *places, len(content)]) for e in engine.feed(content[a:b])]
         found: dict[tuple[int, str], list[Event]] = {}
         for event in [*told, *engine.finish()]:
@@ -186,13 +186,13 @@ def test_an_actuator_that_is_forgotten_takes_its_drift_back() -> None:
     assert [event.condition for event in told if isinstance(event, Window)][-1] == "degraded"
 
 
-def test_without_baselines_the_flight_alone_is_returned(alone: dict[str, LoneFlight]) -> None:
+def test_without_baselines_the_flight_alone_is_returned(alone: dict[str, StandaloneAssessment]) -> None:
     assert compared(alone["wear"], {}) == alone["wear"].assessment
     assert compared(alone["wear"], lambda airframe, start: {}) == alone["wear"].assessment
 
 
 def test_a_flight_comes_back_from_its_bytes_and_other_bytes_are_refused(
-    alone: dict[str, LoneFlight],
+    alone: dict[str, StandaloneAssessment],
 ) -> None:
     for flight in alone.values():
         assert unpacked(packed(flight)) == flight

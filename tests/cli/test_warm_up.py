@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from mavhums.cli.tools import announce_compiling
-from mavhums.core import compiling
+from mavhums.cli.output import announce_compiling
+from mavhums.core import startup
 from mavhums_sim import Flight, fly, write_dataflash
 from mavhums_sim.closed_loop import ClosedLoop, fly_closed_loop
 from mavhums_sim.closed_loop.log import write_loop
@@ -20,11 +20,11 @@ from tests.log.ulog.writer import flight as ulog_flight
 def test_compiling_is_announced_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(compiling, "_listeners", [])
+    monkeypatch.setattr(startup, "_listeners", [])
     announce_compiling()
     assert capsys.readouterr().err == ""
     for _ in range(3):
-        compiling.notify()
+        startup.notify_of_compilation()
     assert capsys.readouterr().err.count("compiling its inner loops for this machine, once") == 1
 
 
@@ -35,7 +35,7 @@ def test_a_loop_that_is_compiled_is_told(monkeypatch: pytest.MonkeyPatch) -> Non
 
     assert kernels.kernel is not None
     told: list[int] = []
-    monkeypatch.setattr(compiling, "_listeners", [lambda: told.append(1)])
+    monkeypatch.setattr(startup, "_listeners", [lambda: told.append(1)])
     assert numba.njit(lambda x: x + 1)(1) == 2
     assert told
 

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from mavhums.core.collecting import no_collection
+from mavhums.core.startup import no_collection
 
 
 def is_among(wanted: object, objects: list[object]) -> bool:

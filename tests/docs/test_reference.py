@@ -31,7 +31,10 @@ README_WORDS = 600
 def commands(name: str, command: click.Command) -> Iterator[tuple[str, click.Command]]:
     yield name, command
     if isinstance(command, click.Group):
-        for key, one in command.commands.items():
+        context = click.Context(command)
+        for key in command.list_commands(context):
+            one = command.get_command(context, key)
+            assert one, f"{name} lists {key}, which is not there"
             yield from commands(f"{name} {key}", one)
 
 

@@ -21,7 +21,7 @@ from mavhums.engine.motion import contradiction, refutation
 from mavhums.engine.options import EngineOptions
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.report.assessment import Assessment, Verdict
-from mavhums.report.axis_limits import AxisLimits
+from mavhums.report.sections import AxisLimits
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.surfaces import Moved
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog

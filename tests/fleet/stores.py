@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mavhums.fleet.second_pass import rows_of
-from mavhums.flights.compare import LoneFlight, packed
+from mavhums.flights.compare import StandaloneAssessment, packed
 from mavhums.flights.history import PastFlight
 from mavhums.flights.stores.delta import Row, Store
 from mavhums.report.assessment import Assessment
@@ -13,7 +13,7 @@ from mavhums.report.assessment import Assessment
 __all__ = ["row_of", "write_store"]
 
 
-def row_of(assessment: Assessment, aircraft: str, flight: LoneFlight | None = None) -> Row:
+def row_of(assessment: Assessment, aircraft: str, flight: StandaloneAssessment | None = None) -> Row:
     """Return a log's row, as a worker gives it; without the flight's records if it is not given."""
     log = assessment.log
     start = PastFlight.of(assessment).start if log.start_utc else None
@@ -28,7 +28,7 @@ def row_of(assessment: Assessment, aircraft: str, flight: LoneFlight | None = No
         start_us=round(start.timestamp() * 1e6) if start else None,
         duration_s=log.duration_s,
         losses=False,
-        flight=packed(flight or LoneFlight(assessment, {}, {})),
+        flight=packed(flight or StandaloneAssessment(assessment, {}, {})),
         problem=None,
         remedy=None,
     )

@@ -17,7 +17,7 @@ import pytest
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.flights.aircraft_table import Since
-from mavhums.flights.compare import LoneFlight, compared, packed
+from mavhums.flights.compare import StandaloneAssessment, compared, packed
 from mavhums.flights.history import FlightHistory
 from mavhums_sim import Flight, fly, write_tlog
 from tests.flights import identity
@@ -47,7 +47,7 @@ Rows = list[dict[str, object]]
 
 
 @pytest.fixture(scope="module")
-def kinds(tmp_path_factory: pytest.TempPathFactory) -> list[LoneFlight]:
+def kinds(tmp_path_factory: pytest.TempPathFactory) -> list[StandaloneAssessment]:
     """Three flights of a healthy aircraft and one of it with a worn elevator, each judged alone."""
     path = tmp_path_factory.mktemp("kinds") / "flight.tlog"
     flights = []
@@ -58,7 +58,9 @@ def kinds(tmp_path_factory: pytest.TempPathFactory) -> list[LoneFlight]:
     return flights
 
 
-def on(day: float, kind: LoneFlight, *, name: str = "", boot_s: float = -60.0, own: int = 0) -> LoneFlight:
+def on(
+    day: float, kind: StandaloneAssessment, *, name: str = "", boot_s: float = -60.0, own: int = 0
+) -> StandaloneAssessment:
     """Return a flight as flown on a day; ``own`` is the seed of the own-scale record of one servo."""
     log = kind.assessment.log
     start = datetime.fromisoformat(log.start_utc or "") + day * DAY
@@ -80,7 +82,7 @@ def on(day: float, kind: LoneFlight, *, name: str = "", boot_s: float = -60.0, o
     return kind._replace(assessment=kind.assessment.model_copy(update=told))
 
 
-def fleet_of(kinds: Sequence[LoneFlight], seed: int) -> list[LoneFlight]:
+def fleet_of(kinds: Sequence[StandaloneAssessment], seed: int) -> list[StandaloneAssessment]:
     """Return more flights than a baseline has, the last ones worn; some twice, undated or own-scale."""
     rng = random.Random(seed)
     flights = []
@@ -104,7 +106,9 @@ def _since(date: datetime | None, moment: datetime) -> Since:
     return {"rudder": date} if date and date <= moment else {}
 
 
-def sequential(flights: Sequence[LoneFlight], dates: Callable[[datetime], Since]) -> tuple[Rows, object]:
+def sequential(
+    flights: Sequence[StandaloneAssessment], dates: Callable[[datetime], Since]
+) -> tuple[Rows, object]:
     """Judge each flight by the whole history before it."""
     history = FlightHistory()
     rows: Rows = []
@@ -122,7 +126,9 @@ def sequential(flights: Sequence[LoneFlight], dates: Callable[[datetime], Since]
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_in_any_parts_the_verdicts_are_those_of_the_whole_history(kinds: list[LoneFlight], seed: int) -> None:
+def test_in_any_parts_the_verdicts_are_those_of_the_whole_history(
+    kinds: list[StandaloneAssessment], seed: int
+) -> None:
     flights, dates = fleet_of(kinds, seed), since(seed)
     rows, copies = sequential(flights, dates)
     assert copies
@@ -142,7 +148,9 @@ def test_in_any_parts_the_verdicts_are_those_of_the_whole_history(kinds: list[Lo
     assert left_out | part.open_superseded == copies
 
 
-def test_a_flight_that_needs_all_records_is_refused_where_they_were_not_kept(kinds: list[LoneFlight]) -> None:
+def test_a_flight_that_needs_all_records_is_refused_where_they_were_not_kept(
+    kinds: list[StandaloneAssessment],
+) -> None:
     before = compare_part(Part(NAME, [packed(on(0, kinds[0]))], since(0)))
     assert before is not None
     for own, settled in ((1, False), (0, True)):
@@ -165,7 +173,7 @@ class Judged:
         self.flights += len(part.flights)
         return compare_part(part)
 
-    def in_scan(self, store: Store, *flights: LoneFlight) -> int:
+    def in_scan(self, store: Store, *flights: StandaloneAssessment) -> int:
         """Return how many flights are judged when some land."""
         self.flights = 0
         if flights:
@@ -178,7 +186,7 @@ def told(place: Path) -> list[tuple[str, str]]:
     return [(log, verdict.model_dump_json()) for log, verdict in fleet.verdicts(place, NAME)]
 
 
-def afresh(place: Path, flights: Sequence[LoneFlight], repairs: Sequence[Repair] = ()) -> object:
+def afresh(place: Path, flights: Sequence[StandaloneAssessment], repairs: Sequence[Repair] = ()) -> object:
     """Return what a store tells into which all flights come at once."""
     store = Store(place)
     store.add_logs([row_of(flight.assessment, NAME, flight) for flight in flights])
@@ -188,7 +196,7 @@ def afresh(place: Path, flights: Sequence[LoneFlight], repairs: Sequence[Repair]
 
 
 def test_a_landing_judges_its_flight_only_and_what_changes_the_past_all(
-    kinds: list[LoneFlight], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kinds: list[StandaloneAssessment], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     judged, store = Judged(monkeypatch), Store(tmp_path / "store")
     flights = [on(day, kinds[3 if day > 11 else day % 3]) for day in range(14)]
@@ -216,7 +224,7 @@ def test_a_landing_judges_its_flight_only_and_what_changes_the_past_all(
 
 
 def test_own_scale_flights_are_judged_with_all_that_were_kept(
-    kinds: list[LoneFlight], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kinds: list[StandaloneAssessment], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     judged, store = Judged(monkeypatch), Store(tmp_path / "store")
     flights = [on(day, kinds[day % 3], own=day // 2) for day in range(6)]
@@ -228,7 +236,7 @@ def test_own_scale_flights_are_judged_with_all_that_were_kept(
 
 
 def test_verdicts_whose_state_was_lost_are_made_again(
-    kinds: list[LoneFlight], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kinds: list[StandaloneAssessment], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     judged, store = Judged(monkeypatch), Store(tmp_path / "store")
     flights = [on(day, kinds[day % 3]) for day in range(4)]
@@ -248,7 +256,7 @@ def test_verdicts_whose_state_was_lost_are_made_again(
 
 
 def test_flights_judged_again_before_an_interruption_are_waiting(
-    kinds: list[LoneFlight], tmp_path: Path
+    kinds: list[StandaloneAssessment], tmp_path: Path
 ) -> None:
     store, flight = Store(tmp_path), on(0, kinds[0])
     for _ in range(2):
@@ -280,7 +288,7 @@ class Dies(distributed.WorkerPlugin):  # type: ignore[misc, name-defined]
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0, 1, 1000])
 def test_workers_make_the_same_verdicts_whether_they_die_or_not(
-    kinds: list[LoneFlight], tmp_path: Path, times: int, monkeypatch: pytest.MonkeyPatch
+    kinds: list[StandaloneAssessment], tmp_path: Path, times: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flights = [on(day, kinds[day % 3]) for day in range(14)]
     expected = afresh(tmp_path / "all", flights)[0]  # type: ignore[index]

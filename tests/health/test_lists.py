@@ -10,7 +10,9 @@ import pytest
 from mavhums.health.actuator import detectors
 from mavhums.health.actuator.detectors import DETECTORS
 from mavhums.health.estimation import equations
-from mavhums.health.estimation.equations import EQUATIONS, OWN_EQUATIONS, interface
+from mavhums.health.estimation.equations import EQUATIONS, OWN_EQUATIONS, STROKE_EQUATIONS, interface
+
+SHARED = {"interface", "terms"}
 
 
 def modules(package: ModuleType) -> set[str]:
@@ -25,14 +27,16 @@ def test_the_list_of_detectors_is_the_folder() -> None:
 
 
 def test_every_module_of_equations_is_in_a_list() -> None:
-    listed = {one.prior.__module__ for one in EQUATIONS} | {one.left.__module__ for one in OWN_EQUATIONS}
-    assert {name.rsplit(".", 1)[-1] for name in listed} == modules(equations) - {"interface"}
+    own = (*OWN_EQUATIONS, *STROKE_EQUATIONS)
+    listed = {one.prior.__module__ for one in EQUATIONS} | {one.left.__module__ for one in own}
+    assert {name.rsplit(".", 1)[-1] for name in listed} == modules(equations) - SHARED
 
 
-@pytest.mark.parametrize("module", sorted(modules(equations) - {"interface"}))
+@pytest.mark.parametrize("module", sorted(modules(equations) - SHARED))
 def test_every_equation_of_a_module_is_in_a_list(module: str) -> None:
     defined = vars(getattr(equations, module)).values()
     found = [one for one in defined if isinstance(one, interface.Equation | interface.OwnEquation)]
     assert found
-    listed = {one.name for one in EQUATIONS} | {one.name for one in OWN_EQUATIONS}
+    listed = {one.name for one in EQUATIONS}
+    listed |= {one.name for one in (*OWN_EQUATIONS, *STROKE_EQUATIONS)}
     assert {one.name for one in found} <= listed

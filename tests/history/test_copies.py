@@ -16,11 +16,11 @@ from mavhums.core.errors import ExitCode
 from mavhums.flights.checkpoint import Checkpoint
 from mavhums.flights.duplicates import Quality, Recording, superseded_recordings
 from mavhums.flights.history import FlightHistory, PastFlight
-from mavhums.flights.store import with_duplicate_flights
+from mavhums.flights.stores import with_duplicate_flights
 from mavhums.flights.stores.folder import FlightFolder, keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.report.assessment import Assessment, Coverage
-from mavhums.report.flight import FlightIdentity
+from mavhums.report.sections import FlightIdentity
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from mavhums.core.errors import MavhumsError
 from mavhums.flights import flight_file as files
-from mavhums.flights.store import with_duplicate_flights
-from mavhums.flights.stores import folder
+from mavhums.flights.stores import folder, with_duplicate_flights
 from mavhums.flights.stores.folder import CHECKPOINT, FlightFolder, keep_assessment, read_history
 from mavhums.report.assessment import OwnRecord
 from tests.flights import START, flown, identity, shown, verdict, write_wear

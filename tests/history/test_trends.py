@@ -21,7 +21,7 @@ from mavhums.cli import options
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
 from mavhums.flights.actuator_comparison import ActuatorComparison
-from mavhums.flights.compare import Comparison
+from mavhums.flights.compare import FlightComparison
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
@@ -385,7 +385,7 @@ def test_a_log_without_a_date_has_no_baseline(
     for log, undated in ((logs[0], False), (tmp_path / "flight.raw", True)):
         if undated:
             log.write_bytes(_without_times(logs[0].read_bytes()))
-        engine = Comparison(mavhums.Engine(), baselines)
+        engine = FlightComparison(mavhums.Engine(), baselines)
         engine.feed(log.read_bytes())
         engine.finish()
         said = engine.assessment().log.start_utc

@@ -7,11 +7,11 @@ from sklearn.datasets import make_moons
 
 from mavhums.learn import TanhNetwork
 from mavhums.learn.batched import Data, Problem
-from mavhums.learn.trainer import Batch, Trained, adam, lbfgs, train_batch
+from mavhums.learn.trainer import NetworkBatch, Trained, adam, lbfgs, train_batch
 
 MOONS, SIDE = make_moons(300, noise=0.2, random_state=0)
 SIDE = SIDE == 1
-BATCH = Batch([3, 7, 5], np.array([[1, 1], [1, 0], [1, 1]], dtype=bool), [4, 5, 6])
+BATCH = NetworkBatch([3, 7, 5], np.array([[1, 1], [1, 0], [1, 1]], dtype=bool), [4, 5, 6])
 
 
 THREE = np.eye(3, dtype=bool)[np.where(MOONS[:, 1] < 0, 2, 1 - SIDE)]
@@ -138,7 +138,7 @@ def test_early_stopping_keeps_the_weights_best_on_validation() -> None:
     random = np.random.default_rng(3)
     noise, sides = random.uniform(size=(60, 2)), random.integers(0, 2, 60) == 1
     held_out = random.uniform(size=(60, 2)), random.integers(0, 2, 60) == 1
-    batch = Batch([12, 12], np.ones((2, 2), dtype=bool), [0, 1])
+    batch = NetworkBatch([12, 12], np.ones((2, 2), dtype=bool), [0, 1])
 
     def run(count: int, patience: int | None) -> Trained:
         options = {"validation": held_out, "weight_decay": 0.0, "precision": "double"}

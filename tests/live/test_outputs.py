@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 
 import mavhums
-from mavhums.cli.signals import Stop
+from mavhums.cli.live import Stop
 from mavhums.engine.events import Samples
 from mavhums.live.outlet import Outlet, Spool
 from mavhums.live.sinks import ThreadedSink

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 import mavhums
-from mavhums.core.notice import EPILOG
+from mavhums.core.about import EPILOG
 from mavhums.report.assessment import NOTICE, Assessment, Verdict
 from mavhums.show import render
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
-from mavhums.vehicle.clock import BOOT, BROKEN, SOUND, UNSTAMPED, USEC, Mapped, VehicleClock
+from mavhums.vehicle.clock import BOOT, BROKEN, SOUND, UNSTAMPED, USEC, MappedTimes, VehicleClock
 from mavhums.vehicle.clocks import Clocks
 
 Times = NDArray[np.int64]
@@ -25,7 +25,7 @@ def array(values: list[int]) -> Times:
 
 def follow(
     sent: Times, received: Times, kinds: Times | int = BOOT, *, clock: VehicleClock | None = None
-) -> Mapped:
+) -> MappedTimes:
     """Map the messages of component 1."""
     counters = np.broadcast_to(np.asarray(kinds, dtype=np.int64), sent.shape).copy()
     return (clock or VehicleClock()).map(np.ones_like(sent), counters, sent, received)
@@ -60,7 +60,7 @@ def test_where_blocks_end_does_not_matter(messages: list[tuple[int, int]], data:
     clock, found = VehicleClock(), []
     for a, b in itertools.pairwise([0, *np.flatnonzero(cut), len(messages)]):
         found.append(follow(sent[a:b], received[a:b], kinds[a:b], clock=clock))
-    for name in Mapped._fields:
+    for name in MappedTimes._fields:
         assert np.array_equal(
             np.concatenate([getattr(part, name) for part in found]), getattr(expected, name)
         )

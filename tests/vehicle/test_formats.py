@@ -37,7 +37,7 @@ RECORDS = {
 """Messages of on-board logs that no table here reads."""
 
 
-def messages(form: formats.Format) -> set[str]:
+def messages(form: formats.FormatModule) -> set[str]:
     return {source.message for source in form.SOURCES} | {source.message for source in form.SERVO_SOURCES}
 
 
@@ -84,7 +84,7 @@ def test_every_format_that_is_read_says_where_it_keeps_facts() -> None:
 
 
 @pytest.mark.parametrize("form", FORMATS, ids=lambda form: form.NAME)
-def test_the_tables_name_known_facts_and_tiers(form: formats.Format) -> None:
+def test_the_tables_name_known_facts_and_tiers(form: formats.FormatModule) -> None:
     assert {source.fact for source in form.SOURCES} <= {*SIGNALS, *REPORTS}
     assert {source.tier for source in form.SERVO_SOURCES} <= {tier.name for tier in TIERS}
     assert form.REMEDIES.keys() == {"motion", "force"}

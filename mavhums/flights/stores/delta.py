@@ -332,7 +332,7 @@ class Store:
 
     def _unwritable(self, error: Exception) -> MavhumsError:
         problem = f"{self.place}: cannot be written: {_words(error)}"
-        return MavhumsError(problem, "make room or mend it, and scan again: it resumes")
+        return MavhumsError(problem, "free space or repair it, and scan again: the scan resumes")
 
 
 def _quoted(text: str) -> str:

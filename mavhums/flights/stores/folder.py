@@ -21,10 +21,10 @@ from typing import Final, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
 
-from mavhums.core.collecting import no_collection
+from mavhums.core.about import __version__
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
-from mavhums.core.version import __version__
+from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import Owner
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.checkpoint import Checkpoint

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import CENTRAL_95, TAIL_95
+from mavhums.core.statistics import CENTRAL_95, TAIL_95, stdtrit
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.decision.conditions import Episode, Episodes, IndicatorChange
 from mavhums.health.decision.events import IndicatorStep
@@ -212,8 +211,13 @@ def suspect_of(tracker: IndicatorTracker) -> Suspect | None:
     return suspected(tracker.detector, tracker.decision.condition, tracker.latest, None)
 
 
-def indicator_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> Indicator | None:
-    """Return the quantity over the whole flight; None if the flight has no evidence for it."""
+def indicator_of(
+    tracker: IndicatorTracker, flight: Mapping[str, Fit], load: float | None = None
+) -> Indicator | None:
+    """Return the quantity over the whole flight; None if the flight has no evidence for it.
+
+    ``load`` is the mean load in motion, where the friction depends on it.
+    """
     overall = tracker.detector.overall(flight)
     if overall is None or not np.isfinite(overall.value[0]) or not tracker.judged:
         return None
@@ -228,6 +232,7 @@ def indicator_of(tracker: IndicatorTracker, flight: Mapping[str, Fit]) -> Indica
         scatter=tracker.variance.deviation,
         limit=tracker.detector.levels.normal,
         emergency=tracker.detector.levels.emergency,
+        load=float(f"{load:.4g}") if load is not None and tracker.detector.fault == "friction" else None,
     )
 
 

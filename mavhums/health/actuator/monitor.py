@@ -42,16 +42,15 @@ from mavhums.health.decision.evidence import concludes, in_order, ranked
 from mavhums.health.decision.limits import Panel, WindowEvaluation
 from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.health.estimation.equations import OWN_EQUATIONS
+from mavhums.health.estimation.equations.torque import Load
 from mavhums.health.estimation.fits import Fits
-from mavhums.health.estimation.flight_sums import OwnSums, collector
 from mavhums.health.estimation.motion import Motion, motion, window_sums
-from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.slots import SlotCutter, Slots, Windows, with_extra_columns
+from mavhums.health.estimation.strokes import collectors
 from mavhums.health.estimation.thresholds import WINDOW_S, WINDOW_SLOTS
 from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
-_MOST_WAITING = 64
+_MOST_WAITING = 64  # blocks: bounds the memory where the clock stands still
 
 MonitorEvent = Window | ConditionChanged | Indication | ComparisonInput
 
@@ -124,11 +123,8 @@ class Monitor:
         # With all constants and limits the data sheet decides; a current at the bus is another quantity than
         # the motor's.
         open_limits = bool(actuator.blanks) or actuator.esc_side == "bus"
-        self._own: list[OwnSums | VoltageSums] = [
-            collector(equation, actuator) for equation in OWN_EQUATIONS if open_limits
-        ]
-        if open_limits:
-            self._own.append(VoltageSums(actuator))
+        self._own = collectors(actuator) if open_limits else []
+        self._load = Load(actuator) if actuator.ema else None
         self._latest_s = -np.inf
         detectors = detectors_for(actuator)
         self._trackers = {
@@ -227,7 +223,8 @@ class Monitor:
         whole = self._fits.whole() if indicators else {}
         trackers, deciding = self._trackers.values(), self._deciding().values()
         suspects = [suspect for tracker in deciding if (suspect := suspect_of(tracker))]
-        shown = [indicator for tracker in trackers if whole and (indicator := indicator_of(tracker, whole))]
+        load = self._load.mean if self._load else None
+        shown = [i for one in trackers if whole and (i := indicator_of(one, whole, load))]
         evidence = [e for tracker in deciding for e in evidence_of(tracker)]
         if self._by_network:
             evidence += self._tally.evidence()
@@ -303,7 +300,7 @@ class Monitor:
             return
         for own in self._own:
             own.feed(slots)
-        moved = motion(self.actuator, slots) if self.actuator.ema else None
+        moved = self._load.feed(slots, motion(self.actuator, slots)) if self._load else None
         windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
         seen = DetectorInput(slots, moved, windows, flight)
         found = [tracker.detector.feed(seen) for tracker in self._trackers.values()]
@@ -401,8 +398,7 @@ class Monitor:
 def _intervals(look: WindowEvaluation) -> dict[int, Interval]:
     """Return the 95 % intervals of the windows with evidence, by window."""
     value, half = look.own.value, look.half
-    low, high = value - half, value + half
     return {
-        k: Interval(estimate=float(value[k]), low=float(low[k]), high=float(high[k]))
+        k: Interval(estimate=float(value[k]), low=float((value - half)[k]), high=float((value + half)[k]))
         for k in np.flatnonzero(np.isfinite(value)).tolist()
     }

@@ -127,3 +127,7 @@ RIGID_GEAR_DEG: Final = 0.025
 # Share of values that no such actuator can have from which they are the reason of a missing verdict. By
 # hand.
 IMPLAUSIBLE_SHARE: Final = 0.1
+
+# Standard errors by which a friction must stay below the emergency limit to be told where that of the load is
+# not known: as wide as the intervals that decide on an emergency with few degrees of freedom.
+LOAD_EMERGENCY_ERRORS: Final = 4.0

@@ -36,7 +36,7 @@ from mavhums.health.axis.thresholds import (
     SURE_CONFIDENCE,
     TRIM_SHIFT_DEVIATIONS,
 )
-from mavhums.report.axis_limits import AxisLimits
+from mavhums.report.sections import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 

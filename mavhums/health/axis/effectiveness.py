@@ -49,7 +49,7 @@ from mavhums.health.axis.thresholds import (
     WINDOW_DEVIATION,
     WINDOW_SECONDS,
 )
-from mavhums.report.axis_limits import AxisLimits
+from mavhums.report.sections import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES

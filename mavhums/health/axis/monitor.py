@@ -25,7 +25,7 @@ from mavhums.health.axis.thresholds import (
 from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.health.estimation.random_effects import RunningVariance
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
-from mavhums.report.axis_limits import AxisLimits
+from mavhums.report.sections import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES

@@ -12,10 +12,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final
 
-from scipy.special import stdtr, stdtrit
-
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import CENTRAL_95, NORMAL_95
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95, stdtr, stdtrit
 from mavhums.health.axis.thresholds import MOST_CONFIDENCE, PAST_TESTS
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.limits import tail_of
@@ -23,7 +21,7 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.random_effects import satterthwaite
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.report.assessment import Evidence, Indicator, Interval, Since, Suspect, Verdict
-from mavhums.report.axis_limits import AxisLimits
+from mavhums.report.sections import AxisLimits
 
 LOSSES: Final = ("effectiveness", "manoeuvre")
 """Faults whose indicators fall as the fault grows."""

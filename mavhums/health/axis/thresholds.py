@@ -1,6 +1,6 @@
 """Numbers that decide about an axis: what each trades, and what set it.
 
-Limits of a loss, a lag, a trim and a tracking error are the profile's (:class:`~mavhums.report.axis_limits`).
+Limits of a loss, a lag, a trim and a tracking error are the profile's (:class:`~mavhums.report.sections`).
 Most others were chosen on the development flights of docs/evidence/axes.md: 24 real flights of the ALFA data
 set, 49 flights in software in the loop, and closed-loop flights with seeds below 9000; "development" below.
 """
@@ -223,7 +223,7 @@ LONGEST_SAMPLE_GAP_S: Final = 0.75
 # Rows that are averaged, 0.4 s: noise of rates falls, delays of 0.05 s can still be told. Development.
 MEAN_ROWS: Final = 8
 
-# Seconds of the flight's beginning that trim and tracking are held against. Development.
+# Seconds of the flight's beginning that trim and tracking are compared with. Development.
 RESIDUAL_REFERENCE_S: Final = 40
 
 # Least deviation of the tracking in roll, rad: a calm beginning does not promise a calm flight.

@@ -13,11 +13,10 @@ from datetime import datetime
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import CENTRAL_95
+from mavhums.core.statistics import CENTRAL_95, stdtrit
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import (
     AXIS_SCATTER_SHARE,

@@ -10,7 +10,7 @@ import numpy as np
 
 from mavhums.core.conditions import SEVERITY, Condition
 
-_MOST_EPISODES = 100
+_MOST_EPISODES = 100  # bounds the memory: of an actuator that alternates the first and the last stay
 
 
 class IndicatorChange(NamedTuple):

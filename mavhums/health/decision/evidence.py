@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
-from scipy.special import stdtr
-
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.statistics import stdtr
 from mavhums.health.decision.baseline import Baseline, Shift, condition_with_drift
 from mavhums.health.decision.limits import Levels
 from mavhums.health.decision.records import Estimate

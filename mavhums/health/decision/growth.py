@@ -25,9 +25,9 @@ from dataclasses import dataclass
 from math import log, sqrt
 
 import numpy as np
-from scipy.special import logsumexp, stdtr
 
 from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.statistics import stdtr
 from mavhums.health.decision.thresholds import (
     FLIGHTS_PER_OUTLIER,
     GROWTH_CHANCE,
@@ -147,7 +147,7 @@ def course_of(numbers: Array, values: Array, errors: Array, *, begin: int = 0) -
     errors = np.maximum(errors, max(LEAST_ERROR_SHARE * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
     squares, freedom = _scatter_before(numbers[:begin], values[:begin], errors[:begin])
     kept, courses = _without_outliers(numbers[begin:], values[begin:], errors[begin:], (squares, freedom))
-    evidence = float(logsumexp(courses.log_odds))
+    evidence = float(np.logaddexp.reduce(courses.log_odds))
     best = int(np.argmax(courses.log_odds))
     return Course(
         grows=evidence >= -log(GROWTH_CHANCE),
@@ -296,12 +296,12 @@ def _log_bayes_factors(
         error = np.sqrt(rest / freedom / (spread + scale**-2))
         rising = np.log(2 * stdtr(freedom, share * product / spread / error) + 1e-300)
         found.append(two_sided / inflation + rising)
-    averaged: Array = logsumexp(found, axis=0) - log(len(GROWTH_SCALES))
+    averaged: Array = np.logaddexp.reduce(found, axis=0) - log(len(GROWTH_SCALES))
     return averaged
 
 
 def _weights(courses: _Courses) -> Array:
-    weights: Array = np.exp(courses.log_odds - logsumexp(courses.log_odds))
+    weights: Array = np.exp(courses.log_odds - np.logaddexp.reduce(courses.log_odds))
     return weights
 
 

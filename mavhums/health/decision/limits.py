@@ -15,11 +15,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import TAIL_95
+from mavhums.core.statistics import TAIL_95, stdtrit
 from mavhums.health.decision.thresholds import (
     CONFIRM_WINDOWS,
     LASTING_WINDOWS,

@@ -25,10 +25,9 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from scipy.special import stdtr, stdtrit
 
 from mavhums.core.arrays import Array, Flags
-from mavhums.core.statistics import CENTRAL_95
+from mavhums.core.statistics import CENTRAL_95, stdtr, stdtrit
 from mavhums.health.decision.thresholds import (
     FLIGHTS_PER_OUTLIER,
     LEAST_ERROR_SHARE,

@@ -11,21 +11,31 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import column
 from mavhums.core.statistics import AIR_DENSITY
-from mavhums.health.estimation.equations.interface import OwnEquation
-from mavhums.health.estimation.equations.own_scale import POWER
+from mavhums.health.estimation.equations.interface import OwnEquation, ServoSpeed
+from mavhums.health.estimation.equations.own_scale import CURRENT, POWER, VOLTAGE
+from mavhums.health.estimation.equations.terms import SlotLoad, friction_with_load
 from mavhums.health.estimation.grams import Groups, eliminated, packed
-from mavhums.health.estimation.least_squares import sums_of_slots
-from mavhums.health.estimation.motion import lasting
+from mavhums.health.estimation.least_squares import Prior, sums_of_slots
+from mavhums.health.estimation.motion import angle_speed, lasting
 from mavhums.health.estimation.slots import AIRSPEED, SENSED, SHAFT, Slots
-from mavhums.health.estimation.thresholds import LONGEST_GAP_PERIODS, LONGEST_INTEGRATED_STEP_S
+from mavhums.health.estimation.thresholds import (
+    ANGLE_SPEED_S,
+    COARSE_LEAST_CHANGES,
+    COARSE_SPEED_SHARE,
+    LONGEST_GAP_PERIODS,
+    LONGEST_INTEGRATED_STEP_S,
+)
 from mavhums.report.assessment import OwnRecord
 
-KEPT = ("sign", "speed", "acceleration", "load", "angle", "left")
-"""The columns whose sums of products a record holds."""
-TERMS = ("sign", "speed", "acceleration", "load", "angle", "pressure", "one")
-LOAD, ANGLE, PRESSURE, ONE = 3, 4, 5, 6
-_COLUMNS = [0, 1, 2, LOAD, ANGLE, len(TERMS)]
+KEPT = ("sign", "speed", "acceleration", "load", "angle", "loaded", "left")
+"""The columns whose sums of products a record holds; records of earlier versions lack ``loaded``."""
+TERMS = ("sign", "speed", "acceleration", "load", "angle", "pressure", "one", "loaded")
+LOAD, ANGLE, PRESSURE, ONE, LOADED = 3, 4, 5, 6, 7
+_COLUMNS = [0, 1, 2, LOAD, ANGLE, LOADED, len(TERMS)]
+_LINEAR_TERMS = LOADED
 _V7, _V10 = column("V7"), column("V10")
+_BY_SPEED = (CURRENT.name, VOLTAGE.name)
+"""Equations of the motor's speed; the power's law has its own, and the position error the angle's."""
 _HALF_DENSITY = 0.5 * AIR_DENSITY
 _PRODUCTS = ((0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
 LINEAR = (0, 1, 2, 3)
@@ -54,6 +64,8 @@ class OwnSums:
     def __init__(self, equation: OwnEquation, actuator: Actuator) -> None:
         self._equation, self._actuator = equation, actuator
         self._turned = AngleIntegrator()
+        free = np.full(_LINEAR_TERMS, np.inf)
+        self._load = SlotLoad(Prior(np.zeros(_LINEAR_TERMS), free), (LOAD, ANGLE, PRESSURE, ONE))
         self._groups = Groups(self.width, self.in_window, self.joined)
         self._span, self._samples = 0.0, 0
         self._pressure = False
@@ -66,7 +78,7 @@ class OwnSums:
         time_s = slots.time_s[slots.judged]
         # Rate and duration are those of the evidence, not of the log.
         seen = np.isfinite(found.y) & np.isfinite(found.X[:, 1])
-        found = self.expanded(found)
+        found = self.expanded(self._loaded(slots, found))
         rows = sums_of_slots(found.X, found.y, found.usable, slots.start)
         ends = np.append(slots.start[1:], time_s.size)
         self._groups.feed(slots.index, rows)
@@ -104,6 +116,14 @@ class OwnSums:
         """Rate of the samples that carry the left side."""
         return self._samples / self._span if self._span > 0.0 else 0.0
 
+    def _loaded(self, slots: Slots, found: Terms) -> Terms:
+        """Return the terms with that of the friction by load; unusable before the load is known."""
+        base = np.ascontiguousarray(found.X[:, :_LINEAR_TERMS])
+        load = self._load.feed(slots, base, found.y, found.usable)
+        X = found.X.copy()
+        X[:, LOADED] = friction_with_load(found.X[:, 1], load)
+        return Terms(X, found.y, found.usable & np.isfinite(load))
+
     def expanded(self, found: Terms) -> Terms:
         """Return the terms whose products are summed."""
         return found
@@ -121,7 +141,7 @@ class OwnSums:
 
     def _setup(self) -> str:
         """Return the measurement set-up as text; only flights with the same set-up are compared."""
-        angle = self._turned.source or "speed"
+        angle = "V3, its speed" if self._turned.coarse else self._turned.source or "speed"
         return f"angle from {angle}, {'airspeed' if self._pressure else 'no airspeed'}"
 
 
@@ -131,7 +151,7 @@ class Terms(NamedTuple):
     Attributes
     ----------
     X, y, usable
-        Shapes (n, 7), (n,) and (n,).
+        Shapes (n, 8), (n,) and (n,).
     """
 
     X: Array
@@ -149,10 +169,14 @@ class AngleIntegrator:
     ----------
     source
         ``V3``, or ``speed`` where it is integrated; decided by the first slot that has either.
+    coarse
+        Whether the speed is a coarse register beside a measured angle; decided by the first slot in which the
+        angle moves.
     """
 
     def __init__(self) -> None:
         self.source: str | None = None
+        self.coarse: bool | None = None
         self._shaft: str | None = None
         self._time_s, self._rad_s, self._angle = np.nan, 0.0, 0.0
 
@@ -163,6 +187,22 @@ class AngleIntegrator:
         values = slots.values.copy()
         values[:, _V7 if self._shaft == "V10" else _V10] = np.nan
         return replace(slots, values=values)
+
+    def fine_speed(self, actuator: Actuator, slots: Slots, speed: ServoSpeed) -> ServoSpeed:
+        """Return the speed, from the measured angle where its register is coarse."""
+        if self.coarse is None:
+            angle = np.where(slots.values[:, SENSED] > 0, slots.values[:, SHAFT], np.nan)
+            pairs = [np.diff(column, prepend=np.nan)[slots.judged] for column in (angle, speed.rad_s)]
+            known = np.isfinite(pairs[0]) & np.isfinite(pairs[1])
+            turns, steps = slots.sums(np.stack([known & (pair != 0.0) for pair in pairs], axis=1) * 1.0).T
+            shown = np.flatnonzero(turns >= COARSE_LEAST_CHANGES)
+            if shown.size:
+                self.coarse = bool(steps[shown[0]] < COARSE_SPEED_SHARE * turns[shown[0]])
+        if not self.coarse:
+            return speed
+        angle = np.radians(slots.values[:, SHAFT])
+        fine = angle_speed(slots.time_s, angle, ANGLE_SPEED_S)
+        return ServoSpeed(fine, float(np.radians(actuator.moving_speed_deg_s)))
 
     def feed(self, slots: Slots, rad_s: Array) -> Array:
         """Return the angle, rad, shape (n,): the output shaft's, or that of the shaft whose speed it is."""
@@ -195,6 +235,8 @@ def terms(equation: OwnEquation, actuator: Actuator, slots: Slots, turned: Angle
     speed = equation.speed(actuator, slots)
     if speed is None:
         return None
+    if equation.name in _BY_SPEED:
+        speed = turned.fine_speed(actuator, slots, speed)
     own, time_s = slots.judged, slots.time_s
     span = np.full(time_s.size, np.nan)
     acceleration = span.copy()
@@ -212,9 +254,11 @@ def terms(equation: OwnEquation, actuator: Actuator, slots: Slots, turned: Angle
     X[:, 1] = speed.rad_s[own]
     X[:, 2] = acceleration[own]
     X[:, LOAD] = pressure * angle
-    X[:, ANGLE] = angle
+    # A load that turns with the shaft: the sine is the angle of a surface, and holds for an arm.
+    X[:, ANGLE] = np.sin(angle) if turned.source == "V3" else angle
     X[:, PRESSURE] = pressure
     X[:, ONE] = 1.0
+    X[:, LOADED] = 0.0
     y = np.ascontiguousarray(equation.left(actuator, slots)[own])
     usable = moving[own] & np.isfinite(y) & np.isfinite(X).all(axis=1)
     return Terms(X, y, usable)
@@ -230,6 +274,10 @@ class PowerSums(OwnSums):
     """
 
     width = POWER_COLUMNS
+
+    def _loaded(self, slots: Slots, found: Terms) -> Terms:
+        """Return the terms: the power's law has the load in its products."""
+        return found
 
     @property
     def gap(self) -> str | None:

@@ -11,9 +11,9 @@ from mavhums.core.arrays import Array, Integers
 from mavhums.health.estimation.least_squares import row_length
 from mavhums.health.estimation.thresholds import WINDOW_SLOTS
 
-_NOTHING = 1e-10
-_ROUNDING = 1e-11
-_MOST = 16
+_NOTHING = 1e-10  # sum of squares: a column below it is all zeros
+_ROUNDING = 1e-11  # share of its sum of squares that rounding leaves of a column that others explain
+_MOST = 16  # parts of a flight, at least 8 once it is long: bounds the size of a record
 
 
 def full(row: Array, p: int) -> Array:

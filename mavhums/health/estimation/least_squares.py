@@ -19,8 +19,8 @@ from mavhums.core.kernels import kernel
 from mavhums.core.statistics import uniform_deviation
 from mavhums.health.estimation.thresholds import LEAST_FILLED_SLOTS
 
-_WEAK = 1e-8
-_LEAST = 1e-8
+_WEAK = 1e-8  # share of a sum of squares: keeps a matrix regular, far below the weight of any sample
+_LEAST = 1e-8  # coefficient that counts as zero, so that nothing is divided by it
 
 
 def row_length(p: int) -> int:
@@ -239,6 +239,13 @@ class Fit:
     def variance(self) -> Array:
         """Variance of a residual, shape (W,)."""
         return self._solution[2]
+
+    def given(self, term: str, other: str, value: float) -> Array:
+        """Return the coefficient of a term if that of another were this value, shape (W,)."""
+        coefficients, _, _, inverse = self._solution
+        place, at = self._places[term], self._places[other]
+        slope = inverse[:, place, at] / inverse[:, at, at]
+        return np.asarray(coefficients[:, place] + slope * (value - coefficients[:, at]))
 
     def both_ways(self, term: str, constant: str) -> Integers:
         """Return the number of slots in which a term of ±1 had its rarer sign, shape (W,).

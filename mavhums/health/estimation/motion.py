@@ -8,6 +8,7 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags
+from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
 from mavhums.core.statistics import DEGREES_S_PER_REV_MIN
 from mavhums.core.window_features import products
@@ -44,6 +45,8 @@ class Motion(NamedTuple):
         Whether the rotor's speed follows from the output shaft's.
     magnitudes
         Of V4, V5 and V7 from a source that does not measure their signs, else NaN; shape (n, 3).
+    load
+        Torque that the gear transmits, N·m; zero where the friction does not depend on it.
     """
 
     moving: Flags
@@ -55,6 +58,7 @@ class Motion(NamedTuple):
     apart: Flags
     turned: Flags
     magnitudes: Array
+    load: Array
 
 
 def motion(actuator: Actuator, slots: Slots) -> Motion:
@@ -81,6 +85,7 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
         values[:, APART] > 0,
         values[:, TURNED] > 0,
         values[:, MAGNITUDES],
+        np.zeros(len(values)),
     )
 
 
@@ -107,6 +112,32 @@ def lasting(time_s: Array, speed: Array, moving_speed: float, longest_gap_s: flo
     fast[1:-1] &= fast[2:] & fast[:-2]
     lasts: Flags = (time_s - begin >= _LASTING_S) & (end - time_s >= _LASTING_S)
     return fast & lasts
+
+
+@kernel
+def angle_speed(time_s: Array, angle: Array, half_s: float) -> Array:
+    """Return the speed from an angle: the slope of a line over ``half_s`` either way, shape (n,).
+
+    At least the neighbours are taken; NaN without them. A line and a parabola have the same slope there.
+    """
+    speed = np.full(time_s.size, np.nan)
+    for i in range(1, time_s.size - 1):
+        first, last = i - 1, i + 1
+        while first > 0 and time_s[first - 1] >= time_s[i] - half_s:
+            first -= 1
+        while last < time_s.size - 1 and time_s[last + 1] <= time_s[i] + half_s:
+            last += 1
+        time_mean = angle_mean = 0.0
+        for k in range(first, last + 1):
+            time_mean += (time_s[k] - time_s[i]) / (last - first + 1)
+            angle_mean += (angle[k] - angle[i]) / (last - first + 1)
+        across = along = 0.0
+        for k in range(first, last + 1):
+            step = time_s[k] - time_s[i] - time_mean
+            along += step * (angle[k] - angle[i] - angle_mean)
+            across += step * step
+        speed[i] = along / across
+    return speed
 
 
 def window_sums(actuator: Actuator, slots: Slots, moved: Motion) -> Array:

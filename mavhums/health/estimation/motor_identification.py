@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import column
-from mavhums.core.statistics import CENTRAL_95, NORMAL_95, RAD_S_PER_REV_MIN, uniform_deviation
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95, RAD_S_PER_REV_MIN, stdtrit, uniform_deviation
 from mavhums.health.estimation.grams import Groups, eliminated, packed, unpacked
 from mavhums.health.estimation.least_squares import sums_of_slots
 from mavhums.health.estimation.slots import Slots

@@ -80,6 +80,24 @@ def population(
     return Population(coefficients, scale * inverse, float(np.sqrt(between)), max(effective, 1.0) + trusted)
 
 
+def scattering_share(design: Array, values: Array, errors: Array) -> float:
+    """Return the share of the flights' own variances that scatters between them, at most 1.
+
+    The jackknife over the parts of a flight counts all in which they differ. What recurs in each flight, for
+    its motions recur, does not scatter between flights. That the stated errors are right counts as much as
+    the natural scatter does, so that a few flights that agree by chance show little.
+
+    Examples
+    --------
+    >>> scattering_share(np.ones((19, 1)), np.full(19, 2.0), np.full(19, 0.1))
+    0.3333333333333333
+    """
+    residuals = weighted(design, values, 1.0 / (errors**2 + 1e-300))[1]
+    freedom = len(values) - design.shape[1]
+    squares = float(residuals @ residuals)
+    return min((squares + NATURAL_SCATTER_FREEDOM) / float(freedom + NATURAL_SCATTER_FREEDOM), 1.0)
+
+
 def weighted(design: Array, values: Array, weights: Array) -> tuple[Array, Array, Array]:
     """Return the coefficients, the weighted residuals and the inverse of the normal matrix.
 

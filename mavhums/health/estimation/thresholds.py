@@ -97,6 +97,17 @@ MOVING_ANGLE_DEG_S: Final = 2.5
 # docs/evidence/self-baseline.md hold.
 OWN_RATE_HZ: Final = 20.0
 
+# Share of the angle's changes below which a speed is a coarse register, whose steps and delay pass for
+# friction: that of a servo on a bench changes 41 times a second, its angle 99 times. By hand.
+COARSE_SPEED_SHARE: Final = 0.5
+
+# Changes of the angle in a slot from which the coarseness of the speed shows. By hand.
+COARSE_LEAST_CHANGES: Final = 10
+
+# Time either way over which a line through the angle gives its speed, s: a shorter one has the angle's steps,
+# a longer one the motion's curvature. By hand.
+ANGLE_SPEED_S: Final = 0.04
+
 # Flights of a baseline: with five neither the promised false alarms nor the stated least rise are kept
 # (docs/evidence/self-baseline.md, 10 % scatter).
 OWN_FLIGHTS: Final = 10
@@ -104,3 +115,38 @@ OWN_FLIGHTS: Final = 10
 # Flights of a baseline by position only, whose line over the activity takes one more coefficient
 # (docs/evidence/self-baseline.md).
 TRACKING_FLIGHTS: Final = 20
+
+# Largest share of the load that a gear's friction is: spur gears of small servos lose 0.29–0.34 of it on a
+# bench (docs/health.md); a worm or a screw that holds its load by itself has 0.5.
+MOST_LOAD_FRICTION: Final = 0.5
+
+# Slots over which the balance that gives the load is remembered: hinge moments change with the airspeed
+# within minutes, and fewer slots do not separate load from friction. By hand.
+LOAD_MEMORY_SLOTS: Final = 30.0
+
+# Samples either way from which the load is known. By hand, twice those of a friction.
+LOAD_LEAST_SAMPLES: Final = 40.0
+
+# Span over which the commanded speed is read, s: pulses of 0.1° blur that of single samples. By hand.
+STROKE_SPAN_S: Final = 0.3
+
+# Change of the commanded speed, as a share of it, that ends a stroke. By hand.
+STROKE_SPEED_SHARE: Final = 0.1
+
+# Parts of a stroke that are left out at its beginning and end, s: the servo takes up its speed (1.4 and 0.4 s
+# were set on the profile of the screw rig of benchmarks/real_actuators.py).
+STROKE_BEGIN_S: Final = 1.4
+STROKE_END_S: Final = 0.4
+
+# Samples of a stroke that show its roughness beside a cubic's four coefficients. By hand.
+LEAST_STROKE_SAMPLES: Final = 30
+
+# A longer motion at one speed is no stroke of a surface, s. By hand; it bounds the memory.
+LONGEST_STROKE_S: Final = 30.0
+
+# Strokes that a flight's record holds: its first. By hand; it bounds the memory.
+MOST_STROKES: Final = 64
+
+# Error of a flight's mean over its strokes, as a share of it, beside the scatter between flights: nothing,
+# but no zero to divide by.
+STROKE_ERROR_SHARE: Final = 1e-3

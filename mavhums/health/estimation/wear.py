@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mavhums.core.arrays import Array
+from mavhums.health.estimation.equations import STROKE_EQUATIONS
 from mavhums.health.estimation.equations.own_scale import POWER
 from mavhums.health.estimation.flight_sums import KEPT, LINEAR, POWER_COLUMNS, QUADRATIC, WEAR
 from mavhums.health.estimation.grams import eliminated, unpacked
@@ -16,15 +17,17 @@ from mavhums.health.estimation.thresholds import (
     LEAST_PARTS,
     LEAST_POWER_SAMPLES,
     LOAD_SHOWS_ERRORS,
+    STROKE_ERROR_SHARE,
 )
 from mavhums.report.assessment import OwnRecord
 
 _SIGN, _LEFT = KEPT.index("sign"), KEPT.index("left")
 _SPEED, _ACCELERATION = KEPT.index("speed"), KEPT.index("acceleration")
-_LOAD, _ANGLE = KEPT.index("load"), KEPT.index("angle")
+_LOAD, _ANGLE, _LOADED = KEPT.index("load"), KEPT.index("angle"), KEPT.index("loaded")
+_EARLIER = len(KEPT) - 1
 _C, _D, _E = QUADRATIC.index(9), QUADRATIC.index(11), QUADRATIC.index(12)
 _POWER = POWER_COLUMNS - 1
-_ROUNDS = 4
+_ROUNDS = 4  # of reweighting: more cost time in each flight and each of its references
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +40,18 @@ class Nuisances:
         Coefficients by column of :data:`~mavhums.health.estimation.flight_sums.KEPT`.
     free
         Free columns: the load's, if the airspeed is not known.
+    load
+        Load at which the wear is told, in the unit of the left side: the median of the flights.
     """
 
     held: dict[int, float]
     free: tuple[int, ...]
+    load: float = 0.0
+
+    @property
+    def load_friction(self) -> float:
+        """μ of the individual: friction per load; zero if its flights show none."""
+        return self.held.get(_LOADED, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +64,34 @@ class Wear:
 
 
 def grams_of(record: OwnRecord) -> tuple[Array, Array]:
-    """Return a record's numbers of samples, shape (g,), and Gram matrices, shape (g, 6, 6)."""
+    """Return a record's numbers of samples, shape (g,), and Gram matrices, shape (g, 7, 7)."""
     rows = np.array(record.groups, dtype=np.float64)
-    return rows[:, 0], np.array([unpacked(row[1:], len(KEPT)) for row in rows])
+    if _has_load(record):
+        return rows[:, 0], np.array([unpacked(row[1:], len(KEPT)) for row in rows])
+    grams = np.zeros((len(rows), len(KEPT), len(KEPT)))
+    kept = [k for k in range(len(KEPT)) if k != _LOADED]
+    grams[:, np.ix_(kept, kept)[0], kept] = np.array([unpacked(row[1:], _EARLIER) for row in rows])
+    return rows[:, 0], grams
+
+
+def _has_load(record: OwnRecord) -> bool:
+    """Return whether a record has the friction by load; those of earlier versions do not."""
+    return len(record.groups[0]) > 1 + _EARLIER * (_EARLIER + 1) // 2
+
+
+def mean_load(record: OwnRecord) -> float | None:
+    """Return the mean size of the load in motion, in the unit of the left side; None if not recorded."""
+    if of_strokes(record):
+        return abs(float(np.mean([row[2] for row in record.groups])))
+    if record.equation == POWER.name or not _has_load(record):
+        return None
+    gram = grams_of(record)[1].sum(axis=0)
+    return float(gram[_SIGN, _LOADED] / gram[_SIGN, _SIGN]) if gram[_SIGN, _SIGN] > 0.0 else None
+
+
+def load_direction(record: OwnRecord) -> float:
+    """Return the mean sign of the load over the strokes."""
+    return float(np.mean(np.sign([row[2] for row in record.groups])))
 
 
 def _columns(record: OwnRecord) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -79,9 +115,20 @@ def _learned_linear(records: Sequence[OwnRecord]) -> Nuisances | None:
     """Return the joint nuisances of flights with the same set-up; None if they do not determine them.
 
     Each flight has a wear of its own. It counts by the inverse variance of its residuals, for gusts disturb
-    the balance.
+    the balance. The friction by load is one of them where the flights show it.
     """
+    loads = [load for record in records if (load := mean_load(record)) is not None]
+    if len(loads) == len(records):
+        found = _fitted(records, (_LOADED,))
+        if found is not None and found.load_friction > 0.0:
+            return replace(found, load=float(np.median(loads)))
+    return _fitted(records, ())
+
+
+def _fitted(records: Sequence[OwnRecord], more: tuple[int, ...]) -> Nuisances | None:
+    """Return the joint nuisances with ``more`` columns; None if they, or one of these, do not show."""
     held, free = _columns(records[0])
+    held = (*held, *more)
     total = np.zeros((len(KEPT), len(KEPT)))
     for record in records:
         counts, grams = grams_of(record)
@@ -97,6 +144,12 @@ def _learned_linear(records: Sequence[OwnRecord]) -> Nuisances | None:
         return None
     scaled = normal / np.outer(scale, scale)
     coefficients = np.linalg.lstsq(scaled, total[list(held), _LEFT] / scale)[0] / scale
+    errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(scaled)), 0.0)) / scale
+    for column in more:
+        k = held.index(column)
+        # Noise that passes for friction by load would be taken off the flights' friction.
+        if abs(coefficients[k]) < LOAD_SHOWS_ERRORS * errors[k]:
+            return None
     return Nuisances(dict(zip(held, coefficients.tolist(), strict=True)), free)
 
 
@@ -117,6 +170,8 @@ def _linear_wear(record: OwnRecord, nuisances: Nuisances | None) -> Wear | None:
     whole = eliminated(total, free)
     information = whole[_SIGN, _SIGN]
     value = whole[_SIGN, _LEFT] / information
+    # T_c and μ trade: what is compared is the friction at one load.
+    at_load = 0.0 if nuisances is None else nuisances.load_friction * nuisances.load
     without = [eliminated(total - gram, free) for gram in grams]
     # Without one part nothing would be left: the jackknife has no value there.
     if min(rest[_SIGN, _SIGN] for rest in without) <= 1e-9 * total[_SIGN, _SIGN]:
@@ -128,7 +183,7 @@ def _linear_wear(record: OwnRecord, nuisances: Nuisances | None) -> Wear | None:
     jackknife = float(((others - others.mean()) ** 2).sum()) * (len(grams) - 1) / len(grams)
     residual = max(float(whole[_LEFT, _LEFT] - value**2 * information), 0.0)
     independent = residual / max(float(counts.sum()) - len(counts) - 1.0, 1.0) / information
-    return Wear(float(value), max(jackknife, independent) ** 0.5, max(effective - 1.0, 1.0))
+    return Wear(float(value) + at_load, max(jackknife, independent) ** 0.5, max(effective - 1.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -296,18 +351,41 @@ Individual = Nuisances | Law
 """Coefficients of the individual."""
 
 
+def of_strokes(record: OwnRecord) -> bool:
+    """Return whether a record holds a quantity of each stroke, and no sums."""
+    return record.equation in {equation.name for equation in STROKE_EQUATIONS}
+
+
+def _stroke_wear(record: OwnRecord) -> Wear | None:
+    """Return the mean over the strokes.
+
+    Strokes repeat one motion, so that what they scatter by is in the scatter between flights already; a fault
+    that makes the strokes uneven must not hide itself in an error of its own.
+    """
+    if not shows(record):
+        return None
+    mean = float(np.mean([row[1] for row in record.groups]))
+    return Wear(mean, STROKE_ERROR_SHARE * abs(mean), len(record.groups) - 1.0)
+
+
 def shows(record: OwnRecord) -> bool:
     """Return whether a flight has enough motion in both directions to determine the wear."""
+    if of_strokes(record):
+        return len(record.groups) >= LEAST_PARTS
     return _shows_power(record) if record.equation == POWER.name else _shows_linear(record)
 
 
 def learned(records: Sequence[OwnRecord]) -> Individual | None:
     """Return the individual's coefficients from flights with the same set-up; None if undetermined."""
+    if of_strokes(records[0]):
+        return Nuisances({}, ())
     return _learned_power(records) if records[0].equation == POWER.name else _learned_linear(records)
 
 
 def wear(record: OwnRecord, individual: Individual | None) -> Wear | None:
     """Return a flight's wear with the individual's coefficients fixed, or free if None."""
+    if of_strokes(record):
+        return _stroke_wear(record)
     if record.equation == POWER.name:
         return _power_wear(record, individual if isinstance(individual, Law) else None)
     return _linear_wear(record, individual if isinstance(individual, Nuisances) else None)

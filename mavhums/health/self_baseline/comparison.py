@@ -3,30 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import Condition
-from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED, stdtrit
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.flight_sums import KEPT
-from mavhums.health.estimation.random_effects import Population, population, satterthwaite
+from mavhums.health.estimation.random_effects import (
+    Population,
+    population,
+    satterthwaite,
+    scattering_share,
+)
 from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.health.estimation.wear import Individual, Wear, grams_of, information, learned, wear
+from mavhums.health.estimation.wear import (
+    Individual,
+    Nuisances,
+    Wear,
+    grams_of,
+    information,
+    learned,
+    load_direction,
+    mean_load,
+    of_strokes,
+    wear,
+)
 from mavhums.health.self_baseline.past import PastRecord, compared
 from mavhums.health.self_baseline.thresholds import (
     BEYOND_ACTIVITY,
     BEYOND_K,
+    BEYOND_LOAD,
     BLURRED_TIMES,
+    DIFFERENT_LOADS,
+    OTHER_DIRECTION,
     SHOWN_FLIGHTS,
     TRAILING_FLIGHTS,
+    USEFUL_RISE,
     WARMTH_K,
 )
 from mavhums.report.assessment import Interval, OwnRecord
@@ -63,6 +82,11 @@ class Comparison:
         First flight with the change; None if it is this flight, or if there is no change.
     why
         Reason of ``undecided``.
+    load
+        Load at which the quantity is told, in its unit; None where it does not grow with the load.
+    useful_at
+        False alarms per 100 hours that this flight would have to allow for a rise of ``USEFUL_RISE`` to be
+        detected with 95 % probability; None where the allowed number does, infinity where none does.
     """
 
     condition: Condition
@@ -74,6 +98,8 @@ class Comparison:
     least_rise: float | None = None
     since: Onset | None = None
     why: str = ""
+    load: float | None = None
+    useful_at: float | None = None
 
 
 def compare(
@@ -112,6 +138,7 @@ def compare(
         why = f"its flight was {healthy.beyond(own)} than any of its baseline"
         return Comparison("undecided", _interval(own_wear), healthy.shown, needed, why=why)
     rise, bound, found = healthy.rise(own_wear, own, false_alarms)
+    least_rise = found / abs(healthy.mean(own))
     trailing = after[-TRAILING_FLIGHTS:]
     return Comparison(
         condition="changed" if rise > bound else "unchanged",
@@ -120,8 +147,10 @@ def compare(
         needed=equation.min_flights,
         baseline=healthy.prediction(own),
         change=healthy.relative(own_wear, own),
-        least_rise=found / abs(healthy.mean(own)),
+        least_rise=least_rise,
+        useful_at=healthy.alarms_at(USEFUL_RISE, own_wear, own) if least_rise > USEFUL_RISE else None,
         since=healthy.since(trailing, false_alarms) if rise > bound else None,
+        load=healthy.load,
     )
 
 
@@ -130,7 +159,8 @@ class _Healthy:
     """The reference flights: their population, and their known differences.
 
     ``noise`` is the largest error of a flight with one sample of information; infinite if a flight's own
-    error counts however large it is.
+    error counts however large it is. ``shared`` is the share of a flight's own variance that scatters from
+    flight to flight.
     """
 
     nuisances: Individual
@@ -139,6 +169,7 @@ class _Healthy:
     sign: float
     shown: int
     noise: float
+    shared: float
 
     @classmethod
     @lru_cache(maxsize=1024)
@@ -151,10 +182,26 @@ class _Healthy:
         values = np.array([w.value for w, _ in shown])
         errors = np.array([w.error for w, _ in shown])
         known = tuple(differences(equation, [r for _, r in shown], warm=warm))
-        flights = population(np.array([_row(known, r) for _, r in shown]), values, errors)
+        if of_strokes(records[0]) or (isinstance(nuisances, Nuisances) and nuisances.load_friction):
+            known += tuple(_loads([r for _, r in shown]))
+        if of_strokes(records[0]):
+            fewest = float(min(len(r.groups) for _, r in shown))
+            known += tuple(_directions([r for _, r in shown]))
+            known += (
+                Difference(_strokes, fewest, fewest, np.inf, 0.0, "shorter in strokes", "", fitted=False),
+            )
+        design = np.array([_row(known, r) for _, r in shown])
+        shared = scattering_share(design, values, errors)
+        flights = population(design, values, shared**0.5 * errors)
         noise = max(w.error * information(r) ** 0.5 for w, r in shown) if equation.blurs else np.inf
         sign = float(np.sign(flights.coefficients[0])) or 1.0
-        return cls(nuisances, flights, known, sign, len(shown), BLURRED_TIMES * noise)
+        return cls(nuisances, flights, known, sign, len(shown), BLURRED_TIMES * noise, shared)
+
+    @property
+    def load(self) -> float | None:
+        """Load at which the wear is told; None where it does not grow with the load."""
+        known = self.nuisances
+        return known.load if isinstance(known, Nuisances) and known.load_friction else None
 
     def _row(self, record: OwnRecord) -> Array:
         return _row(self.differences, record)
@@ -169,21 +216,35 @@ class _Healthy:
 
     def rise(self, own_wear: Wear, record: OwnRecord, false_alarms: float) -> tuple[float, float, float]:
         """Return the rise, its threshold, and the rise that would be detected with 95 % probability."""
-        variance = self.flights.variance_at(self._row(record))
-        # A grave fault makes the flight as uncertain as large, and would hide itself.
-        own = min(own_wear.error, self.noise / information(record) ** 0.5) ** 2
-        freedom = satterthwaite(variance, self.flights.freedom, own, own_wear.freedom)
+        error, freedom = self._error(own_wear, record)
         # The rate is per hour: a longer flight may use more of it.
-        tail = min(tail_of(false_alarms) * max(record.duration_s / WINDOW_S, 1.0), MOST_FLIGHT_TAIL)
-        error = (variance + own) ** 0.5
+        tail = min(tail_of(false_alarms) * _windows(record), MOST_FLIGHT_TAIL)
         bound = float(stdtrit(freedom, 1.0 - tail)) * error
         return self.sign * (own_wear.value - self.mean(record)), bound, bound + NORMAL_95_ONE_SIDED * error
+
+    def alarms_at(self, rise: float, own_wear: Wear, record: OwnRecord) -> float:
+        """Return the false alarms per 100 hours at which a relative rise would be detected."""
+        from scipy.special import stdtr  # spent only where a comparison finds little
+
+        error, freedom = self._error(own_wear, record)
+        bound = rise * abs(self.mean(record)) - NORMAL_95_ONE_SIDED * error
+        tail = 1.0 - float(stdtr(freedom, bound / error))
+        return tail / tail_of(1.0) / _windows(record) if tail <= MOST_FLIGHT_TAIL else np.inf
+
+    def _error(self, own_wear: Wear, record: OwnRecord) -> tuple[float, float]:
+        """Return the standard error of a flight's rise, and its degrees of freedom."""
+        variance = self.flights.variance_at(self._row(record))
+        # A grave fault makes the flight as uncertain as large, and would hide itself.
+        own = self.shared * min(own_wear.error, self.noise / information(record) ** 0.5) ** 2
+        return (variance + own) ** 0.5, satterthwaite(variance, self.flights.freedom, own, own_wear.freedom)
 
     def relative(self, own_wear: Wear, record: OwnRecord) -> Interval:
         """Return the relative change with its 95 % interval."""
         mean = self.mean(record)
         change = own_wear.value / mean - 1.0
-        error = (own_wear.error**2 + self.flights.variance_at(self._row(record))) ** 0.5 / abs(mean)
+        error = (self.shared * own_wear.error**2 + self.flights.variance_at(self._row(record))) ** 0.5 / abs(
+            mean
+        )
         half = float(stdtrit(min(own_wear.freedom, self.flights.freedom), CENTRAL_95)) * error
         return Interval(estimate=change, low=change - half, high=change + half)
 
@@ -208,8 +269,12 @@ class _Healthy:
         return first
 
 
+def _windows(record: OwnRecord) -> float:
+    return max(record.duration_s / WINDOW_S, 1.0)
+
+
 def _row(known: Sequence[Difference], record: OwnRecord) -> Array:
-    return np.array([1.0, *(one.at(record) for one in known)])
+    return np.array([1.0, *(one.at(record) for one in known if one.fitted)])
 
 
 def _still(equation: OwnEquation, flights: int) -> Comparison:
@@ -236,6 +301,8 @@ class Difference:
         Extrapolation that is allowed.
     below, above
         Comparative of a flight below and above that range.
+    fitted
+        Whether the quantity depends on it; else only its range counts.
     """
 
     of: _Of
@@ -245,6 +312,7 @@ class Difference:
     margin: float
     below: str
     above: str
+    fitted: bool = True
 
     def at(self, record: OwnRecord) -> float:
         """Return a flight's difference from the mean; zero if it is not known."""
@@ -290,6 +358,31 @@ def _difference(
     if len(values) < len(records):
         return None
     return Difference(of, float(np.mean(values)), min(values), max(values), margin, below, above)
+
+
+def _loads(records: Sequence[OwnRecord]) -> list[Difference]:
+    """Return the loads of the flights, and their range: beyond it friction over load is a guess.
+
+    What a flight's own samples tell of μ is attenuated, for its light samples are those near stiction; a
+    line over the flights takes the rest, where their loads differ.
+    """
+    found = _difference(mean_load, records, 0.0, "more lightly loaded", "more heavily loaded")
+    if found is None:
+        return []
+    differ = found.high > DIFFERENT_LOADS * found.low
+    return [replace(found, margin=BEYOND_LOAD * found.high, fitted=differ)]
+
+
+def _directions(records: Sequence[OwnRecord]) -> list[Difference]:
+    """Return the direction of the load, which presses other flanks: friction and roughness differ there."""
+    other = "loaded the other way"
+    found = _difference(load_direction, records, OTHER_DIRECTION, other, other)
+    return [] if found is None else [replace(found, fitted=found.high - found.low > OTHER_DIRECTION)]
+
+
+def _strokes(record: OwnRecord) -> float:
+    """Return the number of strokes: fewer than the baseline's flights have scatter more than these."""
+    return float(len(record.groups))
 
 
 def _activity(record: OwnRecord) -> float:

@@ -12,9 +12,8 @@ from functools import lru_cache
 from math import hypot
 
 import numpy as np
-from scipy.special import stdtrit
 
-from mavhums.core.statistics import CENTRAL_95
+from mavhums.core.statistics import CENTRAL_95, stdtrit
 from mavhums.health.estimation.equations.own_scale import CURRENT
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
 from mavhums.health.estimation.wear import _learned_linear, _linear_wear

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from typing import NamedTuple
 
-from mavhums.health.estimation.equations import OWN_EQUATIONS
+from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.wear import shows
 from mavhums.health.self_baseline.thresholds import ALIKE_RATE_RATIO, REFERENCE_FLIGHTS
@@ -68,5 +68,5 @@ def _alike(one: OwnRecord, other: OwnRecord) -> bool:
 
 def comparable(records: Sequence[OwnRecord]) -> bool:
     """Return whether records contain the wear of an equation, and not only motor identification data."""
-    names = {equation.name for equation in OWN_EQUATIONS}
+    names = {equation.name for equation in (*OWN_EQUATIONS, *STROKE_EQUATIONS)}
     return any(record.equation in names for record in records)

@@ -49,3 +49,19 @@ STALL_BIAS_SHARE: Final = 0.1
 
 # Times the stated supply beyond which a voltage at the motor shows that the statement is wrong. By hand.
 OVER_SUPPLY_TIMES: Final = 1.1
+
+# Load beyond those of the baseline's flights, as a share of the highest, that is extrapolated: the line of
+# friction over load bends near stiction. By hand.
+BEYOND_LOAD: Final = 0.05
+
+# Highest over lowest load of the baseline's flights from which a line over the load is fitted: closer ones
+# give it no slope. By hand.
+DIFFERENT_LOADS: Final = 1.3
+
+# Difference between two flights' mean signs of the load over their strokes from which they are loaded in
+# opposite directions: signs of no load scatter about zero.
+OTHER_DIRECTION: Final = 1.0
+
+# Rise that an operator wants found: beyond it, a comparison says at which rate of false alarms it would be.
+# By hand.
+USEFUL_RISE: Final = 0.5

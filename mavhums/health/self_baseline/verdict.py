@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 from mavhums.core.conditions import Condition
 from mavhums.core.statistics import ERRORS_95
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.health.estimation.equations import OWN_EQUATIONS
+from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT
+from mavhums.health.estimation.wear import mean_load, shows
 from mavhums.health.self_baseline.comparison import Comparison, compare
 from mavhums.health.self_baseline.motor import (
     MOTOR_FAULTS,
@@ -20,7 +22,7 @@ from mavhums.health.self_baseline.motor import (
     stall_indicators,
 )
 from mavhums.health.self_baseline.past import PastRecord, record_of
-from mavhums.health.self_baseline.thresholds import CHANGED_CONFIDENCE
+from mavhums.health.self_baseline.thresholds import CHANGED_CONFIDENCE, USEFUL_RISE
 from mavhums.report.assessment import (
     Evidence,
     Indicator,
@@ -55,6 +57,43 @@ def compare_with_own_flights(
     false_alarms
         Allowed false alarms per 100 hours of the actuator.
     """
+    compared = _by_equation(verdict, past, false_alarms)
+    if compared.condition in _OPEN and compared.worst in _OPEN:
+        for equation in STROKE_EQUATIONS:
+            compared = _beside(compared, equation, past, false_alarms)
+    return compared
+
+
+def _beside(
+    verdict: Verdict, equation: OwnEquation, past: Sequence[PastRecord], false_alarms: float
+) -> Verdict:
+    """Return the verdict with a quantity of its strokes, which can make it changed and nothing else."""
+    record = record_of(verdict.own, equation.name)
+    if record is None:
+        return verdict
+    found = compare(equation, record, past, false_alarms)
+    kept = {
+        "indicators": tuple(one for one in verdict.indicators if one.fault != equation.fault),
+        "evidence": tuple(one for one in verdict.evidence if one.kind != _kind(equation)),
+        "suspects": tuple(one for one in verdict.suspects if one.fault != equation.fault),
+    }
+    if found.value is None:
+        return verdict.model_copy(update=kept)
+    text = comparison_text(equation, found)
+    kept["indicators"] += (_indicator(equation, record, found, found.value),)
+    kept["evidence"] += (_evidence(equation, record, found, found.value, text),)
+    if found.condition != "changed":
+        return verdict.model_copy(update=kept)
+    kept["suspects"] += (Suspect(fault=equation.fault, confidence=CHANGED_CONFIDENCE),)
+    reason, remedy = text, remedy_of(equation, found)
+    if verdict.condition == "changed":
+        reason, remedy = f"{verdict.reason}; {text}", f"{verdict.remedy}; {remedy}"
+    changed = {"condition": "changed", "worst": "changed", "reason": reason, "remedy": remedy}
+    return verdict.model_copy(update={**kept, **changed})
+
+
+def _by_equation(verdict: Verdict, past: Sequence[PastRecord], false_alarms: float) -> Verdict:
+    """Return the verdict after the comparison by its most informative equation."""
     deciding = _deciding(verdict)
     # A limit or a jam decides: neither is taken back by what is usual for this servo.
     if deciding is None or verdict.condition not in _OPEN or verdict.worst not in _OPEN:
@@ -91,8 +130,9 @@ def compare_with_own_flights(
 
 def without_own(verdict: Verdict) -> Verdict:
     """Return a verdict without the indicators and the evidence of own-scale equations."""
-    faults = {*(equation.fault for equation in OWN_EQUATIONS), *_OF_THE_MOTOR}
-    kinds = {_kind(equation) for equation in OWN_EQUATIONS}
+    equations = (*OWN_EQUATIONS, *STROKE_EQUATIONS)
+    faults = {*(equation.fault for equation in equations), *_OF_THE_MOTOR}
+    kinds = {_kind(equation) for equation in equations}
     return verdict.model_copy(
         update={
             "indicators": tuple(shown for shown in verdict.indicators if shown.fault not in faults),
@@ -102,12 +142,10 @@ def without_own(verdict: Verdict) -> Verdict:
 
 
 def _deciding(verdict: Verdict) -> tuple[OwnEquation, OwnRecord] | None:
-    """Return the most informative equation for this flight."""
-    for equation in OWN_EQUATIONS:
-        record = record_of(verdict.own, equation.name)
-        if record is not None:
-            return equation, record
-    return None
+    """Return the most informative equation that this flight shows, or that it has."""
+    found = [(one, record) for one in OWN_EQUATIONS if (record := record_of(verdict.own, one.name))]
+    # A register's first seconds leave a record of the current, too.
+    return next((pair for pair in found if shows(pair[1])), found[0] if found else None)
 
 
 def _kind(equation: OwnEquation) -> str:
@@ -128,6 +166,7 @@ def _indicator(equation: OwnEquation, record: OwnRecord, found: Comparison, valu
         baseline_flights=found.flights,
         needed_flights=found.needed,
         least_rise=None if found.least_rise is None else round(found.least_rise, 4),
+        load=None if (load := mean_load(record)) is None else float(f"{load:.4g}"),
     )
 
 
@@ -161,14 +200,24 @@ def comparison_text(equation: OwnEquation, found: Comparison) -> str:
         return f"flight {found.flights} of the {found.needed} that its baseline takes; {_NO_LIMIT}"
     if found.condition == "undecided" or found.change is None or found.least_rise is None:
         return found.why
+    at_load = "" if found.load is None else f" at a load of {found.load:.2g} {equation.unit}"
     if found.condition == "unchanged":
         half = max(found.change.high - found.change.estimate, 0.0)
         return (
-            f"{equation.quantity} within ±{half:.0%} of its first {found.flights} flights "
-            f"(a rise of {found.least_rise:.0%} would have been found); {_NO_LIMIT}"
+            f"{equation.quantity}{at_load} within ±{half:.0%} of its first {found.flights} flights "
+            f"(a rise of {found.least_rise:.0%} would have been found{_at_rate(found)}); {_NO_LIMIT}"
         )
     since = f" since flight {found.since.flight} ({found.since.date[:10]})" if found.since else ""
-    return f"{equation.quantity} {_change(found.change)}{since}: {equation.cause}; {_NO_LIMIT}"
+    return f"{equation.quantity}{at_load} {_change(found.change)}{since}: {equation.cause}; {_NO_LIMIT}"
+
+
+def _at_rate(found: Comparison) -> str:
+    """Return at which rate of false alarms so short or uncertain a flight shows a useful rise."""
+    if found.useful_at is None:
+        return ""
+    if found.useful_at == inf:
+        return f", one of {USEFUL_RISE:.0%} at no useful rate of false alarms"
+    return f", one of {USEFUL_RISE:.0%} at {found.useful_at:.2g} false alarms in 100 h"
 
 
 def constant_text(equation: OwnEquation, found: Comparison, lost: float) -> str:

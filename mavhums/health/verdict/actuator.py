@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 from types import MappingProxyType
 from typing import NamedTuple
 
+from mavhums.actuator.freshness import not_used
 from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.signs import SIGNED_BY_VOLTAGE
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
@@ -127,6 +128,20 @@ def against_baseline(
             ),
             "reason": reason,
             "remedy": remedy,
+        }
+    )
+
+
+def with_refused(verdict: Verdict) -> Verdict:
+    """Return an undecided verdict with what the log carries and no equation could use."""
+    refused = not_used(verdict.provenance)
+    why = "; ".join(refused.values())
+    if verdict.condition != "undecided" or (verdict.reason or "").startswith(why):
+        return verdict
+    return verdict.model_copy(
+        update={
+            "reason": f"{why}; {verdict.reason}" if verdict.reason else why,
+            "remedy": f"record {' and '.join(refused)} as sampled at the motor, with sign",
         }
     )
 
@@ -255,8 +270,10 @@ def _why_undecided(
     actuator: Actuator, findings: ActuatorFindings, provenance: dict[str, str]
 ) -> tuple[str, str]:
     missing = [] if "V7" in provenance else ["V7"]
-    if not {"V5", "V8"} & provenance.keys():
-        missing.append("V5 or V8")
+    # At the motor the voltage shows the current, at the supply bus it does not.
+    shown_by = {"V4", "V5", "V8"} if actuator.esc_side == "motor" else {"V5", "V8"}
+    if not shown_by & provenance.keys():
+        missing.append("V4, V5 or V8" if actuator.esc_side == "motor" else "V5 or V8")
     if "V6" in provenance and "V5" not in provenance and actuator.esc_side == "bus":
         return (
             "its ESC measures at the supply bus, where driving and braking currents of the motor look alike",

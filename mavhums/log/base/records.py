@@ -9,9 +9,8 @@ import numpy as np
 
 from mavhums.core.arrays import Bytes, Flags, Integers, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.scanner import RecordBatch
+from mavhums.log.base.scanner import GUARD, SPARE, RecordBatch, load_word, store_word
 from mavhums.log.base.tables import Table
-from mavhums.log.base.unaligned_io import GUARD, SPARE, load_word, store_word
 
 __all__ = ["DefinitionTable", "GatheredTables", "RowContext"]
 

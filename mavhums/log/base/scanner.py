@@ -1,4 +1,4 @@
-"""What the scanners of all formats carry from block to block: unfinished bytes, and the account of damage."""
+"""What all scanners share: unaligned words, and across blocks the unfinished bytes and account of damage."""
 
 from __future__ import annotations
 
@@ -6,12 +6,28 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from llvmlite import ir
+from numba import config, types
+from numba.extending import intrinsic
 
 from mavhums.core.arrays import Bytes, Integers, Records
+from mavhums.core.kernels import inlined
 from mavhums.log.base.losses import Losses, Region
-from mavhums.log.base.unaligned_io import GUARD, SPARE
 
-__all__ = ["NO", "RECORD", "REGION", "WAIT", "YES", "BlockScanner", "RecordBatch", "ScanTotals"]
+__all__ = [
+    "GUARD",
+    "NO",
+    "RECORD",
+    "REGION",
+    "SPARE",
+    "WAIT",
+    "YES",
+    "BlockScanner",
+    "RecordBatch",
+    "ScanTotals",
+    "load_word",
+    "store_word",
+]
 
 YES, NO, WAIT = 1, 0, -1
 """A kernel's answers; ``WAIT`` means that it lies in bytes to come."""
@@ -188,3 +204,58 @@ class BlockScanner:
         else:
             self._cut += rest
         state["skipped"] = state["filler"] = 0
+
+
+GUARD = 32
+"""Readable bytes before a buffer's first frame or record: MAVLink's signature and stamp, and a word."""
+
+SPARE = 8
+"""Bytes after a buffer's last record that may be read or written with it: a word."""
+
+
+def _load_word(typing_context: Any, data: Any, index: Any) -> Any:
+    """Load the eight bytes at ``index`` of a contiguous uint8 array, little endian."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        place = builder.gep(array.data, [arguments[1]])
+        word = builder.load(builder.bitcast(place, ir.IntType(64).as_pointer()))
+        word.align = 1
+        return word
+
+    return types.uint64(data, types.int64), generate
+
+
+def _store_word(typing_context: Any, data: Any, index: Any, word: Any) -> Any:
+    """Store eight bytes at ``index`` of a contiguous uint8 array, little endian."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        place = builder.gep(array.data, [arguments[1]])
+        store = builder.store(arguments[2], builder.bitcast(place, ir.IntType(64).as_pointer()))
+        store.align = 1
+        return context.get_dummy_value()
+
+    return types.void(data, types.int64, types.uint64), generate
+
+
+def _load_bytes(data: Bytes, index: int) -> Any:
+    if index < 0:
+        raise IndexError
+    word = np.uint64(0)
+    for k in range(8):
+        word |= np.uint64(data[index + k]) << np.uint64(8 * k)
+    return word
+
+
+def _store_bytes(data: Bytes, index: int, word: Any) -> None:
+    if index < 0:
+        raise IndexError
+    for k in range(8):
+        data[index + k] = (word >> np.uint64(8 * k)) & np.uint64(0xFF)
+
+
+# With NUMBA_BOUNDSCHECK=1 every access of the kernels is checked, including these.
+_CHECKED = bool(getattr(config, "BOUNDSCHECK", False))
+load_word: Any = inlined(_load_bytes) if _CHECKED else intrinsic(_load_word)
+store_word: Any = inlined(_store_bytes) if _CHECKED else intrinsic(_store_word)

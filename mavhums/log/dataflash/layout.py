@@ -18,8 +18,7 @@ import numpy as np
 from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.records import DefinitionTable
-from mavhums.log.base.scanner import WAIT
-from mavhums.log.base.unaligned_io import load_word
+from mavhums.log.base.scanner import WAIT, load_word
 
 __all__ = [
     "BACK",

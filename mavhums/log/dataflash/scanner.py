@@ -22,9 +22,8 @@ import numpy as np
 
 from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.scanner import NO, RECORD, WAIT, YES, BlockScanner, RecordBatch
+from mavhums.log.base.scanner import GUARD, NO, RECORD, SPARE, WAIT, YES, BlockScanner, RecordBatch
 from mavhums.log.base.tables import ODD_TIME
-from mavhums.log.base.unaligned_io import GUARD, SPARE
 from mavhums.log.dataflash.layout import (
     BACK,
     BODY,

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Bytes
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.scanner import NO, WAIT, YES
+from mavhums.log.base.scanner import NO, WAIT, YES, load_word
 from mavhums.log.base.tables import MAVLINK1, SIGNED
-from mavhums.log.base.unaligned_io import load_word
 
 __all__ = [
     "DAY_US",

@@ -29,9 +29,8 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.scanner import NO, RECORD, WAIT, YES, BlockScanner, RecordBatch
+from mavhums.log.base.scanner import GUARD, NO, RECORD, SPARE, WAIT, YES, BlockScanner, RecordBatch
 from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
-from mavhums.log.base.unaligned_io import GUARD, SPARE
 from mavhums.log.mavlink.dialect import Dialect
 from mavhums.log.mavlink.frames import (
     DAY_US,

@@ -17,9 +17,8 @@ import numpy as np
 
 from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.core.kernels import kernel
-from mavhums.log.base.scanner import RecordBatch
+from mavhums.log.base.scanner import GUARD, RecordBatch
 from mavhums.log.base.tables import MAVLINK1
-from mavhums.log.base.unaligned_io import GUARD
 from mavhums.log.mavlink.dialect import Dialect
 from mavhums.log.mavlink.scanner import FrameScanner
 from mavhums.log.mavlink.signing import SignatureGuard, frame_sizes

@@ -17,9 +17,19 @@ import numpy as np
 
 from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.scanner import NO, RECORD, REGION, WAIT, YES, BlockScanner, RecordBatch
+from mavhums.log.base.scanner import (
+    GUARD,
+    NO,
+    RECORD,
+    REGION,
+    SPARE,
+    WAIT,
+    YES,
+    BlockScanner,
+    RecordBatch,
+    load_word,
+)
 from mavhums.log.base.tables import ODD_TIME
-from mavhums.log.base.unaligned_io import GUARD, SPARE, load_word
 from mavhums.log.ulog.headers import (
     BODY,
     UNKNOWN,

@@ -1,7 +1,7 @@
 """Where each log format keeps the facts of :mod:`mavhums.vehicle.facts`: one module a format.
 
-A module has ``SOURCES``, ``SERVO_SOURCES`` and ``REMEDIES``, the interface :class:`~.base.Format`. Nothing
-else outside :mod:`mavhums.log` names a message.
+A module has ``SOURCES``, ``SERVO_SOURCES`` and ``REMEDIES``, the interface :class:`~.base.FormatModule`.
+Nothing else outside :mod:`mavhums.log` names a message.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import Final, cast
 from mavhums.log import Table
 from mavhums.vehicle.facts import ServoIds, ServoReading
 from mavhums.vehicle.formats import dataflash, mavlink, ulog
-from mavhums.vehicle.formats.base import ANY, Format, Report, Rows, ServoSource, Source, each, holds
+from mavhums.vehicle.formats.base import ANY, FormatModule, Report, Rows, ServoSource, Source, each, holds
 
 __all__ = [
     "FORMATS",
     "SERVO_SOURCES",
-    "Format",
+    "FormatModule",
     "Report",
     "Rows",
     "each",
@@ -29,7 +29,7 @@ __all__ = [
     "servo_readings",
 ]
 
-FORMATS: Final = tuple(cast(Format, module) for module in (mavlink, dataflash, ulog))
+FORMATS: Final = tuple(cast(FormatModule, module) for module in (mavlink, dataflash, ulog))
 """The formats; a log whose messages are of none is treated as the first one."""
 
 SERVO_SOURCES: Final[tuple[ServoSource, ...]] = tuple(
@@ -48,7 +48,7 @@ _COMMON: Final[Mapping[str, str]] = {
 
 
 @cache
-def _sources(facts: tuple[str, ...]) -> tuple[tuple[Format, Source], ...]:
+def _sources(facts: tuple[str, ...]) -> tuple[tuple[FormatModule, Source], ...]:
     """Return the sources of facts, in the order of the formats' tables."""
     return tuple((form, source) for form in FORMATS for source in form.SOURCES if source.fact in facts)
 

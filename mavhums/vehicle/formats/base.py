@@ -18,7 +18,7 @@ from mavhums.vehicle.facts import ALL_OUTPUTS, ServoIds
 __all__ = [
     "ANY",
     "TEXT",
-    "Format",
+    "FormatModule",
     "Report",
     "Rows",
     "ServoPart",
@@ -123,7 +123,7 @@ class ServoSource(NamedTuple):
 Split = Iterator[tuple[ServoIds, ServoPart]]
 
 
-class Format(Protocol):
+class FormatModule(Protocol):
     """The interface of a format's module.
 
     Attributes
@@ -162,7 +162,7 @@ class Report(NamedTuple):
     """The rows of one table that carry a fact."""
 
     source: Source
-    format: Format
+    format: FormatModule
     table: Table
 
     @property

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array, Flags
+from mavhums.core.statistics import STANDARD_GRAVITY
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.facts import NO_AUTOPILOT, OUTPUTS, PX4, ServoIds
@@ -54,7 +55,6 @@ STAMPS: Final = ("time_boot_ms", "time_usec")
 _NOT_OWN_TIME: Final = frozenset({"SYSTEM_TIME", "GPS_RAW_INT", "GPS2_RAW", "GPS_INPUT", "HIL_GPS"})
 """Messages whose stamp may be the satellites' time, or that of the last fix: they show no clock."""
 
-_G: Final = 9.80665
 _ARMED: Final = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _NO_ATTITUDE: Final = 1 << 7  # ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
 _GPS_WORKS_US: Final = 1_262_304_000_000_000  # 2010: an autopilot without a fix sends a date before
@@ -170,9 +170,9 @@ SOURCES: Final = (
     plain("rates", "SCALED_IMU", *_MILLI_RATES, scale=1e-3),
     plain("rates", "SCALED_IMU2", *_MILLI_RATES, scale=1e-3),
     plain("force", "HIGHRES_IMU", *_MILLI_FORCE),
-    plain("force", "RAW_IMU", *_MILLI_FORCE, scale=_G / 1e3),
-    plain("force", "SCALED_IMU", *_MILLI_FORCE, scale=_G / 1e3),
-    plain("force", "SCALED_IMU2", *_MILLI_FORCE, scale=_G / 1e3),
+    plain("force", "RAW_IMU", *_MILLI_FORCE, scale=STANDARD_GRAVITY / 1e3),
+    plain("force", "SCALED_IMU", *_MILLI_FORCE, scale=STANDARD_GRAVITY / 1e3),
+    plain("force", "SCALED_IMU2", *_MILLI_FORCE, scale=STANDARD_GRAVITY / 1e3),
     plain("attitude", "ATTITUDE", "roll", "pitch", "yaw"),
     plain("slow_rates", "ATTITUDE", "rollspeed", "pitchspeed", "yawspeed"),
     Source("demand", "ATTITUDE_TARGET", {"q": 4, "type_mask": 1}, _target),

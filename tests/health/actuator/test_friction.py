@@ -13,6 +13,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.quantities import column
 from mavhums.health.actuator.detector import DetectorInput
 from mavhums.health.actuator.detectors.friction import FrictionDetector
+from mavhums.health.actuator.monitor import Monitor
 from mavhums.health.estimation.fits import Estimates, Fits
 from mavhums.health.estimation.motion import Motion, motion
 from mavhums.health.estimation.slots import BUS, COLUMNS, SlotCutter, Slots
@@ -124,8 +125,9 @@ def test_what_cannot_show_friction_is_not_estimated() -> None:
     one_way, standing, half, blind = (moving.copy() for _ in range(4))
     one_way[:, column("V7")] = np.abs(one_way[:, column("V7")]) + 100.0
     standing[:, column("V7")] = 0.0
-    half[time_s > 3.0, column("V8")] = np.nan
-    blind[:, column("V8")] = np.nan
+    # Without voltage, too: it would show the current.
+    half[time_s > 3.0, column("V8")] = half[time_s > 3.0, column("V4")] = np.nan
+    blind[:, [column("V8"), column("V4")]] = np.nan
     for values in (one_way, standing, half, blind):
         assert np.isnan(friction_of(time_s, values))
 
@@ -217,3 +219,83 @@ def test_a_flight_is_judged_by_the_motion_that_shows_more_of_it() -> None:
     lasting, judged_by = concluded(*synthetic(0.4))
     assert judged_by is not None
     assert judged_by.value[0] == lasting.value[0]
+
+
+def loaded(friction: float, load_friction: float, *, v11: bool = False) -> tuple[Array, Array]:
+    """A minute of a gear whose friction grows with its load, T_c + μ·|load|."""
+    t: Array = (np.arange(6000, dtype=np.float64) + 0.5) / 100.0
+    angle = 0.9 * np.sin(2.1 * t) + 0.3 * np.sin(5.3 * t)
+    speed = 1.89 * np.cos(2.1 * t) + 1.59 * np.cos(5.3 * t)
+    acceleration = -3.969 * np.sin(2.1 * t) - 8.427 * np.sin(5.3 * t)
+    load = 2.0 * np.sin(angle)
+    rubbed = (friction + load_friction * np.abs(load)) * np.sign(speed)
+    torque = rubbed + PAPER.inertia_output * acceleration + EMA.viscous * speed + load
+    current = torque / EMA.gear_ratio / EMA.torque_constant
+    values = np.full((t.size, COLUMNS), np.nan)
+    values[:, column("V3")] = np.degrees(angle)
+    values[:, column("V7")] = speed / PAPER.rad_s(1.0)
+    values[:, column("V5")] = current
+    values[:, column("V4")] = EMA.resistance * current + EMA.gear_ratio * EMA.torque_constant * speed
+    if v11:
+        values[:, column("V11")] = load
+    return t, values
+
+
+def with_load_friction(value: float | None, uncertainty: float = 0.1) -> Actuator:
+    ema = KNOWN.known_ema().model_copy(
+        update={"load_friction": value, "load_friction_uncertainty": uncertainty}
+    )
+    return KNOWN.model_copy(update={"ema": ema})
+
+
+def judged(time_s: Array, values: Array, actuator: Actuator) -> Monitor:
+    monitor = Monitor(1, actuator)
+    known = np.isfinite(values[:, :12])
+    list(monitor.feed(time_s, values[:, :12], known))
+    list(monitor.finish())
+    return monitor
+
+
+@pytest.mark.parametrize("v11", [True, False])
+def test_the_load_takes_its_share_of_the_friction(v11: bool) -> None:
+    time_s, values = loaded(0.225, 0.3, v11=v11)
+    shown = judged(time_s, values, with_load_friction(0.3)).findings().indicators
+    (load,) = [one.load for one in shown if one.fault == "friction"]
+    assert load is not None
+    assert load > 0.0
+    friction = next(one.value.estimate for one in shown if one.fault == "friction")
+    assert friction == pytest.approx(0.225, abs=0.03)
+    assert judged(time_s, values, with_load_friction(0.3)).worst == "normal"
+    # The term is what does it: a profile that denies it reads the load as wear.
+    assert judged(time_s, values, with_load_friction(0.0)).worst != "normal"
+
+
+@pytest.mark.parametrize("load_friction", [0.0, 0.25, 0.5])
+def test_an_unknown_share_of_the_load_makes_no_emergency(load_friction: float) -> None:
+    time_s, values = loaded(0.225, load_friction)
+    assert judged(time_s, values, with_load_friction(None)).worst != "emergency"
+
+
+def test_a_friction_beyond_any_share_of_the_load_stands() -> None:
+    time_s, values = loaded(2.5, 0.3)
+    assert judged(time_s, values, with_load_friction(None)).worst == "emergency"
+
+
+def test_the_voltage_serves_where_no_current_is_evidence() -> None:
+    time_s, values = loaded(0.225, 0.0)
+    values[:, column("V5")] = np.nan
+    shown = judged(time_s, values, with_load_friction(0.0)).findings().indicators
+    friction = next(one.value.estimate for one in shown if one.fault == "friction")
+    assert friction == pytest.approx(0.225, abs=0.03)
+
+
+def test_the_load_does_not_depend_on_the_blocks() -> None:
+    time_s, values = loaded(0.4, 0.3)
+    actuator = with_load_friction(None)
+    whole, blocks = judged(time_s, values, actuator), Monitor(1, actuator)
+    for a in range(0, time_s.size, 777):
+        list(
+            blocks.feed(time_s[a : a + 777], values[a : a + 777, :12], np.isfinite(values[a : a + 777, :12]))
+        )
+    list(blocks.finish())
+    assert blocks.findings() == whole.findings()

@@ -53,7 +53,7 @@ def test_its_telemetry_is_slow() -> None:
 
 def test_its_current_has_no_sign() -> None:
     time_s, values = healthy()
-    values[:, [_V5, _V8]] = np.nan
+    values[:, [_V4, _V5, _V8]] = np.nan
     values[::400, _V5] = 0.1
     assert "a current of known sign" in reason(judged(time_s, values))
 

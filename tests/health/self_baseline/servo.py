@@ -40,6 +40,7 @@ class Servo:
     resistance: float = 20.0
     back_emf: float = 0.015
     drop_v: float = 0.3
+    load_friction: float = 0.0
 
     def flown(
         self, seed: int, *, noise_a: float = 0.002, seconds: float = 100.0, rate_hz: float = 50.0
@@ -59,6 +60,7 @@ class Servo:
         airspeed = 25.0 + 3.0 * np.sin(0.05 * time_s + phases[0])
         load = self.hinge * 0.5 * 1.225 * airspeed**2 * angle
         current = self.friction_a * np.sign(speed) + self.drag * speed + self.inertia * acceleration + load
+        current += self.load_friction * np.abs(load + 0.02) * np.sign(speed)
         current += 0.02 + noise_a * rng.standard_normal(time_s.size)
         values = np.full((time_s.size, 12), np.nan)
         values[:, column("V1")] = rng.normal(0.0, 30.0, time_s.size)

@@ -9,10 +9,10 @@ import pytest
 
 from mavhums.health.estimation.equations.own_scale import TRACKING
 from mavhums.health.estimation.motor_identification import VoltageSums
-from mavhums.health.estimation.random_effects import population
+from mavhums.health.estimation.random_effects import population, scattering_share
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.past import PastRecord
-from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
+from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS, USEFUL_RISE
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, comparison_text
 from mavhums.report.assessment import OwnRecord, Verdict
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
@@ -193,3 +193,27 @@ def test_a_weaker_motor_is_told_from_friction() -> None:
         verdict(flight(1)).model_copy(update={"own": records(71, 1.0, 0.08)}), before
     )
     assert [suspect.fault for suspect in worn.suspects] == ["friction_current"]
+
+
+def test_an_uncertain_flight_says_at_which_rate_of_false_alarms_it_shows_a_useful_rise() -> None:
+    before = past(*(left(Servo(), seed, seconds=60.0, noise_a=0.25) for seed in range(12)))
+    own = left(Servo(), 60, seconds=60.0, noise_a=0.25)
+    found = compare(EQUATION, own, before)
+    assert found.least_rise is not None
+    assert found.least_rise > USEFUL_RISE
+    assert found.useful_at is not None
+    assert found.useful_at > 1.0
+    again = compare(EQUATION, own, before, false_alarms=found.useful_at)
+    assert again.least_rise == pytest.approx(USEFUL_RISE, rel=1e-6)
+    assert f"{found.useful_at:.2g} false alarms in 100 h" in comparison_text(EQUATION, found)
+    assert "false alarms" not in comparison_text(EQUATION, compare(EQUATION, flight(51), HEALTHY))
+
+
+@pytest.mark.parametrize(("overstated", "share"), [(1.0, 1.0), (3.0, 0.4)])
+def test_what_recurs_in_each_flight_does_not_scatter(overstated: float, share: float) -> None:
+    rng, shares = np.random.default_rng(5), []
+    for _ in range(200):
+        values, errors = rng.normal(1.0, 0.05, 20), np.full(20, 0.05 * overstated)
+        shares.append(scattering_share(np.ones((20, 1)), values, errors))
+    assert max(shares) <= 1.0
+    assert np.median(shares) == pytest.approx(share, abs=0.05)

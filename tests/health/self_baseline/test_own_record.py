@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,8 +12,18 @@ from hypothesis import strategies as st
 from mavhums.core.quantities import column
 from mavhums.health.estimation.equations.own_scale import CURRENT, TRACKING
 from mavhums.health.estimation.flight_sums import KEPT, OwnSums
+from mavhums.health.estimation.grams import packed, unpacked
 from mavhums.health.estimation.motor_identification import VoltageSums
-from mavhums.health.estimation.wear import _learned_linear, _linear_wear, _shows_linear
+from mavhums.health.estimation.wear import (
+    Nuisances,
+    _learned_linear,
+    _linear_wear,
+    _shows_linear,
+    learned,
+    mean_load,
+    wear,
+)
+from mavhums.report.assessment import OwnRecord
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
 
 SERVO = Servo()
@@ -119,3 +131,66 @@ def test_without_airspeed_the_load_is_free_in_each_flight() -> None:
     nuisances = _learned_linear([record for record in records if record])
     assert nuisances is not None
     assert [KEPT[column] for column in nuisances.free] == ["angle"]
+
+
+def test_friction_that_grows_with_load_is_told_at_one_load() -> None:
+    """μ is learned; a flight in heavier air shows the same friction, and the load it was made at."""
+    servo = Servo(load_friction=0.3)
+    heavier = replace(servo, hinge=2.0 * servo.hinge)
+    flights = [left(one, seed) for seed, one in enumerate([servo, heavier] * 5)]
+    known = learned(flights)
+    assert isinstance(known, Nuisances)
+    assert known.load_friction == pytest.approx(0.3, abs=0.03)
+    light, heavy = (wear(record, known) for record in flights[-2:])
+    assert light is not None
+    assert heavy is not None
+    assert heavy.value == pytest.approx(light.value, rel=0.1)
+    assert light.value == pytest.approx(servo.friction_a + 0.3 * known.load, rel=0.1)
+    assert mean_load(flights[-1]) == pytest.approx(2.0 * (mean_load(flights[-2]) or 0.0), rel=0.3)
+
+
+def test_a_servo_without_friction_by_load_is_given_none() -> None:
+    known = learned([left(Servo(), seed) for seed in range(10)])
+    assert isinstance(known, Nuisances)
+    assert known.load_friction == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_record_of_an_earlier_version_is_read() -> None:
+    record = left(Servo(), 1)
+    rows = [unpacked(row[1:], len(KEPT)) for row in record.groups]
+    kept = [k for k, name in enumerate(KEPT) if name != "loaded"]
+    earlier = record.model_copy(
+        update={
+            "groups": tuple(
+                (old[0], *packed(gram[np.ix_(kept, kept)]))
+                for old, gram in zip(record.groups, rows, strict=True)
+            )
+        }
+    )
+    assert mean_load(earlier) is None
+    one, other = wear(earlier, learned([earlier])), wear(record, learned([earlier]))
+    assert one is not None
+    assert other is not None
+    assert one.value == pytest.approx(other.value, rel=1e-6)
+
+
+def with_angle(seed: int, step_rad_s: float, late: int) -> OwnRecord:
+    """What a flight leaves whose speed comes in steps and late, beside a measured angle."""
+    time_s, values, airspeed = SERVO.flown(seed, rate_hz=100.0)
+    speed = values[:, column("V7")] * np.pi / 30.0
+    angle = np.cumsum(speed * np.gradient(time_s))
+    values[:, column("V3")] = np.degrees(angle - angle.mean()) + 0.01
+    register = np.round(speed / step_rad_s) * step_rad_s if step_rad_s else speed
+    values[:, column("V7")] = np.roll(register, late) * 30.0 / np.pi
+    found = collected(OwnSums(EQUATION, blank()), (time_s, values, airspeed))
+    assert found is not None
+    return found
+
+
+def test_a_coarse_register_of_the_speed_gives_way_to_the_angle() -> None:
+    fine, coarse = with_angle(1, 0.0, 0), with_angle(1, 8.0, 1)
+    assert fine.setup == "angle from V3, airspeed"
+    assert coarse.setup == "angle from V3, its speed, airspeed"
+    free = wear(coarse, None)
+    assert free is not None
+    assert free.value == pytest.approx(SERVO.friction_a, rel=0.1)

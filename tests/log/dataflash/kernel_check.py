@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from mavhums.log.base.scanner import GUARD
 from mavhums.log.base.tables import ODD_TIME
-from mavhums.log.base.unaligned_io import GUARD
 from mavhums.log.dataflash.scanner import RecordScanner
 from tests.log.dataflash import reference
 from tests.log.dataflash.reference import Record

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from mavhums.log.base.scanner import RecordBatch
+from mavhums.log.base.scanner import GUARD, RecordBatch
 from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
-from mavhums.log.base.unaligned_io import GUARD
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.scanner import FrameScanner
 from tests.log.mavlink import reference

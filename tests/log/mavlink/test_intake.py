@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mavhums.log import Decoder
+from mavhums.log.mavlink.decoder import Intake
 from mavhums.log.mavlink.dialect import load_dialect
-from mavhums.log.mavlink.intake import Intake
 from tests.strategies import START_US, Record, blocks, cuts, records
 
 

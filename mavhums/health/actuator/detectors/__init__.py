@@ -12,7 +12,7 @@ from mavhums.health.actuator.detectors.sensor_bias import SensorBiasDetector
 from mavhums.health.actuator.detectors.supply_sag import SupplySagDetector
 from mavhums.health.actuator.detectors.torque_constant import TorqueConstantDetector
 from mavhums.health.actuator.detectors.winding_resistance import WindingResistanceDetector
-from mavhums.health.estimation.equations import OWN_EQUATIONS
+from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 
 DETECTORS: tuple[type[Detector], ...] = (
     BacklashDetector,
@@ -35,7 +35,7 @@ def to_inspect(fault: str) -> str | None:
     ('gear and linkage for play', 'gearbox, bearings and hinge line')
     """
     parts = {each.fault: each.inspect for each in DETECTORS}
-    parts |= {each.fault: each.inspect for each in OWN_EQUATIONS}
+    parts |= {each.fault: each.inspect for each in (*OWN_EQUATIONS, *STROKE_EQUATIONS)}
     return parts.get(fault)
 
 

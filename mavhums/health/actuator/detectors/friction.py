@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from mavhums.actuator.profile import Actuator
+from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import ERRORS_95
 from mavhums.health.actuator.detector import Detector, EquationDetector
 from mavhums.health.actuator.detectors.torque_constant import contradicts, relative_constant
@@ -19,6 +20,7 @@ from mavhums.health.actuator.thresholds import (
     FRICTION_CONTRADICTION_ERRORS,
     FRICTION_SAMPLES,
     FRICTIONLESS_LIMIT_SHARE,
+    LOAD_EMERGENCY_ERRORS,
     MODEL_ERROR_LIMIT_SHARE,
     PER_SAMPLE_ERROR_SHARE,
 )
@@ -26,6 +28,7 @@ from mavhums.health.decision.limits import Levels, half_width, tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
+from mavhums.health.estimation.thresholds import MOST_LOAD_FRICTION
 
 _MOVE_IT = "analyse a flight in which the surface moves, or sweep it before take-off"
 _CHECK = "check torque_constant and gear_ratio of the profile, and the units and signs of V4, V5, V7 and V11"
@@ -109,7 +112,17 @@ class FrictionDetector(EquationDetector):
         shown &= (
             friction + ERRORS_95 * error
         ) * scale > FRICTIONLESS_LIMIT_SHARE * self.actuator.known_limits().normal
+        shown &= ~self._by_load(fit, scale, whole_error)
         return Estimates.of(friction * scale, whole_error, fit.freedom, shown)
+
+    def _by_load(self, fit: Fit, scale: Array, error: Array) -> Flags:
+        """Return whether a friction may be an emergency only because its part by load is unknown."""
+        emergency = self.actuator.known_limits().emergency
+        if self.actuator.known_ema().load_friction is not None:
+            return np.zeros(scale.shape, dtype=np.bool_)
+        least = fit.given("friction", "loaded", MOST_LOAD_FRICTION) * scale
+        may_be: Flags = fit["friction"].value * scale + LOAD_EMERGENCY_ERRORS * error >= emergency
+        return may_be & (least + ERRORS_95 * error < emergency)
 
 
 def why_no_friction(
@@ -173,6 +186,12 @@ def _contradiction(detector: FrictionDetector, flight: Mapping[str, Fit]) -> tup
 
 def _too_wide(detector: FrictionDetector, flight: Mapping[str, Fit]) -> tuple[str, str]:
     fit, limits = flight["torque"], detector.actuator.known_limits()
+    if detector.actuator.known_ema().load_friction is None and fit["friction"].value[0] > limits.normal:
+        return (
+            f"its friction of {fit['friction'].value[0]:.2g} N·m may be that of the load: the profile has no "
+            "load_friction",
+            "fill in load_friction of [actuators.ema]",
+        )
     if not fit.both_ways("friction", "offset")[0]:
         return "the actuator moves one way only, which does not tell friction from load", _MOVE_IT
     error = float(fit["friction"].std_error[0])

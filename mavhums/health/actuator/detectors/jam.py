@@ -67,7 +67,7 @@ class JamDetector(WindowDetector):
         self._stall_a = supply_v / ema.resistance if ema and supply_v else np.nan
         self._standing = actuator.moving_speed_rev_min if ema else np.nan
         self._least_samples = actuator.min_rate_hz * slot_s
-        self._windows = Windows(6, max(JAM_PARTS), empty=-np.inf)
+        self._windows = Windows(8, max(JAM_PARTS), empty=-np.inf)
         self._in_vain = Windows(1)
 
     @staticmethod
@@ -79,6 +79,7 @@ class JamDetector(WindowDetector):
         """Return the fraction; undecidable if less than 4° of travel was commanded."""
         own, part = seen.slots.values[seen.slots.judged], self._parts(seen.slots)
         start = np.flatnonzero(np.diff(part, prepend=part[0] - 1))
+        missed = own[:, _V1] - own[:, SHAFT]
         extremes = np.stack(
             [
                 np.maximum.reduceat(own[:, _V1], start),
@@ -87,6 +88,8 @@ class JamDetector(WindowDetector):
                 -np.minimum.reduceat(own[:, SHAFT], start),
                 WOUND_UP_DEG * (1.0 - np.minimum.reduceat(own[:, SENSED], start)),
                 np.add.reduceat(self._most_travel(seen.slots), start),
+                np.maximum.reduceat(missed, start),
+                -np.minimum.reduceat(missed, start),
             ],
             axis=1,
         )
@@ -155,8 +158,25 @@ class JamDetector(WindowDetector):
         # In a second without samples the shaft may have moved and returned.
         gap = np.any(sliding_window_view(empty, JAM_PARTS_PER_SLOT, axis=1).all(axis=2), axis=1)
         enough = np.where((commanded >= JAM_COMMAND_DEG + wound_up) & ~gap, commanded, np.nan)
+        enough[_only_approached(windows[:, :, 6:], (1.0 - JAM_SHARE) * commanded)] = np.nan
         share: Array = 1.0 - np.maximum(travelled, 0.0) / enough
         # To and fro in the gear also integrates to a travel: the bound shows a jam, and ends one only when
         # far beyond.
         proves = ~np.isnan(angle) | (share >= JAM_SHARE) | (share <= 1.0 - SURELY_FOLLOWS_SHARE)
         return np.where(proves, share, np.nan)
+
+
+def _only_approached(missed: Array, least: Array) -> Flags:
+    """Return in which windows the command only came back to a shaft that had stayed behind it, shape (k,).
+
+    A soft controller that holds a load stays behind by degrees and lets the shaft stand while the command
+    returns: nothing asks it to move. ``missed`` holds the highest and minus the lowest of command less angle,
+    shape (k, p, 2); an error that grows by ``least`` asks for motion.
+    """
+    empty = np.isneginf(missed[:, :, 0])
+    first = missed[np.arange(len(missed)), np.argmin(empty, axis=1)]
+    whole = missed.max(axis=1)
+    grown = whole - first
+    # An error that keeps its sign grows at its own end of the two.
+    ahead, behind = whole[:, 1] < 0.0, whole[:, 0] < 0.0
+    return np.asarray((ahead & (grown[:, 0] < least)) | (behind & (grown[:, 1] < least)))

@@ -17,5 +17,13 @@ EQUATIONS: tuple[Equation, ...] = (
     voltage.SUPPLY,
 )
 
-OWN_EQUATIONS: tuple[OwnEquation, ...] = (own_scale.CURRENT, own_scale.POWER, own_scale.TRACKING)
+OWN_EQUATIONS: tuple[OwnEquation, ...] = (
+    own_scale.CURRENT,
+    own_scale.VOLTAGE,
+    own_scale.POWER,
+    own_scale.TRACKING,
+)
 """The most informative first: the first one of which a flight has a record is compared."""
+
+STROKE_EQUATIONS: tuple[OwnEquation, ...] = (own_scale.TWO_WAYS, own_scale.ROUGHNESS, own_scale.RIPPLE)
+"""Of strokes at constant commanded speed: indicators beside the others."""

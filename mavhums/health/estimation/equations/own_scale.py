@@ -4,6 +4,13 @@ Current, from V5 and V7 or V10:
 
     V5 = I_c·sgn(w) + b·w + J·dw/dt + h·q·d + o        I_c = T_c/(N·k_t), A
 
+Voltage, from V4 and V7 or V10, where no current is evidence; b holds the back-EMF, and a rise of R counts:
+
+    V4 = U_c·sgn(w) + b·w + J·dw/dt + h·q·d + o        U_c = R·T_c/(N·k_t), V
+
+In each of them but the power friction grows with the load, as in :mod:`.terms`:
+I_c is that at the median load of the reference flights.
+
 Power from the supply, where voltage and current are the bus's: mechanical power plus heat. The friction is
 power per speed, T_c·(1 + 2ρb), of the measured shaft:
 
@@ -78,6 +85,13 @@ def _angle_speed(actuator: Actuator, slots: Slots) -> ServoSpeed:
     return ServoSpeed(speed, np.radians(MOVING_ANGLE_DEG_S))
 
 
+def _voltage(actuator: Actuator, slots: Slots) -> Array:
+    """Return the motor's voltage where no current is evidence."""
+    volts, current = slots.values[:, _V4], slots.values[:, _V5]
+    alone = np.isnan(current) & (actuator.esc_side == "motor")
+    return np.where(alone, volts, np.nan)
+
+
 CURRENT = OwnEquation(
     name="own_current",
     fault="friction_current",
@@ -88,6 +102,19 @@ CURRENT = OwnEquation(
     min_rate_hz=OWN_RATE_HZ,
     min_flights=OWN_FLIGHTS,
     left=_current,
+    speed=_rotor_speed,
+)
+
+VOLTAGE = OwnEquation(
+    name="own_friction_voltage",
+    fault="friction_voltage",
+    quantity="friction voltage",
+    unit="V",
+    inspect="gearbox, bearings and hinge line",
+    cause="friction, or a warmer or worn winding: the voltage cannot tell which",
+    min_rate_hz=OWN_RATE_HZ,
+    min_flights=OWN_FLIGHTS,
+    left=_voltage,
     speed=_rotor_speed,
 )
 
@@ -117,4 +144,43 @@ TRACKING = OwnEquation(
     speed=_angle_speed,
     by_activity=True,
     blurs=True,  # a servo without power or torque falls behind by whole degrees, now more and now less
+)
+
+TWO_WAYS = OwnEquation(
+    name="own_two_ways",
+    fault="friction_both_ways",
+    quantity="current both ways over that at rest",
+    unit="A",
+    inspect="gearbox, bearings, screw and their lubrication",
+    cause="friction, play or motor: the magnitude of a current cannot tell which",
+    min_rate_hz=OWN_RATE_HZ,
+    min_flights=OWN_FLIGHTS,
+    left=_current,
+    speed=_angle_speed,
+)
+
+ROUGHNESS = OwnEquation(
+    name="own_roughness",
+    fault="rough_tracking",
+    quantity="roughness of steady motion",
+    unit="°",
+    inspect="gearbox, bearings, their lubrication, and the position sensor",
+    cause="the motion is rough; the log cannot tell why",
+    min_rate_hz=OWN_RATE_HZ,
+    min_flights=OWN_FLIGHTS,
+    left=_position_error,
+    speed=_angle_speed,
+)
+
+RIPPLE = OwnEquation(
+    name="own_ripple",
+    fault="current_ripple",
+    quantity="ripple of the current in steady motion",
+    unit="A",
+    inspect="gearbox, bearings and motor",
+    cause="the current is rough; the log cannot tell why",
+    min_rate_hz=OWN_RATE_HZ,
+    min_flights=OWN_FLIGHTS,
+    left=_current,
+    speed=_angle_speed,
 )

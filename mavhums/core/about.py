@@ -1,10 +1,13 @@
-"""What every result says of itself."""
+"""What every result says of itself: the version of the package, and the notice."""
 
 from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["EPILOG", "NOTICE"]
+__all__ = ["EPILOG", "NOTICE", "__version__"]
+
+__version__ = "0.2.0.dev0"
+
 
 NOTICE: Final = (
     "not an airworthiness decision; wear is validated in simulation only, "

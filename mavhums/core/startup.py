@@ -1,0 +1,113 @@
+"""What makes the program start fast: lazy exports, few garbage collections, notice of a compilation.
+
+This module imports nothing heavy, so that the command line can register before it loads anything.
+"""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
+
+from mavhums.core.errors import MissingExtraError
+
+__all__ = ["collect_seldom", "lazy_exports", "no_collection", "notify_of_compilation", "on_compile"]
+
+_listeners: list[Callable[[], None]] = []
+
+
+def on_compile(listener: Callable[[], None]) -> None:
+    """Register a listener that is called when the compilation of an uncached kernel begins."""
+    _listeners.append(listener)
+
+
+def notify_of_compilation() -> None:
+    """Notify the listeners that a compilation begins."""
+    for listener in _listeners:
+        listener()
+
+
+_AT_START = 200_000
+
+
+def collect_seldom() -> None:
+    """Let the process start and end without a collection; for programs, not for libraries.
+
+    The modules behind a verdict make 140,000 objects, all of which last until the process ends. Later a
+    collection follows every 200,000 new objects, so that a long session still frees its cycles.
+    """
+    gc.set_threshold(_AT_START)
+    atexit.register(_end)
+
+
+def _end() -> None:
+    """Leave all objects to the end of the process; DuckDB's binding complains of those not collected."""
+    if "duckdb" in sys.modules:
+        gc.unfreeze()
+    else:
+        gc.freeze()
+
+
+@contextmanager
+def no_collection() -> Iterator[None]:
+    """Pause the cyclic garbage collector, which otherwise visits all living objects again and again.
+
+    Afterwards the new objects count as old ones, which only the rare full collections visit. Where the
+    program has frozen objects of its own, they stay frozen, and the next collection visits the new ones.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            if not gc.get_freeze_count():
+                gc.freeze()
+                gc.unfreeze()
+            gc.enable()
+
+
+def lazy_exports(
+    package: str, homes: Mapping[str, str], *, missing: Mapping[str, tuple[str, str]] | None = None
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Return ``__getattr__`` and ``__dir__`` of a package that exports names of its submodules.
+
+    Parameters
+    ----------
+    package
+        Name of the package.
+    homes
+        Module of each name, relative to the package.
+    missing
+        Feature and extra for the error message if an optional distribution is not installed, by the
+        distribution's import name.
+
+    Examples
+    --------
+    >>> load, names = lazy_exports("mavhums", {"analyse": "app.analysis"})
+    >>> load("analyse").__name__
+    'analyse'
+    """
+
+    def load(name: str) -> Any:
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        try:
+            module = import_module(f"{package}.{homes[name]}")
+        except ModuleNotFoundError as error:
+            needed = (missing or {}).get((error.name or "").partition(".")[0])
+            if needed is None:
+                raise
+            raise MissingExtraError(*needed) from error
+        value = getattr(module, name)
+        setattr(sys.modules[package], name, value)
+        return value
+
+    def names() -> list[str]:
+        return sorted(homes)
+
+    return load, names

@@ -1,0 +1,209 @@
+"""Sections of an assessment: a network's answer, limits of the axes, identity of the flight."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from mavhums.core.conditions import Condition
+from mavhums.core.models import Contract
+
+__all__ = [
+    "CLOCKS_APART_S",
+    "DECIDE",
+    "AxisLimits",
+    "Decide",
+    "FlightCopy",
+    "FlightIdentity",
+    "ModelSummary",
+    "NetworkAnswer",
+    "with_network",
+]
+
+Decide = Literal["physics", "network", "both"]
+"""Who decides an actuator's friction; with ``both`` the physics, and a network's disagreement is told."""
+DECIDE: tuple[Decide, ...] = get_args(Decide)
+
+
+class ModelSummary(Contract):
+    """A network whose votes are among the evidence."""
+
+    name: str
+    hash: str
+
+
+class NetworkAnswer(Contract):
+    """What a network says of an actuator's flight, beside the physics or in its place.
+
+    ``windows`` is the number of ten-second windows that it answered, ``first_emergency_s`` the middle of the
+    first one in which it finds an emergency more likely than not, ``share_of_samples`` the share of the
+    samples in motion within its training range that it calls an emergency, ``p_emergency`` its probability in
+    the last window, and ``condition`` the gravest that twenty windows in a row agreed on. ``decides`` tells
+    who decided the verdict: ``physics``, ``network``, or ``both``, where the physics decides and what the
+    network says otherwise is told. A file of version 0.1 tells ``p_emergency`` alone.
+    """
+
+    model: ModelSummary
+    inputs: tuple[str, ...] = ()
+    windows: int | None = Field(default=None, ge=0)
+    first_emergency_s: float | None = None
+    share_of_samples: float | None = Field(default=None, ge=0, le=1)
+    p_emergency: float | None = Field(default=None, ge=0, le=1)
+    condition: Condition = "undecided"
+    decides: Decide = "physics"
+
+
+def with_network(data: Any) -> Any:
+    """Return the data of a verdict; one of version 0.1 has its single number as the answer of a network.
+
+    That number is the probability of an emergency in the last window.
+    """
+    if not isinstance(data, dict) or not {"p_emergency", "model"} & data.keys():
+        return data
+    kept = {key: value for key, value in data.items() if key not in ("p_emergency", "model")}
+    if data.get("model") is not None and data.get("p_emergency") is not None:
+        kept["network"] = {"model": data["model"], "p_emergency": data["p_emergency"]}
+    return kept
+
+
+_Share = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)]
+_Deviations = Annotated[float, Field(ge=3, le=1000, allow_inf_nan=False)]
+
+
+class AxisLimits(Contract):
+    """Limits of the axes: control effectiveness, lag, trim and tracking."""
+
+    effectiveness_degraded: _Share = Field(
+        default=0.8,
+        description="Share of the reference's control effectiveness below which a certain loss is degraded. "
+        "One of two equal surfaces that keeps 60 % of its effect leaves this share.",
+    )
+    effectiveness_emergency: _Share = Field(
+        default=0.65,
+        description="Share of the reference's control effectiveness up to which a certain loss is an "
+        "emergency. One of two equal surfaces that no longer moves leaves 45 to 65 %, and the next failure "
+        "may take the rest.",
+    )
+    lag_s: Annotated[float, Field(ge=0.1, le=5, allow_inf_nan=False)] = Field(
+        default=0.3,
+        description="Additional lag from which a servo is slow, s. It is the shortest that the test "
+        "tells from the scatter of healthy flights, 0.1 s.",
+    )
+    trim_deviations: _Deviations = Field(
+        default=6.5,
+        description="Roll rate that no demand explains over three seconds, in standard deviations of the "
+        "reference, from which a surface stands deflected. A quarter above the highest of healthy flights.",
+    )
+    trim_shift: _Share = Field(
+        default=0.1,
+        description="Change of the roll trim from the earlier flights, as a share of the full demand. "
+        "Healthy flights of one aircraft scatter by 0.01 to 0.02.",
+    )
+    roll_tracking_deviations: _Deviations = Field(
+        default=8.0,
+        description="Distance of the roll angle from its demand, in standard deviations of the flight's "
+        "beginning. A quarter above the highest value of healthy flights.",
+    )
+    pitch_tracking_deviations: _Deviations = Field(
+        default=7.5,
+        description="Distance of the pitch angle from its demand, in standard deviations of the flight's "
+        "beginning. A quarter above the highest value of healthy flights.",
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> AxisLimits:
+        if self.effectiveness_emergency >= self.effectiveness_degraded:
+            raise ValueError("effectiveness_emergency must lie below effectiveness_degraded")
+        return self
+
+
+CLOCKS_APART_S = 30.0
+"""Two recordings of one flight differ by at most this much in the boot time."""
+
+
+class FlightIdentity(Contract):
+    """Which flight a log is of, so that two recordings of it count once.
+
+    Attributes
+    ----------
+    vehicle
+        Its id on MAVLink.
+    board
+        Unique id of its autopilot's board, or the operator's serial number; None if the log tells neither.
+    boot_utc
+        When the autopilot was switched on; None if the log tells no date.
+    start_utc, end_utc
+        Of the log; None if it tells no date.
+    aircraft
+        Name of the aircraft by the operator's table or rule; None if they name none.
+
+    Examples
+    --------
+    >>> sent = FlightIdentity(vehicle=1, board="0A", boot_utc="2026-01-01T09:00:00+00:00")
+    >>> logged = sent.model_copy(update={"boot_utc": "2026-01-01T09:00:02+00:00"})
+    >>> sent.is_same(logged), sent.is_same(logged.model_copy(update={"board": None}))
+    (True, False)
+    """
+
+    vehicle: int
+    board: str | None = None
+    boot_utc: str | None = None
+    start_utc: str | None = None
+    end_utc: str | None = None
+    aircraft: str | None = None
+
+    def is_same(self, other: FlightIdentity) -> bool:
+        """Return whether both are recordings of one flight.
+
+        They are if vehicle, known board and boot time agree, and the shorter recording lies at least half
+        within the longer one. An aircraft may fly several times without being switched off, and each flight
+        may have its own log; then the boot times agree, but the recordings do not overlap.
+
+        The clocks of a ground station and of a satellite receiver may differ by half a minute. Therefore the
+        overlap is that of the times since boot, from which the difference of the clocks cancels.
+        """
+        if self.board is None or (self.vehicle, self.board) != (other.vehicle, other.board):
+            return False
+        if self.boot_utc is None or other.boot_utc is None:
+            return False
+        boots = datetime.fromisoformat(self.boot_utc), datetime.fromisoformat(other.boot_utc)
+        if abs((boots[0] - boots[1]).total_seconds()) > CLOCKS_APART_S:
+            return False
+        return _overlap(self._since_boot(boots[0]), other._since_boot(boots[1]))
+
+    def _since_boot(self, boot: datetime) -> tuple[float, float] | None:
+        """Return start and end of the log, seconds since boot; None if they are unknown."""
+        if self.start_utc is None or self.end_utc is None:
+            return None
+        start, end = datetime.fromisoformat(self.start_utc), datetime.fromisoformat(self.end_utc)
+        return (start - boot).total_seconds(), (end - boot).total_seconds()
+
+
+class FlightCopy(Contract):
+    """Another log of the same flight of a vehicle.
+
+    Attributes
+    ----------
+    vehicle
+        Its id on MAVLink.
+    log, sha256
+        Path and hash of the other log; None if they are unknown.
+    counts
+        Whether the other log counts rather than this one.
+    """
+
+    vehicle: int
+    log: str | None
+    sha256: str | None
+    counts: bool
+
+
+def _overlap(one: tuple[float, float] | None, other: tuple[float, float] | None) -> bool:
+    """Return whether the shorter of two spans lies at least half within the other."""
+    if one is None or other is None:
+        return True
+    common = min(one[1], other[1]) - max(one[0], other[0])
+    shorter = min(one[1] - one[0], other[1] - other[0])
+    return common >= 0.0 and 2.0 * common >= shorter

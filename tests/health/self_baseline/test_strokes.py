@@ -1,0 +1,163 @@
+"""Strokes at constant speed: roughness, ripple and friction both ways, against truths of their own."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mavhums.core.arrays import Array
+from mavhums.core.quantities import column
+from mavhums.health.estimation.equations.own_scale import RIPPLE, ROUGHNESS, TWO_WAYS
+from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
+from mavhums.health.estimation.strokes import StrokeSums
+from mavhums.health.self_baseline.comparison import compare
+from mavhums.health.self_baseline.past import PastRecord
+from mavhums.report.assessment import OwnRecord
+from tests.health.self_baseline.servo import blank
+
+RATE_HZ = 25.0
+
+
+def swept(
+    seed: int,
+    *,
+    rough: float = 0.25,
+    friction: float = 0.3,
+    load: float = 0.2,
+    offset: float = 0.4,
+    sweeps: int = 5,
+) -> tuple[Array, Array]:
+    """Times and V1…V12 of strokes of 120° in 5 s with 3 s of rest, and a current without sign."""
+    rng = np.random.default_rng(seed)
+    corners, angles = [0.0], [0.0]
+    for _ in range(sweeps):
+        for seconds, angle in ((5.0, 120.0), (3.0, 120.0), (5.0, 0.0), (3.0, 0.0)):
+            corners.append(corners[-1] + seconds)
+            angles.append(angle)
+    time_s: Array = np.arange(0.0, corners[-1], 1.0 / RATE_HZ)
+    command = np.interp(time_s, corners, angles)
+    way = np.sign(np.round(np.gradient(command, time_s), 6))
+    values = np.full((time_s.size, 12), np.nan)
+    values[:, column("V1")] = command
+    values[:, column("V3")] = command - 2.0 * way + rough * rng.standard_normal(time_s.size)
+    current = offset + np.abs(way) * friction + way * load
+    values[:, column("V5")] = current + 0.01 * rng.standard_normal(time_s.size)
+    return time_s, values
+
+
+def left(flight: tuple[Array, Array], equation: object, cuts: tuple[int, ...] = ()) -> OwnRecord | None:
+    time_s, values = flight
+    wide = with_extra_columns(values, np.isfinite(values))
+    collector, cutter = StrokeSums(equation, blank()), SlotCutter()  # type: ignore[arg-type]
+    for a, b in pairwise((0, *sorted(cuts), time_s.size)):
+        slots = cutter.feed(time_s[a:b], wide[a:b])
+        if slots is not None:
+            collector.feed(slots)
+    slots = cutter.finish()
+    if slots is not None:
+        collector.feed(slots)
+    return collector.record()
+
+
+def mean(record: OwnRecord | None) -> float:
+    assert record is not None
+    return float(np.mean([row[1] for row in record.groups]))
+
+
+def test_the_strokes_show_what_they_are_made_of() -> None:
+    flight = swept(1)
+    assert mean(left(flight, ROUGHNESS)) == pytest.approx(0.25, rel=0.1)
+    assert mean(left(flight, RIPPLE)) == pytest.approx(0.01, rel=0.15)
+    # Neither the offset of the sensor nor the load is in it.
+    assert mean(left(flight, TWO_WAYS)) == pytest.approx(0.3, abs=0.01)
+    assert mean(left(swept(1, offset=2.0), TWO_WAYS)) == pytest.approx(0.3, abs=0.01)
+
+
+def test_a_current_beside_a_speed_is_left_to_its_equation() -> None:
+    time_s, values = swept(1)
+    values[:, column("V7")] = 1.0
+    assert left((time_s, values), TWO_WAYS) is None
+
+
+def test_a_flight_without_strokes_has_no_record() -> None:
+    time_s, values = swept(1)
+    values[:, column("V1")] = 60.0 + 60.0 * np.sin(time_s)
+    assert left((time_s, values), ROUGHNESS) is None
+
+
+def test_without_rest_there_is_no_friction_both_ways() -> None:
+    time_s, values = swept(1)
+    values[values[:, column("V1")] % 120.0 == 0.0, column("V5")] = np.nan
+    assert left((time_s, values), TWO_WAYS) is None
+
+
+@given(st.lists(st.integers(1, 1999), max_size=5, unique=True))
+@settings(max_examples=20, deadline=None)
+def test_the_record_does_not_depend_on_the_blocks(cuts: list[int]) -> None:
+    flight = swept(2)
+    for equation in (ROUGHNESS, RIPPLE, TWO_WAYS):
+        assert left(flight, equation, tuple(cuts)) == left(flight, equation)
+
+
+def test_memory_does_not_grow_with_the_flight() -> None:
+    record = left(swept(3, sweeps=60), ROUGHNESS)
+    assert record is not None
+    assert len(record.groups) <= 64
+
+
+@pytest.mark.parametrize("equation", [ROUGHNESS, TWO_WAYS])
+def test_a_rise_is_changed_and_a_healthy_flight_is_not(equation: object) -> None:
+    past = [
+        PastRecord((record,), f"2026-03-{seed + 1:02d}", healthy=True)
+        for seed in range(20)
+        if (record := left(swept(100 + seed), equation))
+    ]
+    healthy, worn = (
+        left(swept(200, **worse), equation)  # type: ignore[arg-type]
+        for worse in ({}, {"rough": 0.4, "friction": 0.45})
+    )
+    short = left(swept(201, sweeps=4), equation)
+    assert healthy is not None
+    assert worn is not None
+    assert short is not None
+    assert compare(equation, healthy, past).condition == "unchanged"  # type: ignore[arg-type]
+    assert compare(equation, worn, past).condition == "changed"  # type: ignore[arg-type]
+    # Fewer strokes scatter more than those of the baseline.
+    assert compare(equation, short, past).condition == "undecided"  # type: ignore[arg-type]
+
+
+def test_the_stroke_with_which_a_log_ends_counts() -> None:
+    time_s, values = swept(4, sweeps=2)
+    ends = time_s < 29.5  # in the last rest but 0.5 s: strokes out and back, twice
+    whole = left((time_s[ends], values[ends]), ROUGHNESS)
+    assert whole is not None
+    assert len(whole.groups) == 4
+    within = time_s < 28.5
+    part = left((time_s[within], values[within]), ROUGHNESS)
+    assert part is not None
+    assert len(part.groups) == 4
+
+
+def test_a_load_the_other_way_is_another_baseline() -> None:
+    """Other flanks of the gear press: the friction differs there, and only flights there say by how much."""
+
+    def at(seed: int, way: float) -> OwnRecord:
+        record = left(swept(seed, load=way * 0.2, friction=0.3 + 0.1 * (way < 0.0)), TWO_WAYS)
+        assert record is not None
+        return record
+
+    def past(*ways: float) -> list[PastRecord]:
+        return [PastRecord((at(300 + k, way),), f"2026-03-{k + 1:02d}", True) for k, way in enumerate(ways)]
+
+    one_way, both = past(*[1.0] * 14), past(*[1.0, -1.0] * 7)
+    assert compare(TWO_WAYS, at(400, 1.0), one_way).condition == "unchanged"
+    found = compare(TWO_WAYS, at(400, -1.0), one_way)
+    assert (found.condition, "loaded the other way" in found.why) == ("undecided", True)
+    other = compare(TWO_WAYS, at(400, -1.0), both)
+    assert other.condition == "unchanged"
+    assert other.least_rise is not None
+    assert other.least_rise < 0.3
