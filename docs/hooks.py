@@ -19,6 +19,7 @@ from typing import Any, Protocol
 
 from mavhums.actuator.profile import Airframe
 from mavhums.report import assessment, live
+from mavhums.report.changes import FleetDigest
 from mavhums.report.inspection import Inspection
 from mavhums.report.trend import TrendReport
 
@@ -76,6 +77,7 @@ def schemas() -> dict[str, Schema]:
         "mavhums analyse --json": assessment.json_schema(),
         "mavhums live --json": live.json_schema(),
         "mavhums trend --json": TrendReport.model_json_schema(by_alias=True, mode="serialization"),
+        "mavhums fleet digest --json": FleetDigest.model_json_schema(by_alias=True, mode="serialization"),
         "mavhums inspect --json": Inspection.model_json_schema(by_alias=True, mode="serialization"),
         PROFILE: Airframe.model_json_schema(by_alias=True, mode="validation"),
     }

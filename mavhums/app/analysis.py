@@ -18,6 +18,7 @@ from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_same_aircraft, latest
 from mavhums.flights.compare import FlightComparison, StandaloneAssessment, compared
+from mavhums.flights.history import FlightHistory
 from mavhums.flights.stores import with_duplicate_flights
 from mavhums.log import Decoder, read_blocks
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
@@ -310,7 +311,16 @@ def compared_with_own(flight: StandaloneAssessment, settings: Settings) -> Asses
     assessment = with_aircraft_identity(flight.assessment, settings)
     since = latest(settings.since, settings.whose.since(assessment))
     own = flight._replace(assessment=assessment)
-    return compared(own, *settings.earlier(since))
+    return _over_flights(compared(own, *settings.earlier(since)), settings, since)
+
+
+def _over_flights(assessment: Assessment, settings: Settings, since: Since) -> Assessment:
+    """Return the assessment with how each actuator stands over its flights, where there are earlier ones."""
+    if isinstance(settings.history, FlightHistory) and not settings.history.flights:
+        return assessment
+    from mavhums.flights.trends import with_standings
+
+    return with_standings(assessment, settings.history, since)
 
 
 def with_aircraft_identity(assessment: Assessment, settings: Settings) -> Assessment:
@@ -332,7 +342,8 @@ def _judged_with(
     options, since = settings.engine, latest(settings.since, _swaps(path, settings))
     engine = FlightComparison(Engine(options), *settings.earlier(since), options.false_alarms)
     digest = _fed(path, engine, options.dialect, consumers, progress)
-    return with_aircraft_identity(engine.assessment(str(path), digest), settings)
+    assessment = with_aircraft_identity(engine.assessment(str(path), digest), settings)
+    return _over_flights(assessment, settings, since)
 
 
 def _fed(

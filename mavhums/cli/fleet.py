@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+import re
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -36,6 +37,29 @@ __all__ = ["fleet"]
 
 _STORE = click.argument("store", metavar="STORE")
 _SHOWN_FAILURES = 20
+_UNITS = {"h": "hours", "d": "days", "w": "weeks"}
+
+
+class _Since(click.ParamType[datetime]):
+    """A time: a date, or how long ago."""
+
+    name = "time"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> datetime:
+        """Return the time with its zone, UTC if none is given."""
+        if isinstance(value, datetime):
+            return value
+        ago = re.fullmatch(r"(\d{1,4})([hdw])", value)
+        if ago:
+            return datetime.now(UTC) - timedelta(**{_UNITS[ago[2]]: int(ago[1])})
+        try:
+            at = datetime.fromisoformat(value)
+        except ValueError:
+            self.fail(f"{value!r} is no time: write 2026-03-01, 2026-03-01T06:00, 12h or 3d", param, ctx)
+        return at if at.tzinfo else at.replace(tzinfo=UTC)
+
+
+_SINCE = _Since()
 
 
 @click.group(short_help="Judge many aircraft's logs into one store.")
@@ -137,11 +161,13 @@ def status(store: str, as_json: bool) -> None:
 @click.option("-n", "most", type=click.IntRange(1), default=20, show_default=True, help="How many.")
 @JSON
 def worst(store: str, most: int, as_json: bool) -> None:
-    """Show the actuators of all aircraft as of their last flights, the worst first.
+    """Show the actuators of all aircraft as they stand after their last flights, the worst first.
+
+    A limit that was crossed stays crossed until a repair, or until five flights in a row say otherwise.
 
     \b
-    Exit codes, the first that applies, of all last flights:
-      2 usage    11 an emergency    10 degraded    1 a log that could not be judged
+    Exit codes, the first that applies, of all aircraft:
+      2 usage    11 an emergency    10 degraded, or certain growth    1 a log that could not be judged
       12 undecided    0 all normal
     """
     from mavhums.fleet import worst as worst_of
@@ -153,6 +179,8 @@ def worst(store: str, most: int, as_json: bool) -> None:
     else:
         for row in rows:
             say(_words(row))
+        if len(rows) == most:
+            say(f"the {most} worst are shown; -n shows more")
     raise SystemExit(exit_code(store))
 
 
@@ -160,11 +188,24 @@ def worst(store: str, most: int, as_json: bool) -> None:
 @_STORE
 @click.argument("aircraft")
 @JSON
-def trend(store: str, aircraft: str, as_json: bool) -> None:
+@click.option(
+    "-o",
+    "--output",
+    type=PATH,
+    metavar="OUT",
+    help="Also write a row per flight and indicator to a table that ends in .csv or .parquet.",
+)
+def trend(store: str, aircraft: str, as_json: bool, output: Path | None) -> None:
     """Show the trend of each actuator of AIRCRAFT over its flights; exit codes as of `mavhums trend`."""
+    from mavhums.cli.trend import write_trends
+    from mavhums.core.table_writers import writer_for
     from mavhums.fleet import trend as trend_of
 
+    if output is not None:
+        writer_for(output)
     report = trend_of(store, aircraft)
+    if output is not None:
+        write_trends(output, report.trends)
     if as_json:
         say_json(report.to_json())
     else:
@@ -174,6 +215,50 @@ def trend(store: str, aircraft: str, as_json: bool) -> None:
 
         render_trends(report, Console())
     raise SystemExit(report.exit_code)
+
+
+@fleet.command(short_help="Say what changed since yesterday.", epilog=EPILOG)
+@_STORE
+@click.option(
+    "--since",
+    type=_SINCE,
+    default="1d",
+    show_default=True,
+    metavar="TIME",
+    help="A date, or how long ago: 2026-03-01, 2026-03-01T06:00, 12h, 3d.",
+)
+@click.option("--html", type=PATH, metavar="OUT", help="Also write it as a page to mail.")
+@click.option("--quiet", is_flag=True, help="Print nothing where there is nothing to say, as for cron.")
+@click.option("--fail-on-news", is_flag=True, help="Exit with 11, 10 or 1 for what is new, as below.")
+@JSON
+def digest(
+    store: str, since: datetime, html: Path | None, quiet: bool, fail_on_news: bool, as_json: bool
+) -> None:
+    """Say what changed in STORE: findings that are new or gone, growth, silent aircraft, failed logs.
+
+    What stands as before is counted only: `mavhums fleet worst` has it. Where there is nothing to say, one
+    line says so. What changed goes by when logs came into the store, not by when they were flown.
+
+    \b
+    Exit codes:
+      2 usage    1 the store cannot be read    0 the digest was made, whatever it says
+    With --fail-on-news, the first that applies:
+      11 a new emergency    10 a new finding, growth or step    1 a log that failed    0 none of these
+    """
+    from mavhums.core.files import written_whole
+    from mavhums.fleet import digest as digest_of
+    from mavhums.show.changes import digest_html, digest_lines
+
+    found = digest_of(store, since)
+    if html is not None:
+        with written_whole(html) as temporary:
+            temporary.write_text(digest_html(found), encoding="utf-8")
+    if as_json:
+        say_json(found.to_json())
+    elif not (quiet and found.is_empty):
+        for line in digest_lines(found):
+            say(line)
+    raise SystemExit(found.exit_code if fail_on_news else ExitCode.OK)
 
 
 @fleet.command(short_help="List, add or remove repairs.")
@@ -258,16 +343,36 @@ class _Progress:
 
 def _as_json(row: Worst) -> dict[str, Any]:
     content = {"aircraft": row.aircraft or None, "log": row.path, "start_utc": _utc(row.start_us)}
-    return content | {"verdict": row.verdict.model_dump(mode="json", exclude={"own"})}
+    standing = row.standing.model_dump(mode="json") if row.standing else None
+    return content | {"verdict": row.verdict.model_dump(mode="json", exclude={"own"}), "standing": standing}
 
 
 def _words(row: Worst) -> str:
-    verdict = row.verdict
-    suspects = f", suspected: {', '.join(s.fault for s in verdict.suspects)}" if verdict.suspects else ""
-    friction = f", friction {verdict.friction_nm.estimate:.3f} N·m" if verdict.friction_nm else ""
-    reason = f": {verdict.reason}" if verdict.reason else ""
-    name = row.aircraft or f"unknown ({row.path})"
-    return f"{name} {verdict.actuator}: {verdict.gravest}{friction}{suspects}{reason}"
+    from mavhums.show.standing import sentences
+    from mavhums.show.words import condition_word
+
+    verdict, standing = row.verdict, row.standing
+    name = f"{row.aircraft or f'unknown ({row.path})'} {verdict.actuator}"
+    if standing is None or not standing.is_finding:
+        suspects = f", suspected: {', '.join(s.fault for s in verdict.suspects)}" if verdict.suspects else ""
+        friction = f", friction {verdict.friction_nm.estimate:.3f} N·m" if verdict.friction_nm else ""
+        reason = f": {verdict.reason}" if verdict.reason else ""
+        said = f"{condition_word(verdict.gravest)}{friction}{suspects}{reason}"
+    else:
+        said = "; ".join(sentences(standing))
+        said = said.replace(standing.condition, condition_word(standing.condition), 1)
+    return f"{name}: {said}{_last(row.start_us)}"
+
+
+def _last(start_us: int | None) -> str:
+    """Return the date of the last flight, and how long ago it was if that is long."""
+    if start_us is None:
+        return ""
+    from mavhums.flights.changes import SILENT_DAYS
+
+    at = datetime.fromtimestamp(start_us / 1e6, tz=UTC)
+    days = (datetime.now(UTC) - at).days
+    return f"; last flight {at:%Y-%m-%d}" + (f", {days} days ago" if days > SILENT_DAYS else "")
 
 
 def _utc(start_us: int | None) -> str | None:

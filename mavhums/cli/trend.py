@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mavhums.flights.history import FlightHistory
     from mavhums.report.trend import ActuatorTrend
 
-__all__ = ["trend"]
+__all__ = ["trend", "write_trends"]
 
 
 @click.command(short_help="Show each actuator over its flights.", epilog=EPILOG)
@@ -84,7 +84,7 @@ def trend(
     report = own_trend_report(history, table, actuators=actuators, faults=wanted, since=dict(dates))
     _check_names_known(folder, history, [*actuators, *(name for name, _ in dates if name)], wanted)
     if output is not None:
-        _write(output, report.trends)
+        write_trends(output, report.trends)
     if as_json:
         say_json(report.to_json())
     else:
@@ -113,7 +113,8 @@ def _check_names_known(
                 raise MavhumsError(f"{folder}: no flight has the {what} {name!r}", remedy)
 
 
-def _write(output: Path, trends: tuple[ActuatorTrend, ...]) -> None:
+def write_trends(output: Path, trends: tuple[ActuatorTrend, ...]) -> None:
+    """Write a row per flight and indicator to a table."""
     from mavhums.core.files import written_whole
     from mavhums.core.table_writers import writer_for
     from mavhums.report.trend import to_frame

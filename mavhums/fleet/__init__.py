@@ -3,6 +3,7 @@
 from mavhums.fleet.landing import Past, against, analyse, keep, past
 from mavhums.fleet.scan import ScanOptions, scan
 from mavhums.fleet.second_pass import change_repairs
+from mavhums.flights.changes import digest
 from mavhums.flights.queries import export, status, trend, verdicts, worst
 from mavhums.flights.repairs import Repair, repairs_in
 
@@ -13,6 +14,7 @@ __all__ = [
     "against",
     "analyse",
     "change_repairs",
+    "digest",
     "export",
     "keep",
     "past",

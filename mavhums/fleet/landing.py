@@ -31,7 +31,7 @@ from mavhums.flights.aircraft_table import Since
 from mavhums.flights.compare import StandaloneAssessment
 from mavhums.flights.history import FlightHistory
 from mavhums.flights.naming import BOARD_NAME, aircraft_in_store, names_there, proposed, whose_in
-from mavhums.flights.queries import flight, past_flights
+from mavhums.flights.queries import flight, past_flights, standings
 from mavhums.flights.repairs import since_of
 from mavhums.flights.stores import is_store
 from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Store
@@ -297,6 +297,9 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
         named = aircraft and not aircraft.startswith(BOARD_NAME)
         whose = AircraftResolver(f"{GIVEN}{aircraft}") if named else Settings.read(options).whose
         assessment = whose.named(flight(store, aircraft, sha256))
+        stands = standings(kept).get(aircraft, ())
+        last = tuple(one for one in stands if one.log == assessment.log.path)
+        assessment = assessment.model_copy(update={"standings": last})
     others = tuple(
         FlightCopy(vehicle=vehicle, log=counted, sha256=None, counts=True) for vehicle, counted in copies
     )

@@ -17,6 +17,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.fleet.workers import count
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.aircraft_table import Since
+from mavhums.flights.changes import store_standings
 from mavhums.flights.checkpoint import Checkpoint, Superseded, TooLateError
 from mavhums.flights.compare import compared, unpacked
 from mavhums.flights.history import PastFlight
@@ -253,6 +254,7 @@ class _SecondPass:
             self._store.replace_copies(self.aircraft, copies)
         if self._store.is_shared and listed(self._store, self.aircraft) != self._listed:
             return False
+        store_standings(self._store, self.aircraft)
         small = self._checkpoint if self._checkpoint and len(self._checkpoint) <= _LARGEST else None
         store_checkpoint(self._store, self.aircraft, self._listed, self._stamp, small)
         return True

@@ -195,6 +195,10 @@ class FlightHistory:
             for (log, vehicle), (taken, _) in superseded(flights).items()
         }
 
+    def recent(self) -> tuple[PastFlight, ...]:
+        """Return all flights: they are in memory."""
+        return self.flights
+
     def owners(self) -> list[Owner]:
         """Return what is known of the aircraft of the flights."""
         known: dict[tuple[int, str | None, str | None], Owner] = {}

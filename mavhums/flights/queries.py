@@ -6,9 +6,11 @@ import os
 from collections.abc import Collection, Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from mavhums.core.conditions import URGENCY
+from pydantic import TypeAdapter
+
+from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import UNKNOWN
@@ -19,6 +21,7 @@ from mavhums.flights.stores.delta import Store
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.losses import Losses
 from mavhums.report.assessment import Assessment, LogSummary, Verdict, exit_code_of
+from mavhums.report.standing import Standing
 from mavhums.report.trend import RepairDate, TrendReport
 
 if TYPE_CHECKING:
@@ -32,12 +35,15 @@ __all__ = [
     "flight",
     "flights",
     "past_flights",
+    "standings",
     "status",
     "trend",
+    "trend_of",
     "verdicts",
     "worst",
 ]
 
+STANDINGS_OF: Final = TypeAdapter(tuple[Standing, ...])
 _COLUMNS = "aircraft, path, start_us, vehicle, actuator, condition, worst"
 _LAST = f"""
 WITH last AS (
@@ -78,12 +84,17 @@ class Status(NamedTuple):
 
 
 class Worst(NamedTuple):
-    """An actuator in its aircraft's last flight. ``aircraft`` is empty if it is unknown."""
+    """An actuator in its aircraft's last flight. ``aircraft`` is empty if it is unknown.
+
+    ``standing`` is how it stands over its flights; None of an unknown aircraft, and in a store of an older
+    version until the next flight of the aircraft is scanned.
+    """
 
     aircraft: str
     path: str
     start_us: int | None
     verdict: Verdict
+    standing: Standing | None = None
 
 
 def status(store: str | os.PathLike[str]) -> Status:
@@ -124,18 +135,51 @@ def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Wor
         If the store does not exist.
     """
     kept = Store(store).opened()
-    rows = kept.query(_LAST + (f" LIMIT {most:d}" if most is not None else "")).fetchall()
-    judged = _verdicts_of(kept, {path for _, path, *_ in rows})
+    rows = _ranked(kept)
+    chosen = rows if most is None else rows[:most]
+    judged = _verdicts_of(kept, {path for (_, path, *_), _ in chosen})
     return [
-        Worst(aircraft, path, start_us, judged[aircraft, path, vehicle, actuator])
-        for aircraft, path, start_us, vehicle, actuator, *_ in rows
+        Worst(aircraft, path, start_us, judged[aircraft, path, vehicle, actuator], standing)
+        for (aircraft, path, start_us, vehicle, actuator, *_), standing in chosen
     ]
 
 
+def _ranked(store: Store) -> list[tuple[tuple[Any, ...], Standing | None]]:
+    """Return the actuators in their last flights and how they stand, the worst first."""
+    found = {
+        (aircraft, one.vehicle, one.actuator): one
+        for aircraft, several in standings(store).items()
+        for one in sorted(several, key=lambda one: one.last_utc)
+    }
+    rows = [(row, found.get((row[0], row[3] or 0, row[4]))) for row in store.query(_LAST).fetchall()]
+
+    def rank(row: tuple[tuple[Any, ...], Standing | None]) -> tuple[float, float]:
+        (*_, condition, worst), standing = row
+        if standing is not None:
+            return standing.rank[:2]
+        return -float(max(URGENCY[condition], URGENCY[worst])), float("inf")
+
+    return sorted(rows, key=rank)
+
+
+def standings(store: Store, *, until_ns: int | None = None) -> dict[str, tuple[Standing, ...]]:
+    """Return how each aircraft with a name stands, or stood at a time; worst first within each."""
+    rows = store.query(
+        "SELECT aircraft, arg_max(standings, stored) FROM standings WHERE stored <= ? GROUP BY aircraft",
+        until_ns if until_ns is not None else 2**62,
+    ).fetchall()
+    return {aircraft: found for aircraft, text in rows if (found := STANDINGS_OF.validate_json(text))}
+
+
 def exit_code(store: str | os.PathLike[str]) -> ExitCode:
-    """Return the exit code of ``fleet worst``: that of ``analyse`` for the last flights and the failures."""
-    rows = Store(store).opened().query(_LAST).fetchall()
-    code = exit_code_of(max(condition, worst, key=URGENCY.__getitem__) for *_, condition, worst in rows)
+    """Return the exit code of ``fleet worst``: for the states and last flights, and the failures."""
+    rows = _ranked(Store(store).opened())
+    found: list[Condition] = []
+    for (*_, condition, worst), standing in rows:
+        found.append(max(condition, worst, key=URGENCY.__getitem__))
+        if standing is not None:
+            found += [standing.condition, "degraded" if standing.growth else "normal"]
+    code = exit_code_of(found)
     if code not in (ExitCode.EMERGENCY, ExitCode.DEGRADED) and status(store).failures:
         return ExitCode.ERROR
     return code if rows else ExitCode.UNDECIDED
@@ -165,17 +209,23 @@ def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
     MavhumsError
         If the store does not exist, or does not contain the aircraft.
     """
+    return trend_of(Store(store).opened(), aircraft)
+
+
+def trend_of(store: Store, aircraft: str) -> TrendReport:
+    """Return the trends of an aircraft in an opened store; the errors are those of :func:`trend`."""
     if aircraft == UNKNOWN:
-        raise MavhumsError(f"{store}: an unknown aircraft has no trend", "name aircraft with --aircraft")
-    kept = Store(store).opened()
+        raise MavhumsError(
+            f"{store.place}: an unknown aircraft has no trend", "name aircraft with --aircraft"
+        )
     with no_collection():
-        flown = tuple(past_flights(kept, aircraft))
+        flown = tuple(past_flights(store, aircraft))
         if not flown:
-            raise MavhumsError(f"{store}: no flight of the aircraft {aircraft!r}", _aircraft_in(kept))
-        since = installed_in(kept, aircraft).since(aircraft, flown[-1].end)
-        repaired = since_of(kept, aircraft)(flown[-1].end)
+            raise MavhumsError(f"{store.place}: no flight of the aircraft {aircraft!r}", _aircraft_in(store))
+        since = installed_in(store, aircraft).since(aircraft, flown[-1].end)
+        repaired = since_of(store, aircraft)(flown[-1].end)
         report = trend_report(FlightHistory(flown), since=since, repaired=repaired)
-    repairs = sorted(repairs_of(kept, aircraft), key=lambda repair: repair.at)
+    repairs = sorted(repairs_of(store, aircraft), key=lambda repair: repair.at)
     told = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repairs)
     return report.model_copy(update={"repairs": told})
 
@@ -259,26 +309,62 @@ def _aircraft_in(store: Store) -> str:
     return f"the store has: {', '.join(name for (name,) in named[:20]) or 'none'}"
 
 
+_EXPORTED = (
+    "aircraft path sha256 start_utc vehicle actuator condition worst finding estimate low high unit limit"
+)
+_EXPORTED += " emergency suspect reason airframe"
+
+
 def export(store: str | os.PathLike[str], output: str | os.PathLike[str] | None = None) -> pd.DataFrame:
     """Return one row per verdict; also write them to a .csv or .parquet table if one is named.
+
+    ``estimate`` with its 95 % interval ``low`` and ``high``, ``unit``, ``limit`` (degraded) and ``emergency``
+    are of ``finding``: the suspected fault's indicator, else the friction, else an axis's effectiveness.
 
     Raises
     ------
     MavhumsError
         If the store does not exist, or the table cannot be written.
     """
+    import pandas as pd
+
     from mavhums.core.files import written_whole
     from mavhums.core.table_writers import writer_for
 
-    columns = "aircraft, path, sha256, start_us, vehicle, actuator, condition, worst, friction_nm, airframe"
+    columns = "aircraft, path, sha256, start_us, vehicle, actuator, condition, worst, airframe, verdict"
     answer = (
         Store(store)
         .opened()
         .query(f"SELECT {columns} FROM verdicts ORDER BY aircraft, start_us, path, vehicle, actuator")
     )
-    frame: pd.DataFrame = answer.df()
+    rows: list[dict[str, object]] = []
+    while several := answer.fetchmany(1_000):
+        rows += [_exported(dict(zip(columns.split(", "), row, strict=True))) for row in several]
+    frame = pd.DataFrame(rows, columns=_EXPORTED.split())
+    numbers = dict.fromkeys(("estimate", "low", "high", "limit", "emergency"), float)
+    frame = frame.astype(numbers)
+    frame["start_utc"] = pd.to_datetime(frame["start_utc"], unit="us", utc=True)
     if output is not None:
         writer = writer_for(Path(output))
         with written_whole(Path(output)) as temporary, writer(temporary) as table:
             table.write(frame)
     return frame
+
+
+def _exported(row: dict[str, Any]) -> dict[str, object]:
+    verdict = Verdict.model_validate_json(row.pop("verdict"))
+    suspects = [one.fault for one in verdict.suspects]
+    shown = {one.fault: one for one in verdict.indicators}
+    fault = next((name for name in (*suspects, "friction", "effectiveness") if name in shown), None)
+    one = shown[fault] if fault else None
+    return {
+        **row,
+        "start_utc": row["start_us"],
+        "finding": fault,
+        **(one.value.model_dump() if one else {}),
+        "unit": one.unit if one else None,
+        "limit": one.limit if one else None,
+        "emergency": one.emergency if one else None,
+        "suspect": suspects[0] if suspects else None,
+        "reason": verdict.reason,
+    }

@@ -7,43 +7,38 @@ from collections.abc import Collection
 from dataclasses import replace
 from functools import cache
 from math import sqrt
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from pydantic import TypeAdapter
 
-from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.core.arrays import Array
+from mavhums.core.conditions import SEVERITY, URGENCY
+from mavhums.core.statistics import NORMAL_95
 from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
 from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
-from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.history import FlightHistory, PastFlight, UndatedError
+from mavhums.flights.standing import Flown, growth_of, standing_of, step_of
+from mavhums.flights.stores import EarlierFlights
 from mavhums.flights.stores.folder import read_history
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.growth import course_of, last_step
 from mavhums.health.decision.thresholds import TREND_FLIGHTS
 from mavhums.health.decision.trend import Trend, fit_trend
-from mavhums.report.assessment import ALL, Indicator, Interval, Verdict
+from mavhums.report.assessment import ALL, Assessment, Indicator, Interval, Verdict
+from mavhums.report.standing import FlightsLeft, Growth, Standing, Step
 from mavhums.report.trend import ActuatorTrend, FlightPoint, LastFlight, TrendReport, to_frame
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["own_trend_report", "trend", "trend_report"]
+__all__ = ["own_trend_report", "trend", "trend_report", "with_standings"]
 
-_NORMAL_95 = 1.96
 _POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
 
 
-class _Flown(NamedTuple):
-    """One flight of one actuator; ``number`` counts all its flights from 1."""
-
-    number: int
-    flight: PastFlight
-    start_utc: str
-    verdict: Verdict
-    gravest: Condition
-
-
-_Shown = list[tuple[_Flown, Indicator]]
+_Shown = list[tuple[Flown, Indicator]]
 
 
 def trend(
@@ -131,6 +126,7 @@ def trend_report(
     Flights before ``repaired`` are shown, but neither trend nor baseline rests on them.
     """
     trends: list[ActuatorTrend] = []
+    standings: list[Standing] = []
     unshown: list[str] = []
     others: list[LastFlight] = []
     counted = latest(since, repaired)
@@ -139,13 +135,16 @@ def trend_report(
         shown = _by_fault(flown)
         if not shown and flown[-1].verdict.condition != "unmonitored":
             unshown.append(f"{vehicle}: {actuator}")
-        wanted = sorted(name for name in shown if not faults or name in faults)
-        if not wanted and SEVERITY[flown[-1].gravest] > SEVERITY["normal"]:
-            others.append(_last_flight(flown[-1]))
-        for fault in wanted:
+        own: list[ActuatorTrend] = []
+        for fault in sorted(shown):
             newest, _ = shown[fault][-1]
             baseline = references(airframe, newest.flight.start).get((vehicle, actuator, fault))
-            trends.append(_trend(flown, shown[fault], baseline, counted))
+            own.append(_trend(flown, shown[fault], baseline, counted))
+        standings.append(standing_of(flown, own, counted))
+        wanted = [one for one in own if not faults or one.fault in faults]
+        if not wanted and SEVERITY[flown[-1].gravest] > SEVERITY["normal"]:
+            others.append(_last_flight(flown[-1]))
+        trends += wanted
     return TrendReport(
         flights=history.count(),
         trends=tuple(sorted(trends, key=_rank)),
@@ -153,10 +152,36 @@ def trend_report(
         errors=tuple(error.problem for error in history.errors),
         notices=history.notices,
         others=tuple(sorted(others, key=lambda one: (-URGENCY[one.condition], one.vehicle, one.actuator))),
+        standings=tuple(sorted(standings, key=lambda one: one.rank)),
     )
 
 
-def _last_flight(flown: _Flown) -> LastFlight:
+def with_standings(assessment: Assessment, earlier: EarlierFlights, since: Since | None) -> Assessment:
+    """Return an assessment with how each actuator stands over its flights, this one included.
+
+    Parameters
+    ----------
+    assessment
+        Of the flight, compared with the earlier ones.
+    earlier
+        The aircraft's flights; those after this one do not count.
+    since
+        Dates from which an actuator's flights count.
+    """
+    try:
+        flown = PastFlight.of(assessment)
+    except UndatedError:
+        return assessment
+    recent = earlier.recent()
+    before = tuple(one for one in recent if one.end <= flown.start and one.log != flown.log)
+    if not before:
+        return assessment
+    report = trend_report(FlightHistory((*before, flown)), repaired=since)
+    found = (one for one in report.standings if one.last_utc == flown.start.isoformat())
+    return assessment.model_copy(update={"standings": tuple(found)})
+
+
+def _last_flight(flown: Flown) -> LastFlight:
     """Return the condition of a flight, with its gravest finding."""
     verdict = flown.verdict
     rules = (each.rule for each in verdict.evidence if each.rule.startswith(flown.gravest))
@@ -171,9 +196,9 @@ def _last_flight(flown: _Flown) -> LastFlight:
 
 def _by_actuator(
     history: FlightHistory, actuators: Collection[str], since: Since | None
-) -> dict[tuple[int, str, str | None], list[_Flown]]:
+) -> dict[tuple[int, str, str | None], list[Flown]]:
     """Return the flights of each actuator in time order."""
-    found: dict[tuple[int, str, str | None], list[_Flown]] = {}
+    found: dict[tuple[int, str, str | None], list[Flown]] = {}
     left_out = history.superseded_recordings()
     for flight in history.flights:
         start_utc = flight.start.isoformat()
@@ -185,11 +210,11 @@ def _by_actuator(
                 continue
             key = (verdict.vehicle, verdict.actuator, flight.assessment.airframe)
             flown = found.setdefault(key, [])
-            flown.append(_Flown(len(flown) + 1, flight, start_utc, verdict, verdict.gravest))
+            flown.append(Flown(len(flown) + 1, flight, start_utc, verdict, verdict.gravest))
     return found
 
 
-def _by_fault(flown: list[_Flown]) -> dict[str, _Shown]:
+def _by_fault(flown: list[Flown]) -> dict[str, _Shown]:
     """Return the flights that show each fault's indicator; of several in one flight, the first counts."""
     found: dict[str, _Shown] = {}
     for each in flown:
@@ -200,7 +225,7 @@ def _by_fault(flown: list[_Flown]) -> dict[str, _Shown]:
     return found
 
 
-def _trend(flown: list[_Flown], pairs: _Shown, baseline: Baseline | None, counted: Since) -> ActuatorTrend:
+def _trend(flown: list[Flown], pairs: _Shown, baseline: Baseline | None, counted: Since) -> ActuatorTrend:
     newest = pairs[-1][1]
     pairs = [(each, one) for each, one in pairs if (one.quantity, one.unit) == (newest.quantity, newest.unit)]
     latest = flown[-1].verdict
@@ -210,7 +235,18 @@ def _trend(flown: list[_Flown], pairs: _Shown, baseline: Baseline | None, counte
         limit = latest.limits.effectiveness_degraded * baseline.mean
         emergency = latest.limits.effectiveness_emergency * baseline.mean
     used = [(each, one) for each, one in pairs if each.flight.counts(latest.actuator, counted)]
-    fitted = _fitted(used, emergency, -1.0 if falls else 1.0)
+    sign = -1.0 if newest.fault in LOSSES else 1.0
+    numbers = np.array([each.number for each, _ in used], dtype=np.float64)
+    values = sign * np.array([one.value.estimate for _, one in used])
+    errors = np.array([_error(one) for _, one in used])
+    place = last_step(values, errors)
+    step = None if place is None else step_of(used, place)
+    course = course_of(numbers, values, errors, begin=place or 0)
+    limits = (None if limit is None else sign * limit, None if emergency is None else sign * emergency)
+    grown = growth_of(course, used, limits) if course and course.grows else None
+    used = used[place or 0 :]
+    fitted = _fitted(numbers[-len(used) :], values[-len(used) :], errors[-len(used) :], sign)
+    left = grown.to_emergency if grown else None
     expected = baseline.prediction() if baseline else None
     return ActuatorTrend(
         subject=latest.subject,
@@ -227,11 +263,13 @@ def _trend(flown: list[_Flown], pairs: _Shown, baseline: Baseline | None, counte
         baseline=expected,
         change=_change(newest, expected),
         level=fitted.level if fitted else None,
-        per_flight=fitted.per_flight if fitted else None,
+        per_flight=grown.per_flight if grown else fitted.per_flight if fitted else None,
         between=fitted.between if fitted else None,
         left_out=tuple(used[place][0].start_utc for place in fitted.left_out) if fitted else (),
-        flights_left=fitted.flights_left if fitted else None,
-        reason=fitted.reason if fitted else f"{len(used)} flights show it; a trend needs {TREND_FLIGHTS}",
+        growth=grown,
+        step=step,
+        flights_left=_life(left),
+        reason=_why_unknown(grown, emergency, len(used), step),
         points=_POINTS.validate_python(
             [
                 {
@@ -261,17 +299,32 @@ def _at_end(verdict: Verdict, one: Indicator) -> float | None:
     return friction.estimate if one.fault == "friction" and friction is not None else None
 
 
-def _fitted(pairs: _Shown, emergency: float | None, sign: float) -> Trend | None:
-    """Return the trend of an indicator that a fault raises, or, with the sign −1, lowers."""
-    fitted = fit_trend(
-        np.array([each.number for each, _ in pairs], dtype=np.float64),
-        sign * np.array([one.value.estimate for _, one in pairs]),
-        np.array([_error(one) for _, one in pairs]),
-        None if emergency is None else sign * emergency,
-    )
+def _fitted(numbers: Array, values: Array, errors: Array, sign: float) -> Trend | None:
+    """Return the line through an indicator that a fault raises, or, with the sign −1, lowers."""
+    fitted = fit_trend(numbers, values, errors)
     if fitted is None or sign > 0:
         return fitted
     return replace(fitted, level=_mirrored(fitted.level), per_flight=_mirrored(fitted.per_flight))
+
+
+def _life(left: FlightsLeft | None) -> Interval | None:
+    if left is None or left.high is None:
+        return None
+    return Interval(estimate=left.estimate, low=left.low, high=left.high)
+
+
+def _why_unknown(
+    growth: Growth | None, emergency: float | None, flights: int, step: Step | None
+) -> str | None:
+    """Return why the flights left to the emergency limit are not known; None if they are."""
+    if growth is None:
+        if flights < TREND_FLIGHTS:
+            since = f" since the step at flight {step.flight}" if step else ""
+            return f"{flights} flights show it{since}; a trend needs {TREND_FLIGHTS}"
+        return "no growth beyond the scatter between flights"
+    if emergency is None:
+        return "it grows, but has no emergency limit"
+    return None if _life(growth.to_emergency) else "it grows, but may never reach its limit"
 
 
 def _mirrored(interval: Interval) -> Interval:
@@ -282,7 +335,7 @@ def _error(one: Indicator) -> float:
     """Return the standard error of the flight-to-flight part, which excludes the torque scale."""
     if one.scatter is not None:
         return one.scatter / sqrt(one.windows)
-    return (one.value.high - one.value.low) / (2 * _NORMAL_95)
+    return (one.value.high - one.value.low) / (2 * NORMAL_95)
 
 
 def _change(newest: Indicator, expected: Interval | None) -> Interval | None:
@@ -294,7 +347,11 @@ def _change(newest: Indicator, expected: Interval | None) -> Interval | None:
 
 def _rank(one: ActuatorTrend) -> tuple[float, float, float, int, str]:
     """Sort by worst condition, then fewest remaining flights, then smallest distance to the limit."""
-    left = one.flights_left.low if one.flights_left else float("inf")
+    growth = one.growth
+    left = min(
+        (each.low for each in (growth.to_degraded, growth.to_emergency) if each) if growth else (),
+        default=float("inf"),
+    )
     value = one.points[-1].value.estimate
     share = 0.0
     if one.emergency and value:

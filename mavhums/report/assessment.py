@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 from pydantic import Field, model_validator
 
 from mavhums.core.about import NOTICE
-from mavhums.core.conditions import URGENCY, Condition
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
 from mavhums.core.quantities import KEYS
@@ -29,6 +29,7 @@ from mavhums.report.sections import (
     NetworkAnswer,
     with_network,
 )
+from mavhums.report.standing import Interval, Standing
 from mavhums.report.usage import VehicleUsage
 
 if TYPE_CHECKING:
@@ -75,14 +76,6 @@ MEASURED: Final[Mapping[str, str]] = {
 
 ALL = "all"
 """Stands for the actuator where a verdict is on all of a vehicle's."""
-
-
-class Interval(Contract):
-    """An estimate with its 95 % interval."""
-
-    estimate: float
-    low: float
-    high: float
 
 
 class Suspect(Contract):
@@ -279,7 +272,8 @@ class Assessment(Contract):
     """Every verdict that a log supports.
 
     ``model`` is the richest network among those of the verdicts, ``usage`` what each vehicle's log tells of
-    the use of its servos.
+    the use of its servos. ``standings`` is how each actuator and axis stands over its flights, this one
+    included, where there is a history; worst first.
 
     Examples
     --------
@@ -300,6 +294,7 @@ class Assessment(Contract):
     model: ModelSummary | None
     verdicts: tuple[Verdict, ...]
     usage: tuple[VehicleUsage, ...] = ()
+    standings: tuple[Standing, ...] = ()
 
     def to_json(self, *, indent: int | None = 2) -> str:
         """Return the assessment as JSON that follows ``schema/assessment-2.json``."""
@@ -341,9 +336,14 @@ class Assessment(Contract):
     def exit_code(self) -> ExitCode:
         """The exit code for the worst condition.
 
-        Unmonitored actuators do not count, unless no actuator was judged.
+        Unmonitored actuators do not count, unless no actuator was judged. What stands over the flights
+        counts, too, and certain growth is degraded.
         """
-        code = exit_code_of(verdict.gravest for verdict in self.verdicts)
+        found = [verdict.gravest for verdict in self.verdicts]
+        found += [one.condition for one in self.standings if SEVERITY[one.condition] > 0]
+        if any(one.growth for one in self.standings):
+            found.append("degraded")
+        code = exit_code_of(found)
         return ExitCode.READ_WITH_LOSSES if code == ExitCode.OK and self.log.losses.any else code
 
 

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
-from mavhums.core.conditions import Condition
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
 from mavhums.report.assessment import NOTICE, Interval
+from mavhums.report.standing import Growth, Standing, Step
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,6 +71,10 @@ class ActuatorTrend(Contract):
         The line at the last flight, its slope, and the standard deviation between flights.
     left_out
         Start of the flights too far off the line.
+    growth
+        Since which flight it certainly grows, and the flights left to each limit; None where it does not.
+    step
+        The last change between two flights; the trend rests on the flights since.
     flights_left
         Until the line reaches the emergency limit; None where the flights do not tell, for the ``reason``.
     """
@@ -91,6 +96,8 @@ class ActuatorTrend(Contract):
     per_flight: Interval | None
     between: float | None
     left_out: tuple[str, ...]
+    growth: Growth | None = None
+    step: Step | None = None
     flights_left: Interval | None
     reason: str | None
     points: tuple[FlightPoint, ...]
@@ -116,6 +123,8 @@ class TrendReport(Contract):
         Actuators and axes whose last flight was faulty, and of which no flight shows a wanted fault.
     repairs
         Of the aircraft, in time order, where a fleet's store keeps them.
+    standings
+        How each actuator and axis stands over its flights, whatever indicators were asked for, worst first.
     """
 
     schema_: Literal["mavhums.trend/1"] = Field(default="mavhums.trend/1", alias="schema")
@@ -127,6 +136,7 @@ class TrendReport(Contract):
     notices: tuple[str, ...]
     repairs: tuple[RepairDate, ...] = ()
     others: tuple[LastFlight, ...] = ()
+    standings: tuple[Standing, ...] = ()
 
     def to_json(self, *, indent: int | None = 2) -> str:
         """Return the report as JSON."""
@@ -134,11 +144,12 @@ class TrendReport(Contract):
 
     @property
     def exit_code(self) -> ExitCode:
-        """The exit code, as in ``mavhums analyse``; a predicted emergency counts as degraded."""
+        """The exit code, as in ``mavhums analyse``, of the states over the flights; growth is degraded."""
         conditions = {one.condition for one in self.trends} | {one.condition for one in self.others}
+        conditions |= {one.condition for one in self.standings if SEVERITY[one.condition] > 0}
         if "emergency" in conditions:
             return ExitCode.EMERGENCY
-        if conditions & {"changed", "degraded"} or any(shown.flights_left for shown in self.trends):
+        if conditions & {"changed", "degraded"} or self._grows:
             return ExitCode.DEGRADED
         if (
             self.unshown
@@ -147,6 +158,10 @@ class TrendReport(Contract):
         ):
             return ExitCode.UNDECIDED
         return ExitCode.READ_WITH_LOSSES if self.errors else ExitCode.OK
+
+    @property
+    def _grows(self) -> bool:
+        return any(one.growth for one in self.trends) or any(one.growth for one in self.standings)
 
 
 def to_frame(trends: Collection[ActuatorTrend]) -> pd.DataFrame:

@@ -14,20 +14,25 @@ from mavhums.report.trend import TrendReport
 from mavhums.serve.options import LastFlight
 from mavhums.show.html import in_brief
 from mavhums.show.html_trend import TrendShown, trend_shown
+from mavhums.show.standing import mark_of, sentences
 
 __all__ = ["ActuatorShown", "AircraftLine", "FlightLine", "aircraft_lines", "flight_lines", "trends_shown"]
 
 
 class AircraftLine(NamedTuple):
-    """An aircraft in the fleet's list: its worst subject, and how many of it are in which condition."""
+    """An aircraft in the fleet's list: its worst subject, and how many of it are in which condition.
+
+    ``word`` is what the list calls the condition; what grows is not called normal.
+    """
 
     name: str
     address: str
     condition: Condition
+    word: str
     worst: str
     detail: str
     last_flight: str
-    counts: tuple[tuple[Condition, int], ...]
+    counts: tuple[tuple[str, int], ...]
 
 
 class FlightLine(NamedTuple):
@@ -45,6 +50,7 @@ class ActuatorShown(NamedTuple):
 
     name: str
     condition: Condition
+    word: str
     first: list[TrendShown]
     others: list[TrendShown]
 
@@ -59,22 +65,35 @@ def aircraft_lines(rows: Iterable[LastFlight]) -> list[AircraftLine]:
 
 def _aircraft(rows: Sequence[LastFlight]) -> AircraftLine:
     first = rows[0]
-    found = [row.verdict.gravest for row in rows]
-    conditions = sorted(dict.fromkeys(found), key=URGENCY.__getitem__, reverse=True)
-    verdict = first.verdict
-    suspects = ", ".join(one.fault.replace("_", " ") for one in verdict.suspects)
-    file = PurePath(first.path).name
+    found = [_mark(row) for row in rows]
+    marks = sorted(dict.fromkeys(found), key=lambda one: URGENCY[one[0]], reverse=True)
+    condition, word = found[0]
+    verdict, file = first.verdict, PurePath(first.path).name
     subject = f"{verdict.actuator} control" if verdict.subject == "axis" else verdict.actuator
-    well = SEVERITY[verdict.gravest] == SEVERITY["normal"]
+    well = SEVERITY[condition] == SEVERITY["normal"]
     return AircraftLine(
         name=first.aircraft or f"unknown aircraft ({file})",
         address=f"/fleet/aircraft?{urlencode({'name': first.aircraft})}" if first.aircraft else "",
-        condition=verdict.gravest,
+        condition=condition,
+        word=word,
         worst="" if well else subject,
-        detail="" if well else suspects or verdict.reason or "",
+        detail="" if well else _detail(first),
         last_flight=_date(first.start_us),
-        counts=tuple((one, found.count(one)) for one in conditions),
+        counts=tuple((one[1], found.count(one)) for one in marks),
     )
+
+
+def _mark(row: LastFlight) -> tuple[Condition, str]:
+    if row.standing is not None:
+        return mark_of(row.standing)
+    return row.verdict.gravest, row.verdict.gravest
+
+
+def _detail(row: LastFlight) -> str:
+    standing, verdict = row.standing, row.verdict
+    if standing is not None and standing.is_finding:
+        return "; ".join(sentences(standing))
+    return ", ".join(one.fault.replace("_", " ") for one in verdict.suspects) or verdict.reason or ""
 
 
 def _date(start_us: int | None) -> str:
@@ -104,13 +123,17 @@ def trends_shown(report: TrendReport) -> list[ActuatorShown]:
     """Return each actuator's trends with their drawings, the worst first."""
     several = len({one.vehicle for one in report.trends}) > 1
     found: dict[str, list[TrendShown]] = {}
+    marks: dict[str, tuple[Condition, str]] = {}
+    stands = {(one.vehicle, one.actuator): one for one in report.standings}
     for one in report.trends:
         shown = trend_shown(one, f"{one.vehicle}: " if several else "", report.repairs)
         found.setdefault(shown.actuator, []).append(shown)
+        standing = stands.get((one.vehicle, one.actuator))
+        marks[shown.actuator] = mark_of(standing) if standing else (one.condition, one.condition)
     return [
         ActuatorShown(
             name,
-            trends[0].condition,
+            *marks[name],
             [one for one in trends if one.first],
             [one for one in trends if not one.first],
         )

@@ -9,6 +9,7 @@ from typing import Protocol
 
 from mavhums.app.settings import Options
 from mavhums.report.assessment import Assessment, Verdict
+from mavhums.report.standing import Standing
 from mavhums.report.trend import TrendReport
 
 __all__ = ["Fleet", "LastFlight", "Limits", "ServeOptions"]
@@ -48,7 +49,10 @@ class Limits:
 
 
 class LastFlight(Protocol):
-    """An actuator or axis in its aircraft's last flight. ``aircraft`` is empty if it is unknown."""
+    """An actuator or axis in its aircraft's last flight. ``aircraft`` is empty if it is unknown.
+
+    ``standing`` is how it stands over its flights, where that is known.
+    """
 
     @property
     def aircraft(self) -> str: ...  # noqa: D102
@@ -58,6 +62,8 @@ class LastFlight(Protocol):
     def start_us(self) -> int | None: ...  # noqa: D102
     @property
     def verdict(self) -> Verdict: ...  # noqa: D102
+    @property
+    def standing(self) -> Standing | None: ...  # noqa: D102
 
 
 class Fleet(Protocol):

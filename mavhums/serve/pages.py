@@ -71,8 +71,8 @@ def _add_fleet(fleet: Fleet, begin: Callable[[str], None]) -> None:
             lines = aircraft_lines(await asyncio.to_thread(fleet.worst, _SUBJECTS))
         except MavhumsError as error:
             problem = f"{error.problem}: {error.remedy}"
-        tally = Counter(line.condition for line in lines)
-        order = sorted(tally.items(), key=lambda one: -URGENCY[one[0]])
+        tally = Counter((line.condition, line.word) for line in lines)
+        order = sorted(tally.items(), key=lambda one: -URGENCY[one[0][0]])
         more = len(lines) > _AIRCRAFT
         markup(render("fleet.html", lines=lines[:_AIRCRAFT], tally=order, problem=problem, more=more))
 

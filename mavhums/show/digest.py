@@ -10,7 +10,9 @@ from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.motor import MOTORS
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.report.assessment import ALL, Assessment, Verdict
+from mavhums.report.standing import Standing
 from mavhums.show.servo_tables import ServoTable, reserve, usage
+from mavhums.show.standing import sentences, since_words, soonest_words
 from mavhums.show.verdict_words import (
     control_left,
     course,
@@ -83,6 +85,8 @@ class Digest(NamedTuple):
         A line for each vehicle of which nothing is judged.
     network
         What the networks say beside the physics, where the user asks for it.
+    over_flights
+        What stands, grows or changed over the flights, where there is a history.
     tables
         Reserve of torque, and the use of each vehicle's servos.
     whose, losses
@@ -99,6 +103,7 @@ class Digest(NamedTuple):
     unmonitored: list[Paragraph]
     without_wings: list[str]
     network: list[str]
+    over_flights: list[str]
     tables: list[ServoTable]
     whose: list[str]
     losses: str
@@ -130,6 +135,7 @@ def digest(assessment: Assessment, *, brief: bool = False) -> Digest:
         unmonitored=[*_by_reason(rest, "unmonitored", brief=brief)],
         without_wings=lines if rest.verdicts else [],  # else the headline says it
         network=_network(rest),
+        over_flights=[f"{title}: {said}" for title, said in _over_flights(rest)],
         tables=[table for table in tables if table],
         whose=whose(assessment.log),
         losses=losses(assessment.log.losses),
@@ -146,7 +152,32 @@ def advice(verdict: Verdict) -> str:
     return verdict.advice or with_advice(verdict).advice or ""
 
 
+def _over_flights(assessment: Assessment) -> Iterator[tuple[str, str]]:
+    for standing in assessment.standings:
+        for said in sentences(standing):
+            yield _name(standing, assessment), said
+
+
+def _name(standing: Standing, assessment: Assessment) -> str:
+    own = f"{standing.actuator} control" if standing.subject == "axis" else standing.actuator
+    several = len({other.vehicle for other in assessment.verdicts}) > 1
+    return f"{standing.vehicle}: {own}" if several else own
+
+
 def _headline(assessment: Assessment, without_wings: Sequence[str]) -> str:
+    """Return the result in one line; of what is well in this flight, whether it is over the flights, too."""
+    text = _of_the_flight(assessment, without_wings)
+    shown = {(one.vehicle, one.actuator): one.gravest for one in assessment.verdicts}
+    for one in assessment.standings:
+        alone = shown.get((one.vehicle, one.actuator), "normal")
+        if SEVERITY[one.condition] > max(SEVERITY[alone], 0):
+            text += f"; {_name(one, assessment)} {one.condition} {since_words(one)}".rstrip()
+        if one.growth is not None:
+            text += f"; {_name(one, assessment)} grows: {soonest_words(one.growth)}"
+    return text
+
+
+def _of_the_flight(assessment: Assessment, without_wings: Sequence[str]) -> str:
     ranked = assessment.ranked()
     if not ranked:
         return "; ".join(without_wings) or "No actuator was found in this log"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import datetime
-from math import ceil, floor
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -15,6 +14,8 @@ from mavhums.report.assessment import Interval
 from mavhums.report.trend import ActuatorTrend, RepairDate
 from mavhums.show.html_curves import Curve
 from mavhums.show.html_plot import Limit, Plot, Tick, plot
+from mavhums.show.standing import growth_words, step_words
+from mavhums.show.words import capital
 
 __all__ = ["TrendShown", "trend_shown"]
 
@@ -31,7 +32,7 @@ class TrendShown(NamedTuple):
     told
         The last value with its interval, the change and the slope.
     life
-        Remaining useful life in flights, or why there is none.
+        Growth with the flights left to each limit, or why there are none.
     first
         Whether a reader must see it: friction, control, what grows, and what is beyond its limit.
     """
@@ -70,8 +71,8 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[Repair
         condition=trend.condition,
         title=f"{trend.quantity}{f', {unit.strip()}' if unit else ''}",
         told="; ".join([_told(trend, unit), *(mark.text for mark in marks)]),
-        life=_life(trend.flights_left, trend.reason),
-        first=trend.fault in _MAIN or trend.flights_left is not None or _beyond(trend),
+        life=_life(trend),
+        first=trend.fault in _MAIN or trend.growth is not None or _beyond(trend),
         drawing=drawing,
     )
 
@@ -87,6 +88,8 @@ def _marks(trend: ActuatorTrend, repairs: Sequence[RepairDate]) -> list[Tick]:
             after = [flight for start, flight in starts if start >= at]
             place = (before[-1] + after[0]) / 2 if after else float(before[-1])
             marks.append(Tick(place, f"repair {repair.at_utc[:10]}"))
+    if trend.step is not None and not any(abs(one.at - trend.step.flight) < 1 for one in marks):
+        marks.append(Tick(trend.step.flight - 0.5, f"step {trend.step.at_utc[:10]}"))
     return marks
 
 
@@ -124,7 +127,7 @@ def _interval(value: Interval, sign: str = "") -> str:
     return f"{value.estimate:{sign}.3g} ({value.low:{sign}.3g} to {value.high:{sign}.3g})"
 
 
-def _life(left: Interval | None, reason: str | None) -> str:
-    if left is None:
-        return f"not known: {reason}" if reason else "not known"
-    return f"{left.estimate:,.0f} flights ({floor(left.low):,} to {ceil(left.high):,})"
+def _life(trend: ActuatorTrend) -> str:
+    """Return growth with the flights left to each limit, else why it is not known; and the last step."""
+    said = [growth_words(trend.growth)] if trend.growth else [capital(trend.reason or "no growth")]
+    return ". ".join([*said, *([step_words(trend.step)] if trend.step else [])])

@@ -59,6 +59,9 @@ def markdown(assessment: Assessment) -> str:
         f"## {_literal(of)}: values in doubt\n\n{_literal(capital(odd))}." for of, odd in said.doubtful
     ]
     sections += map(_paragraph, (*undecided, *said.unmonitored))
+    if said.over_flights:
+        lines = "\n".join(f"- {_literal(sentence)}." for sentence in said.over_flights)
+        sections.append(f"## Over the flights\n\n{lines}")
     if said.network:
         lines = "\n".join(f"- {_literal(sentence)}." for sentence in said.network)
         sections.append(f"## Physics and network\n\n{lines}")

@@ -45,6 +45,8 @@ def render(assessment: Assessment, console: Console, *, verbose: bool = False) -
         _print(title, lines, console)
     for found in said.open:
         _print_open(found, console)
+    if said.over_flights:
+        _print("Over the flights", said.over_flights, console)
     if said.network:
         _print("Physics and network", said.network, console)
     for table in said.tables if verbose else ():
@@ -64,12 +66,14 @@ def render_findings(assessment: Assessment, console: Console, title: str) -> Non
     """Print of an assessment what is not normal, under a title; nothing if there is no such thing."""
     said = digest(assessment, brief=True)
     findings = list(_findings(said, verbose=False))
-    if findings or said.open:
+    if findings or said.open or said.over_flights:
         console.print(Text(printable(title)), soft_wrap=True)
     for subject, lines in findings:
         _print(subject, lines, console)
     for found in said.open:
         _print_open(found, console)
+    if said.over_flights:
+        _print("Over the flights", said.over_flights, console)
 
 
 def condition_text(condition: Condition) -> Text:

@@ -11,9 +11,11 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from mavhums.core.conditions import URGENCY
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.report.assessment import Interval
+from mavhums.report.standing import Growth, Standing
 from mavhums.report.trend import ActuatorTrend, LastFlight, TrendReport
+from mavhums.show.standing import left_words, sentences, since_words, soonest_words
 from mavhums.show.words import COLOURS, join, printable
 
 __all__ = ["render_trends", "sparkline"]
@@ -41,16 +43,31 @@ def headline(report: TrendReport) -> str:
     last: list[ActuatorTrend | LastFlight] = [*report.trends, *report.others]
     if not last:
         return "No flight in this folder carries an indicator of a fault"
-    gravest = max((one.condition for one in last), key=URGENCY.__getitem__)
-    if gravest in ("emergency", "degraded", "changed"):
-        names = dict.fromkeys(_name(one, report) for one in last if one.condition == gravest)
-        return f"{join(names)}: {gravest.upper()} in the last flight"
-    known = [one for one in report.trends if one.flights_left]
-    if known:
-        first = min(known, key=lambda one: one.flights_left.low if one.flights_left else 0.0)
-        life = f"remaining useful life {_left(first.flights_left)} flights"
-        return f"{_name(first, report)}: {life}, to the emergency limit"
-    return "No actuator shows wear towards an emergency limit"
+    by_name = {_subject(one): one for one in report.standings}
+    states = [(one, _state(by_name.get(_subject(one)), one)) for one in last]
+    gravest = max((state for _, state in states), key=URGENCY.__getitem__)
+    growing = [one for one in report.trends if one.growth]
+    grown = [f"{_title(one, report)} grows: {soonest_words(one.growth)}" for one in growing if one.growth]
+    if SEVERITY[gravest] <= 0:
+        return "; ".join(grown) or "No actuator shows wear towards a limit"
+    worst = {_name(one, report): by_name.get(_subject(one)) for one, state in states if state == gravest}
+    text = f"{join(worst)}: {gravest.upper()}"
+    (first, *more) = worst.values()
+    if more or first is None or first.since_flight is None or first.since_flight == first.flights:
+        text += " in the last flight"
+    else:
+        text += f" {since_words(first)}"
+    return "; ".join([text, *grown])
+
+
+def _subject(one: ActuatorTrend | LastFlight | Standing) -> tuple[int, str]:
+    return one.vehicle, one.actuator
+
+
+def _state(standing: Standing | None, one: ActuatorTrend | LastFlight) -> Condition:
+    """Return the state over the flights, where it is a fault, else the condition of the last flight."""
+    faulty = standing is not None and SEVERITY[standing.condition] > 0
+    return standing.condition if standing is not None and faulty else one.condition
 
 
 def sparkline(values: Sequence[float], cells: int = _CELLS) -> str:
@@ -72,20 +89,23 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
     table.title = Text(printable(f"{trends[0].quantity}, {trends[0].unit}"))
     table.title_justify = "left"
     table.add_column(trends[0].subject, overflow="fold", min_width=13)
-    table.add_column("last\nflight", no_wrap=True)
+    table.add_column("state", no_wrap=True)
     table.add_column("over the\nflights", no_wrap=True)
-    for heading in ("since\nbaseline", "per\nflight", "RUL,\nflights"):
+    for heading in ("since\nbaseline", "per\nflight", "flights to\nnext limit"):
         table.add_column(heading, justify="right", no_wrap=True)
+    states = {_subject(one): one for one in report.standings}
     for one in trends:
-        red, green, blue = COLOURS[one.condition]
+        state = _state(states.get(_subject(one)), one)
+        red, green, blue = COLOURS["changed" if state == "normal" and one.growth else state]
+        word = "grows" if one.growth and SEVERITY[state] <= 0 else state
         values = [point.value.estimate for point in one.points]
         table.add_row(
             Text(printable(_name(one, report))),
-            Text(one.condition, style=f"rgb({red},{green},{blue})"),
+            Text(word, style=f"rgb({red},{green},{blue})"),
             f"{sparkline(values)} {values[-1]:.3g}",
             _signed(one.change),
             _signed(one.per_flight),
-            _left(one.flights_left),
+            _left(one.growth),
         )
     return table
 
@@ -114,11 +134,14 @@ def _signed(change: Interval | None) -> str:
     return f"{estimate}±{half:.{digits}f}"
 
 
-def _left(left: Interval | None) -> str:
-    """Format a remaining useful life in whole flights."""
+def _left(growth: Growth | None) -> str:
+    """Format the flights left to the next limit; — where nothing grows, or no limit is ahead."""
+    ahead = [each for each in (growth.to_degraded, growth.to_emergency) if each] if growth else []
+    left = next((each for each in ahead if each.estimate > 0), None)
     if left is None:
         return "—"
-    return f"{left.estimate:,.0f} ({np.floor(left.low):,.0f}–{np.ceil(left.high):,.0f})"
+    text = left_words(left, dates=False).replace("more than ", ">")
+    return text.replace(" flights", "").replace(" flight", "")
 
 
 def _reasons(report: TrendReport) -> list[str]:
@@ -129,6 +152,8 @@ def _reasons(report: TrendReport) -> list[str]:
         if one.reason and (grows or one.emergency is not None):
             groups.setdefault(one.reason, []).append(_title(one, report))
     lines = [f"{join(names)}: no remaining useful life (RUL): {reason}." for reason, names in groups.items()]
+    for standing in report.standings:
+        lines += [f"{standing.actuator}: {said}." for said in sentences(standing)]
     for one in report.trends:
         if one.left_out:
             flown = join(start[:16].replace("T", " ") for start in one.left_out)

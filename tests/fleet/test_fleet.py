@@ -269,7 +269,7 @@ def test_folders_files_and_patterns_name_each_log_once(logs: Path) -> None:
 def test_the_worst_of_all_aircraft_comes_first(scanned: Path, run: Run) -> None:
     outcome = run("fleet", "worst", scanned, "-n", "3")
     assert outcome.code == ExitCode.EMERGENCY
-    assert outcome.out.splitlines()[0].startswith("D-B elevator: emergency")
+    assert outcome.out.splitlines()[0].startswith("D-B elevator: EMERGENCY since flight ")
     told = json.loads(run("fleet", "worst", scanned, "--json", "-n", "1").out)
     assert told[0]["aircraft"] == "D-B"
     assert told[0]["verdict"]["worst"] == "emergency"

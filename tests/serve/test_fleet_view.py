@@ -8,6 +8,7 @@ import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.report.assessment import Assessment, Interval, LogSummary, Suspect, Verdict
+from mavhums.report.standing import FlightsLeft, Growth, Standing
 from mavhums.report.trend import ActuatorTrend, FlightPoint, RepairDate, TrendReport
 from mavhums.serve.fleet_view import aircraft_lines, flight_lines, trends_shown
 from mavhums.serve.home import render
@@ -20,6 +21,7 @@ class Row(NamedTuple):
     path: str
     start_us: int | None
     verdict: Verdict
+    standing: Standing | None = None
 
 
 def verdict(actuator: str, condition: Condition, reason: str | None = None, fault: str = "") -> Verdict:
@@ -52,6 +54,43 @@ def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
     assert (well.worst, well.detail) == ("", "")
 
 
+def test_what_grows_is_not_called_normal() -> None:
+    grows = Standing(
+        vehicle=1,
+        actuator="rudder",
+        airframe=None,
+        condition="normal",
+        last="normal",
+        growth=growth(),
+        flights=29,
+        last_utc="2026-03-29T09:00:00+00:00",
+        log=None,
+    )
+    (line,) = aircraft_lines([Row("D-A", "a.tlog", 0, verdict("rudder", "normal"), grows)])
+    assert (line.condition, line.word, line.worst) == ("changed", "grows", "rudder")
+    assert line.counts == (("grows", 1),)
+    assert TOLD in line.detail
+
+
+TOLD = (
+    "friction grows by 0.005 N·m a flight since flight 3 (2026-03-03);"
+    " 9 flights (5–14), about 2026-04-07, until degraded; more than 80 flights until emergency"
+)
+
+
+def growth(left: float = 9.0) -> Growth:
+    return Growth(
+        fault="friction",
+        quantity="friction",
+        unit="N·m",
+        since_flight=3,
+        since_utc="2026-03-03T09:00:00+00:00",
+        per_flight=Interval(estimate=0.005, low=0.004, high=0.006),
+        to_degraded=FlightsLeft(estimate=left, low=5.2, high=13.4, expected_utc="2026-04-07"),
+        to_emergency=FlightsLeft(estimate=110, low=80, high=150, is_far=True),
+    )
+
+
 def test_flights_come_latest_first_and_lead_to_their_reports() -> None:
     def flight(day: int) -> Assessment:
         log = LogSummary(
@@ -72,7 +111,7 @@ def test_flights_come_latest_first_and_lead_to_their_reports() -> None:
     assert lines[0].address == "/fleet/flight?aircraft=D+%26+A&log=2222"
 
 
-def trend(actuator: str, fault: str, *, left: Interval | None = None, last: float = 0.2) -> ActuatorTrend:
+def trend(actuator: str, fault: str, *, grows: bool = False, last: float = 0.2) -> ActuatorTrend:
     values = [0.2] * 11 + [last]
     return ActuatorTrend(
         vehicle=1,
@@ -91,8 +130,9 @@ def trend(actuator: str, fault: str, *, left: Interval | None = None, last: floa
         per_flight=None,
         between=None,
         left_out=(),
-        flights_left=left,
-        reason=None if left else "it does not grow",
+        growth=growth() if grows else None,
+        flights_left=None,
+        reason="it does not grow",
         points=tuple(
             FlightPoint(
                 flight=number,
@@ -107,11 +147,10 @@ def trend(actuator: str, fault: str, *, left: Interval | None = None, last: floa
 
 
 def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_limit() -> None:
-    life = Interval(estimate=7.4, low=3.2, high=11.1)
     trends = (
         trend("elevator", "friction"),
         trend("elevator", "backlash"),
-        trend("rudder", "backlash", left=life),
+        trend("rudder", "backlash", grows=True),
         trend("rudder", "bias", last=0.7),
     )
     report = TrendReport(flights=12, trends=trends, unshown=(), errors=(), notices=())
@@ -119,9 +158,9 @@ def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_
     assert (len(elevator.first), len(elevator.others)) == (1, 1)
     assert len(rudder.first) == 2
     shown = rudder.first[0]
-    assert (shown.title, shown.life) == ("play, °", "7 flights (3 to 12)")
+    assert (shown.title, shown.life) == ("play, °", TOLD)
     assert shown.told.startswith("flight 12: 0.2 (0.1 to 0.3) °, 95 % interval")
-    assert elevator.first[0].life == "not known: it does not grow"
+    assert elevator.first[0].life == "It does not grow"
     assert [tick.text for tick in shown.drawing.x] == ["5", "10"]
     assert [limit.text for limit in shown.drawing.limits] == ["degraded above", "emergency from"]
 

@@ -52,6 +52,9 @@ class EarlierFlights(Protocol):
     ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
         """Return the data of those flights for own-scale equations, by vehicle and actuator."""
 
+    def recent(self) -> Sequence[PastFlight]:
+        """Return the flights that tell how the aircraft stands: the latest ones, where there are many."""
+
     def owners(self) -> list[Owner]:
         """Return what is known of the aircraft of the flights."""
 

@@ -17,7 +17,16 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.flights.stores.delta_tables import COPIES, INSTALLED, LOGS, SETTLED, VERDICTS, Tables, schemas
+from mavhums.flights.stores.delta_tables import (
+    COPIES,
+    INSTALLED,
+    LOGS,
+    SETTLED,
+    STANDINGS,
+    VERDICTS,
+    Tables,
+    schemas,
+)
 
 __all__ = ["FORMAT", "OF_THIS_FORMAT", "LogFile", "Row", "Store"]
 
@@ -34,6 +43,9 @@ _COMPACT_FILES: Final = 64
 _FEW: Final = 1_000
 _ATTEMPTS: Final = 12
 _PAUSE_S: Final = 0.2
+_DAY_NS: Final = 86_400 * 10**9
+_LATEST: Final = {SETTLED: "aircraft", STANDINGS: f"aircraft, stored // {_DAY_NS}"}
+"""Tables of which only the latest row of each group is kept; of the standings, what each day ended with."""
 
 
 class LogFile(NamedTuple):
@@ -279,19 +291,19 @@ class Store:
     def _compact(self) -> None:
         for name in schemas():
             if self._has(name) and self._changed(lambda name=name: self._tables.files(name)) > _COMPACT_FILES:  # type: ignore[misc]
-                if name == SETTLED:
-                    self._forget()
+                if name in _LATEST:
+                    self._forget(name, _LATEST[name])
                 self.retried(lambda name=name: self._changed(lambda: self._tables.compact(name)))  # type: ignore[misc]
 
-    def _forget(self) -> None:
-        """Keep only the latest that is settled of each aircraft."""
-        columns = schemas()[SETTLED].names
+    def _forget(self, table: str, of: str) -> None:
+        """Keep only the latest row of each group."""
+        columns = schemas()[table].names
         latest = self.query(
-            f"SELECT {', '.join(columns)} FROM settled"
-            " QUALIFY row_number() OVER (PARTITION BY aircraft ORDER BY stored DESC) = 1"
+            f"SELECT {', '.join(columns)} FROM {table}"
+            f" QUALIFY row_number() OVER (PARTITION BY {of} ORDER BY stored DESC) = 1"
         ).fetchall()
         rows = [dict(zip(columns, row, strict=True)) for row in latest]
-        self.retried(lambda: self._write(SETTLED, rows, mode="overwrite"))
+        self.retried(lambda: self._write(table, rows, mode="overwrite"))
 
     def _has(self, table: str) -> bool:
         try:

@@ -15,7 +15,18 @@ if TYPE_CHECKING:
     from deltalake import DeltaTable, WriterProperties
     from duckdb import DuckDBPyConnection
 
-__all__ = ["COPIES", "DATES", "INSTALLED", "LOGS", "NAMING", "SETTLED", "VERDICTS", "Tables", "schemas"]
+__all__ = [
+    "COPIES",
+    "DATES",
+    "INSTALLED",
+    "LOGS",
+    "NAMING",
+    "SETTLED",
+    "STANDINGS",
+    "VERDICTS",
+    "Tables",
+    "schemas",
+]
 
 LOGS: Final = "logs"
 VERDICTS: Final = "verdicts"
@@ -24,6 +35,7 @@ DATES: Final = "dates"
 INSTALLED: Final = "installed"
 SETTLED: Final = "settled"
 NAMING: Final = "naming"
+STANDINGS: Final = "standings"
 _ROW_GROUP: Final = 2_000
 _TYPES: Final = {
     "string": "VARCHAR",
@@ -149,6 +161,7 @@ def schemas() -> dict[str, pa.Schema]:
     columns = {LOGS: log, VERDICTS: verdict, COPIES: copy, DATES: date, INSTALLED: installed}
     columns[SETTLED] = settled
     columns[NAMING] = [("rule", text), ("boards", text), ("stored", whole)]
+    columns[STANDINGS] = [("aircraft", text), ("standings", text), ("stored", whole)]
     return {table: pa.schema(of) for table, of in columns.items()}
 
 

@@ -41,6 +41,9 @@ CHECKPOINT: Final = ".mavhums-checkpoint"
 
 _VERSION: Final = f"1 of mavhums {__version__}"
 
+_RECENT_FILES: Final = 200
+"""Files that are read after each landing to tell how the aircraft stands; a year of flights."""
+
 _Stamp = tuple[int, int]
 """Time of modification in nanoseconds, and size in bytes."""
 
@@ -82,7 +85,8 @@ def keep_assessment(assessment: Assessment, folder: str | os.PathLike[str]) -> P
         problem = f"{folder}: cannot be used as a folder of flights: {reason_of(error)}"
         raise MavhumsError(problem, "name another with --history") from error
     with written_whole(path) as temporary:
-        kept = KeptFlight.of(assessment)
+        # How it stood is told from the flights again: what came late may change it.
+        kept = KeptFlight.of(assessment.model_copy(update={"standings": ()}))
         text = kept.model_dump_json(by_alias=True, indent=2, exclude={"assessment": RECORD})
         temporary.write_text(text + "\n", encoding="utf-8")
     return path
@@ -210,6 +214,11 @@ class FlightFolder:
     ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
         """Return the same as :meth:`FlightHistory.past` for the whole folder."""
         return self._follow(since or {}, whole=True).past(airframe, before, since or {})
+
+    def recent(self) -> tuple[PastFlight, ...]:
+        """Return the flights in the files written last: a landing costs the same after many flights."""
+        newest = sorted(self._files, key=lambda name: (self._files[name], name))[-_RECENT_FILES:]
+        return self._history(newest).flights
 
     def owners(self) -> list[Owner]:
         """Return the same as :meth:`FlightHistory.owners` for the whole folder."""

@@ -22,6 +22,7 @@ from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import (
     AXIS_SCATTER_SHARE,
     BASELINE_FLIGHTS,
+    BASELINE_GROWTH_ODDS,
     DRIFT_LOOKS,
     DRIFT_SPANS_WINDOWS,
     FALSE_ALARMS,
@@ -97,15 +98,31 @@ class Baseline:
         # A flight with an error of zero would outweigh all others.
         errors = np.maximum(errors, max(1e-9 * np.abs(values).max(), 1e-12))
         natural = AXIS_SCATTER_SHARE.get(indicators[0].fault, NATURAL_SCATTER_SHARE)
-        flights = population(np.ones((len(values), 1)), values, errors, natural)
+        design = _design(values, errors, indicators[0].fault)
+        flights = population(design, values, errors, natural)
+        apart = values - design @ flights.coefficients
         return cls(
             mean=float(flights.coefficients[0]),
             error=float(np.sqrt(flights.covariance[0, 0])),
             flights=len(shown),
             between=flights.between,
-            spread=float(values.std(ddof=1)),
+            spread=float(np.sqrt(apart @ apart / (len(values) - design.shape[1]))),
             freedom=flights.freedom,
         )
+
+
+def _design(values: Array, errors: Array, fault: str) -> Array:
+    """Return a column of ones, and the growth where the flights grow: the baseline is the level before it.
+
+    A mean over flights that wear already would hide as much wear.
+    """
+    from mavhums.health.decision.growth import course_of  # SciPy's tests, needed only with earlier flights
+
+    ones, numbers = np.ones_like(values), np.arange(len(values), dtype=np.float64)
+    course = course_of(numbers, -values if fault in AXIS_SCATTER_SHARE else values, errors)
+    if course is None or course.evidence < np.log(BASELINE_GROWTH_ODDS):
+        return ones[:, None]
+    return np.column_stack([ones, np.maximum(numbers - course.since, 0.0)])
 
 
 def _errors(windows: Array, scatter: Array) -> Array:

@@ -54,13 +54,9 @@ SHOWN_SHIFT_FREEDOM: Final = 10.0
 # Minimum number of flights for a trend: fewer leave its slope no degrees of freedom to be sure. By hand.
 TREND_FLIGHTS: Final = 8
 
-# Largest distance of the interval's near end, as a multiple of the span of the flights: farther ahead a
-# straight line is a guess. benchmarks/trend.py has how often the interval holds.
+# Distance of a limit, as a multiple of the span of the growing flights, from which it is said to be far: a
+# straight line is a guess there. benchmarks/trend.py has how often the interval holds.
 TREND_REACH_SPANS: Final = 3.0
-
-# One-sided confidence that a slope is above zero, and two-sided 99 % that a line is bent: stricter than the
-# interval, because the test is repeated after every flight.
-TREND_CONFIDENCE: Final = 0.995
 
 # Bonferroni-corrected probability below which a flight is an outlier: larger values cost healthy
 # flights.
@@ -73,11 +69,39 @@ FLIGHTS_PER_OUTLIER: Final = 10
 # hand.
 MOST_AUTOCORRELATION: Final = 0.8
 
+# Chance that an indicator that does not grow is ever said to, in so many flights: with the indicators of four
+# actuators and three axes at most one aircraft in a hundred, by benchmarks/growth.py far fewer.
+GROWTH_CHANCE: Final = 4e-4
+GROWTH_HORIZON_FLIGHTS: Final = 200.0
+
+# Flights for which an indicator must have grown: fewer are outliers. By hand.
+GROWTH_FLIGHTS: Final = 5
+
+# Slopes that are sought, in standard deviations of a flight: from a limit in 300 flights at 3 % scatter to
+# one in 10 at 10 %. The false alarms do not depend on them.
+GROWTH_SCALES: Final = (0.03, 0.1, 0.4)
+
+# Least size of a step, in standard errors by the scatter of neighbours, which weather that lasts makes too
+# small; flights whose median is taken on either side, flights through which a line must be unlikely, and
+# flights after a step that must confirm it. By benchmarks/growth.py, on its seeds for development.
+STEP_SIZE: Final = 7.0
+STEP_CONFIRMED_FLIGHTS: Final = 3
+STEP_MEAN_FLIGHTS: Final = 5
+STEP_NEIGHBOURS: Final = 8
+
 # How much likelier a step must be than the line. By hand.
 STEP_LIKELIHOOD_RATIO: Final = 20.0
 
-# Flights on either side of a step: one alone is an outlier.
-STEP_FLIGHTS: Final = 2
-
 # Least error of a flight, as a share of the largest: one with next to no error would be the line. By hand.
 LEAST_ERROR_SHARE: Final = 1e-3
+
+# Judged flights in a row without a fault that end it: five below a limit are a chance of 1 in 32 if half of
+# all flights lie above it (sign test). More keep a repair that nobody recorded on the list for longer.
+CLEAR_FLIGHTS: Final = 5
+
+# Odds from which the flights of a baseline are taken to grow, so that it is the level before the growth: no
+# alarm, so less than is needed to tell it. By hand.
+BASELINE_GROWTH_ODDS: Final = 20.0
+
+# Flights whose dates tell how often an aircraft flies, and for which a step is told.
+RATE_FLIGHTS: Final = 20

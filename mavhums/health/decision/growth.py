@@ -1,0 +1,334 @@
+"""Growth over flights: a sequential test that may be asked after every flight, and the flights to a limit.
+
+An indicator stays at a level and grows by the same amount a flight from some flight on, or it does not grow.
+Which flight that is, is unknown: the Bayes factors of all are summed, half the weight on the first flight and
+the rest spread evenly over 200 flights, as Shiryaev and Roberts do. Each is the Bayes factor of a slope with
+unknown level and scatter (right Haar prior), in closed form; under no growth their weighted sum is a
+supermartingale, so by Ville's inequality it ever reaches 1/p with probability p at most, however often it is
+looked at. Neighbouring flights that are alike count less, by the variance inflation of their lag-one
+correlation. A flight far off the best line is left out until the next ones confirm it.
+
+A step between two flights (a repair, a swap, damage) ends a course: growth is sought in the flights since the
+last one, and the scatter of the flights before still counts.
+
+References
+----------
+M. Lindon, D. W. Ham, M. Tingley and I. Bojinov (2022), arXiv:2210.08589: anytime-valid linear models.
+J. Shin, A. Ramdas and A. Rinaldo (2024), New England J. of Statistics in Data Science 2:229: e-detectors.
+F. Liang et al. (2008), Journal of the American Statistical Association 103:410: the Bayes factor of a slope.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import log, sqrt
+
+import numpy as np
+from scipy.special import stdtr
+
+from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.health.decision.thresholds import (
+    FLIGHTS_PER_OUTLIER,
+    GROWTH_CHANCE,
+    GROWTH_FLIGHTS,
+    GROWTH_HORIZON_FLIGHTS,
+    GROWTH_SCALES,
+    LEAST_ERROR_SHARE,
+    OUTLIER_PROBABILITY,
+    STEP_CONFIRMED_FLIGHTS,
+    STEP_LIKELIHOOD_RATIO,
+    STEP_MEAN_FLIGHTS,
+    STEP_NEIGHBOURS,
+    STEP_SIZE,
+    TREND_FLIGHTS,
+)
+from mavhums.health.decision.trend import widening
+from mavhums.health.estimation.random_effects import variance_between
+from mavhums.report.assessment import Interval
+
+__all__ = ["Course", "course_of", "last_step"]
+
+_MOST_FLIGHTS = 1e6
+_LOW, _MIDDLE, _HIGH = 0.025, 0.5, 0.975
+_TO_DEVIATION = 1.4826 / sqrt(2.0)  # median absolute difference of neighbours → standard deviation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Courses:
+    """The courses that an indicator may have taken since the last step, one for each first growing flight.
+
+    ``first`` are indices of flights; the other arrays have their shape. ``log_odds`` is each one's logarithm
+    of weight and Bayes factor, ``level`` and ``slope`` are the line at the last flight, ``ahead`` is how far
+    the last flight lies from the middle of the growing ones, ``spread`` their sum of squares.
+    """
+
+    first: Integers
+    log_odds: Array
+    level: Array
+    slope: Array
+    ahead: Array
+    spread: Array
+    variance: Array
+    total_weight: float
+    freedom: float
+    residuals: Array
+    hat: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """The course of an indicator over its flights.
+
+    Attributes
+    ----------
+    grows
+        Whether growth is certain.
+    evidence
+        Weighted Bayes factor of growth, as a logarithm.
+    since
+        Index of the flight after which it most likely grows, or of the first one.
+    level, per_flight
+        The line at the last flight and its slope, averaged over the flights at which it may begin.
+    left_out
+        Indices of the flights too far off the line.
+    """
+
+    grows: bool
+    evidence: float
+    since: int
+    level: Interval
+    per_flight: Interval
+    left_out: tuple[int, ...]
+    _courses: _Courses
+
+    def flights_left(self, limit: float) -> tuple[float, float, float]:
+        """Return in how many flights the line reaches a limit: low end, median and high end of 95 %.
+
+        They are infinite where it need not reach it.
+        """
+        some, weights = self._courses, _weights(self._courses)
+
+        def reached(ahead: float) -> float:
+            error = np.sqrt(some.variance * (1 / some.total_weight + (some.ahead + ahead) ** 2 / some.spread))
+            line = some.level + some.slope * ahead
+            return float(weights @ stdtr(some.freedom, (line - limit) / error))
+
+        low, middle, high = (_quantile(reached, share, 0.0) for share in (_LOW, _MIDDLE, _HIGH))
+        return low, middle, high
+
+
+def course_of(numbers: Array, values: Array, errors: Array, *, begin: int = 0) -> Course | None:
+    """Return the course of an indicator; None for fewer than ``TREND_FLIGHTS`` flights since ``begin``.
+
+    Parameters
+    ----------
+    numbers
+        Flight numbers, increasing, shape (n,).
+    values
+        Values of the indicator, which a fault raises, shape (n,), in any unit.
+    errors
+        Standard errors of measurement, shape (n,), in the same unit.
+    begin
+        Index of the first flight after the last step; of the flights before only their scatter counts.
+
+    Examples
+    --------
+    >>> flights = np.arange(40.0)
+    >>> noise = 0.004 * np.sin(np.arange(40) * 2.4)
+    >>> course = course_of(flights, 0.225 + 0.005 * flights + noise, np.full(40, 0.002))
+    >>> course.grows, [round(left) for left in course.flights_left(0.875)]
+    (True, [89, 91, 93])
+    >>> course_of(flights, 0.225 + noise, np.full(40, 0.002)).grows
+    False
+    """
+    if len(values) - begin < TREND_FLIGHTS:
+        return None
+    errors = np.maximum(errors, max(LEAST_ERROR_SHARE * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
+    squares, freedom = _scatter_before(numbers[:begin], values[:begin], errors[:begin])
+    kept, courses = _without_outliers(numbers[begin:], values[begin:], errors[begin:], (squares, freedom))
+    evidence = float(np.logaddexp.reduce(courses.log_odds))
+    best = int(np.argmax(courses.log_odds))
+    return Course(
+        grows=evidence >= -log(GROWTH_CHANCE),
+        evidence=evidence,
+        since=begin + int(np.flatnonzero(kept)[courses.first[best]]),
+        level=_averaged(courses, courses.level, 1 / courses.total_weight + courses.ahead**2 / courses.spread),
+        per_flight=_averaged(courses, courses.slope, 1 / courses.spread),
+        left_out=tuple(begin + int(place) for place in np.flatnonzero(~kept)),
+        _courses=courses,
+    )
+
+
+def last_step(values: Array, errors: Array) -> int | None:
+    """Return the index of the first flight after the last step; None if there is none.
+
+    The mean of the flights after it leaves that of those before by seven standard errors, by the scatter of
+    neighbours, which no growth raises; and beside the step a line through the same flights is unlikely.
+
+    Parameters
+    ----------
+    values, errors
+        Values and standard errors of measurement of the flights in time order, shape (n,).
+
+    Examples
+    --------
+    >>> values = np.array([0.40, 0.41, 0.42, 0.43, 0.44, 0.45, 0.46, 0.47, 0.21, 0.22, 0.23])
+    >>> last_step(values, np.full(11, 0.004))
+    8
+    """
+    n = len(values)
+    if n < TREND_FLIGHTS:
+        return None
+    scatter = max(float(np.median(np.abs(np.diff(values)))) * _TO_DEVIATION, float(np.median(errors)))
+    places = np.arange(TREND_FLIGHTS // 2, n - STEP_CONFIRMED_FLIGHTS + 1)
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    first, last = np.maximum(places - STEP_MEAN_FLIGHTS, 0), np.minimum(places + STEP_MEAN_FLIGHTS, n)
+    size = (sums[last] - sums[places]) / (last - places) - (sums[places] - sums[first]) / (places - first)
+    least = STEP_SIZE * scatter * np.sqrt(1 / (places - first) + 1 / (last - places))
+    for place in places[np.abs(size) > least][::-1]:
+        before, after = values[:place], values[place:]
+        # Medians, too: one flight far off moves a mean.
+        across = np.median(after[:STEP_MEAN_FLIGHTS]) - np.median(before[-STEP_MEAN_FLIGHTS:])
+        if abs(across) > least[place - places[0]] and _is_step(
+            before[-STEP_NEIGHBOURS:], after[:STEP_NEIGHBOURS], scatter
+        ):
+            return int(place)
+    return None
+
+
+def _is_step(before: Array, after: Array, scatter: float) -> bool:
+    """Return whether two levels are likelier than one line, and than every neighbouring place of the step."""
+    both = np.concatenate([before, after])
+    at = np.arange(len(both)) - (len(both) - 1) / 2
+    centred = both - both.mean()
+    line = float(centred @ centred - (at @ centred) ** 2 / (at @ at))
+    levels = _squares(before) + _squares(after)
+    gain = log(STEP_LIKELIHOOD_RATIO) * 2 * scatter**2
+    earlier = _squares(both[: len(before) - 1]) + _squares(both[len(before) - 1 :])
+    later = _squares(both[: len(before) + 1]) + _squares(both[len(before) + 1 :])
+    return line - levels > gain and levels <= min(earlier, later)
+
+
+def _squares(values: Array) -> float:
+    return float(np.var(values) * len(values)) if len(values) else 0.0
+
+
+def _scatter_before(numbers: Array, values: Array, errors: Array) -> tuple[float, float]:
+    """Return the sum of squares of the flights before a step about their course, and its freedom."""
+    if len(values) < TREND_FLIGHTS:
+        return 0.0, 0.0
+    courses = _courses(numbers, values, errors, (0.0, 0.0))
+    best = int(np.argmax(courses.log_odds))
+    return float(courses.variance[best]) * courses.freedom, courses.freedom
+
+
+def _without_outliers(
+    numbers: Array, values: Array, errors: Array, known: tuple[float, float]
+) -> tuple[Flags, _Courses]:
+    """Leave out, one by one, the flight farthest off the likeliest course of the others, up to one in ten."""
+    kept = np.ones(len(values), dtype=np.bool_)
+    courses = _courses(numbers, values, errors, known)
+    for _ in range(max(1, len(values) // FLIGHTS_PER_OUTLIER)):
+        n = len(courses.residuals)
+        free = np.clip(1 - courses.hat, 1e-9, None)
+        freedom = courses.freedom - 1
+        scale = courses.variance[int(np.argmax(courses.log_odds))]
+        others = (scale * courses.freedom - courses.residuals**2 / free) / freedom
+        deleted = np.abs(courses.residuals) / np.sqrt(free * np.maximum(others, 1e-12 * scale + 1e-300))
+        worst = int(np.argmax(deleted))
+        if n <= TREND_FLIGHTS - 1 or 2 * n * float(stdtr(freedom, -deleted[worst])) > OUTLIER_PROBABILITY:
+            break
+        kept[np.flatnonzero(kept)[worst]] = False
+        courses = _courses(numbers[kept], values[kept], errors[kept], known)
+    return kept, courses
+
+
+def _courses(numbers: Array, values: Array, errors: Array, known: tuple[float, float]) -> _Courses:
+    """Return all courses; ``known`` is the sum of squares of earlier flights and its freedom."""
+    n = len(numbers)
+    design = np.column_stack([np.ones_like(numbers), numbers - numbers.mean()])
+    weights = 1 / (errors**2 + variance_between(design, values, errors))
+    # The weights matter against each other only: their mean is 1, and the scatter is the values' own.
+    weights = weights / weights.mean()
+    first = np.concatenate([[0], np.arange(1, max(n - GROWTH_FLIGHTS, 1))])
+    grown = np.maximum(numbers - numbers[first, None], 0.0)
+    middle = grown @ weights / n
+    centred = grown - middle[:, None]
+    rest = values - float(weights @ values) / n
+    # Flights that agree to the last digit scatter, too: nothing is known of it but that it is small.
+    least = n * (1e-6 * float(np.abs(values).max()) + 1e-9) ** 2
+    total = float(weights @ rest**2) + known[0] + least
+    spread = centred**2 @ weights
+    product = centred @ (weights * rest)
+    slope = product / spread
+    squares = np.maximum(total - product**2 / spread, 1e-12 * total + 1e-300)
+    best = int(np.argmin(squares))
+    residuals = np.sqrt(weights) * (rest - slope[best] * centred[best])
+    inflation = widening(residuals)
+    waited = np.diff(numbers[first], prepend=numbers[0])
+    prior = np.where(first == 0, 0.5, 0.5 * waited / GROWTH_HORIZON_FLIGHTS)
+    freedom = n - 2 + known[1]
+    return _Courses(
+        first=first,
+        log_odds=np.log(prior) + _log_bayes_factors(total, product, spread, freedom + 1, inflation),
+        level=values @ weights / n + slope * (grown[:, -1] - middle),
+        slope=slope,
+        ahead=grown[:, -1] - middle,
+        spread=spread,
+        variance=inflation * squares / freedom,
+        total_weight=float(n),
+        freedom=freedom,
+        residuals=residuals,
+        hat=weights * (1 / n + centred[best] ** 2 / spread[best]),
+    )
+
+
+def _log_bayes_factors(
+    total: float, product: Array, spread: Array, freedom: float, inflation: float
+) -> Array:
+    """Return each course's logarithm of the Bayes factor of a rise, averaged over sizes of a slope."""
+    found = []
+    for scale in GROWTH_SCALES:
+        share = spread / (spread + scale**-2)
+        rest = np.maximum(total - share * product**2 / spread, 1e-12 * total + 1e-300)
+        two_sided = 0.5 * np.log(1 - share) + freedom / 2 * np.log((total + 1e-300) / rest)
+        error = np.sqrt(rest / freedom / (spread + scale**-2))
+        rising = np.log(2 * stdtr(freedom, share * product / spread / error) + 1e-300)
+        found.append(two_sided / inflation + rising)
+    averaged: Array = np.logaddexp.reduce(found, axis=0) - log(len(GROWTH_SCALES))
+    return averaged
+
+
+def _weights(courses: _Courses) -> Array:
+    weights: Array = np.exp(courses.log_odds - np.logaddexp.reduce(courses.log_odds))
+    return weights
+
+
+def _averaged(courses: _Courses, estimates: Array, shares: Array) -> Interval:
+    """Return the estimate and the 95 % interval over all courses, each with Student's t."""
+    weights, errors = _weights(courses), np.sqrt(courses.variance * shares)
+    middle = float(weights @ estimates)
+    width = float(np.max(np.abs(estimates - middle)) + 50 * np.max(errors)) or 1.0
+
+    def below(offset: float) -> float:
+        return float(weights @ stdtr(courses.freedom, (middle - width + offset - estimates) / errors))
+
+    low, high = (
+        min(_quantile(below, share, 0.0, 2 * width), 2 * width) + middle - width for share in (_LOW, _HIGH)
+    )
+    return Interval(estimate=min(max(middle, low), high), low=low, high=high)
+
+
+def _quantile(
+    reached: Callable[[float], float], share: float, low: float, high: float = _MOST_FLIGHTS
+) -> float:
+    """Return where an increasing probability reaches a share; infinite if it does not do so before."""
+    if reached(low) >= share:
+        return low
+    if reached(high) < share:
+        return float("inf")
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (low, middle) if reached(middle) >= share else (middle, high)
+    return high

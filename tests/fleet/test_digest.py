@@ -1,0 +1,109 @@
+"""What changed since yesterday: the difference of what the store says and what it said then."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mavhums.core.errors import ExitCode
+from mavhums.fleet import digest, worst
+from mavhums.flights.changes import store_standings
+from mavhums.flights.stores.delta import Store
+from mavhums.report.changes import FleetDigest
+from mavhums.show.changes import digest_html, digest_lines
+from tests.conftest import Run
+from tests.fleet.stores import write_store
+from tests.flights import START, flown, shown, verdict
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Flights of two aircraft; how they stood is stored after 15, 24 and 40 days."""
+    folder = tmp_path_factory.mktemp("fleet") / "store"
+    rng = np.random.default_rng(2)
+
+    def flights(name: str, days: int, slope: float) -> list:  # type: ignore[type-arg]
+        return [
+            flown(
+                verdict(shown(0.215 + slope * day + 0.006 * float(rng.standard_normal()))),
+                day=day,
+                name=f"{name}-{day}",
+            )
+            for day in range(days)
+        ]
+
+    grows, still = flights("G", 40, 0.005), flights("S", 20, 0.0)
+    for days in (5, 24, 40):
+        write_store(folder, {"D-G": grows[:days], "D-S": still[: min(days, 20)]})
+        for aircraft in ("D-G", "D-S"):
+            store_standings(Store(folder), aircraft, stored_ns=nanoseconds(days))
+    return folder
+
+
+def nanoseconds(days: float) -> int:
+    return round((START + timedelta(days=days)).timestamp() * 1e9)
+
+
+def between(store: Path, first: float, last: float) -> FleetDigest:
+    return digest(store, START + timedelta(days=first), START + timedelta(days=last))
+
+
+def test_growth_is_told_when_it_becomes_certain_and_a_finding_when_it_is_one(store: Path) -> None:
+    (grows,) = between(store, 6, 25).changes
+    assert (grows.kind, grows.aircraft, grows.now.condition) == ("growing", "D-G", "normal")
+    (new,) = between(store, 25, 40.5).changes
+    assert (new.kind, new.now.condition) == ("new", "degraded")
+    assert new.before is not None
+    lines = [*digest_lines(between(store, 25, 40.5))]
+    assert lines[0].startswith("1 new, 1 not heard of since 2026-03-26 09:00 UTC:")
+    assert any("D-G elevator: degraded since flight " in line for line in lines)
+    assert any("D-S: last flight 2026-03-20" in line for line in lines)
+
+
+def test_nothing_to_say_is_one_line(store: Path) -> None:
+    quiet = between(store, 41, 42)
+    assert quiet.is_empty
+    assert (quiet.standing, quiet.silent_longer) == (1, 1)
+    (line,) = digest_lines(quiet)
+    assert line.startswith("Nothing new since 2026-04-11 09:00 UTC")
+    assert (
+        line.endswith("of 2 aircraft; 1 finding stands, 1 silent for longer") or "1 silent for longer" in line
+    )
+
+
+def test_the_page_holds_no_markup_of_a_store(store: Path) -> None:
+    found = between(store, 25, 40.5)
+    odd = found.changes[0].model_copy(update={"aircraft": "<script>alert(1)</script>"})
+    page = digest_html(found.model_copy(update={"changes": (odd,)}))
+    assert "<script>" not in page
+    assert "&lt;script&gt;" in page
+
+
+def test_the_command_ends_with_0_whatever_is_new_unless_asked(run: Run, store: Path, tmp_path: Path) -> None:
+    since = (START + timedelta(days=25)).date().isoformat()
+    told = run("fleet", "digest", store, "--since", since, "--json", "--html", tmp_path / "d.html")
+    assert told.code == ExitCode.OK
+    assert {one["kind"] for one in json.loads(told.out)["changes"]} == {"new"}
+    assert "<h2>New findings</h2>" in (tmp_path / "d.html").read_text(encoding="utf-8")
+    news = run("fleet", "digest", store, "--since", since, "--fail-on-news")
+    assert news.code == ExitCode.DEGRADED
+    assert "D-G elevator" in news.out
+    later = datetime.now(UTC) + timedelta(days=1)
+    assert run("fleet", "digest", store, "--since", later.isoformat(), "--quiet").out == ""
+    assert run("fleet", "digest", store, "--since", "yesterday").code == ExitCode.USAGE
+
+
+def test_the_list_is_sorted_by_how_actuators_stand(run: Run, store: Path) -> None:
+    rows = worst(store)
+    assert [row.aircraft for row in rows] == ["D-G", "D-S"]
+    assert rows[0].standing is not None
+    assert rows[0].standing.growth is not None
+    told = run("fleet", "worst", store, "-n", "1")
+    assert told.code == ExitCode.DEGRADED
+    assert "D-G elevator: DEGRADED since flight " in told.out
+    assert "until emergency" in told.out
+    assert "the 1 worst are shown" in told.out

@@ -1,0 +1,122 @@
+"""Growth over flights: asked after every flight, on histories with and without it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import stats
+
+from mavhums.health.decision.growth import Course, course_of, last_step
+from mavhums.health.decision.thresholds import TREND_FLIGHTS
+
+Array = NDArray[np.float64]
+
+LIMIT = 0.375
+LEVEL = 0.225
+
+
+def history(
+    seed: int, flights: int, slope: float = 0.0, *, begin: int = 0, scatter: float = 0.05
+) -> tuple[Array, Array, Array]:
+    """Numbers, values and errors of flights; the friction grows from flight ``begin`` on."""
+    rng = np.random.default_rng([seed, flights])
+    numbers = np.arange(1.0, flights + 1)
+    grown = slope * np.maximum(numbers - begin, 0)
+    return numbers, LEVEL + grown + LEVEL * scatter * rng.standard_normal(flights), np.full(flights, 0.002)
+
+
+def course(numbers: Array, values: Array, errors: Array, begin: int = 0) -> Course:
+    found = course_of(numbers, values, errors, begin=begin)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize(("begin", "flights"), [(0, 40), (40, 30), (100, 25)])
+def test_growth_is_certain_before_its_limit_whenever_it_begins(begin: int, flights: int) -> None:
+    """Ten flights before it crosses the limit; the growth may be as old as the aircraft or late."""
+    found = [
+        course(*history(seed, begin + flights - 10, (LIMIT - LEVEL) / flights, begin=begin))
+        for seed in range(40)
+    ]
+    assert sum(one.grows for one in found) >= 38
+    inside = [one.flights_left(LIMIT) for one in found if one.grows]
+    assert np.mean([low <= 10 <= high for low, _, high in inside]) >= 0.85
+    assert np.median([one.since for one in found]) == pytest.approx(begin, abs=6)
+
+
+@pytest.mark.parametrize("scatter", [0.03, 0.1])
+def test_no_growth_is_found_at_any_of_many_looks(scatter: float) -> None:
+    for seed in range(6):
+        numbers, values, errors = history(1000 + seed, 120, scatter=scatter)
+        looks = [course_of(numbers[:n], values[:n], errors[:n]) for n in range(TREND_FLIGHTS, 121, 4)]
+        assert not any(look is not None and look.grows for look in looks)
+
+
+def test_the_evidence_is_the_bayes_factor_of_a_slope() -> None:
+    """Integrated by hand over the slope, for one beginning: level and scatter have the right Haar prior."""
+    numbers, values, errors = history(3, 8, 0.002)
+    found = course(numbers, values, errors)._courses
+    centred = numbers - numbers.mean()
+    total = np.sum((values - values.mean()) ** 2)
+    slopes, step = np.linspace(-60, 60, 240_001, retstep=True)  # in standard deviations of a flight
+    expected = []
+    for scale in (0.03, 0.1, 0.4):
+        share = np.sum(centred**2) / (np.sum(centred**2) + scale**-2)
+        rest = total - share * np.sum(centred * values) ** 2 / np.sum(centred**2)
+        error = np.sqrt(rest / 7 / (np.sum(centred**2) + scale**-2))
+        middle = share * np.sum(centred * values) / np.sum(centred**2)
+        rising = 2 * np.sum(stats.t.pdf(slopes[slopes > 0], 7, middle / error)) * step
+        expected.append(np.sqrt(1 - share) * (total / rest) ** 3.5 * rising)
+    inflation = found.variance[0] / (np.sum(found.residuals**2) / found.freedom)
+    if inflation == pytest.approx(1.0):
+        assert np.exp(found.log_odds[0]) == pytest.approx(0.5 * np.mean(expected), rel=1e-3)
+    assert found.first[0] == 0
+
+
+def test_one_flight_far_off_is_no_growth_and_hides_none() -> None:
+    numbers, values, errors = history(4, 40)
+    values[-1] += 0.2
+    assert not course(numbers, values, errors).grows
+    numbers, values, errors = history(5, 40, 0.004)
+    values[20] += 0.3
+    found = course(numbers, values, errors)
+    assert found.grows
+    assert 20 in found.left_out
+
+
+def test_a_repair_that_nobody_recorded_is_a_step_and_the_same_wear_is_found_again() -> None:
+    numbers, values, errors = history(6, 70, 0.006)
+    values[45:] -= 0.006 * 45
+    place = last_step(values, errors)
+    assert place == 45
+    assert course(numbers, values, errors, begin=45).grows
+    assert last_step(*history(7, 70, 0.006)[1:]) is None
+    assert last_step(*history(8, 70, 0.02, begin=60)[1:]) is None
+
+
+@given(
+    st.lists(st.floats(-1e9, 1e9), min_size=TREND_FLIGHTS, max_size=20),
+    st.lists(st.floats(0, 1e9), min_size=20, max_size=20),
+    st.floats(-1e9, 1e9),
+)
+def test_any_numbers_have_ordered_flights_left(
+    values: list[float], errors: list[float], limit: float
+) -> None:
+    n = len(values)
+    found = course(np.arange(1.0, n + 1), np.array(values), np.array(errors[:n]))
+    low, middle, high = found.flights_left(limit)
+    assert 0 <= low <= middle <= high
+    assert np.isfinite(found.per_flight.estimate)
+    last_step(np.array(values), np.array(errors[:n]))
+
+
+@pytest.mark.parametrize("value", [0.0, 0.2, -3e5])
+def test_flights_that_agree_to_the_last_digit_do_not_grow(value: float) -> None:
+    for n in (TREND_FLIGHTS, 60):
+        found = course(np.arange(1.0, n + 1), np.full(n, value), np.full(n, 0.002))
+        assert not found.grows
+        assert found.level.estimate == pytest.approx(value, abs=1e-3)
+        assert last_step(np.full(n, value), np.full(n, 0.002)) is None

@@ -1,0 +1,98 @@
+"""How an actuator stands over its flights: a limit that was crossed, growth, and unrecorded repairs."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import numpy as np
+import pytest
+
+from mavhums.core.conditions import Condition
+from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.trends import trend_report, with_standings
+from mavhums.health.decision.baseline import Baseline
+from mavhums.report.standing import Standing
+from tests.flights import START, flown, shown, verdict
+
+
+def history(values: list[float], *, scatter: float = 0.0, alone: float = 0.02) -> FlightHistory:
+    """Flights of an elevator; each alone is degraded only where it lies far above the limit."""
+    rng = np.random.default_rng(len(values))
+    flights = []
+    for day, value in enumerate(values):
+        seen = value + scatter * float(rng.standard_normal())
+        condition: Condition = "degraded" if seen > 0.375 + alone else "normal"
+        flights.append(PastFlight.of(flown(verdict(shown(seen), condition=condition), day=day)))
+    return FlightHistory(tuple(flights))
+
+
+def standing(values: list[float], **given: float) -> Standing:
+    (one,) = trend_report(history(values, **given)).standings
+    return one
+
+
+def test_a_limit_that_was_crossed_stays_crossed_until_five_flights_say_otherwise() -> None:
+    one = standing([0.2, 0.42, 0.36, 0.42, 0.36, 0.36])
+    assert (one.condition, one.last, one.since_flight, one.clear_flights) == ("degraded", "normal", 2, 2)
+    assert (one.quantity, one.limit) == ("Coulomb friction", 0.375)
+    assert one.value is not None
+    assert one.value.estimate == pytest.approx(0.42)
+    cleared = standing([0.2, 0.42, *[0.36] * 5])
+    assert (cleared.condition, cleared.since_flight) == ("normal", None)
+
+
+def test_an_interval_above_the_limit_is_enough_for_the_state() -> None:
+    one = standing([0.2, 0.2, 0.385])  # 0.381 to 0.389, and normal as a flight alone
+    assert (one.last, one.condition, one.since_flight) == ("normal", "degraded", 3)
+
+
+def test_flights_that_could_not_be_judged_end_nothing() -> None:
+    blind = (PastFlight.of(flown(verdict(condition="undecided"), day=day)) for day in range(2, 9))
+    (one,) = trend_report(FlightHistory((*history([0.2, 0.42]).flights, *blind))).standings
+    assert (one.condition, one.last, one.clear_flights) == ("degraded", "undecided", 0)
+
+
+def test_a_repair_ends_the_state_recorded_or_not() -> None:
+    worn = [0.45] * 12
+    mended = [*worn, 0.21, 0.22, 0.21]
+    unrecorded = standing(mended, scatter=0.004)
+    assert unrecorded.condition == "normal"
+    assert unrecorded.step is not None
+    assert (unrecorded.step.flight, unrecorded.step.better) == (13, True)
+    recorded = trend_report(history(mended[:13]), repaired={"elevator": START + timedelta(days=11.5)})
+    assert recorded.standings[0].condition == "normal"
+    assert standing(mended[:13], scatter=0.004).condition == "degraded"
+
+
+def test_what_grows_is_told_with_the_dates_of_its_limits_before_it_reaches_them() -> None:
+    grown = history([0.21 + 0.005 * day for day in range(24)], scatter=0.008)
+    one = trend_report(grown).standings[0]
+    assert one.condition == "normal"
+    assert one.growth is not None
+    left = one.growth.to_degraded
+    assert left is not None
+    assert left.low <= (0.375 - 0.21) / 0.005 - 23 <= (left.high or np.inf)
+    assert left.expected_utc is not None
+    assert left.expected_utc > "2026-03-24"
+    assert one.growth.to_emergency is not None
+    assert one.is_finding
+
+
+def test_a_flight_and_its_history_never_contradict_each_other() -> None:
+    """The last flight alone is normal; the assessment says that it grows, and does not end with 0."""
+    flights = history([0.21 + 0.005 * day for day in range(24)], scatter=0.008).flights
+    *before, last = flights
+    told = with_standings(last.assessment, FlightHistory(tuple(before)), None)
+    assert told.verdicts == last.assessment.verdicts
+    assert told.standings[0].growth is not None
+    assert told.exit_code.name == "DEGRADED"
+    assert with_standings(last.assessment, FlightHistory(), None) == last.assessment
+
+
+def test_the_baseline_is_the_level_before_the_growth() -> None:
+    grown = [shown(0.213 + 0.005 * day + 0.004 * np.cos(2.4 * day)) for day in range(20)]
+    known = Baseline.of(grown)
+    assert known is not None
+    assert known.mean == pytest.approx(0.213, abs=0.008)
+    prediction = known.prediction()
+    assert prediction.high - prediction.low < 0.03
