@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mavhums.actuator.freshness import Freshness
 from mavhums.actuator.profile import load_airframe
 from mavhums.core import startup
 from mavhums.engine.engine import Engine
@@ -19,7 +20,7 @@ from mavhums.learn import packaged_models
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.stamping import Piece, Stamper
 
-__all__ = ["warm_up"]
+__all__ = ["compile_rare_loops", "warm_up"]
 
 _RATE_HZ = 20
 _DURATION_S = 25
@@ -52,16 +53,21 @@ def warm_up() -> int:
         on_board = Engine(EngineOptions())
         on_board.feed(log)
         on_board.finish()
+    compile_rare_loops()
+    return compiled
+
+
+def compile_rare_loops() -> None:
+    """Compile what no flight of 25 s with sound telemetry needs."""
     rates = np.zeros(_RATE_HZ)
     Lag(1.0).feed(rates)
     AttitudeResponse(1.0).feed(rates)
-    # No flight of 25 s is enough to judge a motor.
+    Freshness(1.0).reasons()
     motors, still = np.zeros((1, 4)), np.zeros(1, dtype=bool)
     follow(
         motors, np.zeros((1, 3)), np.ones(1), still, still,
         np.zeros((4, 3)), rules_for(4), new_state(4), np.zeros((1, COLUMNS)),
     )  # fmt: skip
-    return compiled
 
 
 def _dataflash() -> bytes:

@@ -17,6 +17,7 @@ import numpy as np
 from mavhums.actuator.profile import load_airframe
 from mavhums.app.analysis import with_aircraft_identity
 from mavhums.app.settings import Options, Settings
+from mavhums.app.warm_up import compile_rare_loops
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
 from mavhums.core.quantities import KEYS
@@ -190,6 +191,7 @@ def _warm_up(options: EngineOptions) -> None:
     list(Monitor(0, airframe.actuators[0]).feed(samples, np.zeros((samples.size, len(KEYS)))))
     for model in options.models:
         model.votes(np.zeros((1, len(KEYS))))
+    compile_rare_loops()
 
 
 class SeenSignatures:

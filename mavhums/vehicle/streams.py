@@ -144,7 +144,7 @@ def body_rates(before: Array, after: Array, step_s: float) -> Array:
 
     Examples
     --------
-    >>> body_rates(np.zeros((1, 3)), np.array([[0.01, 0.0, 0.0]]), 0.05).tolist()
+    >>> body_rates(np.zeros((1, 3)), np.array([[0.01, 0.0, 0.0]]), 0.05).round(6).tolist()
     [[0.2, 0.0, 0.0]]
     """
     change = (after - before + np.pi) % (2 * np.pi) - np.pi

@@ -20,6 +20,7 @@ from mavhums.vehicle.facts import ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.signals import all_outputs
+from mavhums.vehicle.streams import DERIVED
 
 __all__ = ["Loss", "MotorFindings", "MotorMonitor", "condition_of"]
 
@@ -108,18 +109,19 @@ class MotorMonitor:
             flat = {
                 name: values[a:b].reshape(-1, values.shape[-1]) for name, values in seconds.signals.items()
             }
+            # The change of the attitude comes too late and too smooth for what a motor does within 0.5 s.
+            derived = np.repeat(seconds.ranks["rates"][a:b] == DERIVED, RATE_HZ)
+            flat["rates"] = np.where(derived[:, None], np.nan, flat["rates"])
             yield from self._rows(int(seconds.index[a]), flat)
 
     def _rows(self, first: int, flat: dict[str, Array]) -> Iterator[ConditionChanged]:
-        gyro = np.asarray(np.isfinite(flat["rates"]).all(axis=1))
-        rates = np.where(gyro[:, None], flat["rates"], flat["slow_rates"])
         spacing = flat["outputs_spacing"][:, 0]
         upright = np.cos(flat["attitude"][:, 0]) * np.cos(flat["attitude"][:, 1])
-        found = np.zeros((len(rates), evidence.COLUMNS))
         thrusts = self.rotors.thrusts(all_outputs(flat), flat["mixer"])
+        found = np.zeros((len(thrusts), evidence.COLUMNS))
         evidence.follow(
             thrusts,
-            rates,
+            flat["rates"],
             upright,
             np.asarray(flat["landed"][:, 0] == ON_GROUND),
             np.asarray(spacing > 1.0 / SLOW_HZ),

@@ -74,7 +74,7 @@ def verdicts_of_motors(
         for words, names in (
             ("the outputs of its motors", {"outputs"}),
             ("the attitude", {"attitude"}),
-            ("the body rates", {"rates", "slow_rates"}),
+            ("the body rates", {"rates"}),
         )
         if not names & flight.heard
     ]
