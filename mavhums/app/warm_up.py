@@ -112,7 +112,9 @@ def _frames() -> Iterator[tuple[int, bytes]]:
 
 def _messages(v2: Any, time_s: float) -> Iterator[Any]:
     angle_deg, speed_rpm = 20 * math.sin(time_s), 1000 * math.cos(time_s)
-    amps, stamp_us = math.copysign(0.1, speed_rpm), round(time_s * 1e6) + 1_000_000
+    stamp_us = round(time_s * 1e6) + 1_000_000
+    # A current that only repeats itself would be no evidence, and nothing judged.
+    amps = math.copysign(0.1, speed_rpm) + 0.03 * math.sin(7 * time_s)
     volts = 22.6 * amps + 0.00153 * speed_rpm
     load, torque = 0.1 * math.sin(2 * time_s), 0.0146 * amps
     quantities = [angle_deg, 300 * angle_deg, angle_deg, volts, amps, volts * amps, speed_rpm, torque]

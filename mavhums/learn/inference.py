@@ -232,8 +232,6 @@ class Network(TanhNetwork):
         >>> network.votes(values)
         array([ 0,  1, -1], dtype=int8)
         """
-        from mavhums.learn.inference import vote
-
         array = _samples(values)
         low, high = self._envelope(margin)
         return np.asarray(vote(array, self._columns, low, high, *self._in_units))

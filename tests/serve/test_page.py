@@ -230,7 +230,7 @@ def test_a_fleet_is_listed_worst_first_and_leads_to_its_flights(store: Path, bro
         assert len(plots) >= 4
         assert plots[0].count("L") == 8, "nine flights"
         text = browser.js("document.body.innerText")
-        assert "RUL:" in text
+        assert "until emergency" in text
         assert "95 % interval" in text
         assert violations(browser) == []
         browser.size(390)

@@ -79,7 +79,7 @@ GROWTH_FLIGHTS: Final = 5
 
 # Slopes that are sought, in standard deviations of a flight: from a limit in 300 flights at 3 % scatter to
 # one in 10 at 10 %. The false alarms do not depend on them.
-GROWTH_SCALES: Final = (0.03, 0.1, 0.4)
+GROWTH_SCALES: Final = (0.03, 0.1, 0.4, 1.6)
 
 # Least size of a step, in standard errors by the scatter of neighbours, which weather that lasts makes too
 # small; flights whose median is taken on either side, flights through which a line must be unlikely, and
