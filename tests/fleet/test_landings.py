@@ -67,6 +67,7 @@ def test_a_scan_whose_tidying_fails_has_not_failed(
     assert fleet.verdicts(tmp_path / "store", "D-A")
 
 
+@pytest.mark.slow
 def test_fleet_commands_say_nothing_on_standard_error(log: bytes, tmp_path: Path) -> None:
     store = tmp_path / "store"
     command("warm-up")

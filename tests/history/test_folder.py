@@ -49,10 +49,10 @@ flights = st.builds(
 
 
 @given(
-    several=st.lists(flights, max_size=60),
+    several=st.lists(flights, max_size=35),
     before=st.integers(0, 20),
     since=st.dictionaries(st.sampled_from(["elevator", "rudder", None]), st.integers(0, 15)),
-    again=st.integers(0, 60),
+    again=st.integers(0, 35),
 )
 @settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_the_checkpoint_gives_the_same_as_the_whole_folder(
