@@ -13,6 +13,7 @@ import argparse
 from collections.abc import Callable
 
 import numpy as np
+from trend import following, normal
 
 from mavhums.core.arrays import Array
 from mavhums.health.decision.growth import Course, course_of, last_step
@@ -22,20 +23,8 @@ LEVEL, LIMIT, FLIGHTS = 0.225, 0.375, 200
 SCATTERS = (0.03, 0.05, 0.10)
 
 
-def normal(rng: np.random.Generator, n: int) -> Array:
-    return rng.standard_normal(n)
-
-
 def heavy(rng: np.random.Generator, n: int) -> Array:
     return np.asarray(rng.standard_t(3, n) / np.sqrt(3))
-
-
-def following(rng: np.random.Generator, n: int) -> Array:
-    """Weather that lasts: the effect of a flight has an autocorrelation of one half."""
-    scatter = rng.standard_normal(n)
-    for k in range(1, n):
-        scatter[k] = 0.5 * scatter[k - 1] + np.sqrt(0.75) * scatter[k]
-    return scatter
 
 
 DRAWS: dict[str, Callable[[np.random.Generator, int], Array]] = {

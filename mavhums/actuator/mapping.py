@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,6 +108,15 @@ class Mapped:
     bus_v: Array | None = None
     magnitudes: Array | None = None
     refused: Flags | None = None
+
+    def evidence(self) -> Mapped:
+        """Return the samples without the values that are no evidence."""
+        if self.refused is None:
+            return self
+        values, magnitudes = np.where(self.refused, np.nan, self.values), self.magnitudes
+        if magnitudes is not None:
+            magnitudes = np.where(self.refused[:, MAGNITUDES], np.nan, magnitudes)
+        return replace(self, values=values, magnitudes=magnitudes)
 
 
 @dataclass(slots=True, eq=False)

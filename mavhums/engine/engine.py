@@ -7,7 +7,7 @@ of its own. The verdicts do not depend on how the input is cut into blocks.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import pairwise
 from typing import Final
@@ -15,10 +15,9 @@ from typing import Final
 import numpy as np
 
 from mavhums.actuator.contradictions import against_log, remedy
-from mavhums.actuator.mapping import MAGNITUDES, Mapped, Mapper, messages_for
+from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
-from mavhums.core.arrays import Flags
 from mavhums.engine.axes import SIGNAL_MESSAGES, Axes
 from mavhums.engine.drops import with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Forgotten, Notice, Samples
@@ -44,12 +43,7 @@ from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.axis import verdict_of_axis
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.log import Decoder, Table
-from mavhums.report.assessment import (
-    ALL,
-    Assessment,
-    LogSummary,
-    Verdict,
-)
+from mavhums.report.assessment import ALL, Assessment, LogSummary, Verdict
 from mavhums.report.sections import FlightIdentity
 from mavhums.report.usage import VehicleUsage
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
@@ -276,8 +270,7 @@ class Engine:
         actuator = mapped.actuator
         time_s = (mapped.utc_us - (self._decoder.first_time_us or 0)) / 1e6
         yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)
-        if mapped.refused is not None:
-            mapped = _evidence(mapped, mapped.refused)
+        mapped = mapped.evidence()
         airspeed = self._airspeeds.at(mapped.vehicle, mapped.utc_us)
         refused = self._axes.told(mapped.vehicle).refused(actuator.name, time_s)
         edges = (np.flatnonzero(np.diff(refused)) + 1).tolist()
@@ -395,14 +388,6 @@ class Engine:
 
     def _flight_time(self, time_us: int) -> float:
         return (time_us - (self._decoder.first_time_us or 0)) / 1e6
-
-
-def _evidence(mapped: Mapped, refused: Flags) -> Mapped:
-    """Return samples without the values that are no evidence."""
-    values, magnitudes = np.where(refused, np.nan, mapped.values), mapped.magnitudes
-    if magnitudes is not None:
-        magnitudes = np.where(refused[:, MAGNITUDES], np.nan, magnitudes)
-    return replace(mapped, values=values, magnitudes=magnitudes)
 
 
 def _utc(time_us: int) -> datetime:

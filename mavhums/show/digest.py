@@ -207,6 +207,12 @@ def _of_the_flight(assessment: Assessment, without_wings: Sequence[str]) -> str:
         bare = [surface.removesuffix(f" (moves with {worst[0].actuator})") for surface in worst[0].surfaces]
         text = f"{text}, {' or '.join(bare)}"
     since = worst[0].since if past is None else None
+    if since and not since.flight_time_s and word == "degraded":
+        # A fault that is there from the first second began in an earlier flight, where one shows it.
+        for one in assessment.standings:
+            known = (one.vehicle, one.actuator) == (worst[0].vehicle, worst[0].actuator)
+            if known and one.since_flight and one.since_flight < one.flights:
+                return f"{text} {since_words(one)}"
     return f"{text} since {clock(since.flight_time_s)}" if since else text
 
 

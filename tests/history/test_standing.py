@@ -11,7 +11,9 @@ from mavhums.core.conditions import Condition
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.trends import trend_report, with_standings
 from mavhums.health.decision.baseline import Baseline
+from mavhums.report.assessment import Since
 from mavhums.report.standing import Standing
+from mavhums.show.digest import headline
 from tests.flights import START, flown, shown, verdict
 
 
@@ -87,6 +89,17 @@ def test_a_flight_and_its_history_never_contradict_each_other() -> None:
     assert told.standings[0].growth is not None
     assert told.exit_code.name == "DEGRADED"
     assert with_standings(last.assessment, FlightHistory(), None) == last.assessment
+
+
+@pytest.mark.parametrize(
+    ("since_s", "said"), [(0.0, "DEGRADED since flight 3 of 5 (2026-03-03)"), (60.0, "DEGRADED since 1m00s")]
+)
+def test_a_fault_of_an_earlier_flight_is_not_dated_to_this_one(since_s: float, said: str) -> None:
+    *before, last = history([0.2, 0.2, 0.5, 0.5, 0.5]).flights
+    [judged] = last.assessment.verdicts
+    judged = judged.model_copy(update={"since": Since(flight_time_s=since_s, utc=START.isoformat())})
+    now = last.assessment.model_copy(update={"verdicts": (judged,)})
+    assert said in headline(with_standings(now, FlightHistory(tuple(before)), None))
 
 
 def test_the_baseline_is_the_level_before_the_growth() -> None:

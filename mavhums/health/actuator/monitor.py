@@ -318,7 +318,7 @@ class Monitor:
                 # Where a network decides the friction, the physics is shown and changes nothing.
                 if fault in deciding:
                     steps.setdefault(k, []).append(step)
-        friction = _intervals(looks["friction"]) if "friction" in looks else {}
+        friction = looks["friction"].intervals() if "friction" in looks else {}
         ballots = votes[whole].astype(np.int64)
         if self._by_window:
             voted = window_outcomes(self._networks, ballots, sums[whole])
@@ -393,12 +393,3 @@ class Monitor:
         said, condition = vote.p_emergency if vote else None, self._held.condition
         start_s, name = end_s - self._window_s, self.actuator.name
         return Window(self.vehicle, name, start_s, end_s, moving, friction, said, condition)
-
-
-def _intervals(look: WindowEvaluation) -> dict[int, Interval]:
-    """Return the 95 % intervals of the windows with evidence, by window."""
-    value, half = look.own.value, look.half
-    return {
-        k: Interval(estimate=float(value[k]), low=float((value - half)[k]), high=float((value + half)[k]))
-        for k in np.flatnonzero(np.isfinite(value)).tolist()
-    }

@@ -28,6 +28,7 @@ from mavhums.health.decision.thresholds import (
 )
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.thresholds import WINDOW_SLOTS
+from mavhums.report.assessment import Interval
 
 _CONDITIONS: dict[int, Condition] = {-1: "undecided", 0: "normal", 1: "degraded", 2: "emergency"}
 
@@ -158,6 +159,14 @@ class WindowEvaluation(NamedTuple):
     half: Array
     severity: Integers
     sure: Flags
+
+    def intervals(self) -> dict[int, Interval]:
+        """Return the 95 % intervals of the windows with evidence, by window."""
+        value, half = self.own.value, self.half
+        return {
+            k: Interval(estimate=float(value[k]), low=float((value - half)[k]), high=float((value + half)[k]))
+            for k in np.flatnonzero(np.isfinite(value)).tolist()
+        }
 
 
 class Panel:
