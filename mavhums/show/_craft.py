@@ -88,10 +88,12 @@ class Motor:
         )  # fmt: skip
         disc = rr.Ellipsoids3D(
             centers=[(ahead * _ARM, left * _ARM, 0.06)], half_sizes=[(radius, radius, _THICK)],
-            colors=[_GREY], fill_mode="solid", labels=[name], show_labels=True,
+            fill_mode="solid", labels=[name], show_labels=True,
         )  # fmt: skip
         stream.log(path.rsplit("/", 1)[0], arm, static=True)
         stream.log(path, disc, static=True)
+        # Not static: the viewer shows what is static instead of what changes with time.
+        self.colour([0.0], [_GREY])
 
     def move(self, time_s: Array, values: Array) -> None:
         """Do nothing: what a motor is asked for is not drawn as a movement."""
