@@ -10,7 +10,7 @@ import os
 import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from itertools import islice
 from multiprocessing import resource_tracker
@@ -21,6 +21,8 @@ from typing import Any, Final, NamedTuple, TypeVar
 __all__ = ["Lost", "in_processes"]
 
 _AHEAD: Final = 3  # items in work for each process, so that a slow item idles no other process
+# A wait without end misses a Ctrl-C that comes just before it begins: Python looks at signals between waits.
+_WAIT_S: Final = 0.2
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -75,9 +77,9 @@ def in_processes(
             item, future = ahead.popleft()
             try:
                 try:
-                    yield future.result()
+                    yield _result(future)
                 except ProcessExpired:
-                    yield pool.submit(item).result()
+                    yield _result(pool.submit(item))
             except ProcessExpired:
                 yield Lost()
             except TimeoutError:
@@ -85,6 +87,12 @@ def in_processes(
             most = jobs * _AHEAD
     finally:
         pool.end()
+
+
+def _result(future: Future[Result]) -> Result:
+    while not future.done():
+        wait([future], _WAIT_S)
+    return future.result()
 
 
 class _Pool:

@@ -203,6 +203,33 @@ def test_ctrl_c_while_a_process_starts_is_silent(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (130, "")
 
 
+INTERRUPTED_WAIT = """
+import os, signal, sys, threading, time
+from multiprocessing import resource_tracker
+from mavhums.core.process_pool import in_processes
+
+def interrupt(caller):
+    os.kill(caller, signal.SIGINT)
+    time.sleep(600)
+
+if __name__ == "__main__":
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+    resource_tracker.ensure_running()  # its start would unblock Ctrl-C
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # the thread takes it: the wait goes on
+    try:
+        list(in_processes(interrupt, [os.getpid()], 1))
+    except KeyboardInterrupt:
+        sys.exit(130)
+"""
+
+
+def test_ctrl_c_that_wakes_no_wait_is_seen(tmp_path: Path) -> None:
+    script = tmp_path / "interrupted.py"
+    script.write_text(INTERRUPTED_WAIT)
+    done = subprocess.run([sys.executable, script], check=False, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (130, "")
+
+
 def test_the_processes_end_with_a_command_that_is_killed(stuck: subprocess.Popen[str]) -> None:
     children = psutil.Process(stuck.pid).children(recursive=True)
     assert children
