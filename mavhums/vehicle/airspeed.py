@@ -174,11 +174,13 @@ class Speed:
         """Return the airspeed without the sensor, shape (k, RATE_HZ), and whether it is settled, of k."""
         winds, settled = [], []
         for velocity, attitude in zip(signals["velocity"][:, 0], signals["attitude"][:, 0], strict=True):
-            self._wind.step(velocity, float(attitude[2]))
+            self._wind.step(velocity[:2], float(attitude[2]))
             winds.append(self._wind.wind)
             settled.append(self._wind.is_settled)
-        relative = signals["velocity"] - np.array(winds)[:, None, :]
-        return np.hypot(relative[:, :, 0], relative[:, :, 1]), settled
+        relative = signals["velocity"][:, :, :2] - np.array(winds)[:, None, :]
+        # The wind is level, the flight need not be: in a climb or dive the air comes from ahead of the path.
+        down = np.nan_to_num(signals["velocity"][:, :, 2])
+        return np.sqrt((relative**2).sum(axis=2) + down**2), settled
 
 
 def _mean(values: Array) -> float:

@@ -56,7 +56,7 @@ CONTINUOUS: Final[Mapping[str, int]] = {
     "attitude": 3,  # roll, pitch, yaw, rad
     "demand": 2,  # commanded roll and pitch, rad
     "airspeed": 1,  # m/s
-    "velocity": 2,  # over ground, north and east, m/s
+    "velocity": 3,  # over ground, north, east and down, m/s
     "groundspeed": 1,  # m/s
     "altitude": 1,  # above where it started or above sea level, m
 }

@@ -75,7 +75,8 @@ def _outputs(count: int) -> Any:
 
 def _velocity(table: Table) -> Array:
     speed, course = table["Spd"].astype(np.float64), np.radians(table["GCrs"].astype(np.float64))
-    velocity = np.stack([speed * np.cos(course), speed * np.sin(course)], axis=1)
+    down = table["VZ"].astype(np.float64) if table.holds({"VZ": 1}) else np.zeros(len(table))
+    velocity = np.stack([speed * np.cos(course), speed * np.sin(course), down], axis=1)
     return np.where((table["Status"] >= _FIX)[:, None], velocity, np.nan)
 
 

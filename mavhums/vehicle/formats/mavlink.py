@@ -179,7 +179,7 @@ SOURCES: Final = (
     Source("demand", "NAV_CONTROLLER_OUTPUT", {"nav_roll": 1, "nav_pitch": 1}, _navigated),
     plain("airspeed", "VFR_HUD", "airspeed"),
     plain("groundspeed", "VFR_HUD", "groundspeed"),
-    plain("velocity", "GLOBAL_POSITION_INT", "vx", "vy", scale=0.01),
+    plain("velocity", "GLOBAL_POSITION_INT", "vx", "vy", "vz", scale=0.01),
     plain("altitude", "GLOBAL_POSITION_INT", "relative_alt", scale=1e-3),
     plain("altitude", "VFR_HUD", "alt"),
     plain("vtol", "EXTENDED_SYS_STATE", "vtol_state"),

@@ -187,7 +187,7 @@ SOURCES: Final = (
     plain("demand", "vehicle_attitude_setpoint", "roll_body", "pitch_body"),
     plain("airspeed", "airspeed", "indicated_airspeed_m_s"),
     plain("airspeed", "airspeed_validated", "indicated_airspeed_m_s"),
-    plain("velocity", "vehicle_local_position", "vx", "vy"),
+    plain("velocity", "vehicle_local_position", "vx", "vy", "vz"),
     Source("groundspeed", "vehicle_local_position", {"vx": 1, "vy": 1}, _ground_speed),
     plain("altitude", "vehicle_local_position", "z", scale=-1.0),
     Source("state", "vehicle_status", {"arming_state": 1, "system_type": 1, "nav_state": 1}, _state),
