@@ -15,15 +15,23 @@ AIRSPEED = 18.0
 WIND = np.array([4.0, -3.0])
 
 
-def circling(seconds: int, scale: Array, *, turn_s: float = 40.0, noise: float = 0.3) -> dict[str, Array]:
-    """Circles at one airspeed in one wind; the sensor reads ``scale``, shape (seconds,), times the truth."""
+def circling(
+    seconds: int, scale: Array, *, turn_s: float = 40.0, noise: float = 0.3, climb: float = 0.0
+) -> dict[str, Array]:
+    """Circles at one airspeed in one wind; the sensor reads ``scale``, shape (seconds,), times the truth.
+
+    After a minute it climbs and dives by turns, at up to ``climb`` m/s.
+    """
     t = np.arange(seconds * RATE_HZ) / RATE_HZ
     heading = (2 * np.pi * t / turn_s + np.pi) % (2 * np.pi) - np.pi
-    velocity = AIRSPEED * np.column_stack([np.cos(heading), np.sin(heading)]) + WIND
+    down = np.where(t > 60, climb * np.sin(2 * np.pi * t / 25.0), 0.0)
+    level = np.sqrt(AIRSPEED**2 - down**2)[:, None]
+    velocity = level * np.column_stack([np.cos(heading), np.sin(heading)]) + WIND
     random = np.random.default_rng(4)
     sensed = AIRSPEED * np.repeat(scale, RATE_HZ) + noise * random.normal(size=t.size)
     attitude = np.column_stack([np.zeros((t.size, 2)), heading])
     ground = np.hypot(*velocity.T)
+    velocity = np.column_stack([velocity, down])
     columns = {"velocity": velocity, "attitude": attitude, "airspeed": sensed, "groundspeed": ground}
     return {name: np.asarray(values).reshape(seconds, RATE_HZ, -1) for name, values in columns.items()}
 
@@ -59,6 +67,14 @@ def test_a_sensor_that_never_worked_takes_nothing_away() -> None:
     assert flags.all()
     assert (source == 1).all()
     assert speed[-20:] == pytest.approx(AIRSPEED, rel=0.05)
+
+
+def test_climbs_and_dives_are_no_lie_and_do_not_change_the_airspeed() -> None:
+    """At 14 m/s down the level part of 18 m/s is 11: without it the sensor would read 60 % too much."""
+    assert all(trusted(np.ones(400), climb=14.0))
+    speed, _, source = Speed().feed(circling(400, np.zeros(400), climb=14.0))
+    assert (source == 1).all()
+    assert speed[120 * RATE_HZ :] == pytest.approx(AIRSPEED, rel=0.12)
 
 
 def test_gusts_are_no_lie() -> None:

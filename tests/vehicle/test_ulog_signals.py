@@ -40,7 +40,11 @@ def test_every_topic_gives_its_signal() -> None:
         table("vehicle_attitude", [("q", "f4", (4,))], [([half, half, 0, 0],)]),
         table("vehicle_attitude_setpoint", [("q_d", "f4", (4,))], [([half, 0, half, 0],)]),
         table("airspeed", [("indicated_airspeed_m_s", "f4")], [(17.0,)]),
-        table("vehicle_local_position", [("vx", "f4"), ("vy", "f4"), ("z", "f4")], [(3.0, 4.0, -50.0)]),
+        table(
+            "vehicle_local_position",
+            [("vx", "f4"), ("vy", "f4"), ("vz", "f4"), ("z", "f4")],
+            [(3.0, 4.0, -1.0, -50.0)],
+        ),
         table(
             "vehicle_status",
             [("arming_state", "u1"), ("system_type", "u1"), ("nav_state", "u1")],
@@ -58,7 +62,7 @@ def test_every_topic_gives_its_signal() -> None:
     assert found["rates"].values.tolist() == [[1, 2, 3]]
     assert found["attitude"].values[0] == pytest.approx([np.pi / 2, 0, 0], abs=1e-6)
     assert found["demand"].values[0] == pytest.approx([0, np.pi / 2], abs=1e-3)
-    assert found["velocity"].values.tolist() == [[3.0, 4.0]]
+    assert found["velocity"].values.tolist() == [[3.0, 4.0, -1.0]]
     assert found["groundspeed"].values.tolist() == [[5.0]]
     assert found["altitude"].values.tolist() == [[50.0]]
     assert found["state"].values.tolist() == [[1, 12, 1, 3], [1, 12, 0, 4]]
