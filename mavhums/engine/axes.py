@@ -16,6 +16,7 @@ from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import reports
 from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.grid import Received
+from mavhums.vehicle.outputs import OUTPUT_PARAMETERS
 from mavhums.vehicle.parameters import Parameters, Sent
 from mavhums.vehicle.rotors import ROTOR_PARAMETERS
 from mavhums.vehicle.signals import SIGNAL_MESSAGES, SignalReader
@@ -23,7 +24,7 @@ from mavhums.vehicle.vtol import VTOL_PARAMETERS
 
 __all__ = ["SIGNAL_MESSAGES", "Axes", "VehicleAxes"]
 
-_FUNCTIONS: Final = ("SERVO", "PWM_", "HIL_ACT", *VTOL_PARAMETERS, *ROTOR_PARAMETERS)
+_FUNCTIONS: Final = (*OUTPUT_PARAMETERS, *VTOL_PARAMETERS, *ROTOR_PARAMETERS)
 
 
 class Axes:

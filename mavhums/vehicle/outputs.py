@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from mavhums.vehicle.parameters import Parameters
 
-__all__ = ["Output", "assigned_outputs", "control_surfaces"]
+__all__ = ["OUTPUT_PARAMETERS", "Output", "assigned_outputs", "control_surfaces"]
 
 _ARDUPILOT = {
     2: "flap",
@@ -44,6 +44,11 @@ _NO_SURFACES = {
     74: "right throttle",
     **{82 + k: f"motor {k + 9}" for k in range(4)},
 }
+_OLD_CHANNELS = (("ROLL", 1, 4), ("PITCH", 2, 19), ("THROTTLE", 3, 70), ("YAW", 4, 21))
+"""Channels of ArduPlane before 3.8: name in RCMAP_*, usual channel, and the function that it has since."""
+_OLD_MIXERS = ("ELEVON_MIXING", "ELEVON_OUTPUT", "VTAIL_OUTPUT")
+OUTPUT_PARAMETERS = ("SERVO", "PWM_", "HIL_ACT", "RC", "KFF_RDDRMIX", *_OLD_MIXERS)
+"""Beginnings of the names of parameters that tell what an output moves."""
 _PX4 = {
     1: "left aileron",
     2: "right aileron",
@@ -148,23 +153,29 @@ def control_surfaces(parameters: Parameters) -> list[Output]:
 
 
 def _ardupilot(values: Mapping[str, float]) -> Iterator[Output]:
+    # ArduPlane before 3.8: the first four channels go through, and RCn_* holds what SERVOn_* holds since.
+    old = "RC1_REV" in values and "KFF_RDDRMIX" in values
+    if old and any(values.get(name) for name in _OLD_MIXERS):
+        return  # which of two mixed outputs is which, and its direction, is told otherwise
+    stem, reverse_by, reversed_is = ("RC", "REV", -1) if old else ("SERVO", "REVERSED", 1)
+    through = {round(values.get(f"RCMAP_{name}", n)): one for name, n, one in _OLD_CHANNELS} if old else {}
     for n in range(1, _CHANNELS + 1):
-        function = values.get(f"SERVO{n}_FUNCTION")
+        function = through.get(n, values.get(f"{stem}{n}_FUNCTION"))
         if function not in _ARDUPILOT and function not in _NO_SURFACES:
             continue
-        names = (f"SERVO{n}_MIN", f"SERVO{n}_TRIM", f"SERVO{n}_MAX")
+        names = (f"{stem}{n}_MIN", f"{stem}{n}_TRIM", f"{stem}{n}_MAX")
         pwm_us, by, ends_by = _pulses(values, names, (1100, 1500, 1900))
-        reverse = values.get(f"SERVO{n}_REVERSED") == 1
+        direction = values.get(f"{stem}{n}_{reverse_by}", -reversed_is if old else 0)
         yield Output(
             n,
             (_ARDUPILOT | _NO_SURFACES)[int(function)],
-            f"SERVO{n}_FUNCTION = {function:g}",
+            f"channel {n} of ArduPlane before 3.8" if n in through else f"{stem}{n}_FUNCTION = {function:g}",
             pwm_us,
             by,
-            reverse,
+            direction == reversed_is,
             is_surface=function in _ARDUPILOT,
             ends_by=ends_by,
-            direction_by=f"SERVO{n}_REVERSED = {int(reverse)}",
+            direction_by=f"{stem}{n}_{reverse_by} = {direction:g}",
         )
 
 

@@ -8,6 +8,8 @@ import pytest
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.inference import inferred
+from mavhums.vehicle.outputs import control_surfaces
+from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import Demands, Moved, Surfaces
 from tests.health.axis.flights import Array, excited, rows, steady
 
@@ -65,3 +67,21 @@ def test_inferred_outputs_give_one_demand_whatever_their_travel() -> None:
     stuck[600:, 4] = stuck[600, 4]  # servo 5 is overridden
     rest = Demands(found).feed(stuck)[:, 0]
     assert rest[700:] == pytest.approx(whole[700:], abs=0.01)
+
+
+def old(**values: float) -> list[tuple[int, str, int, bool]]:
+    """The outputs of an ArduPlane before 3.8, which has no SERVOn_FUNCTION."""
+    known = {"KFF_RDDRMIX": 0.5, "RC1_REV": 1.0, "RC2_REV": -1.0, "RC2_MIN": 1068.0, "RC2_MAX": 1907.0}
+    found = control_surfaces(Parameters(1, False, known | {"RC2_TRIM": 1487.0} | values))
+    return [(one.servo, one.surface, one.pwm_us[1], one.is_reversed) for one in found]
+
+
+def test_arduplane_before_3_8_is_named_by_its_channels() -> None:
+    plain = [(1, "aileron", 1500, False), (2, "elevator", 1487, True), (4, "rudder", 1500, False)]
+    assert old() == plain
+    assert old(RC5_FUNCTION=4.0, RC6_FUNCTION=0.0) == [*plain, (5, "aileron", 1500, False)]
+    assert old(RCMAP_ROLL=4.0, RCMAP_YAW=1.0)[0][:2] == (1, "rudder")
+    assert old(ELEVON_MIXING=1.0) == old(VTAIL_OUTPUT=2.0) == []
+    assert old(ELEVON_MIXING=0.0) == plain
+    # A later version whose SERVOn_FUNCTION were not downloaded has RCn_REVERSED.
+    assert control_surfaces(Parameters(1, False, {"KFF_RDDRMIX": 0.5, "RC1_REVERSED": 0.0})) == []
