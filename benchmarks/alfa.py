@@ -1,6 +1,6 @@
 """Detection of failed surfaces on real flights from ordinary messages: detection, delay and named surface.
 
-    python benchmarks/alfa.py FOLDER [--airframe PROFILE]
+    python benchmarks/alfa.py FOLDER [--airframe PROFILE] [--radio N]
 
 FOLDER holds flights and a ``labels.csv``: of the ALFA data set (Keipour, Mousaei, Scherer, IJRR 2021, doi
 10.1177/0278364920966642), or of flights labelled by boot time. Where the logs carry no parameters, as ALFA's,
@@ -9,6 +9,9 @@ given, and with the outputs inferred from each flight's own beginning.
 
 Frozen servo outputs, ``DISABLE_*`` parameters and STATUSTEXT are never evidence. Delays count to the end of
 the second of data that made the finding certain; live, it settles once every stream has passed it.
+
+``--radio`` sends each .tlog through N draws of a radio's latency and losses as well, and tells which
+conditions and which delays depend on the draw.
 
 For comparison: A. Keipour, M. Mousaei, S. Scherer, "Automatic real-time anomaly detection for autonomous
 aerial vehicles", ICRA 2019: recursive least squares on commanded and flown attitude, 2.0 s and about 86 %
@@ -20,11 +23,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from statistics import median
 
-from _flown_faults import Outcome, judge, read_labels, summary
+from _flown_faults import Flight, Outcome, judge, judge_bytes, read_labels, summary
 
 from mavhums.log import Decoder, decode_blocks
 from mavhums.vehicle.parameters import Sent
+from mavhums_sim.perturb import perturb
 
 
 def main() -> None:
@@ -32,6 +37,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--airframe", default=None)
+    parser.add_argument(
+        "--radio", type=int, default=0, metavar="N", help="draws of a radio's latency and losses"
+    )
     arguments = parser.parse_args()
     flights = [*read_labels(arguments.folder)]
     told = _tells_functions(flights[0].path)
@@ -40,6 +48,8 @@ def main() -> None:
     _report(first, [judge(flight, named) for flight in flights])
     if not told:
         _report("outputs inferred from each flight", [judge(flight, None) for flight in flights])
+    if arguments.radio:
+        _report_draws([flight for flight in flights if flight.path.suffix == ".tlog"], named, arguments.radio)
 
 
 def _tells_functions(path: Path) -> bool:
@@ -55,6 +65,33 @@ def _report(title: str, outcomes: Sequence[Outcome]) -> None:
         print(_line(outcome))
     print()
     print("\n".join(summary(outcomes)))
+
+
+def _report_draws(flights: Sequence[Flight], named: str | Path | None, draws: int) -> None:
+    """Print what depends on the phase of the samples: conditions, faults found, and delays."""
+    print(f"\n## as recorded, and through {draws} draws of a radio\n")
+    differ, partly, faults, spreads, false = 0, 0, 0, [], 0
+    for flight in flights:
+        content = flight.path.read_bytes()
+        logs = [content, *(perturb(content, "radio", seed) for seed in range(draws))]
+        outcomes = [judge_bytes(flight, [log], named) for log in logs]
+        conditions = {tuple(sorted(outcome.conditions.items())) for outcome in outcomes}
+        differ += len(conditions) > 1
+        false += sum(bool(outcome.false_alarms()) for outcome in outcomes)
+        told = [", ".join(f"{axis} {condition}" for axis, condition in one) for one in sorted(conditions)]
+        for fault in (fault for fault in flight.faults if not fault.confounds):
+            found = [outcome.found(fault) for outcome in outcomes]
+            delays = [alarms[0].time_s - fault.start_s for alarms in found if alarms]
+            faults += 1
+            partly += 0 < len(delays) < len(found)
+            spreads += [max(delays) - min(delays)] if delays else []
+            told.append(f"{fault.surface} found in {len(delays)} of {len(found)}")
+            told[-1] += f" after {min(delays):.0f} to {max(delays):.0f} s" if delays else ""
+        print(f"{flight.path.name}: {'; '.join(told)}")
+    moved = f"{median(spreads or [0.0]):.0f} s in the median, {max(spreads or [0.0]):.0f} s at most"
+    print(f"\nconditions differ in {differ} of {len(flights)} flights")
+    print(f"faults that are found in some draws only: {partly} of {faults}; delays move by {moved}")
+    print(f"logs with a false alarm: {false} of {len(flights) * (draws + 1)}")
 
 
 def _line(outcome: Outcome) -> str:

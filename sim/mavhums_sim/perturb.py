@@ -21,6 +21,7 @@ __all__ = [
     "patch_parameters",
     "perturb",
     "repeat_parameters",
+    "through_radio",
     "without_parameters",
 ]
 
@@ -31,6 +32,8 @@ _GAPS_S = (1.0, 60.0)
 _FLIPPED = (1e-5, 1e-3)  # share of the bytes with a flipped bit
 _PAUSE_US = 100_000  # at most, between the parameters of a list
 _PLACES = (1, 20)  # of damage in one log
+_LATENCY_SHAPE, _LATENCY_S = 1.5, 0.03  # gamma: a telemetry radio, 0.045 s in the mean
+_LOST = (0.005, 0.013)  # share of the frames
 _STREAMS = (26, 27, 30, 33, 36, 62, 74, 83, 105, 116)  # IMUs, attitude, position, outputs, demand, airspeed
 
 Random = np.random.Generator
@@ -194,6 +197,19 @@ def _gaps(tlog: bytes, rng: Random) -> bytes:
     return _kept(frames, keep)
 
 
+def through_radio(tlog: bytes, rng: Random) -> bytes:
+    """Let each frame arrive late by a random time, none before an earlier one, and lose one in a hundred."""
+    frames = _frames(tlog)
+    late_us = rng.gamma(_LATENCY_SHAPE, _LATENCY_S * 1e6, len(frames.data)).astype(np.int64)
+    stamps = np.maximum.accumulate(frames.time_us + late_us).tolist()
+    lost = rng.random(len(frames.data)) < rng.uniform(*_LOST)
+    return b"".join(
+        stamp.to_bytes(_STAMP, "big") + frame[_STAMP:]
+        for stamp, frame, gone in zip(stamps, frames.data, lost.tolist(), strict=True)
+        if not gone
+    )
+
+
 def _swapped(tlog: bytes, rng: Random) -> bytes:
     half = round(len(tlog) * rng.uniform(0.3, 0.7))
     return tlog[half:] + tlog[:half]
@@ -216,6 +232,7 @@ KINDS: Mapping[str, Callable[[bytes, Random], bytes]] = {
     "pieces repeated": _repeated,
     "gaps": _gaps,
     "halves swapped": _swapped,
+    "radio": through_radio,
 }
 """Changes by name."""
 
