@@ -15,7 +15,6 @@ import numpy as np
 
 from mavhums.core.arrays import Array
 from mavhums.health.estimation.thresholds import (
-    EXPECTED_ERROR_PROBABILITY,
     NATURAL_SCATTER_FREEDOM,
     NATURAL_SCATTER_SHARE,
     STATED_ERROR_FREEDOM,
@@ -130,14 +129,13 @@ class CommonError:
         return cls(float(np.exp(mean)), worth)
 
     def with_own(self, variance: float, freedom: float, information: float) -> tuple[float, float]:
-        """Return the variance of a flight with this jackknife, and its degrees of freedom."""
-        from scipy.special import fdtri
+        """Return the variance of a flight with this jackknife, and its degrees of freedom.
 
-        expected, total = self.variance / information, self.freedom + freedom
-        # Parts that differ by more than these flights lead to expect are not as theirs were: gusts.
-        if variance > expected * float(fdtri(freedom, self.freedom, EXPECTED_ERROR_PROBABILITY)):
-            return variance, freedom
-        return (self.freedom * expected + freedom * variance) / total, total
+        A larger one of its own counts in full: gusts that no flight before had must not pass for chance.
+        """
+        total = self.freedom + freedom
+        moderated = (self.freedom * self.variance / information + freedom * variance) / total
+        return (variance, freedom) if variance > moderated else (moderated, total)
 
 
 def scattering_share(design: Array, values: Array, errors: Array) -> tuple[float, float]:

@@ -69,10 +69,6 @@ NATURAL_SCATTER_FREEDOM: Final = 9.0
 # (benchmarks/promised.py); more of it hides rises where motions recur.
 STATED_ERROR_FREEDOM: Final = 2.0
 
-# Probability with which a flight's error is taken for one of those before it: a higher one takes gusts for
-# chance, a lower one lets chance hide rises (benchmarks/promised.py, rougher flights).
-EXPECTED_ERROR_PROBABILITY: Final = 0.99
-
 # Largest twist of the gear beside that of its stiffness; without a bound grave play under a small load
 # reads as twist. Set with benchmarks/severities.py, seeds 0–2 and 20–29.
 MOST_TWIST_PER_STIFFNESS: Final = 2.0
