@@ -9,7 +9,7 @@ from pathlib import Path
 from statistics import median
 
 from mavhums import Engine, load_airframe
-from mavhums.engine.events import ConditionChanged, Event
+from mavhums.engine.events import ConditionChanged, Event, Indication
 from mavhums.engine.options import EngineOptions
 from mavhums.log import read_blocks, read_log
 
@@ -60,12 +60,16 @@ class Flight:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What was found in a flight: the alarms, the conditions of the axes, and what could be judged."""
+    """What was found in a flight: the alarms, the conditions of the axes, and what could be judged.
+
+    ``bounded`` is by axis the number of seconds that exclude a loss of 40 %, or that measured one.
+    """
 
     flight: Flight
     alarms: tuple[ConditionChanged, ...]
     conditions: dict[str, str]
     judged: dict[str, tuple[int, int]]
+    bounded: dict[str, int]
     reasons: dict[str, str]
     surfaces: tuple[str, ...]
     flown_s: float
@@ -142,10 +146,22 @@ def judge_bytes(flight: Flight, blocks: Iterable[bytes], airframe: str | Path | 
         alarms,
         {v.actuator: v.condition for v in axes},
         {v.actuator: (v.coverage.decidable, v.coverage.windows) for v in axes},
+        {v.actuator: v.coverage.excluded + _measured(v.actuator, events) for v in axes},
         {v.actuator: v.reason or "" for v in axes},
         tuple(dict.fromkeys(s for v in axes for s in v.surfaces)),
         engine.flown_s(),
     )
+
+
+def _measured(axis: str, events: Sequence[Event]) -> int:
+    """Return the seconds in which the effectiveness of an axis with a fault was known."""
+    seconds, faulty = 0, False
+    for event in events:
+        if isinstance(event, ConditionChanged) and event.actuator == axis:
+            faulty = event.after in ALARMS
+        elif faulty and isinstance(event, Indication) and event.actuator == axis:
+            seconds += len(event.end_s)
+    return seconds
 
 
 def summary(outcomes: Sequence[Outcome]) -> list[str]:
@@ -176,4 +192,13 @@ def summary(outcomes: Sequence[Outcome]) -> list[str]:
         f"false alarms: {len(false)} in {hours:.2f} h of fault-free flight "
         f"({len(false) / hours if hours else float('nan'):.2f} per hour)",
         f"engine failures and other confounders flagged as a surface: {flagged} of {engines}",
+        "seconds of forward flight with a verdict; that exclude a loss of 40 % or measured one: "
+        + ", ".join(_shares(outcomes, axis) for axis in ("roll", "pitch", "yaw")),
     ]
+
+
+def _shares(outcomes: Sequence[Outcome], axis: str) -> str:
+    flown_s = sum(outcome.flown_s for outcome in outcomes) or float("nan")
+    judged = sum(outcome.judged.get(axis, (0, 0))[0] for outcome in outcomes)
+    bounded = sum(outcome.bounded.get(axis, 0) for outcome in outcomes)
+    return f"{axis} {100 * judged / flown_s:.0f} %; {100 * bounded / flown_s:.0f} %"

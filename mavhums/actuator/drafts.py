@@ -63,7 +63,7 @@ class Draft(NamedTuple):
 
 
 @dataclass(slots=True)
-class _Vehicle:
+class _UnprofiledVehicle:
     """What a vehicle without a profile has sent: the times of its last parameter and its first telemetry."""
 
     parameter_us: int | None = None
@@ -75,7 +75,7 @@ class Drafts:
     """Follows the vehicles of a log, block after block."""
 
     def __init__(self) -> None:
-        self._vehicles: dict[int, _Vehicle] = {}
+        self._vehicles: dict[int, _UnprofiledVehicle] = {}
         self._sent = Sent()
         self._done: set[int] = set()
 
@@ -109,7 +109,7 @@ class Drafts:
         self, vehicle: int, told: list[Report], sent: dict[str, Table], tables: Mapping[str, Table]
     ) -> Draft | None:
         """Take one vehicle's messages up to the first at which its profile can be drafted."""
-        known = self._vehicles.setdefault(vehicle, _Vehicle())
+        known = self._vehicles.setdefault(vehicle, _UnprofiledVehicle())
         frames, times = _in_order([*sent.values()])
         told_frames, told_us = _in_order([report.table for report in told])
         while True:
@@ -133,7 +133,7 @@ class Drafts:
 
     def _take(
         self,
-        known: _Vehicle,
+        known: _UnprofiledVehicle,
         told: list[Report],
         sent: dict[str, Table],
         until: int,
@@ -155,7 +155,7 @@ class Drafts:
                     known.names.update(report.texts)
 
 
-def _first_settled(known: _Vehicle, sent: Places, told: Places) -> int | None:
+def _first_settled(known: _UnprofiledVehicle, sent: Places, told: Places) -> int | None:
     """Return the first row of telemetry long enough after the first one and after the last parameter."""
     frames, times = sent
     if not frames.size:

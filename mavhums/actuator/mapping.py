@@ -120,7 +120,7 @@ class Mapped:
 
 
 @dataclass(slots=True, eq=False)
-class _Track:
+class _ActuatorMapper:
     """Converts the readings of one actuator of one vehicle to samples."""
 
     vehicle: int
@@ -248,7 +248,7 @@ class Mapper:
         self.airframe = airframe
         self._vehicle = vehicle
         self._from_frame = from_frame
-        self._tracks: dict[tuple[int, str], _Track] = {}
+        self._tracks: dict[tuple[int, str], _ActuatorMapper] = {}
 
     def feed(self, tables: Mapping[str, Table], *, final: bool = False) -> list[Mapped]:
         """Return the samples that these messages complete, in time order for each actuator.
@@ -269,7 +269,7 @@ class Mapper:
             if key not in self._tracks:
                 actuator = readings[0].actuator
                 aligner = Aligner(_TRUST, actuator.response_lag_s)
-                self._tracks[key] = _Track(
+                self._tracks[key] = _ActuatorMapper(
                     key[0],
                     actuator,
                     aligner,

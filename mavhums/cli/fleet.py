@@ -40,7 +40,7 @@ _SHOWN_FAILURES = 20
 _UNITS = {"h": "hours", "d": "days", "w": "weeks"}
 
 
-class _Since(click.ParamType[datetime]):
+class _TimeParam(click.ParamType[datetime]):
     """A time: a date, or how long ago."""
 
     name = "time"
@@ -59,7 +59,7 @@ class _Since(click.ParamType[datetime]):
         return at if at.tzinfo else at.replace(tzinfo=UTC)
 
 
-_SINCE = _Since()
+_SINCE = _TimeParam()
 
 
 @click.group(short_help="Judge many aircraft's logs into one store.")

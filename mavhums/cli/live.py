@@ -77,7 +77,12 @@ _LEVELS = ("debug", "info", "warning", "error")
     type=click.IntRange(1, 250),
     default=194,
     show_default=True,
-    help="Component id of the alerts' sender.",
+    help="Component id of the sender of alerts and heartbeats.",
+)
+@click.option(
+    "--silent",
+    is_flag=True,
+    help="Send no HEARTBEAT. Without one an autopilot may hold back named values, or everything.",
 )
 @click.option(
     "--viewer",

@@ -100,13 +100,13 @@ def serve(
     compared with the flights of its aircraft in STORE, or with those in --history.
     """
     from mavhums.learn import load_model
-    from mavhums.serve import Limits, ServeOptions
+    from mavhums.serve import Quotas, ServeOptions
     from mavhums.serve import serve as serve_page
 
     if isinstance(options.model, str):
         load_model(options.model)  # a wrong name is refused now, not with the first log that somebody drops
     judging = replace(options, history=str(history) if history else None)
-    limits = Limits(
+    limits = Quotas(
         log_bytes=max_mb * 1_000_000,
         judge_s=float(max_seconds),
         memory_bytes=max_memory_mb << 20,

@@ -104,19 +104,19 @@ def refutation(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved], l
     return _told(axis, wrong, movers) if wrong and movers else ""
 
 
-class _Judged(NamedTuple):
+class _DemandCheck(NamedTuple):
     """Whether a demand was enough for a reference, and whether it raised an alarm."""
 
     referred: bool
     alarmed: bool
 
 
-def _judged(rows: Rows, axis: str, demand: Array, limits: AxisLimits) -> _Judged:
+def _judged(rows: Rows, axis: str, demand: Array, limits: AxisLimits) -> _DemandCheck:
     outputs = np.full_like(rows.outputs, np.nan)
     outputs[:, AXES.index(axis)] = demand
     monitor = AxisMonitor(0, limits)
     alarmed = any(rests_on_outputs(event) for event in monitor.feed(replace(rows, outputs=outputs)))
-    return _Judged(monitor.findings(axis).reference is not None, alarmed)
+    return _DemandCheck(monitor.findings(axis).reference is not None, alarmed)
 
 
 def rests_on_outputs(event: object) -> TypeGuard[ConditionChanged]:

@@ -28,7 +28,7 @@ _SATURATED_S: Final = 1.0
 """At full output in sum: shorter is a gust or a hard stop, as any flight has them."""
 
 
-class _Followed(Protocol):
+class _MotorUser(Protocol):
     """A vehicle as far as its motors' use is concerned."""
 
     motors: VehicleMotors
@@ -98,7 +98,7 @@ class VehicleMotors:
         yield from verdicts_of_motors(identity.vehicle, findings, self.rotors, flight, start_utc, received)
 
 
-def without_thrust_left(followed: _Followed) -> Iterator[str]:
+def without_thrust_left(followed: _MotorUser) -> Iterator[str]:
     """Yield one sentence on the motors that were asked for all they have: none was left to steer with."""
     rotors, outputs = followed.motors.rotors, followed.usage.outputs
     if not isinstance(rotors, Rotors):

@@ -20,7 +20,7 @@ from mavhums.vehicle.usage import OutputUse
 __all__ = ["vehicle_usage"]
 
 
-class _Known(NamedTuple):
+class _OutputFacts(NamedTuple):
     """The known facts about an output: its name, the source of the name, and its calibrated range."""
 
     name: str
@@ -61,13 +61,15 @@ def vehicle_usage(
 
 def _known(
     parameters: Parameters, airframe: Airframe | None, surfaces: Surfaces | None
-) -> Iterator[tuple[int, _Known]]:
+) -> Iterator[tuple[int, _OutputFacts]]:
     """Yield the known facts by servo; later ones take precedence."""
     if surfaces is not None and surfaces.origin == "inferred":
-        yield from ((moved.servo, _Known(surfaces.what(moved), "inferred", None)) for moved in surfaces.moved)
+        yield from (
+            (moved.servo, _OutputFacts(surfaces.what(moved), "inferred", None)) for moved in surfaces.moved
+        )
     for output in control_surfaces(parameters):
         if output.servo <= OUTPUTS:
-            yield output.servo, _Known(output.surface, "parameters", output.pwm_us)
+            yield output.servo, _OutputFacts(output.surface, "parameters", output.pwm_us)
     wrong = {
         one.servo
         for one in (contradictions(airframe, parameters) if airframe else ())
@@ -76,19 +78,19 @@ def _known(
     for actuator in airframe.actuators if airframe else ():
         if actuator.servo <= OUTPUTS and actuator.servo not in wrong:
             low, zero, high = (round(pulse) for pulse in actuator.pwm_us)
-            yield actuator.servo, _Known(actuator.name, "profile", (low, zero, high))
+            yield actuator.servo, _OutputFacts(actuator.name, "profile", (low, zero, high))
 
 
-def _motors(rotors: Rotors | str | None) -> Iterator[tuple[int, _Known]]:
+def _motors(rotors: Rotors | str | None) -> Iterator[tuple[int, _OutputFacts]]:
     """Yield what is known of the outputs of a multirotor's motors."""
     if isinstance(rotors, Rotors):
         idle, full = round(rotors.idle), round(rotors.full)
         for number, (servo, bearing) in enumerate(zip(rotors.servos, rotors.bearings_deg, strict=True), 1):
             if servo <= OUTPUTS:
-                yield servo, _Known(f"motor {number}", "parameters", (idle, idle, full), bearing)
+                yield servo, _OutputFacts(f"motor {number}", "parameters", (idle, idle, full), bearing)
 
 
-def _output(servo: int, use: OutputUse | None, known: _Known | None) -> OutputUsage:
+def _output(servo: int, use: OutputUse | None, known: _OutputFacts | None) -> OutputUsage:
     span_us = range_us = at_low_s = at_high_s = None
     if known is not None and known.range_us is not None:
         range_us = known.range_us

@@ -244,19 +244,19 @@ def _aircraft(
     return several[0] if len(several) == 1 else UNKNOWN
 
 
-class _Judged(NamedTuple):
+class _ScannedLog(NamedTuple):
     path: str
     aircraft: str
 
 
-def _judged(store: Store, sha256: str) -> _Judged | None:
+def _judged(store: Store, sha256: str) -> _ScannedLog | None:
     """Return where a store has judged a log, and its aircraft; None if it has not."""
     row = store.query(
         "SELECT path, aircraft FROM logs WHERE sha256 = ? AND flight IS NOT NULL"
         f" AND {OF_THIS_FORMAT} ORDER BY scanned DESC LIMIT 1",
         sha256,
     ).fetchone()
-    return None if row is None else _Judged(*row)
+    return None if row is None else _ScannedLog(*row)
 
 
 def _past(store: Store, aircraft: str, moment: datetime) -> Past:

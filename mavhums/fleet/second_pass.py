@@ -29,7 +29,7 @@ from mavhums.report.assessment import Assessment
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["Compared", "Part", "change_repairs", "compare_part", "rows_of", "second_pass"]
+__all__ = ["Compared", "FlightSpan", "change_repairs", "compare_part", "rows_of", "second_pass"]
 
 _PART_FLIGHTS: Final = 200
 _PART_BYTES: Final = 4 << 20
@@ -39,7 +39,7 @@ _SHOWN: Final = 20  # names in a message
 _LARGEST: Final = 4 << 20
 
 
-class Part(NamedTuple):
+class FlightSpan(NamedTuple):
     """Some consecutive flights of an aircraft, to be compared with those before.
 
     Attributes
@@ -85,7 +85,7 @@ class Compared(NamedTuple):
     checkpoint: bytes
 
 
-def compare_part(part: Part) -> Compared | None:
+def compare_part(part: FlightSpan) -> Compared | None:
     """Return the verdicts of a part; None if they need more of the earlier flights than was kept."""
     if part.checkpoint is None:
         checkpoint = Checkpoint(part.since, whole=part.whole)
@@ -228,9 +228,9 @@ class _SecondPass:
         """Return whether a part is left."""
         return bool(self._next)
 
-    def following(self) -> Part:
+    def following(self) -> FlightSpan:
         """Return the part to be judged next."""
-        return Part(self.aircraft, self._next, self._since, self._checkpoint, self._final, self._whole)
+        return FlightSpan(self.aircraft, self._next, self._since, self._checkpoint, self._final, self._whole)
 
     def take(self, result: Compared | None) -> None:
         """Take the result of the part; where it needed more than was kept, begin with the first flight."""

@@ -57,7 +57,7 @@ class _FlightSummary(NamedTuple):
     recordings: tuple[Recording, ...]
 
 
-class _State(NamedTuple):
+class _StoredCheckpoint(NamedTuple):
     """What is stored of a checkpoint; ``sums`` is None where the sums of the flights were not kept."""
 
     references: tuple[_FlightSummary, ...]
@@ -119,7 +119,7 @@ class Checkpoint:
 
     def packed(self) -> bytes:
         """Return the flights so far as bytes; numbers are preserved exactly."""
-        state = _State(
+        state = _StoredCheckpoint(
             _stored(self._references),
             tuple((_stored(group.flights), group.wanted) for group in self._open),
             tuple(self._counts.items()),
@@ -257,4 +257,4 @@ def _flights(stored: tuple[_FlightSummary, ...]) -> list[PastFlight]:
 
 @cache
 def _adapter() -> TypeAdapter[Any]:
-    return TypeAdapter(_State)
+    return TypeAdapter(_StoredCheckpoint)

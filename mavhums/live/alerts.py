@@ -111,8 +111,6 @@ class Alerts:
         Signs the frames; None sends them unsigned.
     start_us
         Start of the session, microseconds of UTC.
-    unknown
-        System id to send with while no vehicle is known; None sends nothing until then.
     """
 
     def __init__(
@@ -122,12 +120,11 @@ class Alerts:
         component: int = COMPONENT,
         signer: Signer | None = None,
         start_us: int = 0,
-        unknown: int | None = None,
     ) -> None:
         self.mavlink2 = True
         self._send = send
         self._component, self._signer = component, signer
-        self._start_us, self._unknown = start_us, unknown
+        self._start_us = start_us
         self._voices: dict[tuple[int, bool], Any] = {}
         self._held: dict[tuple[int, str], tuple[Condition, str]] = {}
         self._told: dict[tuple[int, str, Condition], int] = {}
@@ -147,17 +144,18 @@ class Alerts:
                     self._held[key] = (event.after, faults.get(key, "friction"))
         return list(self._announce(now_us))
 
-    def tick(self, actuators: Sequence[ActuatorStatus], now_us: int) -> list[AlertObject]:
+    def tick(
+        self, actuators: Sequence[ActuatorStatus], now_us: int, heard: Iterable[int] = ()
+    ) -> list[AlertObject]:
         """Send the heartbeat and the health of each actuator; NaN if unknown.
 
-        Only vehicles with received actuator data are reported.
+        Only vehicles with received actuator data are reported; those of ``heard`` get a heartbeat, too.
         """
         judged = [status for status in actuators if status.age_s is not None]
         vehicles = sorted({status.vehicle for status in judged if status.vehicle})
-        if not vehicles and self._unknown is not None:
-            self.heartbeat(self._unknown, now_us)
-        for vehicle in vehicles:
+        for vehicle in sorted({*vehicles, *heard}):
             self.heartbeat(vehicle, now_us)
+        for vehicle in vehicles:
             ours = [status for status in actuators if status.vehicle == vehicle]
             for number, status in enumerate(ours, start=1):
                 value = _HEALTH.get(status.condition, math.nan)

@@ -16,6 +16,7 @@ __all__ = ["Peers"]
 _PEERS: Final = 64
 _HEARD_US: Final = 10_000_000
 _CREDIT: Final = 1 << 16
+_GROUND: Final = 250  # ground stations choose system ids from here up: 255, 252, 250
 
 
 @dataclass(slots=True)
@@ -55,16 +56,27 @@ class Peers:
             kept = {sender: kept[sender] for sender in most}
         self._peers = kept
 
-    def speaking_for(self, vehicle: int | None, now_us: int) -> list[Hashable]:
-        """Return the peers that recently sent for a vehicle; for any vehicle if None."""
+    def speaking_for(self, vehicle: int, now_us: int) -> list[Hashable]:
+        """Return the peers that recently sent for a vehicle."""
         since_us = now_us - _HEARD_US
         return [
             sender
             for sender, peer in self._peers.items()
-            if any(
-                latest >= since_us and vehicle in (None, spoken) for spoken, latest in peer.latest_us.items()
-            )
+            if peer.latest_us.get(vehicle, since_us - 1) >= since_us
         ]
+
+    def vehicles(self, now_us: int) -> list[int]:
+        """Return the vehicles that peers recently sent for; ground stations are none."""
+        since_us = now_us - _HEARD_US
+        heard = (peer.latest_us.items() for peer in self._peers.values())
+        return sorted(
+            {
+                vehicle
+                for each in heard
+                for vehicle, latest in each
+                if latest >= since_us and vehicle < _GROUND
+            }
+        )
 
     def afford(self, sender: Hashable, size: int) -> bool:
         """Return whether a peer may receive this many bytes, and count them."""

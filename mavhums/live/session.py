@@ -11,6 +11,7 @@ from typing import NamedTuple, Protocol
 
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import ConditionChanged, Event, Notice
+from mavhums.engine.vehicle_limit import MOST
 from mavhums.flights.aircraft import OtherAircraftError
 from mavhums.flights.compare import FlightComparison
 from mavhums.live.alerts import Alerts
@@ -90,7 +91,7 @@ class GroundStation(NamedTuple):
     alerts
         Sends what is found; None for none.
     greeter
-        Announces us once a second to peers that would not send otherwise; None for none.
+        Announces us once a second on the links, also if it is the same as ``alerts``; None for none.
     links
         Links that send alerts and receive nothing.
     """
@@ -200,11 +201,16 @@ class Session:
         self._warn_contested(status.link.contested, now_us)
         if self._remember and self._ticks % _REMEMBER_EVERY == 0:
             self._remember()
-        if self._greeter:
-            self._greeter.heartbeat(_GREETED, now_us)
+        # An autopilot sends named values, and much else, only where it has heard a HEARTBEAT.
+        heard = self.peers.vehicles(now_us)[:MOST] or [_GREETED]
+        for voice in filter(None, (self._greeter, self._alerts)):
+            voice.mavlink2 = self._stamper.speaks_mavlink2 or not self._stamper.frames
+        if self._greeter and self._greeter is not self._alerts:
+            for vehicle in heard:
+                self._greeter.heartbeat(vehicle, now_us)
         if self._alerts:
-            self._alerts.mavlink2 = self._stamper.speaks_mavlink2 or not self._stamper.frames
-            self._announce(self._alerts.tick(status.actuators, now_us))
+            greeted = heard if self._greeter is self._alerts else ()
+            self._announce(self._alerts.tick(status.actuators, now_us, greeted))
         for change in stale:
             what = f"silent for {change.age_s:.1f} s" if change.stale else "heard again"
             _LOG.info("vehicle %d, %s: %s", change.vehicle, change.actuator, what)

@@ -40,7 +40,6 @@ from mavhums.log.mavlink.stamping import Piece, Stamper
 __all__ = ["LiveOptions", "SeenSignatures", "prepare"]
 
 _LOG = logging.getLogger(__name__)
-_UNKNOWN_VEHICLE = 1  # ArduPilot's default, for a HEARTBEAT that a silent vehicle must hear first
 _HEADERS = 28  # bytes of a datagram's IPv4 and UDP headers
 _SERVO_OUTPUT_RAW = bytes.fromhex("fe150001012401000000dc05dc05dc05dc050000000000000000007188")
 
@@ -71,7 +70,9 @@ class LiveOptions:
     alerts_to
         Address to which alerts are sent instead.
     component
-        Component id of the alerts' sender.
+        Component id of the sender of alerts and heartbeats.
+    silent
+        Whether no HEARTBEAT is sent over the links, without which many vehicles send less, or nothing.
 
     Raises
     ------
@@ -85,6 +86,7 @@ class LiveOptions:
     alerts: bool = False
     alerts_to: str | None = None
     component: int = COMPONENT
+    silent: bool = False
 
     def __post_init__(self) -> None:
         for url in (*self.urls, *filter(None, [self.alerts_to])):
@@ -116,19 +118,16 @@ def prepare(options: LiveOptions, sinks: Sequence[Sink] = (), *, vehicle_states:
     if seen and guard:
         reception.remember = lambda: seen.save(guard.latest)
 
-    def voice(to: Sequence[Link], unknown: int | None) -> Alerts:
+    def voice(to: Sequence[Link]) -> Alerts:
         return Alerts(
             partial(_send, reception, to),
             component=options.component,
             signer=Signer(key, lambda: guard.newest if guard else 0) if key else None,
             start_us=clock.now_us(),
-            unknown=unknown,
         )
 
-    callers = [link for link in links if link.address.kind == "udpout"]
-    speaks = options.alerts or bool(ground)
-    alerts = voice(ground_links, _UNKNOWN_VEHICLE if callers and not ground else None) if speaks else None
-    greeter = voice(callers, None) if callers and (ground or not speaks) else None
+    alerts = voice(ground_links) if options.alerts or ground else None
+    greeter = None if options.silent else alerts if alerts and not ground else voice(links)
     return Session(
         FlightComparison(Engine(engine), *settings.earlier(settings.since), engine.false_alarms),
         reception,

@@ -96,6 +96,8 @@ class Coverage(Contract):
     """How much of the flight could be judged: windows of 10 s, one each second.
 
     ``decidable`` counts those on which a condition can rest, because they show the friction or a fault.
+    ``excluded`` counts, for an axis, the seconds over which a loss of 40 % or more is excluded with 95 %, and
+    ``excluded_until_s`` is the flight second of the last one after the reference.
     ``late`` counts samples that came too late to be judged, ``implausible`` by quantity the values that no
     such actuator can have, which count as not measured.
     """
@@ -103,6 +105,8 @@ class Coverage(Contract):
     moving_fraction: float = Field(ge=0, le=1)
     windows: int = Field(ge=0)
     decidable: int = Field(ge=0)
+    excluded: int = Field(default=0, ge=0)
+    excluded_until_s: float | None = None
     late: int = Field(default=0, ge=0)
     implausible: dict[str, int] = {}
 

@@ -1,6 +1,6 @@
 """The page in the browser: drop a log, see the verdict; the fleet at a glance."""
 
-from mavhums.serve.options import Fleet, Limits, ServeOptions
+from mavhums.serve.options import Fleet, Quotas, ServeOptions
 from mavhums.serve.server import serve
 
-__all__ = ["Fleet", "Limits", "ServeOptions", "serve"]
+__all__ = ["Fleet", "Quotas", "ServeOptions", "serve"]

@@ -11,7 +11,7 @@ from urllib.parse import urlencode
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.report.assessment import Assessment
 from mavhums.report.trend import TrendReport
-from mavhums.serve.options import LastFlight
+from mavhums.serve.options import LastVerdict
 from mavhums.show.html import in_brief
 from mavhums.show.html_trend import TrendShown, trend_shown
 from mavhums.show.standing import mark_of, sentences
@@ -55,15 +55,15 @@ class ActuatorShown(NamedTuple):
     others: list[TrendShown]
 
 
-def aircraft_lines(rows: Iterable[LastFlight]) -> list[AircraftLine]:
+def aircraft_lines(rows: Iterable[LastVerdict]) -> list[AircraftLine]:
     """Return a line per aircraft; the rows come worst first, and so do the lines."""
-    groups: dict[tuple[str, str], list[LastFlight]] = {}
+    groups: dict[tuple[str, str], list[LastVerdict]] = {}
     for row in rows:
         groups.setdefault((row.aircraft, "" if row.aircraft else row.path), []).append(row)
     return [_aircraft(several) for several in groups.values()]
 
 
-def _aircraft(rows: Sequence[LastFlight]) -> AircraftLine:
+def _aircraft(rows: Sequence[LastVerdict]) -> AircraftLine:
     first = rows[0]
     found = [_mark(row) for row in rows]
     marks = sorted(dict.fromkeys(found), key=lambda one: URGENCY[one[0]], reverse=True)
@@ -83,13 +83,13 @@ def _aircraft(rows: Sequence[LastFlight]) -> AircraftLine:
     )
 
 
-def _mark(row: LastFlight) -> tuple[Condition, str]:
+def _mark(row: LastVerdict) -> tuple[Condition, str]:
     if row.standing is not None:
         return mark_of(row.standing)
     return row.verdict.gravest, row.verdict.gravest
 
 
-def _detail(row: LastFlight) -> str:
+def _detail(row: LastVerdict) -> str:
     standing, verdict = row.standing, row.verdict
     if standing is not None and standing.is_finding:
         return "; ".join(sentences(standing))

@@ -15,7 +15,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.packed import ARCHIVES, COMPRESSED
 from mavhums.flights.aircraft import UnnamedAircraftError
 from mavhums.serve.options import Fleet
-from mavhums.serve.sessions import Dropped, Session, Sessions
+from mavhums.serve.sessions import Dropped, Sessions, UserSession
 from mavhums.show.html_environment import environment
 
 __all__ = ["Home", "markup", "render"]
@@ -37,9 +37,9 @@ class Home:
         What the page says about the place of the logs.
     """
 
-    def __init__(self, sessions: Sessions, session: Session, fleet: Fleet | None, where: str) -> None:
+    def __init__(self, sessions: Sessions, session: UserSession, fleet: Fleet | None, where: str) -> None:
         self._sessions, self._session, self._fleet = sessions, session, fleet
-        self._rows: dict[str, _Row] = {}
+        self._rows: dict[str, _LogItem] = {}
         self._chosen = False
         self._shown: tuple[str, str] | None = None
         limit = sessions.limits.log_bytes
@@ -61,7 +61,7 @@ class Home:
                 continue
             if log.id not in self._rows:
                 with self._list:
-                    self._rows[log.id] = _Row(self, log)
+                    self._rows[log.id] = _LogItem(self, log)
             if self._rows[log.id].update(self._shown) and not self._chosen:
                 self._show_worst()
         if self._shown and self._shown[1] == "view":
@@ -132,7 +132,7 @@ class Home:
             _frame("viewer", f"/viewer/index.html?{query}", f"3-D view of {log.name}", sandboxed=False)
 
 
-class _Row:
+class _LogItem:
     """A log in the list: what is known of it, and what can be done with it."""
 
     def __init__(self, home: Home, log: Dropped) -> None:

@@ -12,11 +12,11 @@ from mavhums.report.assessment import Assessment, Verdict
 from mavhums.report.standing import Standing
 from mavhums.report.trend import TrendReport
 
-__all__ = ["Fleet", "LastFlight", "Limits", "ServeOptions"]
+__all__ = ["Fleet", "LastVerdict", "Quotas", "ServeOptions"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class Quotas:
     """What one user and one log may use.
 
     Attributes
@@ -48,7 +48,7 @@ class Limits:
     workers: int = 2
 
 
-class LastFlight(Protocol):
+class LastVerdict(Protocol):
     """An actuator or axis in its aircraft's last flight. ``aircraft`` is empty if it is unknown.
 
     ``standing`` is how it stands over its flights, where that is known.
@@ -69,7 +69,7 @@ class LastFlight(Protocol):
 class Fleet(Protocol):
     """What the page shows of a store; each method may take seconds and raises MavhumsError."""
 
-    def worst(self, most: int) -> Sequence[LastFlight]:
+    def worst(self, most: int) -> Sequence[LastVerdict]:
         """Return actuators and axes as of the last flights, the worst first."""
 
     def trend(self, aircraft: str) -> TrendReport:
@@ -117,7 +117,7 @@ class ServeOptions:
     port: int = 8080
     public: str | None = None
     judging: Options = field(default_factory=Options)
-    limits: Limits = field(default_factory=Limits)
+    limits: Quotas = field(default_factory=Quotas)
     fleet: Fleet | None = None
     live: tuple[Path, ...] = ()
     worker: tuple[str, ...] | None = None

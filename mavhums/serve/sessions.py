@@ -15,11 +15,11 @@ from typing import Any, Literal
 from mavhums.app.settings import Options
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.options import Limits
+from mavhums.serve.options import Quotas
 from mavhums.serve.uploads import is_archive, receive, safe_name
 from mavhums.serve.workers import Workers
 
-__all__ = ["Dropped", "Session", "Sessions"]
+__all__ = ["Dropped", "Sessions", "UserSession"]
 
 State = Literal["arriving", "waiting", "judging", "done", "failed"]
 
@@ -72,7 +72,7 @@ class Dropped:
 
 
 @dataclass(slots=True)
-class Session:
+class UserSession:
     """One user's logs, in the order in which they came."""
 
     id: str
@@ -99,14 +99,14 @@ class Sessions:
         The processes that judge.
     """
 
-    def __init__(self, limits: Limits, judging: Options, workers: Workers) -> None:
+    def __init__(self, limits: Quotas, judging: Options, workers: Workers) -> None:
         self.limits = limits
         self.folder = Path(tempfile.mkdtemp(prefix="mavhums-page-"))
         self._options = judging.as_texts()
         self._workers = workers
-        self._sessions: dict[str, Session] = {}
+        self._sessions: dict[str, UserSession] = {}
 
-    def get(self, id_: str) -> Session:
+    def get(self, id_: str) -> UserSession:
         """Return the session of a cookie; a new one for a new cookie.
 
         Raises
@@ -117,7 +117,7 @@ class Sessions:
         if id_ not in self._sessions:
             if len(self._sessions) >= self.limits.sessions:
                 raise MavhumsError("too many users at a time", "close other pages, or wait half an hour")
-            self._sessions[id_] = Session(id_, self.folder / secrets.token_hex(8))
+            self._sessions[id_] = UserSession(id_, self.folder / secrets.token_hex(8))
         session = self._sessions[id_]
         session.touch()
         return session
@@ -127,7 +127,7 @@ class Sessions:
         found = self._sessions.get(session)
         return found.logs.get(log) if found else None
 
-    async def add(self, session: Session, name: str, stream: AsyncIterator[bytes]) -> Dropped:
+    async def add(self, session: UserSession, name: str, stream: AsyncIterator[bytes]) -> Dropped:
         """Receive a log and have it judged; return at its arrival.
 
         Raises
@@ -150,18 +150,18 @@ class Sessions:
         self._begin(session, self._judge(session, log))
         return log
 
-    def record(self, session: Session, log: Dropped) -> None:
+    def record(self, session: UserSession, log: Dropped) -> None:
         """Have the Rerun recording of a log made, once."""
         if log.state == "done" and log.recording not in ("making", "ready"):
             log.recording = "making"
             self._begin(session, self._record(session, log))
 
-    def remove(self, session: Session, log: Dropped) -> None:
+    def remove(self, session: UserSession, log: Dropped) -> None:
         """Remove a log and everything made of it."""
         session.logs.pop(log.id, None)
         shutil.rmtree(log.path.parent, ignore_errors=True)
 
-    def forget(self, session: Session) -> None:
+    def forget(self, session: UserSession) -> None:
         """Remove a session and its logs."""
         for task in session.tasks:
             task.cancel()
@@ -182,7 +182,7 @@ class Sessions:
             self.forget(session)
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    async def _judge(self, session: Session, log: Dropped) -> None:
+    async def _judge(self, session: UserSession, log: Dropped) -> None:
         def progress(read: int) -> None:
             log.state, log.read = "judging", read
 
@@ -197,7 +197,7 @@ class Sessions:
         else:
             log.problem, log.remedy, log.state = answer["problem"], answer["remedy"], "failed"
 
-    async def _unpacked(self, session: Session, archive: Dropped) -> bool:
+    async def _unpacked(self, session: UserSession, archive: Dropped) -> bool:
         """Judge each log of an archive by itself; return False if the archive can be judged as one log."""
         room = self.limits.logs - len(session.logs) + 1
         job = {"do": "unpack", "into": str(archive.path.parent / "unpacked")}
@@ -221,7 +221,7 @@ class Sessions:
         self.remove(session, archive)
         return True
 
-    def _take(self, session: Session, path: Path, note: str) -> None:
+    def _take(self, session: UserSession, path: Path, note: str) -> None:
         """Judge a log that lies on this computer already."""
         id_ = secrets.token_hex(8)
         log = Dropped(id_, session.folder / id_ / path.name, "waiting", path.stat().st_size, note=note)
@@ -230,17 +230,17 @@ class Sessions:
         session.logs[id_] = log
         self._begin(session, self._judge(session, log))
 
-    async def _record(self, session: Session, log: Dropped) -> None:
+    async def _record(self, session: UserSession, log: Dropped) -> None:
         answer = await self._run(session, log, {"do": "record", "recording": str(log.rrd)}, lambda _: None)
         log.recording = "ready" if "recorded" in answer else f"{answer['problem']}: {answer['remedy']}"
 
     async def _run(
-        self, session: Session, log: Dropped, job: dict[str, Any], progress: Any
+        self, session: UserSession, log: Dropped, job: dict[str, Any], progress: Any
     ) -> dict[str, Any]:
         whole = job | {"log": str(log.path), "options": self._options}
         return await self._workers.run(session.id, whole, progress)
 
-    def _begin(self, session: Session, work: Coroutine[Any, Any, None]) -> None:
+    def _begin(self, session: UserSession, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.get_running_loop().create_task(work)
         session.tasks.add(task)
         task.add_done_callback(session.tasks.discard)

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from mavhums.core.errors import MavhumsError, UnreadableLogError
 from mavhums.core.packed import COMPRESSED, members
 from mavhums.log.reader import read_blocks
-from mavhums.serve.options import Limits
+from mavhums.serve.options import Quotas
 
 __all__ = ["ArchiveContent", "check_size", "is_archive", "receive", "safe_name", "take_logs"]
 
@@ -37,7 +37,7 @@ def safe_name(name: str) -> str:
     return kept.encode("utf-8", "replace").decode() or "log"
 
 
-def check_size(size: int, folder: Path, limits: Limits) -> None:
+def check_size(size: int, folder: Path, limits: Quotas) -> None:
     """Refuse a log that is too large, or for which there is no room.
 
     Raises
@@ -61,7 +61,7 @@ def is_archive(path: Path) -> bool:
         return False
 
 
-async def receive(stream: AsyncIterator[bytes], target: Path, limits: Limits) -> int:
+async def receive(stream: AsyncIterator[bytes], target: Path, limits: Quotas) -> int:
     """Write a stream to a new file; return the number of bytes.
 
     Raises

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Final
 
-from mavhums.serve.options import Limits
+from mavhums.serve.options import Quotas
 
 __all__ = ["Job", "Progress", "Workers"]
 
@@ -118,7 +118,7 @@ class Workers:
         The program; None for :mod:`mavhums.serve.worker`.
     """
 
-    def __init__(self, limits: Limits, command: Sequence[str] | None = None) -> None:
+    def __init__(self, limits: Quotas, command: Sequence[str] | None = None) -> None:
         self._limits = limits
         usual = (sys.executable, "-m", "mavhums.serve.worker", str(limits.memory_bytes))
         self._command = usual if command is None else command

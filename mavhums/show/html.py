@@ -13,7 +13,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.report.assessment import ALL, Assessment, Verdict
 from mavhums.report.sections import AxisLimits
 from mavhums.show.digest import Subject, advice, digest
-from mavhums.show.html_craft import FIXED_WING, Part, multirotor, outline
+from mavhums.show.html_craft import FIXED_WING, DrawnSurface, multirotor, outline
 from mavhums.show.html_curves import Curve, Gathered, Key
 from mavhums.show.html_environment import ICONS, environment, moment
 from mavhums.show.html_plot import Limit, Plot, plot
@@ -53,7 +53,7 @@ class _Aircraft(NamedTuple):
     """The outline of one vehicle."""
 
     title: str
-    parts: list[Part]
+    parts: list[DrawnSurface]
     body: Sequence[str]
 
 

@@ -12,7 +12,7 @@ from mavhums.report.assessment import ALL, Verdict
 from mavhums.report.usage import OutputUsage
 from mavhums.show._places import V_TAIL, Place, kind, places
 
-__all__ = ["FIXED_WING", "Part", "multirotor", "outline"]
+__all__ = ["FIXED_WING", "DrawnSurface", "multirotor", "outline"]
 
 _SCALE: Final = 150.0
 _MIDDLE: Final = (160.0, 130.0)
@@ -34,7 +34,7 @@ FIXED_WING: Final = (
 _SIDE: Final = re.compile("left|right|port|starboard|[_ -][lr]$")
 
 
-class Part(NamedTuple):
+class DrawnSurface(NamedTuple):
     """A surface on the drawing: its name, its condition, the corners of each side, and where its sign is.
 
     ``by`` is the axis whose condition it is, where the surface has none of its own.
@@ -48,7 +48,7 @@ class Part(NamedTuple):
     y: float
 
 
-def outline(verdicts: Iterable[Verdict]) -> list[Part]:
+def outline(verdicts: Iterable[Verdict]) -> list[DrawnSurface]:
     """Return the surfaces of one aircraft.
 
     A surface that is an actuator of its own has that actuator's condition, or its axis's where that is
@@ -72,7 +72,7 @@ def outline(verdicts: Iterable[Verdict]) -> list[Part]:
 
 def multirotor(
     verdicts: Iterable[Verdict], outputs: Iterable[OutputUsage]
-) -> tuple[list[Part], tuple[str, ...]]:
+) -> tuple[list[DrawnSurface], tuple[str, ...]]:
     """Return a multirotor's motors, and its body; both are empty where no output is known to drive a motor.
 
     A motor without a verdict of its own, beside one that failed, is undecided.
@@ -91,7 +91,7 @@ def multirotor(
         corners = ((x0 - wide, y0 - long), (x0 + wide, y0 + long), (x + wide, y + long), (x - wide, y - long))
         arms.append(" ".join(f"{a:.1f},{b:.1f}" for a, b in corners))
         points = (_polygon(x, y, radius),)
-        parts.append(Part(name, found.get(name, "undecided"), "", points, round(x, 1), round(y, 1)))
+        parts.append(DrawnSurface(name, found.get(name, "undecided"), "", points, round(x, 1), round(y, 1)))
     nose = f"{x0},{y0 - 40} {x0 + 8},{y0 - 26} {x0 - 8},{y0 - 26}"
     return parts, (*arms, _polygon(x0, y0, 24.0), nose)
 
@@ -106,7 +106,7 @@ def _weight(condition: Condition) -> int:
     return -1 if condition in ("unmonitored", "undecided") else URGENCY[condition]
 
 
-def _part(name: str, condition: Condition, by: str, place: Place, *, both: bool) -> Part:
+def _part(name: str, condition: Condition, by: str, place: Place, *, both: bool) -> DrawnSurface:
     """Return the drawing of a surface; one output that moves ``both`` sides is drawn on both."""
     corners = _corners(place, fin="rudder" in kind(name) and kind(name) != V_TAIL)
     drawn = [(_MIDDLE[0] - _SCALE * y, _MIDDLE[1] - _SCALE * x) for x, y in corners]
@@ -114,7 +114,7 @@ def _part(name: str, condition: Condition, by: str, place: Place, *, both: bool)
     mirrored = [(2 * _MIDDLE[0] - x, y) for x, y in drawn]
     sides = [drawn, mirrored] if both and place.span[0] > 0 and place.roll == 0 else [drawn]
     points = tuple(" ".join(f"{x:.1f},{y:.1f}" for x, y in side) for side in sides)
-    return Part(name, condition, by, points, round(middle[0], 1), round(middle[1], 1))
+    return DrawnSurface(name, condition, by, points, round(middle[0], 1), round(middle[1], 1))
 
 
 def _corners(place: Place, *, fin: bool) -> Sequence[tuple[float, float]]:

@@ -52,11 +52,13 @@ def control_left(verdict: Verdict) -> str | None:
     >>> control_left(axis.model_copy(update={"effectiveness": Interval(estimate=1.19, low=1.1, high=1.28)}))
     'no loss'
     """
-    left, condition = verdict.effectiveness, verdict.condition
+    left, condition, coverage = verdict.effectiveness, verdict.condition, verdict.coverage
+    if condition == "undecided" and coverage.decidable < NORMAL_S and coverage.excluded:
+        return f"above 60 % for {coverage.excluded} s"
     if left is None:
         return None
-    if condition == "undecided" and verdict.coverage.decidable < NORMAL_S:
-        return f"not reliable: {verdict.coverage.decidable} of {NORMAL_S} s judged"
+    if condition == "undecided" and coverage.decidable < NORMAL_S:
+        return f"not reliable: {coverage.decidable} of {NORMAL_S} s judged"
     if left.high - left.low > _WIDEST:
         return "not reliable"
     if condition == "normal" and left.high >= 1.0:
@@ -148,7 +150,11 @@ def _how_much(verdict: Verdict, *, alarmed: bool) -> str:
         return f"its thrust could be judged in {coverage.decidable} of {coverage.windows} s"
     if alarmed and not coverage.decidable:
         return "control effectiveness is judged apart from that, and could not be in this flight"
-    return f"control effectiveness could be judged in {coverage.decidable} of {coverage.windows} s"
+    told = f"control effectiveness could be judged in {coverage.decidable} of {coverage.windows} s"
+    if not coverage.excluded:
+        return told
+    until = "" if coverage.excluded_until_s is None else f", the last at {clock(coverage.excluded_until_s)}"
+    return f"{told}; a loss of 40 % or more is excluded over {coverage.excluded} s{until}"
 
 
 def network_cell(verdict: Verdict) -> str | None:

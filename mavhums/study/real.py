@@ -61,7 +61,7 @@ class Size:
 
 
 @dataclass(frozen=True, eq=False)
-class Answers:
+class SplitResult:
     """What one method said of the sequences that a split tests.
 
     Attributes
@@ -135,12 +135,12 @@ def _early(conditions: Sequence[str]) -> list[str]:
 
 def _answers(
     table: pd.DataFrame, runs: Sequence[Run], size: Size, seed: int, progress: Progress | None
-) -> tuple[list[Answers], tuple[str, ...]]:
+) -> tuple[list[SplitResult], tuple[str, ...]]:
     """Return the answers of networks and trees, and a line for each stage of one selection."""
     names = sorted(set(table["condition"]))
     classes = np.array([names.index(condition) for condition in table["condition"]])
     folds = list(splits(table, size.folds, seed))
-    found: list[Answers] = []
+    found: list[SplitResult] = []
     lines: list[str] = []
     for k, constants in enumerate(size.constants):
         features = examples(runs, constants)[1]
@@ -165,7 +165,7 @@ def _answers(
                 ("networks", _told(network, features[test])),
                 ("trees", trees.predict(features[test])),
             ):
-                found.append(Answers(split, constants, method, rows, told))
+                found.append(SplitResult(split, constants, method, rows, told))
             if progress:
                 progress(k * len(folds) + done + 1, len(size.constants) * len(folds))
     return found, tuple(lines)
@@ -177,7 +177,7 @@ def _told(network: ClassesResult, features: Array) -> Integers:
     return told
 
 
-def accuracies(table: pd.DataFrame, answers: Sequence[Answers]) -> pd.DataFrame:
+def accuracies(table: pd.DataFrame, answers: Sequence[SplitResult]) -> pd.DataFrame:
     """Return a row for each split, what was taken off the current, and method.
 
     Where early stages are left out, a sequence is right if its kind of fault is named.
@@ -208,13 +208,13 @@ def accuracies(table: pd.DataFrame, answers: Sequence[Answers]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _by(answers: Sequence[Answers]) -> Iterator[tuple[tuple[str, Constants, str], list[Answers]]]:
+def _by(answers: Sequence[SplitResult]) -> Iterator[tuple[tuple[str, Constants, str], list[SplitResult]]]:
     keys = dict.fromkeys((one.split, one.constants, one.method) for one in answers)
     for key in keys:
         yield key, [one for one in answers if (one.split, one.constants, one.method) == key]
 
 
-def confusion(table: pd.DataFrame, answers: Sequence[Answers], split: str) -> pd.DataFrame:
+def confusion(table: pd.DataFrame, answers: Sequence[SplitResult], split: str) -> pd.DataFrame:
     """Return the shares, %, in which the networks called each condition, without the constant of a run."""
     names = sorted(set(table["condition"]))
     parts = [a for a in answers if (a.split, a.constants, a.method) == (split, "run", "networks")]
@@ -297,7 +297,7 @@ def write_real_study(
     answers, stages = _answers(table, runs, size, seed, progress)
     found, strokes = accuracies(table, answers), strokes_table(runs)
     confusions = {split: confusion(table, answers, split) for split in (RUNS, LOADS, LATER, STAGES)}
-    outcome = _Outcome(table, repeated, found, confusions, strokes, stages, quick)
+    outcome = _StudyResult(table, repeated, found, confusions, strokes, stages, quick)
     out.text("report.md", _report(outcome))
     out.table("accuracies.csv", found)
     out.table("strokes.csv", strokes)
@@ -308,7 +308,7 @@ def write_real_study(
 
 
 @dataclass(frozen=True, eq=False)
-class _Outcome:
+class _StudyResult:
     """What the report tells: the sequences, repeated runs, tables, and the stages of a selection."""
 
     table: pd.DataFrame
@@ -320,7 +320,7 @@ class _Outcome:
     quick: bool
 
 
-def _report(outcome: _Outcome) -> str:
+def _report(outcome: _StudyResult) -> str:
     table = outcome.table
     counts = table.groupby("condition").agg(runs=("place", "nunique"), sequences=("place", "size"))
     lines = [

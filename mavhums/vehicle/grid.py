@@ -21,7 +21,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
 from mavhums.vehicle.facts import CONTINUOUS, STEPPED, Signal
-from mavhums.vehicle.streams import DERIVED, Candidate, Choice, body_rates
+from mavhums.vehicle.streams import DERIVED, CandidateStream, Choice, body_rates
 
 __all__ = ["GAP_S", "HORIZON_S", "RATE_HZ", "Grid", "Order", "Received", "Seconds"]
 
@@ -239,10 +239,10 @@ class Grid:
         """Return the streams of a signal that were heard, the preferred one first."""
         return sorted(stream for stream in self._kept if stream.name == name)
 
-    def _candidates(self, name: str, at: Array) -> list[Candidate]:
+    def _candidates(self, name: str, at: Array) -> list[CandidateStream]:
         shape = at.size // RATE_HZ, RATE_HZ
         return [
-            Candidate(
+            CandidateStream(
                 stream.rank,
                 _between(*self._kept[stream], at, turns=name == "attitude").reshape(*shape, -1),
                 _spacing(self._kept[stream][0], at).reshape(shape),
@@ -250,7 +250,7 @@ class Grid:
             for stream in self._streams(name)
         ]
 
-    def _change(self, at: Array, ranks: Integers) -> Candidate:
+    def _change(self, at: Array, ranks: Integers) -> CandidateStream:
         """Return the body rates by the change of the attitude over each row, where its streams are used."""
         shape = at.size // RATE_HZ, RATE_HZ
         rates, spacing = np.full((*shape, 3), np.nan), np.full(shape, np.nan)
@@ -259,7 +259,7 @@ class Grid:
             before, after = (_between(*kept, at + half, turns=True) for half in (-_HALF_S, _HALF_S))
             rates[used] = body_rates(before, after, 2 * _HALF_S).reshape(*shape, 3)[used]
             spacing[used] = _spacing(kept[0], at).reshape(shape)[used]
-        return Candidate(DERIVED, rates, spacing)
+        return CandidateStream(DERIVED, rates, spacing)
 
     def source(self, name: str, rank: int) -> str:
         """Return the message of a signal's stream, as a verdict names it."""

@@ -102,7 +102,7 @@ _FLAGS: Final = frozenset({"up", "aloft", "trusted"})
 _MEASURED: Final = tuple(name for name in _ARRAYS if name not in ("flying", "outputs"))
 
 
-class _Part(NamedTuple):
+class _RowBlock(NamedTuple):
     """Rows as one array: the columns of ``_MEASURED``, then the pulses of the outputs that are on."""
 
     second: int
@@ -126,7 +126,7 @@ class PastRows:
     """
 
     def __init__(self) -> None:
-        self._parts: deque[_Part] = deque()
+        self._parts: deque[_RowBlock] = deque()
         self._seconds = 0
         self.is_whole = True
 
@@ -134,7 +134,9 @@ class PastRows:
         """Add rows and the pulses of all outputs, µs, shape (n, ALL_OUTPUTS)."""
         on = np.flatnonzero(np.isfinite(pulses).any(axis=0))
         measured = [getattr(rows, name) for name in _MEASURED]
-        self._parts.append(_Part(rows.second, rows.fresh, on, np.column_stack([*measured, pulses[:, on]])))
+        self._parts.append(
+            _RowBlock(rows.second, rows.fresh, on, np.column_stack([*measured, pulses[:, on]]))
+        )
         self._seconds += rows.seconds
         # Memory must not grow with the flight: the oldest rows go, and what is judged anew begins later.
         while self._seconds > _KEPT_S:
@@ -146,7 +148,7 @@ class PastRows:
         second, _, on, values = self._parts.popleft()
         left = values[seconds * RATE_HZ :].copy()
         if len(left):
-            self._parts.appendleft(_Part(second + seconds, True, on, left))
+            self._parts.appendleft(_RowBlock(second + seconds, True, on, left))
         self._seconds -= (len(values) - len(left)) // RATE_HZ
 
     def last(self, seconds: int, until_s: float = np.inf) -> tuple[Rows, Array] | None:
@@ -163,7 +165,7 @@ class PastRows:
 
     def __iter__(self) -> Iterator[tuple[Rows, Array]]:
         """Yield the runs without a gap, each with its pulses, µs, shape (n, ALL_OUTPUTS)."""
-        run: list[_Part] = []
+        run: list[_RowBlock] = []
         for part in self._parts:
             if part.fresh and run:
                 yield _joined(run)
@@ -180,7 +182,7 @@ def _before(runs: Iterable[tuple[Rows, Array]], until_s: float) -> Iterator[tupl
             yield rows.cut(0, count), pulses[: count * RATE_HZ]
 
 
-def _joined(parts: list[_Part]) -> tuple[Rows, Array]:
+def _joined(parts: list[_RowBlock]) -> tuple[Rows, Array]:
     count = len(_MEASURED)
     measured = np.concatenate([part.values[:, :count] for part in parts])
     pulses = np.full((len(measured), ALL_OUTPUTS), np.nan)

@@ -16,7 +16,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Integers
 
-__all__ = ["DERIVED", "Candidate", "Choice", "body_rates"]
+__all__ = ["DERIVED", "CandidateStream", "Choice", "body_rates"]
 
 DERIVED: Final = 99
 """Rank of what is derived from another signal."""
@@ -32,7 +32,7 @@ _SLOPE: Final = (0.5, 2.0)  # of rates on the change of the attitude: wrong unit
 _DISAGREES: Final = 10.0  # times the cost: used only where nothing else is heard
 
 
-class Candidate(NamedTuple):
+class CandidateStream(NamedTuple):
     """One stream of a signal over whole seconds.
 
     Attributes
@@ -65,7 +65,9 @@ class Choice:
         self._agreed: dict[int, tuple[float, float]] = {}
         self._chosen = -1
 
-    def step(self, seconds: int, candidates: Sequence[Candidate], truth: Candidate | None = None) -> Integers:
+    def step(
+        self, seconds: int, candidates: Sequence[CandidateStream], truth: CandidateStream | None = None
+    ) -> Integers:
         """Return the rank of the stream of each second, shape (k,); -1 before any is heard.
 
         Parameters
@@ -88,7 +90,7 @@ class Choice:
             chosen[k] = self._chosen
         return chosen
 
-    def _spacing(self, one: Candidate) -> Array:
+    def _spacing(self, one: CandidateStream) -> Array:
         """Return the mean spacing of each second, (k,): over time, so that one long gap counts as such."""
         # A sample without a number is none.
         known = np.isfinite(one.values).any(axis=2) & (one.spacing < self._silent_s)

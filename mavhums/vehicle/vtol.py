@@ -43,7 +43,7 @@ _FORWARD: Final = 0.8
 lifts. A transition waits at Q_TILT_MAX, which is 45° by default: half of the travel."""
 
 
-class _Motor(NamedTuple):
+class _LiftMotor(NamedTuple):
     """A lift motor: its output, and the pulse above which it carries."""
 
     servo: int
@@ -70,8 +70,8 @@ class Lift:
         Servos that tilt them.
     """
 
-    fixed: tuple[_Motor, ...] = ()
-    tilting: tuple[_Motor, ...] = ()
+    fixed: tuple[_LiftMotor, ...] = ()
+    tilting: tuple[_LiftMotor, ...] = ()
     tilts: tuple[_Tilt, ...] = ()
 
     @property
@@ -105,7 +105,7 @@ NO_LIFT: Final = Lift()
 """What carries a vehicle that does not hover."""
 
 
-def _carries(motors: tuple[_Motor, ...], pulses: Array) -> Flags:
+def _carries(motors: tuple[_LiftMotor, ...], pulses: Array) -> Flags:
     columns = [motor.servo - 1 for motor in motors]
     return np.asarray((pulses[:, columns] > [motor.carries_us for motor in motors]).any(axis=1))
 
@@ -136,7 +136,7 @@ def lift_of(values: Mapping[str, float]) -> Lift:
         numbers = {n: number for n, number in numbers.items() if number != _TAIL_SERVO}
     pulls = _mask(values, "Q_TAILSIT_MOTMX") if _is_tailsitter(values) else 0
     tilted = _mask(values, "Q_TILT_MASK") if _tilts(values) else 0
-    motors = {n: _Motor(n, carries_us) for n, number in numbers.items() if not pulls >> number & 1}
+    motors = {n: _LiftMotor(n, carries_us) for n, number in numbers.items() if not pulls >> number & 1}
     tilts = (_tilt(n, values) for n, function in functions.items() if function in _TILTS)
     return Lift(
         tuple(motor for n, motor in motors.items() if not tilted >> numbers[n] & 1),

@@ -31,7 +31,7 @@ cloudpickle = pytest.importorskip("cloudpickle")
 from mavhums import fleet  # noqa: E402
 from mavhums.fleet.second_pass import (  # noqa: E402
     Compared,
-    Part,
+    FlightSpan,
     compare_part,
     rows_of,
     second_pass,
@@ -139,7 +139,7 @@ def test_in_any_parts_the_verdicts_are_those_of_the_whole_history(
     left_out: Superseded = {}
     for first, last in zip([0, *cuts], [*cuts, len(flights)], strict=True):
         data = [packed(flight) for flight in flights[first:last]]
-        part = compare_part(Part(NAME, data, dates, part and part.checkpoint, whole=True))
+        part = compare_part(FlightSpan(NAME, data, dates, part and part.checkpoint, whole=True))
         assert part is not None
         found += part.rows
         left_out |= part.superseded
@@ -151,13 +151,13 @@ def test_in_any_parts_the_verdicts_are_those_of_the_whole_history(
 def test_a_flight_that_needs_all_records_is_refused_where_they_were_not_kept(
     kinds: list[StandaloneAssessment],
 ) -> None:
-    before = compare_part(Part(NAME, [packed(on(0, kinds[0]))], since(0)))
+    before = compare_part(FlightSpan(NAME, [packed(on(0, kinds[0]))], since(0)))
     assert before is not None
     for own, settled in ((1, False), (0, True)):
         again = packed(on(1e-5, kinds[0], name="again", own=own))
-        assert compare_part(Part(NAME, [again], since(0), before.checkpoint, settled)) is None
+        assert compare_part(FlightSpan(NAME, [again], since(0), before.checkpoint, settled)) is None
     assert (
-        compare_part(Part(NAME, [packed(on(1, kinds[0]))], since(0), before.checkpoint, final=True))
+        compare_part(FlightSpan(NAME, [packed(on(1, kinds[0]))], since(0), before.checkpoint, final=True))
         is not None
     )
 
@@ -169,7 +169,7 @@ class Judged:
         self.flights = 0
         monkeypatch.setattr(import_module("mavhums.fleet.second_pass"), "compare_part", self._counted)
 
-    def _counted(self, part: Part) -> Compared | None:
+    def _counted(self, part: FlightSpan) -> Compared | None:
         self.flights += len(part.flights)
         return compare_part(part)
 
@@ -276,7 +276,7 @@ class Dies(distributed.WorkerPlugin):  # type: ignore[misc, name-defined]
         past = import_module("mavhums.fleet.second_pass")
         judge = past.compare_part
 
-        def deadly(part: Part) -> Compared | None:
+        def deadly(part: FlightSpan) -> Compared | None:
             if part.aircraft == NAME and len(list(self.count.iterdir())) < self.times:
                 (self.count / str(time.time_ns())).touch()
                 os.kill(os.getpid(), 9)

@@ -27,7 +27,7 @@ def test_only_who_speaks_for_a_vehicle_is_told_of_it() -> None:
     peers.hear("station", {255}, 500, 0)
     assert peers.speaking_for(1, SECOND) == ["router"]
     assert peers.speaking_for(3, SECOND) == []
-    assert peers.speaking_for(None, SECOND) == ["router", "station"]
+    assert peers.vehicles(SECOND) == [1, 2]
     assert peers.speaking_for(1, 11 * SECOND) == [], "silent for more than ten seconds"
 
 
@@ -178,4 +178,20 @@ def test_a_peer_that_has_closed_costs_only_what_is_sent_to_it() -> None:
         send(b"second", 1)
         assert ground.recv(300) == b"second"
     assert link.unsent == 0
+    session.close()
+
+
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_vehicle_is_greeted_without_alerts_too(silent: bool) -> None:
+    session = prepare(LiveOptions(urls=["udpin:0"], silent=silent))
+    vehicle = Stranger(session.links[0].address.port)
+    for k in range(40):
+        vehicle.send(attitude(7, k))
+        vehicle.send(attitude(255, k))
+    hear(session)
+    session.tick()
+    frames = vehicle.drain()
+    assert [(frame[5], frame[7]) for frame in frames] == ([] if silent else [(7, 0)])
+    assert vehicle.got <= vehicle.sent
+    vehicle.socket.close()
     session.close()

@@ -12,8 +12,8 @@ import pytest
 
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.options import Limits
-from mavhums.serve.sessions import Session, Sessions
+from mavhums.serve.options import Quotas
+from mavhums.serve.sessions import Sessions, UserSession
 from mavhums.serve.uploads import take_logs
 from mavhums.serve.workers import Workers
 from tests.serve.test_sessions import content, settled
@@ -63,10 +63,10 @@ def test_the_page_judges_each_log_of_an_archive(mixed: Path, tmp_path: Path) -> 
         file.writestr("a.txt", b"a")
         file.writestr("b.txt", b"b")
 
-    async def whole() -> Session:
-        workers = Workers(Limits(workers=1))
+    async def whole() -> UserSession:
+        workers = Workers(Quotas(workers=1))
         await workers.start()
-        sessions = Sessions(Limits(), Options(airframe="paper"), workers)
+        sessions = Sessions(Quotas(), Options(airframe="paper"), workers)
         try:
             session = sessions.get("a")
             await sessions.add(session, "flights.zip", content(mixed.read_bytes()))

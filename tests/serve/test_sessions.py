@@ -11,8 +11,8 @@ import pytest
 
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.options import Limits
-from mavhums.serve.sessions import Session, Sessions
+from mavhums.serve.options import Quotas
+from mavhums.serve.sessions import Sessions, UserSession
 from mavhums.serve.workers import Job, Progress, Workers
 
 BRIEF = {"condition": "normal", "headline": "All normal", "todo": "nothing"}
@@ -22,7 +22,7 @@ class Judged(Workers):
     """Answers at once what it is told to answer."""
 
     def __init__(self, answer: Job | None = None) -> None:
-        super().__init__(Limits())
+        super().__init__(Quotas())
         self.answer = answer or {"brief": BRIEF}
         self.jobs: list[Job] = []
 
@@ -40,9 +40,9 @@ async def content(*parts: bytes) -> AsyncIterator[bytes]:
         yield part
 
 
-def using(use: Callable[[Sessions], Awaitable[Any]], limits: Limits | None = None, **answer: Any) -> Any:
+def using(use: Callable[[Sessions], Awaitable[Any]], limits: Quotas | None = None, **answer: Any) -> Any:
     async def whole() -> Any:
-        sessions = Sessions(limits or Limits(), Options(airframe="paper"), Judged(answer or None))
+        sessions = Sessions(limits or Quotas(), Options(airframe="paper"), Judged(answer or None))
         try:
             return await use(sessions)
         finally:
@@ -52,7 +52,7 @@ def using(use: Callable[[Sessions], Awaitable[Any]], limits: Limits | None = Non
     return asyncio.run(whole())
 
 
-async def settled(session: Session) -> None:
+async def settled(session: UserSession) -> None:
     while session.tasks:
         await asyncio.gather(*session.tasks)
 
@@ -131,7 +131,7 @@ def test_a_session_without_an_open_page_ends() -> None:
         janitor.cancel()
         return log.path
 
-    assert not using(use, Limits(session_s=0.1)).exists()
+    assert not using(use, Quotas(session_s=0.1)).exists()
 
 
 def test_logs_and_sessions_are_limited_and_a_refused_log_takes_no_place() -> None:
@@ -150,4 +150,4 @@ def test_logs_and_sessions_are_limited_and_a_refused_log_takes_no_place() -> Non
             sessions.get("c")
         assert sessions.get("a") is session
 
-    using(use, Limits(logs=2, sessions=2))
+    using(use, Quotas(logs=2, sessions=2))

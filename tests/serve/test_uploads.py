@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.options import Limits
+from mavhums.serve.options import Quotas
 from mavhums.serve.uploads import check_size, receive, safe_name
 
-SMALL = Limits(log_bytes=1000, upload_s=1.0, silence_s=0.05)
+SMALL = Quotas(log_bytes=1000, upload_s=1.0, silence_s=0.05)
 
 
 def test_names_keep_what_a_user_reads() -> None:
@@ -63,7 +63,7 @@ def test_a_refused_upload_leaves_nothing(
 
 
 def test_an_endless_slow_upload_ends(tmp_path: Path) -> None:
-    limits = Limits(log_bytes=1000, upload_s=0.1, silence_s=1.0)
+    limits = Quotas(log_bytes=1000, upload_s=0.1, silence_s=1.0)
     with pytest.raises(MavhumsError, match="took too long"):
         asyncio.run(receive(parts(*[1] * 500, wait_s=0.01), tmp_path / "a", limits))
     assert not list(tmp_path.iterdir())
@@ -77,4 +77,4 @@ def test_an_upload_replaces_nothing(tmp_path: Path) -> None:
 
 def test_a_disk_without_room_is_told(tmp_path: Path) -> None:
     with pytest.raises(MavhumsError, match="no room"):
-        check_size(1 << 60, tmp_path, Limits(log_bytes=1 << 61))
+        check_size(1 << 60, tmp_path, Quotas(log_bytes=1 << 61))

@@ -12,7 +12,7 @@ from typing import Any
 import psutil
 import pytest
 
-from mavhums.serve.options import Limits
+from mavhums.serve.options import Quotas
 from mavhums.serve.workers import Workers
 
 # A stand-in that does what a job says; the true program starts too slowly to be killed a dozen times.
@@ -35,7 +35,7 @@ Use = Callable[[Workers], Awaitable[Any]]
 
 def with_workers(use: Use, *, count: int = 2, judge_s: float = 30.0, command: Any = COMMAND) -> Any:
     async def whole() -> Any:
-        workers = Workers(Limits(workers=count, judge_s=judge_s), command)
+        workers = Workers(Quotas(workers=count, judge_s=judge_s), command)
         await workers.start()
         try:
             return await use(workers)
@@ -205,7 +205,7 @@ def test_the_least_memory_that_is_allowed_is_enough(growing_log: Path, tmp_path:
     pytest.importorskip("rerun", reason="the 3-D view needs the extra 'viewer'")
     from mavhums.cli.serve import LEAST_MEMORY_MB
 
-    limits = Limits(workers=1, memory_bytes=LEAST_MEMORY_MB << 20)
+    limits = Quotas(workers=1, memory_bytes=LEAST_MEMORY_MB << 20)
     job: dict[str, Any] = {"log": str(growing_log), "options": {}}
 
     async def use() -> list[Any]:

@@ -13,6 +13,7 @@ from typing import ClassVar, NamedTuple, Protocol
 import numpy as np
 
 from mavhums.core.conditions import Condition
+from mavhums.core.statistics import NORMAL_95, NORMAL_99
 from mavhums.health.axis.effectiveness import EffectivenessTracker
 from mavhums.health.axis.reference import Second
 from mavhums.health.axis.residuals import PitchTracking, Residual, RollTracking, SideForce
@@ -36,6 +37,7 @@ from mavhums.health.axis.thresholds import (
     SURE_CONFIDENCE,
     TRIM_SHIFT_DEVIATIONS,
 )
+from mavhums.report.assessment import Interval
 from mavhums.report.sections import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
@@ -175,6 +177,51 @@ class EffectivenessDetector:
         return ""
 
 
+class PooledDetector:
+    """Reports a loss that a minute of driven flight shows, where the CUSUM forgets it.
+
+    The axis is degraded where the effectiveness over those seconds is below the limit with 99 %.
+
+    Parameters
+    ----------
+    limits
+        Limits of the profile.
+    axis
+        ``pitch``: in roll healthy flights come too close (docs/evidence/axes.md).
+    """
+
+    inspect: ClassVar[Mapping[str, str]] = EffectivenessDetector.inspect
+
+    def __init__(self, limits: AxisLimits, axis: str) -> None:
+        self._limit, self._axis = limits.effectiveness_degraded, axis
+
+    def feed(self, given: AxisInput) -> list[Alarm]:
+        """Return the seconds in which a loss is certain."""
+        return [
+            self._alarm(second, second.driven)
+            for second in given.seconds[self._axis]
+            if second.driven is not None and self._is_certain(second.driven)
+        ]
+
+    def _is_certain(self, kept: Interval) -> bool:
+        return kept.estimate + NORMAL_99 / NORMAL_95 * (kept.high - kept.estimate) < self._limit
+
+    def _alarm(self, second: Second, kept: Interval) -> Alarm:
+        left = f"{100 * max(kept.estimate, 0.0):.0f} % of the control effectiveness of the reference is left"
+        rule = f"degraded: {left} over the last minute"
+        return Alarm(
+            self._axis,
+            second.end_s,
+            "effectiveness",
+            "degraded",
+            second.since_s,
+            kept.estimate,
+            self._limit,
+            rule,
+            SURE_CONFIDENCE,
+        )
+
+
 def _slow(second: Second, late_s: float, axis: str) -> str:
     """Return what a lag does: the share that is answered in time is no loss of gain."""
     intact = f"gain intact, {late_s:g} s late"
@@ -307,6 +354,7 @@ DETECTORS: tuple[Callable[[AxisLimits], AxisDetector], ...] = (
     HardOverDetector,
     lambda limits: EffectivenessDetector(limits, "pitch", CERTAIN_PITCH, COMMON_PITCH),
     lambda limits: TrackingDetector("pitch", PitchTracking(), limits.pitch_tracking_deviations, PERSISTENT_S),
+    lambda limits: PooledDetector(limits, "pitch"),
     lambda limits: EffectivenessDetector(limits, "roll", CERTAIN_ROLL),
     lambda limits: TrackingDetector(
         "roll", RollTracking(), limits.roll_tracking_deviations, ROLL_PERSISTENT_S

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 from mavhums.health.axis.filters import Lag
+from mavhums.health.axis.pooled import Exclusion, Pool, measured
 from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards, constants
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Shape, judgeable
 from mavhums.health.axis.scores import Scores, Slowness, Sums
@@ -42,11 +43,11 @@ from mavhums.health.axis.thresholds import (
     MANOEUVRE_DEVIATION,
     MEAN_ROWS,
     MOST_CUSUM,
+    POOLED_S,
     REFERENCE_RETRY_S,
     REFERENCE_S,
     SHIFT_S,
     TAIL_SHARE,
-    WINDOW_DEVIATION,
     WINDOW_SECONDS,
 )
 from mavhums.report.sections import AxisLimits
@@ -83,6 +84,7 @@ class EffectivenessTracker:
         self.best: Reference | None = None
         self.usable_s = 0
         self.spacing_s = 0.0
+        self.excluded_s = 0
 
     @property
     def too_slow(self) -> bool:
@@ -194,7 +196,12 @@ class EffectivenessTracker:
         self._recent: deque[Array] = deque(maxlen=LOSS_SECONDS)
         self._slowness = Slowness()
         self._left: deque[tuple[Array, int]] = deque(maxlen=SHIFT_S)
-        self._sums(rows)
+        self._exclusion, self._driven = Exclusion(reference), Pool(reference, POOLED_S)
+        before = self._sums(rows)[0]
+        self.excluded_s = self._exclusion.begin(
+            (float(before.drive2[k]), float(before.cross[k]))
+            for k in np.flatnonzero(before.count >= LEAST_ROWS_PER_S).tolist()
+        )
         self._waiting.clear()
 
     def _sums(self, rows: Rows) -> list[Sums]:
@@ -216,7 +223,9 @@ class EffectivenessTracker:
         reference = self.reference
         assert reference is not None
         self._left.append((left, count))
+        excluded = 0
         if count >= LEAST_ROWS_PER_S:
+            excluded = self._exclusion.feed(float(sums[0, 0]), float(sums[0, 1]))
             # Row 0 is without additional lag; the columns are drive², drive·response and response².
             drive2, cross = float(sums[0, 0]), float(sums[0, 1])
             score = cross - reference.gain * drive2
@@ -225,7 +234,10 @@ class EffectivenessTracker:
             self._strongest = max(drive2, exp(-2.0 / self._standards.memory_s) * self._strongest)
             ratio = _ratio(score, drive2, reference, self._standards.loss)
             # Evidence for the full gain always counts, evidence for a loss only where demand dominates gusts.
-            if ratio < 0.0 or self._informs(reference):
+            informs = self._informs(reference)
+            if informs:
+                self._driven.add(drive2, cross)
+            if ratio < 0.0 or informs:
                 self._cusum = min(MOST_CUSUM, max(0.0, _FORGET * self._cusum + ratio))
                 self._recent.append(sums)
         value, error = None, np.inf
@@ -236,6 +248,7 @@ class EffectivenessTracker:
         # A fault that is over must not leave its sum behind.
         if self._full >= FULL_S:
             self._cusum = 0.0
+            self._driven.clear()
         # Without a suspicion the onset moves along, and so does what is measured since then.
         if self._cusum == 0.0:
             self._since = end_s
@@ -257,6 +270,8 @@ class EffectivenessTracker:
             left_over,
             left_error,
             len(self._recent),
+            excluded,
+            self._driven.whole(),
         )
 
     def _shifted(self) -> float | None:
@@ -337,18 +352,11 @@ def _late(demands: Array, shape: Shape) -> Array:
 
 def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float | None, float]:
     """Return the effectiveness over some seconds and its standard error; None if they do not tell it."""
-    n = len(seconds)
-    drive2, cross, _ = np.array(seconds).T if n else np.zeros((3, 1))
-    total = float(drive2.sum())
-    if n < 2 or total <= 0.0:
+    if len(seconds) == 0:
         return None, np.inf
-    gain = float(cross.sum()) / total
-    scores = cross - gain * drive2
-    own = max(float((scores**2).sum()) * n / (n - 1) / total, reference.variance) / total
-    k = gain / reference.gain
-    # Healthy windows differ by this whatever their own errors say.
-    spread = WINDOW_DEVIATION**2 * min(WINDOW_SECONDS / n, 1.0)
-    return k, float(np.sqrt(own / reference.gain**2 + (k * reference.error) ** 2 + spread))
+    drive2, cross, _ = np.array(seconds)[::-1].T
+    values, errors = measured(drive2, cross, reference)
+    return (float(values[-1]), float(errors[-1])) if np.isfinite(errors[-1]) else (None, np.inf)
 
 
 def _ratio(score: float, drive2: float, reference: Reference, loss: float) -> float:

@@ -46,6 +46,9 @@ class _AxisState:
     counted: int = 0
     lost: bool = False
     full: int = 0
+    excluded_s: int = 0
+    excluded_until_s: float | None = None
+    doubt: Interval | None = None
     value: Interval | None = None
     mean: RunningVariance = field(default_factory=RunningVariance)
     episodes: list[Alarm] = field(default_factory=list)
@@ -64,6 +67,8 @@ class AxisFindings:
     effectiveness, windows
         The mean since the last change of the condition, or of a loss the value since its onset, with its
         95 % interval; and the number of windows in the mean, 0 for a loss.
+    doubt
+        The effectiveness over the last minute, where a loss of 40 % is not excluded by it.
     spacing_s
         Time between samples of the outputs or the rates, where a reference was sought.
     needs
@@ -82,6 +87,7 @@ class AxisFindings:
     suspects: tuple[Suspect, ...]
     evidence: tuple[Evidence, ...]
     effectiveness: Interval | None
+    doubt: Interval | None
     windows: int
     reference: Reference | None
     best: Reference | None
@@ -184,6 +190,11 @@ class AxisMonitor:
                 state.lost = False
             fault, rule = "effectiveness", "normal: the control effectiveness of the reference is kept"
             finding = ""
+        elif before == "normal" and state.doubt is not None:
+            # What ten seconds showed does not hold over a minute: a loss of 40 % is no longer excluded.
+            state.condition, state.since_s = "undecided", None
+            fault, rule = "effectiveness", f"undecided: {_percent(state.doubt)} is left over the last minute"
+            finding = ""
         if SEVERITY[state.condition] > SEVERITY[state.worst]:
             state.worst = state.condition
         # A mean over a change would belong to neither condition.
@@ -198,6 +209,11 @@ class AxisMonitor:
 
     def _count(self, state: _AxisState, second: Second) -> None:
         state.seconds += 1
+        if SEVERITY[state.condition] <= SEVERITY["normal"]:
+            state.excluded_s += second.excluded
+            state.excluded_until_s = float(second.end_s) if second.excluded else state.excluded_until_s
+        driven = second.driven
+        state.doubt = driven if driven is not None and driven.low <= NORMAL_EFFECTIVENESS else None
         if second.value is None or second.error > JUDGED_ERROR:
             return
         state.judged += 1
@@ -222,6 +238,8 @@ class AxisMonitor:
             if second is not None and second.left_over is not None:
                 k, half = second.left_over, NORMAL_95 * second.left_error
                 state.value = Interval(estimate=k, low=k - half, high=k + half)
+            elif second is not None:
+                state.value = second.driven
 
     def _average(self, state: _AxisState, value: float, error: float) -> None:
         """Add a window that does not overlap the previous one to the mean since the last change."""
@@ -235,7 +253,12 @@ class AxisMonitor:
         if SEVERITY[state.condition] > SEVERITY["normal"]:
             # An axis is well again only when the gain itself is back, not when evidence runs out.
             return state.full >= FULL_S
-        return state.judged >= NORMAL_S and state.value is not None and state.value.low > NORMAL_EFFECTIVENESS
+        return (
+            state.judged >= NORMAL_S
+            and state.doubt is None
+            and state.value is not None
+            and state.value.low > NORMAL_EFFECTIVENESS
+        )
 
     def _extend(self, state: _AxisState, one: Alarm) -> None:
         """Add the alarm to its episode, or begin one; if there are too many, the middle ones are dropped."""
@@ -271,7 +294,13 @@ class AxisMonitor:
             condition=state.condition,
             worst=state.worst,
             since_s=_since_s(state),
-            coverage=Coverage(moving_fraction=fraction, windows=state.seconds, decidable=state.judged),
+            coverage=Coverage(
+                moving_fraction=fraction,
+                windows=state.seconds,
+                decidable=state.judged,
+                excluded=gain.excluded_s + state.excluded_s,
+                excluded_until_s=state.excluded_until_s,
+            ),
             suspects=tuple(
                 Suspect(fault=fault, confidence=confidence)
                 for fault, confidence in sorted(suspects.items(), key=lambda item: -item[1])
@@ -283,6 +312,7 @@ class AxisMonitor:
                 for e in state.episodes
             ),
             effectiveness=state.value,
+            doubt=state.doubt,
             windows=0 if state.lost else state.mean.count,
             reference=gain.reference,
             best=gain.best,
@@ -292,6 +322,10 @@ class AxisMonitor:
             limits=self.limits,
             from_take_off=self._waited_rows >= FROM_TAKE_OFF_S * RATE_HZ,
         )
+
+
+def _percent(kept: Interval) -> str:
+    return f"{100 * kept.estimate:.0f} % ({100 * kept.low:.0f}–{100 * kept.high:.0f})"
 
 
 def _since_s(state: _AxisState) -> float | None:

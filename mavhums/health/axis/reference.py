@@ -22,6 +22,7 @@ from mavhums.health.axis.thresholds import (
     SLOW_PART_S,
     SLOWEST_STREAM_S,
 )
+from mavhums.report.assessment import Interval
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES
 
@@ -146,6 +147,11 @@ class Second:
     left_over, left_error, lost_s
         Effectiveness since ``since_s``, at the additional lag that explained more since then, over at most 20
         judged seconds, its standard error, and the number of these seconds.
+    excluded
+        Number of seconds over which a loss of 40 % is excluded by now, and was not before.
+    driven
+        Effectiveness over the last seconds, at most 60, in which demand dominates gusts; None if they do not
+        tell it.
     """
 
     end_s: int
@@ -159,6 +165,8 @@ class Second:
     left_over: float | None
     left_error: float
     lost_s: int
+    excluded: int = 0
+    driven: Interval | None = None
 
 
 class Constant(NamedTuple):

@@ -49,6 +49,16 @@ FULL_S: Final = 20
 # Largest standard error of an effectiveness that is shown or counted: half of the loss of 40 %. By hand.
 JUDGED_ERROR: Final = 0.2
 
+# Seconds over which a quiet axis is pooled: longer ones would excuse a loss by what was before it. By hand.
+POOLED_S: Final = 60
+
+# The same within a reference: of all its seconds the mean is one, whatever happened. By hand.
+POOLED_REFERENCE_S: Final = 20
+
+# Standard error at which pooled seconds tell the effectiveness: a whole axis is then above 0.6 in 97 of 100
+# windows.
+POOLED_ERROR: Final = 0.12
+
 # Share of the effectiveness whose loss the CUSUM is tuned to, where no profile has limits: smaller losses
 # are within what manoeuvres change by themselves (docs/evidence/axes.md).
 LOSS_TO_DETECT: Final = 0.4

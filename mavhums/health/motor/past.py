@@ -28,10 +28,10 @@ _SCATTER_WORTH: Final = 6.0  # flights
 _LEAST_CHANGE: Final = 0.15
 """Least change of a motor's thrust that is told: a battery moved by a centimetre makes 0.1."""
 _YAW_TELLS: Final = 3.0  # standard deviations between flights
-_MOST_CONFIDENCE: Final = 0.99
+_MOST_CONFIDENCE: Final = 0.99  # a Student's t of few flights claims more than they show
 
 
-class _Change(NamedTuple):
+class _TrimShift(NamedTuple):
     """A motor's trim beside that of earlier flights."""
 
     verdict: Verdict
@@ -63,7 +63,7 @@ def compare_motors(
     compared = list(verdicts)
     for vehicle in {verdict.vehicle for verdict in verdicts if verdict.subject == "motor"}:
         places = [k for k, v in enumerate(compared) if v.subject == "motor" and v.vehicle == vehicle]
-        changes: dict[int, _Change] = {}
+        changes: dict[int, _TrimShift] = {}
         for k in places:
             known = baselines(compared[k])
             compared[k] = _beside(compared[k], known)
@@ -82,7 +82,7 @@ def compare_motors(
     return compared
 
 
-def _change(verdict: Verdict, baselines: Mapping[str, Baseline], motors: int) -> _Change | None:
+def _change(verdict: Verdict, baselines: Mapping[str, Baseline], motors: int) -> _TrimShift | None:
     shown = {one.fault: one.value.estimate for one in verdict.indicators}
     if TRIM not in shown or not {TRIM, TRIM_YAW} <= baselines.keys():
         return None
@@ -93,7 +93,7 @@ def _change(verdict: Verdict, baselines: Mapping[str, Baseline], motors: int) ->
     variance = (_SCATTER_WORTH * usual + own * trim.spread**2) / (_SCATTER_WORTH + own) * beside
     value = shown[TRIM] - trim.mean
     turned = (shown[TRIM_YAW] - yaw.mean) / (float(BETWEEN_FLIGHTS[2]) * beside**0.5)
-    return _Change(verdict, value, value / variance**0.5, _SCATTER_WORTH + own, trim.flights, turned)
+    return _TrimShift(verdict, value, value / variance**0.5, _SCATTER_WORTH + own, trim.flights, turned)
 
 
 def _beside(verdict: Verdict, baselines: Mapping[str, Baseline]) -> Verdict:
@@ -109,7 +109,7 @@ def _beside(verdict: Verdict, baselines: Mapping[str, Baseline]) -> Verdict:
     return verdict.model_copy(update={"indicators": tuple(shown(one) for one in verdict.indicators)})
 
 
-def _judged(one: _Change, start_utc: datetime, end_s: float) -> Verdict:
+def _judged(one: _TrimShift, start_utc: datetime, end_s: float) -> Verdict:
     verdict = one.verdict
     if SEVERITY[verdict.condition] > SEVERITY["normal"]:
         return verdict  # what the flight itself shows is told with its onset

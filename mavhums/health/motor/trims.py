@@ -27,6 +27,7 @@ BETWEEN_FLIGHTS: Final = np.array([0.03, 0.05, 0.012])
 motor: six flights of one aircraft with whole propellers."""
 NEEDED_FLIGHTS: Final = 3
 """The scatter between flights is known from others, so the mean is all that the own ones must give."""
+# Blocks as long as gusts last, s, whose mean is the trim; fewer have no scatter to speak of. By hand.
 _BLOCK_S: Final = 10
 _LEAST_BLOCKS: Final = 3
 

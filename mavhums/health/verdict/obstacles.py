@@ -277,7 +277,7 @@ def _unnamed(axis: str, surfaces: Surfaces | None, flight: Flight) -> Obstacle:
 
 def _unclear(findings: AxisFindings) -> Obstacle:
     """Return why an axis with a reference is neither normal nor faulty."""
-    coverage, found = findings.coverage, findings.effectiveness
+    coverage, found = findings.coverage, findings.doubt or findings.effectiveness
     if coverage.decidable >= NORMAL_S and found is not None:
         kept = f"{100 * found.estimate:.0f} % ({100 * found.low:.0f}–{100 * found.high:.0f})"
         least = f"{100 * NORMAL_EFFECTIVENESS:.0f} %"
@@ -287,6 +287,9 @@ def _unclear(findings: AxisFindings) -> Obstacle:
             f"{coverage.decidable} of {coverage.windows} seconds since the reference were excited enough, "
             f"{NORMAL_S} are needed"
         )
+    if coverage.excluded:
+        loss = f"a loss of {100 * (1 - NORMAL_EFFECTIVENESS):.0f} % or more"
+        reason = f"{loss} is excluded over {coverage.excluded} s of forward flight, but {reason}"
     return Obstacle(reason, "choose a longer log, or one with more turns and climbs")
 
 

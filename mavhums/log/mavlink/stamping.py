@@ -102,7 +102,7 @@ class Stamper:
         self._dialect = dialect
         self._guard = guard
         self._counts = Counts()
-        self._streams: OrderedDict[Hashable, _Stream] = OrderedDict()
+        self._streams: OrderedDict[Hashable, _SenderStream] = OrderedDict()
         self._hear = hear
 
     @property
@@ -132,7 +132,7 @@ class Stamper:
         for sender, places in senders.items():
             stream = self._streams.get(sender)
             if stream is None:
-                stream = self._streams[sender] = _Stream(self._dialect)
+                stream = self._streams[sender] = _SenderStream(self._dialect)
             self._streams.move_to_end(sender)
             batch, by = stream.feed([pieces[k].data for k in places])
             self._forget()
@@ -204,7 +204,7 @@ class Stamper:
             self.speaks_mavlink2 = bool(((rows["flags"] & MAVLINK1) == 0).any())
 
 
-class _Stream:
+class _SenderStream:
     """The byte stream of one sender."""
 
     def __init__(self, dialect: Dialect) -> None:
@@ -249,7 +249,7 @@ def _link(sender: Hashable) -> Hashable:
     return sender[0] if isinstance(sender, tuple) else None
 
 
-def _add_losses(counts: Counts, stream: _Stream) -> None:
+def _add_losses(counts: Counts, stream: _SenderStream) -> None:
     totals = stream.scanner.totals
     counts.bytes_skipped += max(totals.skipped, 0) + totals.cut_end
     counts.bad_crc_frames += int(stream.scanner.bad_crc.sum())

@@ -1,0 +1,96 @@
+"""Effectiveness pooled over a minute: what a quiet flight excludes, and when a flight is no longer normal."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from mavhums.health.axis.detectors import AxisInput, PooledDetector
+from mavhums.health.axis.monitor import AxisMonitor
+from mavhums.health.axis.pooled import Exclusion, measured
+from mavhums.health.axis.reference import Reference, Second
+from mavhums.health.axis.regressions import Basis, Shape
+from mavhums.report.assessment import Coverage, Interval
+from mavhums.report.sections import AxisLimits
+from tests.health.axis.flights import Array, changes_of, excited, rolling, rows, steady
+
+GAIN = 2.0
+REFERENCE = Reference(
+    Basis(18.0, 0.0), Shape(0, 0.0), GAIN, np.zeros(1), 0.01, 0.03, 0.9, 0.1, 1.0, 0, 45
+)  # fmt: skip
+
+
+def coverage(flight: dict[str, Array]) -> Coverage:
+    monitor = AxisMonitor(1)
+    list(monitor.feed(rows(flight)))
+    return monitor.findings("roll").coverage
+
+
+@given(arrays(float, (20, 2), elements=st.floats(0.01, 4.0)), st.integers(2, 20))
+def test_pooled_seconds_are_a_regression_through_the_origin(sums: Array, n: int) -> None:
+    drive2, cross = sums.T
+    values, errors = measured(drive2, cross, REFERENCE)
+    gain = cross[:n].sum() / drive2[:n].sum()
+    scatter = ((cross[:n] - gain * drive2[:n]) ** 2).sum() * n / (n - 1) / drive2[:n].sum()
+    own = max(scatter, REFERENCE.variance) / drive2[:n].sum() / GAIN**2
+    spread = 0.1**2 * min(10 / n, 1.0)
+    assert values[n - 1] == pytest.approx(gain / GAIN)
+    assert errors[n - 1] ** 2 == pytest.approx(own + (gain / GAIN * REFERENCE.error) ** 2 + spread)
+    assert np.isinf(errors[0])
+
+
+def test_each_second_is_excluded_once() -> None:
+    exclusion = Exclusion(REFERENCE)
+    assert exclusion.begin([(1.0, GAIN)] * 45) == 45
+    # The seconds of the reference do not speak for those after it.
+    assert [exclusion.feed(1.0, GAIN) for _ in range(12)] == [0] * 9 + [10, 1, 1]
+    lost = [exclusion.feed(1.0, 0.5 * GAIN) for _ in range(100)]
+    assert 1 < sum(lost) < 10
+    assert not any(lost[10:])
+
+
+def test_a_quiet_flight_says_which_loss_it_excludes() -> None:
+    """Ten seconds of it show too little for a verdict, half a minute excludes a loss of 40 %."""
+
+    def flight(left: float) -> dict[str, Array]:
+        made = steady(240)
+        demand = np.concatenate([excited(60), 0.12 * excited(180, seed=3)])
+        made["outputs"][:, 0] = demand
+        noise = 0.03 * np.random.default_rng(7).normal(size=demand.size)
+        gain = np.where(np.arange(demand.size) < 1200, 2.2, 2.2 * left)
+        made["roll_rate"] = gain * np.concatenate([np.zeros(4), demand[:-4]]) + noise
+        return made
+
+    whole, half = coverage(flight(1.0)), coverage(flight(0.45))
+    assert whole.decidable < 60
+    assert whole.excluded > 150
+    assert whole.excluded_until_s is not None
+    assert whole.excluded_until_s > 200
+    # A window that holds more of the time before may still exclude it.
+    assert half.excluded < 90
+    assert half.excluded_until_s is not None
+    assert half.excluded_until_s < 90
+
+
+@pytest.mark.parametrize("left", [0.95, 0.75])
+def test_no_axis_is_normal_while_a_minute_does_not_exclude_the_loss(left: float) -> None:
+    changes = changes_of(AxisMonitor(1), rolling(130, lambda t: np.where(t < 100, 2.2, 2.2 * left)))
+    taken_back = [c for c in changes if (c.before, c.after) == ("normal", "undecided")]
+    assert bool(taken_back) is (left < 0.8)
+    for change in taken_back:
+        assert 100 < change.time_s < 125
+        assert "is left over the last minute" in change.rule
+
+
+@pytest.mark.parametrize(("half", "told"), [(0.12, True), (0.16, False)])
+def test_a_loss_over_a_minute_must_be_certain(half: float, told: bool) -> None:
+    """99 % lie below 62 % + 2.58 / 1.96 · half: 0.778 and 0.83, where 0.8 is the limit."""
+    kept = Interval(estimate=0.62, low=0.62 - half, high=0.62 + half)
+    second = Second(90, 0.6, 0.1, 0.0, 90, None, False, None, None, 0.0, 0, 0, kept)
+    alarms = PooledDetector(AxisLimits(), "pitch").feed(AxisInput(rows(steady(1)), {"pitch": [second]}, {}))
+    assert [(one.condition, one.fault, one.value) for one in alarms] == (
+        [("degraded", "effectiveness", 0.62)] if told else []
+    )
