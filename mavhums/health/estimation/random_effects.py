@@ -132,10 +132,11 @@ class CommonError:
         """Return the variance of a flight with this jackknife, and its degrees of freedom.
 
         A larger one of its own counts in full: gusts that no flight before had must not pass for chance.
+        The larger of the two is no underestimate, and keeps the degrees of freedom of both.
         """
         total = self.freedom + freedom
         moderated = (self.freedom * self.variance / information + freedom * variance) / total
-        return (variance, freedom) if variance > moderated else (moderated, total)
+        return max(variance, moderated), total
 
 
 def scattering_share(design: Array, values: Array, errors: Array) -> tuple[float, float]:

@@ -237,7 +237,7 @@ def test_a_larger_error_counts_by_itself() -> None:
     moderated, freedom = common.with_own(0.03, 10.0, 100.0)
     assert moderated == pytest.approx(0.0434, rel=0.01)
     assert freedom == 210.0
-    assert common.with_own(0.05, 10.0, 100.0) == (0.05, 10.0)
+    assert common.with_own(0.05, 10.0, 100.0) == (0.05, 210.0)
 
 
 def test_a_small_error_by_chance_counts_as_those_of_the_flights_before() -> None:
