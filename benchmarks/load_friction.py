@@ -89,8 +89,8 @@ def _against_truth(flights: Sequence[list[Verdict]]) -> str:
 def own_rows(folder: Path, seconds: float, each: int) -> Iterator[str]:
     """Yield the table of the own history, row by row."""
     cells = " | ".join(f"+{rise:.0%} found" for rise in RISES[1:])
-    yield f"| μ of the EMA | read by | judged by | healthy | least rise, median (range) | {cells} |"
-    yield "|---|---|---|---|---|---|---|---|"
+    yield f"| read by | judged by | healthy | least rise, median (range) | {cells} |"
+    yield "|---|---|---|---|---|---|---|"
     blank = folder / "blank.toml"
     blank.write_text(
         'name = "blank"\n'
@@ -100,20 +100,17 @@ def own_rows(folder: Path, seconds: float, each: int) -> Iterator[str]:
         ),
         encoding="utf-8",
     )
-    for mu in (0.0, 0.3):
-        for telemetry, registers in TELEMETRY.items():
-            yield f"| {mu:g} | {telemetry} | {_own_row(folder, blank, mu, registers, seconds, each)} |"
+    for telemetry, registers in TELEMETRY.items():
+        yield f"| {telemetry} | {_own_row(folder, blank, registers, seconds, each)} |"
 
 
-def _own_row(
-    folder: Path, blank: Path, mu: float, registers: Registers | None, seconds: float, each: int
-) -> str:
+def _own_row(folder: Path, blank: Path, registers: Registers | None, seconds: float, each: int) -> str:
     def flight(number: int, rise: float) -> dict[str, Verdict]:
         worn = (Condition("friction", rise * HEALTHY_NM, rise * HEALTHY_NM),) if rise else ()
         record = fly(
             Flight(
                 number, seconds, individuals=AIRCRAFT, cyclogram=MODES[number % len(MODES)],
-                parameters=replace(EmaParameters.from_data_sheet(), load_friction=mu),
+                parameters=replace(EmaParameters.from_data_sheet(), load_friction=0.3),
                 conditions=dict.fromkeys(SURFACES, worn), tiers=("instrumented",), registers=registers,
             )
         )  # fmt: skip
