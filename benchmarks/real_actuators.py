@@ -111,7 +111,7 @@ def own_table(
     blank = folder / "blank.toml"
     blank.write_text(profile(None), encoding="utf-8")
     cells = " | ".join(f"+{rise:.0%} found" for rise in RISES)
-    yield f"\n| current | judged by | healthy | least rise | {cells} | beyond the loads | why |"
+    yield f"\n| current | judged by | healthy | least rise (range) | {cells} | beyond the loads | why |"
     yield f"|---{'|---' * (6 + len(RISES))}|"
     for kind in CURRENTS:
         run = partial(_flown, kind=kind, sheet=sheet, folder=folder, airframes=[blank])
@@ -143,7 +143,7 @@ def _own_row(kind: str, flights: Sequence[Flight], levels: dict[float, list[Verd
                     least += [one.least_rise for one in shown]
                     faults.update(one.fault for one in shown)
     of = sum(said[0.0].values())
-    spread = f"{min(least):.0%}–{max(least):.0%}" if least else "–"
+    spread = f"{np.median(least):.0%} ({min(least):.0%}–{max(least):.0%})" if least else "–"
     healthy = ", ".join(f"{n} {text}" for text, n in said[0.0].most_common())
     cells = " | ".join(rate(said[r]["changed"], of) for r in RISES)
     loads = np.array([np.abs(flight.true_load).max() for flight in flights])

@@ -1,8 +1,8 @@
 """Check before a flight: what surfaces that are swept on the ground show of their servos.
 
 A standing aircraft has no aerodynamic load, and a sweep is the same motion each time. The strokes at constant
-speed of a vehicle that is not armed show the travel and the speed that are reached, what the angle lags
-behind either way, roughness, and the friction in a current.
+speed of a vehicle that is not armed, or armed but landed and still, show the travel and the speed that are
+reached, what the angle lags behind either way, roughness, and the friction in a current.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ import numpy as np
 from mavhums.actuator.mapping import Mapped, messages_for
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.actuator.vehicle_mappers import VehicleMappers
-from mavhums.core.arrays import Array, Integers
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.strokes import Stroke, Strokes, pairs_of
 from mavhums.log import Decoder, Table, decode_blocks
 from mavhums.vehicle.clocks import Clocks
+from mavhums.vehicle.facts import ON_GROUND
 from mavhums.vehicle.signals import SIGNAL_MESSAGES, SignalReader
 from mavhums.vehicle.states import TEXT_MESSAGES
 
@@ -34,6 +35,9 @@ LEAST_STROKES: Final = 2
 LEAST_SHARE: Final = 0.95
 """Share of the commanded travel, and of its speed, that a servo must reach: gears twist under their own
 friction, but not by more than a degree in twenty. By hand."""
+STILL_M_S: Final = 2.0
+"""Ground speed below which an armed aircraft that says it has landed stands: a receiver at rest shows less, a
+take-off run more. By hand."""
 _ARMED: Final = 2  # column of the state
 
 
@@ -91,37 +95,45 @@ class Sweep:
         return f"{self.actuator}: {'; '.join(self.faults) or 'ok'}{state}\n  {', '.join(shown)}"
 
 
-class _Armed:
-    """When each vehicle was armed, as far as the log tells."""
+class _Standing:
+    """When each vehicle stood on the ground, as far as the log tells."""
 
     def __init__(self) -> None:
         self._signals = SignalReader()
-        self._times: dict[int, list[int]] = {}
-        self._states: dict[int, list[bool]] = {}
+        self._changes: dict[tuple[int, str], tuple[list[int], list[bool]]] = {}
 
     def feed(self, tables: Mapping[str, Table]) -> None:
         for signal in self._signals.read(tables):
-            if signal.name != "state":
+            if signal.name == "state":
+                said = signal.values[:, _ARMED] <= 0
+            elif signal.name == "landed":
+                said = signal.values[:, 0] == ON_GROUND
+            elif signal.name == "groundspeed":
+                said = signal.values[:, 0] < STILL_M_S
+            else:
                 continue
-            times = self._times.setdefault(signal.vehicle, [])
-            states = self._states.setdefault(signal.vehicle, [])
-            for at, armed in zip(
-                signal.time_us.tolist(), (signal.values[:, _ARMED] > 0).tolist(), strict=True
-            ):
-                if not states or states[-1] != armed:
+            times, states = self._changes.setdefault((signal.vehicle, signal.name), ([], []))
+            for at, now in zip(signal.time_us.tolist(), said.tolist(), strict=True):
+                if not states or states[-1] != now:
                     times.append(at)
-                    states.append(armed)
+                    states.append(now)
 
     def known(self, vehicle: int) -> bool:
-        return vehicle in self._states
+        """Return whether the log tells when the vehicle was armed."""
+        return (vehicle, "state") in self._changes
 
-    def on_ground(self, vehicle: int, utc_us: Integers) -> Array:
-        """Return which times are before arming or after disarming; all where the log does not tell."""
-        if vehicle not in self._states:
+    def on_ground(self, vehicle: int, utc_us: Integers) -> Flags:
+        """Return which times are on the ground: disarmed, or landed and still; all if arming is not told."""
+        if not self.known(vehicle):
             return np.ones(utc_us.size, dtype=np.bool_)
-        place = np.searchsorted(self._times[vehicle], utc_us, side="right") - 1
+        landed, still = (self._held(vehicle, name, utc_us) for name in ("landed", "groundspeed"))
+        return self._held(vehicle, "state", utc_us) | (landed & still)
+
+    def _held(self, vehicle: int, name: str, utc_us: Integers) -> Flags:
+        times, states = self._changes.get((vehicle, name), ([0], [False]))
+        place = np.searchsorted(times, utc_us, side="right") - 1
         # Before the first word the state is that word's.
-        return ~np.array(self._states[vehicle])[np.maximum(place, 0)]
+        return np.array(states)[np.maximum(place, 0)]
 
 
 def check_log(
@@ -152,22 +164,22 @@ def check_log(
     """
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     wanted = messages_for(given.actuators if given else ()) | SIGNAL_MESSAGES | TEXT_MESSAGES
-    decoder, fleet, clocks, armed = (
+    decoder, fleet, clocks, standing = (
         Decoder(wanted, dialect=dialect),
         VehicleMappers(given),
         Clocks(),
-        _Armed(),
+        _Standing(),
     )
     tracks: dict[tuple[int, str], tuple[SlotCutter, Strokes]] = {}
     for read, size, final in decode_blocks(path, decoder, dialect=dialect):
         tables = clocks.feed(read)
-        armed.feed(tables)
+        standing.feed(tables)
         for _ in (*fleet.listen(tables), *fleet.draft(tables)):
             pass
         for _, mapped in fleet.feed(tables, final=final):
             key = mapped.vehicle, mapped.actuator.name
             track = tracks.setdefault(key, (SlotCutter(), Strokes(mapped.actuator)))
-            _feed(track, mapped, armed, decoder.first_time_us or 0)
+            _feed(track, mapped, standing, decoder.first_time_us or 0)
         if progress:
             progress(size)
     found = []
@@ -176,17 +188,17 @@ def check_log(
         if slots is not None:
             strokes.feed(slots)
         if sum(stroke.way != 0.0 for stroke in strokes.strokes) >= LEAST_STROKES:
-            found.append(_sweep(vehicle, name, strokes.strokes, armed.known(vehicle)))
+            found.append(_sweep(vehicle, name, strokes.strokes, standing.known(vehicle)))
     if not found:
         raise MavhumsError(
-            f"{path}: no surface is swept on the ground: there is no motion at constant speed before arming",
+            f"{path}: no surface is swept on the ground: nothing moves at constant speed while it stands",
             "sweep the surfaces at constant speed, out and back, before take-off, and record V1 and V3",
         )
     return found
 
 
-def _feed(track: tuple[SlotCutter, Strokes], mapped: Mapped, armed: _Armed, first_us: int) -> None:
-    rows = armed.on_ground(mapped.vehicle, mapped.utc_us)
+def _feed(track: tuple[SlotCutter, Strokes], mapped: Mapped, standing: _Standing, first_us: int) -> None:
+    rows = standing.on_ground(mapped.vehicle, mapped.utc_us)
     if not rows.any():
         return
     time_s = (mapped.utc_us[rows] - first_us) / 1e6

@@ -8,7 +8,7 @@ because the paper's data are the output of a model.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -108,8 +108,8 @@ CYCLOGRAMS: dict[str, Callable[[], Array]] = {
 
 
 @cache
-def _flown(cyclogram: str, friction_nm: float) -> CyclogramSamples:
-    return _fly(CYCLOGRAMS[cyclogram](), friction_nm, _SEED)
+def _flown(cyclogram: str, friction_nm: float, load_friction: float) -> CyclogramSamples:
+    return _fly(CYCLOGRAMS[cyclogram](), friction_nm, _SEED, load_friction)
 
 
 def fly_takeoff(seed: int, friction_nm: float) -> CyclogramSamples:
@@ -117,11 +117,11 @@ def fly_takeoff(seed: int, friction_nm: float) -> CyclogramSamples:
     return _fly(_takeoff(seed), friction_nm, seed)
 
 
-def _fly(command_deg: Array, friction_nm: float, seed: int) -> CyclogramSamples:
+def _fly(command_deg: Array, friction_nm: float, seed: int, load_friction: float = 0.0) -> CyclogramSamples:
     command = np.radians(command_deg)
     air = _air(seed)
     pressure = 0.5 * _AIR_DENSITY * air.airspeed**2
-    parameters = EmaParameters.from_data_sheet(integral_gain=400.0)
+    parameters = replace(EmaParameters.from_data_sheet(integral_gain=400.0), load_friction=load_friction)
     motion = simulate(
         parameters,
         command,
@@ -136,9 +136,12 @@ def _fly(command_deg: Array, friction_nm: float, seed: int) -> CyclogramSamples:
     return CyclogramSamples(friction_nm, times, values, moving, float(np.mean(motion.speed != 0)))
 
 
-def fly_condition(cyclogram: str, frictions_nm: Sequence[float]) -> list[CyclogramSamples]:
+def fly_condition(
+    cyclogram: str, frictions_nm: Sequence[float], load_friction: float = 0.0
+) -> list[CyclogramSamples]:
     """Simulate a cyclogram of :data:`CYCLOGRAMS` at each friction; 10,000 samples each.
 
     The command and the sample times are the same at every friction, so neither reveals the class.
+    ``load_friction`` is μ: the friction of the paper's EMA does not depend on its load.
     """
-    return [_flown(cyclogram, friction) for friction in frictions_nm]
+    return [_flown(cyclogram, friction, load_friction) for friction in frictions_nm]

@@ -152,7 +152,13 @@ class Experiment:
 
 
 def run_experiment(
-    cyclogram: str, inputs: tuple[str, ...], effort: Effort, *, seed: int, n_jobs: int = 2
+    cyclogram: str,
+    inputs: tuple[str, ...],
+    effort: Effort,
+    *,
+    seed: int,
+    n_jobs: int = 2,
+    load_friction: float = 0.0,
 ) -> Experiment:
     """Train networks on the paper's training flights and test them on its test flights.
 
@@ -164,9 +170,11 @@ def run_experiment(
         Keys of the networks' input quantities.
     effort, seed, n_jobs
         Size of the computation, random seed, and number of threads.
+    load_friction
+        μ of the actuator.
     """
     columns = [column(key) for key in inputs]
-    training, test = fly_condition(cyclogram, TRAINING_NM), fly_condition(cyclogram, TEST_NM)
+    training, test = (fly_condition(cyclogram, several, load_friction) for several in (TRAINING_NM, TEST_NM))
     values, classes, _ = samples(training, effort.every)
     ensemble = TanhNetworkEnsemble(
         effort.networks, max_iter=effort.iterations, precision="single", n_jobs=n_jobs, random_state=seed

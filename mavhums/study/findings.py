@@ -21,9 +21,11 @@ from mavhums.study.cyclograms import CYCLOGRAMS, MAIN, TAKEOFF, CyclogramSamples
 from mavhums.study.experiment import Bound, Effort, Experiment, run_experiment, samples, takeoff_bound
 from mavhums.study.published import BEST_12, BEST_SELECTED, CONDITIONS, SELECTED, TEST_NM, TRAINING_NM
 from mavhums.study.tables import (
+    LOAD_FRICTION,
     Grouping,
     chi_square_table,
     grouping,
+    load_friction_table,
     p_level_table,
     subset_table,
     table_1,
@@ -76,6 +78,8 @@ class Findings:
         search or None.
     leaks
         Command leak in the study's own data, and in classes flown with different cyclograms.
+    load_friction, load_grouping
+        Networks on an actuator whose friction grows with the load, and its feature groups on the main one.
     """
 
     effort: Effort
@@ -91,6 +95,8 @@ class Findings:
     thinning: pd.DataFrame
     leaks: tuple[CommandLeak, CommandLeak]
     moving: pd.DataFrame
+    load_friction: pd.DataFrame
+    load_grouping: Grouping
 
     @property
     def main(self) -> list[Experiment]:
@@ -129,7 +135,7 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
     searched = (
         list(dict.fromkeys((SELECTED, groupings[MAIN].selected, KEYS))) if effort.subset_samples else []
     )
-    steps = len(plan) + len(searched) + len(_BOTH) + 1
+    steps = len(plan) + len(searched) + len(_BOTH) + 2
     done = 0
 
     def step() -> None:
@@ -153,6 +159,8 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
         step()
     thinning = thinning_table(training[MAIN], test, SELECTED, effort, seed=seed)
     step()
+    loaded = load_friction_table(effort, seed=seed)
+    step()
     return Findings(
         effort=effort,
         seed=seed,
@@ -167,6 +175,8 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
         thinning=thinning,
         leaks=_leaks(training),
         moving=_moving(),
+        load_friction=loaded,
+        load_grouping=grouping(fly_condition(MAIN, TRAINING_NM, LOAD_FRICTION)),
     )
 
 

@@ -19,6 +19,7 @@ from mavhums.study.published import (
     TRAINING_NM,
     PublishedNetwork,
 )
+from mavhums.study.tables import FEWER_NETWORKS, LOAD_FRICTION
 
 __all__ = ["markdown_table", "report"]
 
@@ -47,6 +48,7 @@ def report(findings: Findings, seconds: float) -> str:
                 _cyclograms(findings),
                 *((_wrappers(findings), _thinning(findings)) if findings.subsets else ()),
                 _outputs(findings),
+                _load_friction(findings),
             ]
         )
         + "\n"
@@ -329,6 +331,21 @@ the conditions nearest to the limits, 0.375 and 0.875 N·m.
 ![Figures 16 to 19](figures-16-19.png)
 
 {markdown_table(table)}"""
+
+
+def _load_friction(findings: Findings) -> str:
+    own, loaded = findings.groupings[MAIN], findings.load_grouping
+    networks = min(findings.effort.networks, FEWER_NETWORKS)
+    return f"""## Friction that grows with the load
+
+The paper's friction does not depend on the load. A real servo's does: T_f = T_c + μ·|load|, μ about
+{LOAD_FRICTION:g} on a bench. The same flights with that μ; {networks} networks a row, the one with the
+smallest training loss, test flights, %.
+
+{markdown_table(findings.load_friction)}
+
+On "{MAIN}" Algorithm 1 selects {", ".join(loaded.selected)} at μ {LOAD_FRICTION:g}, and
+{", ".join(own.selected)} at μ 0."""
 
 
 def markdown_table(table: pd.DataFrame, digits: int = 2) -> str:

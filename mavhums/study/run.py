@@ -152,6 +152,7 @@ def _tables(findings: Findings) -> dict[str, pd.DataFrame]:
         "networks": networks,
         "flights": joined("flights"),
         "moving-fraction": findings.moving,
+        "load-friction": findings.load_friction,
     }
 
 

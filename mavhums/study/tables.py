@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.stats import chi2
 
 from mavhums.core.arrays import Array, Flags
-from mavhums.core.quantities import column
+from mavhums.core.quantities import KEYS, column
 from mavhums.learn import (
     ChiSquareRanking,
     Scheme,
@@ -24,16 +24,19 @@ from mavhums.learn import (
 )
 from mavhums.learn.evaluation import hold_out
 from mavhums.learn.subsets import Objective
-from mavhums.study.cyclograms import CyclogramSamples
-from mavhums.study.experiment import Effort, samples
-from mavhums.study.published import CHI_SQUARE, P_LEVELS, TABLE_1
+from mavhums.study.cyclograms import MAIN, TAKEOFF, CyclogramSamples, fly_condition
+from mavhums.study.experiment import Effort, emergency, run_experiment, samples
+from mavhums.study.published import CHI_SQUARE, P_LEVELS, SELECTED, TABLE_1, TEST_NM
 from mavhums_sim.ema import DataSheet, EmaParameters
 from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 
 __all__ = [
+    "FEWER_NETWORKS",
+    "LOAD_FRICTION",
     "Grouping",
     "chi_square_table",
     "grouping",
+    "load_friction_table",
     "p_level_table",
     "subset_table",
     "table_1",
@@ -243,4 +246,42 @@ def thinning_table(
             {"vectors": count, "method": name, "test": np.mean(found), "sd of five": np.std(found, ddof=1)}
             for name, found in medians.items()
         ]
+    return pd.DataFrame(rows)
+
+
+LOAD_FRICTION = 0.3
+"""μ of a real servo on a bench (docs/evidence/real-actuators.md); the paper's EMA has none."""
+
+FEWER_NETWORKS = 10
+"""Networks of each row of :func:`load_friction_table`."""
+
+
+def load_friction_table(effort: Effort, *, seed: int) -> pd.DataFrame:
+    """Return what networks are worth on an actuator whose friction grows with the load.
+
+    Fewer networks than elsewhere, each trained at one μ and tested at both: the accuracy, %, of the network
+    with the smallest training loss, and what it calls an emergency in normal flights at the larger μ.
+    """
+    fewer, rows = replace(effort, networks=min(effort.networks, FEWER_NETWORKS)), []
+    for cyclogram in (TAKEOFF, MAIN):
+        for inputs in (KEYS, SELECTED):
+            for learned in (0.0, LOAD_FRICTION):
+                network = run_experiment(cyclogram, inputs, fewer, seed=seed, load_friction=learned).network
+                row: dict[str, object] = {
+                    "cyclogram": cyclogram,
+                    "inputs": " ".join(inputs) if inputs != KEYS else "12",
+                    "trained at μ": f"{learned:g}",
+                }
+                for tested in (0.0, LOAD_FRICTION):
+                    flights = fly_condition(cyclogram, TEST_NM, tested)
+                    said = [
+                        network.p_first(flown.values[:, [column(key) for key in inputs]]) > 0.5
+                        for flown in flights
+                    ]
+                    right = [
+                        (one == emergency(flown)).mean() for one, flown in zip(said, flights, strict=True)
+                    ]
+                    row[f"right at μ {tested:g}"] = 100 * float(np.mean(right))
+                alarms = [one for one, flown in zip(said, flights, strict=True) if not emergency(flown)]
+                rows.append(row | {f"normal called emergency at μ {tested:g}": 100 * float(np.mean(alarms))})
     return pd.DataFrame(rows)

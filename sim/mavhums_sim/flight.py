@@ -15,7 +15,7 @@ from mavhums_sim.individuals import Individual
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 from mavhums_sim.motion import CONTROL_PERIOD_S, Motion, simulate
 from mavhums_sim.rates import Rates
-from mavhums_sim.sensors import EscSide, SensorNoise, sample_times, sense, sense_esc
+from mavhums_sim.sensors import EscSide, Registers, SensorNoise, sample_times, sense, sense_esc
 
 __all__ = [
     "HEALTHY_FRICTION_NM",
@@ -63,6 +63,9 @@ class Flight:
         Rates of the other messages.
     tiers
         Telemetry tiers of the actuators; see :mod:`mavhums_sim.tiers`.
+    registers
+        What a bus servo's registers make of the values of the tiers ``instrumented`` and ``named``; None
+        for sensors as they are.
 
     Raises
     ------
@@ -82,6 +85,7 @@ class Flight:
     esc_side: EscSide = "motor"
     rates: Rates = field(default_factory=Rates)
     tiers: tuple[str, ...] = ("instrumented", "esc-unsigned", "pwm")
+    registers: Registers | None = None
 
     def __post_init__(self) -> None:
         unknown = (set(self.friction_nm) | set(self.conditions)) - set(SURFACES)
@@ -226,4 +230,8 @@ def record_actuator(flight: Flight, index: int, motion: Motion) -> ActuatorRecor
     rng = np.random.default_rng([flight.seed, 7, index])
     esc = sense_esc(motion, flight.parameters, times, values, rng, flight.noise, flight.esc_side)
     conditions = flight.conditions.get(SURFACES[index], ())
+    if flight.registers:
+        rng = np.random.default_rng([flight.seed, 13, index])
+        kept, read = flight.registers.read(times, values, flight.parameters.gear_ratio, rng)
+        times, values, esc = kept, read, esc[np.searchsorted(times, kept)]
     return ActuatorRecord(motion, times, values, esc, flight.individual(index), conditions)

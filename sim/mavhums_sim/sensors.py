@@ -15,7 +15,7 @@ from mavhums_sim._arrays import Array
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.motion import Motion
 
-__all__ = ["ELECTRONICS_A", "EscSide", "SensorNoise", "sample_times", "sense", "sense_esc"]
+__all__ = ["ELECTRONICS_A", "EscSide", "Registers", "SensorNoise", "sample_times", "sense", "sense_esc"]
 
 EscSide = Literal["motor", "bus"]
 ELECTRONICS_A = 0.05  # bus current of the electronics of one actuator
@@ -40,6 +40,66 @@ class SensorNoise:
     def none(cls) -> SensorNoise:
         """Return perfect sensors."""
         return cls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+_READ = [0, 2, 3, 4, 6]  # V1, V3, V4, V5 and V7: what a bus servo reports
+
+
+@dataclass(frozen=True, slots=True)
+class Registers:
+    """What a bus servo's registers make of its sensors; the defaults are those of an STS3215.
+
+    Attributes
+    ----------
+    angle_step_deg, voltage_step_v, current_step_a
+        Steps of V3, V4 and V5; 0 for none.
+    speed_step_rad_s
+        Step of V7 at the output shaft, rad/s, times the gear ratio.
+    speed_lag_s
+        By which V7 is late.
+    current_hold_s
+        For which V5 repeats itself; it has no sign. 0 leaves it as it is, with its sign.
+    lost
+        Share of the samples that are not read.
+    """
+
+    angle_step_deg: float = 360.0 / 4096.0
+    voltage_step_v: float = 0.001 * 27.0  # duty in thousandths of the supply
+    current_step_a: float = 0.0065
+    speed_step_rad_s: float = 0.0767
+    speed_lag_s: float = 0.01
+    current_hold_s: float = 1.0
+    lost: float = 0.01
+
+    def read(
+        self, times: Array, values: Array, gear_ratio: float, rng: np.random.Generator
+    ) -> tuple[Array, Array]:
+        """Return times and V1…V12 as read from the registers; what they do not hold is NaN.
+
+        Examples
+        --------
+        >>> times, values = np.arange(300) * 0.01, np.full((300, 12), 0.0501)
+        >>> read, left = Registers().read(times, values, 100.0, np.random.default_rng(1))
+        >>> bool(290 < read.size < 300), float(left[0, 2]), bool(np.isnan(left[0, 1]))
+        (True, 0.087890625, True)
+        """
+        left = np.full_like(values, np.nan)
+        left[:, _READ] = values[:, _READ]
+        left[:, 6] = np.interp(times - self.speed_lag_s, times, values[:, 6])
+        if self.current_hold_s:
+            second = np.floor(times / self.current_hold_s)
+            left[:, 4] = np.abs(values[np.searchsorted(second, second), 4])
+        steps = {
+            2: self.angle_step_deg,
+            3: self.voltage_step_v,
+            4: self.current_step_a,
+            6: self.speed_step_rad_s * _REV_MIN * gear_ratio,
+        }
+        for column, step in steps.items():
+            if step:
+                left[:, column] = np.rint(left[:, column] / step) * step
+        kept = rng.random(times.size) >= self.lost
+        return times[kept], left[kept]
 
 
 def sample_times(rng: np.random.Generator, duration_s: float, rate_hz: float) -> Array:

@@ -28,7 +28,15 @@ travel_deg = [-30.0, 30.0]
 TRAVEL_DEG, FRICTION_A, REST_A, BEHIND_DEG = 25.0, 0.2, 0.1, 1.0
 
 
-def swept(folder: Path, *, reach: float = 1.0, armed: bool = False, rate_hz: float = 25.0) -> Path:
+def swept(
+    folder: Path,
+    *,
+    reach: float = 1.0,
+    armed: bool = False,
+    rate_hz: float = 25.0,
+    speed_m_s: float | None = None,
+    landed: int = v2.MAV_LANDED_STATE_ON_GROUND,
+) -> Path:
     """Write the log of a sweep by the example's positions, and of a flight after it."""
     command = TRAVEL_DEG * np.array(list(surface_sweep.positions(4, 5.0, rate_hz)))
     way = np.sign(np.round(np.gradient(command), 9))
@@ -46,6 +54,14 @@ def swept(folder: Path, *, reach: float = 1.0, armed: bool = False, rate_hz: flo
             mode = v2.MAV_MODE_FLAG_SAFETY_ARMED if armed or k >= len(values) else 0
             sent = [v2.MAVLink_debug_float_array_message(us - START_US, b"EMA", 1, row + [0.0] * 46)]
             beat = v2.MAVLink_heartbeat_message(v2.MAV_TYPE_FIXED_WING, 3, mode, 0, 4, 3)
+            on_ground = k < len(values)
+            if speed_m_s is not None:
+                speed = speed_m_s if on_ground else 20.0
+                state = landed if on_ground else v2.MAV_LANDED_STATE_IN_AIR
+                sent += [
+                    v2.MAVLink_vfr_hud_message(speed, speed, 0, 0, 0.0, 0.0),
+                    v2.MAVLink_extended_sys_state_message(0, state),
+                ]
             for message in [beat, *sent] if k % 25 == 0 else sent:
                 log.write(struct.pack(">Q", us) + message.pack(link))
     (folder / "one.toml").write_text(PROFILE, encoding="utf-8")
@@ -77,6 +93,27 @@ def test_what_it_does_not_reach_is_told(tmp_path: Path) -> None:
 def test_a_sweep_in_flight_is_none(tmp_path: Path) -> None:
     with pytest.raises(MavhumsError, match="no surface is swept on the ground"):
         check_log(swept(tmp_path, armed=True), airframe=tmp_path / "one.toml")
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "landed", "counts"),
+    [
+        (0.3, v2.MAV_LANDED_STATE_ON_GROUND, True),
+        (6.0, v2.MAV_LANDED_STATE_ON_GROUND, False),  # a take-off run: the air loads the surfaces
+        (0.3, v2.MAV_LANDED_STATE_IN_AIR, False),  # against the wind
+    ],
+)
+def test_an_armed_aircraft_that_stands_still_is_on_the_ground(
+    tmp_path: Path, speed_m_s: float, landed: int, counts: bool
+) -> None:
+    log = swept(tmp_path, armed=True, speed_m_s=speed_m_s, landed=landed)
+    if not counts:
+        with pytest.raises(MavhumsError, match="while it stands"):
+            check_log(log, airframe=tmp_path / "one.toml")
+        return
+    (found,) = check_log(log, airframe=tmp_path / "one.toml")
+    assert found.strokes == 3
+    assert found.commanded_deg[1] == pytest.approx(TRAVEL_DEG, abs=0.2)
 
 
 class Link:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from mavhums_sim import Flight, fly
 from mavhums_sim.cyclogram import SURFACES, takeoff
-from mavhums_sim.sensors import SensorNoise, sample_times, sense
+from mavhums_sim.sensors import Registers, SensorNoise, sample_times, sense
 
 DEGREES, REV_MIN = 180 / np.pi, 30 / np.pi
 
@@ -130,3 +131,19 @@ def test_sensor_noise_has_the_stated_deviation() -> None:
         (10, noise.output_torque_nm),
     ):
         assert spread[column] == pytest.approx(expected, rel=0.15)
+
+
+def test_registers_come_in_steps_late_without_sign_and_with_gaps() -> None:
+    flight = Flight(seed=5, duration_s=20.0)
+    plain = fly(flight).actuators["rudder"]
+    read = fly(replace(flight, registers=Registers(lost=0.05))).actuators["rudder"]
+    rows = np.searchsorted(plain.time_s, read.time_s)
+    np.testing.assert_array_equal(plain.time_s[rows], read.time_s)
+    assert 0.02 < 1.0 - read.time_s.size / plain.time_s.size < 0.08
+    assert np.isnan(read.values[:, [1, 5, 7, 8, 9, 10, 11]]).all()
+    np.testing.assert_allclose(read.values[:, 2], plain.values[rows, 2], atol=0.5 * 360.0 / 4096.0 + 1e-9)
+    current = read.values[:, 4]
+    assert (current >= 0.0).all()
+    assert np.unique(np.column_stack([np.floor(read.time_s), current]), axis=0).shape[0] == 20
+    late, now = (np.interp(read.time_s - lag, plain.time_s, plain.values[:, 6]) for lag in (0.01, 0.0))
+    assert np.abs(read.values[:, 6] - late).mean() < 0.75 * np.abs(read.values[:, 6] - now).mean()

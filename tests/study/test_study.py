@@ -51,7 +51,7 @@ def test_every_file_is_there_and_none_is_left_half_written(searched: Path) -> No
     assert {path.name for path in searched.iterdir()} == {
         "report.md", "study.rrd", "table-1.csv", "figure-15-chi-square.csv", "networks.csv", "flights.csv",
         "subsets-of-twelve.csv", "thinning.csv", "moving-fraction.csv", "figures-3-14.png",
-        "figures-16-19.png", "accuracy-against-moving-fraction.png",
+        "load-friction.csv", "figures-16-19.png", "accuracy-against-moving-fraction.png",
     }  # fmt: skip
 
 
@@ -104,6 +104,17 @@ def test_linear_pairs_score_alike_and_the_command_scores_nothing(folder: Path) -
 def test_the_simulated_actuator_is_that_of_table_1(folder: Path) -> None:
     table = pd.read_csv(folder / "table-1.csv")
     np.testing.assert_allclose(table["simulated"], table["paper"], rtol=2e-3)
+
+
+def test_friction_that_grows_with_the_load_is_beside_the_paper_s(folder: Path) -> None:
+    """More friction under load than any normal training flight had looks like an emergency."""
+    table = pd.read_csv(folder / "load-friction.csv")
+    learned_without = table[table["trained at μ"] == 0.0]
+    assert len(learned_without) == len(table) / 2 == 4
+    assert (learned_without["normal called emergency at μ 0.3"] > 5.0).any()
+    text = (folder / "report.md").read_text(encoding="utf-8")
+    assert "## Friction that grows with the load" in text
+    assert f"{TINY.networks} networks a row" in text
 
 
 @pytest.mark.slow

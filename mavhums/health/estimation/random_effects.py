@@ -3,6 +3,7 @@
 References
 ----------
 R. C. Paule and J. Mandel (1982), Journal of Research of the National Bureau of Standards 87:377.
+G. K. Smyth (2004), Statistical Applications in Genetics and Molecular Biology 3(1):3.
 """
 
 from __future__ import annotations
@@ -13,7 +14,11 @@ from math import sqrt
 import numpy as np
 
 from mavhums.core.arrays import Array
-from mavhums.health.estimation.thresholds import NATURAL_SCATTER_FREEDOM, NATURAL_SCATTER_SHARE
+from mavhums.health.estimation.thresholds import (
+    NATURAL_SCATTER_FREEDOM,
+    NATURAL_SCATTER_SHARE,
+    STATED_ERROR_FREEDOM,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,22 +85,76 @@ def population(
     return Population(coefficients, scale * inverse, float(np.sqrt(between)), max(effective, 1.0) + trusted)
 
 
-def scattering_share(design: Array, values: Array, errors: Array) -> float:
-    """Return the share of the flights' own variances that scatters between them, at most 1.
+@dataclass(frozen=True, slots=True)
+class CommonError:
+    """What the reference flights know of the error of one flight (Smyth's moderated variance).
+
+    The jackknife over the few parts of a flight is itself uncertain, to a quarter for ten parts.
+
+    Attributes
+    ----------
+    variance
+        Expected variance of a flight with one sample of information.
+    freedom
+        Degrees of freedom that it is worth: the more, the more alike the flights' errors are.
+    """
+
+    variance: float
+    freedom: float
+
+    @classmethod
+    def of(cls, variances: Array, freedom: Array) -> CommonError:
+        """Learn from flights: their variances with one sample of information, and these' degrees of freedom.
+
+        Examples
+        --------
+        >>> alike = CommonError.of(np.full(20, 0.04), np.full(20, 10.0))
+        >>> round(alike.variance, 3), alike.freedom
+        (0.042, 200.0)
+        """
+        from scipy.optimize import brentq
+        from scipy.special import digamma, polygamma
+
+        logarithms = np.log(variances + 1e-300) - digamma(freedom / 2) + np.log(freedom / 2)
+        true = float(logarithms.var(ddof=1) - polygamma(1, freedom / 2).mean())
+
+        def unlike(worth: float) -> float:
+            return float(polygamma(1, worth / 2)) - true
+
+        # Together they are worth no more than all their parts, and a flight's own error always counts.
+        least, worth = 1e-3, float(freedom.sum())
+        if unlike(worth) < 0.0:
+            worth = float(brentq(unlike, least, worth)) if unlike(least) > 0.0 else least
+        mean = float(logarithms.mean() + digamma(worth / 2) - np.log(worth / 2))
+        return cls(float(np.exp(mean)), worth)
+
+    def with_own(self, variance: float, freedom: float, information: float) -> tuple[float, float]:
+        """Return the variance of a flight with this jackknife, and its degrees of freedom.
+
+        A larger one of its own counts in full: gusts that no flight before had must not pass for chance.
+        The larger of the two is no underestimate, and keeps the degrees of freedom of both.
+        """
+        total = self.freedom + freedom
+        moderated = (self.freedom * self.variance / information + freedom * variance) / total
+        return max(variance, moderated), total
+
+
+def scattering_share(design: Array, values: Array, errors: Array) -> tuple[float, float]:
+    """Return the share of the flights' own variances that scatters between them, at most 1; its freedom.
 
     The jackknife over the parts of a flight counts all in which they differ. What recurs in each flight, for
-    its motions recur, does not scatter between flights. That the stated errors are right counts as much as
-    the natural scatter does, so that a few flights that agree by chance show little.
+    its motions recur, does not scatter between flights. That the stated errors are right counts for a
+    little, so that a few flights that agree by chance do not show none.
 
     Examples
     --------
-    >>> scattering_share(np.ones((19, 1)), np.full(19, 2.0), np.full(19, 0.1))
-    0.3333333333333333
+    >>> share, freedom = scattering_share(np.ones((20, 1)), np.full(20, 2.0), np.full(20, 0.1))
+    >>> round(share, 3), freedom
+    (0.095, 21.0)
     """
     residuals = weighted(design, values, 1.0 / (errors**2 + 1e-300))[1]
-    freedom = len(values) - design.shape[1]
-    squares = float(residuals @ residuals)
-    return min((squares + NATURAL_SCATTER_FREEDOM) / float(freedom + NATURAL_SCATTER_FREEDOM), 1.0)
+    freedom = len(values) - design.shape[1] + STATED_ERROR_FREEDOM
+    return min((float(residuals @ residuals) + STATED_ERROR_FREEDOM) / freedom, 1.0), freedom
 
 
 def weighted(design: Array, values: Array, weights: Array) -> tuple[Array, Array, Array]:

@@ -64,6 +64,11 @@ NATURAL_SCATTER_SHARE: Final = 0.05
 # (docs/evidence/self-baseline.md).
 NATURAL_SCATTER_FREEDOM: Final = 9.0
 
+# Weight, in degrees of freedom, of the belief that flights scatter by their stated errors: the least with
+# which drawn flights whose errors are right keep the promised false alarms, with ten flights before
+# (benchmarks/promised.py); more of it hides rises where motions recur.
+STATED_ERROR_FREEDOM: Final = 2.0
+
 # Largest twist of the gear beside that of its stiffness; without a bound grave play under a small load
 # reads as twist. Set with benchmarks/severities.py, seeds 0–2 and 20–29.
 MOST_TWIST_PER_STIFFNESS: Final = 2.0

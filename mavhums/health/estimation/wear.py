@@ -107,7 +107,9 @@ def _shows_linear(record: OwnRecord) -> bool:
 
 
 def information(record: OwnRecord) -> float:
-    """Return the number of samples in a flight that determine its wear, as many to either side."""
+    """Return the number of samples that determine a flight's wear, as many to either side, or of strokes."""
+    if of_strokes(record):
+        return float(len(record.groups))
     return sum(row[1 + _SIGN] for row in record.groups)
 
 

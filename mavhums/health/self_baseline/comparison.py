@@ -18,6 +18,7 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.random_effects import (
+    CommonError,
     Population,
     population,
     satterthwaite,
@@ -160,8 +161,8 @@ class _Healthy:
     """The reference flights: their population, and their known differences.
 
     ``noise`` is the largest error of a flight with one sample of information; infinite if a flight's own
-    error counts however large it is. ``shared`` is the share of a flight's own variance that scatters from
-    flight to flight.
+    error counts however large it is. ``common`` is what they know of a flight's error, ``shared`` the share
+    of its variance that scatters from flight to flight, with its degrees of freedom.
     """
 
     nuisances: Individual
@@ -170,7 +171,8 @@ class _Healthy:
     sign: float
     shown: int
     noise: float
-    shared: float
+    common: CommonError
+    shared: tuple[float, float]
 
     @classmethod
     @lru_cache(maxsize=1024)
@@ -181,7 +183,10 @@ class _Healthy:
         if nuisances is None or len(shown) < SHOWN_FLIGHTS:
             return None
         values = np.array([w.value for w, _ in shown])
-        errors = np.array([w.error for w, _ in shown])
+        informed = np.array([information(r) for _, r in shown])
+        squares, freedom = np.array([(w.error**2, w.freedom) for w, _ in shown]).T
+        common = CommonError.of(squares * informed, freedom)
+        own = [common.with_own(*row)[0] for row in zip(squares, freedom, informed, strict=True)]
         known = tuple(differences(equation, [r for _, r in shown], warm=warm))
         if of_strokes(records[0]) or (isinstance(nuisances, Nuisances) and nuisances.load_friction):
             known += tuple(_loads([r for _, r in shown]))
@@ -192,11 +197,11 @@ class _Healthy:
                 Difference(_strokes, fewest, fewest, np.inf, 0.0, "shorter in strokes", "", fitted=False),
             )
         design = np.array([_row(known, r) for _, r in shown])
-        shared = scattering_share(design, values, errors)
-        flights = population(design, values, shared**0.5 * errors)
-        noise = max(w.error * information(r) ** 0.5 for w, r in shown) if equation.blurs else np.inf
+        shared = scattering_share(design, values, np.sqrt(own))
+        flights = population(design, values, np.sqrt(shared[0] * np.array(own)))
+        noise = BLURRED_TIMES * float((squares * informed).max()) ** 0.5 if equation.blurs else np.inf
         sign = float(np.sign(flights.coefficients[0])) or 1.0
-        return cls(nuisances, flights, known, sign, len(shown), BLURRED_TIMES * noise, shared)
+        return cls(nuisances, flights, known, sign, len(shown), noise, common, shared)
 
     @property
     def load(self) -> float | None:
@@ -236,16 +241,23 @@ class _Healthy:
         """Return the standard error of a flight's rise, and its degrees of freedom."""
         variance = self.flights.variance_at(self._row(record))
         # A grave fault makes the flight as uncertain as large, and would hide itself.
-        own = self.shared * min(own_wear.error, self.noise / information(record) ** 0.5) ** 2
-        return (variance + own) ** 0.5, satterthwaite(variance, self.flights.freedom, own, own_wear.freedom)
+        most = self.noise / information(record) ** 0.5
+        own, freedom = self._own(min(own_wear.error, most), own_wear, record)
+        return (variance + own) ** 0.5, satterthwaite(variance, self.flights.freedom, own, freedom)
+
+    def _own(self, error: float, own_wear: Wear, record: OwnRecord) -> tuple[float, float]:
+        """Return what scatters of a flight's own variance, and its degrees of freedom."""
+        variance, freedom = self.common.with_own(error**2, own_wear.freedom, information(record))
+        share, known = self.shared
+        # The share is an estimate, too: relative variances of a product add up.
+        return share * variance, 1.0 / (1.0 / freedom + 1.0 / known)
 
     def relative(self, own_wear: Wear, record: OwnRecord) -> Interval:
         """Return the relative change with its 95 % interval."""
         mean = self.mean(record)
         change = own_wear.value / mean - 1.0
-        error = (self.shared * own_wear.error**2 + self.flights.variance_at(self._row(record))) ** 0.5 / abs(
-            mean
-        )
+        own, _ = self._own(own_wear.error, own_wear, record)
+        error = (own + self.flights.variance_at(self._row(record))) ** 0.5 / abs(mean)
         half = float(stdtrit(min(own_wear.freedom, self.flights.freedom), CENTRAL_95)) * error
         return Interval(estimate=change, low=change - half, high=change + half)
 

@@ -9,7 +9,7 @@ import pytest
 
 from mavhums.health.estimation.equations.own_scale import TRACKING
 from mavhums.health.estimation.motor_identification import VoltageSums
-from mavhums.health.estimation.random_effects import population, scattering_share
+from mavhums.health.estimation.random_effects import CommonError, population, scattering_share
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS, USEFUL_RISE
@@ -196,8 +196,8 @@ def test_a_weaker_motor_is_told_from_friction() -> None:
 
 
 def test_an_uncertain_flight_says_at_which_rate_of_false_alarms_it_shows_a_useful_rise() -> None:
-    before = past(*(left(Servo(), seed, seconds=60.0, noise_a=0.25) for seed in range(12)))
-    own = left(Servo(), 60, seconds=60.0, noise_a=0.25)
+    before = past(*(left(Servo(), seed, seconds=60.0, noise_a=0.5) for seed in range(12)))
+    own = left(Servo(), 60, seconds=60.0, noise_a=0.5)
     found = compare(EQUATION, own, before)
     assert found.least_rise is not None
     assert found.least_rise > USEFUL_RISE
@@ -209,11 +209,40 @@ def test_an_uncertain_flight_says_at_which_rate_of_false_alarms_it_shows_a_usefu
     assert "false alarms" not in comparison_text(EQUATION, compare(EQUATION, flight(51), HEALTHY))
 
 
-@pytest.mark.parametrize(("overstated", "share"), [(1.0, 1.0), (3.0, 0.4)])
+@pytest.mark.parametrize(("overstated", "share"), [(1.0, 1.0), (3.0, 0.2)])
 def test_what_recurs_in_each_flight_does_not_scatter(overstated: float, share: float) -> None:
     rng, shares = np.random.default_rng(5), []
     for _ in range(200):
         values, errors = rng.normal(1.0, 0.05, 20), np.full(20, 0.05 * overstated)
-        shares.append(scattering_share(np.ones((20, 1)), values, errors))
+        shares.append(scattering_share(np.ones((20, 1)), values, errors)[0])
     assert max(shares) <= 1.0
     assert np.median(shares) == pytest.approx(share, abs=0.05)
+
+
+@pytest.mark.parametrize("worth", [10.0, 40.0])
+def test_flights_tell_how_alike_their_errors_are(worth: float) -> None:
+    """Drawn variances of ten degrees of freedom, whose true ones scatter as ``worth`` degrees do."""
+    rng, found = np.random.default_rng(6), []
+    for _ in range(200):
+        true = 4.0 * worth / rng.chisquare(worth, 20)
+        common = CommonError.of(true * rng.chisquare(10.0, 20) / 10.0, np.full(20, 10.0))
+        found.append((common.variance, common.freedom))
+    variance, freedom = np.median(found, axis=0)
+    assert variance == pytest.approx(4.0, rel=0.1)
+    assert worth / 2 < freedom < 2 * worth
+
+
+def test_a_larger_error_counts_by_itself() -> None:
+    common = CommonError.of(np.full(20, 4.0), np.full(20, 10.0))
+    moderated, freedom = common.with_own(0.03, 10.0, 100.0)
+    assert moderated == pytest.approx(0.0434, rel=0.01)
+    assert freedom == 210.0
+    assert common.with_own(0.05, 10.0, 100.0) == (0.05, 210.0)
+
+
+def test_a_small_error_by_chance_counts_as_those_of_the_flights_before() -> None:
+    """Flights of the same noise: least rises lie closer together below than the errors of their parts."""
+    own = [left(Servo(), seed, seconds=60.0, noise_a=0.25) for seed in range(30)]
+    before = past(*own[:20])
+    rises = np.sort([compare(EQUATION, one, before).least_rise or 0.0 for one in own[20:]])
+    assert rises[5] < 1.1 * rises[0]
