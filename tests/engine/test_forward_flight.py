@@ -97,6 +97,7 @@ def test_a_tilt_that_the_log_does_not_carry_is_told_by_the_motors_that_do_not_ti
     ("options", "why"),
     [
         ({"speed": 6.0}, "its highest speed while armed was 6 m/s, 8 are needed"),
+        ({"armed": False}, "it was never armed"),
         (
             {"kind": 20},
             "of 148 s above 8 m/s (fastest 18 m/s), in 148 s its VTOL state was not forward flight",
