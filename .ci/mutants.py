@@ -20,6 +20,7 @@ import math
 import os
 import random
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -45,6 +46,7 @@ SPARED = {
 }  # decorators whose absence changes no result
 BITS = {"BitOr", "BitAnd", "BitXor", "RShift", "LShift"}
 NEAR_S, MOST_S, MOST = 10.0, 20.0, 120  # of tests of the same room, of all; tests for one mutant
+MOST_WALL_S = 600.0
 # Every Python that a test starts reads the changed text, too; the file stays, and with it numba's cache.
 HOOK = """
 import importlib.machinery, os
@@ -123,7 +125,7 @@ def parsed(path: str) -> ast.Module:
 
 @functools.cache
 def statements(path: str) -> dict[int, tuple[ast.stmt, range, bool]]:
-    """Return of each line its statement, that one's lines without its body, and whether it runs in a function."""
+    """Return of each line its statement, that one's own lines, and whether it runs in a function."""
     found = {}
 
     def visit(tree: ast.AST, inside: bool) -> None:
@@ -179,7 +181,7 @@ def chosen(path: str, line: int) -> list[str]:
     def near(test: str) -> int:
         parts = [FOLDERS.get(part, part) for part in Path(test.partition("::")[0]).parts]
         alike = [a == b for a, b in zip(parts[1:-1], Path(path).parts[1:-1], strict=False)]
-        return sum(alike) + (Path(path).stem in parts[-1])
+        return sum(alike) + (Path(path).stem in parts[-1]) + (len(parts) == 2)
 
     seconds, taken, total = durations(), [], 0.0
     tests = sorted(covering(path, line) & seconds.keys(), key=lambda test: (-near(test), seconds[test], test))
@@ -327,6 +329,8 @@ def start(mutant: dict[str, Any], tests: list[str], folder: str) -> int:
 def run(text: str, path: str, tests: list[str], folder: str) -> None:
     """Run the tests with the text in place of the module, and exit."""
     os.setsid()
+    limit = round(30 + 3 * sum(durations()[test] for test in tests))
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))  # of the processor: the machine may be busy
     with Path(f"{folder}/{os.getpid()}.log").open("w") as log:
         os.dup2(log.fileno(), 1)
         os.dup2(log.fileno(), 2)
@@ -390,29 +394,27 @@ def judge(mutants: list[dict[str, Any]], jobs: int = 2) -> None:
                 tests = chosen(mutant["path"], mutant["line"] + blank)
                 mutant |= {"tests": len(tests), "verdict": "untested", "s": 0.0}
                 if tests:
-                    limit = 60 + 5 * sum(durations()[test] for test in tests)
-                    running[start(mutant, tests, folder)] = mutant, time.monotonic(), limit
+                    running[start(mutant, tests, folder)] = mutant, time.monotonic()
                 else:
                     print(json.dumps(mutant), flush=True)
             time.sleep(0.05)
-            for pid, (mutant, since, limit) in list(running.items()):
+            for pid, (mutant, since) in list(running.items()):
                 ended, status = os.waitpid(pid, os.WNOHANG)
                 took = time.monotonic() - since
-                if not ended and took < limit:
+                if not ended and took < MOST_WALL_S:
                     continue
                 with __import__("contextlib").suppress(ProcessLookupError):
                     os.killpg(pid, signal.SIGKILL)
                 if not ended:
                     os.waitpid(pid, 0)
                 code = os.waitstatus_to_exitcode(status) if ended else -1
-                mutant["verdict"] = {0: "survived", 1: "killed", 2: "killed", 4: "killed", -1: "timeout"}.get(
-                    code, f"error {code}"
-                )
+                named = {0: "survived", 1: "killed", 2: "killed", 4: "killed"}
+                mutant["verdict"] = named.get(code, "timeout" if code < 0 else f"error {code}")
                 log = Path(f"{folder}/{pid}.log").read_text(errors="replace")
                 by = re.findall(r"^(?:FAILED|ERROR) (\S+)", log, re.MULTILINE)
                 mutant |= {
                     "s": round(took, 1),
-                    "by": by[0] if by else log[-300:] if code not in (0, -1) else "",
+                    "by": by[0] if by else log[-300:] if code > 0 else "",
                 }
                 del running[pid]
                 print(json.dumps(mutant), flush=True)

@@ -26,7 +26,7 @@ from mavhums.core.conditions import Condition
 from mavhums.flights.compare import compared, packed
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.trends import trend_report
-from mavhums.health.estimation.equations.own_scale import TWO_WAYS
+from mavhums.health.estimation.equations.own_scale import POWER, TWO_WAYS
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.motor import motor_indicators
@@ -66,8 +66,12 @@ def _servos(tier: str, condition: Fault, folder: Path) -> Path:
     return folder / "log.tlog"
 
 
+def _carried(path: Path, _: Path) -> Path:
+    return path
+
+
 LOGS: dict[str, Callable[[Path], Path]] = {
-    **{path.stem: lambda _, path=path: path for path in carried_logs()},
+    **{path.stem: functools.partial(_carried, path) for path in carried_logs()},
     "dataflash": functools.partial(_written, Wired(left=0.7).dataflash, ".BIN"),
     "ulog": functools.partial(_written, Wired(parameters=PX4_PLANE, left=0.4).ulog, ".ulg"),
     "tiltrotor": functools.partial(_written, Wired(parameters=TILTROTOR, others=transition()).tlog, ".tlog"),
@@ -116,7 +120,7 @@ def own() -> Iterator[tuple[str, Any]]:
     for burns in (False, True):
         for times in (1.0, 1.5):
             seen = power.scattered(90, times * power.FRICTION_NM, burns=burns)
-            yield f"power {burns} {times}", compare(power.POWER, seen, power.HEALTHY)
+            yield f"power {burns} {times}", compare(POWER, seen, power.HEALTHY)
     swept = [test_strokes.left(test_strokes.swept(seed), TWO_WAYS) for seed in range(12)]
     past = [PastRecord((record,), "2026-03-01", True) for record in swept[:-1] if record]
     yield "strokes", swept[-1] and compare(TWO_WAYS, swept[-1], past)
