@@ -38,7 +38,7 @@ def test_efforts_of_every_frame_do_not_mix(places: tuple[tuple[float, int], ...]
 @pytest.mark.parametrize(("type_", "turns"), [(14, 1), (13, -1)])
 @pytest.mark.parametrize("size", [1, 2])
 def test_clockwise_numbering_and_its_mirror_go_once_round(size: int, type_: int, turns: int) -> None:
-    """ArduPilot numbers type 14 clockwise, and type 13, as DJI does, against it; the first is at the front."""
+    """ArduPilot numbers type 14 clockwise and type 13, as DJI does, against it, from the front on."""
     bearings = np.array([angle for angle, _ in _FRAMES[size, type_]])
     steps = turns * np.diff(bearings, append=bearings[0]) % 360
     assert steps == pytest.approx(360 / len(bearings))

@@ -61,6 +61,17 @@ def test_a_sensor_that_never_worked_takes_nothing_away() -> None:
     assert speed[-20:] == pytest.approx(AIRSPEED, rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("change", "doubted_s"), [(0.21, 5), (0.19, 10), (-0.16, 10), (0.14, 30), (0.09, None)]
+)
+def test_the_smaller_the_change_the_longer_it_takes_to_doubt(change: float, doubted_s: int | None) -> None:
+    check = AirspeedCheck()
+    assert all(check.step(18.0, 18.5, settled=True) for _ in range(60))
+    trusted = [check.step(18.0 * np.exp(change), 18.5, settled=True) for _ in range(60)]
+    assert (trusted.index(False) + 1 if doubted_s else None) == doubted_s
+    assert doubted_s or all(trusted)
+
+
 def test_gusts_are_no_lie() -> None:
     gusts = 1.0 + 0.12 * np.sin(2 * np.pi * np.arange(400) / 7.0)
     assert all(trusted(gusts))
