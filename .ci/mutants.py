@@ -209,7 +209,7 @@ def named_in_kernels() -> set[str]:
                 }:
                     names |= {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
                     names |= {each.attr for each in ast.walk(node) if isinstance(each, ast.Attribute)}
-    return names
+    return {name for name in names if name.isupper()}  # constants, not what is local
 
 
 def spared(tree: ast.Module) -> Iterator[ast.AST]:
