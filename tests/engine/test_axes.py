@@ -38,6 +38,7 @@ def flown(
     day: int = 0,
     gain: float = 2.2,
     trim: float = 0.0,
+    armed: bool = True,
     lost_s: int = 90,
     parted_s: int | None = None,
 ) -> bytes:
@@ -63,7 +64,7 @@ def flown(
     def say(time_s: float, message: v2.MAVLink_message) -> None:
         data.extend(struct.pack(">Q", start_us + round(time_s * 1e6)) + bytes(message.pack(link)))
 
-    say(0.0, v2.MAVLink_heartbeat_message(kind, 3, 128, 10, 4, 3))
+    say(0.0, v2.MAVLink_heartbeat_message(kind, 3, 128 * armed, 10, 4, 3))
     for n, (function, value) in enumerate([(1, 4), (2, 19), (4, 21)] if parameters else []):
         name = f"SERVO{function}_FUNCTION".encode()
         say(0.1 * n, v2.MAVLink_param_value_message(name, value, 6, 3, n))
@@ -71,7 +72,7 @@ def flown(
         t = k / 10
         boot_ms, boot_us = k * 100, k * 100_000
         if k % 10 == 0:
-            say(t, v2.MAVLink_heartbeat_message(kind, 3, 128, 10, 4, 3))
+            say(t, v2.MAVLink_heartbeat_message(kind, 3, 128 * armed, 10, 4, 3))
         pulses = [round(1500 + 400 * wanted), 1500, 1600, round(1500 + 400 * rudder[k]), 0, 0, 0, 0]
         say(t, v2.MAVLink_servo_output_raw_message(boot_us, 0, *pulses))
         say(t, v2.MAVLink_raw_imu_message(boot_us, 0, 0, -1000, round(1000 * rate), 0, 0, 0, 0, 0))

@@ -97,6 +97,7 @@ def test_a_tilt_that_the_log_does_not_carry_is_told_by_the_motors_that_do_not_ti
     ("options", "why"),
     [
         ({"speed": 6.0}, "its highest speed while armed was 6 m/s, 8 are needed"),
+        ({"armed": False}, "it was never armed"),
         (
             {"kind": 20},
             "of 148 s above 8 m/s (fastest 18 m/s), in 148 s its VTOL state was not forward flight",
@@ -107,6 +108,26 @@ def test_the_condition_that_failed_is_named(options: dict[str, float], why: str)
     reason = str(of(judged(flown(**options))[0], "axes").reason)  # type: ignore[arg-type]
     figures = reason.replace("149", "148").replace("150", "148")
     assert figures == f"it never flew forward: {why}"
+
+
+def test_which_modes_and_transitions_are_forward_flight() -> None:
+    """ArduPlane hovers in its Q modes, 17 to 25 without 24 (thermal); MAV_VTOL_STATE 4 is forward flight."""
+
+    def up(kind: int, autopilot: int, mode: int, vtol: float) -> bool:
+        flat = {
+            "state": np.array([[kind, autopilot, 1.0, mode]], dtype=np.float64),
+            "vtol": np.array([[vtol]]),
+            "landed": np.full((1, 1), np.nan),
+            "groundspeed": np.full((1, 1), 12.0),
+        }
+        return bool(Flight(None)._up(flat, np.array([12.0]))[0])
+
+    hovering = {mode for mode in range(40) if not up(1, 3, mode, np.nan)}
+    assert hovering == {17, 18, 19, 20, 21, 22, 23, 25}
+    assert all(up(1, 12, mode, 0.0) for mode in hovering), "the modes of PX4 are others"
+    for kind in (1, *range(19, 26)):
+        assert [state for state in range(1, 6) if up(kind, 3, 10, state)] == [4]
+    assert {kind for kind in range(40) if up(kind, 3, 10, np.nan)} == {1}
 
 
 def test_outputs_without_pulses_are_recorded_all_the_same() -> None:

@@ -95,6 +95,13 @@ def test_one_log_of_two_flights_and_a_log_of_each() -> None:
     assert len(superseded_recordings(rather)) == 1
 
 
+def test_flights_that_began_a_minute_apart_are_not_even_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise the cost grows with the square of an aircraft's flights."""
+    flights = {n: recording(identity(boot_s=60.0 * n)) for n in range(9)}
+    monkeypatch.setattr(FlightIdentity, "is_same", lambda *_: pytest.fail("two flights are compared"))
+    assert superseded_recordings(flights) == {}
+
+
 spans = st.tuples(st.sampled_from([-60.0, -45.0, -30.0, -5.0]), st.integers(0, 9), st.integers(0, 9))
 
 

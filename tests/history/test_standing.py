@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mavhums.core.conditions import Condition
+from mavhums.flights.changes import _kinds
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.trends import trend_report, with_standings
 from mavhums.health.decision.baseline import Baseline
@@ -61,6 +62,14 @@ def test_a_repair_ends_the_state_recorded_or_not() -> None:
     assert unrecorded.condition == "normal"
     assert unrecorded.step is not None
     assert (unrecorded.step.flight, unrecorded.step.better) == (13, True)
+    before = unrecorded.model_copy(update={"step": None})
+    earlier = unrecorded.model_copy(
+        update={"step": unrecorded.step.model_copy(update={"at_utc": "2026-01-01"})}
+    )
+    assert [[*_kinds(was, unrecorded)] for was in (None, before, earlier, unrecorded)] == [
+        *[["step"]] * 3,
+        [],
+    ], "a step is told once"
     recorded = trend_report(history(mended[:13]), repaired={"elevator": START + timedelta(days=11.5)})
     assert recorded.standings[0].condition == "normal"
     assert standing(mended[:13], scatter=0.004).condition == "degraded"

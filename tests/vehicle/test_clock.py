@@ -138,9 +138,20 @@ def table(name: str, sent_ms: list[int], *, sequence: list[int], received_us: li
     fields = np.array([(ms,) for ms in sent_ms], dtype=[(stamp, "u4")])
     frames = np.arange(count, dtype=np.int64) * 2 + (name == "VFR_HUD")
     return Table(
-        name, frames, START_US + array(received_us), ones, ones,
+        name, frames, START_US + array(received_us), ones, ones.copy(),
         np.array(sequence, dtype=np.uint8), 0 * ones, fields,
     )  # fmt: skip
+
+
+def test_each_component_has_a_clock_of_its_own() -> None:
+    """A camera that was switched on 90 s after the autopilot: neither clock breaks the other's."""
+    sent = [100_000, 10_000, 100_100, 10_100, 100_200, 10_200]
+    both = table("ATTITUDE", sent, sequence=[1] * 6, received_us=[50_000 * k for k in range(6)])
+    both.component[1::2] = 100
+    clocks = Clocks()
+    mapped = clocks.feed({"ATTITUDE": both})["ATTITUDE"]
+    assert not clocks.broken
+    assert (mapped.time_us - START_US).tolist() == [0, 50_000, 100_000, 150_000, 200_000, 250_000]
 
 
 def test_what_arrives_over_several_routes_is_one_message() -> None:

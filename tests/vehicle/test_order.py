@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mavhums.vehicle.facts import Signal
-from mavhums.vehicle.grid import HORIZON_S, Grid, Order, Received
+from mavhums.vehicle.grid import HORIZON_S, RATE_HZ, Grid, Order, Received
 
 Array = NDArray[np.float64]
 COLUMNS = {"outputs": 16, "rates": 3, "rates 2": 3, "attitude": 3, "airspeed": 1, "state": 4}
@@ -34,6 +34,17 @@ def signals(rows: list[tuple[str, float]], first: int = 0) -> list[Signal]:
         signal, _, rank = name.partition(" ")  # a second stream of the same signal
         found.append(Signal(1, signal, name, np.array(frame), time_us, values, stamped, int(rank or 0)))
     return found
+
+
+def test_a_state_holds_for_five_seconds() -> None:
+    """Heartbeats come once a second, and some of them are lost."""
+    rows = arrivals({"state": np.array([10.0]), "rates": even(10.0, 20.0)}, {})
+    found = Grid(0).feed(signals(rows), final=True)
+    assert found is not None
+    seconds = np.isfinite(found.signals["state"]).any(axis=(1, 2))
+    known = np.isfinite(found.signals["state"][:, :, 0]).sum() / RATE_HZ
+    assert found.index[seconds].tolist()[0] == 10
+    assert abs(known - 5.0) <= 1.5 / RATE_HZ
 
 
 def even(hz: float, seconds: float, begin: float = 0.0) -> Array:

@@ -96,3 +96,10 @@ def test_outputs_of_the_second_message_alone_suffice() -> None:
     tables = ulog()["actuator_outputs"]
     alone = {"actuator_outputs": tables.select(tables.component == 1)}
     assert np.isfinite(demand([*SignalReader().read(alone)], 20)).any()
+
+
+def test_every_output_of_the_autopilot_may_move_a_surface() -> None:
+    for servo in (1, 16, 17, 32):
+        [found] = control_surfaces(Parameters(1, False, {f"SERVO{servo}_FUNCTION": 4.0}))
+        assert found.servo == servo
+    assert not control_surfaces(Parameters(1, False, {"SERVO33_FUNCTION": 4.0}))

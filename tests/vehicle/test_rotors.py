@@ -35,6 +35,28 @@ def test_efforts_of_every_frame_do_not_mix(places: tuple[tuple[float, int], ...]
     assert np.allclose(factors.sum(axis=1), 0)
 
 
+@pytest.mark.parametrize(("type_", "turns"), [(14, 1), (13, -1)])
+@pytest.mark.parametrize("size", [1, 2])
+def test_clockwise_numbering_and_its_mirror_go_once_round(size: int, type_: int, turns: int) -> None:
+    """ArduPilot numbers type 14 clockwise and type 13, as DJI does, against it, from the front on."""
+    bearings = np.array([angle for angle, _ in _FRAMES[size, type_]])
+    steps = turns * np.diff(bearings, append=bearings[0]) % 360
+    assert steps == pytest.approx(360 / len(bearings))
+    assert abs(bearings[0]) <= 45
+    rotors = of({**PARAMETERS, "FRAME_CLASS": float(size), "FRAME_TYPE": float(type_)})
+    assert isinstance(rotors, Rotors)
+    assert "order" in rotors.frame or "clockwise" in rotors.frame
+
+
+def test_betaflights_first_motor_is_the_rear_right_one() -> None:
+    rotors = of({**PARAMETERS, "FRAME_CLASS": 1.0, "FRAME_TYPE": 12.0})
+    assert isinstance(rotors, Rotors)
+    assert rotors.frame == "quad X (Betaflight order)"
+    right_rear, right_front, left_rear, left_front = np.sign(rotors.columns).tolist()
+    assert (right_rear, right_front) == ([-1, -1, -1], [-1, 1, 1])
+    assert (left_rear, left_front) == ([1, -1, 1], [1, 1, -1])
+
+
 def test_thrusts_invert_the_curve_of_the_parameters() -> None:
     command = np.random.default_rng(1).uniform(0, 1, (50, 4))
     sent = np.full((50, 32), np.nan)

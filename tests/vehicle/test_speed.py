@@ -77,6 +77,24 @@ def test_climbs_and_dives_are_no_lie_and_do_not_change_the_airspeed() -> None:
     assert speed[120 * RATE_HZ :] == pytest.approx(AIRSPEED, rel=0.12)
 
 
+@pytest.mark.parametrize(
+    ("change", "doubted_s"), [(0.21, 5), (0.19, 10), (-0.16, 10), (0.14, 30), (0.09, None)]
+)
+def test_the_smaller_the_change_the_longer_it_takes_to_doubt(change: float, doubted_s: int | None) -> None:
+    check = AirspeedCheck()
+    assert all(check.step(18.0, 18.5, settled=True) for _ in range(60))
+    trusted = [check.step(18.0 * np.exp(change), 18.5, settled=True) for _ in range(60)]
+    assert (trusted.index(False) + 1 if doubted_s else None) == doubted_s
+    assert doubted_s or all(trusted)
+
+
+@pytest.mark.parametrize(("alive_s", "doubted"), [(19, False), (20, True)])
+def test_only_a_sensor_that_was_alive_for_twenty_seconds_can_die(alive_s: int, doubted: bool) -> None:
+    check = AirspeedCheck()
+    assert all(check.step(18.0, 18.5, settled=True) for _ in range(alive_s))
+    assert check.step(5.0, 18.5, settled=True) is not doubted
+
+
 def test_gusts_are_no_lie() -> None:
     gusts = 1.0 + 0.12 * np.sin(2 * np.pi * np.arange(400) / 7.0)
     assert all(trusted(gusts))

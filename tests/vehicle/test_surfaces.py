@@ -34,6 +34,15 @@ def test_an_output_that_jumps_alone_does_not_move_the_demand_of_three() -> None:
     assert demand == pytest.approx((moving - 1500) / 400)
 
 
+def test_a_demand_is_the_same_whatever_its_surfaces_are_called() -> None:
+    def surfaces(name: str, servo: int = 1) -> Surfaces:
+        return Surfaces((Moved(servo, name, 1500.0, 400.0),), "profile")
+
+    assert surfaces("left aileron").demands == surfaces("aileron 1").demands
+    assert surfaces("left elevon").demands != surfaces("right elevon").demands, "they mix two axes"
+    assert surfaces("aileron").demands != surfaces("aileron", servo=2).demands
+
+
 @pytest.mark.parametrize("off", [(), (1,), (1, 2)])
 def test_outputs_that_are_off_do_not_count(off: tuple[int, ...]) -> None:
     moving = 1500 + 100 * np.sin(np.arange(400) / 10)

@@ -19,9 +19,9 @@ _V1, _V3 = column("V1"), column("V3")
 BARE = actuator_of().model_copy(update={"ema": None, "limits": None})
 
 
-@pytest.mark.parametrize("rate_hz", [10.0, 50.0])
 @pytest.mark.parametrize(
-    ("start_s", "lasting_s"), [(20.0, 3.0), (23.37, 3.0), (25.6, 4.0), (21.2, 6.0), (20.9, 8.0)]
+    ("start_s", "lasting_s", "rate_hz"),
+    [(20.0, 3.0, 10.0), (23.37, 3.0, 50.0), (25.6, 4.0, 10.0), (21.2, 6.0, 50.0), (20.9, 8.0, 10.0)],
 )
 def test_a_short_jam_is_told_with_its_beginning_and_end(
     start_s: float, lasting_s: float, rate_hz: float

@@ -67,6 +67,15 @@ def test_the_limit_decides_between_degraded_and_emergency(limit: float, conditio
     assert monitor.findings("roll").limits.effectiveness_emergency == limit
 
 
+@pytest.mark.parametrize(("left", "condition"), [(0.45, "undecided"), (0.8, "normal")])
+def test_a_loss_that_the_limits_tolerate_is_not_normal_below_sixty_percent(
+    left: float, condition: str
+) -> None:
+    monitor = AxisMonitor(1, AxisLimits(effectiveness_degraded=0.2, effectiveness_emergency=0.1))
+    changes_of(monitor, rolling(130, lambda t: 2.2 * np.where(t >= 50, left, 1.0)))
+    assert monitor.findings("roll").condition == condition
+
+
 def test_a_tolerant_limit_tolerates_a_weaker_surface() -> None:
     flight = rolling(240, lambda t: 2.2 * np.where(t >= 100, 0.7, 1.0))
     strict, tolerant = (

@@ -12,10 +12,13 @@ import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
+from mavhums.health.estimation.equations.terms import load_friction_prior
+from mavhums.health.estimation.equations.torque import _prior
 from mavhums.health.estimation.fits import Fits
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
+from mavhums.health.estimation.thresholds import MOST_LOAD_FRICTION
 from tests.health.flown import actuator_of, flown, telemetry
 from tests.strategies import cuts
 
@@ -132,3 +135,17 @@ def test_a_fit_of_the_whole_flight_stays_what_it_was() -> None:
             whole, before = fits.whole()["torque"], fits.whole()["torque"].count.copy()
     assert np.array_equal(whole.count, before)
     assert fits.whole()["torque"].count > before
+
+
+def test_a_data_sheets_uncertainty_is_two_standard_deviations_of_the_prior() -> None:
+    actuator = actuator_of()
+    ema = actuator.known_ema().model_copy(update={"load_friction": 0.1, "load_friction_uncertainty": 0.04})
+    prior = _prior(actuator.model_copy(update={"ema": ema}))
+    inertia = actuator.inertia_output
+    assert prior.mean.tolist() == [0.0, inertia, 0.0, ema.viscous, 0.0, 0.1]
+    half = [inertia * ema.inertia_uncertainty / 2, ema.viscous_uncertainty / 2, 0.02]
+    assert prior.deviation[[1, 3, 5]].tolist() == half
+    assert np.isinf(prior.deviation[[0, 2, 4]]).all(), "friction, offset and load are what is sought"
+    for mu in (None, 0.0):
+        deviation = load_friction_prior(ema.model_copy(update={"load_friction": mu}))[1]
+        assert deviation == (np.inf if mu == 0.0 else MOST_LOAD_FRICTION / 12**0.5)

@@ -64,4 +64,5 @@ def test_temperatures_too_close_together_give_no_slope() -> None:
     assert not differences(EQUATION, [*at(20.0, 30.0), RECORDS[1]], warm=True)
     [warmth] = differences(EQUATION, at(20.0, 30.0), warm=True)
     assert warmth.at(at(27.0)[0]) == 2.0
+    assert warmth.at(RECORDS[1]) == 0.0, "what is not known is taken as the mean"
     assert [warmth.beyond(record) for record in at(16.0, 18.0, 32.0, 34.0)] == ["colder", "", "", "warmer"]

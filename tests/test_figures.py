@@ -1,0 +1,205 @@
+"""Every figure of whole results, held against those of the last change that was meant to move them.
+
+The other tests say what must be so; this one says that a number, a date or a reason has moved at all.
+``RENEW_FIGURES=1 pytest tests/test_figures.py`` writes the files in ``tests/data/figures`` anew; their
+difference is what the change does.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import zlib
+from collections.abc import Callable, Iterator
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter
+
+from mavhums.app.analysis import analyse_alone
+from mavhums.app.settings import Options
+from mavhums.core.conditions import Condition
+from mavhums.flights.compare import compared, packed
+from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.trends import trend_report
+from mavhums.health.estimation.equations.own_scale import POWER, TWO_WAYS
+from mavhums.health.estimation.motor_identification import VoltageSums
+from mavhums.health.self_baseline.comparison import compare
+from mavhums.health.self_baseline.motor import motor_indicators
+from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.self_baseline.verdict import compare_with_own_flights
+from mavhums_sim import Flight, fly, write_tlog
+from mavhums_sim.conditions import Condition as Fault
+from tests.app.test_replay import TWO_MASSES, baselines_about
+from tests.conftest import CARRIED, carried_logs
+from tests.engine.test_forward_flight import TILTROTOR, transition
+from tests.engine.wired import PX4_PLANE, Wired
+from tests.flights import START, flown, identity, shown, verdict
+from tests.health.decision import test_drift
+from tests.health.motor import test_past
+from tests.health.motor.test_monitor import log as rotors_log
+from tests.health.self_baseline import test_own_judge, test_own_power, test_stall, test_strokes
+from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
+
+FIGURES = CARRIED / "figures"
+ALIKE = 1e-3  # of a number: processors differ in the last digits, and some figures are differences
+VOLATILE = {"path", "sha256", "hash", "version"}
+
+
+def _written(flight: Callable[[], bytes], ending: str, folder: Path) -> Path:
+    (folder / f"log{ending}").write_bytes(flight())
+    return folder / f"log{ending}"
+
+
+def _rotors(frame: str, loss: float, folder: Path) -> Path:
+    return rotors_log(folder / "log.tlog", frame, loss, seed=4)
+
+
+def _servos(tier: str, condition: Fault, folder: Path) -> Path:
+    worn = {"elevator": (condition,)}
+    flight = Flight(7, 40.0, rate_hz=25.0, tiers=(tier,), parameters=TWO_MASSES, conditions=worn)
+    write_tlog(fly(flight), folder / "log.tlog")
+    return folder / "log.tlog"
+
+
+def _carried(path: Path, _: Path) -> Path:
+    return path
+
+
+LOGS: dict[str, Callable[[Path], Path]] = {
+    **{path.stem: functools.partial(_carried, path) for path in carried_logs()},
+    "dataflash": functools.partial(_written, Wired(left=0.7).dataflash, ".BIN"),
+    "ulog": functools.partial(_written, Wired(parameters=PX4_PLANE, left=0.4).ulog, ".ulg"),
+    "tiltrotor": functools.partial(_written, Wired(parameters=TILTROTOR, others=transition()).tlog, ".tlog"),
+    "inferred": functools.partial(_written, Wired(parameters={}, coordinated_s=90.0).tlog, ".tlog"),
+    **{
+        frame.replace(" ", "-"): functools.partial(_rotors, frame, loss)
+        for frame, loss in (("quad x", 0.5), ("hexa +", 0.4), ("octa x", 0.0))
+    },
+    **{
+        fault: functools.partial(_servos, tier, Fault.step(fault, size, 12.0))
+        for tier, fault, size in (
+            ("instrumented", "jam", 5.0),
+            ("instrumented", "backlash", 3.0),
+            ("instrumented", "resistance", 0.5),
+            ("instrumented", "torque_constant", 0.3),
+            ("esc-unsigned", "supply_sag", 20.0),
+        )
+    },
+}
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_of_a_log(name: str, tmp_path: Path) -> None:
+    flight = analyse_alone(LOGS[name](tmp_path), Options().resolved())
+    beside = compared(flight, baselines_about(flight, [0.0, 0.05, 0.5], 1e-3))
+    hold(name, {"alone": json.loads(zlib.decompress(packed(flight))), "compared": dumped(beside.verdicts)})
+
+
+def test_of_motors_beside_earlier_flights() -> None:
+    weak = test_past.flight(test_past.FLAT, lost=1, share=0.3)
+    hold("motors", dumped(test_past.compared(weak, test_past.earlier(5))))
+
+
+def test_of_a_drift() -> None:
+    values = 0.22 + np.repeat([0.0, 0.02, 0.004, 0.06], 12) + np.tile([-0.004, 0.003, 0.002], 16)
+    hold("drift", dumped([list(shift) for shift in test_drift.follow(values)[1]]))
+
+
+def own() -> Iterator[tuple[str, Any]]:
+    """Yield comparisons of a servo with its own flights."""
+    current, power = test_own_judge, test_own_power
+    worn = current.past(*(current.flight(80 + k, 0.08) for k in range(3)))
+    for name, seed, friction_a in (("like", 51, 0.05), ("risen", 84, 0.08), ("fallen", 53, 0.03)):
+        for past in (current.HEALTHY[:5], current.HEALTHY, [*current.HEALTHY, *worn]):
+            yield f"{name} {len(past)}", compare(EQUATION, current.flight(seed, friction_a), past)
+    for burns in (False, True):
+        for times in (1.0, 1.5):
+            seen = power.scattered(90, times * power.FRICTION_NM, burns=burns)
+            yield f"power {burns} {times}", compare(POWER, seen, power.HEALTHY)
+    swept = [test_strokes.left(test_strokes.swept(seed), TWO_WAYS) for seed in range(12)]
+    past = [PastRecord((record,), "2026-03-01", True) for record in swept[:-1] if record]
+    yield "strokes", swept[-1] and compare(TWO_WAYS, swept[-1], past)
+    loaded = [left(Servo(load_friction=0.2), seed) for seed in range(30, 42)]
+    yield "by load", compare(EQUATION, loaded[-1], current.past(*loaded[:-1]))
+    warm = [current.flight(seed, 0.05 - 2e-4 * seed, warmth=20.0 + seed) for seed in range(24)]
+    yield "warm", compare(EQUATION, warm[-1], current.past(*warm[:-1]))
+
+
+def test_of_a_servos_own_flights() -> None:
+    hold("own", {name: dumped(found) for name, found in own()})
+
+
+def test_of_a_servos_motor() -> None:
+    def voltage(seed: int, servo: Servo) -> Any:
+        return collected(VoltageSums(blank()), servo.flown(seed))
+
+    past = [PastRecord((voltage(seed, Servo()),), "2026-03-01", True) for seed in range(11)]
+    found = [motor_indicators([voltage(30, servo)], past) for servo in (Servo(), Servo(resistance=23.0))]
+    records = [left(test_stall.SERVO, seed, seconds=60.0) for seed in range(3)]
+    several = [test_stall.voltage(seed, test_stall.supplied()) for seed in range(3)]
+    known = compare_with_own_flights(test_stall.verdict(*records, *several), [])
+    hold("motor", dumped([*found, known.indicators]))
+
+
+@pytest.mark.parametrize("course", ["growing", "step", "worn", "mended"])
+def test_of_a_trend(course: str) -> None:
+    rng, days = np.random.default_rng(5), np.arange(30.0)
+    means = {
+        "growing": 0.2 + 0.004 * days,
+        "step": 0.2 + 0.03 * (days > 17),
+        "worn": 0.3 + 0.012 * days,
+        "mended": 0.4 - 0.19 * (days > 20),
+    }[course]
+    flights = []
+    for day, mean in zip(days.tolist(), means.tolist(), strict=True):
+        value = mean + 0.006 * float(rng.standard_normal())
+        condition: Condition = "normal" if value < 0.375 else "degraded"
+        both = shown(value), shown(20.0 + 10 * value, fault="winding_resistance", error=0.05)
+        whose = [identity(day=day)]
+        flights.append(PastFlight.of(flown(verdict(*both, condition=condition), day=day, identities=whose)))
+    repaired: dict[str | None, datetime] = {}
+    if course == "mended":
+        repaired["elevator"] = START + timedelta(days=20.5)
+    report = trend_report(FlightHistory(tuple(flights)), repaired=repaired)
+    hold(course, dumped(report))
+
+
+def dumped(result: Any) -> Any:
+    return TypeAdapter(Any).dump_python(result, mode="json")
+
+
+def hold(name: str, found: Any) -> None:
+    path = FIGURES / f"{name}.json"
+    if os.environ.get("RENEW_FIGURES"):
+        FIGURES.mkdir(exist_ok=True)
+        path.write_text(json.dumps(_rounded(found), indent=1) + "\n", encoding="utf-8")
+    moved = list(differences(json.loads(path.read_text(encoding="utf-8")), found, name))
+    assert not moved, f"{len(moved)} figures moved, among them {moved[:5]}"
+
+
+def _rounded(found: Any) -> Any:
+    if isinstance(found, dict):
+        return {key: _rounded(value) for key, value in found.items()}
+    if isinstance(found, list):
+        return [_rounded(value) for value in found]
+    return float(f"{found:.6g}") if isinstance(found, float) else found
+
+
+def differences(known: Any, found: Any, place: str) -> Iterator[str]:
+    """Yield the places where what was known has changed; what is new is no change."""
+    if isinstance(known, dict) and isinstance(found, dict):
+        for key in known.keys() - VOLATILE:
+            yield from differences(known[key], found.get(key, "nothing"), f"{place}.{key}")
+    elif isinstance(known, list) and isinstance(found, list) and len(known) == len(found):
+        for k, pair in enumerate(zip(known, found, strict=True)):
+            yield from differences(*pair, f"{place}[{k}]")
+    elif isinstance(known, float) and isinstance(found, (int, float)):
+        if found != pytest.approx(known, rel=ALIKE, abs=1e-9):
+            yield f"{place}: {known} is {found}"
+    elif known != found:
+        yield f"{place}: {known!r:.60} is {found!r:.60}"
