@@ -110,7 +110,7 @@ class CommonError:
         --------
         >>> alike = CommonError.of(np.full(20, 0.04), np.full(20, 10.0))
         >>> round(alike.variance, 3), alike.freedom
-        (0.042, 200.0)
+        (0.044, 200.0)
         """
         from scipy.optimize import brentq
         from scipy.special import digamma, polygamma
