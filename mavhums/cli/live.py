@@ -82,7 +82,7 @@ _LEVELS = ("debug", "info", "warning", "error")
 @click.option(
     "--silent",
     is_flag=True,
-    help="Send no heartbeat. Without one an autopilot may hold back named values, or everything.",
+    help="Send nothing but alerts. Without a heartbeat an autopilot may hold back named values or more.",
 )
 @click.option(
     "--viewer",

@@ -72,7 +72,7 @@ class LiveOptions:
     component
         Component id of the sender of alerts and heartbeats.
     silent
-        Whether no HEARTBEAT is sent over the links, without which many vehicles send less, or nothing.
+        Whether nothing but alerts is sent; without a HEARTBEAT many vehicles send less, or nothing.
 
     Raises
     ------

@@ -196,13 +196,6 @@ if __name__ == "__main__":
 """
 
 
-def test_ctrl_c_while_a_process_starts_is_silent(tmp_path: Path) -> None:
-    script = tmp_path / "interrupted.py"
-    script.write_text(INTERRUPTED_START)
-    done = subprocess.run([sys.executable, script], check=False, capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stderr) == (130, "")
-
-
 INTERRUPTED_WAIT = """
 import os, signal, sys, threading, time
 from multiprocessing import resource_tracker
@@ -223,9 +216,12 @@ if __name__ == "__main__":
 """
 
 
-def test_ctrl_c_that_wakes_no_wait_is_seen(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "program", [INTERRUPTED_START, INTERRUPTED_WAIT], ids=["while a process starts", "and no wait wakes"]
+)
+def test_ctrl_c_ends_the_program_silently(program: str, tmp_path: Path) -> None:
     script = tmp_path / "interrupted.py"
-    script.write_text(INTERRUPTED_WAIT)
+    script.write_text(program)
     done = subprocess.run([sys.executable, script], check=False, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (130, "")
 

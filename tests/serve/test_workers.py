@@ -89,12 +89,13 @@ def test_a_user_with_many_logs_does_not_delay_another() -> None:
             await ask(workers, "judge", user, s=0.05)
             order.append(user)
 
-        many = [asyncio.ensure_future(one("many")) for _ in range(6)]
-        await asyncio.sleep(0.02)
+        many = [asyncio.ensure_future(one("many")) for _ in range(12)]
+        await asyncio.sleep(0)  # all of them wait for a worker now, however slow the machine is
         await asyncio.gather(one("few"), *many)
 
     with_workers(use, count=2)
-    assert "few" in order[:4]
+    # In the order of asking it would be the last; a slow process lets some pass.
+    assert "few" in order[:8]
 
 
 def test_a_cancelled_wait_loses_no_worker() -> None:

@@ -225,9 +225,9 @@ class EffectivenessTracker:
         self._left.append((left, count))
         excluded = 0
         if count >= LEAST_ROWS_PER_S:
-            excluded = self._exclusion.feed(float(sums[0, 0]), float(sums[0, 1]))
             # Row 0 is without additional lag; the columns are drive², drive·response and response².
             drive2, cross = float(sums[0, 0]), float(sums[0, 1])
+            excluded = self._exclusion.feed(drive2, cross)
             score = cross - reference.gain * drive2
             self._window.append(sums)
             # The slow filter's tail fades with its memory, and the square of it twice as fast.
