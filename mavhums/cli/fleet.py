@@ -24,7 +24,7 @@ from mavhums.cli.options import (
     REPAIRS,
     gathered,
 )
-from mavhums.cli.output import say, say_json
+from mavhums.cli.output import complain, say, say_json
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import ExitCode
 
@@ -230,25 +230,48 @@ def trend(store: str, aircraft: str, as_json: bool, output: Path | None) -> None
 @click.option("--html", type=PATH, metavar="OUT", help="Also write it as a page to mail.")
 @click.option("--quiet", is_flag=True, help="Print nothing where there is nothing to say, as for cron.")
 @click.option("--fail-on-news", is_flag=True, help="Exit with 11, 10 or 1 for what is new, as below.")
+@click.option(
+    "--notify",
+    multiple=True,
+    metavar="URL",
+    envvar="MAVHUMS_NOTIFY",
+    help="Also send it: mailtos://USER:PASSWORD@HOST?from=A&to=B and the other URLs of apprise, or any"
+    " https:// address, to which its JSON is posted; @FILE holds a URL a line. Can be repeated.",
+)
+@click.option("--notify-always", is_flag=True, help="Send it also where there is nothing to say.")
 @JSON
 def digest(
-    store: str, since: datetime, html: Path | None, quiet: bool, fail_on_news: bool, as_json: bool
+    store: str,
+    since: datetime,
+    html: Path | None,
+    quiet: bool,
+    fail_on_news: bool,
+    notify: tuple[str, ...],
+    notify_always: bool,
+    as_json: bool,
 ) -> None:
     """Say what changed in STORE: findings that are new or gone, growth, silent aircraft, failed logs.
 
     What stands as before is counted only: `mavhums fleet worst` has it. Where there is nothing to say, one
-    line says so. What changed goes by when logs came into the store, not by when they were flown.
+    line says so, and nothing is sent. What changed goes by when logs came into the store, not by when they
+    were flown.
+
+    Secrets need not stand in the command: `--notify @FILE`, or the environment variable MAVHUMS_NOTIFY with
+    URLs separated by spaces. The URLs: https://appriseit.com
 
     \b
-    Exit codes:
-      2 usage    1 the store cannot be read    0 the digest was made, whatever it says
-    With --fail-on-news, the first that applies:
+    Exit codes, the first that applies:
+      2 usage    1 the store or a URL cannot be used    4 it was made and printed, but not sent everywhere
+      0 the digest was made, whatever it says
+    With --fail-on-news, instead of 0 the first that applies:
       11 a new emergency    10 a new finding, growth or step    1 a log that failed    0 none of these
     """
     from mavhums.core.files import written_whole
     from mavhums.fleet import digest as digest_of
+    from mavhums.fleet.notify import recipients_of, send
     from mavhums.show.changes import digest_html, digest_lines
 
+    recipients = recipients_of(notify) if notify else []
     found = digest_of(store, since)
     if html is not None:
         with written_whole(html) as temporary:
@@ -258,7 +281,11 @@ def digest(
     elif not (quiet and found.is_empty):
         for line in digest_lines(found):
             say(line)
-    raise SystemExit(found.exit_code if fail_on_news else ExitCode.OK)
+    unsent = send(found, recipients if notify_always or not found.is_empty else ())
+    for error in unsent:
+        complain(error)
+    code = found.exit_code if fail_on_news else ExitCode.OK
+    raise SystemExit(ExitCode.NOT_SENT if unsent else code)
 
 
 @fleet.command(short_help="List, add or remove repairs.")
