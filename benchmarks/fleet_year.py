@@ -140,10 +140,10 @@ class Year:
         self.flown: dict[str, list[PastFlight]] = {name: [] for name in fleet}
         self.repaired: dict[str, dict[str | None, datetime]] = {name: {} for name in fleet}
         self.counts = Counter[str]()
-        self.early: dict[float, list[bool]] = {}
+        self.early: dict[float, list[tuple[int, bool]]] = {}  # flights since it grows, and whether told
         self.inside: list[bool] = []
         self.crossed: list[tuple[float, int, float, float | None]] = []
-        self.false: set[int] = set()
+        self.false: dict[int, tuple[int, int]] = {}
         self.never: set[int] = set()
 
     def fly(self, day: int, flying: list[str]) -> None:
@@ -189,12 +189,13 @@ class Year:
             truth = part.left(DEGRADED)
             if not part.growth:
                 self.never.add(id(part))
-                if one.growth:
-                    self.false.add(id(part))
+                if one.growth and id(part) not in self.false:
+                    self.false[id(part)] = (one.flights, part.swap if part.flown >= part.swap else 0)
             elif one.is_finding and part.told is None and truth < float("inf"):
                 part.told = truth
             if 0 < truth <= 10:
-                self.early.setdefault(part.growth, []).append(one.is_finding)
+                since = part.flown - part.begin
+                self.early.setdefault(part.growth, []).append((since, one.is_finding))
             if left and 0 < truth < float("inf"):
                 self.inside.append(left.low <= truth <= (left.high or float("inf")))
             if -1 < truth <= 0:  # the flight on which it crosses the limit
@@ -210,10 +211,14 @@ class Year:
     def report(self, lines: list[int]) -> None:
         flights = sum(map(len, self.flown.values()))
         print(f"{flights} flights of {len(self.fleet)} aircraft; {dict(self.counts)}")
-        looks = [one for several in self.early.values() for one in several]
-        print(f"looks at most 10 flights before the limit: {len(looks)}, told {mean(looks)}")
-        for growth, several in sorted(self.early.items()):
-            print(f"  growth of {growth} a flight: {len(several)}, told {mean(several)}")
+        for growth, several in sorted({0.0: sum(self.early.values(), []), **self.early}.items()):
+            whose = f"growth of {growth} a flight" if growth else "all growth"
+            slow = [told for since, told in several if since >= 20]
+            print(
+                f"looks at most 10 flights before the limit, {whose}: {len(several)}, told"
+                f" {mean([told for _, told in several])}; it has grown for 20 flights or more: {len(slow)},"
+                f" told {mean(slow)}"
+            )
         told = [left or 0.0 for *_, left in self.crossed]
         at_least = ", ".join(f"{k} {mean([left >= k for left in told])}" for k in (1, 5, 10, 20))
         print(f"crossings of the limit: {len(told)}; told so many flights before: {at_least}")
@@ -223,6 +228,8 @@ class Year:
             print(f"  {growth} a flight from flight {begin}, scatter {scatter:.0%}: {before}")
         print(f"flights left to degraded, truth inside: {mean(self.inside)} of {len(self.inside)} looks")
         print(f"actuators without growth: {len(self.never)}, growth told of {len(self.false)}")
+        for flights, swap in self.false.values():
+            print(f"  after {flights} flights" + (f", swapped at flight {swap}" if swap else ""))
         one = mean([count == 1 for count in lines])
         print(f"mornings: {len(lines)}, with one line {one}, longest {max(lines)} lines")
 
