@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import re
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from mavhums.cli.morning import digest, watch
 from mavhums.cli.options import (
     AIRCRAFT,
     AIRCRAFT_TABLE,
@@ -24,7 +24,7 @@ from mavhums.cli.options import (
     REPAIRS,
     gathered,
 )
-from mavhums.cli.output import complain, say, say_json
+from mavhums.cli.output import say, say_json
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import ExitCode
 
@@ -37,29 +37,6 @@ __all__ = ["fleet"]
 
 _STORE = click.argument("store", metavar="STORE")
 _SHOWN_FAILURES = 20
-_UNITS = {"h": "hours", "d": "days", "w": "weeks"}
-
-
-class _TimeParam(click.ParamType[datetime]):
-    """A time: a date, or how long ago."""
-
-    name = "time"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> datetime:
-        """Return the time with its zone, UTC if none is given."""
-        if isinstance(value, datetime):
-            return value
-        ago = re.fullmatch(r"(\d{1,4})([hdw])", value)
-        if ago:
-            return datetime.now(UTC) - timedelta(**{_UNITS[ago[2]]: int(ago[1])})
-        try:
-            at = datetime.fromisoformat(value)
-        except ValueError:
-            self.fail(f"{value!r} is no time: write 2026-03-01, 2026-03-01T06:00, 12h or 3d", param, ctx)
-        return at if at.tzinfo else at.replace(tzinfo=UTC)
-
-
-_SINCE = _TimeParam()
 
 
 @click.group(short_help="Judge many aircraft's logs into one store.")
@@ -217,77 +194,6 @@ def trend(store: str, aircraft: str, as_json: bool, output: Path | None) -> None
     raise SystemExit(report.exit_code)
 
 
-@fleet.command(short_help="Say what changed since yesterday.", epilog=EPILOG)
-@_STORE
-@click.option(
-    "--since",
-    type=_SINCE,
-    default="1d",
-    show_default=True,
-    metavar="TIME",
-    help="A date, or how long ago: 2026-03-01, 2026-03-01T06:00, 12h, 3d.",
-)
-@click.option("--html", type=PATH, metavar="OUT", help="Also write it as a page to mail.")
-@click.option("--quiet", is_flag=True, help="Print nothing where there is nothing to say, as for cron.")
-@click.option("--fail-on-news", is_flag=True, help="Exit with 11, 10 or 1 for what is new, as below.")
-@click.option(
-    "--notify",
-    multiple=True,
-    metavar="URL",
-    envvar="MAVHUMS_NOTIFY",
-    help="Also send it: mailtos://USER:PASSWORD@HOST?from=A&to=B and the other URLs of apprise, or any"
-    " https:// address, to which its JSON is posted; @FILE holds a URL a line. Can be repeated.",
-)
-@click.option("--notify-always", is_flag=True, help="Send it also where there is nothing to say.")
-@JSON
-def digest(
-    store: str,
-    since: datetime,
-    html: Path | None,
-    quiet: bool,
-    fail_on_news: bool,
-    notify: tuple[str, ...],
-    notify_always: bool,
-    as_json: bool,
-) -> None:
-    """Say what changed in STORE: findings that are new or gone, growth, silent aircraft, failed logs.
-
-    What stands as before is counted only: `mavhums fleet worst` has it. Where there is nothing to say, one
-    line says so, and nothing is sent. What changed goes by when logs came into the store, not by when they
-    were flown.
-
-    Secrets need not stand in the command: `--notify @FILE`, or the environment variable MAVHUMS_NOTIFY with
-    URLs separated by spaces. The URLs: https://appriseit.com
-
-    \b
-    Exit codes, the first that applies:
-      2 usage    1 the store or a URL cannot be used    4 it was made and printed, but not sent everywhere
-      0 the digest was made, whatever it says
-    With --fail-on-news, instead of 0 the first that applies:
-      11 a new emergency    10 a new finding, growth or step    1 a log that failed    0 none of these
-    """
-    from mavhums.core.files import written_whole
-    from mavhums.fleet import digest as digest_of
-    from mavhums.fleet.notify import recipients_of, send
-    from mavhums.show.changes import digest_html, digest_lines
-
-    recipients = recipients_of(notify) if notify else []
-    found = digest_of(store, since)
-    if html is not None:
-        with written_whole(html) as temporary:
-            temporary.write_text(digest_html(found), encoding="utf-8")
-    if as_json:
-        say_json(found.to_json())
-    elif not (quiet and found.is_empty):
-        for line in digest_lines(found):
-            say(line)
-    unsent = send(found, recipients if notify_always or not found.is_empty else ())
-    for error in unsent:
-        complain(error)
-    code = found.exit_code if fail_on_news else ExitCode.OK
-    raise SystemExit(ExitCode.NOT_SENT if unsent else code)
-
-
 @fleet.command(short_help="List, add or remove repairs.")
 @_STORE
 @click.option(
@@ -410,3 +316,7 @@ def _line(content: object) -> str:
     import json
 
     return json.dumps(content, ensure_ascii=False)
+
+
+for _command in (digest, watch):
+    fleet.add_command(_command)
