@@ -21,6 +21,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -57,11 +58,17 @@ class Part:
     flown: int = 0
     recorded: bool = True
     told: float | None = None  # true flights left to degraded when growth or a finding was first told
+    since: str = ""  # when it was repaired; what is told of the time before does not count
     swap: int = 0  # flight after which it is swapped for another sound one; 0 for never
 
     @property
     def truth(self) -> float:
         return self.level + self.growth * max(self.flown - self.begin, 0)
+
+    def knows(self, one: Standing) -> bool:
+        """Return whether a standing tells growth or a fault of this part, not of the one before."""
+        grows = one.growth is not None and one.growth.since_utc >= self.since
+        return grows or (SEVERITY[one.condition] > 0 and (one.since_utc or "") >= self.since)
 
     def left(self, limit: float) -> float:
         """Return the true number of flights to a limit; infinite without growth."""
@@ -180,7 +187,7 @@ class Year:
                 self.repaired[aircraft][name] = start - timedelta(hours=1)
             part.level, part.begin = float(self.rng.uniform(0.20, 0.25)), 0
             part.flown, part.recorded = 1, bool(self.rng.random() < 0.5)
-            part.told = None
+            part.told, part.since = None, start.isoformat()
         return judged(part, name, self.rng)
 
     def count(self, aircraft: str, found: tuple[Standing, ...]) -> None:
@@ -191,11 +198,11 @@ class Year:
                 self.never.add(id(part))
                 if one.growth and id(part) not in self.false:
                     self.false[id(part)] = (one.flights, part.swap if part.flown >= part.swap else 0)
-            elif one.is_finding and part.told is None and truth < float("inf"):
+            elif part.knows(one) and part.told is None and truth < float("inf"):
                 part.told = truth
             if 0 < truth <= 10:
                 since = part.flown - part.begin
-                self.early.setdefault(part.growth, []).append((since, one.is_finding))
+                self.early.setdefault(part.growth, []).append((since, part.knows(one)))
             if left and 0 < truth < float("inf"):
                 self.inside.append(left.low <= truth <= (left.high or float("inf")))
             if -1 < truth <= 0:  # the flight on which it crosses the limit
@@ -211,7 +218,7 @@ class Year:
     def report(self, lines: list[int]) -> None:
         flights = sum(map(len, self.flown.values()))
         print(f"{flights} flights of {len(self.fleet)} aircraft; {dict(self.counts)}")
-        for growth, several in sorted({0.0: sum(self.early.values(), []), **self.early}.items()):
+        for growth, several in sorted({0.0: [*chain(*self.early.values())], **self.early}.items()):
             whose = f"growth of {growth} a flight" if growth else "all growth"
             slow = [told for since, told in several if since >= 20]
             print(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from time import monotonic
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mavhums.cli.corrections import COMMANDS
 from mavhums.cli.morning import digest, watch
 from mavhums.cli.options import (
     AIRCRAFT,
@@ -31,12 +33,12 @@ from mavhums.core.errors import ExitCode
 if TYPE_CHECKING:
     from mavhums.app.settings import Options
     from mavhums.fleet import Repair
-    from mavhums.flights.queries import Worst
+    from mavhums.flights.queries import Status, Worst
 
 __all__ = ["fleet"]
 
 _STORE = click.argument("store", metavar="STORE")
-_SHOWN_FAILURES = 20
+_SHOWN = 20
 
 
 @click.group(short_help="Judge many aircraft's logs into one store.")
@@ -91,6 +93,7 @@ def scan(
     """
     from mavhums.fleet import ScanOptions
     from mavhums.fleet import scan as scan_logs
+    from mavhums.fleet import status as status_of
 
     scanning = ScanOptions(
         judging=options,
@@ -102,9 +105,12 @@ def scan(
     )
     done = scan_logs(sources, store, scanning, progress=_Progress())
     if as_json:
-        say_json(_line(done._asdict()))
+        strangers = [one._asdict() for one in status_of(store).strangers]
+        say_json(_line(done._asdict() | {"strangers": strangers}))
     else:
         say(f"{done.judged} logs judged, {done.failed} could not be, {done.known} were known")
+        for line in _odd(status_of(store), store):
+            say(line)
     raise SystemExit(ExitCode.ERROR if done.failed else ExitCode.OK)
 
 
@@ -112,25 +118,45 @@ def scan(
 @_STORE
 @JSON
 def status(store: str, as_json: bool) -> None:
-    """Say what STORE holds, and which logs could not be judged."""
+    """Say what STORE holds, what grows, which logs are odd, and which could not be judged."""
     from mavhums.fleet import status as status_of
+    from mavhums.show.standing import growth_words
 
     found = status_of(store)
     if as_json:
         failures = [{"problem": problem, "remedy": remedy} for problem, remedy in found.failures]
         copies = [{"log": log, "counted": counted} for log, counted in found.copies]
-        say_json(_line(found._asdict() | {"failures": failures, "copies": copies}))
+        strangers = [one._asdict() for one in found.strangers]
+        growing = [{"aircraft": name, **one.model_dump(mode="json")} for name, one in found.growing]
+        told = {"failures": failures, "copies": copies, "strangers": strangers, "growing": growing}
+        say_json(_line(found._asdict() | told))
         return
     named = ": scan them again with --aircraft RULE to name it" if found.unknown else ""
     say(f"{found.judged} logs of {found.aircraft} aircraft, and {found.unknown} of an unknown one{named}")
-    for problem, remedy in found.failures[:_SHOWN_FAILURES]:
-        say(f"{problem}: {remedy}")
-    if len(found.failures) > _SHOWN_FAILURES:
-        say(f"and {len(found.failures) - _SHOWN_FAILURES} more that could not be judged")
-    for log, counted in found.copies[:_SHOWN_FAILURES]:
-        say(f"{log}: is of the same flight as {counted}, which counts")
-    if len(found.copies) > _SHOWN_FAILURES:
-        say(f"and {len(found.copies) - _SHOWN_FAILURES} more that do not count")
+    grows = [(f"{name} {one.actuator}", one.growth) for name, one in found.growing if one.growth]
+    _say_some([f"{what}: {growth_words(growth)}" for what, growth in grows], "actuators that grow")
+    for line in _odd(found, store):
+        say(line)
+    _say_some([f"{problem}: {remedy}" for problem, remedy in found.failures], "logs that could not be judged")
+    left_out = [f"{log}: is of the same flight as {counted}, which counts" for log, counted in found.copies]
+    _say_some(left_out, "logs that do not count")
+
+
+def _say_some(lines: Sequence[str], what: str) -> None:
+    for line in lines[:_SHOWN]:
+        say(line)
+    if len(lines) > _SHOWN:
+        say(f"{_SHOWN} of {len(lines)} {what} are shown; --json has all")
+
+
+def _odd(found: Status, store: str) -> Iterator[str]:
+    """Yield what an operator should correct, and what was corrected."""
+    for one in found.strangers:
+        whose = one.elsewhere or "AIRCRAFT"
+        remedy = f"mavhums fleet reassign {store} LOG {whose}"
+        yield f"{one}: another aircraft's log? {remedy}; a swapped board? list both in --aircraft-table"
+    if found.removed:
+        yield f"{found.removed} removed logs stay out: mavhums fleet corrections {store}"
 
 
 @fleet.command(short_help="Show the worst actuators of all aircraft.")
@@ -148,7 +174,7 @@ def worst(store: str, most: int, as_json: bool) -> None:
       12 undecided    0 all normal
     """
     from mavhums.fleet import worst as worst_of
-    from mavhums.flights.queries import exit_code
+    from mavhums.flights.queries import actuators_in, exit_code
 
     rows = worst_of(store, most=most)
     if as_json:
@@ -156,8 +182,8 @@ def worst(store: str, most: int, as_json: bool) -> None:
     else:
         for row in rows:
             say(_words(row))
-        if len(rows) == most:
-            say(f"the {most} worst are shown; -n shows more")
+        if len(rows) == most and (total := actuators_in(store)) > most:
+            say(f"the {most} worst of {total:,} are shown; -n shows more")
     raise SystemExit(exit_code(store))
 
 
@@ -245,7 +271,11 @@ def repairs(
 @_STORE
 @click.option("-o", "--output", type=PATH, required=True, metavar="OUT", help="Ends in .csv or .parquet.")
 def export(store: str, output: Path) -> None:
-    """Write a row per verdict to a table."""
+    """Write a row per verdict to a table, with flights and days left in the row of an actuator's last flight.
+
+    \b
+    Columns: https://github.com/mavhums/mavhums/blob/main/docs/guide/fleet.md#tables
+    """
     from mavhums.fleet import export as export_to
 
     say(f"{output}: {len(export_to(store, output))} verdicts")
@@ -318,5 +348,5 @@ def _line(content: object) -> str:
     return json.dumps(content, ensure_ascii=False)
 
 
-for _command in (digest, watch):
+for _command in (digest, watch, *COMMANDS):
     fleet.add_command(_command)

@@ -12,6 +12,7 @@ from mavhums.app.settings import Settings
 from mavhums.fleet.rows import AGAIN, settings_of
 from mavhums.fleet.scan import ScanOptions, scanned
 from mavhums.fleet.sources import logs_in
+from mavhums.flights.corrections import removed_files
 from mavhums.flights.queries import standings
 from mavhums.flights.stores.delta import LogFile, Store
 from mavhums.report.standing import Standing
@@ -110,6 +111,7 @@ class Watch:
     def _scan(self, ready: list[LogFile]) -> Iterator[Landed]:
         known = self._store.known(ready)
         self._done |= {file for file in ready if known.get(file) == self._settings}
+        self._done |= removed_files(self._store) & {*ready}
         new = [file for file in ready if file not in self._done]
         if not new:
             return
@@ -118,6 +120,9 @@ class Watch:
         stands = standings(self._store)
         for file in new:
             landed = self._landed(file, stands)
+            if landed is None:  # a copy of a log that was removed
+                self._done.add(file)
+                continue
             if known.get(file) != AGAIN:
                 self._done.add(file)
             elif file in self._told:  # one that could not be downloaded is tried again, and told once
@@ -126,11 +131,14 @@ class Watch:
                 self._told.add(file)
             yield landed
 
-    def _landed(self, file: LogFile, stands: dict[str, tuple[Standing, ...]]) -> Landed:
-        aircraft, problem, remedy = self._store.query(
+    def _landed(self, file: LogFile, stands: dict[str, tuple[Standing, ...]]) -> Landed | None:
+        row = self._store.query(
             "SELECT aircraft, problem, remedy FROM logs WHERE path = ? ORDER BY scanned DESC LIMIT 1",
             file.path,
         ).fetchone()
+        if row is None:
+            return None
+        aircraft, problem, remedy = row
         found = self._store.query(
             "SELECT worst, count(*) FROM verdicts WHERE path = ? GROUP BY worst ORDER BY max(urgency) DESC",
             file.path,

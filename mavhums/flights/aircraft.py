@@ -124,17 +124,21 @@ class AircraftResolver:
         How the path of a log names the aircraft, as for :func:`aircraft_of`; None if it does not.
     table
         Where boards and actuators are installed.
+    renamed
+        New names of aircraft, by those that table and rule give.
     """
 
     rule: str | None = None
     table: AircraftTable = field(default_factory=AircraftTable)
+    renamed: Mapping[str, str] = field(default_factory=dict)
 
     def name(self, path: str | None, board: str | None, start_utc: str | None) -> str | None:
         """Return the operator's name for the aircraft; None if neither table nor rule gives one."""
         named = None
         if start_utc is not None:
             named = self.table.aircraft_of(board, datetime.fromisoformat(start_utc))
-        return named or aircraft_of(path or "", self.rule) or None
+        named = named or aircraft_of(path or "", self.rule) or None
+        return self.renamed.get(named or "", named)
 
     def named(self, assessment: Assessment) -> Assessment:
         """Return the assessment with the operator's names for the aircraft in its log."""

@@ -104,4 +104,4 @@ def test_the_list_is_sorted_by_how_actuators_stand(run: Run, store: Path) -> Non
     assert told.code == ExitCode.DEGRADED
     assert "D-G elevator: DEGRADED since flight " in told.out
     assert "until emergency" in told.out
-    assert "the 1 worst are shown" in told.out
+    assert "the 1 worst of 2 are shown" in told.out
