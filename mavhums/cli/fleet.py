@@ -114,7 +114,7 @@ def scan(
     raise SystemExit(ExitCode.ERROR if done.failed else ExitCode.OK)
 
 
-@fleet.command(short_help="Show what the store holds, and what failed.")
+@fleet.command(short_help="Show what the store holds, what grows, and what is wrong.")
 @_STORE
 @JSON
 def status(store: str, as_json: bool) -> None:
@@ -267,7 +267,7 @@ def repairs(
         say("no repairs")
 
 
-@fleet.command()
+@fleet.command(short_help="Write a row per verdict to a table.")
 @_STORE
 @click.option("-o", "--output", type=PATH, required=True, metavar="OUT", help="Ends in .csv or .parquet.")
 def export(store: str, output: Path) -> None:

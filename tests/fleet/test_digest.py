@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from mavhums.core.errors import ExitCode
@@ -93,6 +95,26 @@ def test_the_command_ends_with_0_whatever_is_new_unless_asked(run: Run, store: P
     later = datetime.now(UTC) + timedelta(days=1)
     assert run("fleet", "digest", store, "--since", later.isoformat(), "--quiet").out == ""
     assert run("fleet", "digest", store, "--since", "yesterday").code == ExitCode.USAGE
+
+
+def test_a_table_and_the_status_tell_the_flights_left(run: Run, store: Path, tmp_path: Path) -> None:
+    (growth,) = (row.standing.growth for row in worst(store) if row.standing and row.standing.growth)
+    assert growth.to_emergency is not None
+    assert "D-G elevator: Coulomb friction grows by 0.0" in run("fleet", "status", store).out
+    (said,) = json.loads(run("fleet", "status", store, "--json").out)["growing"]
+    assert (said["aircraft"], said["growth"]["since_flight"]) == ("D-G", growth.since_flight)
+    for name in ("t.csv", "t.parquet"):
+        assert run("fleet", "export", store, "-o", tmp_path / name).code == ExitCode.OK
+    with (tmp_path / "t.csv").open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["aircraft"] == "D-G"]
+    assert [row["state"] for row in rows] == [""] * 39 + ["degraded"], "in the row of the last flight alone"
+    last = rows[-1]
+    assert float(last["flights_to_emergency"]) == pytest.approx(growth.to_emergency.estimate)
+    assert last["date_emergency"] == growth.to_emergency.expected_utc
+    assert float(last["flights_to_degraded"]) == 0.0
+    table = pd.read_parquet(tmp_path / "t.parquet")
+    assert table["flights_to_emergency"].notna().sum() == 1
+    assert str(table["start_utc"].dtype).startswith("datetime64")
 
 
 def test_the_list_is_sorted_by_how_actuators_stand(run: Run, store: Path) -> None:
