@@ -28,7 +28,8 @@ from mavhums.health.decision.baseline import Baseline, Baselines
 from mavhums.health.decision.events import IndicatorStep
 from mavhums.health.decision.limits import Levels
 from mavhums.health.decision.records import Estimate, FaultRecord
-from mavhums.report.assessment import DECIDE, Assessment, Decide
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import DECIDE, Decide
 from mavhums_sim import Flight, Gearbox, fly, write_tlog
 from mavhums_sim.conditions import Condition
 from mavhums_sim.ema import EmaParameters

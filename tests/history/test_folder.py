@@ -15,7 +15,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.flights import flight_file as files
 from mavhums.flights.stores import folder, with_duplicate_flights
 from mavhums.flights.stores.folder import CHECKPOINT, FlightFolder, keep_assessment, read_history
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 from tests.flights import START, flown, identity, shown, verdict, write_wear
 
 LATER = START + timedelta(days=10_000)

@@ -50,7 +50,8 @@ from mavhums.health.self_baseline.thresholds import (
     USEFUL_RISE,
     WARMTH_K,
 )
-from mavhums.report.assessment import Interval, OwnRecord
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import OwnRecord
 
 _ACCELERATION = KEPT.index("acceleration")
 _Of = Callable[[OwnRecord], float | None]

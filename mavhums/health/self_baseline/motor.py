@@ -27,7 +27,8 @@ from mavhums.health.self_baseline.thresholds import (
     REFERENCE_FLIGHTS,
     STALL_BIAS_SHARE,
 )
-from mavhums.report.assessment import Indicator, Interval, OwnRecord
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Indicator, OwnRecord
 
 _RESISTANCE, _BACK_EMF = "winding_own", "back_emf_own"
 MOTOR_FAULTS = (_RESISTANCE, _BACK_EMF)

@@ -20,7 +20,8 @@ from mavhums.health.self_baseline.motor import (
     stall_indicators,
 )
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
-from mavhums.report.assessment import Interval, OwnRecord, Verdict
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import OwnRecord, Verdict
 from tests.health.self_baseline.servo import NOISE_V, Array, Servo, blank, collected, left
 
 SUPPLY_V = 27.0
