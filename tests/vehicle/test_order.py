@@ -143,7 +143,7 @@ def test_an_altitude_is_no_angle() -> None:
     """Between two samples more than π apart it lies half-way, and not across a turn."""
     time_us = np.arange(0, 10_000_001, 500_000)
     frame = np.arange(time_us.size)
-    climbed = Signal(1, "altitude", "altitude", frame, time_us, 5.0 * frame[:, None], True, 0)
+    climbed = Signal(1, "altitude", "altitude", frame, time_us, even(0.2, 105.0)[:, None], True, 0)
     found = Grid(0).feed([climbed, *signals(arrivals({"attitude": even(4.0, 10.0)}, {}))], final=True)
     assert found is not None
     seconds = (found.index[:, None] + np.arange(RATE_HZ) / RATE_HZ)[2:8]
