@@ -176,7 +176,7 @@ def covering(path: str, line: int, depth: int = 0) -> frozenset[str]:
 
 
 def chosen(path: str, line: int) -> list[str]:
-    """Return the tests for a mutant: of whole logs, then of its room, the quickest first, until the time is up."""
+    """Return the tests for a mutant: of whole logs, then of its room, the quickest first, within the time."""
 
     def near(test: str) -> int:
         parts = [FOLDERS.get(part, part) for part in Path(test.partition("::")[0]).parts]
