@@ -25,7 +25,7 @@ from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 
 if TYPE_CHECKING:
     from mavhums.flights.aircraft_table import Since
-    from mavhums.report.assessment import Assessment
+    from mavhums.results.assessment import Assessment
 
 __all__ = [
     "Failed",

@@ -37,8 +37,8 @@ from mavhums.flights.repairs import since_of
 from mavhums.flights.stores import is_store
 from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Store
 from mavhums.flights.strangers import stranger_among
-from mavhums.report.assessment import Assessment
-from mavhums.report.sections import FlightCopy
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import FlightCopy
 
 __all__ = ["Past", "against", "analyse", "keep", "past", "record"]
 

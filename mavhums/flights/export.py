@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mavhums.flights.queries import standings
 from mavhums.flights.stores.delta import Store
-from mavhums.report.assessment import Verdict
-from mavhums.report.standing import FlightsLeft, Standing
+from mavhums.results.standing import FlightsLeft, Standing
+from mavhums.results.verdict import Verdict
 
 if TYPE_CHECKING:
     import pandas as pd

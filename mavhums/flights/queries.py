@@ -20,9 +20,10 @@ from mavhums.flights.stores.delta import Store
 from mavhums.flights.strangers import Stranger, strangers
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.losses import Losses
-from mavhums.report.assessment import Assessment, LogSummary, Verdict, exit_code_of
-from mavhums.report.standing import Standing
-from mavhums.report.trend import RepairDate, TrendReport
+from mavhums.results.assessment import Assessment, LogSummary, exit_code_of
+from mavhums.results.standing import Standing
+from mavhums.results.trend import RepairDate, TrendReport
+from mavhums.results.verdict import Verdict
 
 __all__ = [
     "Status",

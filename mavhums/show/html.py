@@ -10,8 +10,9 @@ import numpy as np
 
 from mavhums.core.about import __version__
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.report.assessment import ALL, Assessment, Verdict
-from mavhums.report.sections import AxisLimits
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.show.digest import Subject, advice, digest
 from mavhums.show.html_craft import FIXED_WING, DrawnSurface, multirotor, outline
 from mavhums.show.html_curves import Curve, Gathered, Key

@@ -10,8 +10,8 @@ import numpy as np
 
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.past import LOSSES
-from mavhums.report.assessment import Interval
-from mavhums.report.trend import ActuatorTrend, RepairDate
+from mavhums.results.standing import Interval
+from mavhums.results.trend import ActuatorTrend, RepairDate
 from mavhums.show.html_curves import Curve
 from mavhums.show.html_plot import Limit, Plot, Tick, plot
 from mavhums.show.standing import growth_words, step_words

@@ -6,7 +6,7 @@ from typing import Final
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.axis.thresholds import NORMAL_S
-from mavhums.report.assessment import Evidence, Verdict
+from mavhums.results.verdict import Evidence, Verdict
 from mavhums.show.words import clock, effectiveness, friction, percent
 
 __all__ = [
@@ -47,7 +47,7 @@ def control_left(verdict: Verdict) -> str | None:
 
     Examples
     --------
-    >>> from mavhums.report.assessment import Interval
+    >>> from mavhums.results.assessment import Interval
     >>> axis = Verdict(subject="axis", vehicle=1, actuator="roll", condition="normal", worst="normal")
     >>> control_left(axis.model_copy(update={"effectiveness": Interval(estimate=1.19, low=1.1, high=1.28)}))
     'no loss'
