@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import locket
+import filelock
 import pytest
 
 import mavhums
@@ -151,7 +151,7 @@ def test_a_folder_that_is_no_store_is_one_aircrafts_history(run: Run, kept: Path
 
 
 def test_a_store_in_use_is_told(run: Run, kept: Path, store: Path) -> None:
-    with locket.lock_file(str(store / ".scan.lock")):
+    with filelock.FileLock(store / ".scan.lock"):
         outcome = run("analyse", kept / "D-A" / "landed.tlog", "--history", store, "--keep")
     assert outcome.code == ExitCode.ERROR
     assert "another scan writes into this store" in outcome.err
