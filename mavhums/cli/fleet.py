@@ -33,7 +33,7 @@ from mavhums.core.errors import ExitCode
 if TYPE_CHECKING:
     from mavhums.app.settings import Options
     from mavhums.fleet import Repair
-    from mavhums.flights.queries import Status, Worst
+    from mavhums.flights.queries import Odd, Status, Worst
 
 __all__ = ["fleet"]
 
@@ -93,7 +93,7 @@ def scan(
     """
     from mavhums.fleet import ScanOptions
     from mavhums.fleet import scan as scan_logs
-    from mavhums.fleet import status as status_of
+    from mavhums.flights.queries import odd_in
 
     scanning = ScanOptions(
         judging=options,
@@ -105,11 +105,11 @@ def scan(
     )
     done = scan_logs(sources, store, scanning, progress=_Progress())
     if as_json:
-        strangers = [one._asdict() for one in status_of(store).strangers]
+        strangers = [one._asdict() for one in odd_in(store).strangers]
         say_json(_line(done._asdict() | {"strangers": strangers}))
     else:
         say(f"{done.judged} logs judged, {done.failed} could not be, {done.known} were known")
-        for line in _odd(status_of(store), store):
+        for line in _odd(odd_in(store), store):
             say(line)
     raise SystemExit(ExitCode.ERROR if done.failed else ExitCode.OK)
 
@@ -149,14 +149,15 @@ def _say_some(lines: Sequence[str], what: str) -> None:
         say(f"{_SHOWN} of {len(lines)} {what} are shown; --json has all")
 
 
-def _odd(found: Status, store: str) -> Iterator[str]:
+def _odd(found: Odd | Status, store: str) -> Iterator[str]:
     """Yield what an operator should correct, and what was corrected."""
     for one in found.strangers:
-        whose = one.elsewhere or "AIRCRAFT"
-        remedy = f"mavhums fleet reassign {store} LOG {whose}"
+        whose, log = one.elsewhere or "AIRCRAFT", one.logs[0] if len(one.logs) == 1 else "LOG..."
+        remedy = f"mavhums fleet reassign {store} {log} {whose}"
         yield f"{one}: another aircraft's log? {remedy}; a swapped board? list both in --aircraft-table"
     if found.removed:
-        yield f"{found.removed} removed logs stay out: mavhums fleet corrections {store}"
+        logs = "removed log stays" if found.removed == 1 else "removed logs stay"
+        yield f"{found.removed} {logs} out: mavhums fleet corrections {store}"
 
 
 @fleet.command(short_help="Show the worst actuators of all aircraft.")

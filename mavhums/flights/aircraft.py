@@ -286,7 +286,8 @@ def _foreign_board(own: Iterable[Owner], past: Iterable[Owner], table: AircraftT
         if one.board and boards and one.board not in boards and not is_listed:
             return (
                 f"compared with flights of {one} with the board {min(boards)}, but this log has the board"
-                f" {one.board}: another aircraft's log, or a swapped board (list both in --aircraft-table)?"
+                f" {one.board}: it is another aircraft's log, or the board was swapped (then list both in"
+                " --aircraft-table)"
             )
     return None
 

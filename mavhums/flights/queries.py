@@ -26,12 +26,14 @@ from mavhums.results.trend import RepairDate, TrendReport
 from mavhums.results.verdict import Verdict
 
 __all__ = [
+    "Odd",
     "Status",
     "Worst",
     "actuators_in",
     "exit_code",
     "flight",
     "flights",
+    "odd_in",
     "past_flights",
     "standings",
     "status",
@@ -90,6 +92,13 @@ class Status(NamedTuple):
     removed: int = 0
 
 
+class Odd(NamedTuple):
+    """What an operator should look into: ``strangers`` and ``removed`` of :class:`Status`."""
+
+    strangers: tuple[Stranger, ...]
+    removed: int
+
+
 class Worst(NamedTuple):
     """An actuator in its aircraft's last flight. ``aircraft`` is empty if it is unknown.
 
@@ -123,18 +132,25 @@ def status(store: str | os.PathLike[str]) -> Status:
         " WHERE problem IS NOT NULL ORDER BY path"
     ).fetchall()
     copies = kept.query("SELECT DISTINCT path, counted FROM copies ORDER BY path").fetchall()
+    odd = odd_in(store)
     grows = [(name, one) for name, several in standings(kept).items() for one in several if one.growth]
-    (removed,) = kept.query("SELECT count(DISTINCT path) FROM removed").fetchone()
     return Status(
         judged,
         aircraft,
         unknown,
         tuple(failures),
         tuple(copies),
-        tuple(strangers(kept)),
+        odd.strangers,
         tuple(sorted(grows, key=lambda one: one[1].rank)),
-        removed,
+        odd.removed,
     )
+
+
+def odd_in(store: str | os.PathLike[str]) -> Odd:
+    """Return what a scan tells besides what it judged; its errors are those of :func:`status`."""
+    kept = Store(store).opened()
+    (removed,) = kept.query("SELECT count(DISTINCT path) FROM removed").fetchone()
+    return Odd(tuple(strangers(kept)), removed)
 
 
 def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Worst]:

@@ -97,8 +97,8 @@ def stranger_among(store: Store, aircraft: str, board: str | None, start_utc: st
     usual, count = rows[0]
     others = f"{count} flight{'s' if count > 1 else ''} of {aircraft} with the board {usual}"
     return (
-        f"compared with {others}, but this log has the board {board}: another aircraft's log, or a swapped"
-        f" board (list both in --aircraft-table)?"
+        f"compared with {others}, but this log has the board {board}: it is another aircraft's log, or the"
+        " board was swapped (then list both in --aircraft-table)"
     )
 
 

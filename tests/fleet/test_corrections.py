@@ -178,7 +178,7 @@ def test_a_scan_brings_nothing_back_and_says_so(run: Run, logs: Path, tmp_path: 
     for sources in ((logs,), (logs, copy)):
         again = run("fleet", "scan", *sources, "--to", store, "--aircraft", "folder", "--workers", "0")
         assert again.out.splitlines()[0].startswith("0 logs judged, 0 could not be, ")
-        assert "removed logs stay out" in again.out
+        assert " out: mavhums fleet corrections" in again.out
     assert {row.aircraft for row in fleet.worst(store)} == {"D-X"}
     assert fleet.status(store)[:3] == (3, 1, 0)
     kept = run("analyse", gone, "--history", store, "--keep", "--aircraft", "=D-X")
@@ -214,7 +214,7 @@ def test_a_board_that_is_not_the_aircrafts_is_told(run: Run, logs: Path, tmp_pat
     for said in (run(*scan).out, run("fleet", "status", store).out):
         assert "D-A: " in said
         assert "D-A/1.tlog has the board 0B, and 2 other flights have" in said
-        assert f"mavhums fleet reassign {store} LOG AIRCRAFT" in said
+        assert f"mavhums fleet reassign {store} {logs}/D-A/1.tlog AIRCRAFT" in said
     assert json.loads(run(*scan, "--json").out)["strangers"][0]["board"] == "0B"
     foreign("tlog")
     told = run("analyse", logs / "D-A" / "2.tlog", "--history", store, "--aircraft", "folder")
