@@ -11,7 +11,7 @@ __all__ = ["GRAVEST_FIRST", "ExitCode", "MavhumsError", "MissingExtraError", "Un
 class ExitCode(IntEnum):
     """Exit codes of ``mavhums analyse``; if several apply, the first in this order is used.
 
-    2, 11, 10, 1, 12, 3, 0. Only ``fleet digest`` and ``fleet watch`` end with 4.
+    2, 11, 10, 1, 12, 3, 0. Only ``fleet digest`` ends with 4.
     """
 
     OK = 0

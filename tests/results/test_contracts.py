@@ -68,6 +68,7 @@ def test_exit_codes_are_those_of_the_documentation() -> None:
         "ERROR": 1,
         "USAGE": 2,
         "READ_WITH_LOSSES": 3,
+        "NOT_SENT": 4,
         "DEGRADED": 10,
         "EMERGENCY": 11,
         "UNDECIDED": 12,
