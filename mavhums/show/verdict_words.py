@@ -47,7 +47,7 @@ def control_left(verdict: Verdict) -> str | None:
 
     Examples
     --------
-    >>> from mavhums.results.assessment import Interval
+    >>> from mavhums.results.verdict import Interval
     >>> axis = Verdict(subject="axis", vehicle=1, actuator="roll", condition="normal", worst="normal")
     >>> control_left(axis.model_copy(update={"effectiveness": Interval(estimate=1.19, low=1.1, high=1.28)}))
     'no loss'
