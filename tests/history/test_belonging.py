@@ -88,7 +88,7 @@ def test_an_unknown_aircraft_is_accepted_with_a_notice(
 
 def test_a_foreign_board_is_told_where_the_name_is_the_same(tmp_path: Path) -> None:
     (told,) = held(tmp_path, [of("0A", 0, "D-A")], of("0B", 1, "D-A"), NONE).log.notices
-    assert "flights of D-A with the board 0A, but this log has the board 0B: another aircraft" in told
+    assert "flights of D-A with the board 0A, but this log has the board 0B: it is another aircraft" in told
 
 
 def test_vehicles_with_different_ids_may_share_a_history(tmp_path: Path) -> None:
