@@ -124,7 +124,7 @@ def _kinds(was: Standing | None, now: Standing) -> Iterator[str]:
         # Whose fault is told does not need to be told to grow, too: its sentence says so.
         yield "growing"
     elif worse < old:
-        yield "eased" if worse else "gone"
+        yield "eased" if worse or now.growth else "gone"
     elif was is not None and was.growth and not now.growth and not worse:
         yield "gone"
     if now.step and (was is None or was.step is None or was.step.at_utc < now.step.at_utc):

@@ -91,7 +91,8 @@ def _said(change: Change) -> list[str]:
         return [growth_words(now.growth)]
     if change.kind in ("gone", "eased") and before is not None:
         was = before.condition if before.growth is None or before.condition != "normal" else "growing"
-        why = f"it was {was}; now {now.condition} in flight {now.flights} ({now.last_utc[:10]})"
+        state = "growing" if now.growth and now.condition == "normal" else now.condition
+        why = f"it was {was}; now {state} in flight {now.flights} ({now.last_utc[:10]})"
         return [why, *sentences(now)[:1]] if change.kind == "eased" else [why]
     return [said for said in sentences(now) if now.step is None or said != step_words(now.step)]
 

@@ -13,8 +13,10 @@ from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.trends import trend_report, with_standings
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import course_of
+from mavhums.results.changes import Change
 from mavhums.results.standing import Standing
 from mavhums.results.verdict import Since
+from mavhums.show.changes import _said
 from mavhums.show.digest import headline
 from tests.flights import START, flown, shown, verdict
 
@@ -123,6 +125,17 @@ def test_the_baseline_is_the_level_before_the_growth() -> None:
     assert known.mean == pytest.approx(0.213, abs=0.008)
     prediction = known.prediction()
     assert prediction.high - prediction.low < 0.03
+
+
+def test_what_grows_on_is_not_gone() -> None:
+    grows = standing([0.22 + 0.004 * day for day in range(30)], scatter=0.004)
+    assert (grows.condition, grows.growth is not None) == ("normal", True)
+    was = grows.model_copy(update={"condition": "degraded"})
+    assert [*_kinds(was, grows)] == ["eased"]
+    change = Change(kind="eased", aircraft="D-A", before=was, now=grows)
+    (told, why) = _said(change)
+    assert told == "it was degraded; now growing in flight 30 (2026-03-30)"
+    assert "grows by" in why
 
 
 def test_growth_that_was_certain_does_not_go_with_one_flight() -> None:
