@@ -22,6 +22,7 @@ from mavhums.flights.trends import trend_report
 from mavhums.log.base.losses import Losses
 from mavhums.report.assessment import Assessment, LogSummary, Verdict, exit_code_of
 from mavhums.report.standing import Standing
+from mavhums.report.store import LastFlightOf, StoreCopy, StoreFailure, StoreStatus
 from mavhums.report.trend import RepairDate, TrendReport
 
 if TYPE_CHECKING:
@@ -82,6 +83,16 @@ class Status(NamedTuple):
     failures: tuple[tuple[str, str], ...]
     copies: tuple[tuple[str, str], ...] = ()
 
+    def published(self) -> StoreStatus:
+        """Return it as the object that is written as JSON."""
+        return StoreStatus(
+            judged=self.judged,
+            aircraft=self.aircraft,
+            unknown=self.unknown,
+            failures=tuple(StoreFailure(problem=problem, remedy=remedy) for problem, remedy in self.failures),
+            copies=tuple(StoreCopy(log=log, counted=counted) for log, counted in self.copies),
+        )
+
 
 class Worst(NamedTuple):
     """An actuator in its aircraft's last flight. ``aircraft`` is empty if it is unknown.
@@ -95,6 +106,17 @@ class Worst(NamedTuple):
     start_us: int | None
     verdict: Verdict
     standing: Standing | None = None
+
+    def published(self) -> LastFlightOf:
+        """Return it as the object that is written as JSON."""
+        start = None if self.start_us is None else datetime.fromtimestamp(self.start_us / 1e6, tz=UTC)
+        return LastFlightOf(
+            aircraft=self.aircraft or None,
+            log=self.path,
+            start_utc=start.isoformat() if start else None,
+            verdict=self.verdict,
+            standing=self.standing,
+        )
 
 
 def status(store: str | os.PathLike[str]) -> Status:

@@ -19,7 +19,12 @@ from mavhums.serve.options import Quotas
 from mavhums.serve.uploads import is_archive, receive, safe_name
 from mavhums.serve.workers import Workers
 
-__all__ = ["Dropped", "Sessions", "UserSession"]
+__all__ = ["Dropped", "Sessions", "TooManyError", "UserSession"]
+
+
+class TooManyError(MavhumsError):
+    """There is no room now, and there will be."""
+
 
 State = Literal["arriving", "waiting", "judging", "done", "failed"]
 
@@ -66,6 +71,11 @@ class Dropped:
         return self.path.parent / "report" / "report.html"
 
     @property
+    def assessment(self) -> Path:
+        """Its assessment as JSON, once it is judged."""
+        return self.path.parent / "report" / "assessment.json"
+
+    @property
     def rrd(self) -> Path:
         """The Rerun recording, once it is made."""
         return self.path.parent / "report" / "flight.rrd"
@@ -105,6 +115,7 @@ class Sessions:
         self._options = judging.as_texts()
         self._workers = workers
         self._sessions: dict[str, UserSession] = {}
+        self._passing = 0
 
     def get(self, id_: str) -> UserSession:
         """Return the session of a cookie; a new one for a new cookie.
@@ -116,7 +127,7 @@ class Sessions:
         """
         if id_ not in self._sessions:
             if len(self._sessions) >= self.limits.sessions:
-                raise MavhumsError("too many users at a time", "close other pages, or wait half an hour")
+                raise TooManyError("too many users at a time", "close other pages, or wait half an hour")
             self._sessions[id_] = UserSession(id_, self.folder / secrets.token_hex(8))
         session = self._sessions[id_]
         session.touch()
@@ -149,6 +160,33 @@ class Sessions:
         log.state = "waiting"
         self._begin(session, self._judge(session, log))
         return log
+
+    async def assess(self, user: str, name: str, stream: AsyncIterator[bytes]) -> bytes:
+        """Receive a log, judge it in its user's turn, and return the assessment as JSON; nothing is kept.
+
+        Raises
+        ------
+        TooManyError
+            If as many logs as there may be sessions are here in this way already.
+        MavhumsError
+            If the log is refused, or cannot be judged.
+        """
+        if self._passing >= self.limits.sessions:
+            raise TooManyError("too many logs at a time", "wait for the answers, then send it again")
+        self._passing += 1
+        session = UserSession(user, self.folder / secrets.token_hex(8))
+        log = Dropped("", session.folder / safe_name(name))
+        try:
+            log.assessment.parent.mkdir(parents=True, mode=0o700)
+            await receive(stream, log.path, self.limits)
+            job = {"do": "judge", "assessment": str(log.assessment)}
+            answer = await self._run(session, log, job, lambda _: None)
+            if "problem" in answer:
+                raise MavhumsError(answer["problem"], answer["remedy"])
+            return await asyncio.to_thread(log.assessment.read_bytes)
+        finally:
+            self._passing -= 1
+            shutil.rmtree(session.folder, ignore_errors=True)
 
     def record(self, session: UserSession, log: Dropped) -> None:
         """Have the Rerun recording of a log made, once."""
@@ -188,7 +226,8 @@ class Sessions:
 
         if is_archive(log.path) and await self._unpacked(session, log):
             return
-        answer = await self._run(session, log, {"do": "judge", "report": str(log.report)}, progress)
+        outputs = {"report": str(log.report), "assessment": str(log.assessment)}
+        answer = await self._run(session, log, {"do": "judge"} | outputs, progress)
         if session.logs.get(log.id) is not log:
             return
         if "brief" in answer:
