@@ -35,7 +35,7 @@ _LOG: Final[dict[str, Any]] = {
         "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
     }
 }
-_ASK: Final = "GET /api/openapi.json describes what can be asked"
+_ASK: Final = "GET /api/openapi.json describes what can be asked; /api/fleet needs `mavhums serve STORE`"
 _Aircraft = Annotated[str, Query(description="Name of an aircraft.")]
 
 

@@ -13,7 +13,8 @@ import jsonschema
 import pytest
 
 pytest.importorskip("nicegui", reason="the page needs the extra 'serve'")
-httpx = pytest.importorskip("httpx")
+
+import httpx  # NiceGUI brings it
 
 from mavhums import analyse, fleet
 from mavhums.report.assessment import Assessment, json_schema

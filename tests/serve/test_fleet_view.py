@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import pytest
 
 from mavhums.core.conditions import Condition
+from mavhums.flights.queries import Worst
 from mavhums.report.assessment import Assessment, Interval, LogSummary, Suspect, Verdict
 from mavhums.report.standing import FlightsLeft, Growth, Standing
 from mavhums.report.trend import ActuatorTrend, FlightPoint, RepairDate, TrendReport
@@ -14,14 +13,6 @@ from mavhums.serve.fleet_view import aircraft_lines, flight_lines, trends_shown
 from mavhums.serve.home import render
 
 MARKUP = "<img src=x onerror=alert(1)>"
-
-
-class Row(NamedTuple):
-    aircraft: str
-    path: str
-    start_us: int | None
-    verdict: Verdict
-    standing: Standing | None = None
 
 
 def verdict(actuator: str, condition: Condition, reason: str | None = None, fault: str = "") -> Verdict:
@@ -33,11 +24,11 @@ def verdict(actuator: str, condition: Condition, reason: str | None = None, faul
 
 def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
     rows = [
-        Row("D-B", "b.tlog", 1_767_258_000_000_000, verdict("elevator", "emergency", fault="hard_over")),
-        Row("", "x/a.tlog", None, verdict("rudder", "undecided", "too slow")),
-        Row("", "x/c.tlog", None, verdict("rudder", "undecided", "too slow")),
-        Row("D-B", "b.tlog", 1_767_258_000_000_000, verdict("rudder", "normal")),
-        Row("D-A", "a.tlog", 0, verdict("rudder", "normal")),
+        Worst("D-B", "b.tlog", 1_767_258_000_000_000, verdict("elevator", "emergency", fault="hard_over")),
+        Worst("", "x/a.tlog", None, verdict("rudder", "undecided", "too slow")),
+        Worst("", "x/c.tlog", None, verdict("rudder", "undecided", "too slow")),
+        Worst("D-B", "b.tlog", 1_767_258_000_000_000, verdict("rudder", "normal")),
+        Worst("D-A", "a.tlog", 0, verdict("rudder", "normal")),
     ]
     lines = aircraft_lines(rows)
     assert [line.name for line in lines] == [
@@ -66,7 +57,7 @@ def test_what_grows_is_not_called_normal() -> None:
         last_utc="2026-03-29T09:00:00+00:00",
         log=None,
     )
-    (line,) = aircraft_lines([Row("D-A", "a.tlog", 0, verdict("rudder", "normal"), grows)])
+    (line,) = aircraft_lines([Worst("D-A", "a.tlog", 0, verdict("rudder", "normal"), grows)])
     assert (line.condition, line.word, line.worst) == ("changed", "grows", "rudder")
     assert line.counts == (("grows", 1),)
     assert TOLD in line.detail
@@ -195,7 +186,7 @@ def test_repairs_are_marked_between_the_flights_before_and_after_them() -> None:
 
 
 def test_texts_of_a_store_are_never_markup() -> None:
-    lines = aircraft_lines([Row(MARKUP, MARKUP, None, verdict(MARKUP, "undecided", MARKUP))])
+    lines = aircraft_lines([Worst(MARKUP, MARKUP, None, verdict(MARKUP, "undecided", MARKUP))])
     text = render("fleet.html", lines=lines, tally=[], problem="", more=False)
     assert "<img" not in text
     assert text.count("&lt;img src=x") >= 3
