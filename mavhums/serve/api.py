@@ -20,7 +20,7 @@ from mavhums.report.assessment import SCHEMA, Assessment, without_record
 from mavhums.report.store import LastFlightOf, StoreStatus
 from mavhums.report.trend import TrendReport
 from mavhums.serve.options import Fleet
-from mavhums.serve.sessions import Sessions, TooManyError
+from mavhums.serve.sessions import Sessions
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["api"]
 
 _MOST: Final = 4000
-_TRIES: Final = {"retry-after": "10"}
+_TRIES: Final = {"retry-after": "10", "connection": "close"}
 _LOG: Final[dict[str, Any]] = {
     "requestBody": {
         "required": True,
@@ -104,6 +104,8 @@ def _add_logs(app: FastAPI, sessions: Sessions) -> None:
         if request.headers.get("content-type", "").startswith("multipart/"):
             remedy = "send the bytes of the log alone: curl --data-binary @flight.tlog"
             return _problem(415, "the body is a form", remedy)
+        if sessions.is_full:
+            return _problem(503, "too many logs at a time", "send it again in a moment", _TRIES)
         user = f"api {request.client.host if request.client else ''}"  # behind a proxy, all are one user
         try:
             return _json(await sessions.assess(user, name, request.stream()))
@@ -155,10 +157,7 @@ def _answer_problems(app: FastAPI) -> None:
     @app.exception_handler(MavhumsError)
     async def refused(_: Request, error: MavhumsError) -> Response:
         # the rest of a log that is refused on its way is not read
-        closes = {"connection": "close"}
-        if isinstance(error, TooManyError):
-            return _problem(503, error.problem, error.remedy, closes | _TRIES)
-        return _problem(422, error.problem, error.remedy, closes)
+        return _problem(422, error.problem, error.remedy, {"connection": "close"})
 
     @app.exception_handler(RequestValidationError)
     async def wrong(_: Request, error: RequestValidationError) -> Response:

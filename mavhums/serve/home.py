@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+import json
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Final
 from urllib.parse import urlencode
 
@@ -18,7 +19,7 @@ from mavhums.serve.options import Fleet
 from mavhums.serve.sessions import Dropped, Sessions, UserSession
 from mavhums.show.html_environment import environment
 
-__all__ = ["Home", "markup", "render"]
+__all__ = ["Home", "markup", "render", "show_parts"]
 
 _EVERY_S: Final = 0.2
 _Keep = Callable[[Dropped, str], Awaitable[None]]
@@ -110,8 +111,12 @@ class Home:
             return
         with self._place:
             if wanted[1] == "answer":
-                markup(f"The answer for {escape(log.name)}", "h2")
-                _frame("answer", f"/logs/{log.id}/report", f"Answer for {log.name}", sandboxed=True)
+                here = markup(f"The answer for {escape(log.name)}", "h2").props("tabindex=-1")
+                markup(render("downloads.html", log=log))
+                show_parts(json.loads(log.shown.read_bytes()), f"/logs/{log.id}/curves")
+                if self._chosen:  # a long list of logs stands above it
+                    here.run_method("scrollIntoView")
+                    here.run_method("focus", {"preventScroll": True})
             else:
                 markup(f"3-D view of {escape(log.name)}", "h2")
                 self._waits = markup("Preparing the recording …", "p").props("role=status")
@@ -129,7 +134,7 @@ class Home:
         base = str(ui.context.client.request.base_url).rstrip("/")
         query = urlencode({"url": f"{base}/logs/{log.id}/flight.rrd", "hide_welcome_screen": 1, "persist": 0})
         with self._place:
-            _frame("viewer", f"/viewer/index.html?{query}", f"3-D view of {log.name}", sandboxed=False)
+            _frame("viewer", f"/viewer/index.html?{query}", f"3-D view of {log.name}")
 
 
 class _LogItem:
@@ -216,12 +221,25 @@ def _button(text: str, log: Dropped, clicked: Callable[[], object]) -> ui.html:
     return markup(label, "button").props("type=button").on("click", clicked)
 
 
-def _frame(kind: str, address: str, title: str, *, sandboxed: bool) -> None:
+def _frame(kind: str, address: str, title: str) -> None:
     frame = ui.element("iframe").classes(f"frame {kind}")
     frame.props["src"] = address
     frame.props["title"] = title
-    if sandboxed:
-        frame.props["sandbox"] = "allow-same-origin"
+
+
+def show_parts(shown: Mapping[str, str], curves: str) -> None:
+    """Show an answer: what was found, the curves that show it, and the rest.
+
+    Parameters
+    ----------
+    shown
+        From :func:`mavhums.show.html.parts`, which escapes every text.
+    curves
+        Address of its curves.
+    """
+    markup(shown["answer"])
+    ui.element("div").classes("curves").props["data-from"] = curves
+    markup(shown["rest"])
 
 
 def markup(content: str, tag: str = "div") -> ui.html:

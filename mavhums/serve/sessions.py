@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import secrets
 import shutil
 import tempfile
@@ -19,11 +20,7 @@ from mavhums.serve.options import Quotas
 from mavhums.serve.uploads import is_archive, receive, safe_name
 from mavhums.serve.workers import Workers
 
-__all__ = ["Dropped", "Sessions", "TooManyError", "UserSession"]
-
-
-class TooManyError(MavhumsError):
-    """There is no room now, and there will be."""
+__all__ = ["Dropped", "Sessions", "UserSession"]
 
 
 State = Literal["arriving", "waiting", "judging", "done", "failed"]
@@ -69,6 +66,11 @@ class Dropped:
     def report(self) -> Path:
         """The report, once it is judged."""
         return self.path.parent / "report" / "report.html"
+
+    @property
+    def shown(self) -> Path:
+        """The answer in parts, once it is judged: see :func:`mavhums.show.html.parts`."""
+        return self.path.parent / "report" / "shown.json"
 
     @property
     def assessment(self) -> Path:
@@ -127,7 +129,7 @@ class Sessions:
         """
         if id_ not in self._sessions:
             if len(self._sessions) >= self.limits.sessions:
-                raise TooManyError("too many users at a time", "close other pages, or wait half an hour")
+                raise MavhumsError("too many users at a time", "close other pages, or wait half an hour")
             self._sessions[id_] = UserSession(id_, self.folder / secrets.token_hex(8))
         session = self._sessions[id_]
         session.touch()
@@ -161,18 +163,21 @@ class Sessions:
         self._begin(session, self._judge(session, log))
         return log
 
+    @property
+    def is_full(self) -> bool:
+        """Whether as many logs are here to be assessed as there may be sessions."""
+        return self._passing >= self.limits.sessions
+
     async def assess(self, user: str, name: str, stream: AsyncIterator[bytes]) -> bytes:
         """Receive a log, judge it in its user's turn, and return the assessment as JSON; nothing is kept.
 
         Raises
         ------
-        TooManyError
-            If as many logs as there may be sessions are here in this way already.
         MavhumsError
             If the log is refused, or cannot be judged.
         """
-        if self._passing >= self.limits.sessions:
-            raise TooManyError("too many logs at a time", "wait for the answers, then send it again")
+        if self.is_full:
+            raise MavhumsError("too many logs at a time", "wait for the answers, then send it again")
         self._passing += 1
         session = UserSession(user, self.folder / secrets.token_hex(8))
         log = Dropped("", session.folder / safe_name(name))
@@ -186,6 +191,31 @@ class Sessions:
             return await asyncio.to_thread(log.assessment.read_bytes)
         finally:
             self._passing -= 1
+            shutil.rmtree(session.folder, ignore_errors=True)
+
+    async def curves(self, user: str, log: Path, sha256: str) -> dict[str, Any]:
+        """Judge a log where it lies for its curves; return them as :func:`mavhums.show.html.parts` has them.
+
+        Raises
+        ------
+        MavhumsError
+            If it is not there, or is not the log any more.
+        """
+        if not await asyncio.to_thread(log.is_file):
+            raise MavhumsError(f"no curves: {log} is not on this computer", "drop the log to see them")
+        session = UserSession(user, self.folder / secrets.token_hex(8))
+        made = Dropped("", session.folder / "log")
+        try:
+            made.report.parent.mkdir(parents=True, mode=0o700)
+            job = {"log": str(log), "options": self._options}
+            answer = await self._workers.run(session.id, _judging(made) | job, lambda _: None)
+            if "problem" in answer:
+                raise MavhumsError(answer["problem"], answer["remedy"])
+            if json.loads(made.assessment.read_bytes())["log"]["sha256"] != sha256:
+                raise MavhumsError(f"no curves: {log} is another log by now", "drop the log to see them")
+            curves: dict[str, Any] = json.loads(made.shown.read_bytes())["curves"]
+            return curves
+        finally:
             shutil.rmtree(session.folder, ignore_errors=True)
 
     def record(self, session: UserSession, log: Dropped) -> None:
@@ -226,8 +256,7 @@ class Sessions:
 
         if is_archive(log.path) and await self._unpacked(session, log):
             return
-        outputs = {"report": str(log.report), "assessment": str(log.assessment)}
-        answer = await self._run(session, log, {"do": "judge"} | outputs, progress)
+        answer = await self._run(session, log, _judging(log), progress)
         if session.logs.get(log.id) is not log:
             return
         if "brief" in answer:
@@ -283,6 +312,11 @@ class Sessions:
         task = asyncio.get_running_loop().create_task(work)
         session.tasks.add(task)
         task.add_done_callback(session.tasks.discard)
+
+
+def _judging(log: Dropped) -> dict[str, Any]:
+    outputs = {"report": log.report, "shown": log.shown, "assessment": log.assessment}
+    return {"do": "judge", **{name: str(path) for name, path in outputs.items()}}
 
 
 _NAMED = 10

@@ -86,17 +86,17 @@ def _done(job: Job, tell: Tell, among: Among) -> Job:
         settings = among(job["log"], _settings(job))
     except Exception as error:
         return _refusal(Failed.of(log, error), job)
-    outputs = Outputs(report=job.get("report"), recording=job.get("recording"))
+    outputs = Outputs(report=job.get("report"), shown=job.get("shown"), recording=job.get("recording"))
     judged = judge(log, settings, outputs, _reporting(tell))
     if isinstance(judged, Failed):
         return _refusal(judged, job)
     if job["do"] == "record":
         return {"recorded": True}
     assessment = judged.assessment
-    told = assessment.log.model_copy(update={"path": log.name})  # its folder is of no use to anybody
-    Path(job["assessment"]).write_text(
-        assessment.model_copy(update={"log": told}).to_json(), encoding="utf-8", errors="replace"
-    )
+    if "assessment" in job:
+        told = assessment.log.model_copy(update={"path": log.name})  # its folder is of no use to anybody
+        text = assessment.model_copy(update={"log": told}).to_json()
+        Path(job["assessment"]).write_text(text, encoding="utf-8", errors="replace")
     return {"brief": in_brief(assessment)._asdict()}
 
 

@@ -12,7 +12,7 @@ import pytest
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.serve.options import Quotas
-from mavhums.serve.sessions import Sessions, TooManyError, UserSession
+from mavhums.serve.sessions import Sessions, UserSession
 from mavhums.serve.workers import Job, Progress, Workers
 
 BRIEF = {"condition": "normal", "headline": "All normal", "todo": "nothing"}
@@ -161,7 +161,8 @@ def test_of_a_log_that_is_only_assessed_nothing_stays_and_there_are_not_too_many
             await sessions.assess("api", "a.tlog", content())
         assert not list(sessions.folder.iterdir())
         sessions._passing = sessions.limits.sessions
-        with pytest.raises(TooManyError):
+        assert sessions.is_full
+        with pytest.raises(MavhumsError, match="too many"):
             await sessions.assess("api", "a.tlog", content(b"a"))
 
     using(use, problem="no log", remedy="check it")

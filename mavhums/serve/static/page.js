@@ -1,4 +1,4 @@
-// Uploads with progress, and the height of the answer's frame. Texts go in as text, never as markup.
+// Uploads with progress. Texts go in as text, never as markup.
 "use strict";
 
 const AT_ONCE = 2;
@@ -104,17 +104,3 @@ document.addEventListener("drop", (event) => {
   zone(event)?.classList.remove("over");
   if (document.querySelector("[data-drop]")) add(event.dataTransfer.files);
 });
-
-function fit(frame) {
-  const inner = frame.contentDocument?.documentElement;
-  if (inner) frame.style.height = `${inner.scrollHeight + 4}px`;
-}
-
-document.addEventListener(
-  "load",
-  (event) => {
-    if (event.target.matches?.("iframe.answer")) fit(event.target);
-  },
-  true,
-);
-window.addEventListener("resize", () => document.querySelectorAll("iframe.answer").forEach(fit));
