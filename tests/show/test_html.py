@@ -27,10 +27,11 @@ from mavhums.report.assessment import (
     Suspect,
     Verdict,
 )
+from mavhums.show.evidence import Limit
 from mavhums.show.html import ICONS, page
 from mavhums.show.html_craft import outline
 from mavhums.show.html_curves import Curve, Gathered, Key
-from mavhums.show.html_plot import Limit, plot
+from mavhums.show.html_plot import plot
 from tests.conftest import REAL_LOGS
 from tests.show.chromium import Chromium, find
 
