@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections import Counter
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Final
 from urllib.parse import urlencode
@@ -22,6 +23,7 @@ from mavhums.show.html_environment import environment
 __all__ = ["Home", "markup", "render", "show_parts"]
 
 _EVERY_S: Final = 0.2
+_FEW: Final = 3  # logs with all their buttons, above an answer
 _Keep = Callable[[Dropped, str], Awaitable[None]]
 
 
@@ -46,6 +48,8 @@ class Home:
         limit = sessions.limits.log_bytes
         told = {"limit_bytes": limit, "limit_mb": f"{limit // 1_000_000:,}", "where": where}
         markup(render("drop.html", packed=(*COMPRESSED, *ARCHIVES), **told))
+        self._tally = markup("")
+        self._order: list[str] = []
         self._list = ui.element("ul").classes("logs").props('aria-label="Logs"')
         self._place = ui.element("section").classes("shown").props('aria-label="The answer"')
         ui.timer(_EVERY_S, self.update)
@@ -65,6 +69,7 @@ class Home:
                     self._rows[log.id] = _LogItem(self, log)
             if self._rows[log.id].update(self._shown) and not self._chosen:
                 self._show_worst()
+        self._sort()
         if self._shown and self._shown[1] == "view":
             self._view_when_ready()
 
@@ -82,7 +87,7 @@ class Home:
     async def keep(self, log: Dropped, aircraft: str | None = None) -> None:
         """Keep a log in the store; where the store cannot identify its aircraft, ask the user."""
         assert self._fleet
-        log.kept, log.asked = "being kept in the store …", None
+        log.kept, log.asked = "being kept in the store, after any scan that runs …", None
         try:
             log.kept = await asyncio.to_thread(self._fleet.keep, log.path, aircraft)
         except UnnamedAircraftError as error:
@@ -94,6 +99,21 @@ class Home:
     def keeps(self) -> bool:
         """Whether there is a store."""
         return self._fleet is not None
+
+    def _sort(self) -> None:
+        """List the logs worst first, and say how many there are of each."""
+        logs = [self._session.logs[id_] for id_ in self._rows]
+        order = [log.id for log in sorted(logs, key=_rank)]
+        if order != self._order:
+            for place, id_ in enumerate(order):
+                if place >= len(self._order) or self._order[place] != id_:
+                    self._rows[id_].move(place)
+            self._order = order
+        self._list.classes(**{"add" if len(order) > _FEW else "remove": "many"})
+        several = Counter(log.condition for log in logs if log.state == "done")
+        tally = sorted(several.items(), key=lambda one: -URGENCY[one[0]])
+        rest = len(logs) - several.total()
+        self._tally.set_content(render("tally.html", tally=tally if len(logs) > 1 else (), rest=rest))
 
     def _show_worst(self) -> None:
         done = [log for log in self._session.logs.values() if log.state == "done"]
@@ -166,6 +186,7 @@ class _LogItem:
         here = shown[1] if shown and shown[0] == log.id else ""
         state = {"percent": percent, "doing": doing, "size": size, "shown": here == "answer"}
         self._text.set_content(render("log.html", log=log, **state))
+        self._item.classes(**{"add" if here else "remove": "here"})
         self._answer.props(f"aria-pressed={'true' if here == 'answer' else 'false'}")
         self._view.props(f"aria-pressed={'true' if here.startswith('view') else 'false'}")
         if self._keep:
@@ -182,6 +203,10 @@ class _LogItem:
         elif log.state == "failed":
             self._item.classes("refused")
         return done
+
+    def move(self, place: int) -> None:
+        """Put the row at a place of its list."""
+        self._item.move(target_index=place)
 
     def delete(self) -> None:
         """Remove the row."""
@@ -214,6 +239,11 @@ class _Asked:
         name = str(self._name.value or "").strip()
         if name:
             await self._keep(self._log, name)
+
+
+def _rank(log: Dropped) -> int:
+    """Return what sorts the worst first: what was judged, what could not be, what is not yet."""
+    return {"done": -URGENCY[log.condition], "failed": 100}.get(log.state, 101)
 
 
 def _button(text: str, log: Dropped, clicked: Callable[[], object]) -> ui.html:

@@ -92,7 +92,7 @@ function option(chart, whole) {
   });
   const rise = chart.high.map((value, place) => (value === null ? null : value - chart.low[place]));
   const marks = [
-    ...(chart.since === null || chart.since === undefined ? [] : [{ xAxis: chart.since, text: `since ${clock(chart.since)}` }]),
+    ...(chart.since ? [{ xAxis: chart.since, text: `since ${clock(chart.since)}` }] : []),
     ...(chart.marks ?? []).map((mark) => ({ xAxis: mark.at, text: mark.text })),
   ];
   const time = {
