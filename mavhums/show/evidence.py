@@ -119,7 +119,7 @@ def _attitude(verdict: Verdict, axis: str, curve: Curve, assessment: Assessment)
 def _limits(verdict: Verdict, fault: str) -> tuple[str, tuple[Limit, ...]]:
     """Return what a curve shows, with its unit, and the levels that it is compared with."""
     if fault == "effectiveness":
-        reference = Limit(1.0, "as at the beginning")
+        reference = Limit(1.0, "reference")
         known = verdict.limits or AxisLimits()
         degraded = Limit(known.effectiveness_degraded, "degraded below")
         emergency = Limit(known.effectiveness_emergency, "emergency up to")

@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -157,6 +158,28 @@ def test_a_store_in_use_is_told(run: Run, kept: Path, store: Path) -> None:
     assert "another scan writes into this store" in outcome.err
     assert "wait" in outcome.err
     assert fleet.status(store).judged == FLIGHTS
+
+
+def test_the_page_waits_for_a_scan(kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store, tries = tmp_path / "store", []
+    with locket.lock_file(str(tmp_path / "lock")):
+        lock = locket.lock_file(str(tmp_path / "lock"), timeout=0)
+
+        def busy(*_: object) -> Iterator[object]:
+            tries.append(1)
+            try:
+                lock.acquire()
+            except locket.LockError as error:
+                text = "another scan writes into this store" if len(tries) < 3 else "another"
+                raise MavhumsError(text) from (error if len(tries) < 3 else None)
+            yield None
+
+        monkeypatch.setattr(fleet, "keep", busy)
+        monkeypatch.setattr(page_worker, "_EVERY_S", 0.0)
+        job = {"log": str(kept / "D-A" / "landed.tlog"), "store": str(store), "options": {}}
+        assert page_worker.answer_to(job)["problem"] == "another"
+    assert len(tries) == 3
+    assert not list(store.rglob("*.tlog")), "no copy stays behind"
 
 
 def test_a_store_needs_its_extra(run: Run, kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-// Uploads with progress. Texts go in as text, never as markup.
+// Uploads with progress, and the search in a list. Texts go in as text, never as markup.
 "use strict";
 
 const AT_ONCE = 2;
@@ -103,4 +103,13 @@ document.addEventListener("drop", (event) => {
   event.preventDefault();
   zone(event)?.classList.remove("over");
   if (document.querySelector("[data-drop]")) add(event.dataTransfer.files);
+});
+
+document.addEventListener("input", (event) => {
+  if (!event.target.matches?.("[data-find]")) return;
+  const words = event.target.value.toLowerCase().split(/\s+/);
+  for (const row of document.querySelectorAll("table.fleet tbody tr")) {
+    const text = row.textContent.toLowerCase();
+    row.hidden = !words.every((word) => text.includes(word));
+  }
 });
