@@ -145,9 +145,8 @@ def main(logs: tuple[Path, ...], folder: Path | None, store: Path | None) -> Non
                     f"{size:.1f} MB, drop to verdict: median {statistics.median(verdicts):.2f} s ({spread}),"
                 )
                 print(f"drop to plots: median {statistics.median(plots):.2f} s, of {DROPS}")
-                print(
-                    f"{TWENTY} logs of 0.8 MB: {many(browser, page, Path(temporary)):.1f} s until all are judged"
-                )
+                all_s = many(browser, page, Path(temporary))
+                print(f"{TWENTY} logs of 0.8 MB: {all_s:.1f} s until all are judged")
                 own, workers = memory(page)
                 print(
                     f"memory, after {DROPS} logs: page {own:.0f} MB, judging processes {max(workers):.0f} MB"

@@ -26,10 +26,19 @@ MB = 1_000_000
 
 
 @pytest.fixture(scope="module")
-def page(store: Path) -> Iterator[Served]:
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the page has its temporary files."""
+    return tmp_path_factory.mktemp("of-the-page")
+
+
+@pytest.fixture(scope="module")
+def page(store: Path, folder: Path) -> Iterator[Served]:
     """The page of a store for other computers: with a token, logs up to 5 MB, and one that judges."""
-    with served(store, "--host", "0.0.0.0", "--max-mb", "5", "--workers", "1", lines=3) as page:
-        yield page
+    options = ("--host", "0.0.0.0", "--max-mb", "5", "--workers", "1")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TMPDIR", str(folder))
+        with served(store, *options, lines=3) as page:
+            yield page
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +50,9 @@ def client(page: Served) -> Iterator[httpx.Client]:
         yield client
 
 
-def test_a_log_goes_in_and_its_assessment_comes_out(client: httpx.Client, growing_log: Path) -> None:
-    folders = set(Path("/tmp").glob("mavhums-page-*/*"))
+def test_a_log_goes_in_and_its_assessment_comes_out(
+    client: httpx.Client, growing_log: Path, folder: Path
+) -> None:
     answer = client.post("/logs", params={"name": "../growing.tlog"}, content=growing_log.read_bytes())
     assert answer.status_code == 200
     told = answer.json()
@@ -52,7 +62,8 @@ def test_a_log_goes_in_and_its_assessment_comes_out(client: httpx.Client, growin
     assert Assessment.model_validate_json(answer.content).verdicts == tuple(
         verdict.model_copy(update={"own": ()}) for verdict in own.verdicts
     )
-    assert set(Path("/tmp").glob("mavhums-page-*/*")) == folders, "nothing of it stays"
+    (own,) = folder.glob("mavhums-page-*")
+    assert list(own.iterdir()) == [], "nothing of it stays"
     assert "set-cookie" not in answer.headers
 
 

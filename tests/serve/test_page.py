@@ -257,9 +257,6 @@ def test_a_fleet_is_listed_worst_first_and_leads_to_its_flights(store: Path, bro
         assert "until emergency" in text
         assert "95 % interval" in text
         assert violations(browser) == []
-        browser.size(390)
-        assert browser.js("document.documentElement.scrollWidth") <= 390
-        browser.size(1200)
         points = f"[...{CHARTS}[0].querySelectorAll('path[fill=\"#0b66a8\"]')]"
         assert browser.wait(f"{points}.length") == 9, "nine flights"
         _point_at(browser, f"{points}.at(-1)", press=True)

@@ -84,7 +84,7 @@ function option(chart, whole) {
   const modes = (!trend && whole.modes?.[chart.vehicle]) || [];
   const right = chart.limits.length ? 92 : 16;
   const below = modes.length ? MODES_PX + 6 : 0;
-  const plotPx = 250 - 32 - 28 - below;
+  const plotPx = 260 - 42 - 28 - below;
   const points = (values) => chart.time.map((time, place) => [time, values[place]]);
   const line = (name, values, style) => ({
     name, type: "line", data: points(values), symbol: "none", showSymbol: false, animation: false,
@@ -107,7 +107,7 @@ function option(chart, whole) {
     animation: false,
     textStyle: { fontFamily: "system-ui, sans-serif" },
     grid: [
-      { left: 52, right, top: 32, bottom: 28 + below },
+      { left: 52, right, top: 42, bottom: 28 + below },
       ...(modes.length ? [{ left: 52, right, height: MODES_PX, bottom: 2 }] : []),
     ],
     xAxis: [time, ...(modes.length ? [{ gridIndex: 1, type: "value", min: 0, max: whole.duration, show: false, axisPointer: { show: false } }] : [])],
