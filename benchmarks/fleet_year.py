@@ -29,8 +29,9 @@ from mavhums.flights.stores.delta import FORMAT, Row, Store
 from mavhums.flights.stores.delta_tables import LOGS, STANDINGS
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.losses import Losses
-from mavhums.report.assessment import Assessment, Indicator, Interval, LogSummary, Verdict
-from mavhums.report.standing import Standing
+from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.standing import Interval, Standing
+from mavhums.results.verdict import Indicator, Verdict
 from mavhums.show.changes import digest_lines
 
 ACTUATORS = ("aileron_left", "aileron_right", "elevator", "rudder")

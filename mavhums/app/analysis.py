@@ -26,7 +26,7 @@ from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 
 if TYPE_CHECKING:
     from mavhums.flights.aircraft_table import Since
-    from mavhums.report.assessment import Assessment
+    from mavhums.results.assessment import Assessment
 
 __all__ = [
     "Failed",
@@ -262,12 +262,8 @@ def write_report(
 
     Raises
     ------
-    UnreadableLogError
-        If the log is missing or its format is unknown.
-    ProfileError, ModelError, DialectError, KeyFileError
-        If the profile, the model, the XML or the key cannot be used.
     MavhumsError
-        If the page cannot be written, or would replace the log.
+        As :func:`analyse`; or if the page cannot be written, or would replace the log.
 
     Examples
     --------
@@ -298,10 +294,8 @@ def analyse_alone(path: Place, options: EngineOptions, *, progress: Progress = N
 
     Examples
     --------
-    >>> from mavhums.flights.compare import compared
-    >>> flight = analyse_alone("flight.tlog", Options(airframe="paper").resolved())
-    >>> compared(flight, {}) == flight.assessment
-    True
+    >>> analyse_alone("flight.tlog", Options(airframe="paper").resolved()).assessment.airframe
+    'paper'
     """
     engine = Engine(replace(options, recorded=True))
     digest = _fed(path, engine, options.dialect, progress=progress)

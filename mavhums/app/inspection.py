@@ -25,8 +25,7 @@ from mavhums.health.verdict.axis import verdict_of_axis
 from mavhums.health.verdict.motor import MOTORS
 from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, obstacle, why_not_at_all
 from mavhums.log import Decoder, decode_blocks
-from mavhums.report.assessment import ALL, Verdict
-from mavhums.report.inspection import (
+from mavhums.results.inspection import (
     ActuatorTelemetry,
     Inspection,
     Judgeable,
@@ -34,6 +33,7 @@ from mavhums.report.inspection import (
     NamedRate,
     VehicleTelemetry,
 )
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.states import TEXT_MESSAGES

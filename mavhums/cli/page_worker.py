@@ -84,14 +84,14 @@ def _kept(log: Path, store: Path, options: dict[str, Any]) -> str:
 
 def _patiently(work: Callable[[], Outcome]) -> Outcome:
     """Return what work gives, as soon as no other scan writes into the store."""
-    import locket
+    import filelock
 
     end_s = time.monotonic() + _PATIENCE_S
     while True:
         try:
             return work()
         except MavhumsError as error:
-            if not isinstance(error.__cause__, locket.LockError) or time.monotonic() > end_s:
+            if not isinstance(error.__cause__, filelock.Timeout) or time.monotonic() > end_s:
                 raise
         time.sleep(_EVERY_S)
 

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
     from mavhums.app.settings import Options
     from mavhums.flights.queries import Worst
-    from mavhums.report.assessment import Assessment
-    from mavhums.report.store import StoreStatus
-    from mavhums.report.trend import TrendReport
+    from mavhums.results.assessment import Assessment
+    from mavhums.results.store import StoreStatus
+    from mavhums.results.trend import TrendReport
 
 __all__ = ["LEAST_MEMORY_MB", "serve"]
 

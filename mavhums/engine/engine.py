@@ -43,9 +43,10 @@ from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.axis import verdict_of_axis
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.log import Decoder, Table
-from mavhums.report.assessment import ALL, Assessment, LogSummary, Verdict
-from mavhums.report.sections import FlightIdentity
-from mavhums.report.usage import VehicleUsage
+from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.sections import FlightIdentity
+from mavhums.results.usage import VehicleUsage
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.grid import Received

@@ -18,7 +18,7 @@ from mavhums.health.axis.effectiveness import explained_by
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Indication
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds

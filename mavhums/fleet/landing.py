@@ -35,8 +35,8 @@ from mavhums.flights.queries import flight, past_flights, standings
 from mavhums.flights.repairs import since_of
 from mavhums.flights.stores import is_store
 from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Store
-from mavhums.report.assessment import Assessment
-from mavhums.report.sections import FlightCopy
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import FlightCopy
 
 __all__ = ["Past", "against", "analyse", "keep", "past", "record"]
 

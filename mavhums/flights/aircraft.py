@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft_table import AircraftTable, Since
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 
 __all__ = [
     "BOARD",

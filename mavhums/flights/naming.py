@@ -20,7 +20,7 @@ from mavhums.flights.aircraft import (
 from mavhums.flights.aircraft_table import AircraftTable, Installed
 from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Row, Store
 from mavhums.flights.stores.delta_tables import NAMING
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 
 __all__ = [
     "BOARD_NAME",

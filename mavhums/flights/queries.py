@@ -20,10 +20,11 @@ from mavhums.flights.repairs import installed_in, repairs_of, since_of
 from mavhums.flights.stores.delta import Store
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.losses import Losses
-from mavhums.report.assessment import Assessment, LogSummary, Verdict, exit_code_of
-from mavhums.report.standing import Standing
-from mavhums.report.store import LastFlightOf, StoreCopy, StoreFailure, StoreStatus
-from mavhums.report.trend import RepairDate, TrendReport
+from mavhums.results.assessment import Assessment, LogSummary, exit_code_of
+from mavhums.results.standing import Standing
+from mavhums.results.store import LastFlightOf, StoreCopy, StoreFailure, StoreStatus
+from mavhums.results.trend import RepairDate, TrendReport
+from mavhums.results.verdict import Verdict
 
 if TYPE_CHECKING:
     import pandas as pd

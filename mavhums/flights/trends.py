@@ -26,9 +26,10 @@ from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import course_of, last_step
 from mavhums.health.decision.thresholds import TREND_FLIGHTS
 from mavhums.health.decision.trend import Trend, fit_trend
-from mavhums.report.assessment import ALL, Assessment, Indicator, Interval, Verdict
-from mavhums.report.standing import FlightsLeft, Growth, Standing, Step
-from mavhums.report.trend import ActuatorTrend, FlightPoint, LastFlight, TrendReport, to_frame
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import FlightsLeft, Growth, Interval, Standing, Step
+from mavhums.results.trend import ActuatorTrend, FlightPoint, LastFlight, TrendReport, to_frame
+from mavhums.results.verdict import ALL, Indicator, Verdict
 
 if TYPE_CHECKING:
     import pandas as pd

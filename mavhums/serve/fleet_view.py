@@ -12,8 +12,8 @@ from urllib.parse import urlencode
 from markupsafe import Markup, escape
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
-from mavhums.report.assessment import Assessment
-from mavhums.report.trend import TrendReport
+from mavhums.results.assessment import Assessment
+from mavhums.results.trend import TrendReport
 from mavhums.serve.options import LastVerdict
 from mavhums.show.html import in_brief
 from mavhums.show.html_trend import TrendShown, trend_shown

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Protocol
 
 from mavhums.app.settings import Options
-from mavhums.report.assessment import Assessment, Verdict
-from mavhums.report.standing import Standing
-from mavhums.report.store import LastFlightOf, StoreStatus
-from mavhums.report.trend import TrendReport
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Standing
+from mavhums.results.store import LastFlightOf, StoreStatus
+from mavhums.results.trend import TrendReport
+from mavhums.results.verdict import Verdict
 
 __all__ = ["Fleet", "LastVerdict", "Quotas", "ServeOptions"]
 

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavhums.report.assessment import ALL, Assessment, Verdict
-from mavhums.report.sections import AxisLimits
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.show.html_curves import Curve, Gathered, Key
 from mavhums.show.words import clock, name, percent
 

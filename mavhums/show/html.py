@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 from mavhums.core.about import __version__
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.report.assessment import Assessment, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Verdict
 from mavhums.show.charts import flight_charts
 from mavhums.show.digest import Subject, advice, digest
 from mavhums.show.evidence import evidence

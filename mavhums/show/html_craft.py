@@ -8,8 +8,8 @@ from math import cos, pi, radians, sin
 from typing import Final, NamedTuple
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
-from mavhums.report.assessment import ALL, Verdict
-from mavhums.report.usage import OutputUsage
+from mavhums.results.usage import OutputUsage
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.show._places import V_TAIL, Place, kind, places
 from mavhums.show.words import join
 

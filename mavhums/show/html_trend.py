@@ -10,8 +10,8 @@ import numpy as np
 
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.past import LOSSES
-from mavhums.report.assessment import Interval
-from mavhums.report.trend import ActuatorTrend, RepairDate
+from mavhums.results.standing import Interval
+from mavhums.results.trend import ActuatorTrend, RepairDate
 from mavhums.show.charts import Chart, chart
 from mavhums.show.evidence import Limit
 from mavhums.show.html_curves import Curve

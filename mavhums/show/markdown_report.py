@@ -7,8 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from math import floor, log10
 from typing import Final
 
+from mavhums.core.about import NOTICE
 from mavhums.core.quantities import QUANTITIES
-from mavhums.report.assessment import MEASURED, NOTICE, Assessment, Indicator, Interval, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import MEASURED, Indicator, Verdict
 from mavhums.show.digest import Digest, Paragraph, Subject, advice, digest
 from mavhums.show.verdict_words import certainty
 from mavhums.show.words import (

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import locket
+import filelock
 import pytest
 
 import mavhums
@@ -152,7 +152,7 @@ def test_a_folder_that_is_no_store_is_one_aircrafts_history(run: Run, kept: Path
 
 
 def test_a_store_in_use_is_told(run: Run, kept: Path, store: Path) -> None:
-    with locket.lock_file(str(store / ".scan.lock")):
+    with filelock.FileLock(store / ".scan.lock"):
         outcome = run("analyse", kept / "D-A" / "landed.tlog", "--history", store, "--keep")
     assert outcome.code == ExitCode.ERROR
     assert "another scan writes into this store" in outcome.err
@@ -162,22 +162,17 @@ def test_a_store_in_use_is_told(run: Run, kept: Path, store: Path) -> None:
 
 def test_the_page_waits_for_a_scan(kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store, tries = tmp_path / "store", []
-    with locket.lock_file(str(tmp_path / "lock")):
-        lock = locket.lock_file(str(tmp_path / "lock"), timeout=0)
 
-        def busy(*_: object) -> Iterator[object]:
-            tries.append(1)
-            try:
-                lock.acquire()
-            except locket.LockError as error:
-                text = "another scan writes into this store" if len(tries) < 3 else "another"
-                raise MavhumsError(text) from (error if len(tries) < 3 else None)
-            yield None
+    def busy(*_: object) -> Iterator[object]:
+        tries.append(1)
+        if len(tries) < 3:
+            raise MavhumsError("another scan writes into this store") from filelock.Timeout("lock")
+        raise MavhumsError("another problem")
 
-        monkeypatch.setattr(fleet, "keep", busy)
-        monkeypatch.setattr(page_worker, "_EVERY_S", 0.0)
-        job = {"log": str(kept / "D-A" / "landed.tlog"), "store": str(store), "options": {}}
-        assert page_worker.answer_to(job)["problem"] == "another"
+    monkeypatch.setattr(fleet, "keep", busy)
+    monkeypatch.setattr(page_worker, "_EVERY_S", 0.0)
+    job = {"log": str(kept / "D-A" / "landed.tlog"), "store": str(store), "options": {}}
+    assert page_worker.answer_to(job)["problem"] == "another problem"
     assert len(tries) == 3
     assert not list(store.rglob("*.tlog")), "no copy stays behind"
 

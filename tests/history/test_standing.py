@@ -12,8 +12,8 @@ from mavhums.flights.changes import _kinds
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.trends import trend_report, with_standings
 from mavhums.health.decision.baseline import Baseline
-from mavhums.report.assessment import Since
-from mavhums.report.standing import Standing
+from mavhums.results.standing import Standing
+from mavhums.results.verdict import Since
 from mavhums.show.digest import headline
 from tests.flights import START, flown, shown, verdict
 

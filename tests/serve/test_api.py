@@ -17,7 +17,7 @@ pytest.importorskip("nicegui", reason="the page needs the extra 'serve'")
 import httpx  # NiceGUI brings it
 
 from mavhums import analyse, fleet
-from mavhums.report.assessment import Assessment, json_schema
+from mavhums.results.assessment import Assessment, json_schema
 from tests.serve.browser import Served, served
 
 pytestmark = pytest.mark.slow
@@ -62,8 +62,8 @@ def test_a_log_goes_in_and_its_assessment_comes_out(
     assert Assessment.model_validate_json(answer.content).verdicts == tuple(
         verdict.model_copy(update={"own": ()}) for verdict in own.verdicts
     )
-    (own,) = folder.glob("mavhums-page-*")
-    assert list(own.iterdir()) == [], "nothing of it stays"
+    (files,) = folder.glob("mavhums-page-*")
+    assert list(files.iterdir()) == [], "nothing of it stays"
     assert "set-cookie" not in answer.headers
 
 

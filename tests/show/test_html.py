@@ -18,15 +18,9 @@ from hypothesis import strategies as st
 from mavhums.app.analysis import write_report
 from mavhums.core.conditions import URGENCY
 from mavhums.engine.events import Followed, Indication, Notice
-from mavhums.report.assessment import (
-    Assessment,
-    Coverage,
-    Evidence,
-    Indicator,
-    Interval,
-    Suspect,
-    Verdict,
-)
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage, Evidence, Indicator, Suspect, Verdict
 from mavhums.show.evidence import Limit
 from mavhums.show.html import ICONS, page
 from mavhums.show.html_craft import outline

@@ -120,13 +120,13 @@ class Store:
         if self.is_shared:
             yield
             return
-        import locket
+        import filelock
 
         try:
             Path(self.place).mkdir(parents=True, exist_ok=True)
-            lock = locket.lock_file(str(Path(self.place, ".scan.lock")), timeout=0)
+            lock = filelock.FileLock(Path(self.place, ".scan.lock"), timeout=0)
             lock.acquire()
-        except locket.LockError as error:
+        except filelock.Timeout as error:
             problem = f"{self.place}: another scan writes into this store"
             raise MavhumsError(problem, "wait until it has ended") from error
         except OSError as error:

@@ -37,8 +37,8 @@ from mavhums.health.axis.thresholds import (
     SURE_CONFIDENCE,
     TRIM_SHIFT_DEVIATIONS,
 )
-from mavhums.report.assessment import Interval
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
+from mavhums.results.standing import Interval
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 

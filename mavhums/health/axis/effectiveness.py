@@ -50,7 +50,7 @@ from mavhums.health.axis.thresholds import (
     TAIL_SHARE,
     WINDOW_SECONDS,
 )
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES

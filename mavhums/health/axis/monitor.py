@@ -24,8 +24,9 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.health.estimation.random_effects import RunningVariance
-from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage, Evidence, Suspect
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES

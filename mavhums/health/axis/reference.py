@@ -22,7 +22,7 @@ from mavhums.health.axis.thresholds import (
     SLOW_PART_S,
     SLOWEST_STREAM_S,
 )
-from mavhums.report.assessment import Interval
+from mavhums.results.standing import Interval
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES
 

@@ -7,7 +7,7 @@ from typing import Final
 from mavhums.core.conditions import Condition
 from mavhums.health.actuator.detectors import to_inspect
 from mavhums.health.axis.detectors import to_inspect as axis_to_inspect
-from mavhums.report.assessment import Verdict
+from mavhums.results.verdict import Verdict
 
 _BY_CONDITION: Final[dict[Condition, str]] = {
     "normal": "nothing to do; keep the log for the trend over flights",

@@ -14,7 +14,8 @@ from mavhums.health.axis.thresholds import LAG_ERROR_S, PAST_FLIGHTS, REFERENCE_
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.actuator import rounded, rounded_suspects, since
 from mavhums.health.verdict.obstacles import why_undecided
-from mavhums.report.assessment import Indicator, Interval, Verdict
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Indicator, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Grid
 from mavhums.vehicle.surfaces import Surfaces

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from mavhums.core.models import Contract
-from mavhums.report.assessment import Verdict
-from mavhums.report.standing import Standing
+from mavhums.results.standing import Standing
+from mavhums.results.verdict import Verdict
 
 __all__ = ["LastFlightOf", "StoreCopy", "StoreFailure", "StoreStatus"]
 
