@@ -37,7 +37,6 @@ from mavhums.report.inspection import (
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.states import TEXT_MESSAGES
-from mavhums.vehicle.surfaces import AXES
 from mavhums.vehicle.usage import NAMED_MESSAGES, NamedValues
 from mavhums.vehicle.vtol import known_as, rotor_servos
 
@@ -256,11 +255,11 @@ def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
     if axes is None:
         return
     received = axes.grid.received()
-    why = why_not_at_all(axes.flight, identity.kind, received)
+    why = why_not_at_all(axes.flight, identity.kind, received, axes.parameters)
     if why is not None:
         yield from axes.motors.verdicts(identity, axes.flight, why, _UNDATED, received)
         return
-    for axis in AXES:
+    for axis in axes.monitor.axes:
         findings = axes.monitor.findings(axis)
         yield verdict_of_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, axes.grid)
 

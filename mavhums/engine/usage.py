@@ -14,7 +14,7 @@ from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import Rotors
-from mavhums.vehicle.surfaces import Surfaces
+from mavhums.vehicle.surfaces import STEERING, Surfaces
 from mavhums.vehicle.usage import OutputUse
 
 __all__ = ["vehicle_usage"]
@@ -66,6 +66,10 @@ def _known(
     if surfaces is not None and surfaces.origin == "inferred":
         yield from (
             (moved.servo, _OutputFacts(surfaces.what(moved), "inferred", None)) for moved in surfaces.moved
+        )
+    if surfaces is not None and surfaces.axes == (STEERING,):
+        yield from (
+            (one.servo, _OutputFacts(STEERING, surfaces.origin, one.range_us)) for one in surfaces.moved
         )
     for output in control_surfaces(parameters):
         if output.servo <= OUTPUTS:

@@ -8,6 +8,7 @@ from mavhums.core.conditions import Condition
 from mavhums.health.actuator.detectors import to_inspect
 from mavhums.health.axis.detectors import to_inspect as axis_to_inspect
 from mavhums.report.assessment import Verdict
+from mavhums.vehicle.surfaces import STEERING
 
 _BY_CONDITION: Final[dict[Condition, str]] = {
     "normal": "nothing to do; keep the log for the trend over flights",
@@ -36,6 +37,10 @@ def with_advice(verdict: Verdict) -> Verdict:
         if verdict.gravest == "emergency":
             advice = f"do not fly; inspect {chain}; replace what failed and test it without propellers"
         return verdict.model_copy(update={"advice": advice})
+    if verdict.actuator == STEERING:
+        parts = "its servo, linkage and supply, with the wheels off the ground"
+        advice = _BY_CONDITION[verdict.gravest].format(parts=parts).replace("flights", "drives")
+        return verdict.model_copy(update={"advice": advice.replace("do not fly", "do not drive")})
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
     # Without a suspect the latest evidence names what was found.
     faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
