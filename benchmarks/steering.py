@@ -2,8 +2,8 @@
 
     python -m benchmarks.steering --drives 30 --hours 10 --seed 1
 
-Each drive is its own vehicle, ground or water and route, through the whole program: its log's bytes go in, its
-changes of condition come out. A fault comes at 200 to 320 s of 520 s; a healthy drive lasts 600 s.
+Each drive is its own vehicle, ground or water and route, through the whole program: its log's bytes go in,
+its changes of condition come out. A fault comes at 200 to 320 s of 520 s; a healthy drive lasts 600 s.
 """
 
 from __future__ import annotations

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
+from math import inf
 from typing import Final, Protocol
 
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor.monitor import MotorMonitor
+from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.verdict.axis import unjudged_axes
 from mavhums.health.verdict.motor import verdicts_of_motors
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, Obstacle
@@ -23,6 +25,7 @@ __all__ = ["VehicleMotors", "beside_motors", "without_thrust_left"]
 _EARLY_S: Final = 20
 """Seconds kept until the parameters apply: they apply from where they stand in the log, and a log that
 begins in the air, or a link that sends them on request, has them some seconds late."""
+_LATE_S: Final = 40  # by which a stream may lag
 
 _SATURATED_S: Final = 1.0
 """At full output in sum: shorter is a gust or a hard stop, as any flight has them."""
@@ -47,11 +50,14 @@ class VehicleMotors:
     ----------
     told
         The motors by the parameters; why they are not known; None if it is not known to be a multirotor.
+    speeds
+        The speeds that its ESCs report.
     """
 
     def __init__(self, vehicle: int) -> None:
         self._vehicle = vehicle
         self.told: Rotors | str | None = None
+        self.speeds = EscSpeeds()
         self._monitor: MotorMonitor | None = None
         self._early: list[Seconds] = []
         self._began_s: int | None = None
@@ -66,7 +72,7 @@ class VehicleMotors:
         """Take settled seconds; yield the changes of condition."""
         rotors = self.told
         if isinstance(rotors, Rotors) and (self._monitor is None or rotors != self._monitor.rotors):
-            self._monitor = MotorMonitor(self._vehicle, rotors)
+            self._monitor = MotorMonitor(self._vehicle, rotors, self.speeds)
             for earlier in self._early:
                 yield from self._monitor.feed(earlier)
             self._early.clear()
@@ -75,6 +81,7 @@ class VehicleMotors:
             return
         if self._began_s is None:
             self._began_s = int(seconds.index[0])
+        self.speeds.forget(2 * (int(seconds.index[-1]) - _EARLY_S - _LATE_S), inf)
         kept = int((seconds.index < self._began_s + _EARLY_S).sum())  # however the log is cut into blocks
         if kept:
             self._early.append(seconds.part(0, kept))

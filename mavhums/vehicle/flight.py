@@ -26,7 +26,8 @@ from mavhums.vehicle.vtol import NO_LIFT
 __all__ = ["GROUND", "LEAST_DRIVEN", "LEAST_SPEED", "Flight", "Rows"]
 
 _FIXED_WING: Final = 1
-GROUND: Final = frozenset({10, 11})  # a rover, a boat
+_ROVER, _BOAT = 10, 11
+GROUND: Final = frozenset({_ROVER, _BOAT})
 _VTOL: Final = range(19, 26)
 _VTOL_FORWARD: Final = 4  # MAV_VTOL_STATE_FW
 _HOVERING_MODES: Final = (17, 18, 19, 20, 21, 22, 23, 25)  # ArduPlane's Q modes
@@ -34,9 +35,9 @@ _UNLED_MODES: Final = (0, 2, 3, 4, 16)  # in these, ArduPlane does not control t
 LEAST_SPEED: Final = 8.0
 """Airspeed of forward flight, m/s. Lower lets wind on the ground in, higher loses slow aircraft."""
 
-LEAST_DRIVEN: Final = 0.5
-"""Speed of a rover or a boat that drives forward, m/s. Lower lets the noise of a receiver that stands in; the
-gain of the steering is by speed, so that little is lost above."""
+LEAST_DRIVEN: Final = {_ROVER: 0.5, _BOAT: 1.5}
+"""Speed of a rover or a boat that drives forward, m/s. Lower lets the noise of a receiver that stands in; a
+boat's rudder answers to the speed through the water, from which a current of 0.4 m/s differs by a quarter."""
 
 _LEAST_GROUND_SPEED_M_S: Final = 5.0
 """A wind of 8 m/s looks like forward flight to the pitot tube of an aircraft that stands. Higher loses flight
@@ -69,6 +70,8 @@ class Flight:
         MAV_TYPEs and MAV_AUTOPILOTs that the vehicle reported.
     heard
         Signals with at least one number.
+    steers
+        Whether the output that steers a rover or a boat is known.
     """
 
     def __init__(self, surfaces: Surfaces | None) -> None:
@@ -91,7 +94,7 @@ class Flight:
     @property
     def on_ground(self) -> bool:
         """Whether it is a rover or a boat: of all it does, only its steering is judged."""
-        return bool(self.kinds & GROUND) or self._steers
+        return bool(self.kinds & GROUND) or self.steers
 
     @property
     def past(self) -> PastRows:
@@ -123,7 +126,7 @@ class Flight:
     def _know(self, surfaces: Surfaces | None) -> None:
         self._lift = surfaces.lift if surfaces else NO_LIFT
         self._demands = Demands(surfaces) if surfaces else None
-        self._steers = surfaces is not None and surfaces.axes == (STEERING,)
+        self.steers = surfaces is not None and surfaces.axes == (STEERING,)
         self.parted_s = 0.0
 
     def learn(self, surfaces: Surfaces | None) -> Iterator[Rows]:
@@ -163,7 +166,7 @@ class Flight:
             self.heard.add("outputs")
         rates = flat["rates"]
         speed, trusted, source = self._speed.feed(signals)
-        driven = np.isin(flat["state"][:, 0], list(GROUND)) | (self._steers & np.isnan(flat["state"][:, 0]))
+        driven = np.isin(flat["state"][:, 0], list(GROUND)) | (self.steers & np.isnan(flat["state"][:, 0]))
         if driven.any():
             speed, trusted = np.where(driven, _forward(flat), speed), trusted | driven
             source = np.where(driven, 2.0, source)
@@ -232,7 +235,8 @@ class Flight:
         slow = ~driven & (flat["groundspeed"][:, 0] <= _LEAST_GROUND_SPEED_M_S)
         fast = (armed > 0) & (speed > LEAST_SPEED)
         # ArduPilot's rovers do not record on board whether they are armed.
-        fast |= driven & ~(armed == 0) & (speed > LEAST_DRIVEN)
+        least = np.where(kind == _BOAT, LEAST_DRIVEN[_BOAT], LEAST_DRIVEN[_ROVER])
+        fast |= driven & ~(armed == 0) & (speed > least)
         self._rows_of.update(armed=int((armed > 0).sum()), fast=int(fast.sum()))
         self.fastest = max(self.fastest, float(np.max(speed, initial=0.0, where=(armed > 0) & (speed > 0))))
         up = fast

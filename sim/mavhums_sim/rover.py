@@ -1,12 +1,13 @@
 """Drives a rover or a boat that steers by one servo, in closed loop, and writes its ``.tlog``.
 
-The vehicle turns by ``r = K·v·δ / (1 + (v / v_c)²)``, with a lag, over rough ground or in waves; a boat drifts
-with a current besides. The autopilot is of the usual kind: way to the next waypoint → yaw rate → steering, by
-feed-forward and a PI loop; it slows down in turns, stops now and then and backs up.
+The vehicle turns by ``r = K·v·δ / (1 + (v / v_c)²)``, with a lag, over rough ground or in waves; a boat
+drifts with a current besides. The autopilot is of the usual kind: way to the next waypoint → yaw rate →
+steering, by feed-forward and a PI loop; it slows down in turns, stops now and then and backs up.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -20,7 +21,7 @@ from mavhums_sim.closed_loop.encode import encode
 from mavhums_sim.closed_loop.tables import Table, boot_ms, boot_us, text_rows, whole
 from mavhums_sim.link import Link
 
-__all__ = ["Driven", "Rover", "SteeringFault", "drive", "draw_rover", "encoded", "write_tlog"]
+__all__ = ["PARAMETERS", "Driven", "Rover", "SteeringFault", "draw_rover", "drive", "encoded", "write_tlog"]
 
 Array = NDArray[np.float64]
 LOGGED_HZ: Final = 50
@@ -32,6 +33,15 @@ _ARMED: Final = 128 + 1
 _AUTO: Final = 10
 _SCALE_MG: Final = 1000 / 9.80665
 _LOW_US, _TRIM_US, _HIGH_US = 1100.0, 1500.0, 1900.0
+
+PARAMETERS: Final[Mapping[str, float]] = {
+    "CRUISE_THROTTLE": 50.0,
+    "SERVO1_FUNCTION": 26.0,
+    "SERVO1_MIN": _LOW_US,
+    "SERVO1_TRIM": _TRIM_US,
+    "SERVO1_MAX": _HIGH_US,
+    "SERVO3_FUNCTION": 70.0,
+}
 
 
 class SteeringFault(NamedTuple):
@@ -199,7 +209,9 @@ def _drive(settings: Array, rng: np.random.Generator, rows: Array) -> None:
             row[3], row[4], row[5], row[6] = vel_n, vel_e, north, east
 
 
-def encoded(driven: Driven, rate_hz: float = 10.0, seed: int = 0, *, parameters: bool = True) -> bytes:
+def encoded(
+    driven: Driven, rate_hz: float = 10.0, seed: int = 0, *, parameters: Mapping[str, float] = PARAMETERS
+) -> bytes:
     """Return the drive's ``.tlog``: parameters come first, and the vehicle stands for 15 s.
 
     Parameters
@@ -211,19 +223,15 @@ def encoded(driven: Driven, rate_hz: float = 10.0, seed: int = 0, *, parameters:
     seed
         Draws the times of sampling and the receiver's noise.
     parameters
-        Whether the ground station downloads the parameters.
+        Those that the ground station downloads.
     """
     rng = np.random.default_rng([seed, 8])
     end_s = _STANDS_S + driven.time_s[-1]
     beats = np.arange(0.0, end_s, 1.0)
-    numbers = {
-        "CRUISE_THROTTLE": 50.0, "SERVO1_FUNCTION": 26.0, "SERVO1_MIN": _LOW_US, "SERVO1_TRIM": _TRIM_US,
-        "SERVO1_MAX": _HIGH_US, "SERVO3_FUNCTION": 70.0,
-    }  # fmt: skip
-    count = len(numbers) if parameters else 0
+    count = len(parameters)
     values = {
-        "param_id": np.array([name.encode() for name in numbers], "S16")[:count],
-        "param_value": np.array(list(numbers.values()))[:count],
+        "param_id": np.array([name.encode() for name in parameters], "S16"),
+        "param_value": np.array(list(parameters.values())),
         "param_type": 9,
         "param_count": count,
         "param_index": np.arange(count),

@@ -205,7 +205,7 @@ class SteeringForm(RollForm):
         return rows.yaw_rate
 
     def unexplained(self, answered: float, driven: float) -> float:
-        """Return what no share of the gain explains: turns last for seconds, so a loss of gain shifts them."""
+        """Return what no share of the gain explains: turns last, so that a loss shifts their mean."""
         return answered - min(max(answered, min(driven, 0.0)), max(driven, 0.0))
 
 

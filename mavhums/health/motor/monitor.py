@@ -13,6 +13,7 @@ from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor import evidence
+from mavhums.health.motor.speeds import EscSpeeds, SpeedCause, SpeedsBesideThrust
 from mavhums.health.motor.thresholds import EMERGENCY_LOSS, SLOW_HZ, WINDOWS_S
 from mavhums.health.motor.trims import Trims
 from mavhums.report.assessment import Indicator, Interval
@@ -27,6 +28,8 @@ __all__ = ["Loss", "MotorFindings", "MotorMonitor", "condition_of"]
 _ANOTHER_S: Final = 10.0
 """A second motor named within this time of the first: more than one lost thrust, or neither is certain."""
 _ANOTHER_WINDOW_S: Final = 0.8  # in shorter windows the rebound points at the opposite motor
+_TURNS, _LEANS = 0.1, 0.5
+"""Mean thrust by full thrust, and cosine of the bank, above which speeds are compared: it flies upright."""
 _REFINED_S: Final = 30.0
 """After an alarm the share lost is refined for as long: the first windows hold the moment before, too."""
 
@@ -70,6 +73,8 @@ class MotorFindings:
         By motor, the share of thrust that it has lost at most at any time, with 97.5 % confidence.
     trims
         By motor, what later flights are compared with.
+    cause
+        What the speed of the motor that lost thrust tells of the cause; None if nothing.
     """
 
     rotors: Rotors
@@ -80,6 +85,7 @@ class MotorFindings:
     tipped: bool
     bound: tuple[float, ...]
     trims: tuple[tuple[Indicator, ...], ...]
+    cause: SpeedCause | None = None
 
 
 class MotorMonitor:
@@ -91,13 +97,16 @@ class MotorMonitor:
         System id.
     rotors
         Its motors.
+    speeds
+        The speeds that its ESCs report.
     """
 
-    def __init__(self, vehicle: int, rotors: Rotors) -> None:
+    def __init__(self, vehicle: int, rotors: Rotors, speeds: EscSpeeds | None = None) -> None:
         self._vehicle, self.rotors = vehicle, rotors
         self._rules = evidence.rules_for(len(rotors.servos))
         self._state = evidence.new_state(len(rotors.servos))
         self._trims = Trims(rotors.columns)
+        self._speeds = SpeedsBesideThrust(speeds or EscSpeeds(), rotors.servos)
         self._loss: Loss | None = None
         self._several: tuple[int, ...] = ()
         self._reported: Condition = "undecided"
@@ -133,6 +142,8 @@ class MotorMonitor:
         self._trims.add(thrusts, np.asarray(found[:, 7] > 0.0))
         for row in np.flatnonzero(found[:, 0]).tolist():
             yield from self._alarm(first + row / RATE_HZ, float(spacing[row]), found[row])
+        flown = (thrusts.mean(axis=1) > _TURNS) & (upright > _LEANS)
+        self._speeds.add(first, thrusts, flown, self._loss.time_s if self._loss else None)
 
     def _alarm(self, row_s: float, spacing_s: float, found: Array) -> Iterator[ConditionChanged]:
         """Take a window in which a motor stands out."""
@@ -204,6 +215,7 @@ class MotorMonitor:
             judged_s=float(self._state.counts[evidence.JUDGED]) / RATE_HZ,
             tipped=bool(self._state.counts[evidence.TIPPED]),
             bound=tuple(bound.tolist()),
+            cause=self._speeds.cause(self._loss.motor - 1, self._loss.since_s) if self._loss else None,
             trims=tuple(self._trims.of_motor(motor) for motor in range(len(self.rotors.servos))),
         )
 

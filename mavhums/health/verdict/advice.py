@@ -31,16 +31,21 @@ def with_advice(verdict: Verdict) -> Verdict:
     'keep the log: the baseline grows with every flight'
     """
     if verdict.subject == "motor":
-        # Outputs alone do not tell a propeller from its motor or ESC.
-        chain = f"the propeller, motor, ESC and wiring of {verdict.actuator}"
+        # Outputs alone do not tell a propeller from its motor or ESC; the ESC's speed does.
+        told = next((item.rule.rpartition(": ")[2] for item in verdict.evidence if item.kind == "speed"), "")
+        before = "the ESC" in told
+        parts = (
+            "motor, ESC and wiring" if before else "propeller" if told else "propeller, motor, ESC and wiring"
+        )
+        chain = f"the {parts} of {verdict.actuator}"
         advice = _BY_CONDITION[verdict.gravest].format(parts=chain)
         if verdict.gravest == "emergency":
             advice = f"do not fly; inspect {chain}; replace what failed and test it without propellers"
         return verdict.model_copy(update={"advice": advice})
     if verdict.actuator == STEERING:
         parts = "its servo, linkage and supply, with the wheels off the ground"
-        advice = _BY_CONDITION[verdict.gravest].format(parts=parts).replace("flights", "drives")
-        return verdict.model_copy(update={"advice": advice.replace("do not fly", "do not drive")})
+        driven = _BY_CONDITION[verdict.gravest].format(parts=parts).replace("flights", "drives")
+        return verdict.model_copy(update={"advice": driven.replace("do not fly", "do not drive")})
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
     # Without a suspect the latest evidence names what was found.
     faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]

@@ -10,6 +10,7 @@ from typing import Final
 
 from mavhums.core.conditions import Condition
 from mavhums.health.motor.monitor import Loss, MotorFindings, condition_of
+from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.thresholds import JUDGED_S, MOST_BANK_DEG, MOST_EXCLUDED, STEP_EXCLUDED
 from mavhums.health.verdict.actuator import since
 from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect, Verdict
@@ -135,8 +136,21 @@ def _lost(vehicle: int, findings: MotorFindings, loss: Loss, start_utc: datetime
                 value=round(share.estimate, 3),
                 rule=rule,
             ),
+            *_by_speed(findings.cause),
         ),
     )
+
+
+def _by_speed(cause: SpeedCause | None) -> Iterator[Evidence]:
+    """Yield what the motor's speed tells of the cause."""
+    if cause is not None:
+        yield Evidence(
+            kind="speed",
+            start_s=cause.start_s,
+            end_s=cause.end_s,
+            value=round(cause.ratio, 3),
+            rule=cause.words,
+        )
 
 
 def _healthy(vehicle: int, findings: MotorFindings) -> Iterator[Verdict]:

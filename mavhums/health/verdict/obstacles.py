@@ -20,12 +20,12 @@ from mavhums.health.axis.thresholds import (
     NORMAL_S,
     REFERENCE_S,
 )
-from mavhums.vehicle.flight import LEAST_DRIVEN, LEAST_SPEED, Flight
+from mavhums.vehicle.flight import GROUND, LEAST_DRIVEN, LEAST_SPEED, Flight
 from mavhums.vehicle.formats import messages_of, remedy
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import PERIPHERALS, Identity, in_words
 from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.surfaces import STEERING, Surfaces, of_parameters, steers_by_wheels
+from mavhums.vehicle.surfaces import STEERING, Surfaces, steers_by_wheels
 
 NO_WINGS = "its servos can be judged if they report current or speed: name a profile with --airframe"
 """Remedy for a vehicle that no control surface turns in flight."""
@@ -115,8 +115,8 @@ def why_not_at_all(
     """
     kinds = flight.kinds - PERIPHERALS.keys() or flight.kinds
     if flight.on_ground:
-        if why := _unsteered(parameters):
-            return why
+        if not flight.steers:
+            return _unsteered(" and ".join(map(in_words, sorted(kinds))), parameters)
     elif kind and not kind.startswith(_WINGED) and not kinds & _WINGED_TYPES:
         kinds = set() if not kinds or kind == "helicopter" else kinds
         if not kinds:
@@ -148,26 +148,25 @@ def why_not_at_all(
     return None
 
 
-def _unsteered(parameters: Parameters | None) -> Obstacle | None:
-    """Return why the steering of a rover or a boat cannot be judged by its parameters; None if it can."""
+def _unsteered(who: str, parameters: Parameters | None) -> Obstacle:
+    """Return why the steering of a rover or a boat is not known."""
     if parameters is None:
         return Obstacle(
-            "which output steers it is told by nothing in the log",
+            f"{who}: which output steers it is told by nothing in the log",
             "record the parameters, too (refresh the ground station's list, or use the on-board log)",
         )
     if steers_by_wheels(parameters):
-        reason = "it steers by the difference of its motors (skid steering), which is not judged"
+        reason = f"{who}: it steers by the difference of its motors (skid steering), which is not judged"
         return Obstacle(reason, NO_WINGS)
-    if of_parameters(parameters) is None:
-        reason = "its parameters name no output that steers it (SERVOn_FUNCTION 26)"
-        return Obstacle(reason, "if one does, set its function, and record the parameters, too")
-    return None
+    reason = f"{who}: its parameters name no output that steers it (SERVOn_FUNCTION 26)"
+    return Obstacle(reason, "if one does, set its function, and record the parameters, too")
 
 
 def _stood(flight: Flight) -> Obstacle:
     """Return why a flight has no second of forward flight."""
     if flight.on_ground:
-        reason = f"its highest speed forward was {flight.fastest:.1f} m/s, {LEAST_DRIVEN:g} are needed"
+        least = max(LEAST_DRIVEN[kind] for kind in flight.kinds & GROUND or GROUND)
+        reason = f"its highest speed forward was {flight.fastest:.1f} m/s, {least:g} are needed"
         return Obstacle(f"it did not drive forward for 3 s: {reason}", _LONGER_DRIVE)
     fast_s, longest = flight.lasted_s("fast"), "no stretch of the rest lasted 3 s"
     if not flight.lasted_s("armed"):

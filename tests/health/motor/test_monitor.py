@@ -13,10 +13,11 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.motors import VehicleMotors
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor.monitor import MotorMonitor
+from mavhums.health.motor.speeds import EscSpeeds, SpeedsBesideThrust
 from mavhums.report.assessment import Verdict
 from mavhums.show.digest import digest, headline
 from mavhums.vehicle.facts import OUTPUTS, Signal
-from mavhums.vehicle.grid import Grid, Seconds
+from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums_sim.multirotor.craft import FRAMES, Event, draw_craft, draw_plan
@@ -58,6 +59,34 @@ def test_a_motor_that_stops_is_named(tmp_path: Path, frame: str, within_s: float
     assert [(one.name, one.judgeable) for one in vehicle.subjects if one.subject == "motor"] == [
         ("motors", True)
     ]
+
+
+@pytest.mark.parametrize(
+    ("loss", "by_propeller", "told"),
+    [(0.5, False, "lags"), (0.5, True, "follows"), (1.0, False, "collapsed"), (1.0, True, "follows")],
+)
+def test_the_speed_of_its_esc_names_the_cause(
+    tmp_path: Path, loss: float, by_propeller: bool, told: str
+) -> None:
+    rng = np.random.default_rng([3, 1])
+    event = Event(fault_s=40.0, motor=1, loss=loss, by_propeller=by_propeller)
+    flown = fly(draw_craft(rng, "hexa x"), draw_plan(rng, 75.0, event=event), 3)
+    write_tlog(flown, tmp_path / "f.tlog", Rates(25.0, 25.0, 25.0, esc=10.0), 3)
+    [verdict] = motors(tmp_path / "f.tlog")
+    [speed] = [one for one in verdict.evidence if one.kind == "speed"]
+    assert told in speed.rule
+    assert ("propeller of motor 2" in (verdict.advice or "")) is by_propeller
+
+
+def test_speeds_that_only_repeat_themselves_tell_nothing() -> None:
+    speeds, time_s = EscSpeeds(), np.arange(0.0, 60.0, 0.1)
+    for esc in range(4):
+        speeds.hear(esc, time_s, np.full(600, 5000.0))
+    assert np.isnan(speeds.at(10, range(4))).all()
+    beside = SpeedsBesideThrust(speeds, range(1, 5))
+    asked = np.where(np.arange(60 * RATE_HZ)[:, None] < 40 * RATE_HZ, 0.4, 0.8) * np.ones(4)
+    beside.add(0, asked, np.ones(len(asked), dtype=bool), 41.0)
+    assert beside.cause(0, 40.0) is None
 
 
 def test_half_of_the_thrust_is_told_with_its_interval(tmp_path: Path) -> None:
