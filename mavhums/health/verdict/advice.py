@@ -33,18 +33,16 @@ def with_advice(verdict: Verdict) -> Verdict:
     if verdict.subject == "motor":
         # Outputs alone do not tell a propeller from its motor or ESC; the ESC's speed does.
         told = next((item.rule.rpartition(": ")[2] for item in verdict.evidence if item.kind == "speed"), "")
-        before = "the ESC" in told
-        parts = (
-            "motor, ESC and wiring" if before else "propeller" if told else "propeller, motor, ESC and wiring"
-        )
-        chain = f"the {parts} of {verdict.actuator}"
+        before = "motor, ESC and wiring"
+        chain = f"propeller, {before}" if not told else before if told.startswith("the ESC") else "propeller"
+        chain = f"the {chain} of {verdict.actuator}"
         advice = _BY_CONDITION[verdict.gravest].format(parts=chain)
         if verdict.gravest == "emergency":
             advice = f"do not fly; inspect {chain}; replace what failed and test it without propellers"
         return verdict.model_copy(update={"advice": advice})
     if verdict.actuator == STEERING:
-        parts = "its servo, linkage and supply, with the wheels off the ground"
-        driven = _BY_CONDITION[verdict.gravest].format(parts=parts).replace("flights", "drives")
+        steering = "its servo, linkage and supply, with the wheels off the ground"
+        driven = _BY_CONDITION[verdict.gravest].format(parts=steering).replace("flights", "drives")
         return verdict.model_copy(update={"advice": driven.replace("do not fly", "do not drive")})
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
     # Without a suspect the latest evidence names what was found.

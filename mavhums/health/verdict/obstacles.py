@@ -340,7 +340,8 @@ def _no_reference(findings: AxisFindings) -> Iterator[Obstacle]:
         )
         yield Obstacle(reason, "fly straight legs and gentle turns in the first three minutes")
         return
-    remedy = f"make more {_manoeuvres(axis)} in the first three minutes"
+    verb = "drive" if axis == STEERING else "fly"
+    remedy = f"{verb} more {_manoeuvres(axis)} in the first three minutes"
     if best.explained < needs.explained:
         what = f"its surfaces explain {100 * best.explained:.0f} % of how it moves in {axis}"
         if axis == STEERING:
