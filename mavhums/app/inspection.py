@@ -256,12 +256,10 @@ def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
         return
     received = axes.grid.received()
     why = why_not_at_all(axes.flight, identity.kind, received, axes.parameters)
-    if why is not None:
-        yield from axes.motors.verdicts(identity, axes.flight, why, _UNDATED, received)
-        return
-    for axis in axes.monitor.axes:
+    for axis in axes.monitor.axes if why is None else ():
         findings = axes.monitor.findings(axis)
         yield verdict_of_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, axes.grid)
+    yield from axes.motors.verdicts(identity, axes.flight, why, _UNDATED, received)
 
 
 def _said(verdict: Verdict, *, judged: bool) -> Judgeable:

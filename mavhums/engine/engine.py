@@ -321,16 +321,13 @@ class Engine:
             return
         received = self._axes.received(vehicle)
         why = why_not_at_all(followed.flight, self._who(vehicle).kind, received, followed.parameters)
-        if why is not None:
-            begun = _utc(self._decoder.first_time_us or 0)
-            yield from followed.motors.verdicts(self._who(vehicle), followed.flight, why, begun, received)
-            return
         start_utc = _utc(self._decoder.first_time_us or 0)
-        for axis in followed.monitor.axes:
+        for axis in followed.monitor.axes if why is None else ():
             findings = followed.monitor.findings(axis)
             yield verdict_of_axis(
                 vehicle, findings, followed.surfaces, followed.flight, start_utc, followed.grid
             )
+        yield from followed.motors.verdicts(self._who(vehicle), followed.flight, why, start_utc, received)
 
     def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)

@@ -90,16 +90,18 @@ class VehicleMotors:
         self,
         identity: Identity,
         flight: Flight,
-        why: Obstacle,
+        why: Obstacle | None,
         start_utc: datetime,
         received: Mapping[str, Received],
     ) -> Iterator[Verdict]:
-        """Yield the verdicts on a vehicle whose axes are not judged; only a multirotor's motors are.
+        """Yield the verdicts on a multirotor's or a quadplane's motors, or why the axes are not judged.
 
-        ``why`` tells why its axes are not judged.
+        ``why`` tells why its axes are not judged, None if they are.
         """
-        if why.remedy != NO_WINGS or not identity.multirotor:
+        lift = isinstance(self.rotors, Rotors) and self.rotors.lift
+        if why is not None and (why.remedy != NO_WINGS or not identity.multirotor):
             yield unjudged_axes(identity.vehicle, *why)
+        if not lift and (why is None or why.remedy != NO_WINGS or not identity.multirotor):
             return
         findings = self._monitor.findings() if self._monitor else None
         yield from verdicts_of_motors(identity.vehicle, findings, self.rotors, flight, start_utc, received)
@@ -108,7 +110,7 @@ class VehicleMotors:
 def without_thrust_left(followed: _MotorUser) -> Iterator[str]:
     """Yield one sentence on the motors that were asked for all they have: none was left to steer with."""
     rotors, outputs = followed.motors.rotors, followed.usage.outputs
-    if not isinstance(rotors, Rotors):
+    if not isinstance(rotors, Rotors) or rotors.lift:
         return
     full = {
         f"motor {number}": outputs[servo].at_stops_s(round(rotors.idle), round(rotors.full))[1]

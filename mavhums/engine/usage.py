@@ -87,7 +87,7 @@ def _known(
 
 def _motors(rotors: Rotors | str | None) -> Iterator[tuple[int, _OutputFacts]]:
     """Yield what is known of the outputs of a multirotor's motors."""
-    if isinstance(rotors, Rotors):
+    if isinstance(rotors, Rotors) and not rotors.lift:
         idle, full = round(rotors.idle), round(rotors.full)
         for number, (servo, bearing) in enumerate(zip(rotors.servos, rotors.bearings_deg, strict=True), 1):
             if servo <= OUTPUTS:

@@ -21,7 +21,7 @@ from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rows import PastRows, Rows
 from mavhums.vehicle.signals import all_outputs
 from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces
-from mavhums.vehicle.vtol import NO_LIFT
+from mavhums.vehicle.vtol import HOVERING_MODES, NO_LIFT
 
 __all__ = ["GROUND", "LEAST_DRIVEN", "LEAST_SPEED", "Flight", "Rows"]
 
@@ -30,7 +30,6 @@ _ROVER, _BOAT = 10, 11
 GROUND: Final = frozenset({_ROVER, _BOAT})
 _VTOL: Final = range(19, 26)
 _VTOL_FORWARD: Final = 4  # MAV_VTOL_STATE_FW
-_HOVERING_MODES: Final = (17, 18, 19, 20, 21, 22, 23, 25)  # ArduPlane's Q modes
 _UNLED_MODES: Final = (0, 2, 3, 4, 16)  # in these, ArduPlane does not control the attitude
 LEAST_SPEED: Final = 8.0
 """Airspeed of forward flight, m/s. Lower lets wind on the ground in, higher loses slow aircraft."""
@@ -230,7 +229,7 @@ class Flight:
         wing = (kind == _FIXED_WING) | (np.isin(kind, _VTOL) & forward)
         wing &= (flat["vtol"][:, 0] == _VTOL_FORWARD) | ~(flat["vtol"][:, 0] > 0)
         wing |= driven
-        hovering = ~driven & (autopilot == ARDUPILOT) & np.isin(mode, _HOVERING_MODES)
+        hovering = ~driven & (autopilot == ARDUPILOT) & np.isin(mode, HOVERING_MODES)
         landed = ~driven & (flat["landed"][:, 0] == ON_GROUND)
         slow = ~driven & (flat["groundspeed"][:, 0] <= _LEAST_GROUND_SPEED_M_S)
         fast = (armed > 0) & (speed > LEAST_SPEED)

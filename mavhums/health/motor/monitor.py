@@ -22,6 +22,7 @@ from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.signals import all_outputs
 from mavhums.vehicle.streams import DERIVED
+from mavhums.vehicle.vtol import hovers
 
 __all__ = ["Loss", "MotorFindings", "MotorMonitor", "condition_of"]
 
@@ -127,12 +128,14 @@ class MotorMonitor:
         spacing = flat["outputs_spacing"][:, 0]
         upright = np.cos(flat["attitude"][:, 0]) * np.cos(flat["attitude"][:, 1])
         thrusts = self.rotors.thrusts(all_outputs(flat), flat["mixer"])
+        # Beside a hover a quadplane's surfaces and its forward motor answer for what its lift motors do.
+        elsewhere = ~hovers(flat) if self.rotors.lift else np.zeros(len(thrusts), dtype=bool)
         found = np.zeros((len(thrusts), evidence.COLUMNS))
         evidence.follow(
             thrusts,
             flat["rates"],
             upright,
-            np.asarray(flat["landed"][:, 0] == ON_GROUND),
+            np.asarray(flat["landed"][:, 0] == ON_GROUND) | elsewhere,
             np.asarray(spacing > 1.0 / SLOW_HZ),
             self.rotors.columns,
             self._rules,

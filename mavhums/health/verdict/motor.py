@@ -101,7 +101,8 @@ def verdicts_of_motors(
             vehicle, why, "read the log by hand: a fall, a flip and a fault look alike there"
         )
     elif findings.judged_s < JUDGED_S:
-        why = f"{findings.judged_s:.0f} s of flight could be judged, {JUDGED_S:.0f} are needed"
+        motion = "hover" if findings.rotors.lift else "flight"
+        why = f"{findings.judged_s:.0f} s of {motion} could be judged, {JUDGED_S:.0f} are needed"
         yield unjudged_motors(vehicle, why, _LONGER)
     else:
         yield from _healthy(vehicle, findings)

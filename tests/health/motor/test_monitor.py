@@ -125,8 +125,8 @@ def test_nothing_depends_on_how_the_log_is_cut(tmp_path: Path) -> None:
     assert told(65536) == whole
 
 
-def settled(flown: Flown, hz: float, seed: int) -> Seconds:
-    """Return what a log tells of a flight, on the grid."""
+def settled(flown: Flown, hz: float, seed: int, mode: float | None = None) -> Seconds:
+    """Return what a log tells of a flight, on the grid; of an ArduPlane in a mode if one is given."""
     rng = np.random.default_rng([seed, 6])
 
     def signal(name: str, rate_hz: float, values: Array) -> Signal:
@@ -141,6 +141,10 @@ def settled(flown: Flown, hz: float, seed: int) -> Seconds:
         signal("rates", max(hz, 10.0), np.round(flown.rates, 3)),
         signal("attitude", hz, flown.attitude),
     ]
+    if mode is not None:
+        time_us = np.arange(0, int(flown.time_s[-1] * 1e6), 1_000_000)
+        state = np.tile([1.0, 3.0, 1.0, mode], (time_us.size, 1))
+        signals.append(Signal(1, "state", "state", time_us, time_us, state))
     seconds = Grid(0).feed(signals, final=True)
     assert seconds is not None
     return seconds
@@ -151,6 +155,34 @@ def rotors(frame: str) -> Rotors:
     known = rotors_of(Parameters(1, False, {**PARAMETERS, "FRAME_CLASS": kind, "FRAME_TYPE": type_}))
     assert isinstance(known, Rotors)
     return known
+
+
+def test_the_lift_motors_of_a_quadplane_are_judged_in_a_hover() -> None:
+    named = {name.replace("MOT_", "Q_M_"): value for name, value in PARAMETERS.items()}
+    named |= {"Q_ENABLE": 1.0, "Q_FRAME_CLASS": 1.0, "Q_FRAME_TYPE": 1.0}
+    at_five = {f"SERVO{k + 5}_FUNCTION": 33.0 + k for k in range(4)}
+    lift = rotors_of(Parameters(1, False, named | at_five))
+    assert isinstance(lift, Rotors)
+    assert (lift.frame, lift.servos, lift.lift) == ("lift quad X", (5, 6, 7, 8), True)
+    assert rotors_of(Parameters(1, False, named | at_five | {"Q_TILT_MASK": 5.0})) is None
+    places = {"PX": (1.0, -1.0, 1.0, -1.0), "PY": (1.0, -1.0, -1.0, 1.0), "KM": (1.0, 1.0, -1.0, -1.0)}
+    px4 = {f"CA_ROTOR{k}_{part}": numbers[k] for part, numbers in places.items() for k in range(4)}
+    px4 |= {f"PWM_MAIN_FUNC{k + 1}": 101.0 + k for k in range(5)}
+    px4 |= {"CA_AIRFRAME": 2.0, "CA_ROTOR_COUNT": 5.0, "CA_ROTOR4_AX": 1.0}
+    standard = rotors_of(Parameters(1, True, px4))
+    assert isinstance(standard, Rotors)
+    assert (standard.servos, standard.lift) == ((1, 2, 3, 4), True)
+
+    rng = np.random.default_rng([8, 1])
+    plan = draw_plan(rng, 60.0, event=Event(fault_s=50.0, motor=1, loss=1.0))
+    flown = fly(draw_craft(rng, "quad x"), plan, 8)
+    on_four = rotors_of(Parameters(1, False, named | {f"SERVO{k + 1}_FUNCTION": 33.0 + k for k in range(4)}))
+    assert isinstance(on_four, Rotors)
+    for mode, motors in ((19.0, ["motor 2"]), (10.0, []), (21.0, [])):
+        monitor = MotorMonitor(1, on_four)
+        found = [*monitor.feed(settled(flown, 25.0, 8, mode))]
+        assert [change.actuator for change in found] == motors, mode
+        assert (monitor.findings().judged_s > 0) is bool(motors)
 
 
 @pytest.mark.parametrize(("seed", "hz"), [(7000989, 4.0), (7001277, 50.0)])
