@@ -9,12 +9,20 @@ from typing import Final
 
 import numpy as np
 
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor import evidence
 from mavhums.health.motor.speeds import EscSpeeds, SpeedCause, SpeedsBesideThrust
-from mavhums.health.motor.thresholds import EMERGENCY_LOSS, SLOW_HZ, WINDOWS_S
+from mavhums.health.motor.thresholds import (
+    EMERGENCY_LOSS,
+    PRESSED_DEG,
+    PRESSED_RAD_S,
+    PRESSED_S,
+    RELEASED_S,
+    SLOW_HZ,
+    WINDOWS_S,
+)
 from mavhums.health.motor.trims import Trims
 from mavhums.report.assessment import Indicator, Interval
 from mavhums.vehicle.facts import ON_GROUND
@@ -108,6 +116,7 @@ class MotorMonitor:
         self._state = evidence.new_state(len(rotors.servos))
         self._trims = Trims(rotors.columns)
         self._speeds = SpeedsBesideThrust(speeds or EscSpeeds(), rotors.servos)
+        self._pressed, self._released = 0, 1 << 30  # rows
         self._loss: Loss | None = None
         self._several: tuple[int, ...] = ()
         self._reported: Condition = "undecided"
@@ -127,6 +136,7 @@ class MotorMonitor:
     def _rows(self, first: int, flat: dict[str, Array]) -> Iterator[ConditionChanged]:
         spacing = flat["outputs_spacing"][:, 0]
         upright = np.cos(flat["attitude"][:, 0]) * np.cos(flat["attitude"][:, 1])
+        upright = np.where(self._held(flat), np.nan, upright)
         thrusts = self.rotors.thrusts(all_outputs(flat), flat["mixer"])
         # Beside a hover a quadplane's surfaces and its forward motor answer for what its lift motors do.
         elsewhere = ~hovers(flat) if self.rotors.lift else np.zeros(len(thrusts), dtype=bool)
@@ -147,6 +157,19 @@ class MotorMonitor:
             yield from self._alarm(first + row / RATE_HZ, float(spacing[row]), found[row])
         flown = (thrusts.mean(axis=1) > _TURNS) & (upright > _LEANS)
         self._speeds.add(first, thrusts, flown, self._loss.time_s if self._loss else None)
+
+    def _held(self, flat: dict[str, Array]) -> Flags:
+        """Return where an obstacle holds the craft, or did shortly before, shape (n,)."""
+        off = np.abs(flat["attitude"][:, :2] - flat["demand"]).max(axis=1)
+        still = np.abs(flat["rates"]).max(axis=1) < PRESSED_RAD_S
+        rows = np.arange(len(off))
+        last_free = np.maximum.accumulate(np.where(still & (off > np.radians(PRESSED_DEG)), -1, rows))
+        run = np.where(last_free < 0, self._pressed + rows + 1, rows - last_free)
+        pressed = np.where(run >= PRESSED_S * RATE_HZ, rows, -(1 << 30))
+        pressed[0] = max(pressed[0], -self._released)
+        since = rows - np.maximum.accumulate(pressed)
+        self._pressed, self._released = int(run[-1]), int(since[-1]) + 1
+        return np.asarray(since <= RELEASED_S * RATE_HZ)
 
     def _alarm(self, row_s: float, spacing_s: float, found: Array) -> Iterator[ConditionChanged]:
         """Take a window in which a motor stands out."""

@@ -157,6 +157,33 @@ def rotors(frame: str) -> Rotors:
     return known
 
 
+@pytest.mark.parametrize("held", [False, True])
+def test_an_obstacle_that_holds_the_craft_is_no_motor(held: bool) -> None:
+    """Effort that winds up along the column of motor 2 without a motion is a loss where nothing holds it."""
+    quad, rng = rotors("quad x"), np.random.default_rng(1)
+    time_s = np.arange(0.0, 90.0, 0.04)
+    time_us, late = np.rint(time_s * 1e6).astype(np.int64), time_s[:, None] > 50.0
+    wound = np.clip((time_s[:, None] - 50.0) / 4.0, 0.0, 0.6)
+    effort = wound * quad.columns[1] + rng.normal(0.0, 0.01, (time_s.size, 3))
+    outputs = np.full((time_s.size, OUTPUTS), np.nan)
+    outputs[:, :4] = pulses(0.4 * (1.0 + effort @ np.linalg.pinv(quad.columns)))
+    attitude = np.where(late, 0.25, 0.0) * np.array([1.0, 0.0, 0.0])
+    asked = attitude[:, :2] * (not held)
+    sent = {"outputs": outputs, "attitude": attitude, "rates": np.zeros((time_s.size, 3)), "demand": asked}
+    signals = [Signal(1, name, name, time_us, time_us, values) for name, values in sent.items()]
+    seconds = Grid(0).feed(signals, final=True)
+    assert seconds is not None
+    found = [[change.actuator for change in told(seconds, size)] for size in (7, 1000)]
+    assert found[0] == found[1] == ([] if held else ["motor 2"])
+
+
+def told(seconds: Seconds, size: int) -> list[ConditionChanged]:
+    """Return what is said of a quad's seconds that come in blocks of a size."""
+    monitor, count = MotorMonitor(1, rotors("quad x")), len(seconds.index)
+    parts = (seconds.part(k, min(k + size, count)) for k in range(0, count, size))
+    return [change for part in parts for change in monitor.feed(part)]
+
+
 def test_the_lift_motors_of_a_quadplane_are_judged_in_a_hover() -> None:
     named = {name.replace("MOT_", "Q_M_"): value for name, value in PARAMETERS.items()}
     named |= {"Q_ENABLE": 1.0, "Q_FRAME_CLASS": 1.0, "Q_FRAME_TYPE": 1.0}
