@@ -18,6 +18,7 @@ from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import Received, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.rotors import Rotors
+from mavhums.vehicle.surfaces import STEERING
 from mavhums.vehicle.usage import Usage
 
 __all__ = ["VehicleMotors", "beside_motors", "without_thrust_left"]
@@ -100,7 +101,7 @@ class VehicleMotors:
         """
         lift = isinstance(self.rotors, Rotors) and self.rotors.lift
         if why is not None and (why.remedy != NO_WINGS or not identity.multirotor):
-            yield unjudged_axes(identity.vehicle, *why)
+            yield unjudged_axes(identity.vehicle, *why, STEERING if flight.on_ground else "axes")
         if not lift and (why is None or why.remedy != NO_WINGS or not identity.multirotor):
             return
         findings = self._monitor.findings() if self._monitor else None

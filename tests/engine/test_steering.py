@@ -75,7 +75,9 @@ def test_what_is_not_judged_says_why(tmp_path: Path) -> None:
     nothing: dict[str, float] = {}
     for sent, why in ((nothing, "which output steers it"), (wheels, "skid steering")):
         (tmp_path / "other.tlog").write_bytes(encoded(driven(seconds=60.0), parameters=sent))
-        assert why in (steering(tmp_path / "other.tlog").reason or "")
+        found = steering(tmp_path / "other.tlog")
+        assert (found.actuator, found.condition) == ("steering", "undecided")
+        assert why in (found.reason or "")
 
 
 def test_only_the_steering_of_rovers_is_an_axis() -> None:

@@ -28,12 +28,12 @@ _GAIN: Final = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m")
 _CONSTANTS: Final = {"hard_over": ("trim", "1"), "manoeuvre": ("load factor by full demand", "s²/m²")}
 
 
-def unjudged_axes(vehicle: int, reason: str, remedy: str) -> Verdict:
-    """Return the single verdict on all axes of a vehicle if none can be judged."""
+def unjudged_axes(vehicle: int, reason: str, remedy: str, name: str = "axes") -> Verdict:
+    """Return the single verdict on all axes of a vehicle, or on its steering, if none can be judged."""
     return Verdict(
         subject="axis",
         vehicle=vehicle,
-        actuator="axes",
+        actuator=name,
         condition="undecided",
         worst="undecided",
         reason=reason,
