@@ -37,7 +37,6 @@ from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.states import TEXT_MESSAGES
-from mavhums.vehicle.surfaces import AXES
 from mavhums.vehicle.usage import NAMED_MESSAGES, NamedValues
 from mavhums.vehicle.vtol import known_as, rotor_servos
 
@@ -256,13 +255,11 @@ def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
     if axes is None:
         return
     received = axes.grid.received()
-    why = why_not_at_all(axes.flight, identity.kind, received)
-    if why is not None:
-        yield from axes.motors.verdicts(identity, axes.flight, why, _UNDATED, received)
-        return
-    for axis in AXES:
+    why = why_not_at_all(axes.flight, identity.kind, received, axes.parameters)
+    for axis in axes.monitor.axes if why is None else ():
         findings = axes.monitor.findings(axis)
         yield verdict_of_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, axes.grid)
+    yield from axes.motors.verdicts(identity, axes.flight, why, _UNDATED, received)
 
 
 def _said(verdict: Verdict, *, judged: bool) -> Judgeable:

@@ -52,7 +52,6 @@ from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, IDENTITY_MESSAGES, Identities, Identity, RecordedFlights
 from mavhums.vehicle.states import STATE_MESSAGES, TEXT_MESSAGES, VehicleStates, texts
-from mavhums.vehicle.surfaces import AXES
 from mavhums.vehicle.usage import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.vtol import known_as, rotor_servos
 
@@ -322,17 +321,14 @@ class Engine:
         if followed is None or not self._vehicle_limit.admits(vehicle):
             return
         received = self._axes.received(vehicle)
-        why = why_not_at_all(followed.flight, self._who(vehicle).kind, received)
-        if why is not None:
-            begun = _utc(self._decoder.first_time_us or 0)
-            yield from followed.motors.verdicts(self._who(vehicle), followed.flight, why, begun, received)
-            return
+        why = why_not_at_all(followed.flight, self._who(vehicle).kind, received, followed.parameters)
         start_utc = _utc(self._decoder.first_time_us or 0)
-        for axis in AXES:
+        for axis in followed.monitor.axes if why is None else ():
             findings = followed.monitor.findings(axis)
             yield verdict_of_axis(
                 vehicle, findings, followed.surfaces, followed.flight, start_utc, followed.grid
             )
+        yield from followed.motors.verdicts(self._who(vehicle), followed.flight, why, start_utc, received)
 
     def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)

@@ -198,6 +198,8 @@ def _provenance(assessment: Assessment) -> Iterator[str]:
         quantities = {one.key: f"{one.key} {one.name}, {one.unit}" for one in QUANTITIES}
         if verdicts[0].subject == "axis":
             quantities = {"V1": "command", **MEASURED}
+        if verdicts[0].subject == "motor":
+            quantities = {"V1": "output"}
         for key, quantity in quantities.items():
             sources = [source for v in verdicts if (source := v.provenance.get(key))]
             source = _literal(_as_one(sources)) if sources else "not in the log"

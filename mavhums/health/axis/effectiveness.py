@@ -137,7 +137,7 @@ class EffectivenessTracker:
         if self.too_slow:
             return
         # A cheap look before a fit of every shape.
-        if judgeable(rows, basis).sum() < REFERENCE_S * LEAST_ROWS_PER_S:
+        if judgeable(rows, basis, self._form.least_speed_share).sum() < REFERENCE_S * LEAST_ROWS_PER_S:
             return
         wanted = self._standards
         fits = [fit for shape in wanted.shapes() if (fit := self._fit(rows, basis, shape)) is not None]
@@ -213,9 +213,9 @@ class EffectivenessTracker:
         sums = self._sums(rows)
         stacked = np.array([[s.drive2, s.cross, s.answer2] for s in sums])
         assert self.reference is not None
-        left = np.array([s.raw - self.reference.gain * s.driven for s in sums])
+        left = np.array([[s.raw, self.reference.gain * s.driven] for s in sums])
         return [
-            self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), left[:, k])
+            self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), left[:, :, k])
             for k in range(rows.seconds)
         ]
 
@@ -278,7 +278,8 @@ class EffectivenessTracker:
         count = sum(rows for _, rows in self._left)
         if count < SHIFT_S * LEAST_ROWS_PER_S:
             return None
-        return float(sum(left[self._slowness.lag] for left, _ in self._left)) / count
+        answered, driven = np.sum([left[self._slowness.lag] for left, _ in self._left], axis=0) / count
+        return self._form.unexplained(float(answered), float(driven))
 
     def _informs(self, reference: Reference) -> bool:
         """Return whether demand, not gusts, dominates the last seconds.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -100,7 +100,7 @@ class AxisFindings:
 
 
 class AxisMonitor:
-    """Judges roll, pitch and yaw of one vehicle.
+    """Judges roll, pitch and yaw of one vehicle, or its steering.
 
     An axis is normal when thirty judged seconds show no loss and the effectiveness over the last ten is
     certainly above 60 %; it is normal again after a fault when it exceeds 80 % for twenty in a row.
@@ -111,14 +111,17 @@ class AxisMonitor:
         System id.
     limits
         Limits from which an axis is degraded, or an emergency.
+    axes
+        Roll, pitch and yaw, or the steering of a rover or a boat.
     """
 
-    def __init__(self, vehicle: int, limits: AxisLimits | None = None) -> None:
+    def __init__(self, vehicle: int, limits: AxisLimits | None = None, axes: Sequence[str] = AXES) -> None:
         self._vehicle = vehicle
         self.limits = limits or AxisLimits()
-        self._gains = {axis: new_tracker(axis, self.limits) for axis in AXES}
-        self._detectors = detectors(self.limits)
-        self._axes = {axis: _AxisState() for axis in AXES}
+        self.axes = tuple(axes)
+        self._gains = {axis: new_tracker(axis, self.limits) for axis in axes}
+        self._detectors = detectors(self.limits, axes)
+        self._axes = {axis: _AxisState() for axis in axes}
         self._skidded_s = -(1 << 30)
         self._flew, self._waited_rows = False, 0
 
@@ -132,13 +135,13 @@ class AxisMonitor:
         for detector in self._detectors:
             for one in detector.feed(seen):
                 shown.setdefault(one.end_s, []).append(one)
-        judged = {axis: {second.end_s: second for second in seconds[axis]} for axis in AXES}
+        judged = {axis: {second.end_s: second for second in seconds[axis]} for axis in self.axes}
         for end_s in range(rows.second + 1, rows.second + rows.seconds + 1):
             now = shown.get(end_s, [])
             # A skid rolls and pitches the aircraft: what follows about the other axes is its consequence.
             if any(one.axis == "yaw" and one.fault == "hard_over" for one in now):
                 self._skidded_s = end_s
-            for axis in AXES:
+            for axis in self.axes:
                 masked = axis != "yaw" and end_s - self._skidded_s <= MASKED_S
                 found = [one for one in now if one.axis == axis and not masked]
                 second = judged[axis].get(end_s)
