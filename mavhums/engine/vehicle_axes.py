@@ -76,7 +76,9 @@ class VehicleAxes:
     ) -> None:
         self.told = Told(airframe)
         self.surfaces = self.told.last.surfaces
-        self.monitor = AxisMonitor(vehicle, airframe.axes if airframe else None)
+        self.monitor = AxisMonitor(
+            vehicle, airframe.axes if airframe else None, self.surfaces.mixed if self.surfaces else None
+        )
         self.flight = Flight(self.surfaces)
         self.usage = Usage()
         self.grid = Grid(start_us)
@@ -186,7 +188,8 @@ class VehicleAxes:
     ) -> Iterator[AxisEvent]:
         """Judge the flight anew with these surfaces, as far back as it is kept."""
         before, self.surfaces = self.surfaces, surfaces
-        self.monitor = AxisMonitor(self._vehicle, limits or self.monitor.limits)
+        mixed = surfaces.mixed if surfaces else None
+        self.monitor = AxisMonitor(self._vehicle, limits or self.monitor.limits, mixed)
         first_s, events = self._now_s, list[ConditionChanged | Indication]()
         for rows in self.flight.learn(surfaces):
             first_s = min(first_s, rows.second)

@@ -43,6 +43,7 @@ __all__ = [
     "RECORD",
     "SCHEMA",
     "Assessment",
+    "Candidate",
     "Coverage",
     "Decide",
     "Evidence",
@@ -83,6 +84,18 @@ class Suspect(Contract):
 
     fault: str
     confidence: float = Field(ge=0, le=1)
+
+
+class Candidate(Contract):
+    """A surface that explains the finding about an axis, with its servo output.
+
+    ``probability`` is None where nothing tells the candidates apart; ``because`` names what does.
+    """
+
+    surface: str
+    servo: int
+    probability: float | None = Field(default=None, ge=0, le=1)
+    because: str | None = None
 
 
 class Since(Contract):
@@ -213,6 +226,9 @@ class Verdict(Contract):
     ``advice`` is the recommended action, which files of earlier versions lack. ``network``
     is what a network says of its friction; None if none covers the log.
 
+    Of an axis with a finding, ``candidates`` are the surfaces that explain it, the likeliest one first, and
+    ``consequence_of`` is the axis whose finding explains this one: one fault is one finding.
+
     Examples
     --------
     >>> Verdict(vehicle=1, actuator="elevator", condition="normal", worst="degraded").gravest
@@ -223,6 +239,8 @@ class Verdict(Contract):
     vehicle: int | None
     actuator: str
     surfaces: tuple[str, ...] = ()
+    candidates: tuple[Candidate, ...] = ()
+    consequence_of: str | None = None
     condition: Condition
     worst: Condition
     effectiveness: Interval | None = None

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 from mavhums.health.axis.filters import Lag
+from mavhums.health.axis.mixed import MixedSums
 from mavhums.health.axis.pooled import Exclusion, Pool, measured
 from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards, constants
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Shape, judgeable
@@ -58,11 +59,13 @@ from mavhums.vehicle.surfaces import AXES
 _FORGET: Final = exp(-1.0 / FORGET_S)  # per second
 
 
-def new_tracker(axis: str, limits: AxisLimits | None = None) -> EffectivenessTracker:
-    """Return the tracker of the effectiveness of an axis."""
+def new_tracker(
+    axis: str, limits: AxisLimits | None = None, coupled: str | None = None
+) -> EffectivenessTracker:
+    """Return the tracker of the effectiveness of an axis; ``coupled`` is one that the same surfaces move."""
     least = 1.0 - (limits or AxisLimits()).effectiveness_degraded
     loss = round(DETECTED_LOSS_PER_LIMIT * least, 9)  # the profile's decimals, not those of the subtraction
-    return EffectivenessTracker(FORMS[axis], replace(STANDARDS[axis], loss=loss))
+    return EffectivenessTracker(FORMS[axis], replace(STANDARDS[axis], loss=loss), coupled)
 
 
 class EffectivenessTracker:
@@ -74,10 +77,12 @@ class EffectivenessTracker:
         The regression of the axis.
     standards
         Requirements on the reference.
+    coupled
+        Another axis that the same surfaces move; None if they are not mixed.
     """
 
-    def __init__(self, form: Form, standards: Standards) -> None:
-        self._form, self._standards = form, standards
+    def __init__(self, form: Form, standards: Standards, coupled: str | None = None) -> None:
+        self._form, self._standards, self._coupled = form, standards, coupled
         self._waiting: list[Rows] = []
         self._tried = 0
         self.reference: Reference | None = None
@@ -197,6 +202,10 @@ class EffectivenessTracker:
         self._slowness = Slowness()
         self._left: deque[tuple[Array, int]] = deque(maxlen=SHIFT_S)
         self._exclusion, self._driven = Exclusion(reference), Pool(reference, POOLED_S)
+        self._mixed: MixedSums | None = None
+        if self._coupled is not None:
+            self._mixed = MixedSums(reference, self._form.axis, self._coupled, self._standards.memory_s)
+            self._mixed.feed(rows)
         before = self._sums(rows)[0]
         self.excluded_s = self._exclusion.begin(
             (float(before.drive2[k]), float(before.cross[k]))
@@ -214,10 +223,14 @@ class EffectivenessTracker:
         stacked = np.array([[s.drive2, s.cross, s.answer2] for s in sums])
         assert self.reference is not None
         left = np.array([s.raw - self.reference.gain * s.driven for s in sums])
-        return [
+        seconds = [
             self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), left[:, k])
             for k in range(rows.seconds)
         ]
+        if self._mixed is None:
+            return seconds
+        mixed = self._mixed.feed(rows)
+        return [replace(second, mixed=part) for second, part in zip(seconds, mixed, strict=True)]
 
     def _second(self, end_s: int, sums: Array, count: int, left: Array) -> Second:
         reference = self.reference

@@ -152,6 +152,8 @@ class Second:
     driven
         Effectiveness over the last seconds, at most 60, in which demand dominates gusts; None if they do not
         tell it.
+    mixed
+        What tells mixed surfaces apart (:class:`~mavhums.health.axis.mixed.MixedSums`); None without them.
     """
 
     end_s: int
@@ -167,6 +169,7 @@ class Second:
     lost_s: int
     excluded: int = 0
     driven: Interval | None = None
+    mixed: Array | None = None
 
 
 class Constant(NamedTuple):

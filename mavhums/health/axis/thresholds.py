@@ -111,6 +111,21 @@ SKID_DEVIATIONS: Final = 6.0
 # hand.
 SKID_M_S2: Final = 1.0
 
+# Seconds in a row that a skid must last to be a rudder's, where the roll went astray first: a deflected
+# aileron makes one of 2 s at most. Development.
+SKID_S: Final = 4
+
+# Deviations of the side force from which such a skid counts. Development: with ailerons hard over 3.2 for
+# 2 s.
+SKIDDING_DEVIATIONS: Final = 3.5
+
+# Share of the roll's deviations that the side force's must reach: rudders 0.22 to 1.5, ailerons up to 0.28
+# for 4 s. Development.
+SKID_SHARE: Final = 0.3
+
+# The same where the roll regression does not hold. Development: an aileron hard over at 25° reaches 8.9.
+SKID_ALONE_DEVIATIONS: Final = 12.0
+
 # Seconds in a row that a trim or a pitch must be away: one alone may be a gust. Development.
 PERSISTENT_S: Final = 2
 
@@ -137,6 +152,18 @@ COARSE_TIMES: Final = 1.5
 # Confidence shown beside a tracking error or a hard-over, whose limit lies a quarter above all healthy
 # flights.
 SURE_CONFIDENCE: Final = 0.99
+
+# Seconds before an alarm in which its onset may lie, s: what tells mixed surfaces apart is kept as long. By
+# hand.
+MIXED_RECENT_S: Final = 180
+
+# Share of the evidence between two mixed surfaces that counts: neighbouring seconds are of one manoeuvre. By
+# hand.
+MIXED_WEIGHT: Final = 0.5
+
+# Probability from which one of two mixed surfaces is named alone. Development: of 46 elevons and V-tails that
+# reach it none is the wrong one.
+SINGLED_OUT: Final = 0.9
 
 # Seconds after a hard-over rudder in which findings about other axes are its consequence. Development.
 MASKED_S: Final = 20
