@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 
+import numpy as np
+
 from mavhums import Engine, load_airframe
 from mavhums.engine.events import ConditionChanged, Event, Indication
 from mavhums.engine.options import EngineOptions
@@ -173,13 +175,15 @@ def _named(axes: Sequence[Verdict]) -> tuple[int, frozenset[int], frozenset[int]
 
 def _measured(axis: str, events: Sequence[Event]) -> int:
     """Return the seconds in which the effectiveness of an axis with a fault was known."""
-    seconds, faulty = 0, False
-    for event in events:
-        if isinstance(event, ConditionChanged) and event.actuator == axis:
-            faulty = event.after in ALARMS
-        elif faulty and isinstance(event, Indication) and event.actuator == axis:
-            seconds += len(event.end_s)
-    return seconds
+    own = [event for event in events if isinstance(event, ConditionChanged) and event.actuator == axis]
+    # By their times: of one block of the log all indications come before all changes.
+    changed_s = np.array([event.time_s for event in own])
+    faulty = np.array([False, *(event.after in ALARMS for event in own)])
+    return sum(
+        int(faulty[np.searchsorted(changed_s, event.end_s, side="left")].sum())
+        for event in events
+        if isinstance(event, Indication) and event.actuator == axis
+    )
 
 
 def summary(outcomes: Sequence[Outcome]) -> list[str]:

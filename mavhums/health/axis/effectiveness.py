@@ -32,6 +32,7 @@ from mavhums.health.axis.scores import Scores, Slowness, Sums
 from mavhums.health.axis.thresholds import (
     DETECTED_LOSS_PER_LIMIT,
     DRIVEN_SHARE,
+    EXCLUDING_SPEED_SHARE,
     EXTRA_LAGS_S,
     FORGET_S,
     FULL_S,
@@ -206,11 +207,11 @@ class EffectivenessTracker:
         if self._coupled is not None:
             self._mixed = MixedSums(reference, self._form.axis, self._coupled, self._standards.memory_s)
             self._mixed.feed(rows)
-        before = self._sums(rows)[0]
-        self.excluded_s = self._exclusion.begin(
-            (float(before.drive2[k]), float(before.cross[k]))
-            for k in np.flatnonzero(before.count >= LEAST_ROWS_PER_S).tolist()
-        )
+        self._sums(rows)
+        shape = reference.shape
+        self._slow_chain = Chain(self._form, reference.basis, shape, least_share=EXCLUDING_SPEED_SHARE)
+        self._slow_scores = Scores(reference.others, self._standards.memory_s)
+        self.excluded_s = self._exclusion.begin(self._excluding(rows).values())
         self._waiting.clear()
 
     def _sums(self, rows: Rows) -> list[Sums]:
@@ -218,13 +219,28 @@ class EffectivenessTracker:
             scores.feed(chain.feed(rows)) for scores, chain in zip(self._scores, self._chains, strict=True)
         ]
 
+    def _excluding(self, rows: Rows) -> dict[int, tuple[float, float]]:
+        """Return, by place, the seconds that may exclude a loss: drive², and drive times response.
+
+        They may be slower than those that show one.
+        """
+        sums = self._slow_scores.feed(self._slow_chain.feed(rows))
+        return {
+            k: (float(sums.drive2[k]), float(sums.cross[k]))
+            for k in np.flatnonzero(sums.count >= LEAST_ROWS_PER_S).tolist()
+        }
+
     def _judge(self, rows: Rows) -> list[Second]:
         sums = self._sums(rows)
+        excluding = self._excluding(rows)
         stacked = np.array([[s.drive2, s.cross, s.answer2] for s in sums])
         assert self.reference is not None
         left = np.array([s.raw - self.reference.gain * s.driven for s in sums])
         seconds = [
-            self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), left[:, k])
+            replace(
+                self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), left[:, k]),
+                excluded=self._exclusion.feed(*excluding[k]) if k in excluding else 0,
+            )
             for k in range(rows.seconds)
         ]
         if self._mixed is None:
@@ -236,11 +252,9 @@ class EffectivenessTracker:
         reference = self.reference
         assert reference is not None
         self._left.append((left, count))
-        excluded = 0
         if count >= LEAST_ROWS_PER_S:
             # Row 0 is without additional lag; the columns are drive², drive·response and response².
             drive2, cross = float(sums[0, 0]), float(sums[0, 1])
-            excluded = self._exclusion.feed(drive2, cross)
             score = cross - reference.gain * drive2
             self._window.append(sums)
             # The slow filter's tail fades with its memory, and the square of it twice as fast.
@@ -283,8 +297,7 @@ class EffectivenessTracker:
             left_over,
             left_error,
             len(self._recent),
-            excluded,
-            self._driven.whole(),
+            driven=self._driven.whole(),
         )
 
     def _shifted(self) -> float | None:
