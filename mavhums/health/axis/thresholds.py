@@ -161,7 +161,7 @@ MIXED_RECENT_S: Final = 180
 # hand.
 MIXED_WEIGHT: Final = 0.5
 
-# Probability from which one of two mixed surfaces is named alone. Development: of 46 elevons and V-tails that
+# Probability from which one of two mixed surfaces is named alone. Development: of 35 elevons and V-tails that
 # reach it none is the wrong one.
 SINGLED_OUT: Final = 0.9
 
