@@ -208,7 +208,7 @@ class PooledDetector:
         return [
             self._alarm(second, second.driven)
             for second in given.seconds[self._axis]
-            if second.driven is not None and self._is_certain(second.driven)
+            if second.driven is not None and second.steady and self._is_certain(second.driven)
         ]
 
     def _is_certain(self, kept: Interval) -> bool:

@@ -263,7 +263,7 @@ class EffectivenessTracker:
             # Evidence for the full gain always counts, evidence for a loss only where demand dominates gusts.
             informs = self._informs(reference)
             if informs:
-                self._driven.add(drive2, cross)
+                self._driven.add(drive2, cross, float(sums[0, 2]))
             if ratio < 0.0 or informs:
                 self._cusum = min(MOST_CUSUM, max(0.0, _FORGET * self._cusum + ratio))
                 self._recent.append(sums)
@@ -298,6 +298,7 @@ class EffectivenessTracker:
             left_error,
             len(self._recent),
             driven=self._driven.whole(),
+            steady=self._driven.steady(),
         )
 
     def _shifted(self) -> float | None:
