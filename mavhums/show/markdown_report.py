@@ -13,7 +13,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import MEASURED, Indicator, Verdict
 from mavhums.show.digest import Digest, Paragraph, Subject, advice, digest
-from mavhums.show.verdict_words import certainty
+from mavhums.show.verdict_words import certainty, explanation
 from mavhums.show.words import (
     capital,
     clock,
@@ -138,6 +138,8 @@ def _section(verdict: Verdict, title: str) -> str:
         lines.append(f"**Since:** {since}.")
     if verdict.evidence:
         lines.append("\n".join(["**Why:**", *_findings(verdict)]))
+    if explained := explanation(verdict):
+        lines.append(f"**Which surface:** {_literal(explained)}.")
     if verdict.suspects:
         suspects = (f"{_literal(item.fault)} ({percent(item.confidence)})" for item in verdict.suspects)
         lines.append(f"**Suspected:** {join(suspects)}.")
