@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -124,12 +124,7 @@ def status(store: str, as_json: bool) -> None:
 
     found = status_of(store)
     if as_json:
-        failures = [{"problem": problem, "remedy": remedy} for problem, remedy in found.failures]
-        copies = [{"log": log, "counted": counted} for log, counted in found.copies]
-        strangers = [one._asdict() for one in found.strangers]
-        growing = [{"aircraft": name, **one.model_dump(mode="json")} for name, one in found.growing]
-        told = {"failures": failures, "copies": copies, "strangers": strangers, "growing": growing}
-        say_json(_line(found._asdict() | told))
+        say_json(found.published().model_dump_json())
         return
     named = ": scan them again with --aircraft RULE to name it" if found.unknown else ""
     say(f"{found.judged} logs of {found.aircraft} aircraft, and {found.unknown} of an unknown one{named}")
@@ -179,7 +174,7 @@ def worst(store: str, most: int, as_json: bool) -> None:
 
     rows = worst_of(store, most=most)
     if as_json:
-        say_json(_line([_as_json(row) for row in rows]))
+        say_json(f"[{', '.join(row.published().to_json() for row in rows)}]")
     else:
         for row in rows:
             say(_words(row))
@@ -305,12 +300,6 @@ class _Progress:
         say(f"{done} of {total} logs, {rate:.1f} a second, {(total - done) / rate:.0f} s left", err=True)
 
 
-def _as_json(row: Worst) -> dict[str, Any]:
-    content = {"aircraft": row.aircraft or None, "log": row.path, "start_utc": _utc(row.start_us)}
-    standing = row.standing.model_dump(mode="json") if row.standing else None
-    return content | {"verdict": row.verdict.model_dump(mode="json", exclude={"own"}), "standing": standing}
-
-
 def _words(row: Worst) -> str:
     from mavhums.show.standing import sentences
     from mavhums.show.words import condition_word
@@ -337,10 +326,6 @@ def _last(start_us: int | None) -> str:
     at = datetime.fromtimestamp(start_us / 1e6, tz=UTC)
     days = (datetime.now(UTC) - at).days
     return f"; last flight {at:%Y-%m-%d}" + (f", {days} days ago" if days > SILENT_DAYS else "")
-
-
-def _utc(start_us: int | None) -> str | None:
-    return None if start_us is None else datetime.fromtimestamp(start_us / 1e6, tz=UTC).isoformat()
 
 
 def _line(content: object) -> str:

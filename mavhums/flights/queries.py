@@ -22,6 +22,14 @@ from mavhums.flights.trends import trend_report
 from mavhums.log.base.losses import Losses
 from mavhums.results.assessment import Assessment, LogSummary, exit_code_of
 from mavhums.results.standing import Standing
+from mavhums.results.store import (
+    LastFlightOf,
+    StoreCopy,
+    StoreFailure,
+    StoreGrowth,
+    StoreStatus,
+    StoreStranger,
+)
 from mavhums.results.trend import RepairDate, TrendReport
 from mavhums.results.verdict import Verdict
 
@@ -91,6 +99,19 @@ class Status(NamedTuple):
     growing: tuple[tuple[str, Standing], ...] = ()
     removed: int = 0
 
+    def published(self) -> StoreStatus:
+        """Return it as the object that is written as JSON."""
+        return StoreStatus(
+            judged=self.judged,
+            aircraft=self.aircraft,
+            unknown=self.unknown,
+            failures=tuple(StoreFailure(problem=problem, remedy=remedy) for problem, remedy in self.failures),
+            copies=tuple(StoreCopy(log=log, counted=counted) for log, counted in self.copies),
+            strangers=tuple(StoreStranger(**one._asdict()) for one in self.strangers),
+            growing=tuple(StoreGrowth(aircraft=name, standing=one) for name, one in self.growing),
+            removed=self.removed,
+        )
+
 
 class Odd(NamedTuple):
     """What an operator should look into: ``strangers`` and ``removed`` of :class:`Status`."""
@@ -111,6 +132,17 @@ class Worst(NamedTuple):
     start_us: int | None
     verdict: Verdict
     standing: Standing | None = None
+
+    def published(self) -> LastFlightOf:
+        """Return it as the object that is written as JSON."""
+        start = None if self.start_us is None else datetime.fromtimestamp(self.start_us / 1e6, tz=UTC)
+        return LastFlightOf(
+            aircraft=self.aircraft or None,
+            log=self.path,
+            start_utc=start.isoformat() if start else None,
+            verdict=self.verdict,
+            standing=self.standing,
+        )
 
 
 def status(store: str | os.PathLike[str]) -> Status:

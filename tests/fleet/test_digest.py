@@ -102,7 +102,7 @@ def test_a_table_and_the_status_tell_the_flights_left(run: Run, store: Path, tmp
     assert growth.to_emergency is not None
     assert "D-G elevator: Coulomb friction grows by 0.0" in run("fleet", "status", store).out
     (said,) = json.loads(run("fleet", "status", store, "--json").out)["growing"]
-    assert (said["aircraft"], said["growth"]["since_flight"]) == ("D-G", growth.since_flight)
+    assert (said["aircraft"], said["standing"]["growth"]["since_flight"]) == ("D-G", growth.since_flight)
     for name in ("t.csv", "t.parquet"):
         assert run("fleet", "export", store, "-o", tmp_path / name).code == ExitCode.OK
     with (tmp_path / "t.csv").open(encoding="utf-8", newline="") as file:
