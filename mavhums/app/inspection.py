@@ -21,7 +21,7 @@ from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
 from mavhums.engine.vehicle_limit import VehicleLimit
 from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
-from mavhums.health.verdict.axis import verdict_of_axis
+from mavhums.health.verdict.axis import verdicts_of_axes
 from mavhums.health.verdict.motor import MOTORS
 from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, obstacle, why_not_at_all
 from mavhums.log import Decoder, decode_blocks
@@ -37,7 +37,6 @@ from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.states import TEXT_MESSAGES
-from mavhums.vehicle.surfaces import AXES
 from mavhums.vehicle.usage import NAMED_MESSAGES, NamedValues
 from mavhums.vehicle.vtol import known_as, rotor_servos
 
@@ -256,13 +255,12 @@ def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
     if axes is None:
         return
     received = axes.grid.received()
-    why = why_not_at_all(axes.flight, identity.kind, received)
-    if why is not None:
-        yield from axes.motors.verdicts(identity, axes.flight, why, _UNDATED, received)
-        return
-    for axis in AXES:
-        findings = axes.monitor.findings(axis)
-        yield verdict_of_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, axes.grid)
+    why = why_not_at_all(axes.flight, identity.kind, received, axes.parameters)
+    if why is None:
+        yield from verdicts_of_axes(
+            identity.vehicle, axes.monitor, axes.surfaces, axes.flight, _UNDATED, axes.grid
+        )
+    yield from axes.motors.verdicts(identity, axes.flight, why, _UNDATED, received)
 
 
 def _said(verdict: Verdict, *, judged: bool) -> Judgeable:

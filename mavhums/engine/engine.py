@@ -40,7 +40,7 @@ from mavhums.health.verdict.actuator import (
     with_refused,
 )
 from mavhums.health.verdict.advice import with_advice
-from mavhums.health.verdict.axis import verdict_of_axis
+from mavhums.health.verdict.axis import named_by_telemetry, verdicts_of_axes
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.log import Decoder, Table
 from mavhums.results.assessment import Assessment, LogSummary
@@ -52,7 +52,6 @@ from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, IDENTITY_MESSAGES, Identities, Identity, RecordedFlights
 from mavhums.vehicle.states import STATE_MESSAGES, TEXT_MESSAGES, VehicleStates, texts
-from mavhums.vehicle.surfaces import AXES
 from mavhums.vehicle.usage import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.vtol import known_as, rotor_servos
 
@@ -315,6 +314,7 @@ class Engine:
         axes = [*self._axis_verdicts(vehicle)] if vehicle is not None else []
         if own and all(verdict.worst == "undecided" for verdict in axes):
             return actuators  # their own telemetry gives the verdicts
+        axes = [*named_by_telemetry(axes, actuators, told.airframe)]
         return [*beside_motors(actuators, axes), *axes]
 
     def _axis_verdicts(self, vehicle: int) -> Iterator[Verdict]:
@@ -322,17 +322,13 @@ class Engine:
         if followed is None or not self._vehicle_limit.admits(vehicle):
             return
         received = self._axes.received(vehicle)
-        why = why_not_at_all(followed.flight, self._who(vehicle).kind, received)
-        if why is not None:
-            begun = _utc(self._decoder.first_time_us or 0)
-            yield from followed.motors.verdicts(self._who(vehicle), followed.flight, why, begun, received)
-            return
+        why = why_not_at_all(followed.flight, self._who(vehicle).kind, received, followed.parameters)
         start_utc = _utc(self._decoder.first_time_us or 0)
-        for axis in AXES:
-            findings = followed.monitor.findings(axis)
-            yield verdict_of_axis(
-                vehicle, findings, followed.surfaces, followed.flight, start_utc, followed.grid
+        if why is None:
+            yield from verdicts_of_axes(
+                vehicle, followed.monitor, followed.surfaces, followed.flight, start_utc, followed.grid
             )
+        yield from followed.motors.verdicts(self._who(vehicle), followed.flight, why, start_utc, received)
 
     def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)

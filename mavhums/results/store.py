@@ -43,8 +43,8 @@ class StoreCopy(Contract):
 class StoreStranger(Contract):
     """A board in flights of an aircraft that usually has another one.
 
-    ``usual`` is the board that the aircraft has in most flights, in so many of them; ``elsewhere`` the
-    aircraft of which the board is the usual one, None if there is none.
+    ``usual`` is the board that the aircraft has in most flights, in so many; ``elsewhere`` the aircraft
+    of which the board is the usual one, None if there is none.
     """
 
     aircraft: str

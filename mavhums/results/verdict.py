@@ -12,7 +12,18 @@ from mavhums.core.models import Contract
 from mavhums.results.sections import AxisLimits, NetworkAnswer, with_network
 from mavhums.results.standing import Interval
 
-__all__ = ["ALL", "MEASURED", "Coverage", "Evidence", "Indicator", "OwnRecord", "Since", "Suspect", "Verdict"]
+__all__ = [
+    "ALL",
+    "MEASURED",
+    "Candidate",
+    "Coverage",
+    "Evidence",
+    "Indicator",
+    "OwnRecord",
+    "Since",
+    "Suspect",
+    "Verdict",
+]
 
 MEASURED: Final[Mapping[str, str]] = {
     "rates": "body rates",
@@ -30,6 +41,18 @@ class Suspect(Contract):
 
     fault: str
     confidence: float = Field(ge=0, le=1)
+
+
+class Candidate(Contract):
+    """A surface that explains the finding about an axis, with its servo output.
+
+    ``probability`` is None where nothing tells the candidates apart; ``because`` names what does.
+    """
+
+    surface: str
+    servo: int
+    probability: float | None = Field(default=None, ge=0, le=1)
+    because: str | None = None
 
 
 class Since(Contract):
@@ -160,6 +183,9 @@ class Verdict(Contract):
     ``advice`` is the recommended action, which files of earlier versions lack. ``network``
     is what a network says of its friction; None if none covers the log.
 
+    Of an axis with a finding, ``candidates`` are the surfaces that explain it, the likeliest one first, and
+    ``consequence_of`` is the axis whose finding explains this one: one fault is one finding.
+
     Examples
     --------
     >>> Verdict(vehicle=1, actuator="elevator", condition="normal", worst="degraded").gravest
@@ -170,6 +196,8 @@ class Verdict(Contract):
     vehicle: int | None
     actuator: str
     surfaces: tuple[str, ...] = ()
+    candidates: tuple[Candidate, ...] = ()
+    consequence_of: str | None = None
     condition: Condition
     worst: Condition
     effectiveness: Interval | None = None

@@ -17,7 +17,7 @@ from mavhums.show.html_craft import FIXED_WING, DrawnSurface, multirotor, outlin
 from mavhums.show.html_curves import Gathered
 from mavhums.show.html_environment import ICONS, environment, moment
 from mavhums.show.html_plot import Plot, plot
-from mavhums.show.verdict_words import certainty, implausible
+from mavhums.show.verdict_words import certainty, explanation, implausible
 from mavhums.show.words import clock, finding, join
 
 __all__ = ["ICONS", "Brief", "in_brief", "page", "parts"]
@@ -181,6 +181,7 @@ def _answer(one: Subject) -> _Answer:
 def _first(answers: Sequence[_Answer]) -> _Answer | None:
     """Return the answer that the page begins with: the gravest one, or several of like gravity as one."""
     like = [one for one in answers if one.verdict.gravest == answers[0].verdict.gravest]
+    like = [one for one in like if not one.verdict.consequence_of] or like
     if len(like) < 2:
         return like[0] if like else None
     well = SEVERITY[like[0].verdict.gravest] == SEVERITY["normal"]
@@ -203,6 +204,8 @@ def _why(one: Subject) -> Iterator[str]:
         yield f"{past[0]} {past[1]}, then {verdict.condition}; the earlier finding stands"
     if verdict.reason:
         yield verdict.reason
+    if explained := explanation(verdict):
+        yield explained
     latest = sorted(verdict.evidence[-_FINDINGS:], key=lambda item: (item.kind == "network", -item.end_s))
     yield from (finding(item) for item in latest)
     if len(verdict.evidence) > _FINDINGS:

@@ -13,7 +13,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import MEASURED, Indicator, Verdict
 from mavhums.show.digest import Digest, Paragraph, Subject, advice, digest
-from mavhums.show.verdict_words import certainty
+from mavhums.show.verdict_words import certainty, explanation
 from mavhums.show.words import (
     capital,
     clock,
@@ -138,6 +138,8 @@ def _section(verdict: Verdict, title: str) -> str:
         lines.append(f"**Since:** {since}.")
     if verdict.evidence:
         lines.append("\n".join(["**Why:**", *_findings(verdict)]))
+    if explained := explanation(verdict):
+        lines.append(f"**Which surface:** {_literal(explained)}.")
     if verdict.suspects:
         suspects = (f"{_literal(item.fault)} ({percent(item.confidence)})" for item in verdict.suspects)
         lines.append(f"**Suspected:** {join(suspects)}.")
@@ -198,6 +200,8 @@ def _provenance(assessment: Assessment) -> Iterator[str]:
         quantities = {one.key: f"{one.key} {one.name}, {one.unit}" for one in QUANTITIES}
         if verdicts[0].subject == "axis":
             quantities = {"V1": "command", **MEASURED}
+        if verdicts[0].subject == "motor":
+            quantities = {"V1": "output"}
         for key, quantity in quantities.items():
             sources = [source for v in verdicts if (source := v.provenance.get(key))]
             source = _literal(_as_one(sources)) if sources else "not in the log"

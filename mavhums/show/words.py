@@ -171,7 +171,7 @@ def finding(item: Evidence) -> str:
     when = f"{clock(item.start_s)} to {clock(item.end_s)}"
     if item.kind == "network":
         return f"{when}: {item.rule} (highest {percent(item.value)})"
-    if item.kind in ("effectiveness", "slow", "hard_over", "tracking", "thrust"):
+    if item.kind in ("effectiveness", "slow", "hard_over", "tracking", "thrust", "speed"):
         return f"{when}: {item.rule}"
     if item.kind == "friction":
         return f"{when}: {item.rule} (highest estimate {item.value:.3f} N·m)"

@@ -24,7 +24,6 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.results.standing import Interval
 from mavhums.vehicle.grid import RATE_HZ
-from mavhums.vehicle.surfaces import AXES
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +82,7 @@ STANDARDS: Final = {
         spacing_s=SLOWEST_STREAM_S[axis],
         memory_s=SLOW_PART_S[axis],
     )
-    for axis in AXES
+    for axis in EXPLAINED
 }
 
 
@@ -152,6 +151,10 @@ class Second:
     driven
         Effectiveness over the last seconds, at most 60, in which demand dominates gusts; None if they do not
         tell it.
+    steady
+        Whether these seconds are enough for an alarm, and some gain explains them, not gusts.
+    mixed
+        What tells mixed surfaces apart (:class:`~mavhums.health.axis.mixed.MixedSums`); None without them.
     """
 
     end_s: int
@@ -167,6 +170,8 @@ class Second:
     lost_s: int
     excluded: int = 0
     driven: Interval | None = None
+    steady: bool = True
+    mixed: Array | None = None
 
 
 class Constant(NamedTuple):

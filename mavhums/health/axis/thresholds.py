@@ -59,6 +59,14 @@ POOLED_REFERENCE_S: Final = 20
 # windows.
 POOLED_ERROR: Final = 0.12
 
+# Seconds that a pooled loss needs, most of the minute: in 12 m/s of wind 17 to 30 showed 55 % of a healthy
+# axis, and losses that only the pool finds have 53. Development.
+POOLED_LEAST_S: Final = 45
+
+# Largest unexplained response of a pooled loss, relative to what the reference's gain makes of the drive: the
+# same axis had 0.25 over 38 s and more, losses that only the pool finds have 0.1. Development.
+POOLED_NOISE: Final = 0.2
+
 # Share of the effectiveness whose loss the CUSUM is tuned to, where no profile has limits: smaller losses
 # are within what manoeuvres change by themselves (docs/evidence/axes.md).
 LOSS_TO_DETECT: Final = 0.4
@@ -69,6 +77,10 @@ DETECTED_LOSS_PER_LIMIT: Final = 2.0
 
 # CUSUM that makes a loss in roll certain: 1.5 times the highest of the healthy development flights.
 CERTAIN_ROLL: Final = 9.0
+
+# CUSUM that makes a loss of steering certain: 1.5 times the highest of 50 h of simulated healthy drives,
+# 10.6 (benchmarks/steering.py, seeds 1 and 2). Lower finds a loss some seconds earlier.
+CERTAIN_STEERING: Final = 16.0
 
 # CUSUM that makes a loss in pitch certain: 1.8 times the highest of the healthy development flights.
 CERTAIN_PITCH: Final = 12.0
@@ -111,6 +123,21 @@ SKID_DEVIATIONS: Final = 6.0
 # hand.
 SKID_M_S2: Final = 1.0
 
+# Seconds in a row that a skid must last to be a rudder's, where the roll went astray first: a deflected
+# aileron makes one of 2 s at most. Development.
+SKID_S: Final = 4
+
+# Deviations of the side force from which such a skid counts. Development: with ailerons hard over 3.2 for
+# 2 s.
+SKIDDING_DEVIATIONS: Final = 3.5
+
+# Share of the roll's deviations that the side force's must reach: rudders 0.22 to 1.5, ailerons up to 0.28
+# for 4 s. Development.
+SKID_SHARE: Final = 0.3
+
+# The same where the roll regression does not hold. Development: an aileron hard over at 25° reaches 8.9.
+SKID_ALONE_DEVIATIONS: Final = 12.0
+
 # Seconds in a row that a trim or a pitch must be away: one alone may be a gust. Development.
 PERSISTENT_S: Final = 2
 
@@ -123,7 +150,12 @@ SLOW_STREAM_S: Final = 0.42
 
 # The same by axis, s. In pitch 10 Hz: slower samples miss most of the short period (docs/evidence/axes.md:
 # 4 % of the seconds at 4 Hz could be judged, and the only false alarms came from there).
-SLOWEST_STREAM_S: Final = {"roll": SLOW_STREAM_S, "pitch": 0.15, "yaw": SLOW_STREAM_S}
+SLOWEST_STREAM_S: Final = {
+    "roll": SLOW_STREAM_S,
+    "pitch": 0.15,
+    "yaw": SLOW_STREAM_S,
+    "steering": SLOW_STREAM_S,
+}
 
 # Rate that a reason names for roll and yaw.
 NEEDED_HZ: Final = 3
@@ -137,6 +169,18 @@ COARSE_TIMES: Final = 1.5
 # Confidence shown beside a tracking error or a hard-over, whose limit lies a quarter above all healthy
 # flights.
 SURE_CONFIDENCE: Final = 0.99
+
+# Seconds before an alarm in which its onset may lie, s: what tells mixed surfaces apart is kept as long. By
+# hand.
+MIXED_RECENT_S: Final = 180
+
+# Share of the evidence between two mixed surfaces that counts: neighbouring seconds are of one manoeuvre. By
+# hand.
+MIXED_WEIGHT: Final = 0.5
+
+# Probability from which one of two mixed surfaces is named alone. Development: of 35 elevons and V-tails that
+# reach it none is the wrong one.
+SINGLED_OUT: Final = 0.9
 
 # Seconds after a hard-over rudder in which findings about other axes are its consequence. Development.
 MASKED_S: Final = 20
@@ -190,36 +234,46 @@ TAIL_SHARE: Final = 0.07
 
 # Largest unexplained response: in roll beyond it, gusts alone make the gain of ten healthy seconds scatter by
 # 14 % and more (docs/evidence/axes.md). Pitch and yaw: development.
-GUSTY: Final = {"roll": 0.1, "pitch": 0.5, "yaw": 0.5}
+GUSTY: Final = {"roll": 0.1, "pitch": 0.5, "yaw": 0.5, "steering": 0.1}
 
 # Memory of the filter that removes trim, s: longer ones keep phugoid and wind. In pitch a step of thrust or
 # speed changes the elevator's trim for good (docs/method/axes.md).
-SLOW_PART_S: Final = {"roll": 8.0, "pitch": 2.0, "yaw": 8.0}
+SLOW_PART_S: Final = {"roll": 8.0, "pitch": 2.0, "yaw": 8.0, "steering": 8.0}
 
 # Delays of an axis's own response that are tried, s: whole rows of 0.05 s; each costs a fit. By hand.
 DELAYS_S: Final = {
     "roll": (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
     "pitch": (0.0, 0.05, 0.1),
     "yaw": (0.1, 0.2, 0.3),
+    "steering": (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
 }
 
 # Lags of an axis's own response that are tried, s: a third of the smallest additional lag apart. By hand.
-LAGS_S: Final = {"roll": (0.0, 0.1, 0.2), "pitch": (0.0, 0.1), "yaw": (0.0, 0.2)}
+LAGS_S: Final = {
+    "roll": (0.0, 0.1, 0.2),
+    "pitch": (0.0, 0.1),
+    "yaw": (0.0, 0.2),
+    "steering": (0.0, 0.1, 0.2, 0.3),
+}
 
 # Share of the response that a reference must explain: below, the surfaces cannot be told from gusts and
 # each other (docs/evidence/axes.md).
-EXPLAINED: Final = {"roll": 0.75, "pitch": 0.45, "yaw": 0.5}
+EXPLAINED: Final = {"roll": 0.75, "pitch": 0.45, "yaw": 0.5, "steering": 0.75}
 
 # Largest relative standard error of a reference's gain (docs/evidence/axes.md).
-GAIN_ERROR: Final = {"roll": 0.10, "pitch": 0.06, "yaw": 0.06}
+GAIN_ERROR: Final = {"roll": 0.10, "pitch": 0.06, "yaw": 0.06, "steering": 0.10}
 
 # Least variance of a second's score, relative to the gain's square: quiet air does not last.
 # Development.
-SCORE_SCATTER: Final = {"roll": 0.002, "pitch": 0.004, "yaw": 0.004}
+SCORE_SCATTER: Final = {"roll": 0.002, "pitch": 0.004, "yaw": 0.004, "steering": 0.002}
 
 # Share of the reference speed below which an aircraft may be stalling: there the gain of ailerons falls to
 # 0.2–0.5 in flights with failed engines. Development.
 LEAST_SPEED_SHARE: Final = 0.85
+
+# The same where a loss is only excluded: near the stall ailerons lose effect, which hides no loss. By hand:
+# the wind triangle's error stays a small share of the speed.
+EXCLUDING_SPEED_SHARE: Final = 0.7
 
 # Steeper banks are left out, °: the regressions are linear. By hand.
 MOST_BANK_DEG: Final = 60

@@ -91,7 +91,9 @@ def test_a_loss_over_a_minute_must_be_certain(half: float, told: bool) -> None:
     """99 % lie below 62 % + 2.58 / 1.96 · half: 0.778 and 0.83, where 0.8 is the limit."""
     kept = Interval(estimate=0.62, low=0.62 - half, high=0.62 + half)
     second = Second(90, 0.6, 0.1, 0.0, 90, None, False, None, None, 0.0, 0, 0, kept)
-    alarms = PooledDetector(AxisLimits(), "pitch").feed(AxisInput(rows(steady(1)), {"pitch": [second]}, {}))
+    alarms = PooledDetector(AxisLimits(), "pitch").feed(
+        AxisInput(rows(steady(1)), {"pitch": [second]}, {}, {})
+    )
     assert [(one.condition, one.fault, one.value) for one in alarms] == (
         [("degraded", "effectiveness", 0.62)] if told else []
     )
