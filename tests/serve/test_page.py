@@ -319,13 +319,15 @@ def test_a_running_session_shows_as_it_runs(tmp_path: Path, browser: Browser, gr
         browser.wait("document.body.innerText.includes('(ended)')")
 
 
-def test_nothing_stays_when_it_ends(browser: Browser, healthy_log: Path, tmp_path: Path) -> None:
-    folders = set(Path("/tmp").glob("mavhums-page-*"))
+def test_nothing_stays_when_it_ends(
+    browser: Browser, healthy_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
     with served() as page:
         browser.open(page.url)
         browser.choose([healthy_log])
         browser.wait(HEADLINE)
-        (own,) = set(Path("/tmp").glob("mavhums-page-*")) - folders
+        (own,) = tmp_path.glob("mavhums-page-*")
         assert own.stat().st_mode & 0o077 == 0, "only this user reads it"
         children = psutil.Process(page.process.pid).children(recursive=True)
     assert not own.exists()
