@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 
+import numpy as np
+
 from mavhums import Engine, load_airframe
 from mavhums.engine.events import ConditionChanged, Event, Indication
 from mavhums.engine.options import EngineOptions
 from mavhums.log import read_blocks, read_log
+from mavhums.results.verdict import Verdict
 
 __all__ = ["CONFOUNDERS", "Fault", "Flight", "Outcome", "judge", "judge_bytes", "read_labels", "summary"]
 
@@ -38,6 +42,7 @@ class Fault:
     kind: str
     start_s: float
     end_s: float
+    servos: frozenset[int] = frozenset()
 
     @property
     def confounds(self) -> bool:
@@ -63,6 +68,8 @@ class Outcome:
     """What was found in a flight: the alarms, the conditions of the axes, and what could be judged.
 
     ``bounded`` is by axis the number of seconds that exclude a loss of 40 %, or that measured one.
+    ``findings`` counts the axes with a finding that no other one explains; ``candidates`` are the outputs
+    that explain them, ``singled_out`` those that are named alone.
     """
 
     flight: Flight
@@ -73,6 +80,9 @@ class Outcome:
     reasons: dict[str, str]
     surfaces: tuple[str, ...]
     flown_s: float
+    findings: int = 0
+    candidates: frozenset[int] = frozenset()
+    singled_out: frozenset[int] = frozenset()
 
     def found(self, fault: Fault) -> list[ConditionChanged]:
         """Return the alarms that came while a fault lasted."""
@@ -110,7 +120,8 @@ def _alfa(row: dict[str, str], path: Path) -> Fault | None:
     first = log.span[0] if log.span else 0
     offset = (int(log.tables["SERVO_OUTPUT_RAW"].time_us[0]) - first) / 1e6
     start, end = float(row["t_fault_s"]), float(row["t_end_s"])
-    return Fault(row["surface"], row["fault"], start + offset, end + offset)
+    servos = frozenset(map(int, re.findall(r"\d+", row["servo_channels"])))
+    return Fault(row["surface"], row["fault"], start + offset, end + offset, servos)
 
 
 def _booted(row: dict[str, str], path: Path) -> Fault | None:
@@ -122,7 +133,8 @@ def _booted(row: dict[str, str], path: Path) -> Fault | None:
     offset = (int(table.time_us[0]) - first) / 1e6 - float(table["time_boot_ms"][0]) / 1e3
     end = row["t_clear_boot_s"] or row["t_end_boot_s"]
     surface = row["kind"] if row["surface"] == "none" else row["surface"]
-    return Fault(surface, row["kind"], float(row["t_fault_boot_s"]) + offset, float(end) + offset)
+    servos = frozenset(map(int, re.findall(r"SERVO(\d+)", row["servos"])))
+    return Fault(surface, row["kind"], float(row["t_fault_boot_s"]) + offset, float(end) + offset, servos)
 
 
 def judge(flight: Flight, airframe: str | Path | None) -> Outcome:
@@ -150,23 +162,34 @@ def judge_bytes(flight: Flight, blocks: Iterable[bytes], airframe: str | Path | 
         {v.actuator: v.reason or "" for v in axes},
         tuple(dict.fromkeys(s for v in axes for s in v.surfaces)),
         engine.flown_s(),
+        *_named(axes),
     )
+
+
+def _named(axes: Sequence[Verdict]) -> tuple[int, frozenset[int], frozenset[int]]:
+    own = [v for v in axes if v.worst in ALARMS and not v.consequence_of]
+    outputs = [[(one.servo, one.because) for one in v.candidates] for v in own]
+    alone = {found[0][0] for found in outputs if found and (found[0][1] or len(found) == 1)}
+    return len(own), frozenset(servo for found in outputs for servo, _ in found), frozenset(alone)
 
 
 def _measured(axis: str, events: Sequence[Event]) -> int:
     """Return the seconds in which the effectiveness of an axis with a fault was known."""
-    seconds, faulty = 0, False
-    for event in events:
-        if isinstance(event, ConditionChanged) and event.actuator == axis:
-            faulty = event.after in ALARMS
-        elif faulty and isinstance(event, Indication) and event.actuator == axis:
-            seconds += len(event.end_s)
-    return seconds
+    own = [event for event in events if isinstance(event, ConditionChanged) and event.actuator == axis]
+    # By their times: of one block of the log all indications come before all changes.
+    changed_s = np.array([event.time_s for event in own])
+    faulty = np.array([False, *(event.after in ALARMS for event in own)])
+    return sum(
+        int(faulty[np.searchsorted(changed_s, event.end_s, side="left")].sum())
+        for event in events
+        if isinstance(event, Indication) and event.actuator == axis
+    )
 
 
 def summary(outcomes: Sequence[Outcome]) -> list[str]:
     """Return the figures over all flights, one a line."""
     lasting, short, delays, right, engines, flagged = 0, 0, [], 0, 0, 0
+    single, among, alone, sure = 0, 0, 0, 0
     for outcome in outcomes:
         for fault in outcome.flight.faults:
             if fault.confounds:
@@ -180,6 +203,10 @@ def summary(outcomes: Sequence[Outcome]) -> list[str]:
             if found:
                 delays.append((found[0].time_s - fault.start_s, long))
                 right += any(a.actuator in fault.axes for a in found)
+                single += outcome.findings == 1
+                among += bool(fault.servos & outcome.candidates)
+                alone += bool(outcome.singled_out)
+                sure += bool(fault.servos & outcome.singled_out)
     hours = sum(outcome.fault_free_s() for outcome in outcomes) / 3600
     false = [alarm for outcome in outcomes for alarm in outcome.false_alarms()]
     seconds = [delay for delay, _ in delays] or [float("nan")]
@@ -189,6 +216,8 @@ def summary(outcomes: Sequence[Outcome]) -> list[str]:
         f"{len(delays) - long_found} of {short}",
         f"delay: median {median(seconds):.1f} s, worst {max(seconds):.1f} s",
         f"the axis named is one that the surface moves: {right} of {len(delays)}",
+        f"one finding for one fault: {single} of {len(delays)}; the failed output is a candidate in {among}; "
+        f"one output is named alone in {alone}, the right one in {sure}",
         f"false alarms: {len(false)} in {hours:.2f} h of fault-free flight "
         f"({len(false) / hours if hours else float('nan'):.2f} per hour)",
         f"engine failures and other confounders flagged as a surface: {flagged} of {engines}",

@@ -18,7 +18,8 @@ local MAX_SERVOS = 32
 local FRAME_BYTES = 20      -- MAVLink 2 header and checksum (12), time and value (8); the name comes on top
 local LOOK_MS = 1000        -- how often the script looks for servos, and sends a temperature
 local REPORT_MS = 10000     -- over which the reached rate is measured
-local LEAST_RATE_HZ = 5     -- below it mavhums draws no conclusion
+local WEAR_RATE_HZ = 20     -- friction in gusts needs it; below, mavhums judges jams and offsets at most
+local MOST_TURNS = 8        -- caught up in one call, so that a long pause makes no burst
 
 assert(param:add_table(TABLE_KEY, PREFIX, 6), "HUMS: parameter table key 97 is in use by another script")
 
@@ -29,7 +30,7 @@ end
 
 local ENABLE = parameter(1, "ENABLE", 1)
 local RATE = parameter(2, "RATE", 10)        -- samples per second of each servo
-local LINK = parameter(3, "LINK", 2500)      -- bytes per second that the script may send
+local LINK = parameter(3, "LINK", 2500)      -- bytes per second that the script may send, over all servos
 local MASK = parameter(4, "MASK", 0)         -- bit n-1 is servo n; 0 sends every servo that reports
 local FIRST = parameter(5, "FIRST", 1)       -- servo number of telemetry index 0: serial 1, DroneCAN 0
 local SEND = parameter(6, "SEND", 63)        -- sum of 1 Cmd, 2 Pos, 4 V, 8 A, 16 Spd, 32 T
@@ -46,6 +47,7 @@ local servos = {}           -- those that report, in the order of their turns
 local turn = 0
 local credit = 0            -- bytes that may be sent now
 local refilled_ms, looked_ms
+local due_ms                -- when the next servo's turn is
 local report = { due = false }
 
 local function send(name, value)
@@ -88,8 +90,11 @@ local function look_for_servos(now_ms)
          found[#found + 1] = known[index] or new_servo(index, number)
       end
    end
-   if #found ~= #servos then
-      report = { start_ms = now_ms, samples = 0, bytes = 0, waits = 0, due = true }
+   -- Other servos or other parameters, another rate: it is measured and told anew.
+   local told = string.format("%d %g %g %.0f %.0f", #found, RATE:get(), LINK:get(), MASK:get(), SEND:get())
+   if told ~= report.told then
+      report = { told = told, start_ms = now_ms, samples = 0, bytes = 0, waits = 0, turns = 0, due = #found > 0 }
+      due_ms = nil
    end
    servos = found
 end
@@ -120,7 +125,7 @@ local function send_servo(servo, now_ms)
    return bytes
 end
 
--- Says once, after ten seconds with the same servos, what the link carries.
+-- Says once, after ten seconds with the same servos and parameters, what the link carries and what holds it.
 local function report_rate(now_ms)
    if not report.due or now_ms - report.start_ms < REPORT_MS then
       return
@@ -129,10 +134,15 @@ local function report_rate(now_ms)
    local seconds = (now_ms - report.start_ms) * 0.001
    local rate = report.samples / seconds / #servos
    local text = string.format("HUMS: %d servos, %.1f Hz, %.0f B/s", #servos, rate, report.bytes / seconds)
-   if rate < LEAST_RATE_HZ and report.waits > 0 then
-      gcs:send_text(WARNING, text .. ": raise HUMS_LINK")
-   else
-      gcs:send_text(INFO, text)
+   gcs:send_text(INFO, text)
+   if rate < WEAR_RATE_HZ - 1 then
+      local remedy = "servos report slower"
+      if report.waits > 0.1 * report.turns then
+         remedy = "raise HUMS_LINK"
+      elseif RATE:get() < WEAR_RATE_HZ then
+         remedy = "raise HUMS_RATE"
+      end
+      gcs:send_text(WARNING, string.format("HUMS: wear needs %d Hz: %s", WEAR_RATE_HZ, remedy))
    end
 end
 
@@ -148,17 +158,24 @@ local function update()
    local limit = LINK:get()
    credit = math.min(credit + limit * (now_ms - (refilled_ms or now_ms)) * 0.001, 0.1 * limit)
    refilled_ms = now_ms
-   if credit >= 0 then
-      turn = turn % #servos + 1
-      local bytes = send_servo(servos[turn], now_ms)
-      credit = credit - bytes
-      report.bytes = report.bytes + bytes
-      report.samples = report.samples + (bytes > 0 and 1 or 0)
-   else
-      report.waits = report.waits + 1
+   -- The scheduler is often late, and calls at whole milliseconds: turns that were missed are caught up.
+   local period_ms = 1000 / (math.max(RATE:get(), 0.1) * #servos)
+   due_ms = math.max(due_ms or now_ms, now_ms - MOST_TURNS * period_ms)
+   while due_ms <= now_ms do
+      due_ms = due_ms + period_ms
+      report.turns = report.turns + 1
+      if credit >= 0 then
+         turn = turn % #servos + 1
+         local bytes = send_servo(servos[turn], now_ms)
+         credit = credit - bytes
+         report.bytes = report.bytes + bytes
+         report.samples = report.samples + (bytes > 0 and 1 or 0)
+      else
+         report.waits = report.waits + 1
+      end
    end
    report_rate(now_ms)
-   return update, math.max(1, math.ceil(1000 / (math.max(RATE:get(), 0.1) * #servos)))
+   return update, math.max(1, math.floor(due_ms - now_ms))
 end
 
 if not servo_telem then

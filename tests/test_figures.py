@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import json
 import os
+import re
 import zlib
 from collections.abc import Callable, Iterator
 from datetime import datetime, timedelta
@@ -177,7 +178,9 @@ def hold(name: str, found: Any) -> None:
     path = FIGURES / f"{name}.json"
     if os.environ.get("RENEW_FIGURES"):
         FIGURES.mkdir(exist_ok=True)
-        path.write_text(json.dumps(_rounded(found), indent=1) + "\n", encoding="utf-8")
+        text = json.dumps(_rounded(found), indent=1) + "\n"
+        # Where the log lay when the figures were taken is no figure.
+        path.write_text(re.sub(r'("path": ")[^"]*/', r"\1", text), encoding="utf-8")
     moved = list(differences(json.loads(path.read_text(encoding="utf-8")), found, name))
     assert not moved, f"{len(moved)} figures moved, among them {moved[:5]}"
 

@@ -21,12 +21,11 @@ from mavhums.engine.drops import with_drops
 from mavhums.engine.usage import vehicle_usage
 from mavhums.engine.vehicle_limit import VehicleLimit
 from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
-from mavhums.health.verdict.axis import verdict_of_axis
+from mavhums.health.verdict.axis import verdicts_of_axes
 from mavhums.health.verdict.motor import MOTORS
 from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, obstacle, why_not_at_all
 from mavhums.log import Decoder, decode_blocks
-from mavhums.report.assessment import ALL, Verdict
-from mavhums.report.inspection import (
+from mavhums.results.inspection import (
     ActuatorTelemetry,
     Inspection,
     Judgeable,
@@ -34,6 +33,7 @@ from mavhums.report.inspection import (
     NamedRate,
     VehicleTelemetry,
 )
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.states import TEXT_MESSAGES
@@ -256,9 +256,10 @@ def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
         return
     received = axes.grid.received()
     why = why_not_at_all(axes.flight, identity.kind, received, axes.parameters)
-    for axis in axes.monitor.axes if why is None else ():
-        findings = axes.monitor.findings(axis)
-        yield verdict_of_axis(identity.vehicle, findings, axes.surfaces, axes.flight, _UNDATED, axes.grid)
+    if why is None:
+        yield from verdicts_of_axes(
+            identity.vehicle, axes.monitor, axes.surfaces, axes.flight, _UNDATED, axes.grid
+        )
     yield from axes.motors.verdicts(identity, axes.flight, why, _UNDATED, received)
 
 

@@ -40,12 +40,13 @@ from mavhums.health.verdict.actuator import (
     with_refused,
 )
 from mavhums.health.verdict.advice import with_advice
-from mavhums.health.verdict.axis import verdict_of_axis
+from mavhums.health.verdict.axis import named_by_telemetry, verdicts_of_axes
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.log import Decoder, Table
-from mavhums.report.assessment import ALL, Assessment, LogSummary, Verdict
-from mavhums.report.sections import FlightIdentity
-from mavhums.report.usage import VehicleUsage
+from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.sections import FlightIdentity
+from mavhums.results.usage import VehicleUsage
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.grid import Received
@@ -313,6 +314,7 @@ class Engine:
         axes = [*self._axis_verdicts(vehicle)] if vehicle is not None else []
         if own and all(verdict.worst == "undecided" for verdict in axes):
             return actuators  # their own telemetry gives the verdicts
+        axes = [*named_by_telemetry(axes, actuators, told.airframe)]
         return [*beside_motors(actuators, axes), *axes]
 
     def _axis_verdicts(self, vehicle: int) -> Iterator[Verdict]:
@@ -322,10 +324,9 @@ class Engine:
         received = self._axes.received(vehicle)
         why = why_not_at_all(followed.flight, self._who(vehicle).kind, received, followed.parameters)
         start_utc = _utc(self._decoder.first_time_us or 0)
-        for axis in followed.monitor.axes if why is None else ():
-            findings = followed.monitor.findings(axis)
-            yield verdict_of_axis(
-                vehicle, findings, followed.surfaces, followed.flight, start_utc, followed.grid
+        if why is None:
+            yield from verdicts_of_axes(
+                vehicle, followed.monitor, followed.surfaces, followed.flight, start_utc, followed.grid
             )
         yield from followed.motors.verdicts(self._who(vehicle), followed.flight, why, start_utc, received)
 

@@ -13,7 +13,7 @@ from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.verdict.axis import unjudged_axes
 from mavhums.health.verdict.motor import verdicts_of_motors
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, Obstacle
-from mavhums.report.assessment import Verdict
+from mavhums.results.verdict import Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import Received, Seconds
 from mavhums.vehicle.identity import Identity

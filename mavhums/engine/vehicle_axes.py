@@ -18,14 +18,14 @@ from mavhums.health.axis.effectiveness import explained_by
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Indication
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
 from mavhums.vehicle.inference import inferred
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.states import Followed
-from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces
+from mavhums.vehicle.surfaces import STEERING, Demands, Surfaces
 from mavhums.vehicle.usage import Usage
 
 __all__ = ["AxisEvent", "VehicleAxes"]
@@ -77,7 +77,7 @@ class VehicleAxes:
     ) -> None:
         self.told = Told(airframe)
         self.surfaces = self.told.last.surfaces
-        self.monitor = AxisMonitor(vehicle, airframe.axes if airframe else None)
+        self.monitor = _monitor(vehicle, airframe.axes if airframe else None, self.surfaces)
         self.flight = Flight(self.surfaces)
         self.usage = Usage()
         self.grid = Grid(start_us)
@@ -197,8 +197,7 @@ class VehicleAxes:
     ) -> Iterator[AxisEvent]:
         """Judge the flight anew with these surfaces, as far back as it is kept."""
         before, self.surfaces = self.surfaces, surfaces
-        axes = surfaces.axes if surfaces else AXES
-        self.monitor = AxisMonitor(self._vehicle, limits or self.monitor.limits, axes)
+        self.monitor = _monitor(self._vehicle, limits or self.monitor.limits, surfaces)
         first_s, events = self._now_s, list[ConditionChanged | Indication]()
         for rows in self.flight.learn(surfaces):
             first_s = min(first_s, rows.second)
@@ -325,6 +324,15 @@ class VehicleAxes:
         if surfaces is not None:
             self._inferences += 1
             yield from self._adopt(surfaces, "its outputs are inferred from the flight")
+
+
+def _monitor(vehicle: int, limits: AxisLimits | None, surfaces: Surfaces | None) -> AxisMonitor:
+    """Return a new monitor of what these surfaces move."""
+    return (
+        AxisMonitor(vehicle, limits, surfaces.axes, surfaces.mixed)
+        if surfaces
+        else AxisMonitor(vehicle, limits)
+    )
 
 
 def _followed(vehicle: int, rows: Rows) -> Iterator[Followed]:

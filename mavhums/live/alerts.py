@@ -15,7 +15,7 @@ from mavhums.core.conditions import Condition
 from mavhums.engine.events import ConditionChanged, Event
 from mavhums.live.watch import utc
 from mavhums.log.mavlink.signing import signing_ticks
-from mavhums.report.live import ActuatorStatus, AlertObject
+from mavhums.results.live import ActuatorStatus, AlertObject
 from mavhums.vehicle.surfaces import COLUMNS
 
 __all__ = ["COMPONENT", "Alerts", "Signer", "health_name", "text_of"]

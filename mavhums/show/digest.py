@@ -9,13 +9,15 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.motor import MOTORS
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
-from mavhums.report.assessment import ALL, Assessment, Verdict
-from mavhums.report.standing import Standing
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Standing
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.show.servo_tables import ServoTable, reserve, usage
 from mavhums.show.standing import sentences, since_words, soonest_words
 from mavhums.show.verdict_words import (
     control_left,
     course,
+    culprits,
     implausible,
     judged,
     network_cell,
@@ -129,7 +131,11 @@ def digest(assessment: Assessment, *, brief: bool = False) -> Digest:
         gravest=ranked[0].gravest if ranked else "undecided",
         assessment=rest,
         subjects=[_subject(alike, rest) for alike in _together(_listed(rest))],
-        faulty=[verdict for verdict in rest.ranked() if verdict.worst in ("degraded", "emergency")],
+        # What another finding explains comes after it.
+        faulty=sorted(
+            (verdict for verdict in rest.ranked() if verdict.worst in ("degraded", "emergency")),
+            key=lambda verdict: verdict.consequence_of is not None,
+        ),
         open=[found for condition in conditions for found in _by_reason(rest, condition, brief=brief)],
         doubtful=[(name(v, rest), odd) for v in rest.ranked() if (odd := implausible(v))],
         unmonitored=[*_by_reason(rest, "unmonitored", brief=brief)],
@@ -197,15 +203,16 @@ def _of_the_flight(assessment: Assessment, without_wings: Sequence[str]) -> str:
         return f"{_count(worst, ranked)} {word}" + (
             f": {why[0].rstrip('.')}" if len(why) == 1 and why[0] else ""
         )
+    # One fault is one finding: what another one explains does not head the answer.
+    worst = [verdict for verdict in worst if not verdict.consequence_of] or worst
     text = f"{join(name(verdict, assessment) for verdict in worst)}: {word.upper()}"
     if len(worst) > 1:
         return text
     past = course(worst[0])
     if past is not None:
         text = f"{text} {past[1]}, then {worst[0].condition}"
-    if worst[0].surfaces:
-        bare = [surface.removesuffix(f" (moves with {worst[0].actuator})") for surface in worst[0].surfaces]
-        text = f"{text}, {' or '.join(bare)}"
+    if suspected := culprits(worst[0]):
+        text = f"{text}, {' or '.join(suspected)}"
     since = worst[0].since if past is None else None
     if since and not since.flight_time_s and word == "degraded":
         # A fault that is there from the first second began in an earlier flight, where one shows it.

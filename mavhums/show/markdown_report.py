@@ -7,10 +7,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from math import floor, log10
 from typing import Final
 
+from mavhums.core.about import NOTICE
 from mavhums.core.quantities import QUANTITIES
-from mavhums.report.assessment import MEASURED, NOTICE, Assessment, Indicator, Interval, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import MEASURED, Indicator, Verdict
 from mavhums.show.digest import Digest, Paragraph, Subject, advice, digest
-from mavhums.show.verdict_words import certainty
+from mavhums.show.verdict_words import certainty, explanation
 from mavhums.show.words import (
     capital,
     clock,
@@ -135,6 +138,8 @@ def _section(verdict: Verdict, title: str) -> str:
         lines.append(f"**Since:** {since}.")
     if verdict.evidence:
         lines.append("\n".join(["**Why:**", *_findings(verdict)]))
+    if explained := explanation(verdict):
+        lines.append(f"**Which surface:** {_literal(explained)}.")
     if verdict.suspects:
         suspects = (f"{_literal(item.fault)} ({percent(item.confidence)})" for item in verdict.suspects)
         lines.append(f"**Suspected:** {join(suspects)}.")

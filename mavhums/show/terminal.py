@@ -15,8 +15,10 @@ from rich.text import Text
 from mavhums.actuator.tiers import TO_BE_JUDGED
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError
-from mavhums.report.assessment import ALL, Assessment, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.show.digest import Digest, Paragraph, Subject, advice, digest
+from mavhums.show.verdict_words import explanation
 from mavhums.show.words import COLOURS, capital, condition_word, finding, join, name, printable
 
 __all__ = ["Line", "condition_text", "line_of", "render", "render_findings", "render_many"]
@@ -150,6 +152,8 @@ def _findings(said: Digest, *, verbose: bool) -> Iterator[tuple[str, list[str]]]
         lines = [finding(item) for item in shown]
         if len(verdict.evidence) > len(shown):
             lines.insert(0, f"{len(verdict.evidence) - len(shown)} earlier findings (--verbose has them)")
+        if explained := explanation(verdict):
+            lines.append(explained)
         yield name(verdict, said.assessment), [*lines, f"what to do: {advice(verdict)}"]
     for subject, odd in said.doubtful:
         yield f"{subject}: values in doubt", [odd]

@@ -5,14 +5,16 @@ from __future__ import annotations
 from typing import Final
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.axis.thresholds import NORMAL_S
-from mavhums.report.assessment import Evidence, Verdict
+from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS, NORMAL_S
+from mavhums.results.verdict import Candidate, Evidence, Verdict
 from mavhums.show.words import clock, effectiveness, friction, percent
 
 __all__ = [
     "certainty",
     "control_left",
     "course",
+    "culprits",
+    "explanation",
     "implausible",
     "judged",
     "network_cell",
@@ -47,7 +49,7 @@ def control_left(verdict: Verdict) -> str | None:
 
     Examples
     --------
-    >>> from mavhums.report.assessment import Interval
+    >>> from mavhums.results.verdict import Interval
     >>> axis = Verdict(subject="axis", vehicle=1, actuator="roll", condition="normal", worst="normal")
     >>> control_left(axis.model_copy(update={"effectiveness": Interval(estimate=1.19, low=1.1, high=1.28)}))
     'no loss'
@@ -113,6 +115,36 @@ def implausible(verdict: Verdict) -> str | None:
     return f"values that no such actuator can have, counted as not measured: {values}"
 
 
+def explanation(verdict: Verdict) -> str | None:
+    """Return which surface explains a finding about an axis, or which other finding; None if nothing does.
+
+    Examples
+    --------
+    >>> axis = Verdict(subject="axis", vehicle=1, actuator="roll", condition="emergency", worst="emergency")
+    >>> explanation(axis.model_copy(update={"consequence_of": "yaw"}))
+    'one fault: that of yaw control explains this, too'
+    """
+    if verdict.consequence_of:
+        return f"one fault: that of {verdict.consequence_of} control explains this, too"
+    if not verdict.candidates or not verdict.candidates[0].because:
+        return None
+    first = verdict.candidates[0]
+    sure = f" with {percent(first.probability)}" if first.probability is not None else ""
+    return f"{_output(first)} explains it{sure}: {first.because}"
+
+
+def culprits(verdict: Verdict) -> list[str]:
+    """Return the surfaces that a headline names: the one that is singled out, else all candidates."""
+    if verdict.candidates:
+        named = verdict.candidates[:1] if verdict.candidates[0].because else verdict.candidates
+        return [_output(one) for one in named]
+    return [surface.removesuffix(f" (moves with {verdict.actuator})") for surface in verdict.surfaces]
+
+
+def _output(one: Candidate) -> str:
+    return one.surface if "servo" in one.surface else f"{one.surface} (servo {one.servo})"
+
+
 def certainty(verdict: Verdict) -> str:
     """Return the estimates with their intervals, the network's part, and how much was judged.
 
@@ -154,7 +186,8 @@ def _how_much(verdict: Verdict, *, alarmed: bool) -> str:
     if not coverage.excluded:
         return told
     until = "" if coverage.excluded_until_s is None else f", the last at {clock(coverage.excluded_until_s)}"
-    return f"{told}; a loss of 40 % or more is excluded over {coverage.excluded} s{until}"
+    loss = percent(1.0 - NORMAL_EFFECTIVENESS)
+    return f"{told}; a loss of {loss} or more is excluded over {coverage.excluded} s{until}"
 
 
 def network_cell(verdict: Verdict) -> str | None:

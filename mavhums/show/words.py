@@ -9,7 +9,9 @@ from typing import Final
 from mavhums.core.conditions import Condition
 from mavhums.core.text import printable
 from mavhums.log.base.losses import Losses
-from mavhums.report.assessment import ALL, Assessment, Evidence, Interval, LogSummary, Verdict
+from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import ALL, Evidence, Verdict
 
 __all__ = [
     "BLUE",

@@ -125,6 +125,18 @@ class Surfaces:
                 return found
         return ()
 
+    @property
+    def mixed(self) -> Mapping[str, str]:
+        """Of axes that two mixed surfaces move, the other axis, where it tells the two surfaces apart.
+
+        What a demand in pitch does to the side force of a V-tail depends on how the aircraft then slips.
+        """
+        for kind, found in (("elevon", {"roll": "pitch", "pitch": "roll"}), ("tail", {"pitch": "yaw"})):
+            sides = [{one.side for one in self.of_axis(axis) if one.kind == kind} for axis in found]
+            if all(each == {"left", "right"} for each in sides):
+                return found
+        return {}
+
     def same_outputs(self, other: Surfaces) -> bool:
         """Return whether the same outputs move the same surfaces the same way, by whatever ranges."""
         own, others = (

@@ -92,11 +92,14 @@ class Autopilot:
         Values that differ from the script's defaults, by full name.
     firmware
         Version as (major, minor); servo telemetry exists from 4.7 on.
+    late_ms
+        How much later than asked for each call comes.
     """
 
     servos: Callable[[int], dict[int, Telemetry]]
     parameters: dict[str, float] = field(default_factory=dict)
     firmware: tuple[int, int] = (4, 7)
+    late_ms: int = 0
     sent: list[Sent] = field(default_factory=list)
     texts: list[tuple[int, str]] = field(default_factory=list)
     _now_ms: int = 0
@@ -111,7 +114,7 @@ class Autopilot:
         while outcome is not None:
             update, delay_ms = outcome
             assert delay_ms == int(delay_ms) >= 1
-            self._now_ms += int(delay_ms)
+            self._now_ms += int(delay_ms) + self.late_ms
             if self._now_ms >= start_ms + 1000 * seconds:
                 return
             outcome = update()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from pathlib import Path
 
@@ -134,16 +135,40 @@ def test_the_link_never_gets_more_than_its_limit(servos: int) -> None:
 def test_too_slow_a_link_is_reported_with_the_remedy() -> None:
     autopilot = steady(*range(8))
     autopilot.run(12.0)
-    severity, text = autopilot.texts[-1]
-    assert (severity, text.split(": ", 1)[1]) == (4, "8 servos, 2.4 Hz, 2511 B/s: raise HUMS_LINK")
+    assert autopilot.texts[-2:] == [
+        (6, "HUMS: 8 servos, 2.4 Hz, 2514 B/s"),
+        (4, "HUMS: wear needs 20 Hz: raise HUMS_LINK"),
+    ]
     assert max(len(text) for _, text in autopilot.texts) <= 50
 
 
-def test_the_reached_rate_is_reported_once() -> None:
-    autopilot = steady(0, 1)
-    autopilot.run(40.0)
-    assert [text for _, text in autopilot.texts] == ["HUMS: servo bridge loaded", autopilot.texts[1][1]]
-    assert autopilot.texts[1][1].startswith("HUMS: 2 servos, 10.0 Hz, ")
+def test_the_reached_rate_is_reported_once_and_again_when_a_parameter_changes() -> None:
+    def report(now_ms: int) -> dict[int, Telemetry]:
+        autopilot.parameters["HUMS_RATE"] = 25.0 if now_ms > 40_000 else 10.0
+        return {k: Telemetry(now_ms, position=1.0) for k in (0, 1)}
+
+    autopilot = Autopilot(report)
+    autopilot.run(80.0)
+    loaded, slow, remedy, fast = [text for _, text in autopilot.texts]
+    assert loaded == "HUMS: servo bridge loaded"
+    assert re.match(r"HUMS: 2 servos, 10\.[01] Hz, ", slow)
+    assert remedy == "HUMS: wear needs 20 Hz: raise HUMS_RATE"
+    assert re.match(r"HUMS: 2 servos, 25\.[01] Hz, ", fast)
+
+
+def test_slow_servos_are_told_from_a_slow_link() -> None:
+    autopilot = steady(0, every_ms=100)
+    autopilot.parameters = {"HUMS_RATE": 25.0}
+    autopilot.run(15.0)
+    assert autopilot.texts[-1] == (4, "HUMS: wear needs 20 Hz: servos report slower")
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 25.0])
+def test_turns_that_a_late_scheduler_missed_are_caught_up(rate_hz: float) -> None:
+    late = steady(*range(6))
+    late.late_ms, late.parameters = 9, {**UNLIMITED, "HUMS_RATE": rate_hz}
+    late.run(10.0)
+    assert len([one for one in late.sent if one.name == "S4Pos"]) == pytest.approx(10 * rate_hz, rel=0.04)
 
 
 def test_old_telemetry_is_not_sent_again() -> None:

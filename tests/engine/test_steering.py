@@ -6,7 +6,7 @@ import pytest
 
 import mavhums
 from mavhums.engine.engine import Engine
-from mavhums.report.assessment import Verdict
+from mavhums.results.verdict import Verdict
 from mavhums.show.digest import headline
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import AXES, of_parameters

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import degrees, exp
+from math import degrees, exp, nan
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -16,7 +16,7 @@ from mavhums.core.conditions import Condition
 from mavhums.core.statistics import NORMAL_95, NORMAL_99
 from mavhums.health.axis.effectiveness import EffectivenessTracker
 from mavhums.health.axis.reference import Second
-from mavhums.health.axis.residuals import PitchTracking, Residual, RollTracking, SideForce
+from mavhums.health.axis.residuals import Deviation, PitchTracking, Residual, RollTracking
 from mavhums.health.axis.thresholds import (
     CERTAIN_PITCH,
     CERTAIN_ROLL,
@@ -38,8 +38,8 @@ from mavhums.health.axis.thresholds import (
     SURE_CONFIDENCE,
     TRIM_SHIFT_DEVIATIONS,
 )
-from mavhums.report.assessment import Interval
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
+from mavhums.results.standing import Interval
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES, STEERING
@@ -61,11 +61,19 @@ class Alarm(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AxisInput:
-    """Input of the detectors: new rows, and the effectiveness of each axis in each second."""
+    """Input of the detectors: new rows, the effectiveness of each axis and the side force in each second."""
 
     rows: Rows
     seconds: Mapping[str, Sequence[Second]]
     trackers: Mapping[str, EffectivenessTracker]
+    sides: Mapping[int, Deviation]
+
+    def shift_deviations(self, axis: str, second: Second) -> float:
+        """Return the shift of an axis's trim, in deviations of the reference; NaN if it is not known."""
+        reference = self.trackers[axis].reference
+        if reference is None or second.shift is None:
+            return nan
+        return abs(second.shift) / max(reference.deviation, SHIFT_FLOOR_RAD_S)
 
 
 class AxisDetector(Protocol):
@@ -202,7 +210,7 @@ class PooledDetector:
         return [
             self._alarm(second, second.driven)
             for second in given.seconds[self._axis]
-            if second.driven is not None and self._is_certain(second.driven)
+            if second.driven is not None and second.steady and self._is_certain(second.driven)
         ]
 
     def _is_certain(self, kept: Interval) -> bool:
@@ -312,25 +320,18 @@ class HardOverDetector:
 
     def __init__(self, limits: AxisLimits, axis: str = "roll") -> None:
         self._limit, self._axis = limits.trim_deviations, axis
-        self._side = Residual(SideForce())
         self._persistent = Persistent(self._limit)
 
     def feed(self, given: AxisInput) -> list[Alarm]:
         """Return the seconds in which the trim has shifted for certain."""
         steers = self._axis == STEERING
-        sides = {} if steers else {left.end_s: left for left in self._side.feed(given.rows)}
-        reference = given.trackers[self._axis].reference
         alarms = []
         for second in given.seconds[self._axis]:
-            if reference is None or second.shift is None:
-                # What is not known ends a run of seconds.
-                self._persistent.feed(second.end_s, 0.0)
-                continue
-            deviations = abs(second.shift) / max(reference.deviation, SHIFT_FLOOR_RAD_S)
+            deviations = given.shift_deviations(self._axis, second)
             since_s = self._persistent.feed(second.end_s, deviations)
-            if since_s is None:
+            if since_s is None or second.shift is None:
                 continue
-            side = sides.get(second.end_s)
+            side = given.sides.get(second.end_s)
             skids = (
                 side is not None
                 and side.deviations > max(SKID_DEVIATIONS, deviations)

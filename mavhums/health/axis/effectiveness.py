@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 from mavhums.health.axis.filters import Lag
+from mavhums.health.axis.mixed import MixedSums
 from mavhums.health.axis.pooled import Exclusion, Pool, measured
 from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards, constants
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Shape, judgeable
@@ -31,6 +32,7 @@ from mavhums.health.axis.scores import Scores, Slowness, Sums
 from mavhums.health.axis.thresholds import (
     DETECTED_LOSS_PER_LIMIT,
     DRIVEN_SHARE,
+    EXCLUDING_SPEED_SHARE,
     EXTRA_LAGS_S,
     FORGET_S,
     FULL_S,
@@ -50,7 +52,7 @@ from mavhums.health.axis.thresholds import (
     TAIL_SHARE,
     WINDOW_SECONDS,
 )
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES
@@ -58,11 +60,13 @@ from mavhums.vehicle.surfaces import AXES
 _FORGET: Final = exp(-1.0 / FORGET_S)  # per second
 
 
-def new_tracker(axis: str, limits: AxisLimits | None = None) -> EffectivenessTracker:
-    """Return the tracker of the effectiveness of an axis."""
+def new_tracker(
+    axis: str, limits: AxisLimits | None = None, coupled: str | None = None
+) -> EffectivenessTracker:
+    """Return the tracker of the effectiveness of an axis; ``coupled`` is one that the same surfaces move."""
     least = 1.0 - (limits or AxisLimits()).effectiveness_degraded
     loss = round(DETECTED_LOSS_PER_LIMIT * least, 9)  # the profile's decimals, not those of the subtraction
-    return EffectivenessTracker(FORMS[axis], replace(STANDARDS[axis], loss=loss))
+    return EffectivenessTracker(FORMS[axis], replace(STANDARDS[axis], loss=loss), coupled)
 
 
 class EffectivenessTracker:
@@ -74,10 +78,12 @@ class EffectivenessTracker:
         The regression of the axis.
     standards
         Requirements on the reference.
+    coupled
+        Another axis that the same surfaces move; None if they are not mixed.
     """
 
-    def __init__(self, form: Form, standards: Standards) -> None:
-        self._form, self._standards = form, standards
+    def __init__(self, form: Form, standards: Standards, coupled: str | None = None) -> None:
+        self._form, self._standards, self._coupled = form, standards, coupled
         self._waiting: list[Rows] = []
         self._tried = 0
         self.reference: Reference | None = None
@@ -197,37 +203,57 @@ class EffectivenessTracker:
         self._slowness = Slowness()
         self._left: deque[tuple[Array, int]] = deque(maxlen=SHIFT_S)
         self._exclusion, self._driven = Exclusion(reference), Pool(reference, POOLED_S)
-        before = self._sums(rows)[0]
-        self.excluded_s = self._exclusion.begin(
-            (float(before.drive2[k]), float(before.cross[k]))
-            for k in np.flatnonzero(before.count >= LEAST_ROWS_PER_S).tolist()
-        )
+        self._mixed: MixedSums | None = None
+        if self._coupled is not None:
+            self._mixed = MixedSums(reference, self._form.axis, self._coupled, self._standards.memory_s)
+            self._mixed.feed(rows)
+        self._sums(rows)
+        slow = EXCLUDING_SPEED_SHARE
+        self._slow_chain = Chain(self._form, reference.basis, reference.shape, least_share=slow)
+        self._slow_scores = Scores(reference.others, self._standards.memory_s)
+        self.excluded_s = self._exclusion.begin(self._excluding(rows).values())
         self._waiting.clear()
 
     def _sums(self, rows: Rows) -> list[Sums]:
-        return [
-            scores.feed(chain.feed(rows)) for scores, chain in zip(self._scores, self._chains, strict=True)
-        ]
+        pairs = zip(self._scores, self._chains, strict=True)
+        return [scores.feed(chain.feed(rows)) for scores, chain in pairs]
+
+    def _excluding(self, rows: Rows) -> dict[int, tuple[float, float]]:
+        """Return, by place, the seconds that may exclude a loss: drive², and drive times response.
+
+        They may be slower than those that show one.
+        """
+        sums = self._slow_scores.feed(self._slow_chain.feed(rows))
+        return {
+            k: (float(sums.drive2[k]), float(sums.cross[k]))
+            for k in np.flatnonzero(sums.count >= LEAST_ROWS_PER_S).tolist()
+        }
 
     def _judge(self, rows: Rows) -> list[Second]:
         sums = self._sums(rows)
+        excluding = self._excluding(rows)
         stacked = np.array([[s.drive2, s.cross, s.answer2] for s in sums])
         assert self.reference is not None
         left = np.array([[s.raw, self.reference.gain * s.driven] for s in sums])
-        return [
-            self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), left[:, :, k])
+        seconds = [
+            replace(
+                self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), left[:, :, k]),
+                excluded=self._exclusion.feed(*excluding[k]) if k in excluding else 0,
+            )
             for k in range(rows.seconds)
         ]
+        if self._mixed is None:
+            return seconds
+        mixed = self._mixed.feed(rows)
+        return [replace(second, mixed=part) for second, part in zip(seconds, mixed, strict=True)]
 
     def _second(self, end_s: int, sums: Array, count: int, left: Array) -> Second:
         reference = self.reference
         assert reference is not None
         self._left.append((left, count))
-        excluded = 0
         if count >= LEAST_ROWS_PER_S:
             # Row 0 is without additional lag; the columns are drive², drive·response and response².
             drive2, cross = float(sums[0, 0]), float(sums[0, 1])
-            excluded = self._exclusion.feed(drive2, cross)
             score = cross - reference.gain * drive2
             self._window.append(sums)
             # The slow filter's tail fades with its memory, and the square of it twice as fast.
@@ -236,7 +262,7 @@ class EffectivenessTracker:
             # Evidence for the full gain always counts, evidence for a loss only where demand dominates gusts.
             informs = self._informs(reference)
             if informs:
-                self._driven.add(drive2, cross)
+                self._driven.add(drive2, cross, float(sums[0, 2]))
             if ratio < 0.0 or informs:
                 self._cusum = min(MOST_CUSUM, max(0.0, _FORGET * self._cusum + ratio))
                 self._recent.append(sums)
@@ -270,8 +296,8 @@ class EffectivenessTracker:
             left_over,
             left_error,
             len(self._recent),
-            excluded,
-            self._driven.whole(),
+            driven=self._driven.whole(),
+            steady=self._driven.steady(),
         )
 
     def _shifted(self) -> float | None:

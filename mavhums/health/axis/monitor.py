@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -12,7 +12,11 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.detectors import Alarm, AxisInput, detectors
 from mavhums.health.axis.effectiveness import new_tracker
+from mavhums.health.axis.mixed import MixedPair
+from mavhums.health.axis.origin import origins
 from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards
+from mavhums.health.axis.residuals import Residual, SideForce
+from mavhums.health.axis.skids import Skids
 from mavhums.health.axis.thresholds import (
     FROM_TAKE_OFF_S,
     FULL_S,
@@ -24,8 +28,9 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.health.estimation.random_effects import RunningVariance
-from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage, Evidence, Suspect
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES
@@ -77,6 +82,9 @@ class AxisFindings:
         Limits by which the axis was judged.
     from_take_off
         Whether the flight is known from its take-off on.
+    shares
+        Of two mixed surfaces that move the axis, the probability that it is the ``left``, the ``right`` or
+        ``both``; empty where nothing tells.
     """
 
     axis: str
@@ -96,6 +104,7 @@ class AxisFindings:
     needs: Standards
     limits: AxisLimits
     from_take_off: bool
+    shares: Mapping[str, float] = field(default_factory=dict)
 
 
 class AxisMonitor:
@@ -112,23 +121,37 @@ class AxisMonitor:
         Limits from which an axis is degraded, or an emergency.
     axes
         Roll, pitch and yaw, or the steering of a rover or a boat.
+    mixed
+        Of axes that two mixed surfaces move, the other one that these move, where it tells them apart.
     """
 
-    def __init__(self, vehicle: int, limits: AxisLimits | None = None, axes: Sequence[str] = AXES) -> None:
+    def __init__(
+        self,
+        vehicle: int,
+        limits: AxisLimits | None = None,
+        axes: Sequence[str] = AXES,
+        mixed: Mapping[str, str] | None = None,
+    ) -> None:
         self._vehicle = vehicle
         self.limits = limits or AxisLimits()
         self.axes = tuple(axes)
-        self._gains = {axis: new_tracker(axis, self.limits) for axis in axes}
+        coupled = mixed or {}
+        self._gains = {axis: new_tracker(axis, self.limits, coupled.get(axis)) for axis in axes}
+        self._pair, self._mixed = MixedPair(), {*coupled, *coupled.values()}
         self._detectors = detectors(self.limits, axes)
         self._axes = {axis: _AxisState() for axis in axes}
-        self._skidded_s = -(1 << 30)
+        self._side, self._skids = Residual(SideForce()), Skids()
+        self._skidded_s = self._astray_s = -(1 << 30)
         self._flew, self._waited_rows = False, 0
 
     def feed(self, rows: Rows) -> Iterator[ConditionChanged | Indication]:
         """Process rows; yield the effectiveness of each axis, then the changes of condition in time order."""
         self._look_back(rows)
         seconds = {axis: gain.feed(rows) for axis, gain in self._gains.items()}
-        seen = AxisInput(rows, seconds, self._gains)
+        # The side force of a rover or a boat tells nothing of its steering.
+        sides = {left.end_s: left for left in self._side.feed(rows)} if "yaw" in self.axes else {}
+        seen = AxisInput(rows, seconds, self._gains, sides)
+        skids = {one.end_s: one for one in self._skids.feed(seen)} if sides else {}
         yield from self._indications(seconds)
         shown: dict[int, list[Alarm]] = {}
         for detector in self._detectors:
@@ -137,6 +160,11 @@ class AxisMonitor:
         judged = {axis: {second.end_s: second for second in seconds[axis]} for axis in self.axes}
         for end_s in range(rows.second + 1, rows.second + rows.seconds + 1):
             now = shown.get(end_s, [])
+            if any(one.fault in ("hard_over", "tracking") for one in now):
+                self._astray_s = end_s
+            # A skid alone is no fault; one while the aircraft goes astray is a rudder's.
+            if end_s in skids and end_s - self._astray_s <= MASKED_S:
+                now = [*now, skids[end_s]]
             # A skid rolls and pitches the aircraft: what follows about the other axes is its consequence.
             if any(one.axis == "yaw" and one.fault == "hard_over" for one in now):
                 self._skidded_s = end_s
@@ -174,6 +202,9 @@ class AxisMonitor:
         before = state.condition
         if second is not None:
             self._count(state, second)
+            if second.mixed is not None:
+                self._pair.add(end_s, second.mixed)
+        others = [one for name, one in self._axes.items() if name != axis]
         if found:
             worst = max(found, key=lambda one: SEVERITY[one.condition])
             state.full = 0
@@ -182,6 +213,8 @@ class AxisMonitor:
             if fresh or SEVERITY[worst.condition] > SEVERITY[before]:
                 state.condition = worst.condition
                 state.since_s = worst.since_s if fresh else min(worst.since_s, state.since_s or worst.since_s)
+            if fresh and not any(SEVERITY[one.condition] > SEVERITY["normal"] for one in others):
+                self._pair.begin(worst.since_s)
             for one in found:
                 self._extend(state, one)
             self._measure(state, found, second, fresh=fresh)
@@ -324,7 +357,18 @@ class AxisMonitor:
             needs=STANDARDS[axis],
             limits=self.limits,
             from_take_off=self._waited_rows >= FROM_TAKE_OFF_S * RATE_HZ,
+            shares=self._pair.shares() if axis in self._mixed else {},
         )
+
+    def origins(self) -> dict[str, str]:
+        """Return of each axis whose finding that of another one explains, that other axis."""
+        found = {axis: self.findings(axis) for axis in self.axes}
+        faulty = {
+            axis: one.evidence
+            for axis, one in found.items()
+            if one.evidence and SEVERITY[one.worst] > SEVERITY["normal"]
+        }
+        return origins(faulty, self._mixed)
 
 
 def _percent(kept: Interval) -> str:

@@ -13,12 +13,14 @@ from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import (
     NORMAL_EFFECTIVENESS,
     POOLED_ERROR,
+    POOLED_LEAST_S,
+    POOLED_NOISE,
     POOLED_REFERENCE_S,
     POOLED_S,
     WINDOW_DEVIATION,
     WINDOW_SECONDS,
 )
-from mavhums.report.assessment import Interval
+from mavhums.results.standing import Interval
 
 __all__ = ["Exclusion", "Pool", "measured"]
 
@@ -66,19 +68,27 @@ class Pool:
 
     def __init__(self, reference: Reference, most_s: int) -> None:
         self._reference = reference
-        self._seconds: deque[tuple[float, float]] = deque(maxlen=most_s)
+        self._seconds: deque[tuple[float, float, float]] = deque(maxlen=most_s)
 
-    def add(self, drive2: float, cross: float) -> None:
-        """Add a second: sums of squares of the drive, and of its products with the response."""
-        self._seconds.append((drive2, cross))
+    def add(self, drive2: float, cross: float, answer2: float = 0.0) -> None:
+        """Add a second: sums of squares of drive and response, and of their products."""
+        self._seconds.append((drive2, cross, answer2))
 
     def clear(self) -> None:
         """Forget all seconds."""
         self._seconds.clear()
 
+    def steady(self) -> bool:
+        """Return whether the seconds are enough for an alarm, and some gain explains them, not gusts."""
+        drive2, cross, answer2 = np.sum(self._seconds, axis=0) if self._seconds else np.zeros(3)
+        if len(self._seconds) < POOLED_LEAST_S or drive2 <= 0.0:
+            return False
+        unexplained = (answer2 - cross**2 / drive2) / drive2
+        return bool(unexplained <= POOLED_NOISE * self._reference.gain**2)
+
     def fewest(self) -> tuple[int, Interval] | None:
         """Return how many of the last seconds tell the effectiveness well, and its interval over them."""
-        drive2, cross = np.array(self._seconds)[::-1].T if self._seconds else np.zeros((2, 0))
+        drive2, cross, _ = np.array(self._seconds)[::-1].T if self._seconds else np.zeros((3, 0))
         k, error = measured(drive2, cross, self._reference)
         # They are chosen by their error alone: chosen by its value, they would be the luckiest of many.
         well = np.flatnonzero(error[WINDOW_SECONDS - 1 :] <= POOLED_ERROR)
@@ -89,7 +99,7 @@ class Pool:
 
     def whole(self) -> Interval | None:
         """Return the effectiveness over all seconds with its 95 % interval; None if they do not tell it."""
-        drive2, cross = np.array(self._seconds)[::-1].T if self._seconds else np.zeros((2, 0))
+        drive2, cross, _ = np.array(self._seconds)[::-1].T if self._seconds else np.zeros((3, 0))
         k, error = measured(drive2, cross, self._reference)
         told = len(k) >= WINDOW_SECONDS and error[-1] <= POOLED_ERROR
         return _interval(k[-1], error[-1]) if told else None

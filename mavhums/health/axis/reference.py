@@ -22,7 +22,7 @@ from mavhums.health.axis.thresholds import (
     SLOW_PART_S,
     SLOWEST_STREAM_S,
 )
-from mavhums.report.assessment import Interval
+from mavhums.results.standing import Interval
 from mavhums.vehicle.grid import RATE_HZ
 
 
@@ -151,6 +151,10 @@ class Second:
     driven
         Effectiveness over the last seconds, at most 60, in which demand dominates gusts; None if they do not
         tell it.
+    steady
+        Whether these seconds are enough for an alarm, and some gain explains them, not gusts.
+    mixed
+        What tells mixed surfaces apart (:class:`~mavhums.health.axis.mixed.MixedSums`); None without them.
     """
 
     end_s: int
@@ -166,6 +170,8 @@ class Second:
     lost_s: int
     excluded: int = 0
     driven: Interval | None = None
+    steady: bool = True
+    mixed: Array | None = None
 
 
 class Constant(NamedTuple):

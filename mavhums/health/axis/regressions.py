@@ -91,13 +91,14 @@ class Basis(NamedTuple):
         return cls(float(np.median(rows.speed[rows.flying & (rows.sources == usual)])), usual)
 
 
-def judgeable(rows: Rows, basis: Basis, least_speed_share: float = LEAST_SPEED_SHARE) -> Flags:
+def judgeable(rows: Rows, basis: Basis, least_share: float = LEAST_SPEED_SHARE) -> Flags:
     """Return the mask of forward flight at a known, sufficient speed, neither inverted nor diving.
 
-    Rates and speeds from other sources than the reference's are no measure of what is left of it.
+    ``least_share`` is the sufficient share of the reference's speed. Rates and speeds from other sources than
+    the reference's are no measure of what is left of it.
     """
     # Near the stall ailerons lose most of their effect without a fault.
-    slow = rows.speed < least_speed_share * basis.speed
+    slow = rows.speed < least_share * basis.speed
     # The regressions are linear in the angles.
     tilted = (np.abs(rows.roll) > _ROLL_RAD) | (np.abs(rows.pitch) > _PITCH_RAD)
     gap = rows.spacing > LONGEST_SAMPLE_GAP_S
@@ -119,11 +120,20 @@ class Chain:
         Delay and lag of the answer.
     extra_tau_s
         An additional lag of the demand, as of a slow servo.
+    least_share
+        Share of the reference's speed from which rows are usable.
     """
 
-    def __init__(self, form: Form, basis: Basis, shape: Shape, extra_tau_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        form: Form,
+        basis: Basis,
+        shape: Shape,
+        extra_tau_s: float = 0.0,
+        least_share: float = LEAST_SPEED_SHARE,
+    ) -> None:
         self._form, self._basis, self._shape = form, basis, shape
-        self._extra = extra_tau_s
+        self._extra, self._least_share = extra_tau_s, least_share
         self._reset()
 
     def _reset(self) -> None:
@@ -161,7 +171,7 @@ class Chain:
             # The difference of two means is half a row later than either: so are the other columns taken.
             answer = (now[:, -1] - before[:, -1]) * RATE_HZ
             now = (now + before) / 2
-        usable = judgeable(rows, self._basis, form.least_speed_share)
+        usable = judgeable(rows, self._basis, min(self._least_share, form.least_speed_share))
         good = usable & np.isfinite(now[:, :-1]).all(axis=1) & np.isfinite(answer)
         return Columns(now[:, 0], now[:, 1:-1], answer, good)
 

@@ -1,6 +1,6 @@
 """Numbers that decide about an axis: what each trades, and what set it.
 
-Limits of a loss, a lag, a trim and a tracking error are the profile's (:class:`~mavhums.report.sections`).
+Limits of a loss, a lag, a trim and a tracking error are the profile's (:class:`~mavhums.results.sections`).
 Most others were chosen on the development flights of docs/evidence/axes.md: 24 real flights of the ALFA data
 set, 49 flights in software in the loop, and closed-loop flights with seeds below 9000; "development" below.
 """
@@ -59,6 +59,14 @@ POOLED_REFERENCE_S: Final = 20
 # windows.
 POOLED_ERROR: Final = 0.12
 
+# Seconds that a pooled loss needs, most of the minute: in 12 m/s of wind 17 to 30 showed 55 % of a healthy
+# axis, and losses that only the pool finds have 53. Development.
+POOLED_LEAST_S: Final = 45
+
+# Largest unexplained response of a pooled loss, relative to what the reference's gain makes of the drive: the
+# same axis had 0.25 over 38 s and more, losses that only the pool finds have 0.1. Development.
+POOLED_NOISE: Final = 0.2
+
 # Share of the effectiveness whose loss the CUSUM is tuned to, where no profile has limits: smaller losses
 # are within what manoeuvres change by themselves (docs/evidence/axes.md).
 LOSS_TO_DETECT: Final = 0.4
@@ -115,6 +123,21 @@ SKID_DEVIATIONS: Final = 6.0
 # hand.
 SKID_M_S2: Final = 1.0
 
+# Seconds in a row that a skid must last to be a rudder's, where the roll went astray first: a deflected
+# aileron makes one of 2 s at most. Development.
+SKID_S: Final = 4
+
+# Deviations of the side force from which such a skid counts. Development: with ailerons hard over 3.2 for
+# 2 s.
+SKIDDING_DEVIATIONS: Final = 3.5
+
+# Share of the roll's deviations that the side force's must reach: rudders 0.22 to 1.5, ailerons up to 0.28
+# for 4 s. Development.
+SKID_SHARE: Final = 0.3
+
+# The same where the roll regression does not hold. Development: an aileron hard over at 25° reaches 8.9.
+SKID_ALONE_DEVIATIONS: Final = 12.0
+
 # Seconds in a row that a trim or a pitch must be away: one alone may be a gust. Development.
 PERSISTENT_S: Final = 2
 
@@ -146,6 +169,18 @@ COARSE_TIMES: Final = 1.5
 # Confidence shown beside a tracking error or a hard-over, whose limit lies a quarter above all healthy
 # flights.
 SURE_CONFIDENCE: Final = 0.99
+
+# Seconds before an alarm in which its onset may lie, s: what tells mixed surfaces apart is kept as long. By
+# hand.
+MIXED_RECENT_S: Final = 180
+
+# Share of the evidence between two mixed surfaces that counts: neighbouring seconds are of one manoeuvre. By
+# hand.
+MIXED_WEIGHT: Final = 0.5
+
+# Probability from which one of two mixed surfaces is named alone. Development: of 35 elevons and V-tails that
+# reach it none is the wrong one.
+SINGLED_OUT: Final = 0.9
 
 # Seconds after a hard-over rudder in which findings about other axes are its consequence. Development.
 MASKED_S: Final = 20
@@ -235,6 +270,10 @@ SCORE_SCATTER: Final = {"roll": 0.002, "pitch": 0.004, "yaw": 0.004, "steering":
 # Share of the reference speed below which an aircraft may be stalling: there the gain of ailerons falls to
 # 0.2–0.5 in flights with failed engines. Development.
 LEAST_SPEED_SHARE: Final = 0.85
+
+# The same where a loss is only excluded: near the stall ailerons lose effect, which hides no loss. By hand:
+# the wind triangle's error stays a small share of the speed.
+EXCLUDING_SPEED_SHARE: Final = 0.7
 
 # Steeper banks are left out, °: the regressions are linear. By hand.
 MOST_BANK_DEG: Final = 60

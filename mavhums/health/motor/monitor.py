@@ -24,7 +24,8 @@ from mavhums.health.motor.thresholds import (
     WINDOWS_S,
 )
 from mavhums.health.motor.trims import Trims
-from mavhums.report.assessment import Indicator, Interval
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Indicator
 from mavhums.vehicle.facts import ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rotors import Rotors

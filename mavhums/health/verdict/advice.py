@@ -7,7 +7,7 @@ from typing import Final
 from mavhums.core.conditions import Condition
 from mavhums.health.actuator.detectors import to_inspect
 from mavhums.health.axis.detectors import to_inspect as axis_to_inspect
-from mavhums.report.assessment import Verdict
+from mavhums.results.verdict import Verdict
 from mavhums.vehicle.surfaces import STEERING
 
 _BY_CONDITION: Final[dict[Condition, str]] = {
@@ -49,6 +49,11 @@ def with_advice(verdict: Verdict) -> Verdict:
     faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
     look = axis_to_inspect if verdict.subject == "axis" else to_inspect
     parts = next((parts for fault in faults if (parts := look(fault))), "the actuator and its wiring")
+    if verdict.consequence_of:
+        advice = f"repair what {verdict.consequence_of} control shows, then fly and judge again"
+        return verdict.model_copy(update={"advice": advice})
+    if verdict.candidates and verdict.candidates[0].because:
+        parts = f"{verdict.candidates[0].surface} first, then {parts}"
     advice = _BY_CONDITION[verdict.gravest].format(parts=parts)
     if verdict.subject == "axis" and verdict.gravest == "emergency":
         advice = f"do not fly; inspect {parts}; repair and check the travel of each surface on the ground"

@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 from typing import Final
 
+from mavhums.actuator.profile import Airframe
 from mavhums.core.conditions import SEVERITY
 from mavhums.core.statistics import NORMAL_95
-from mavhums.health.axis.monitor import AxisFindings
+from mavhums.health.axis.monitor import AxisFindings, AxisMonitor
 from mavhums.health.axis.reference import Reference
-from mavhums.health.axis.thresholds import LAG_ERROR_S, PAST_FLIGHTS, REFERENCE_S, WINDOW_DEVIATION
+from mavhums.health.axis.thresholds import (
+    LAG_ERROR_S,
+    PAST_FLIGHTS,
+    REFERENCE_S,
+    SINGLED_OUT,
+    WINDOW_DEVIATION,
+)
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.actuator import rounded, rounded_suspects, since
 from mavhums.health.verdict.obstacles import why_undecided
-from mavhums.report.assessment import Indicator, Interval, Verdict
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Candidate, Indicator, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Grid
 from mavhums.vehicle.surfaces import STEERING, Surfaces
 
+_SUREST: Final = 0.99  # tens of simulated flights cannot support more
 _BEGINS_IN_FLIGHT: Final = (
     "the log begins in flight: control is as it was then, and the log does not show whether that was healthy",
     "record from before take-off, or compare with earlier flights (--history)",
@@ -39,6 +48,62 @@ def unjudged_axes(vehicle: int, reason: str, remedy: str, name: str = "axes") ->
         reason=reason,
         remedy=remedy,
     )
+
+
+def verdicts_of_axes(
+    vehicle: int,
+    monitor: AxisMonitor,
+    surfaces: Surfaces | None,
+    flight: Flight,
+    start_utc: datetime,
+    grid: Grid,
+) -> Iterator[Verdict]:
+    """Yield the verdicts on the axes of a vehicle that flew: one fault is one finding."""
+    origins = monitor.origins()
+    for axis in monitor.axes:
+        findings = monitor.findings(axis)
+        verdict = verdict_of_axis(vehicle, findings, surfaces, flight, start_utc, grid)
+        told = SEVERITY[verdict.worst] > SEVERITY["normal"] and surfaces is not None
+        if axis in origins:
+            verdict = verdict.model_copy(update={"consequence_of": origins[axis]})
+        elif told and surfaces is not None:
+            verdict = verdict.model_copy(update={"candidates": _candidates(findings, surfaces)})
+        yield verdict
+
+
+def _candidates(findings: AxisFindings, surfaces: Surfaces) -> tuple[Candidate, ...]:
+    """Return the surfaces that explain a finding; of two mixed ones the one that fits, if only one does."""
+    moved = surfaces.of_axis(findings.axis)
+    shares = {one.servo: findings.shares.get(one.side, 0.0) for one in moved}
+    told = max(shares.values(), default=0.0) >= SINGLED_OUT and len(moved) == len(findings.shares) - 1
+    found = [
+        Candidate(
+            surface=surfaces.what(one),
+            servo=one.servo,
+            probability=min(round(shares[one.servo], 2), _SUREST) if told else None,
+            because="the demand about one axis moves the aircraft about the other" if told else None,
+        )
+        for one in moved
+    ]
+    return tuple(sorted(found, key=lambda one: -(one.probability or 0.0)))
+
+
+def named_by_telemetry(
+    axes: Sequence[Verdict], actuators: Sequence[Verdict], airframe: Airframe | None
+) -> Iterator[Verdict]:
+    """Yield the verdicts on axes, first the candidate whose servo alone shows a fault by telemetry."""
+    servos = {one.name: one.servo for one in airframe.actuators} if airframe else {}
+    faulty = {servos.get(one.actuator) for one in actuators if SEVERITY[one.worst] > SEVERITY["normal"]}
+    for verdict in axes:
+        first = [one for one in verdict.candidates if one.servo in faulty]
+        if len(first) == 1:
+            said = {"probability": None, "because": "its servo's telemetry shows a fault"}
+            others = [one for one in verdict.candidates if one is not first[0]]
+            rest = [one.model_copy(update={"probability": None, "because": None}) for one in others]
+            candidates = (first[0].model_copy(update=said), *rest)
+            yield verdict.model_copy(update={"candidates": candidates})
+        else:
+            yield verdict
 
 
 def verdict_of_axis(

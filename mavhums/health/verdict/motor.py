@@ -13,7 +13,8 @@ from mavhums.health.motor.monitor import Loss, MotorFindings, condition_of
 from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.thresholds import JUDGED_S, MOST_BANK_DEG, MOST_EXCLUDED, STEP_EXCLUDED
 from mavhums.health.verdict.actuator import since
-from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect, Verdict
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage, Evidence, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.formats import remedy
 from mavhums.vehicle.grid import Received

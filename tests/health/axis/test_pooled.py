@@ -13,8 +13,9 @@ from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.pooled import Exclusion, measured
 from mavhums.health.axis.reference import Reference, Second
 from mavhums.health.axis.regressions import Basis, Shape
-from mavhums.report.assessment import Coverage, Interval
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage
 from tests.health.axis.flights import Array, changes_of, excited, rolling, rows, steady
 
 GAIN = 2.0
@@ -90,7 +91,9 @@ def test_a_loss_over_a_minute_must_be_certain(half: float, told: bool) -> None:
     """99 % lie below 62 % + 2.58 / 1.96 · half: 0.778 and 0.83, where 0.8 is the limit."""
     kept = Interval(estimate=0.62, low=0.62 - half, high=0.62 + half)
     second = Second(90, 0.6, 0.1, 0.0, 90, None, False, None, None, 0.0, 0, 0, kept)
-    alarms = PooledDetector(AxisLimits(), "pitch").feed(AxisInput(rows(steady(1)), {"pitch": [second]}, {}))
+    alarms = PooledDetector(AxisLimits(), "pitch").feed(
+        AxisInput(rows(steady(1)), {"pitch": [second]}, {}, {})
+    )
     assert [(one.condition, one.fault, one.value) for one in alarms] == (
         [("degraded", "effectiveness", 0.62)] if told else []
     )

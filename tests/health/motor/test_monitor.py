@@ -14,7 +14,7 @@ from mavhums.engine.motors import VehicleMotors
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.health.motor.speeds import EscSpeeds, SpeedsBesideThrust
-from mavhums.report.assessment import Verdict
+from mavhums.results.verdict import Verdict
 from mavhums.show.digest import digest, headline
 from mavhums.vehicle.facts import OUTPUTS, Signal
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds

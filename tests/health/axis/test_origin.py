@@ -1,0 +1,87 @@
+"""One fault, one finding: which axis explains the others, and which of two mixed surfaces failed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from mavhums.health.axis.monitor import AxisMonitor
+from mavhums.vehicle.flight import Rows
+from tests.health.axis.flights import changes_of, excited, rolling, rows, steady
+from tests.health.axis.test_detectors import controlled
+
+ELEVONS = {"roll": "pitch", "pitch": "roll"}
+
+
+def mixed(side: str, left: float) -> Rows:
+    """Elevons of which one keeps a share of its effect from 100 s on; only the roll has a reference."""
+    flight = steady(160)
+    roll, pitch = excited(160), excited(160, seed=9, size=0.1)
+    flight["outputs"][:, 0], flight["outputs"][:, 1] = roll, pitch
+    lost = (1 - left) * (np.arange(roll.size) >= 2000)
+    taken = {"left": (roll + pitch) / 2, "right": (roll - pitch) / 2, "both": roll}[side]
+    rate = 2.2 * (roll - lost * taken)
+    noise = 0.03 * np.random.default_rng(3).normal(size=roll.size)
+    flight["roll_rate"] = np.concatenate([np.zeros(4), rate[:-4]]) + noise
+    return rows(flight)
+
+
+@pytest.mark.parametrize(("side", "left"), [("left", 0.0), ("right", 0.0), ("left", 0.2), ("both", 0.5)])
+def test_the_coupling_tells_mixed_surfaces_apart(side: str, left: float) -> None:
+    monitor, flight = AxisMonitor(1, mixed=ELEVONS), mixed(side, left)
+    assert [c.after for c in changes_of(monitor, flight)][-1] in ("degraded", "emergency")
+    shares = monitor.findings("roll").shares
+    assert shares[side] > 0.95
+    assert sum(shares.values()) == pytest.approx(1.0)
+    pieces = AxisMonitor(1, mixed=ELEVONS)
+    for second in range(flight.seconds):
+        changes_of(pieces, flight.cut(second, second + 1))
+    assert pieces.findings("roll").shares == pytest.approx(shares)
+
+
+def test_without_mixed_surfaces_or_without_a_fault_nothing_tells() -> None:
+    monitor = AxisMonitor(1)
+    changes_of(monitor, mixed("left", 0.0))
+    assert monitor.findings("roll").shares == {}
+    healthy = AxisMonitor(1, mixed=ELEVONS)
+    changes_of(healthy, rolling(160, lambda t: 2.2 + 0 * t))
+    assert healthy.findings("roll").shares == {}
+
+
+def skidding(shift: float, skid: Mapping[int, float]) -> AxisMonitor:
+    """A roll that goes astray at 100 s, with a side force, m/s², from some seconds on."""
+    flight = controlled(160)
+    flight["roll_rate"][100 * 20 :] += shift
+    for second, force in skid.items():
+        flight["side_force"][second * 20 :] = force
+    monitor = AxisMonitor(1)
+    changes_of(monitor, rows(flight))
+    return monitor
+
+
+def test_a_rudder_rolls_the_aircraft_before_it_skids() -> None:
+    monitor = skidding(0.6, {102: 1.6})
+    yaw = monitor.findings("yaw")
+    assert yaw.worst == "emergency"
+    assert "1.6 m/s² to the right" in yaw.evidence[0].rule
+    assert monitor.origins() == {"roll": "yaw"}
+
+
+@pytest.mark.parametrize(
+    ("shift", "skid"), [(0.6, {102: 1.6, 105: 0.0}), (0.6, {102: 0.7}), (0.0, {102: 1.6})]
+)
+def test_a_short_a_small_or_a_lone_skid_is_no_rudders(shift: float, skid: Mapping[int, float]) -> None:
+    monitor = skidding(shift, skid)
+    assert monitor.findings("yaw").worst == "undecided"
+    assert monitor.origins() == {}
+
+
+def test_a_deflected_aileron_explains_the_pitch_but_losses_do_not_explain_each_other() -> None:
+    flight = controlled(160)
+    flight["roll_rate"][100 * 20 :] += 0.6
+    flight["pitch"][110 * 20 :] -= 0.6
+    monitor = AxisMonitor(1)
+    changes_of(monitor, rows(flight))
+    assert monitor.origins() == {"pitch": "roll"}
