@@ -13,7 +13,6 @@ from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import (
     NORMAL_EFFECTIVENESS,
     POOLED_ERROR,
-    POOLED_LEAST_S,
     POOLED_NOISE,
     POOLED_REFERENCE_S,
     POOLED_S,
@@ -79,9 +78,9 @@ class Pool:
         self._seconds.clear()
 
     def steady(self) -> bool:
-        """Return whether the seconds are enough for an alarm, and some gain explains them, not gusts."""
+        """Return whether some gain explains the seconds, and not gusts: these lower a healthy axis's gain."""
         drive2, cross, answer2 = np.sum(self._seconds, axis=0) if self._seconds else np.zeros(3)
-        if len(self._seconds) < POOLED_LEAST_S or drive2 <= 0.0:
+        if drive2 <= 0.0:
             return False
         unexplained = (answer2 - cross**2 / drive2) / drive2
         return bool(unexplained <= POOLED_NOISE * self._reference.gain**2)
