@@ -12,7 +12,9 @@ from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import (
     NORMAL_EFFECTIVENESS,
+    POOLED_CALM,
     POOLED_ERROR,
+    POOLED_LEAST_S,
     POOLED_NOISE,
     POOLED_REFERENCE_S,
     POOLED_S,
@@ -83,7 +85,8 @@ class Pool:
         if drive2 <= 0.0:
             return False
         unexplained = (answer2 - cross**2 / drive2) / drive2
-        return bool(unexplained <= POOLED_NOISE * self._reference.gain**2)
+        most = POOLED_NOISE if len(self._seconds) >= POOLED_LEAST_S else POOLED_CALM
+        return bool(unexplained <= most * self._reference.gain**2)
 
     def fewest(self) -> tuple[int, Interval] | None:
         """Return how many of the last seconds tell the effectiveness well, and its interval over them."""
