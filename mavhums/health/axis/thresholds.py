@@ -60,9 +60,9 @@ POOLED_REFERENCE_S: Final = 20
 POOLED_ERROR: Final = 0.12
 
 # Largest unexplained response of a pooled loss, relative to what the reference's gain makes of the drive:
-# over most of a minute, and over fewer seconds (calm). Gusts lower the gain of a healthy axis: in 12 m/s of wind
-# one kept 55 %, with 0.13 and more over 13 s and 0.25 over 38 s; losses that the pool finds first have 0.02 over
-# 12 s and 0.10 over 53 s. Development.
+# over most of a minute, and over fewer seconds (calm). Gusts lower the gain of a healthy axis: in 12 m/s
+# of wind one kept 55 %, with 0.13 and more over 13 s and 0.25 over 38 s; losses that the pool finds first
+# have 0.02 over 12 s and 0.10 over 53 s. Development.
 POOLED_LEAST_S: Final = 45
 POOLED_NOISE: Final = 0.2
 POOLED_CALM: Final = 0.05
