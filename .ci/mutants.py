@@ -45,7 +45,7 @@ SPARED = {
     "dataclass",
 }  # decorators whose absence changes no result
 BITS = {"BitOr", "BitAnd", "BitXor", "RShift", "LShift"}
-NEAR_S, MOST_S, MOST = 10.0, 20.0, 120  # of tests of the same room, of all; tests for one mutant
+NEAR_S, MOST_S, MOST = 20.0, 30.0, 200  # of tests of the same room, of all; tests for one mutant
 MOST_WALL_S = 600.0
 # Every Python that a test starts reads the changed text, too; the file stays, and with it numba's cache.
 HOOK = """
@@ -176,12 +176,14 @@ def covering(path: str, line: int, depth: int = 0) -> frozenset[str]:
 
 
 def chosen(path: str, line: int) -> list[str]:
-    """Return the tests for a mutant: those of its room first, the quickest first, until the time is up."""
+    """Return the tests for a mutant: of whole logs, then of its room, the quickest first, within the time."""
 
     def near(test: str) -> int:
         parts = [FOLDERS.get(part, part) for part in Path(test.partition("::")[0]).parts]
         alike = [a == b for a, b in zip(parts[1:-1], Path(path).parts[1:-1], strict=False)]
-        return sum(alike) + (Path(path).stem in parts[-1]) + (len(parts) == 2)
+        return (
+            sum(alike) + (Path(path).stem in parts[-1]) + 9 * (len(parts) == 2)
+        )  # the figures of whole logs
 
     seconds, taken, total = durations(), [], 0.0
     tests = sorted(covering(path, line) & seconds.keys(), key=lambda test: (-near(test), seconds[test], test))

@@ -15,7 +15,7 @@ from mavhums import Engine, load_airframe
 from mavhums.engine.events import ConditionChanged, Event, Indication
 from mavhums.engine.options import EngineOptions
 from mavhums.log import read_blocks, read_log
-from mavhums.report.assessment import Verdict
+from mavhums.results.verdict import Verdict
 
 __all__ = ["CONFOUNDERS", "Fault", "Flight", "Outcome", "judge", "judge_bytes", "read_labels", "summary"]
 

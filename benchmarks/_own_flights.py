@@ -19,7 +19,7 @@ from mavhums.health.estimation.flight_sums import collector
 from mavhums.health.estimation.grams import packed, unpacked
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 from mavhums_sim import FlightRecord, fly
 from mavhums_sim.flight import ActuatorRecord
 from mavhums_sim.motion import simulate

@@ -26,7 +26,7 @@ from mavhums import Options
 from mavhums.app.analysis import analyse_alone
 from mavhums.flights.compare import StandaloneAssessment, compared
 from mavhums.flights.history import FlightHistory, PastFlight
-from mavhums.report.assessment import Verdict
+from mavhums.results.verdict import Verdict
 from mavhums_sim.closed_loop import Air, ClosedLoop, SurfaceFault, fly_closed_loop
 from mavhums_sim.closed_loop.encode import encode
 from mavhums_sim.closed_loop.reports import Streams, report

@@ -1,11 +1,16 @@
 """A simulated year of a fleet, asked every morning: ``python benchmarks/fleet_year.py [--read DAY ...]``.
 
-Aircraft fly about four days a week, with four actuators each. Their friction scatters by 3, 5 or 10 % from
-flight to flight; some grow, slowly or fast, from the first flight or from a later one; some are repaired or
-swapped at the emergency limit, recorded or not; some fall silent. Each flight alone is judged as `analyse`
-judges one: degraded from 0.375 and an emergency from 0.875 N·m, by an interval that false alarms widen. Every
-morning the store is asked what changed. Counts what was found and when, the flights left against the truth,
-growth that is none, and flights above the limit that were called normal; `--read` prints those mornings.
+Aircraft fly about four days a week, with four actuators each; each is away for 40 days once, and the last
+one falls silent. The friction of an aircraft's actuators scatters by 3, 5 or 10 % from flight to flight. A
+quarter of them grows, slowly or fast, from the first flight or from a later one, and is repaired above
+0.5 N·m, recorded or not; then the same wear begins again. One in twenty is swapped for another sound one, and
+nobody records it. Each flight alone is judged as `analyse` judges one: degraded from 0.375 and an emergency
+from 0.875 N·m, by an interval that false alarms widen. No log is flown or read: the verdicts on single
+flights are drawn; the trend, the states, the store of standings and the digest of each morning are the
+program's own.
+
+Counts what was found and when, the flights left against the truth, growth that is none, and flights above the
+limit that were called normal; `--read` prints mornings. Seeds below 100 were used for development.
 """
 
 from __future__ import annotations
@@ -16,6 +21,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -29,14 +35,16 @@ from mavhums.flights.stores.delta import FORMAT, Row, Store
 from mavhums.flights.stores.delta_tables import LOGS, STANDINGS
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.losses import Losses
-from mavhums.report.assessment import Assessment, Indicator, Interval, LogSummary, Verdict
-from mavhums.report.standing import Standing
+from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.standing import Interval, Standing
+from mavhums.results.verdict import Indicator, Verdict
 from mavhums.show.changes import digest_lines
 
 ACTUATORS = ("aileron_left", "aileron_right", "elevator", "rudder")
 DEGRADED, EMERGENCY = 0.375, 0.875
 BEGIN = datetime(2026, 1, 5, 6, tzinfo=UTC)
 SEED = 36_000
+AWAY_DAYS = 40
 ALONE = 3.0  # standard errors by which one flight alone must leave the limit
 
 
@@ -50,11 +58,18 @@ class Part:
     begin: int = 0
     flown: int = 0
     recorded: bool = True
-    told: bool = False
+    told: float | None = None  # true flights left to degraded when growth or a finding was first told
+    since: str = ""  # when it was repaired; what is told of the time before does not count
+    swap: int = 0  # flight after which it is swapped for another sound one; 0 for never
 
     @property
     def truth(self) -> float:
         return self.level + self.growth * max(self.flown - self.begin, 0)
+
+    def knows(self, one: Standing) -> bool:
+        """Return whether a standing tells growth or a fault of this part, not of the one before."""
+        grows = one.growth is not None and one.growth.since_utc >= self.since
+        return grows or (SEVERITY[one.condition] > 0 and (one.since_utc or "") >= self.since)
 
     def left(self, limit: float) -> float:
         """Return the true number of flights to a limit; infinite without growth."""
@@ -68,6 +83,8 @@ def drawn(rng: np.random.Generator, scatter: float) -> Part:
     if rng.random() < 0.25:
         part.growth = float(rng.choice([0.0012, 0.0025, 0.005, 0.01]))
         part.begin = int(rng.choice([0, 0, 40, 90]))
+    elif rng.random() < 1 / 20:
+        part.swap = int(rng.integers(20, 180))
     return part
 
 
@@ -115,9 +132,11 @@ def days(
 ) -> Iterator[tuple[int, list[str]]]:
     """Yield each day with the aircraft that fly; one falls silent in the last third of the year."""
     names = [*fleet]
+    away = {name: int(rng.integers(0, max(count - AWAY_DAYS, 1))) for name in names}
     for day in range(count):
         flying = [name for name in names if rng.random() < 4 / 7]
-        yield day, [name for name in flying if not (name == names[-1] and day > count * 2 / 3)]
+        there = [name for name in flying if not away[name] <= day < away[name] + AWAY_DAYS]
+        yield day, [name for name in there if not (name == names[-1] and day > count * 2 / 3)]
 
 
 class Year:
@@ -129,10 +148,10 @@ class Year:
         self.flown: dict[str, list[PastFlight]] = {name: [] for name in fleet}
         self.repaired: dict[str, dict[str | None, datetime]] = {name: {} for name in fleet}
         self.counts = Counter[str]()
-        self.early: list[bool] = []
+        self.early: dict[float, list[tuple[int, bool]]] = {}  # flights since it grows, and whether told
         self.inside: list[bool] = []
-        self.found: list[float] = []
-        self.false: set[int] = set()
+        self.crossed: list[tuple[float, int, float, float | None]] = []
+        self.false: dict[int, tuple[int, int]] = {}
         self.never: set[int] = set()
 
     def fly(self, day: int, flying: list[str]) -> None:
@@ -159,6 +178,9 @@ class Year:
         """Fly one actuator; what is worn out is repaired before, recorded or not."""
         part = self.fleet[aircraft][name]
         part.flown += 1
+        if part.swap and part.flown == part.swap:
+            self.counts["swaps"] += 1
+            part.level = float(self.rng.uniform(0.20, 0.25))
         if part.truth > EMERGENCY or (part.truth > 0.5 and self.rng.random() < 0.1):
             self.counts["repairs"] += 1
             self.counts["unrecorded"] += not part.recorded
@@ -166,7 +188,7 @@ class Year:
                 self.repaired[aircraft][name] = start - timedelta(hours=1)
             part.level, part.begin = float(self.rng.uniform(0.20, 0.25)), 0
             part.flown, part.recorded = 1, bool(self.rng.random() < 0.5)
-            part.told = False
+            part.told, part.since = None, start.isoformat()
         return judged(part, name, self.rng)
 
     def count(self, aircraft: str, found: tuple[Standing, ...]) -> None:
@@ -175,15 +197,17 @@ class Year:
             truth = part.left(DEGRADED)
             if not part.growth:
                 self.never.add(id(part))
-                if one.growth:
-                    self.false.add(id(part))
+                if one.growth and id(part) not in self.false:
+                    self.false[id(part)] = (one.flights, part.swap if part.flown >= part.swap else 0)
+            elif part.knows(one) and part.told is None and truth < float("inf"):
+                part.told = truth
             if 0 < truth <= 10:
-                self.early.append(one.is_finding)
+                since = part.flown - part.begin
+                self.early.setdefault(part.growth, []).append((since, part.knows(one)))
             if left and 0 < truth < float("inf"):
                 self.inside.append(left.low <= truth <= (left.high or float("inf")))
-                if not part.told:
-                    self.found.append(truth)
-                part.told = True
+            if -1 < truth <= 0:  # the flight on which it crosses the limit
+                self.crossed.append((part.growth, part.begin, part.scatter, part.told))
             if part.truth > DEGRADED:
                 self.counts["flights above"] += 1
                 self.counts["above, alone normal"] += SEVERITY[one.last] <= 0
@@ -195,10 +219,25 @@ class Year:
     def report(self, lines: list[int]) -> None:
         flights = sum(map(len, self.flown.values()))
         print(f"{flights} flights of {len(self.fleet)} aircraft; {dict(self.counts)}")
-        print(f"looks at most 10 flights before the limit: {len(self.early)}, told {mean(self.early)}")
-        print(f"flights left when growth was first told: median {np.median(self.found or [0]):.0f}")
+        for growth, several in sorted({0.0: [*chain(*self.early.values())], **self.early}.items()):
+            whose = f"growth of {growth} a flight" if growth else "all growth"
+            slow = [told for since, told in several if since >= 20]
+            print(
+                f"looks at most 10 flights before the limit, {whose}: {len(several)}, told"
+                f" {mean([told for _, told in several])}; it has grown for 20 flights or more: {len(slow)},"
+                f" told {mean(slow)}"
+            )
+        told = [left or 0.0 for *_, left in self.crossed]
+        at_least = ", ".join(f"{k} {mean([left >= k for left in told])}" for k in (1, 5, 10, 20))
+        print(f"crossings of the limit: {len(told)}; told so many flights before: {at_least}")
+        print(f"  flights before, median {np.median(told or [0]):.0f}")
+        for growth, begin, scatter, left in sorted(self.crossed, key=lambda one: one[:3]):
+            before = "not before" if left is None else f"{max(left, 0):.0f} flights before"
+            print(f"  {growth} a flight from flight {begin}, scatter {scatter:.0%}: {before}")
         print(f"flights left to degraded, truth inside: {mean(self.inside)} of {len(self.inside)} looks")
         print(f"actuators without growth: {len(self.never)}, growth told of {len(self.false)}")
+        for flights, swap in self.false.values():
+            print(f"  after {flights} flights" + (f", swapped at flight {swap}" if swap else ""))
         one = mean([count == 1 for count in lines])
         print(f"mornings: {len(lines)}, with one line {one}, longest {max(lines)} lines")
 

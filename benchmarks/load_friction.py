@@ -24,7 +24,7 @@ from _fleet import MODES
 import mavhums
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
-from mavhums.report.assessment import Verdict
+from mavhums.results.verdict import Verdict
 from mavhums.study.real import rate
 from mavhums_sim import EmaParameters, Flight, FlightRecord, fly, write_tlog
 from mavhums_sim.campaign import PAPER_FRICTION_NM

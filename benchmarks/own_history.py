@@ -28,7 +28,7 @@ from mavhums.health.estimation.wear import Law, learned, shows, wear
 from mavhums.health.self_baseline.comparison import Comparison, compare
 from mavhums.health.self_baseline.motor import constant_lost
 from mavhums.health.self_baseline.past import PastRecord
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 from mavhums_sim import FlightRecord
 
 BASELINES = (5, 10, 20)

@@ -24,8 +24,10 @@ from mavhums_sim import Flight, fly, write_tlog
 from tests.serve.browser import BROWSER, Browser, Served, served
 
 HEADLINE = "document.querySelector('.headline')?.innerText"
-INSIDE = "document.querySelector('iframe.answer')?.contentDocument?"
+CHARTS = "document.querySelectorAll('.curves .chart svg')"
+REPORT = "document.querySelector('.shown .downloads a').href.replace('?save=1', '')"
 DROPS = 7
+TWENTY = 20
 
 
 def simulated(folder: Path) -> Path:
@@ -67,7 +69,7 @@ def dropped(browser: Browser, page: Served, log: Path) -> tuple[float, float]:
     browser.drop([log])
     browser.wait(HEADLINE)
     verdict = time.monotonic() - begin
-    browser.wait(f"{INSIDE}.querySelector('footer')")
+    browser.wait(f"{CHARTS}.length && {CHARTS}[0].querySelector('text')")
     return verdict, time.monotonic() - begin
 
 
@@ -79,8 +81,23 @@ def pictures(browser: Browser, page: Served, log: Path, folder: Path) -> None:
         time.sleep(0.5)
         (folder / f"{log.stem}-{name}.png").write_bytes(browser.whole(height))
     browser.size(1000)
-    browser.open(browser.js("document.querySelector('iframe.answer').src"))
+    browser.open(browser.js(REPORT))
     (folder / f"{log.stem}.pdf").write_bytes(browser.paper())
+
+
+def many(browser: Browser, page: Served, folder: Path) -> float:
+    """Drop twenty logs of 0.8 MB at once; return the seconds until all are judged."""
+    logs = [folder / f"{number:02}.tlog" for number in range(TWENTY)]
+    for number, log in enumerate(logs):
+        write_tlog(fly(Flight(seed=number, duration_s=20.0)), log)
+    browser.call("Network.clearBrowserCookies")
+    browser.open(page.url)
+    browser.wait("document.querySelector('#logs')")
+    time.sleep(1.0)
+    begin = time.monotonic()
+    browser.choose(logs)
+    browser.wait(f"document.querySelectorAll('.headline').length == {TWENTY}")
+    return time.monotonic() - begin
 
 
 def fleet_pictures(browser: Browser, store: Path, folder: Path) -> None:
@@ -92,7 +109,8 @@ def fleet_pictures(browser: Browser, store: Path, folder: Path) -> None:
             browser.wait("document.querySelector('tbody')")
             (folder / f"fleet-{name}.png").write_bytes(browser.whole(1000))
             browser.js("document.querySelectorAll('tbody a')[1].click()")
-            browser.wait("document.querySelector('path.line')")
+            browser.wait(f"{CHARTS}.length")
+            time.sleep(1.0)
             (folder / f"aircraft-{name}.png").write_bytes(browser.whole(1500))
 
 
@@ -127,6 +145,8 @@ def main(logs: tuple[Path, ...], folder: Path | None, store: Path | None) -> Non
                     f"{size:.1f} MB, drop to verdict: median {statistics.median(verdicts):.2f} s ({spread}),"
                 )
                 print(f"drop to plots: median {statistics.median(plots):.2f} s, of {DROPS}")
+                all_s = many(browser, page, Path(temporary))
+                print(f"{TWENTY} logs of 0.8 MB: {all_s:.1f} s until all are judged")
                 own, workers = memory(page)
                 print(
                     f"memory, after {DROPS} logs: page {own:.0f} MB, judging processes {max(workers):.0f} MB"

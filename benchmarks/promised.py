@@ -23,7 +23,7 @@ from mavhums.health.estimation.grams import packed
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.estimation.wear import wear
 from mavhums.health.self_baseline.comparison import _Healthy
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 
 PARTS, SAMPLES, SECONDS, JUDGED = 16, 400.0, 180.0, 4
 

@@ -39,7 +39,7 @@ from mavhums.app.identify import identify
 from mavhums.core.errors import MavhumsError
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
-from mavhums.report.assessment import Indicator, Verdict
+from mavhums.results.verdict import Indicator, Verdict
 from mavhums.study.real import rate
 from mavhums.study.rig import HEALTHY, read_rig
 

@@ -24,7 +24,9 @@ from examples.picture import alike
 from mavhums.actuator import load_airframe
 from mavhums.engine.events import AirframeNamed, Attitude, ConditionChanged, Event, Position, Samples, Window
 from mavhums.log.base.losses import Losses
-from mavhums.report.assessment import Assessment, Interval, LogSummary, Verdict
+from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Verdict
 
 PORT = 9877
 CASES = {  # seconds, actuators, hertz; goals: seconds to write, megabytes, seconds to open and draw

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from mavhums.actuator.profile import Airframe
-from mavhums.report import assessment, live
-from mavhums.report.changes import FleetDigest
-from mavhums.report.inspection import Inspection
-from mavhums.report.trend import TrendReport
+from mavhums.results import assessment, live
+from mavhums.results.changes import FleetDigest
+from mavhums.results.inspection import Inspection
+from mavhums.results.trend import TrendReport
 
 DOCS = Path(__file__).parent
 DESCRIPTIONS = DOCS / "reference" / "fields.toml"

@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from mavhums.log import read_log
     from mavhums.log.mavlink.dialect import DialectError
     from mavhums.log.mavlink.signing import KeyFileError
-    from mavhums.report.assessment import Assessment, Verdict
+    from mavhums.results.assessment import Assessment
+    from mavhums.results.verdict import Verdict
 
 __all__ = [
     "AddressError",
@@ -76,7 +77,7 @@ __getattr__, __dir__ = lazy_exports(
         "AircraftTableError": "flights.aircraft_table",
         "ArchiveError": "core.packed",
         "UnnamedAircraftError": "flights.aircraft",
-        "Assessment": "report.assessment",
+        "Assessment": "results.assessment",
         "DialectError": "log.mavlink.dialect",
         "Engine": "engine.engine",
         "EngineOptions": "engine.options",
@@ -90,7 +91,7 @@ __getattr__, __dir__ = lazy_exports(
         "ProfileError": "actuator.profile",
         "UndatedError": "flights.history",
         "UnreadableLogError": "core.errors",
-        "Verdict": "report.assessment",
+        "Verdict": "results.verdict",
         "actuators": "actuator",
         "analyse": "app.analysis",
         "analyse_many": "app.many",

@@ -12,8 +12,10 @@ import numpy as np
 from mavhums.core.conditions import Condition
 from mavhums.flights.stores.folder import keep_assessment
 from mavhums.log.base.losses import Losses
-from mavhums.report.assessment import Assessment, Indicator, Interval, LogSummary, Suspect, Verdict
-from mavhums.report.sections import FlightIdentity
+from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.sections import FlightIdentity
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Indicator, Suspect, Verdict
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
 

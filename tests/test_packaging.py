@@ -47,7 +47,7 @@ def test_the_wheel_holds_both_packages_and_their_data(built: Path) -> None:
         names = set(archive.namelist())
     for name in (
         "mavhums/py.typed",
-        "mavhums/report/schema/assessment-2.json",
+        "mavhums/results/schema/assessment-2.json",
         "mavhums/actuator/airframes/paper.toml",
         "mavhums/learn/models/paper-instrumented.safetensors",
         "mavhums_sim/py.typed",

@@ -15,7 +15,7 @@ from mavhums.actuator.profile_checks import Place, explain_syntax, explain_value
 from mavhums.core.errors import MavhumsError
 from mavhums.core.models import Contract, Frozen
 from mavhums.core.quantities import KEYS
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
 
 __all__ = [
     "Actuator",

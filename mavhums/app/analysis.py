@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +26,7 @@ from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 
 if TYPE_CHECKING:
     from mavhums.flights.aircraft_table import Since
-    from mavhums.report.assessment import Assessment
+    from mavhums.results.assessment import Assessment
 
 __all__ = [
     "Failed",
@@ -109,12 +110,15 @@ class Outputs:
         Path of the Rerun recording; None for none.
     report
         Path of the HTML report; None for none. With it, no recording is written.
+    shown
+        Path of the parts of a page that draws the report's curves itself, as JSON; only with a report.
     position
         Whether the recording contains the aircraft's position.
     """
 
     recording: Place | None = None
     report: Place | None = None
+    shown: Place | None = None
     position: bool = True
 
 
@@ -131,7 +135,7 @@ def judge(
     outputs = outputs or Outputs()
     try:
         if outputs.report is not None:
-            return Judged(log, write_report(log, outputs.report, settings, progress=progress))
+            return Judged(log, write_report(log, outputs.report, settings, outputs.shown, progress=progress))
         if outputs.recording is not None:
             recording, position = outputs.recording, outputs.position
             return Judged(
@@ -237,6 +241,7 @@ def write_report(
     path: Place,
     output: Place,
     options: Options | Settings | None = None,
+    shown: Place | None = None,
     *,
     progress: Progress = None,
 ) -> Assessment:
@@ -250,24 +255,22 @@ def write_report(
         The page; it is written whole or not at all, and replaces an older one.
     options
         Profile, model, history and the like; the defaults if None.
+    shown
+        Path of the same in parts, for a page that draws the curves itself; None for none.
     progress
         Called with the number of bytes read after each block.
 
     Raises
     ------
-    UnreadableLogError
-        If the log is missing or its format is unknown.
-    ProfileError, ModelError, DialectError, KeyFileError
-        If the profile, the model, the XML or the key cannot be used.
     MavhumsError
-        If the page cannot be written, or would replace the log.
+        As :func:`analyse`; or if the page cannot be written, or would replace the log.
 
     Examples
     --------
     >>> write_report("flight.tlog", "report.html").exit_code.name
     'EMERGENCY'
     """
-    from mavhums.show.html import page
+    from mavhums.show.html import page, parts
     from mavhums.show.html_curves import Gathered
 
     log, target = Path(path), Path(output)
@@ -279,6 +282,8 @@ def write_report(
         settings = Settings.read(options).with_vehicle_states()
         assessment = analyse(path, settings, consume=gathered.consume, progress=progress)
         temporary.write_text(page(assessment, gathered), encoding="utf-8", errors="replace")
+        if shown is not None:
+            Path(shown).write_text(json.dumps(parts(assessment, gathered)), encoding="utf-8")
     return assessment
 
 
@@ -289,10 +294,8 @@ def analyse_alone(path: Place, options: EngineOptions, *, progress: Progress = N
 
     Examples
     --------
-    >>> from mavhums.flights.compare import compared
-    >>> flight = analyse_alone("flight.tlog", Options(airframe="paper").resolved())
-    >>> compared(flight, {}) == flight.assessment
-    True
+    >>> analyse_alone("flight.tlog", Options(airframe="paper").resolved()).assessment.airframe
+    'paper'
     """
     engine = Engine(replace(options, recorded=True))
     digest = _fed(path, engine, options.dialect, progress=progress)

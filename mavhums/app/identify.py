@@ -16,7 +16,8 @@ from mavhums.core.errors import MavhumsError
 from mavhums.flights.history import FlightHistory
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
 from mavhums.health.self_baseline.motor import Shares, friction_current, lacking, shares
-from mavhums.report.assessment import Interval, OwnRecord
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import OwnRecord
 
 __all__ = ["MotorIdentification", "identify", "with_motors"]
 

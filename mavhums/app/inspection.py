@@ -25,8 +25,7 @@ from mavhums.health.verdict.axis import verdicts_of_axes
 from mavhums.health.verdict.motor import MOTORS
 from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, obstacle, why_not_at_all
 from mavhums.log import Decoder, decode_blocks
-from mavhums.report.assessment import ALL, Verdict
-from mavhums.report.inspection import (
+from mavhums.results.inspection import (
     ActuatorTelemetry,
     Inspection,
     Judgeable,
@@ -34,6 +33,7 @@ from mavhums.report.inspection import (
     NamedRate,
     VehicleTelemetry,
 )
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.states import TEXT_MESSAGES
@@ -255,13 +255,12 @@ def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
     if axes is None:
         return
     received = axes.grid.received()
-    why = why_not_at_all(axes.flight, identity.kind, received)
-    if why is not None:
-        yield from axes.motors.verdicts(identity, axes.flight, why, _UNDATED, received)
-        return
-    yield from verdicts_of_axes(
-        identity.vehicle, axes.monitor, axes.surfaces, axes.flight, _UNDATED, axes.grid
-    )
+    why = why_not_at_all(axes.flight, identity.kind, received, axes.parameters)
+    if why is None:
+        yield from verdicts_of_axes(
+            identity.vehicle, axes.monitor, axes.surfaces, axes.flight, _UNDATED, axes.grid
+        )
+    yield from axes.motors.verdicts(identity, axes.flight, why, _UNDATED, received)
 
 
 def _said(verdict: Verdict, *, judged: bool) -> Judgeable:

@@ -14,7 +14,7 @@ from mavhums.app.analysis import Failed, Judged, Outputs, compared_with_own, jud
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.history import FlightHistory
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 
 __all__ = ["Batch", "Outcome", "analyse_many"]
 

@@ -20,7 +20,7 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.self_baseline.past import PastSource
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key
-from mavhums.report.assessment import Decide
+from mavhums.results.sections import Decide
 
 __all__ = ["History", "Options", "Settings"]
 

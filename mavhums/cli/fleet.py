@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import re
-from datetime import UTC, datetime, timedelta
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
+from mavhums.cli.corrections import COMMANDS
+from mavhums.cli.morning import digest, watch
 from mavhums.cli.options import (
     AIRCRAFT,
     AIRCRAFT_TABLE,
@@ -31,35 +33,12 @@ from mavhums.core.errors import ExitCode
 if TYPE_CHECKING:
     from mavhums.app.settings import Options
     from mavhums.fleet import Repair
-    from mavhums.flights.queries import Worst
+    from mavhums.flights.queries import Odd, Status, Worst
 
 __all__ = ["fleet"]
 
 _STORE = click.argument("store", metavar="STORE")
-_SHOWN_FAILURES = 20
-_UNITS = {"h": "hours", "d": "days", "w": "weeks"}
-
-
-class _TimeParam(click.ParamType[datetime]):
-    """A time: a date, or how long ago."""
-
-    name = "time"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> datetime:
-        """Return the time with its zone, UTC if none is given."""
-        if isinstance(value, datetime):
-            return value
-        ago = re.fullmatch(r"(\d{1,4})([hdw])", value)
-        if ago:
-            return datetime.now(UTC) - timedelta(**{_UNITS[ago[2]]: int(ago[1])})
-        try:
-            at = datetime.fromisoformat(value)
-        except ValueError:
-            self.fail(f"{value!r} is no time: write 2026-03-01, 2026-03-01T06:00, 12h or 3d", param, ctx)
-        return at if at.tzinfo else at.replace(tzinfo=UTC)
-
-
-_SINCE = _TimeParam()
+_SHOWN = 20
 
 
 @click.group(short_help="Judge many aircraft's logs into one store.")
@@ -114,6 +93,7 @@ def scan(
     """
     from mavhums.fleet import ScanOptions
     from mavhums.fleet import scan as scan_logs
+    from mavhums.flights.queries import odd_in
 
     scanning = ScanOptions(
         judging=options,
@@ -125,35 +105,54 @@ def scan(
     )
     done = scan_logs(sources, store, scanning, progress=_Progress())
     if as_json:
-        say_json(_line(done._asdict()))
+        strangers = [one._asdict() for one in odd_in(store).strangers]
+        say_json(_line(done._asdict() | {"strangers": strangers}))
     else:
         say(f"{done.judged} logs judged, {done.failed} could not be, {done.known} were known")
+        for line in _odd(odd_in(store), store):
+            say(line)
     raise SystemExit(ExitCode.ERROR if done.failed else ExitCode.OK)
 
 
-@fleet.command(short_help="Show what the store holds, and what failed.")
+@fleet.command(short_help="Show what the store holds, what grows, and what is wrong.")
 @_STORE
 @JSON
 def status(store: str, as_json: bool) -> None:
-    """Say what STORE holds, and which logs could not be judged."""
+    """Say what STORE holds, what grows, which logs are odd, and which could not be judged."""
     from mavhums.fleet import status as status_of
+    from mavhums.show.standing import growth_words
 
     found = status_of(store)
     if as_json:
-        failures = [{"problem": problem, "remedy": remedy} for problem, remedy in found.failures]
-        copies = [{"log": log, "counted": counted} for log, counted in found.copies]
-        say_json(_line(found._asdict() | {"failures": failures, "copies": copies}))
+        say_json(found.published().model_dump_json())
         return
     named = ": scan them again with --aircraft RULE to name it" if found.unknown else ""
     say(f"{found.judged} logs of {found.aircraft} aircraft, and {found.unknown} of an unknown one{named}")
-    for problem, remedy in found.failures[:_SHOWN_FAILURES]:
-        say(f"{problem}: {remedy}")
-    if len(found.failures) > _SHOWN_FAILURES:
-        say(f"and {len(found.failures) - _SHOWN_FAILURES} more that could not be judged")
-    for log, counted in found.copies[:_SHOWN_FAILURES]:
-        say(f"{log}: is of the same flight as {counted}, which counts")
-    if len(found.copies) > _SHOWN_FAILURES:
-        say(f"and {len(found.copies) - _SHOWN_FAILURES} more that do not count")
+    grows = [(f"{name} {one.actuator}", one.growth) for name, one in found.growing if one.growth]
+    _say_some([f"{what}: {growth_words(growth)}" for what, growth in grows], "actuators that grow")
+    for line in _odd(found, store):
+        say(line)
+    _say_some([f"{problem}: {remedy}" for problem, remedy in found.failures], "logs that could not be judged")
+    left_out = [f"{log}: is of the same flight as {counted}, which counts" for log, counted in found.copies]
+    _say_some(left_out, "logs that do not count")
+
+
+def _say_some(lines: Sequence[str], what: str) -> None:
+    for line in lines[:_SHOWN]:
+        say(line)
+    if len(lines) > _SHOWN:
+        say(f"{_SHOWN} of {len(lines)} {what} are shown; --json has all")
+
+
+def _odd(found: Odd | Status, store: str) -> Iterator[str]:
+    """Yield what an operator should correct, and what was corrected."""
+    for one in found.strangers:
+        whose, log = one.elsewhere or "AIRCRAFT", one.logs[0] if len(one.logs) == 1 else "LOG..."
+        remedy = f"mavhums fleet reassign {store} {log} {whose}"
+        yield f"{one}: another aircraft's log? {remedy}; a swapped board? list both in --aircraft-table"
+    if found.removed:
+        logs = "removed log stays" if found.removed == 1 else "removed logs stay"
+        yield f"{found.removed} {logs} out: mavhums fleet corrections {store}"
 
 
 @fleet.command(short_help="Show the worst actuators of all aircraft.")
@@ -171,16 +170,16 @@ def worst(store: str, most: int, as_json: bool) -> None:
       12 undecided    0 all normal
     """
     from mavhums.fleet import worst as worst_of
-    from mavhums.flights.queries import exit_code
+    from mavhums.flights.queries import actuators_in, exit_code
 
     rows = worst_of(store, most=most)
     if as_json:
-        say_json(_line([_as_json(row) for row in rows]))
+        say_json(f"[{', '.join(row.published().to_json() for row in rows)}]")
     else:
         for row in rows:
             say(_words(row))
-        if len(rows) == most:
-            say(f"the {most} worst are shown; -n shows more")
+        if len(rows) == most and (total := actuators_in(store)) > most:
+            say(f"the {most} worst of {total:,} are shown; -n shows more")
     raise SystemExit(exit_code(store))
 
 
@@ -215,50 +214,6 @@ def trend(store: str, aircraft: str, as_json: bool, output: Path | None) -> None
 
         render_trends(report, Console())
     raise SystemExit(report.exit_code)
-
-
-@fleet.command(short_help="Say what changed since yesterday.", epilog=EPILOG)
-@_STORE
-@click.option(
-    "--since",
-    type=_SINCE,
-    default="1d",
-    show_default=True,
-    metavar="TIME",
-    help="A date, or how long ago: 2026-03-01, 2026-03-01T06:00, 12h, 3d.",
-)
-@click.option("--html", type=PATH, metavar="OUT", help="Also write it as a page to mail.")
-@click.option("--quiet", is_flag=True, help="Print nothing where there is nothing to say, as for cron.")
-@click.option("--fail-on-news", is_flag=True, help="Exit with 11, 10 or 1 for what is new, as below.")
-@JSON
-def digest(
-    store: str, since: datetime, html: Path | None, quiet: bool, fail_on_news: bool, as_json: bool
-) -> None:
-    """Say what changed in STORE: findings that are new or gone, growth, silent aircraft, failed logs.
-
-    What stands as before is counted only: `mavhums fleet worst` has it. Where there is nothing to say, one
-    line says so. What changed goes by when logs came into the store, not by when they were flown.
-
-    \b
-    Exit codes:
-      2 usage    1 the store cannot be read    0 the digest was made, whatever it says
-    With --fail-on-news, the first that applies:
-      11 a new emergency    10 a new finding, growth or step    1 a log that failed    0 none of these
-    """
-    from mavhums.core.files import written_whole
-    from mavhums.fleet import digest as digest_of
-    from mavhums.show.changes import digest_html, digest_lines
-
-    found = digest_of(store, since)
-    if html is not None:
-        with written_whole(html) as temporary:
-            temporary.write_text(digest_html(found), encoding="utf-8")
-    if as_json:
-        say_json(found.to_json())
-    elif not (quiet and found.is_empty):
-        for line in digest_lines(found):
-            say(line)
-    raise SystemExit(found.exit_code if fail_on_news else ExitCode.OK)
 
 
 @fleet.command(short_help="List, add or remove repairs.")
@@ -308,11 +263,15 @@ def repairs(
         say("no repairs")
 
 
-@fleet.command()
+@fleet.command(short_help="Write a row per verdict to a table.")
 @_STORE
 @click.option("-o", "--output", type=PATH, required=True, metavar="OUT", help="Ends in .csv or .parquet.")
 def export(store: str, output: Path) -> None:
-    """Write a row per verdict to a table."""
+    """Write a row per verdict to a table, with flights and days left in the row of an actuator's last flight.
+
+    \b
+    Columns: https://github.com/mavhums/mavhums/blob/main/docs/guide/fleet.md#tables
+    """
     from mavhums.fleet import export as export_to
 
     say(f"{output}: {len(export_to(store, output))} verdicts")
@@ -339,12 +298,6 @@ class _Progress:
         self._printed_s = now_s
         rate = done / max(now_s - self._begun_s, 1e-3)
         say(f"{done} of {total} logs, {rate:.1f} a second, {(total - done) / rate:.0f} s left", err=True)
-
-
-def _as_json(row: Worst) -> dict[str, Any]:
-    content = {"aircraft": row.aircraft or None, "log": row.path, "start_utc": _utc(row.start_us)}
-    standing = row.standing.model_dump(mode="json") if row.standing else None
-    return content | {"verdict": row.verdict.model_dump(mode="json", exclude={"own"}), "standing": standing}
 
 
 def _words(row: Worst) -> str:
@@ -375,11 +328,11 @@ def _last(start_us: int | None) -> str:
     return f"; last flight {at:%Y-%m-%d}" + (f", {days} days ago" if days > SILENT_DAYS else "")
 
 
-def _utc(start_us: int | None) -> str | None:
-    return None if start_us is None else datetime.fromtimestamp(start_us / 1e6, tz=UTC).isoformat()
-
-
 def _line(content: object) -> str:
     import json
 
     return json.dumps(content, ensure_ascii=False)
+
+
+for _command in (digest, watch, *COMMANDS):
+    fleet.add_command(_command)

@@ -16,7 +16,7 @@ from mavhums.core.errors import ExitCode, MavhumsError
 if TYPE_CHECKING:
     from mavhums.app.many import Batch, Outcome
     from mavhums.app.settings import History, Options
-    from mavhums.report.assessment import Assessment
+    from mavhums.results.assessment import Assessment
 
 __all__ = [
     "Keeper",

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from mavhums.live.session import Session
     from mavhums.live.setup import LiveOptions
     from mavhums.live.sinks import ThreadedSink
-    from mavhums.report.assessment import Assessment
+    from mavhums.results.assessment import Assessment
 
 __all__ = ["Stop", "live"]
 

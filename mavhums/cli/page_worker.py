@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,11 +17,18 @@ from mavhums.flights.aircraft import UnnamedAircraftError
 from mavhums.flights.stores import is_store
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mavhums.app.many import Outcome
     from mavhums.app.settings import Settings
 
 __all__ = ["against_store", "answer_to"]
 
 _FOLDER: Final = "kept"
+_PATIENCE_S: Final = (
+    3600.0  # a scan of a large folder takes as long; the log stays with its session meanwhile
+)
+_EVERY_S: Final = 1.0
 
 
 def against_store(store: Path, log: str, settings: Settings) -> Settings:
@@ -60,17 +68,32 @@ def _kept(log: Path, store: Path, options: dict[str, Any]) -> str:
     except OSError as error:
         raise MavhumsError(f"cannot be stored: {error.strerror}", "make room in the store") from error
     try:
-        outcome = next(keep([copy], store, Options(**options)))
+        outcome = _patiently(lambda: next(keep([copy], store, Options(**options))))
         if outcome.error is not None:
             raise outcome.error
         if _lies_there(store, copy):
             return f"kept in the store as {copy.name}; see the fleet"
-    except MavhumsError as error:
+    except BaseException as error:
         _remove(copy)
-        error.problem = error.problem.replace(str(copy), log.name)
+        if isinstance(error, MavhumsError):
+            error.problem = error.problem.replace(str(copy), log.name)
         raise
     _remove(copy)
     return "the store has this log already; see the fleet"
+
+
+def _patiently(work: Callable[[], Outcome]) -> Outcome:
+    """Return what work gives, as soon as no other scan writes into the store."""
+    import filelock
+
+    end_s = time.monotonic() + _PATIENCE_S
+    while True:
+        try:
+            return work()
+        except MavhumsError as error:
+            if not isinstance(error.__cause__, filelock.Timeout) or time.monotonic() > end_s:
+                raise
+        time.sleep(_EVERY_S)
 
 
 def _lies_there(store: Path, copy: Path) -> bool:

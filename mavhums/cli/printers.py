@@ -19,7 +19,7 @@ from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError, MissingEx
 
 if TYPE_CHECKING:
     from mavhums.app.many import Outcome
-    from mavhums.report.assessment import Assessment
+    from mavhums.results.assessment import Assessment
     from mavhums.show.terminal import Line
 
 __all__ = ["JsonPrinter", "OutcomePrinter", "TablePrinter", "open_recordings", "recordings_of"]
@@ -158,7 +158,7 @@ class JsonPrinter(OutcomePrinter):
 
     def _object(self) -> tuple[str, str]:
         """Return the object of the schema, up to the assessments and from their end on."""
-        from mavhums.report.assessment import SCHEMA
+        from mavhums.results.assessment import SCHEMA
 
         content = {"schema": SCHEMA, "assessments": [], "failures": self._failures}
         head, _, tail = json.dumps(content, indent=2, ensure_ascii=False).partition('"assessments": []')

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 
     from mavhums.app.settings import Options
     from mavhums.flights.queries import Worst
-    from mavhums.report.assessment import Assessment
-    from mavhums.report.trend import TrendReport
+    from mavhums.results.assessment import Assessment
+    from mavhums.results.store import StoreStatus
+    from mavhums.results.trend import TrendReport
 
 __all__ = ["LEAST_MEMORY_MB", "serve"]
 
@@ -147,6 +148,11 @@ class _PageStore:
             raise MavhumsError(f"{folder}: no such folder", remedy)
         self._folder = folder
         self._options = options.as_texts()
+
+    def status(self) -> StoreStatus:
+        from mavhums.fleet import status
+
+        return status(self._folder).published()
 
     def worst(self, most: int) -> Sequence[Worst]:
         from mavhums.fleet import worst

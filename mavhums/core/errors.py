@@ -11,13 +11,14 @@ __all__ = ["GRAVEST_FIRST", "ExitCode", "MavhumsError", "MissingExtraError", "Un
 class ExitCode(IntEnum):
     """Exit codes of ``mavhums analyse``; if several apply, the first in this order is used.
 
-    2, 11, 10, 1, 12, 3, 0.
+    2, 11, 10, 1, 12, 3, 0. Only ``fleet digest`` and ``fleet watch`` end with 4.
     """
 
     OK = 0
     ERROR = 1
     USAGE = 2
     READ_WITH_LOSSES = 3
+    NOT_SENT = 4
     DEGRADED = 10
     EMERGENCY = 11
     UNDECIDED = 12

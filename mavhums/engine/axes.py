@@ -13,7 +13,7 @@ from mavhums.engine.vehicle_axes import AxisEvent, VehicleAxes
 from mavhums.log import Table
 from mavhums.log.base.tables import text_of
 from mavhums.vehicle.facts import Signal
-from mavhums.vehicle.formats import reports
+from mavhums.vehicle.formats import esc_speeds, reports
 from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.outputs import OUTPUT_PARAMETERS
@@ -98,6 +98,9 @@ class Axes:
         for vehicle in by_vehicle:
             axes_of(vehicle)
         self._hear(tables, by_vehicle, axes_of, admits)
+        for vehicle, esc, time_us, speeds in esc_speeds(tables):
+            if vehicle in self._vehicles:
+                self._vehicles[vehicle].motors.speeds.hear(esc, (time_us - start_us) / 1e6, speeds)
         for vehicle, axes in self._vehicles.items():
             yield from axes.feed(by_vehicle.get(vehicle, ()), final=final)
 

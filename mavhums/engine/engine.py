@@ -43,9 +43,10 @@ from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.axis import named_by_telemetry, verdicts_of_axes
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.log import Decoder, Table
-from mavhums.report.assessment import ALL, Assessment, LogSummary, Verdict
-from mavhums.report.sections import FlightIdentity
-from mavhums.report.usage import VehicleUsage
+from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.sections import FlightIdentity
+from mavhums.results.usage import VehicleUsage
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.grid import Received
@@ -321,15 +322,13 @@ class Engine:
         if followed is None or not self._vehicle_limit.admits(vehicle):
             return
         received = self._axes.received(vehicle)
-        why = why_not_at_all(followed.flight, self._who(vehicle).kind, received)
-        if why is not None:
-            begun = _utc(self._decoder.first_time_us or 0)
-            yield from followed.motors.verdicts(self._who(vehicle), followed.flight, why, begun, received)
-            return
+        why = why_not_at_all(followed.flight, self._who(vehicle).kind, received, followed.parameters)
         start_utc = _utc(self._decoder.first_time_us or 0)
-        yield from verdicts_of_axes(
-            vehicle, followed.monitor, followed.surfaces, followed.flight, start_utc, followed.grid
-        )
+        if why is None:
+            yield from verdicts_of_axes(
+                vehicle, followed.monitor, followed.surfaces, followed.flight, start_utc, followed.grid
+            )
+        yield from followed.motors.verdicts(self._who(vehicle), followed.flight, why, start_utc, received)
 
     def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)

@@ -20,7 +20,7 @@ from mavhums.core.conditions import SEVERITY
 from mavhums.health.axis.effectiveness import new_tracker
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.decision.events import ConditionChanged
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES, Moved

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
+from math import inf
 from typing import Final, Protocol
 
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor.monitor import MotorMonitor
+from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.verdict.axis import unjudged_axes
 from mavhums.health.verdict.motor import verdicts_of_motors
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, Obstacle
-from mavhums.report.assessment import Verdict
+from mavhums.results.verdict import Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import Received, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.rotors import Rotors
+from mavhums.vehicle.surfaces import STEERING
 from mavhums.vehicle.usage import Usage
 
 __all__ = ["VehicleMotors", "beside_motors", "without_thrust_left"]
@@ -23,6 +26,7 @@ __all__ = ["VehicleMotors", "beside_motors", "without_thrust_left"]
 _EARLY_S: Final = 20
 """Seconds kept until the parameters apply: they apply from where they stand in the log, and a log that
 begins in the air, or a link that sends them on request, has them some seconds late."""
+_LATE_S: Final = 40  # by which a stream may lag
 
 _SATURATED_S: Final = 1.0
 """At full output in sum: shorter is a gust or a hard stop, as any flight has them."""
@@ -47,11 +51,14 @@ class VehicleMotors:
     ----------
     told
         The motors by the parameters; why they are not known; None if it is not known to be a multirotor.
+    speeds
+        The speeds that its ESCs report.
     """
 
     def __init__(self, vehicle: int) -> None:
         self._vehicle = vehicle
         self.told: Rotors | str | None = None
+        self.speeds = EscSpeeds()
         self._monitor: MotorMonitor | None = None
         self._early: list[Seconds] = []
         self._began_s: int | None = None
@@ -66,7 +73,7 @@ class VehicleMotors:
         """Take settled seconds; yield the changes of condition."""
         rotors = self.told
         if isinstance(rotors, Rotors) and (self._monitor is None or rotors != self._monitor.rotors):
-            self._monitor = MotorMonitor(self._vehicle, rotors)
+            self._monitor = MotorMonitor(self._vehicle, rotors, self.speeds)
             for earlier in self._early:
                 yield from self._monitor.feed(earlier)
             self._early.clear()
@@ -75,6 +82,7 @@ class VehicleMotors:
             return
         if self._began_s is None:
             self._began_s = int(seconds.index[0])
+        self.speeds.forget(2 * (int(seconds.index[-1]) - _EARLY_S - _LATE_S), inf)
         kept = int((seconds.index < self._began_s + _EARLY_S).sum())  # however the log is cut into blocks
         if kept:
             self._early.append(seconds.part(0, kept))
@@ -83,16 +91,18 @@ class VehicleMotors:
         self,
         identity: Identity,
         flight: Flight,
-        why: Obstacle,
+        why: Obstacle | None,
         start_utc: datetime,
         received: Mapping[str, Received],
     ) -> Iterator[Verdict]:
-        """Yield the verdicts on a vehicle whose axes are not judged; only a multirotor's motors are.
+        """Yield the verdicts on a multirotor's or a quadplane's motors, or why the axes are not judged.
 
-        ``why`` tells why its axes are not judged.
+        ``why`` tells why its axes are not judged, None if they are.
         """
-        if why.remedy != NO_WINGS or not identity.multirotor:
-            yield unjudged_axes(identity.vehicle, *why)
+        lift = isinstance(self.rotors, Rotors) and self.rotors.lift
+        if why is not None and (why.remedy != NO_WINGS or not identity.multirotor):
+            yield unjudged_axes(identity.vehicle, *why, STEERING if flight.on_ground else "axes")
+        if not lift and (why is None or why.remedy != NO_WINGS or not identity.multirotor):
             return
         findings = self._monitor.findings() if self._monitor else None
         yield from verdicts_of_motors(identity.vehicle, findings, self.rotors, flight, start_utc, received)
@@ -101,7 +111,7 @@ class VehicleMotors:
 def without_thrust_left(followed: _MotorUser) -> Iterator[str]:
     """Yield one sentence on the motors that were asked for all they have: none was left to steer with."""
     rotors, outputs = followed.motors.rotors, followed.usage.outputs
-    if not isinstance(rotors, Rotors):
+    if not isinstance(rotors, Rotors) or rotors.lift:
         return
     full = {
         f"motor {number}": outputs[servo].at_stops_s(round(rotors.idle), round(rotors.full))[1]

@@ -12,7 +12,7 @@ from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums.health.actuator.votes import answer_samples
 from mavhums.health.decision.events import Classified
 from mavhums.learn import Model
-from mavhums.report.sections import Decide, ModelSummary, NetworkAnswer
+from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer
 
 __all__ = ["classified", "network_answer", "summary_of"]
 

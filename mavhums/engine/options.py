@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from mavhums.actuator.profile import Airframe
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.report.assessment import Decide
+from mavhums.results.sections import Decide
 
 if TYPE_CHECKING:
     from mavhums.learn import Model

@@ -8,13 +8,13 @@ from typing import NamedTuple
 from mavhums.actuator.contradictions import contradictions
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.axes import VehicleAxes
-from mavhums.report.usage import OutputUsage, VehicleUsage
+from mavhums.results.usage import OutputUsage, VehicleUsage
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import Rotors
-from mavhums.vehicle.surfaces import Surfaces
+from mavhums.vehicle.surfaces import STEERING, Surfaces
 from mavhums.vehicle.usage import OutputUse
 
 __all__ = ["vehicle_usage"]
@@ -67,6 +67,10 @@ def _known(
         yield from (
             (moved.servo, _OutputFacts(surfaces.what(moved), "inferred", None)) for moved in surfaces.moved
         )
+    if surfaces is not None and surfaces.axes == (STEERING,):
+        yield from (
+            (one.servo, _OutputFacts(STEERING, surfaces.origin, one.range_us)) for one in surfaces.moved
+        )
     for output in control_surfaces(parameters):
         if output.servo <= OUTPUTS:
             yield output.servo, _OutputFacts(output.surface, "parameters", output.pwm_us)
@@ -83,7 +87,7 @@ def _known(
 
 def _motors(rotors: Rotors | str | None) -> Iterator[tuple[int, _OutputFacts]]:
     """Yield what is known of the outputs of a multirotor's motors."""
-    if isinstance(rotors, Rotors):
+    if isinstance(rotors, Rotors) and not rotors.lift:
         idle, full = round(rotors.idle), round(rotors.full)
         for number, (servo, bearing) in enumerate(zip(rotors.servos, rotors.bearings_deg, strict=True), 1):
             if servo <= OUTPUTS:

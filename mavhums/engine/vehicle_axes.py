@@ -18,13 +18,14 @@ from mavhums.health.axis.effectiveness import explained_by
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Indication
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
 from mavhums.vehicle.inference import inferred
+from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.states import Followed
-from mavhums.vehicle.surfaces import Demands, Surfaces
+from mavhums.vehicle.surfaces import STEERING, Demands, Surfaces
 from mavhums.vehicle.usage import Usage
 
 __all__ = ["AxisEvent", "VehicleAxes"]
@@ -76,9 +77,7 @@ class VehicleAxes:
     ) -> None:
         self.told = Told(airframe)
         self.surfaces = self.told.last.surfaces
-        self.monitor = AxisMonitor(
-            vehicle, airframe.axes if airframe else None, self.surfaces.mixed if self.surfaces else None
-        )
+        self.monitor = _monitor(vehicle, airframe.axes if airframe else None, self.surfaces)
         self.flight = Flight(self.surfaces)
         self.usage = Usage()
         self.grid = Grid(start_us)
@@ -90,6 +89,11 @@ class VehicleAxes:
         self._inferences, self._hoped_s, self._next_try_s = 0, 0, _INFER_S
         self._reported: dict[str, Condition] = {}
         self._shown_s: dict[str, float] = {}
+
+    @property
+    def parameters(self) -> Parameters | None:
+        """The vehicle's parameters, as far as they apply."""
+        return self._known.parameters
 
     def feed(self, signals: Sequence[Signal], *, final: bool = False) -> Iterator[AxisEvent]:
         """Take new samples; yield the changes of condition."""
@@ -105,6 +109,10 @@ class VehicleAxes:
         if final:
             yield from self._apply(self.told.last)
             yield from self._look(self._now_s + _RETRY_S)
+
+    @property
+    def _only_drives(self) -> bool:
+        return self.flight.on_ground and STEERING not in self.monitor.axes
 
     def _eager(self) -> bool:
         """Return whether the outputs may be inferred for the first time in any second."""
@@ -143,7 +151,8 @@ class VehicleAxes:
             if self._angles:
                 yield from _followed(self._vehicle, rows)
             self._now_s = rows.second + rows.seconds
-            events = list(self.monitor.feed(rows))
+            # Of a rover only its steering is judged: what is about roll and pitch is the ground's.
+            events = [] if self._only_drives else list(self.monitor.feed(rows))
             refuted = self._refuted(events)
             if refuted is not None:
                 yield from self._adopt(refuted, "the motion contradicts the profile")
@@ -188,12 +197,11 @@ class VehicleAxes:
     ) -> Iterator[AxisEvent]:
         """Judge the flight anew with these surfaces, as far back as it is kept."""
         before, self.surfaces = self.surfaces, surfaces
-        mixed = surfaces.mixed if surfaces else None
-        self.monitor = AxisMonitor(self._vehicle, limits or self.monitor.limits, mixed)
+        self.monitor = _monitor(self._vehicle, limits or self.monitor.limits, surfaces)
         first_s, events = self._now_s, list[ConditionChanged | Indication]()
         for rows in self.flight.learn(surfaces):
             first_s = min(first_s, rows.second)
-            events += self.monitor.feed(rows)
+            events += [] if self._only_drives else self.monitor.feed(rows)
         refuted = self._refuted(events)
         if refuted is not None:  # one axis less each time
             self.surfaces = before
@@ -305,7 +313,7 @@ class VehicleAxes:
         """Try to infer the outputs from the last minutes, ever more rarely."""
         since_s = self.flight.flown_s - self._hoped_s
         self._next_try_s = self.flight.flown_s + max(_RETRY_S, since_s // 4)
-        hopeful = since_s <= _LATEST_S and self._inferences < _INFERENCES
+        hopeful = not self.flight.on_ground and since_s <= _LATEST_S and self._inferences < _INFERENCES
         known = self.flight.last(_INFERRED_FROM_S) if hopeful else None
         if known is None:
             return
@@ -316,6 +324,15 @@ class VehicleAxes:
         if surfaces is not None:
             self._inferences += 1
             yield from self._adopt(surfaces, "its outputs are inferred from the flight")
+
+
+def _monitor(vehicle: int, limits: AxisLimits | None, surfaces: Surfaces | None) -> AxisMonitor:
+    """Return a new monitor of what these surfaces move."""
+    return (
+        AxisMonitor(vehicle, limits, surfaces.axes, surfaces.mixed)
+        if surfaces
+        else AxisMonitor(vehicle, limits)
+    )
 
 
 def _followed(vehicle: int, rows: Rows) -> Iterator[Followed]:

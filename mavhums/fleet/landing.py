@@ -29,14 +29,16 @@ from mavhums.flights.aircraft import (
 )
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.compare import StandaloneAssessment
+from mavhums.flights.corrections import corrected_names
 from mavhums.flights.history import FlightHistory
 from mavhums.flights.naming import BOARD_NAME, aircraft_in_store, names_there, proposed, whose_in
 from mavhums.flights.queries import flight, past_flights, standings
 from mavhums.flights.repairs import since_of
 from mavhums.flights.stores import is_store
 from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Store
-from mavhums.report.assessment import Assessment
-from mavhums.report.sections import FlightCopy
+from mavhums.flights.strangers import stranger_among
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import FlightCopy
 
 __all__ = ["Past", "against", "analyse", "keep", "past", "record"]
 
@@ -80,7 +82,7 @@ def analyse(log: Place, store: Place, options: Options | Settings | None = None)
     settings = _without_history(options)
     kept = Store(store).opened()
     alone = _alone(log, settings)
-    return compared_with_own(alone, _with_past(alone, kept, log, settings))
+    return _with_notice(compared_with_own(alone, _with_past(alone, kept, log, settings)), kept)
 
 
 def against(log: Place, store: Place, options: Options | Settings | None = None) -> Settings:
@@ -182,7 +184,7 @@ def _is_elsewhere(file: LogFile, store: Place, options: Options) -> bool:
         return False
     name = aircraft_of(file.path, options.aircraft)
     if name not in (UNKNOWN, row.aircraft):
-        move = f"mavhums fleet scan '{row.path}' --to {store} --aircraft '={name}'"
+        move = f"mavhums fleet reassign {store} '{row.path}' '{name}'"
         problem = f"{file.path}: {store} has this log as one of {row.aircraft}, not of {name}"
         raise MavhumsError(problem, f"if that is wrong, move it: {move}")
     return True
@@ -227,12 +229,26 @@ def _with_past(alone: StandaloneAssessment, store: Store, log: Place, settings: 
     return replace(settings, history=before.history, since=since, whose=AircraftResolver(rule, whose.table))
 
 
+def _with_notice(assessment: Assessment, store: Store) -> Assessment:
+    """Return an assessment that tells if the board of its log is not that of its aircraft."""
+    log = assessment.log
+    aircraft = {each.aircraft for each in log.flight}
+    name = aircraft.pop() if len(aircraft) == 1 else None
+    pinned = log.sha256 in corrected_names(store).logs
+    told = stranger_among(store, name, board_of(assessment), log.start_utc) if name and not pinned else None
+    if told is None:
+        return assessment
+    return assessment.model_copy(update={"log": log.model_copy(update={"notices": (*log.notices, told)})})
+
+
 def _aircraft(
     assessment: Assessment, store: Store, path: str, whose: AircraftResolver, rule: str | None
 ) -> str:
     """Return whose flights a log is compared with: by the rule, else by those of its board in the store."""
-    row = _judged(store, assessment.log.sha256 or "")
-    if rule is None and row is not None and row.aircraft != UNKNOWN:
+    sha256 = assessment.log.sha256 or ""
+    row = _judged(store, sha256)
+    is_settled = rule is None or sha256 in corrected_names(store).logs
+    if is_settled and row is not None and row.aircraft != UNKNOWN:
         return row.aircraft
     named = aircraft_in_store(path, assessment, whose)
     if rule is not None or whose.rule in (None, BOARD):
@@ -279,13 +295,16 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
     kept = Store(store).opened()
     with log.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    aircraft, sha256, problem, remedy = kept.query(
+    row = kept.query(
         "SELECT aircraft, sha256, problem, remedy FROM logs WHERE path = ? OR sha256 = ?"
         " ORDER BY path = ? DESC, scanned DESC LIMIT 1",
         str(log.absolute()),
         digest,
         str(log.absolute()),
     ).fetchone()
+    if row is None:
+        raise MavhumsError(f"{log}: was removed from {store}", f"mavhums fleet restore {store} {digest[:12]}")
+    aircraft, sha256, problem, remedy = row
     if problem is not None:
         raise MavhumsError(problem, remedy)
     copies = kept.query(
@@ -299,7 +318,7 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
         assessment = whose.named(flight(store, aircraft, sha256))
         stands = standings(kept).get(aircraft, ())
         last = tuple(one for one in stands if one.log == assessment.log.path)
-        assessment = assessment.model_copy(update={"standings": last})
+        assessment = _with_notice(assessment.model_copy(update={"standings": last}), kept)
     others = tuple(
         FlightCopy(vehicle=vehicle, log=counted, sha256=None, counts=True) for vehicle, counted in copies
     )

@@ -19,10 +19,10 @@ from mavhums.flights.history import PastFlight, UndatedError
 from mavhums.flights.naming import aircraft_in_store
 from mavhums.flights.stores.delta import LogFile, Row
 
-__all__ = ["crashed", "judge", "judge_several", "settings_of"]
+__all__ = ["AGAIN", "crashed", "judge", "judge_several", "settings_of"]
 
 
-_AGAIN: Final = ""
+AGAIN: Final = ""
 """Settings of a log that the next scan judges again."""
 
 
@@ -57,7 +57,7 @@ def judge(file: LogFile, options: Options, settings: str, whose: AircraftResolve
         with at_hand(file) as path:
             flight = _named(analyse_alone(path, _resolved(options)), file)
     except UnreachedError as error:
-        return _failed(file, _AGAIN, aircraft, error.problem, error.remedy)
+        return _failed(file, AGAIN, aircraft, error.problem, error.remedy)
     except Exception as error:
         failed = Failed.of(Path(path), error)
         return _failed(file, settings, aircraft, failed.problem.replace(path, file.path), failed.remedy)

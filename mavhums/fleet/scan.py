@@ -18,9 +18,11 @@ from mavhums.fleet.sources import logs_in
 from mavhums.fleet.workers import batches, connected, count
 from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, UnnamedAircraftError
 from mavhums.flights.aircraft_table import AircraftTable
+from mavhums.flights.corrections import corrected_names, removed_files, removed_logs
 from mavhums.flights.naming import held_named, names_of, remember, renamed, whose_in
 from mavhums.flights.repairs import Repairs, add_repairs, aircraft_in, named_in, reassigned
 from mavhums.flights.stores.delta import LogFile, Row, Store
+from mavhums.flights.stores.delta_tables import REMOVED
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -135,8 +137,10 @@ def scanned(
     with kept.locked():
         whose = whose_in(kept, given)
         known = kept.known(files)
-        new = [file for file in files if known.get(file) != settings]
-        touched = reassigned(kept, given.table) | renamed(kept, known, replace(whose, rule=given.rule))
+        gone = removed_files(kept)
+        new = [file for file in files if known.get(file) != settings and file not in gone]
+        table = whose.table if given.table.installed else given.table
+        touched = reassigned(kept, table) | renamed(kept, known, replace(whose, rule=given.rule))
         commits = _Commits(kept, touched, given if asks else None)
         remember(kept, given)
         engine = ExitStack()
@@ -200,6 +204,7 @@ class _Commits:
         self._store.tidy()
 
     def _commit(self) -> None:
+        self._leave_removed()
         if self._rows:
             self._name_copies()
             self._store.add_logs(self._rows)
@@ -209,10 +214,18 @@ class _Commits:
         self._rows = []
         self._since_s = monotonic()
 
+    def _leave_removed(self) -> None:
+        """Leave out copies of logs that were removed, so that no other path brings them back."""
+        gone = removed_logs(self._store, {row.sha256 for row in self._rows if row.sha256})
+        if gone:
+            self._store.add_logs([row for row in self._rows if row.sha256 in gone], REMOVED)
+            self._rows = [row for row in self._rows if row.sha256 not in gone]
+
     def _name_copies(self) -> None:
         """Give logs of the same bytes, wherever they lie, to one aircraft, so that a flight counts once."""
         stored = names_of(self._store, {row.sha256 for row in self._rows if row.sha256})
-        names = {sha256: name for sha256, name in stored.items() if name}
+        pinned = corrected_names(self._store).logs
+        names = {sha256: name for sha256, name in (stored | pinned).items() if name}
         for row in sorted(self._rows, key=lambda row: row.path):
             if row.sha256 and row.aircraft:
                 names.setdefault(row.sha256, row.aircraft)

@@ -24,7 +24,7 @@ from mavhums.flights.history import PastFlight
 from mavhums.flights.repairs import Repair, Repairs, add_repairs, remove_repairs, repairs_in, since_of
 from mavhums.flights.stamp import Listed, listed, read_checkpoint, stamp_of, store_checkpoint
 from mavhums.flights.stores.delta import Store
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -35,7 +35,7 @@ from mavhums.health.decision.evidence import (
 from mavhums.health.decision.records import ActuatorRecord, Estimate, FaultRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.verdict.actuator import BaselineFindings
-from mavhums.report.assessment import Evidence, Suspect
+from mavhums.results.verdict import Evidence, Suspect
 
 __all__ = ["ActuatorComparison", "IndicatorComparison", "events_of"]
 

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft_table import AircraftTable, Since
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 
 __all__ = [
     "BOARD",
@@ -124,17 +124,21 @@ class AircraftResolver:
         How the path of a log names the aircraft, as for :func:`aircraft_of`; None if it does not.
     table
         Where boards and actuators are installed.
+    renamed
+        New names of aircraft, by those that table and rule give.
     """
 
     rule: str | None = None
     table: AircraftTable = field(default_factory=AircraftTable)
+    renamed: Mapping[str, str] = field(default_factory=dict)
 
     def name(self, path: str | None, board: str | None, start_utc: str | None) -> str | None:
         """Return the operator's name for the aircraft; None if neither table nor rule gives one."""
         named = None
         if start_utc is not None:
             named = self.table.aircraft_of(board, datetime.fromisoformat(start_utc))
-        return named or aircraft_of(path or "", self.rule) or None
+        named = named or aircraft_of(path or "", self.rule) or None
+        return self.renamed.get(named or "", named)
 
     def named(self, assessment: Assessment) -> Assessment:
         """Return the assessment with the operator's names for the aircraft in its log."""
@@ -264,11 +268,28 @@ def check_same_aircraft(
     check_one_aircraft(history, table)
     vehicles = {one.vehicle for one in past if one.is_known}
     if any(one.is_known and one.vehicle in vehicles for one in own):
-        return assessment
-    silent = "the log" if any(one.is_known for one in past) else history.name
-    told = f"{silent} tells no board id, so that the flight is of this aircraft was not checked"
+        told = _foreign_board(own, past, table)
+        if told is None:
+            return assessment
+    else:
+        silent = "the log" if any(one.is_known for one in past) else history.name
+        told = f"{silent} tells no board id, so that the flight is of this aircraft was not checked"
     log = assessment.log
     return assessment.model_copy(update={"log": log.model_copy(update={"notices": (*log.notices, told)})})
+
+
+def _foreign_board(own: Iterable[Owner], past: Iterable[Owner], table: AircraftTable | None) -> str | None:
+    """Return what is to be said of a board that no earlier flight of an aircraft with a name has."""
+    for one in own:
+        boards = {each.board for each in past if each.vehicle == one.vehicle and each.board}
+        is_listed = table is not None and table.aircraft_of(one.board, one.starts[0]) == one.aircraft
+        if one.board and boards and one.board not in boards and not is_listed:
+            return (
+                f"compared with flights of {one} with the board {min(boards)}, but this log has the board"
+                f" {one.board}: it is another aircraft's log, or the board was swapped (then list both in"
+                " --aircraft-table)"
+            )
+    return None
 
 
 def check_one_aircraft(history: Owned, table: AircraftTable | None = None) -> None:

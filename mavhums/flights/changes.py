@@ -19,8 +19,8 @@ from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.queries import STANDINGS_OF, standings, trend_of
 from mavhums.flights.stores.delta import Store
 from mavhums.flights.stores.delta_tables import STANDINGS
-from mavhums.report.changes import Change, FailedLog, FleetDigest, SilentAircraft
-from mavhums.report.standing import Growth, Standing
+from mavhums.results.changes import Change, FailedLog, FleetDigest, SilentAircraft
+from mavhums.results.standing import Growth, Standing
 
 __all__ = ["SILENT_DAYS", "digest", "store_standings"]
 
@@ -127,7 +127,8 @@ def _kinds(was: Standing | None, now: Standing) -> Iterator[str]:
         yield "eased" if worse else "gone"
     elif was is not None and was.growth and not now.growth and not worse:
         yield "gone"
-    if now.step and (was is None or was.step is None or was.step.at_utc != now.step.at_utc):
+    if now.step and (was is None or was.step is None or was.step.at_utc < now.step.at_utc):
+        # One before the step that was told is not new: a later one was taken back.
         yield "step"
 
 

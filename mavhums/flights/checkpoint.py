@@ -23,8 +23,8 @@ from mavhums.flights.history import FlightHistory, PastFlight, is_healthy
 from mavhums.health.decision.baseline import Baselines
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
-from mavhums.report.assessment import Assessment
-from mavhums.report.sections import CLOCKS_APART_S
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import CLOCKS_APART_S
 
 __all__ = ["Checkpoint", "Superseded", "TooLateError"]
 

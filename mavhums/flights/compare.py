@@ -39,7 +39,8 @@ from mavhums.health.self_baseline.past import PastSource
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
 from mavhums.health.verdict.actuator import against_baseline, with_refused
 from mavhums.health.verdict.advice import with_advice
-from mavhums.report.assessment import Assessment, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Verdict
 
 __all__ = [
     "FlightComparison",

@@ -13,8 +13,9 @@ from math import inf
 from operator import itemgetter
 from typing import NamedTuple, TypeVar
 
-from mavhums.report.assessment import ALL, Assessment
-from mavhums.report.sections import CLOCKS_APART_S, FlightIdentity
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
+from mavhums.results.verdict import ALL
 
 __all__ = ["Quality", "Recording", "recordings_of", "superseded_recordings"]
 

@@ -13,7 +13,8 @@ from pydantic_core import from_json
 from mavhums.core.errors import MavhumsError
 from mavhums.core.models import Frozen
 from mavhums.flights.history import PastFlight
-from mavhums.report.assessment import READABLE, SCHEMA, Assessment, OwnRecord
+from mavhums.results.assessment import READABLE, SCHEMA, Assessment
+from mavhums.results.verdict import OwnRecord
 
 __all__ = ["FLIGHT_SCHEMA", "Ignored", "KeptFlight", "read_flights", "reason_of"]
 

@@ -15,7 +15,8 @@ from mavhums.flights.duplicates import Recording, recordings_of, superseded_reco
 from mavhums.health.decision.baseline import Baseline, Baselines
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
-from mavhums.report.assessment import Assessment, Indicator, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Indicator, Verdict
 
 __all__ = [
     "REFERENCE_FLIGHTS",

@@ -18,9 +18,10 @@ from mavhums.flights.aircraft import (
     board_of,
 )
 from mavhums.flights.aircraft_table import AircraftTable, Installed
+from mavhums.flights.corrections import corrected_names
 from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Row, Store
 from mavhums.flights.stores.delta_tables import NAMING
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 
 __all__ = [
     "BOARD_NAME",
@@ -47,7 +48,8 @@ def aircraft_in_store(path: str, assessment: Assessment, whose: AircraftResolver
     board = board_of(assessment)
     named = whose.name(path, board, assessment.log.start_utc)
     if named is None and board and whose.rule in (None, BOARD):
-        return f"{BOARD_NAME}{board}"
+        named = f"{BOARD_NAME}{board}"
+        return whose.renamed.get(named, named)
     return named or UNKNOWN
 
 
@@ -71,7 +73,14 @@ def whose_in(store: Store, given: AircraftResolver) -> AircraftResolver:
     """Return the operator's knowledge of whose logs they are, with what a store remembers of it."""
     boards = None if given.table.installed else _boards(store)
     table = AircraftTable(map(Installed.model_validate, json.loads(boards))) if boards else given.table
-    return AircraftResolver(given.rule or rule_of(store), table)
+    names = corrected_names(store).aircraft
+    if names:
+        told = (
+            each.model_copy(update={"aircraft": names.get(each.aircraft, each.aircraft)})
+            for each in table.installed
+        )
+        table = AircraftTable(told)
+    return AircraftResolver(given.rule or rule_of(store), table, names)
 
 
 def remember(store: Store, given: AircraftResolver) -> None:
@@ -159,6 +168,7 @@ def renamed(store: Store, files: Iterable[LogFile], given: AircraftResolver) -> 
     if given.rule is None:
         return set()
     paths = {file.path for file in files}
+    pinned = corrected_names(store).logs
     names: dict[str, str] = {}
     before: dict[str, str] = {}
     rows = store.query(
@@ -166,10 +176,10 @@ def renamed(store: Store, files: Iterable[LogFile], given: AircraftResolver) -> 
         " FROM logs WHERE flight IS NOT NULL GROUP BY path, sha256 ORDER BY path"
     ).fetchall()
     for path, sha256, aircraft, board, start_us in rows:
-        if path in paths and sha256 not in names:
+        if path in paths and sha256 not in names and sha256 not in pinned:
             start = None if start_us is None else (_EPOCH + timedelta(microseconds=start_us)).isoformat()
             by_board = f"{BOARD_NAME}{board}" if board and given.rule == BOARD else aircraft
-            names[sha256] = given.name(path, board, start) or by_board
+            names[sha256] = given.name(path, board, start) or given.renamed.get(by_board, by_board)
             before[sha256] = aircraft
     changed = {sha256: name for sha256, name in names.items() if name != before[sha256]}
     store.rename(changed)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Iterator
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from pydantic import TypeAdapter
 
@@ -18,22 +17,31 @@ from mavhums.flights.compare import unpacked
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.repairs import installed_in, repairs_of, since_of
 from mavhums.flights.stores.delta import Store
+from mavhums.flights.strangers import Stranger, strangers
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.losses import Losses
-from mavhums.report.assessment import Assessment, LogSummary, Verdict, exit_code_of
-from mavhums.report.standing import Standing
-from mavhums.report.trend import RepairDate, TrendReport
-
-if TYPE_CHECKING:
-    import pandas as pd
+from mavhums.results.assessment import Assessment, LogSummary, exit_code_of
+from mavhums.results.standing import Standing
+from mavhums.results.store import (
+    LastFlightOf,
+    StoreCopy,
+    StoreFailure,
+    StoreGrowth,
+    StoreStatus,
+    StoreStranger,
+)
+from mavhums.results.trend import RepairDate, TrendReport
+from mavhums.results.verdict import Verdict
 
 __all__ = [
+    "Odd",
     "Status",
     "Worst",
+    "actuators_in",
     "exit_code",
-    "export",
     "flight",
     "flights",
+    "odd_in",
     "past_flights",
     "standings",
     "status",
@@ -74,6 +82,12 @@ class Status(NamedTuple):
         Problem and remedy of each log that could not be judged.
     copies
         Each log whose flight another log records better, and that log, which counts.
+    strangers
+        Boards that do not belong to the aircraft in whose flights they are.
+    growing
+        Actuators that grow, with their aircraft, the most urgent first.
+    removed
+        Number of logs that were removed.
     """
 
     judged: int
@@ -81,6 +95,29 @@ class Status(NamedTuple):
     unknown: int
     failures: tuple[tuple[str, str], ...]
     copies: tuple[tuple[str, str], ...] = ()
+    strangers: tuple[Stranger, ...] = ()
+    growing: tuple[tuple[str, Standing], ...] = ()
+    removed: int = 0
+
+    def published(self) -> StoreStatus:
+        """Return it as the object that is written as JSON."""
+        return StoreStatus(
+            judged=self.judged,
+            aircraft=self.aircraft,
+            unknown=self.unknown,
+            failures=tuple(StoreFailure(problem=problem, remedy=remedy) for problem, remedy in self.failures),
+            copies=tuple(StoreCopy(log=log, counted=counted) for log, counted in self.copies),
+            strangers=tuple(StoreStranger(**one._asdict()) for one in self.strangers),
+            growing=tuple(StoreGrowth(aircraft=name, standing=one) for name, one in self.growing),
+            removed=self.removed,
+        )
+
+
+class Odd(NamedTuple):
+    """What an operator should look into: ``strangers`` and ``removed`` of :class:`Status`."""
+
+    strangers: tuple[Stranger, ...]
+    removed: int
 
 
 class Worst(NamedTuple):
@@ -95,6 +132,17 @@ class Worst(NamedTuple):
     start_us: int | None
     verdict: Verdict
     standing: Standing | None = None
+
+    def published(self) -> LastFlightOf:
+        """Return it as the object that is written as JSON."""
+        start = None if self.start_us is None else datetime.fromtimestamp(self.start_us / 1e6, tz=UTC)
+        return LastFlightOf(
+            aircraft=self.aircraft or None,
+            log=self.path,
+            start_utc=start.isoformat() if start else None,
+            verdict=self.verdict,
+            standing=self.standing,
+        )
 
 
 def status(store: str | os.PathLike[str]) -> Status:
@@ -116,7 +164,25 @@ def status(store: str | os.PathLike[str]) -> Status:
         " WHERE problem IS NOT NULL ORDER BY path"
     ).fetchall()
     copies = kept.query("SELECT DISTINCT path, counted FROM copies ORDER BY path").fetchall()
-    return Status(judged, aircraft, unknown, tuple(failures), tuple(copies))
+    odd = odd_in(store)
+    grows = [(name, one) for name, several in standings(kept).items() for one in several if one.growth]
+    return Status(
+        judged,
+        aircraft,
+        unknown,
+        tuple(failures),
+        tuple(copies),
+        odd.strangers,
+        tuple(sorted(grows, key=lambda one: one[1].rank)),
+        odd.removed,
+    )
+
+
+def odd_in(store: str | os.PathLike[str]) -> Odd:
+    """Return what a scan tells besides what it judged; its errors are those of :func:`status`."""
+    kept = Store(store).opened()
+    (removed,) = kept.query("SELECT count(DISTINCT path) FROM removed").fetchone()
+    return Odd(tuple(strangers(kept)), removed)
 
 
 def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Worst]:
@@ -142,6 +208,12 @@ def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Wor
         Worst(aircraft, path, start_us, judged[aircraft, path, vehicle, actuator], standing)
         for (aircraft, path, start_us, vehicle, actuator, *_), standing in chosen
     ]
+
+
+def actuators_in(store: str | os.PathLike[str]) -> int:
+    """Return how many actuators and axes :func:`worst` has; its errors are the same."""
+    (count,) = Store(store).opened().query(f"SELECT count(*) FROM ({_LAST})").fetchone()
+    return int(count)
 
 
 def _ranked(store: Store) -> list[tuple[tuple[Any, ...], Standing | None]]:
@@ -307,64 +379,3 @@ def _verdicts_of(store: Store, paths: Collection[str]) -> dict[tuple[str, str, i
 def _aircraft_in(store: Store) -> str:
     named = store.query("SELECT DISTINCT aircraft FROM logs WHERE aircraft <> '' ORDER BY 1").fetchall()
     return f"the store has: {', '.join(name for (name,) in named[:20]) or 'none'}"
-
-
-_EXPORTED = (
-    "aircraft path sha256 start_utc vehicle actuator condition worst finding estimate low high unit limit"
-)
-_EXPORTED += " emergency suspect reason airframe"
-
-
-def export(store: str | os.PathLike[str], output: str | os.PathLike[str] | None = None) -> pd.DataFrame:
-    """Return one row per verdict; also write them to a .csv or .parquet table if one is named.
-
-    ``estimate`` with its 95 % interval ``low`` and ``high``, ``unit``, ``limit`` (degraded) and ``emergency``
-    are of ``finding``: the suspected fault's indicator, else the friction, else an axis's effectiveness.
-
-    Raises
-    ------
-    MavhumsError
-        If the store does not exist, or the table cannot be written.
-    """
-    import pandas as pd
-
-    from mavhums.core.files import written_whole
-    from mavhums.core.table_writers import writer_for
-
-    columns = "aircraft, path, sha256, start_us, vehicle, actuator, condition, worst, airframe, verdict"
-    answer = (
-        Store(store)
-        .opened()
-        .query(f"SELECT {columns} FROM verdicts ORDER BY aircraft, start_us, path, vehicle, actuator")
-    )
-    rows: list[dict[str, object]] = []
-    while several := answer.fetchmany(1_000):
-        rows += [_exported(dict(zip(columns.split(", "), row, strict=True))) for row in several]
-    frame = pd.DataFrame(rows, columns=_EXPORTED.split())
-    numbers = dict.fromkeys(("estimate", "low", "high", "limit", "emergency"), float)
-    frame = frame.astype(numbers)
-    frame["start_utc"] = pd.to_datetime(frame["start_utc"], unit="us", utc=True)
-    if output is not None:
-        writer = writer_for(Path(output))
-        with written_whole(Path(output)) as temporary, writer(temporary) as table:
-            table.write(frame)
-    return frame
-
-
-def _exported(row: dict[str, Any]) -> dict[str, object]:
-    verdict = Verdict.model_validate_json(row.pop("verdict"))
-    suspects = [one.fault for one in verdict.suspects]
-    shown = {one.fault: one for one in verdict.indicators}
-    fault = next((name for name in (*suspects, "friction", "effectiveness") if name in shown), None)
-    one = shown[fault] if fault else None
-    return {
-        **row,
-        "start_utc": row["start_us"],
-        "finding": fault,
-        **(one.value.model_dump() if one else {}),
-        "unit": one.unit if one else None,
-        "limit": one.limit if one else None,
-        "emergency": one.emergency if one else None,
-        "suspect": suspects[0] if suspects else None,
-        "reason": verdict.reason,
-    }

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import latest
 from mavhums.flights.aircraft_table import AircraftTable, Installed, Since
+from mavhums.flights.corrections import corrected_names
 from mavhums.flights.stores.delta import Store
 from mavhums.flights.stores.delta_tables import DATES
 
@@ -145,12 +146,13 @@ def reassigned(store: Store, table: AircraftTable) -> set[str]:
         return set()
     touched: set[str] = set()
     names: dict[str, str] = {}
+    pinned = corrected_names(store).logs
     for sha256, board, start_us, aircraft in store.query(
         "SELECT DISTINCT sha256, board, start_us, aircraft FROM logs"
         " WHERE board IS NOT NULL AND start_us IS NOT NULL"
     ).fetchall():
         named = table.aircraft_of(board, _EPOCH + timedelta(microseconds=start_us))
-        if named is not None and named != aircraft:
+        if named is not None and named != aircraft and sha256 not in pinned:
             names[sha256] = named
             touched |= {aircraft, named}
     store.rename(names)

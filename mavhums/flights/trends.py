@@ -23,12 +23,13 @@ from mavhums.flights.stores import EarlierFlights
 from mavhums.flights.stores.folder import read_history
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.decision.growth import course_of, last_step
-from mavhums.health.decision.thresholds import TREND_FLIGHTS
+from mavhums.health.decision.growth import Course, course_of, last_step
+from mavhums.health.decision.thresholds import CLEAR_FLIGHTS, TREND_FLIGHTS
 from mavhums.health.decision.trend import Trend, fit_trend
-from mavhums.report.assessment import ALL, Assessment, Indicator, Interval, Verdict
-from mavhums.report.standing import FlightsLeft, Growth, Standing, Step
-from mavhums.report.trend import ActuatorTrend, FlightPoint, LastFlight, TrendReport, to_frame
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import FlightsLeft, Growth, Interval, Standing, Step
+from mavhums.results.trend import ActuatorTrend, FlightPoint, LastFlight, TrendReport, to_frame
+from mavhums.results.verdict import ALL, Indicator, Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -243,7 +244,8 @@ def _trend(flown: list[Flown], pairs: _Shown, baseline: Baseline | None, counted
     step = None if place is None else step_of(used, place)
     course = course_of(numbers, values, errors, begin=place or 0)
     limits = (None if limit is None else sign * limit, None if emergency is None else sign * emergency)
-    grown = growth_of(course, used, limits) if course and course.grows else None
+    grows = course is not None and (course.grows or _grew(course, numbers, values, errors, place or 0))
+    grown = growth_of(course, used, limits) if course and grows else None
     used = used[place or 0 :]
     fitted = _fitted(numbers[-len(used) :], values[-len(used) :], errors[-len(used) :], sign)
     left = grown.to_emergency if grown else None
@@ -285,6 +287,21 @@ def _trend(flown: list[Flown], pairs: _Shown, baseline: Baseline | None, counted
             ]
         ),
     )
+
+
+def _grew(course: Course, numbers: Array, values: Array, errors: Array, begin: int) -> bool:
+    """Return whether growth was certain after one of the last flights, and is still likelier than none.
+
+    The test holds however often it is asked, so what it once found stays found; without this a list would say
+    "grows", "normal" and "grows" in turn while the evidence is near its threshold.
+    """
+    if course.evidence <= 0:
+        return False
+    earlier = (
+        course_of(numbers[:-back], values[:-back], errors[:-back], begin=begin)
+        for back in range(1, CLEAR_FLIGHTS)
+    )
+    return any(one is not None and one.grows for one in earlier)
 
 
 def _highest(verdict: Verdict, one: Indicator) -> float | None:

@@ -15,8 +15,8 @@ from mavhums.core.conditions import Condition
 from mavhums.engine.events import ConditionChanged, Event
 from mavhums.live.watch import utc
 from mavhums.log.mavlink.signing import signing_ticks
-from mavhums.report.live import ActuatorStatus, AlertObject
-from mavhums.vehicle.surfaces import AXES
+from mavhums.results.live import ActuatorStatus, AlertObject
+from mavhums.vehicle.surfaces import COLUMNS
 
 __all__ = ["COMPONENT", "Alerts", "Signer", "health_name", "text_of"]
 
@@ -57,7 +57,7 @@ def text_of(actuator: str, condition: Condition, fault: str) -> str:
     """
     name = actuator.encode("ascii", "replace").decode()
     finding = fault.replace("_", " ").encode("ascii", "replace").decode()
-    lead = f"{name.upper()} " if actuator in AXES and "?" in finding else f"{name} {condition.upper()}: "
+    lead = f"{name.upper()} " if actuator in COLUMNS and "?" in finding else f"{name} {condition.upper()}: "
     for action in _ACTIONS[condition]:
         text = f"{lead}{finding}, {action}"
         if len(text) <= TEXT_LENGTH:

@@ -20,8 +20,8 @@ from mavhums.live.peers import Peers
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.watch import Watch
 from mavhums.log.mavlink.stamping import Piece, Stamper
-from mavhums.report.assessment import Assessment
-from mavhums.report.live import AlertObject, StaleObject, StatusObject
+from mavhums.results.assessment import Assessment
+from mavhums.results.live import AlertObject, StaleObject, StatusObject
 
 __all__ = ["BLOCK_S", "Session", "Sink"]
 

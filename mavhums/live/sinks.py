@@ -8,13 +8,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from mavhums.core.about import __version__
+from mavhums.core.about import NOTICE, __version__
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
 from mavhums.live.outlet import Outlet
 from mavhums.live.session import Sink
 from mavhums.live.watch import Watch, utc
-from mavhums.report.assessment import NOTICE, RECORD, Assessment
-from mavhums.report.live import (
+from mavhums.results.assessment import RECORD, Assessment
+from mavhums.results.live import (
     AirframeObject,
     AlertObject,
     ConditionObject,
@@ -126,7 +126,7 @@ class RerunSink:
 
 
 class JsonLines:
-    """Writes each event as an object of ``mavhums/report/schema/live-1.json``.
+    """Writes each event as an object of ``mavhums/results/schema/live-1.json``.
 
     Parameters
     ----------

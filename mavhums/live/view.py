@@ -12,8 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from mavhums.engine.events import ConditionChanged, Event
-from mavhums.report.assessment import Assessment
-from mavhums.report.live import ActuatorStatus, AlertObject, LinkStatus, StaleObject, StatusObject
+from mavhums.results.assessment import Assessment
+from mavhums.results.live import ActuatorStatus, AlertObject, LinkStatus, StaleObject, StatusObject
 from mavhums.show.words import COLOURS, clock, friction, percent, printable
 
 __all__ = ["View", "draw"]

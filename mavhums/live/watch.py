@@ -13,8 +13,8 @@ from mavhums.live.outlet import Outlet
 from mavhums.live.peers import Peers
 from mavhums.live.recorder import TlogRecorder
 from mavhums.log.mavlink.stamping import Stamper
-from mavhums.report.assessment import ALL, Assessment, Verdict
-from mavhums.report.live import (
+from mavhums.results.assessment import Assessment
+from mavhums.results.live import (
     ActuatorStatus,
     LinkStatus,
     OutputStatus,
@@ -22,6 +22,7 @@ from mavhums.report.live import (
     StaleObject,
     StatusObject,
 )
+from mavhums.results.verdict import ALL, Verdict
 
 __all__ = ["STALE_S", "Watch", "utc"]
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import PurePath
 from typing import NamedTuple
 from urllib.parse import urlencode
 
+from markupsafe import Markup, escape
+
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
-from mavhums.report.assessment import Assessment
-from mavhums.report.trend import TrendReport
+from mavhums.results.assessment import Assessment
+from mavhums.results.trend import TrendReport
 from mavhums.serve.options import LastVerdict
 from mavhums.show.html import in_brief
 from mavhums.show.html_trend import TrendShown, trend_shown
@@ -39,6 +42,7 @@ class FlightLine(NamedTuple):
     """A flight in an aircraft's list."""
 
     start: str
+    start_utc: str
     log: str
     address: str
     condition: Condition
@@ -46,13 +50,18 @@ class FlightLine(NamedTuple):
 
 
 class ActuatorShown(NamedTuple):
-    """An actuator or axis on an aircraft's page: the trends to see first, and the others."""
+    """An actuator or axis on an aircraft's page: the trends to see first, and the others.
+
+    ``curves`` and ``more`` are their curves as JSON for the browser.
+    """
 
     name: str
     condition: Condition
     word: str
     first: list[TrendShown]
     others: list[TrendShown]
+    curves: Markup
+    more: Markup
 
 
 def aircraft_lines(rows: Iterable[LastVerdict]) -> list[AircraftLine]:
@@ -112,6 +121,7 @@ def _flight(aircraft: str, flight: Assessment) -> FlightLine:
     start = flight.log.start_utc
     return FlightLine(
         start=f"{start[:10]} {start[11:16]} UTC" if start else "date not known",
+        start_utc=start or "",
         log=PurePath(flight.log.path or "").name,
         address=f"/fleet/flight?{urlencode({'aircraft': aircraft, 'log': flight.log.sha256 or ''})}",
         condition=brief.condition,
@@ -119,8 +129,16 @@ def _flight(aircraft: str, flight: Assessment) -> FlightLine:
     )
 
 
-def trends_shown(report: TrendReport) -> list[ActuatorShown]:
-    """Return each actuator's trends with their drawings, the worst first."""
+def trends_shown(report: TrendReport, addresses: Mapping[str, str]) -> list[ActuatorShown]:
+    """Return each actuator's trends with their curves, the worst first.
+
+    Parameters
+    ----------
+    report
+        Of one aircraft.
+    addresses
+        Of the flights' pages, by the start of the flight.
+    """
     several = len({one.vehicle for one in report.trends}) > 1
     found: dict[str, list[TrendShown]] = {}
     marks: dict[str, tuple[Condition, str]] = {}
@@ -130,12 +148,18 @@ def trends_shown(report: TrendReport) -> list[ActuatorShown]:
         found.setdefault(shown.actuator, []).append(shown)
         standing = stands.get((one.vehicle, one.actuator))
         marks[shown.actuator] = mark_of(standing) if standing else (one.condition, one.condition)
-    return [
-        ActuatorShown(
-            name,
-            *marks[name],
-            [one for one in trends if one.first],
-            [one for one in trends if not one.first],
-        )
-        for name, trends in found.items()
+    several_shown = []
+    for name, trends in found.items():
+        first, others = [one for one in trends if one.first], [one for one in trends if not one.first]
+        curves = _curves(first, addresses), _curves(others, addresses)
+        several_shown.append(ActuatorShown(name, *marks[name], first, others, *curves))
+    return several_shown
+
+
+def _curves(trends: Iterable[TrendShown], addresses: Mapping[str, str]) -> Markup:
+    """Return trends as JSON that can stand in an attribute; each point knows its flight's page."""
+    charts = [
+        one.chart | {"life": one.life, "links": [addresses.get(start, "") for start in one.chart["starts"]]}
+        for one in trends
     ]
+    return escape(json.dumps({"charts": charts}))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import json
 import secrets
 import socket
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
@@ -11,13 +12,18 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any, Final
 from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
-__all__ = ["SESSION", "UPLOADS", "Guard", "is_loopback"]
+__all__ = ["API", "SESSION", "UPLOADS", "Guard", "is_loopback"]
 
 SESSION: Final = "mavhums.session"
 """Key of the session's id in the scope of a request."""
 
 UPLOADS: Final = "/logs"
-"""The only path that takes a large body; its own code limits it."""
+API: Final = "/api"
+"""Where programs ask: they have the token in a header, no cookies, and take errors as JSON."""
+
+_LARGE: Final = (UPLOADS, f"{API}/logs")
+"""The only paths that take a large body; their own code limits it."""
+
 
 _BODY: Final = 1 << 20
 _BODY_S: Final = 30.0
@@ -102,16 +108,16 @@ class Guard:
         if self._token is not None and not self._known(headers, cookies):
             await self._ask(scope, receive, send)
             return
-        if "content-length" in headers and scope["path"] != UPLOADS and _length(headers) > _BODY:
-            await _refuse(scope, receive, send, 413, "too large")
+        if "content-length" in headers and scope["path"] not in _LARGE and _length(headers) > _BODY:
+            await _refuse(scope, receive, send, 413, "too large; only a log may be larger than 1 MiB")
             return
         session = cookies.get(f"{self._cookie}-session", "")
         new = len(session) != len(_secret())
         if new:
             session = _secret()
         scope[SESSION] = session
-        given = (self._cookie_header(scope, "session", session),) if new else ()
-        bounded = receive if scope["path"] == UPLOADS or scope["type"] != "http" else _Bounded(receive)
+        given = (self._cookie_header(scope, "session", session),) if new and not _is_api(scope) else ()
+        bounded = receive if scope["path"] in _LARGE or scope["type"] != "http" else _Bounded(receive)
         await self.app(scope, bounded, _with_headers(send, given))
 
     def _refusal(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
@@ -146,6 +152,10 @@ class Guard:
         """Take the token from the query of a page, and lead to the page without it."""
         query = parse_qsl(scope.get("query_string", b"").decode("latin-1"))
         given = dict(query).get("token", "")
+        if _is_api(scope):
+            text = "a token is needed; send the one that mavhums serve printed: Authorization: Bearer TOKEN"
+            await _refuse(scope, receive, send, 401, text)
+            return
         if scope["type"] != "http" or scope["method"] != "GET" or not self._is_token(given):
             text = "a token is needed; open the address that mavhums serve printed"
             await _refuse(scope, receive, send, 401, text)
@@ -202,9 +212,17 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, text:
         await receive()
         await send({"type": "websocket.close", "code": 1008})
         return
-    headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close")]
+    kind, body = b"text/plain; charset=utf-8", f"{text}\n"
+    if _is_api(scope):
+        problem, _, remedy = text.partition("; ")
+        kind, body = b"application/json", json.dumps({"problem": problem, "remedy": remedy})
+    headers = [(b"content-type", kind), (b"connection", b"close")]
     await _with_headers(send)({"type": "http.response.start", "status": status, "headers": headers})
-    await send({"type": "http.response.body", "body": f"{text}\n".encode()})
+    await send({"type": "http.response.body", "body": body.encode()})
+
+
+def _is_api(scope: Scope) -> bool:
+    return bool(scope["path"] == API or scope["path"].startswith(f"{API}/"))
 
 
 def _navigates(scope: Scope, headers: dict[str, str]) -> bool:

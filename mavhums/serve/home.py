@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+import json
+from collections import Counter
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Final
 from urllib.parse import urlencode
 
@@ -18,9 +20,10 @@ from mavhums.serve.options import Fleet
 from mavhums.serve.sessions import Dropped, Sessions, UserSession
 from mavhums.show.html_environment import environment
 
-__all__ = ["Home", "markup", "render"]
+__all__ = ["Home", "markup", "render", "show_parts"]
 
 _EVERY_S: Final = 0.2
+_FEW: Final = 3  # logs with all their buttons, above an answer
 _Keep = Callable[[Dropped, str], Awaitable[None]]
 
 
@@ -45,6 +48,8 @@ class Home:
         limit = sessions.limits.log_bytes
         told = {"limit_bytes": limit, "limit_mb": f"{limit // 1_000_000:,}", "where": where}
         markup(render("drop.html", packed=(*COMPRESSED, *ARCHIVES), **told))
+        self._tally = markup("")
+        self._order: list[str] = []
         self._list = ui.element("ul").classes("logs").props('aria-label="Logs"')
         self._place = ui.element("section").classes("shown").props('aria-label="The answer"')
         ui.timer(_EVERY_S, self.update)
@@ -64,6 +69,7 @@ class Home:
                     self._rows[log.id] = _LogItem(self, log)
             if self._rows[log.id].update(self._shown) and not self._chosen:
                 self._show_worst()
+        self._sort()
         if self._shown and self._shown[1] == "view":
             self._view_when_ready()
 
@@ -81,7 +87,7 @@ class Home:
     async def keep(self, log: Dropped, aircraft: str | None = None) -> None:
         """Keep a log in the store; where the store cannot identify its aircraft, ask the user."""
         assert self._fleet
-        log.kept, log.asked = "being kept in the store …", None
+        log.kept, log.asked = "being kept in the store, after any scan that runs …", None
         try:
             log.kept = await asyncio.to_thread(self._fleet.keep, log.path, aircraft)
         except UnnamedAircraftError as error:
@@ -93,6 +99,21 @@ class Home:
     def keeps(self) -> bool:
         """Whether there is a store."""
         return self._fleet is not None
+
+    def _sort(self) -> None:
+        """List the logs worst first, and say how many there are of each."""
+        logs = [self._session.logs[id_] for id_ in self._rows]
+        order = [log.id for log in sorted(logs, key=_rank)]
+        if order != self._order:
+            for place, id_ in enumerate(order):
+                if place >= len(self._order) or self._order[place] != id_:
+                    self._rows[id_].move(place)
+            self._order = order
+        self._list.classes(**{"add" if len(order) > _FEW else "remove": "many"})
+        several = Counter(log.condition for log in logs if log.state == "done")
+        tally = sorted(several.items(), key=lambda one: -URGENCY[one[0]])
+        rest = len(logs) - several.total()
+        self._tally.set_content(render("tally.html", tally=tally if len(logs) > 1 else (), rest=rest))
 
     def _show_worst(self) -> None:
         done = [log for log in self._session.logs.values() if log.state == "done"]
@@ -110,8 +131,12 @@ class Home:
             return
         with self._place:
             if wanted[1] == "answer":
-                markup(f"The answer for {escape(log.name)}", "h2")
-                _frame("answer", f"/logs/{log.id}/report", f"Answer for {log.name}", sandboxed=True)
+                here = markup(f"The answer for {escape(log.name)}", "h2").props("tabindex=-1")
+                markup(render("downloads.html", log=log))
+                show_parts(json.loads(log.shown.read_bytes()), f"/logs/{log.id}/curves")
+                if self._chosen:  # a long list of logs stands above it
+                    here.run_method("scrollIntoView")
+                    here.run_method("focus", {"preventScroll": True})
             else:
                 markup(f"3-D view of {escape(log.name)}", "h2")
                 self._waits = markup("Preparing the recording …", "p").props("role=status")
@@ -129,7 +154,7 @@ class Home:
         base = str(ui.context.client.request.base_url).rstrip("/")
         query = urlencode({"url": f"{base}/logs/{log.id}/flight.rrd", "hide_welcome_screen": 1, "persist": 0})
         with self._place:
-            _frame("viewer", f"/viewer/index.html?{query}", f"3-D view of {log.name}", sandboxed=False)
+            _frame("viewer", f"/viewer/index.html?{query}", f"3-D view of {log.name}")
 
 
 class _LogItem:
@@ -161,6 +186,7 @@ class _LogItem:
         here = shown[1] if shown and shown[0] == log.id else ""
         state = {"percent": percent, "doing": doing, "size": size, "shown": here == "answer"}
         self._text.set_content(render("log.html", log=log, **state))
+        self._item.classes(**{"add" if here else "remove": "here"})
         self._answer.props(f"aria-pressed={'true' if here == 'answer' else 'false'}")
         self._view.props(f"aria-pressed={'true' if here.startswith('view') else 'false'}")
         if self._keep:
@@ -177,6 +203,10 @@ class _LogItem:
         elif log.state == "failed":
             self._item.classes("refused")
         return done
+
+    def move(self, place: int) -> None:
+        """Put the row at a place of its list."""
+        self._item.move(target_index=place)
 
     def delete(self) -> None:
         """Remove the row."""
@@ -211,17 +241,35 @@ class _Asked:
             await self._keep(self._log, name)
 
 
+def _rank(log: Dropped) -> int:
+    """Return what sorts the worst first: what was judged, what could not be, what is not yet."""
+    return {"done": -URGENCY[log.condition], "failed": 100}.get(log.state, 101)
+
+
 def _button(text: str, log: Dropped, clicked: Callable[[], object]) -> ui.html:
     label = f'{text}<span class="hidden-text">: {escape(log.name)}</span>'
     return markup(label, "button").props("type=button").on("click", clicked)
 
 
-def _frame(kind: str, address: str, title: str, *, sandboxed: bool) -> None:
+def _frame(kind: str, address: str, title: str) -> None:
     frame = ui.element("iframe").classes(f"frame {kind}")
     frame.props["src"] = address
     frame.props["title"] = title
-    if sandboxed:
-        frame.props["sandbox"] = "allow-same-origin"
+
+
+def show_parts(shown: Mapping[str, str], curves: str) -> None:
+    """Show an answer: what was found, the curves that show it, and the rest.
+
+    Parameters
+    ----------
+    shown
+        From :func:`mavhums.show.html.parts`, which escapes every text.
+    curves
+        Address of its curves.
+    """
+    markup(shown["answer"])
+    ui.element("div").classes("curves").props["data-from"] = curves
+    markup(shown["rest"])
 
 
 def markup(content: str, tag: str = "div") -> ui.html:

@@ -9,7 +9,7 @@ from typing import BinaryIO, Final, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
 
-from mavhums.report.live import (
+from mavhums.results.live import (
     AlertObject,
     ConditionObject,
     EndObject,

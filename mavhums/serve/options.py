@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Protocol
 
 from mavhums.app.settings import Options
-from mavhums.report.assessment import Assessment, Verdict
-from mavhums.report.standing import Standing
-from mavhums.report.trend import TrendReport
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Standing
+from mavhums.results.store import LastFlightOf, StoreStatus
+from mavhums.results.trend import TrendReport
+from mavhums.results.verdict import Verdict
 
 __all__ = ["Fleet", "LastVerdict", "Quotas", "ServeOptions"]
 
@@ -64,10 +66,14 @@ class LastVerdict(Protocol):
     def verdict(self) -> Verdict: ...  # noqa: D102
     @property
     def standing(self) -> Standing | None: ...  # noqa: D102
+    def published(self) -> LastFlightOf: ...  # noqa: D102
 
 
 class Fleet(Protocol):
     """What the page shows of a store; each method may take seconds and raises MavhumsError."""
+
+    def status(self) -> StoreStatus:
+        """Return how many logs and aircraft there are, and which logs failed."""
 
     def worst(self, most: int) -> Sequence[LastVerdict]:
         """Return actuators and axes as of the last flights, the worst first."""

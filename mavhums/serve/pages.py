@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
+from urllib.parse import urlencode
 
 from nicegui import ui
 from starlette.requests import Request
@@ -15,10 +16,12 @@ from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError
 from mavhums.serve.fleet_view import AircraftLine, aircraft_lines, flight_lines, trends_shown
 from mavhums.serve.guard import SESSION, is_loopback
-from mavhums.serve.home import Home, markup, render
+from mavhums.serve.home import Home, markup, render, show_parts
 from mavhums.serve.live_lines import LiveFile
 from mavhums.serve.options import Fleet, ServeOptions
 from mavhums.serve.sessions import Sessions
+from mavhums.show.html import parts
+from mavhums.show.html_curves import Gathered
 from mavhums.show.trend import headline
 
 __all__ = ["add_pages"]
@@ -85,13 +88,30 @@ def _add_fleet(fleet: Fleet, begin: Callable[[str], None]) -> None:
         except MavhumsError as error:
             markup(render("aircraft.html", name=name, problem=f"{error.problem}: {error.remedy}"))
             return
+        lines = flight_lines(name, flights)
         values = {
             "report": report,
             "headline": headline(report),
-            "trends": trends_shown(report),
-            "flights": flight_lines(name, flights),
+            "trends": trends_shown(report, {line.start_utc: line.address for line in lines}),
+            "flights": lines,
+            "query": urlencode({"aircraft": name}),
         }
         markup(render("aircraft.html", name=name, problem="", **values))
+
+    @ui.page("/fleet/flight", title="mavhums: a flight", response_timeout=_PATIENCE_S)
+    async def flight_page(aircraft: str = "", log: str = "") -> None:
+        begin("/fleet")
+        query = urlencode({"aircraft": aircraft, "log": log})
+        values = {"name": aircraft, "back": urlencode({"name": aircraft}), "query": query, "problem": ""}
+        try:
+            wanted = await asyncio.to_thread(fleet.flight, aircraft, log)
+        except MavhumsError as error:
+            values["problem"] = f"{error.problem}: {error.remedy}"
+            markup(render("flight.html", **values))
+            return
+        shown = await asyncio.to_thread(parts, wanted, Gathered(), "h1")
+        markup(render("flight.html", **values))
+        show_parts(shown, f"/fleet/curves?{query}")
 
 
 def _add_live(paths: Sequence[Path], begin: Callable[[str], None]) -> None:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import asyncio
+import csv
+import io
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote
 
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 
 from mavhums.core.errors import MavhumsError
+from mavhums.results.trend import to_frame
 from mavhums.serve.guard import SESSION, UPLOADS
 from mavhums.serve.options import Fleet
 from mavhums.serve.sessions import Dropped, Sessions
-from mavhums.show.html import page
-from mavhums.show.html_curves import Gathered
 from mavhums.show.viewer_program import WEB_FILES, save_web_viewer
 
 if TYPE_CHECKING:
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["add_routes"]
 
 _STATIC: Final = Path(__file__).parent / "static"
-_ASSETS: Final = ("page.css", "page.js", "viewer.js")
+_ASSETS: Final = ("charts.js", "page.css", "page.js", "viewer.js")
 _REPORT: Final = (
     "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'self'"
@@ -57,9 +59,27 @@ def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> None:
             return PlainTextResponse(_NONE, status_code=404)
         headers = {"content-security-policy": _REPORT, "cache-control": "no-store"}
         if save:
-            name = quote(f"{Path(log.name).stem}-report.html", safe="")
-            headers["content-disposition"] = f"attachment; filename*=UTF-8''{name}"
+            headers |= _saved_as(f"{Path(log.name).stem}-report.html")
         return FileResponse(log.report, media_type="text/html; charset=utf-8", headers=headers)
+
+    @app.get("/logs/{log_id}/assessment.json")
+    async def assessment(request: Request, log_id: str) -> Response:
+        log = _found(sessions, request, log_id)
+        if log is None or not log.assessment.exists():
+            return PlainTextResponse(_NONE, status_code=404)
+        headers = _saved_as(f"{Path(log.name).stem}.json")
+        return FileResponse(log.assessment, media_type="application/json", headers=headers)
+
+    @app.get("/logs/{log_id}/curves")
+    async def curves(request: Request, log_id: str, save: bool = False) -> Response:
+        log = _found(sessions, request, log_id)
+        if log is None or not log.shown.exists():
+            return PlainTextResponse(_NONE, status_code=404)
+        found = json.loads(await asyncio.to_thread(log.shown.read_bytes))["curves"]
+        if save:
+            headers = _saved_as(f"{Path(log.name).stem}-curves.csv")
+            return Response(_csv(found), media_type="text/csv", headers=headers)
+        return JSONResponse(found)
 
     @app.get("/logs/{log_id}/flight.rrd")
     async def recording(request: Request, log_id: str) -> Response:
@@ -82,16 +102,46 @@ def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> None:
         known = name in _ASSETS
         return FileResponse(_STATIC / name) if known else PlainTextResponse(_NONE, status_code=404)
 
-    @app.get("/fleet/flight")
-    async def flight(aircraft: str = "", log: str = "") -> Response:
-        if fleet is None:
-            return PlainTextResponse(_NONE, status_code=404)
+    if fleet is not None:
+        _add_stored(app, sessions, fleet)
+
+
+def _add_stored(app: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
+    @app.get("/fleet/curves")
+    async def stored_curves(request: Request, aircraft: str = "", log: str = "") -> Response:
         try:
-            wanted = await asyncio.to_thread(fleet.flight, aircraft, log)
+            flight = await asyncio.to_thread(fleet.flight, aircraft, log)
+            path = Path(flight.log.path or "")
+            return JSONResponse(await sessions.curves(request.scope[SESSION], path, log))
+        except MavhumsError as error:
+            return JSONResponse({"problem": error.problem, "remedy": error.remedy})
+
+    @app.get("/fleet/trend.csv")
+    async def trend(aircraft: str = "") -> Response:
+        try:
+            report = await asyncio.to_thread(fleet.trend, aircraft)
         except MavhumsError as error:
             return PlainTextResponse(f"{error.problem}: {error.remedy}", status_code=404)
-        text = page(wanted, Gathered())
-        return HTMLResponse(text, headers={"content-security-policy": _REPORT})
+        text = await asyncio.to_thread(lambda: to_frame(report.trends).to_csv(index=False))
+        return Response(text, media_type="text/csv", headers=_saved_as(f"{aircraft}-trend.csv"))
+
+
+def _csv(curves: dict[str, Any]) -> str:
+    """Return curves as a table with a row per time."""
+    text = io.StringIO()
+    table = csv.writer(text)
+    names = ("low", "value", "high", "demanded")
+    table.writerow(("curve", "time_s", *names))
+    for curve in curves["charts"]:
+        columns = [curve.get(name) or [None] * len(curve["time"]) for name in names]
+        for row in zip(curve["time"], *columns, strict=True):
+            if row[2] is not None:  # no gap
+                table.writerow((curve["title"], *row))
+    return text.getvalue()
+
+
+def _saved_as(name: str) -> dict[str, str]:
+    return {"content-disposition": f"attachment; filename*=UTF-8''{quote(name, safe='')}"}
 
 
 def _found(sessions: Sessions, request: Request, log_id: str) -> Dropped | None:

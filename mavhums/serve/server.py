@@ -11,7 +11,7 @@ from contextlib import asynccontextmanager, suppress
 from typing import TYPE_CHECKING, Final
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.serve.guard import Guard, is_loopback
+from mavhums.serve.guard import API, Guard, is_loopback
 from mavhums.serve.options import ServeOptions
 from mavhums.serve.sessions import Sessions
 from mavhums.serve.workers import Workers
@@ -128,6 +128,7 @@ def _application(options: ServeOptions, sessions: Sessions, workers: Workers) ->
     from nicegui import app as nicegui_app
     from nicegui import ui
 
+    from mavhums.serve.api import api
     from mavhums.serve.pages import add_pages
     from mavhums.serve.routes import add_routes
 
@@ -146,6 +147,7 @@ def _application(options: ServeOptions, sessions: Sessions, workers: Workers) ->
 
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
     add_routes(app, sessions, options.fleet)
+    app.mount(API, api(sessions, options.fleet))
     add_pages(sessions, options)
     nicegui_app.config.quasar_config["loadingBar"]["skipHijack"] = True  # it has no name for a screen reader
     ui.run_with(

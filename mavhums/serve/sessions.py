@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import secrets
 import shutil
 import tempfile
@@ -20,6 +21,7 @@ from mavhums.serve.uploads import is_archive, receive, safe_name
 from mavhums.serve.workers import Workers
 
 __all__ = ["Dropped", "Sessions", "UserSession"]
+
 
 State = Literal["arriving", "waiting", "judging", "done", "failed"]
 
@@ -66,6 +68,16 @@ class Dropped:
         return self.path.parent / "report" / "report.html"
 
     @property
+    def shown(self) -> Path:
+        """The answer in parts, once it is judged: see :func:`mavhums.show.html.parts`."""
+        return self.path.parent / "report" / "shown.json"
+
+    @property
+    def assessment(self) -> Path:
+        """Its assessment as JSON, once it is judged."""
+        return self.path.parent / "report" / "assessment.json"
+
+    @property
     def rrd(self) -> Path:
         """The Rerun recording, once it is made."""
         return self.path.parent / "report" / "flight.rrd"
@@ -105,6 +117,7 @@ class Sessions:
         self._options = judging.as_texts()
         self._workers = workers
         self._sessions: dict[str, UserSession] = {}
+        self._passing = 0
 
     def get(self, id_: str) -> UserSession:
         """Return the session of a cookie; a new one for a new cookie.
@@ -150,6 +163,61 @@ class Sessions:
         self._begin(session, self._judge(session, log))
         return log
 
+    @property
+    def is_full(self) -> bool:
+        """Whether as many logs are here to be assessed as there may be sessions."""
+        return self._passing >= self.limits.sessions
+
+    async def assess(self, user: str, name: str, stream: AsyncIterator[bytes]) -> bytes:
+        """Receive a log, judge it in its user's turn, and return the assessment as JSON; nothing is kept.
+
+        Raises
+        ------
+        MavhumsError
+            If the log is refused, or cannot be judged.
+        """
+        if self.is_full:
+            raise MavhumsError("too many logs at a time", "wait for the answers, then send it again")
+        self._passing += 1
+        session = UserSession(user, self.folder / secrets.token_hex(8))
+        log = Dropped("", session.folder / safe_name(name))
+        try:
+            log.assessment.parent.mkdir(parents=True, mode=0o700)
+            await receive(stream, log.path, self.limits)
+            job = {"do": "judge", "assessment": str(log.assessment)}
+            answer = await self._run(session, log, job, lambda _: None)
+            if "problem" in answer:
+                raise MavhumsError(answer["problem"], answer["remedy"])
+            return await asyncio.to_thread(log.assessment.read_bytes)
+        finally:
+            self._passing -= 1
+            shutil.rmtree(session.folder, ignore_errors=True)
+
+    async def curves(self, user: str, log: Path, sha256: str) -> dict[str, Any]:
+        """Judge a log where it lies for its curves; return them as :func:`mavhums.show.html.parts` has them.
+
+        Raises
+        ------
+        MavhumsError
+            If it is not there, or is not the log any more.
+        """
+        if not await asyncio.to_thread(log.is_file):
+            raise MavhumsError(f"no curves: {log} is not on this computer", "drop the log to see them")
+        session = UserSession(user, self.folder / secrets.token_hex(8))
+        made = Dropped("", session.folder / "log")
+        try:
+            made.report.parent.mkdir(parents=True, mode=0o700)
+            job = {"log": str(log), "options": self._options}
+            answer = await self._workers.run(session.id, _judging(made) | job, lambda _: None)
+            if "problem" in answer:
+                raise MavhumsError(answer["problem"], answer["remedy"])
+            if json.loads(made.assessment.read_bytes())["log"]["sha256"] != sha256:
+                raise MavhumsError(f"no curves: {log} is another log by now", "drop the log to see them")
+            curves: dict[str, Any] = json.loads(made.shown.read_bytes())["curves"]
+            return curves
+        finally:
+            shutil.rmtree(session.folder, ignore_errors=True)
+
     def record(self, session: UserSession, log: Dropped) -> None:
         """Have the Rerun recording of a log made, once."""
         if log.state == "done" and log.recording not in ("making", "ready"):
@@ -188,7 +256,7 @@ class Sessions:
 
         if is_archive(log.path) and await self._unpacked(session, log):
             return
-        answer = await self._run(session, log, {"do": "judge", "report": str(log.report)}, progress)
+        answer = await self._run(session, log, _judging(log), progress)
         if session.logs.get(log.id) is not log:
             return
         if "brief" in answer:
@@ -244,6 +312,11 @@ class Sessions:
         task = asyncio.get_running_loop().create_task(work)
         session.tasks.add(task)
         task.add_done_callback(session.tasks.discard)
+
+
+def _judging(log: Dropped) -> dict[str, Any]:
+    outputs = {"report": log.report, "shown": log.shown, "assessment": log.assessment}
+    return {"do": "judge", **{name: str(path) for name, path in outputs.items()}}
 
 
 _NAMED = 10

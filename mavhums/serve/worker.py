@@ -86,11 +86,18 @@ def _done(job: Job, tell: Tell, among: Among) -> Job:
         settings = among(job["log"], _settings(job))
     except Exception as error:
         return _refusal(Failed.of(log, error), job)
-    outputs = Outputs(report=job["report"]) if job["do"] == "judge" else Outputs(recording=job["recording"])
+    outputs = Outputs(report=job.get("report"), shown=job.get("shown"), recording=job.get("recording"))
     judged = judge(log, settings, outputs, _reporting(tell))
     if isinstance(judged, Failed):
         return _refusal(judged, job)
-    return {"brief": in_brief(judged.assessment)._asdict()} if job["do"] == "judge" else {"recorded": True}
+    if job["do"] == "record":
+        return {"recorded": True}
+    assessment = judged.assessment
+    if "assessment" in job:
+        told = assessment.log.model_copy(update={"path": log.name})  # its folder is of no use to anybody
+        text = assessment.model_copy(update={"log": told}).to_json()
+        Path(job["assessment"]).write_text(text, encoding="utf-8", errors="replace")
+    return {"brief": in_brief(assessment)._asdict()}
 
 
 def _refusal(failed: Failed, job: Job) -> Job:

@@ -26,7 +26,8 @@ from mavhums.engine.events import (
     Window,
 )
 from mavhums.health.actuator.detectors import detectors_for
-from mavhums.report.assessment import Assessment, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Motor, Surface, craft_path
 from mavhums.show._stream import send
 from mavhums.show._tracks import Track, path_part

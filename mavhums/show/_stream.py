@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 
 __all__ = ["APPLICATION", "TIMELINE", "describe", "nanoseconds", "open_stream", "send"]
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import Classified, ConditionChanged, Followed, Indication, Samples, Window
 from mavhums.health.actuator.detector import Detector
-from mavhums.report.assessment import Verdict
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Motor, Surface
 from mavhums.show._signals import Classes, Signals
 from mavhums.show._stream import Times, send

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mavhums.report.changes import Change, FleetDigest
-from mavhums.report.standing import Standing
+from mavhums.results.changes import Change, FleetDigest
+from mavhums.results.standing import Standing
 from mavhums.show.standing import growth_words, sentences, step_words
 from mavhums.show.words import capital, printable
 
@@ -36,10 +36,11 @@ def headline(digest: FleetDigest) -> str:
     parts += [f"{len(digest.failed)} logs failed"] if digest.failed else []
     since = f"{digest.since_utc[:16].replace('T', ' ')} UTC"
     flown = f"{_count(digest.flights, 'flight')} of {digest.aircraft} aircraft"
-    stands = [f"{_count(digest.standing, 'finding')} stand{'s' if digest.standing == 1 else ''}"]
-    stands += [f"{digest.silent_longer} silent for longer"] if digest.silent_longer else []
-    rest = "; ".join([flown, *(stands if digest.standing or digest.silent_longer else [])])
-    return f"{', '.join(parts) or 'Nothing new'} since {since}: {rest}"
+    rest = [flown]
+    if digest.standing:
+        rest.append(f"{_count(digest.standing, 'finding')} stand{'s' if digest.standing == 1 else ''}")
+    rest += [f"{digest.silent_longer} silent for longer"] if digest.silent_longer else []
+    return f"{', '.join(parts) or 'Nothing new'} since {since}: {'; '.join(rest)}"
 
 
 _WORDS = {

@@ -4,28 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import PurePath
-from typing import NamedTuple
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from mavhums.core.about import __version__
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.report.assessment import ALL, Assessment, Verdict
-from mavhums.report.sections import AxisLimits
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Verdict
+from mavhums.show.charts import flight_charts
 from mavhums.show.digest import Subject, advice, digest
+from mavhums.show.evidence import evidence
 from mavhums.show.html_craft import FIXED_WING, DrawnSurface, multirotor, outline
-from mavhums.show.html_curves import Curve, Gathered, Key
+from mavhums.show.html_curves import Gathered
 from mavhums.show.html_environment import ICONS, environment, moment
-from mavhums.show.html_plot import Limit, Plot, plot
+from mavhums.show.html_plot import Plot, plot
 from mavhums.show.verdict_words import certainty, explanation, implausible
-from mavhums.show.words import clock, finding, join, name, percent
+from mavhums.show.words import clock, finding, join
 
-__all__ = ["ICONS", "Brief", "in_brief", "page"]
+__all__ = ["ICONS", "Brief", "in_brief", "page", "parts"]
 
-_ROWS, _PLOTS, _FINDINGS, _LIKE = 200, 24, 8, 6
+_ROWS, _FINDINGS, _LIKE = 200, 8, 6
 _VEHICLES, _OUTPUTS = 8, 32
-_ATTITUDES = {"tracking": "", "hard_over": "roll"}
-"""The axis whose demanded and flown angle show a fault; empty for the verdict's own."""
+_PROOF = 2  # plots of what is wrong that come before the tables
 
 
 class _Answer(NamedTuple):
@@ -41,7 +40,7 @@ class _Answer(NamedTuple):
     value: str
 
 
-class _Shown(NamedTuple):
+class _Drawn(NamedTuple):
     """A plot with the words that describe it."""
 
     title: str
@@ -99,27 +98,64 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
     >>> "<h1" in text, "<script" in text
     (True, False)
     """
+    values = _values(assessment, gathered)
+    plots = [
+        _Drawn(one.title, one.told, plot(one.curve, one.limits, assessment.log.duration_s, one.since_s))
+        for one in evidence(values["said"].assessment, gathered)
+    ]
+    faulty = SEVERITY[values["said"].gravest] > SEVERITY["normal"]
+    return _rendered("report.html", values | {"plots": plots, "proof": _PROOF if faulty else 0})
+
+
+def parts(assessment: Assessment, gathered: Gathered, heading: str = "h2") -> dict[str, Any]:
+    """Return the assessment in parts for a page that draws the curves itself.
+
+    Parameters
+    ----------
+    assessment, gathered
+        As for :func:`page`.
+    heading
+        Tag of the headline.
+
+    Returns
+    -------
+    dict
+        ``answer`` and ``rest``, markup in which every text is escaped, and ``curves``, as
+        :func:`mavhums.show.charts.flight_charts` returns them.
+    """
+    values = _values(assessment, gathered)
+    shown = evidence(values["said"].assessment, gathered)
+    return {
+        "answer": _rendered("_answer.html", values | {"heading": heading, "brief": True}),
+        "curves": flight_charts(shown, gathered, assessment.log.duration_s),
+        "rest": _rendered("_rest.html", values),
+    }
+
+
+def _rendered(template: str, values: dict[str, Any]) -> str:
+    return environment("mavhums.show").get_template(template).render(**values)
+
+
+def _values(assessment: Assessment, gathered: Gathered) -> dict[str, Any]:
+    """Return what the templates of an assessment need, but for the curves."""
     said = digest(assessment)
-    rest, log = said.assessment, assessment.log
+    log = assessment.log
     answers = [_answer(one) for one in said.subjects[:_ROWS]]
-    return (
-        environment("mavhums.show")
-        .get_template("report.html")
-        .render(
-            assessment=assessment,
-            said=said,
-            answers=answers,
-            first=_first(answers),
-            left_out=max(len(said.subjects) - _ROWS, 0),
-            file=PurePath(log.path.replace("\\", "/")).name if log.path else "a live link",
-            aircraft=list(_aircraft(rest)),
-            plots=list(_plots(rest, gathered)),
-            tables=[table._replace(rows=table.rows[:_OUTPUTS]) for table in said.tables[:_VEHICLES]],
-            notices=gathered.notices(),
-            texts=gathered.texts,
-            version=__version__,
-        )
-    )
+    return {
+        "assessment": assessment,
+        "said": said,
+        "answers": answers,
+        "first": _first(answers),
+        "heading": "h1",
+        "brief": False,  # why, and how sure, only among the reasons
+        "left_out": max(len(said.subjects) - _ROWS, 0),
+        "file": PurePath(log.path.replace("\\", "/")).name if log.path else "a live link",
+        "aircraft": list(_aircraft(said.assessment)),
+        "tables": [table._replace(rows=table.rows[:_OUTPUTS]) for table in said.tables[:_VEHICLES]],
+        "notices": gathered.notices(),
+        "texts": gathered.texts,
+        "version": __version__,
+    }
 
 
 def _answer(one: Subject) -> _Answer:
@@ -190,81 +226,3 @@ def _aircraft(assessment: Assessment) -> Iterator[_Aircraft]:
         if parts:
             title = f"Vehicle {vehicle}" if len(vehicles) > 1 else "The aircraft from above"
             yield _Aircraft(title, parts, body)
-
-
-def _plots(assessment: Assessment, gathered: Gathered) -> Iterator[_Shown]:
-    """Yield the evidence of each subject, the worst first: what raised an alarm, friction, effectiveness."""
-    curves, attitudes, networks = gathered.curves(), gathered.attitudes(), gathered.networks()
-    drawn = 0
-    for verdict in assessment.ranked():
-        if verdict.vehicle is None or verdict.actuator == ALL:
-            continue
-        suspects = [item.fault for item in verdict.suspects]
-        for axis in dict.fromkeys(
-            _ATTITUDES[fault] or verdict.actuator for fault in suspects if fault in _ATTITUDES
-        ):
-            flown = attitudes.get((verdict.vehicle, axis))
-            if flown is not None and drawn < _PLOTS:
-                drawn += 1
-                yield _attitude(verdict, axis, flown, assessment)
-        alarms = [item.kind.removesuffix("_drift") for item in verdict.evidence]
-        for fault in dict.fromkeys((*suspects, *alarms, "friction", "effectiveness")):
-            curve = curves.get(Key(verdict.vehicle, verdict.actuator, fault))
-            if curve is None or not curve.time_s.size or drawn == _PLOTS:
-                continue
-            drawn += 1
-            what, limits = _limits(verdict, fault)
-            since_s = verdict.since.flight_time_s if verdict.since and suspects else None
-            drawing = plot(curve, limits, assessment.log.duration_s, since_s)
-            last = curve.rows[-1]
-            told = (
-                f"{what}: {last[1]:.3g} at the end (95 % interval {last[0]:.3g} to {last[2]:.3g}), "
-                f"highest {curve.rows[:, 1].max():.3g}, lowest {curve.rows[:, 1].min():.3g}"
-            )
-            bounds = "; ".join(f"{limit.name} {limit.value:.3g}" for limit in limits)
-            title = f"{name(verdict, assessment)}: {what}"
-            yield _Shown(title, f"{told}; {bounds}" if bounds else told, drawing)
-        said = networks.get((verdict.vehicle, verdict.actuator))
-        if said is not None and drawn < _PLOTS:
-            drawn += 1
-            yield _network(verdict, said, assessment)
-
-
-def _network(verdict: Verdict, said: Curve, assessment: Assessment) -> _Shown:
-    """Return the network's answer over the flight, as the paper's figures 16 to 19 show it."""
-    drawing = plot(said, [Limit(0.5, "emergency above")], assessment.log.duration_s)
-    network = verdict.network.model.name if verdict.network else "the network"
-    told = "probability of an emergency; thick: ten seconds, at their middle; thin: each sample inside the"
-    told += " training range"
-    if verdict.network and verdict.network.share_of_samples is not None:
-        told += f"; it calls {percent(verdict.network.share_of_samples)} of those in motion an emergency"
-    return _Shown(f"{name(verdict, assessment)}: {network} on each sample", told, drawing)
-
-
-def _attitude(verdict: Verdict, axis: str, curve: Curve, assessment: Assessment) -> _Shown:
-    """Return the demanded and the flown angle about an axis, which a tracking or hard-over alarm rests on."""
-    since_s = verdict.since.flight_time_s if verdict.since else None
-    drawing = plot(curve, [], assessment.log.duration_s, since_s)
-    assert curve.demanded is not None
-    apart = np.abs(curve.rows[:, 1] - curve.demanded)
-    told = f"{axis} angle, °: solid flown, dashed demanded"
-    if np.isfinite(apart).any():
-        worst = int(np.nanargmax(apart))
-        told += f"; farthest apart by {apart[worst]:.0f}° at {clock(float(curve.time_s[worst]))}"
-    return _Shown(f"{name(verdict, assessment)}: demanded and flown {axis} angle, °", told, drawing)
-
-
-def _limits(verdict: Verdict, fault: str) -> tuple[str, list[Limit]]:
-    """Return what a curve shows, with its unit, and the levels that it is compared with."""
-    if fault == "effectiveness":
-        reference = Limit(1.0, "as at the beginning")
-        known = verdict.limits or AxisLimits()
-        degraded = Limit(known.effectiveness_degraded, "degraded below")
-        emergency = Limit(known.effectiveness_emergency, "emergency up to")
-        return "control effectiveness, share of the reference", [reference, degraded, emergency]
-    found = next((item for item in verdict.indicators if item.fault == fault), None)
-    if found is None:
-        return fault.replace("_", " "), []
-    levels = [(found.limit, "degraded above"), (found.emergency, "emergency from")]
-    unit = "" if found.unit == "1" else f", {found.unit}"
-    return f"{found.quantity}{unit}", [Limit(value, word) for value, word in levels if value is not None]

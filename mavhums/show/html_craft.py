@@ -7,10 +7,11 @@ from collections.abc import Iterable, Sequence
 from math import cos, pi, radians, sin
 from typing import Final, NamedTuple
 
-from mavhums.core.conditions import URGENCY, Condition
-from mavhums.report.assessment import ALL, Verdict
-from mavhums.report.usage import OutputUsage
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.results.usage import OutputUsage
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.show._places import V_TAIL, Place, kind, places
+from mavhums.show.words import join
 
 __all__ = ["FIXED_WING", "DrawnSurface", "multirotor", "outline"]
 
@@ -31,6 +32,7 @@ FIXED_WING: Final = (
     "220,238 166,232 166,260 220,260",
 )
 """Fuselage, wings and tailplane, each by its corners."""
+_USUAL: Final = {"roll": "aileron", "pitch": "elevator", "yaw": "rudder"}
 _SIDE: Final = re.compile("left|right|port|starboard|[_ -][lr]$")
 
 
@@ -52,20 +54,31 @@ def outline(verdicts: Iterable[Verdict]) -> list[DrawnSurface]:
     """Return the surfaces of one aircraft.
 
     A surface that is an actuator of its own has that actuator's condition, or its axis's where that is
-    graver or its own says nothing. Names that are of no surface of a wing or a tail are left out.
+    graver or its own says nothing. Names that are of no surface of a wing or a tail are left out; an axis
+    that only such outputs move, or that fails and nothing is known to move, is shown where its surface
+    usually is.
     """
     found: dict[str, tuple[Condition, str]] = {}
+    titles: dict[str, str] = {}
     for verdict in verdicts:
         moved = verdict.surfaces if verdict.subject == "axis" else (verdict.actuator,)
         by = f"{verdict.actuator} control" if verdict.subject == "axis" else ""
+        fails = SEVERITY[verdict.gravest] > SEVERITY["normal"]
+        if by and not any(map(kind, moved)) and (moved or fails) and verdict.actuator in _USUAL:
+            usual = _USUAL[verdict.actuator]
+            own = [name.removesuffix(f" (moves with {verdict.actuator})") for name in moved]
+            titles.setdefault(usual, join(own or ["outputs not known"]))
+            moved = (usual,)
         for name in moved:
             if name != ALL and kind(name):
-                own = verdict.gravest, by
-                found[name] = max(found.get(name, own), own, key=lambda held: _weight(held[0]))
+                one = verdict.gravest, by
+                found[name] = max(found.get(name, one), one, key=lambda held: _weight(held[0]))
     shown = list(found)[:_MOST]
     kinds = [kind(name) for name in shown]
     return [
-        _part(name, *found[name], place, both=kinds.count(what) == 1 and not _SIDE.search(name.lower()))
+        _part(
+            name, *found[name], place, both=kinds.count(what) == 1 and not _SIDE.search(name.lower())
+        )._replace(name=titles.get(name, name))
         for name, what, place in zip(shown, kinds, places(shown), strict=True)
     ]
 

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
 from mavhums.core.arrays import Array
-from mavhums.engine.events import Classified, Event, Followed, Indication, Notice, Window
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.engine.events import (
+    Classified,
+    ConditionChanged,
+    Event,
+    FlightMode,
+    Followed,
+    Indication,
+    Notice,
+    Position,
+    Window,
+)
 from mavhums.show._thin import Thinner
 
 __all__ = ["Curve", "Gathered", "Key"]
@@ -16,6 +27,13 @@ __all__ = ["Curve", "Gathered", "Key"]
 _POINTS: Final = 1200
 _CURVES: Final = 256
 _FIRST, _LAST = 20, 40
+_CHANGES: Final = 200  # flight modes of a vehicle, and changes of a condition
+_VEHICLES: Final = 8
+_PLACES: Final = 800
+_EARTH_M: Final = 111_195.0  # of one degree of latitude
+
+
+_Kept = TypeVar("_Kept")
 
 
 class Key(NamedTuple):
@@ -57,6 +75,8 @@ class Gathered:
     ----------
     texts
         Number of texts in the flight.
+    modes
+        The first 200 flight modes of each vehicle: since when, s, and the name.
 
     Examples
     --------
@@ -72,6 +92,9 @@ class Gathered:
         self._followed: dict[tuple[int, str], Thinner] = {}
         self._samples: dict[tuple[int, str], Thinner] = {}
         self._votes: dict[tuple[int, str], Thinner] = {}
+        self._places: dict[int, Thinner] = {}
+        self._conditions: dict[int, list[tuple[float, str, Condition]]] = {}
+        self.modes: dict[int, list[tuple[float, str]]] = {}
         self._first: list[Notice] = []
         self._last: list[Notice] = []
 
@@ -86,6 +109,12 @@ class Gathered:
                 self._network(event)
             elif isinstance(event, Notice):
                 self._notice(event)
+            elif isinstance(event, FlightMode):
+                _append(self.modes, event.vehicle, (event.time_s, event.mode))
+            elif isinstance(event, ConditionChanged):
+                _append(self._conditions, event.vehicle, (event.since_s, event.actuator, event.after))
+            elif isinstance(event, Position):
+                self._place(event)
 
     def curves(self) -> dict[Key, Curve]:
         """Return the curves, without empty ones."""
@@ -112,6 +141,29 @@ class Gathered:
             votes = _known(*self._votes[key].rows()) if key in self._votes else samples
             if votes.size and samples.size:
                 found[key] = Curve(votes[0], np.repeat(votes[1][:, None], 3, axis=1), samples=samples)
+        return found
+
+    def tracks(self) -> dict[int, list[tuple[float, float, float, Condition]]]:
+        """Return where each vehicle was, and how: time, metres east and north of its first place, condition.
+
+        The condition is the gravest of all actuators at that time.
+        """
+        found = {}
+        for vehicle, thinner in self._places.items():
+            time_s, places = thinner.rows()
+            north, east = ((places - places[0]) * _EARTH_M).T
+            # Once around the earth is 360 degrees, also where the date line is crossed.
+            east = (east + 180 * _EARTH_M) % (360 * _EARTH_M) - 180 * _EARTH_M
+            east *= np.cos(np.radians(places[0, 0]))
+            now: dict[str, Condition] = {}
+            changes = sorted(self._conditions.get(vehicle, ()), key=lambda change: change[0])
+            track = []
+            for at_s, x, y in zip(time_s.tolist(), east.tolist(), north.tolist(), strict=True):
+                while changes and changes[0][0] <= at_s:
+                    _, actuator, now[actuator] = changes.pop(0)
+                gravest: Condition = max(now.values(), key=SEVERITY.__getitem__, default="undecided")
+                track.append((round(at_s, 1), round(x, 1), round(y, 1), gravest))
+            found[vehicle] = track
         return found
 
     def notices(self) -> list[Notice]:
@@ -152,12 +204,27 @@ class Gathered:
             self._followed[key] = Thinner(2, _POINTS)
         self._followed[key].add(event.time_s, np.degrees(event.angles_rad))
 
+    def _place(self, event: Position) -> None:
+        if event.vehicle not in self._places:
+            if len(self._places) == _VEHICLES:
+                return
+            self._places[event.vehicle] = Thinner(2, _PLACES, "first")
+        self._places[event.vehicle].add(event.time_s, event.latitude_longitude_deg)
+
     def _notice(self, event: Notice) -> None:
         self.texts += 1
         if len(self._first) < _FIRST:
             self._first.append(event)
         else:
             self._last = [*self._last, event][-_LAST:]
+
+
+def _append(several: dict[int, list[_Kept]], vehicle: int, one: _Kept) -> None:
+    """Keep one more of a vehicle, within limits."""
+    if vehicle in several or len(several) < _VEHICLES:
+        kept = several.setdefault(vehicle, [])
+        if len(kept) < _CHANGES:
+            kept.append(one)
 
 
 def _known(time_s: Array, values: Array) -> Array:

@@ -14,25 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
+from mavhums.show.evidence import Limit
 from mavhums.show.html_curves import Curve
 from mavhums.show.words import clock
 
-__all__ = ["Limit", "Plot", "Tick", "plot"]
+__all__ = ["Plot", "Tick", "gaps", "plot", "value_range"]
 
 WIDTH, HEIGHT = 640, 220
-_LEFT, _RIGHT, _TOP, _BOTTOM = 52, 12, 10, 26
+_LEFT, _RIGHT, _TOP, _BOTTOM = 52, 112, 10, 26
+_LINE: Final = 20.0  # between two labels, for the larger letters of a phone
 _GAP_S: Final = 3.0
 _TIME_STEPS: Final = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 36000)
 
 
 _Scale = Callable[[Array], Array]
-
-
-class Limit(NamedTuple):
-    """A level that a curve is compared with."""
-
-    value: float
-    name: str
 
 
 class Tick(NamedTuple):
@@ -54,10 +49,10 @@ class Plot(NamedTuple):
         Marks of the axes.
     limits
         Levels: their place and name.
+    labels
+        Where the names stand: beside the curve, and apart from one another.
     since
         Place of the onset; None without one.
-    marks
-        Events: their place and name.
     """
 
     band: str
@@ -66,7 +61,7 @@ class Plot(NamedTuple):
     y: tuple[Tick, ...]
     limits: tuple[Tick, ...]
     since: float | None
-    marks: tuple[Tick, ...] = ()
+    labels: tuple[Tick, ...] = ()
     demand: str = ""
     samples: str = ""
     left: int = _LEFT
@@ -80,9 +75,6 @@ def plot(
     limits: Sequence[Limit],
     duration_s: float,
     since_s: float | None = None,
-    *,
-    flights: bool = False,
-    marks: Sequence[Tick] = (),
 ) -> Plot:
     """Return the drawing of a curve.
 
@@ -96,17 +88,9 @@ def plot(
         Of the flight: the time axis shows all of it.
     since_s
         Onset of the condition; None without one.
-    flights
-        Whether the axis counts flights from 1 instead of seconds; ``duration_s`` is then their number.
-    marks
-        Events, at their place on the time axis.
     """
     end_s = max(duration_s, float(curve.time_s[-1]), 1.0)
-    levels = [limit.value for limit in limits]
-    known = np.empty(0) if curve.demanded is None else curve.demanded[np.isfinite(curve.demanded)]
-    if curve.samples is not None:
-        levels += [float(curve.samples[1].min()), float(curve.samples[1].max())]
-    low, high = _range(curve.rows, [*levels, *known.tolist()])
+    low, high = value_range(curve, [limit.value for limit in limits])
 
     def x(seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
         return np.round(_LEFT + np.asarray(seconds) / end_s * (WIDTH - _LEFT - _RIGHT), 1)
@@ -116,7 +100,7 @@ def plot(
         return np.round(HEIGHT - _BOTTOM - share * (HEIGHT - _TOP - _BOTTOM), 1)
 
     band, line, demand = [], [], []
-    for part in _parts(curve.time_s):
+    for part in gaps(curve.time_s):
         at, rows = x(curve.time_s[part]), y(curve.rows[part])
         outline = np.concatenate([rows[:, 0], rows[::-1, 2]])
         band.append(_path(np.concatenate([at, at[::-1]]), outline) + "Z")
@@ -130,11 +114,11 @@ def plot(
     return Plot(
         band="".join(band),
         line="".join(line),
-        x=tuple(Tick(float(x(at)), text) for at, text in (_flights if flights else _times)(end_s)),
+        x=tuple(Tick(float(x(at)), text) for at, text in _times(end_s)),
         y=tuple(Tick(float(y(v)), f"{v:z.{digits}f}") for v in steps),
         limits=tuple(Tick(float(y(limit.value)), limit.name) for limit in limits),
         since=None if since_s is None else float(x(min(since_s, end_s))),
-        marks=tuple(Tick(float(x(min(mark.at, end_s))), mark.text) for mark in marks),
+        labels=tuple(_apart([Tick(float(y(limit.value)), limit.label) for limit in limits])),
         demand="".join(demand),
         samples="" if curve.samples is None else "".join(_samples(curve.samples, x, y)),
     )
@@ -142,12 +126,26 @@ def plot(
 
 def _samples(samples: Array, x: _Scale, y: _Scale) -> Iterator[str]:
     """Yield the path of single samples, as a line that crosses wherever neighbours differ."""
-    for part in _parts(samples[0]):
+    for part in gaps(samples[0]):
         yield _path(x(samples[0][part]), y(samples[1][part]))
 
 
-def _range(rows: NDArray[np.float64], levels: Sequence[float]) -> tuple[float, float]:
-    """Return what the drawing shows: every value and level, and of very wide intervals a part."""
+def _apart(labels: Sequence[Tick]) -> Iterator[Tick]:
+    """Yield labels from the top, each at its level or as near below it as the one before leaves room."""
+    below = float(_TOP)
+    for label in sorted(labels, key=lambda one: one.at):
+        below = max(label.at, below)
+        yield Tick(below, label.text)
+        below += _LINE
+
+
+def value_range(curve: Curve, levels: Sequence[float]) -> tuple[float, float]:
+    """Return what a drawing shows: every value and level, and of very wide intervals a part."""
+    rows, levels = curve.rows, [*levels]
+    if curve.demanded is not None:
+        levels += curve.demanded[np.isfinite(curve.demanded)].tolist()
+    if curve.samples is not None:
+        levels += [float(curve.samples[1].min()), float(curve.samples[1].max())]
     middle = rows[:, 1]
     low = min(float(np.percentile(rows[:, 0], 2)), float(middle.min()), 0.0, *levels)
     high = max(float(np.percentile(rows[:, 2], 98)), float(middle.max()), *levels)
@@ -160,12 +158,6 @@ def _times(end_s: float) -> list[tuple[float, str]]:
     return [(at, clock(at).replace(".0s", "s")) for at in np.arange(0, end_s, every).tolist()]
 
 
-def _flights(number: float) -> list[tuple[float, str]]:
-    every = 10 ** max(floor(log10(number)), 0)
-    every = every if number / every > 3 else max(every // 2, 1)
-    return [(at, f"{at}") for at in range(every, int(number) + 1, every)]
-
-
 def _steps(low: float, high: float) -> list[float]:
     """Return three to six round values inside a range."""
     rough = (high - low) / 4
@@ -174,7 +166,7 @@ def _steps(low: float, high: float) -> list[float]:
     return [k * step for k in range(ceil(low / step), floor(high / step) + 1)]
 
 
-def _parts(time_s: NDArray[np.float64]) -> list[slice]:
+def gaps(time_s: NDArray[np.float64]) -> list[slice]:
     """Return the parts of a curve between which nothing is known."""
     steps = np.diff(time_s)
     usual = 4 * float(np.median(steps)) if steps.size else 0.0

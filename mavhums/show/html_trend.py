@@ -1,4 +1,4 @@
-"""The trend of an indicator over flights as a drawing with its words."""
+"""The trend of an indicator over flights: its curve and its words."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import numpy as np
 
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.past import LOSSES
-from mavhums.report.assessment import Interval
-from mavhums.report.trend import ActuatorTrend, RepairDate
+from mavhums.results.standing import Interval
+from mavhums.results.trend import ActuatorTrend, RepairDate
+from mavhums.show.charts import Chart, chart
+from mavhums.show.evidence import Limit
 from mavhums.show.html_curves import Curve
-from mavhums.show.html_plot import Limit, Plot, Tick, plot
 from mavhums.show.standing import growth_words, step_words
 from mavhums.show.words import capital
 
@@ -23,7 +24,7 @@ _MAIN: Final = ("friction", *LOSSES)
 
 
 class TrendShown(NamedTuple):
-    """A trend: its title, its numbers in words, its drawing, and the remaining useful life.
+    """A trend: its title, its numbers in words, its curve, and the remaining useful life.
 
     Attributes
     ----------
@@ -43,7 +44,7 @@ class TrendShown(NamedTuple):
     told: str
     life: str
     first: bool
-    drawing: Plot
+    chart: Chart
 
 
 def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[RepairDate] = ()) -> TrendShown:
@@ -58,38 +59,44 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[Repair
     repairs
         Of the aircraft; those of the actuator are marked.
     """
-    flights = np.array([point.flight for point in trend.points], dtype=np.float64)
+    days_ms = np.array([_milliseconds(point.start_utc) for point in trend.points])
     rows = np.array([[one.value.low, one.value.estimate, one.value.high] for one in trend.points])
     limits = [Limit(value, word) for value, word in _levels(trend)]
     unit = "" if trend.unit == "1" else f" {trend.unit}"
+    title = f"{trend.quantity}{f', {unit.strip()}' if unit else ''}"
     marks = _marks(trend, repairs)
-    drawing = plot(
-        Curve(flights, rows), limits, float(trend.flights), flights=True, marks=_marks(trend, repairs)
-    )
+    told = "; ".join([_told(trend, unit), *(text for _, text in marks)])
+    drawn = chart(Curve(days_ms, rows), limits, title, told, whole=True)
+    drawn["marks"] = [{"at": _milliseconds(at_utc), "text": text} for at_utc, text in marks]
+    drawn["flights"] = [point.flight for point in trend.points]
+    drawn["starts"] = [point.start_utc for point in trend.points]
     return TrendShown(
         actuator=f"{prefix}{trend.actuator}{' control' if trend.subject == 'axis' else ''}",
         condition=trend.condition,
-        title=f"{trend.quantity}{f', {unit.strip()}' if unit else ''}",
-        told="; ".join([_told(trend, unit), *(mark.text for mark in marks)]),
+        title=title,
+        told=told,
         life=_life(trend),
         first=trend.fault in _MAIN or trend.growth is not None or _beyond(trend),
-        drawing=drawing,
+        chart=drawn,
     )
 
 
-def _marks(trend: ActuatorTrend, repairs: Sequence[RepairDate]) -> list[Tick]:
-    """Return the repairs since the first flight, each between the flights before and after it."""
-    starts = [(datetime.fromisoformat(point.start_utc), point.flight) for point in trend.points]
-    marks = []
-    for repair in repairs:
-        at = datetime.fromisoformat(repair.at_utc)
-        before = [flight for start, flight in starts if start < at]
-        if before and repair.actuator in (None, trend.actuator):
-            after = [flight for start, flight in starts if start >= at]
-            place = (before[-1] + after[0]) / 2 if after else float(before[-1])
-            marks.append(Tick(place, f"repair {repair.at_utc[:10]}"))
-    if trend.step is not None and not any(abs(one.at - trend.step.flight) < 1 for one in marks):
-        marks.append(Tick(trend.step.flight - 0.5, f"step {trend.step.at_utc[:10]}"))
+def _milliseconds(utc: str) -> float:
+    return datetime.fromisoformat(utc).timestamp() * 1e3
+
+
+def _marks(trend: ActuatorTrend, repairs: Sequence[RepairDate]) -> list[tuple[str, str]]:
+    """Return the dates and names of the repairs since the first flight, and of the last step."""
+    first = _milliseconds(trend.points[0].start_utc)
+    marks = [
+        (repair.at_utc, f"repair {repair.at_utc[:10]}")
+        for repair in repairs
+        if repair.actuator in (None, trend.actuator) and _milliseconds(repair.at_utc) > first
+    ]
+    step = trend.step
+    before = [one.start_utc for one in trend.points if step is not None and one.flight < step.flight]
+    if step is not None and not any(at > before[-1] for at, _ in marks if before and at <= step.at_utc):
+        marks.append((step.at_utc, f"step {step.at_utc[:10]}"))
     return marks
 
 

@@ -13,7 +13,7 @@ from typing import Final, Self
 
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import Event
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 from mavhums.show.recording import Recorder, draw, end
 from mavhums.show.viewer_program import free_port, viewer_program
 

@@ -7,8 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from math import floor, log10
 from typing import Final
 
+from mavhums.core.about import NOTICE
 from mavhums.core.quantities import QUANTITIES
-from mavhums.report.assessment import MEASURED, NOTICE, Assessment, Indicator, Interval, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import MEASURED, Indicator, Verdict
 from mavhums.show.digest import Digest, Paragraph, Subject, advice, digest
 from mavhums.show.verdict_words import certainty, explanation
 from mavhums.show.words import (
@@ -197,6 +200,8 @@ def _provenance(assessment: Assessment) -> Iterator[str]:
         quantities = {one.key: f"{one.key} {one.name}, {one.unit}" for one in QUANTITIES}
         if verdicts[0].subject == "axis":
             quantities = {"V1": "command", **MEASURED}
+        if verdicts[0].subject == "motor":
+            quantities = {"V1": "output"}
         for key, quantity in quantities.items():
             sources = [source for v in verdicts if (source := v.provenance.get(key))]
             source = _literal(_as_one(sources)) if sources else "not in the log"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Self
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.core.files import WholeFile
 from mavhums.engine.events import Event
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 
 if TYPE_CHECKING:
     import rerun as rr

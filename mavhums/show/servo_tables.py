@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from mavhums.core.text import printable
 from mavhums.health.self_baseline.motor import STALL_SHARES
-from mavhums.report.assessment import Assessment
-from mavhums.report.usage import OutputUsage, VehicleUsage
+from mavhums.results.assessment import Assessment
+from mavhums.results.usage import OutputUsage, VehicleUsage
 from mavhums.show.words import clock, join, name, percent, place_of
 
 __all__ = ["ServoTable", "reserve", "usage"]
@@ -57,7 +57,8 @@ def usage(used: VehicleUsage, *, several: bool) -> ServoTable:
     """
     who = ", ".join(printable(words) for words in (used.kind, used.firmware) if words)
     armed = "arming not recorded" if used.armed_s is None else f"armed {clock(used.armed_s)}"
-    times = [armed, *([f"forward flight {clock(used.forward_s)}"] if used.forward_s else [])]
+    motion = "driven forward" if used.kind in ("ground rover", "surface boat") else "forward flight"
+    times = [armed, *([f"{motion} {clock(used.forward_s)}"] if used.forward_s else [])]
     vehicle = f" of vehicle {used.vehicle}" if several else ""
     title = f"Usage{vehicle}: {'; '.join(filter(None, (who, ', '.join(times))))}"
     if motors := [output for output in used.outputs if output.bearing_deg is not None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import ceil, floor
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.report.standing import FlightsLeft, Growth, Standing, Step
+from mavhums.results.standing import FlightsLeft, Growth, Standing, Step
 from mavhums.show.words import join
 
 __all__ = [

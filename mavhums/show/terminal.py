@@ -15,7 +15,8 @@ from rich.text import Text
 from mavhums.actuator.tiers import TO_BE_JUDGED
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError
-from mavhums.report.assessment import ALL, Assessment, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.show.digest import Digest, Paragraph, Subject, advice, digest
 from mavhums.show.verdict_words import explanation
 from mavhums.show.words import COLOURS, capital, condition_word, finding, join, name, printable

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.axis.thresholds import NORMAL_S
-from mavhums.report.assessment import Candidate, Evidence, Verdict
+from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS, NORMAL_S
+from mavhums.results.verdict import Candidate, Evidence, Verdict
 from mavhums.show.words import clock, effectiveness, friction, percent
 
 __all__ = [
@@ -49,7 +49,7 @@ def control_left(verdict: Verdict) -> str | None:
 
     Examples
     --------
-    >>> from mavhums.report.assessment import Interval
+    >>> from mavhums.results.verdict import Interval
     >>> axis = Verdict(subject="axis", vehicle=1, actuator="roll", condition="normal", worst="normal")
     >>> control_left(axis.model_copy(update={"effectiveness": Interval(estimate=1.19, low=1.1, high=1.28)}))
     'no loss'
@@ -186,7 +186,8 @@ def _how_much(verdict: Verdict, *, alarmed: bool) -> str:
     if not coverage.excluded:
         return told
     until = "" if coverage.excluded_until_s is None else f", the last at {clock(coverage.excluded_until_s)}"
-    return f"{told}; a loss of 40 % or more is excluded over {coverage.excluded} s{until}"
+    loss = percent(1.0 - NORMAL_EFFECTIVENESS)
+    return f"{told}; a loss of {loss} or more is excluded over {coverage.excluded} s{until}"
 
 
 def network_cell(verdict: Verdict) -> str | None:

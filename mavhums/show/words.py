@@ -9,7 +9,9 @@ from typing import Final
 from mavhums.core.conditions import Condition
 from mavhums.core.text import printable
 from mavhums.log.base.losses import Losses
-from mavhums.report.assessment import ALL, Assessment, Evidence, Interval, LogSummary, Verdict
+from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import ALL, Evidence, Verdict
 
 __all__ = [
     "BLUE",
@@ -169,7 +171,7 @@ def finding(item: Evidence) -> str:
     when = f"{clock(item.start_s)} to {clock(item.end_s)}"
     if item.kind == "network":
         return f"{when}: {item.rule} (highest {percent(item.value)})"
-    if item.kind in ("effectiveness", "slow", "hard_over", "tracking", "thrust"):
+    if item.kind in ("effectiveness", "slow", "hard_over", "tracking", "thrust", "speed"):
         return f"{when}: {item.rule}"
     if item.kind == "friction":
         return f"{when}: {item.rule} (highest estimate {item.value:.3f} N·m)"

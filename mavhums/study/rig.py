@@ -29,7 +29,7 @@ from mavhums.core.quantities import KEYS, column
 from mavhums.health.estimation.equations import STROKE_EQUATIONS
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.strokes import StrokeSums
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 
 __all__ = ["COLUMNS", "CONSTANTS", "FEATURES", "HEALTHY", "Constants", "Run", "examples", "read_rig", "stage"]
 

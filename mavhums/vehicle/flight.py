@@ -20,18 +20,23 @@ from mavhums.vehicle.facts import ARDUPILOT, ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rows import PastRows, Rows
 from mavhums.vehicle.signals import all_outputs
-from mavhums.vehicle.surfaces import AXES, Demands, Surfaces
-from mavhums.vehicle.vtol import NO_LIFT
+from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces
+from mavhums.vehicle.vtol import HOVERING_MODES, NO_LIFT
 
-__all__ = ["LEAST_SPEED", "Flight", "Rows"]
+__all__ = ["GROUND", "LEAST_DRIVEN", "LEAST_SPEED", "Flight", "Rows"]
 
 _FIXED_WING: Final = 1
+_ROVER, _BOAT = 10, 11
+GROUND: Final = frozenset({_ROVER, _BOAT})
 _VTOL: Final = range(19, 26)
 _VTOL_FORWARD: Final = 4  # MAV_VTOL_STATE_FW
-_HOVERING_MODES: Final = (17, 18, 19, 20, 21, 22, 23, 25)  # ArduPlane's Q modes
 _UNLED_MODES: Final = (0, 2, 3, 4, 16)  # in these, ArduPlane does not control the attitude
 LEAST_SPEED: Final = 8.0
 """Airspeed of forward flight, m/s. Lower lets wind on the ground in, higher loses slow aircraft."""
+
+LEAST_DRIVEN: Final = {_ROVER: 0.5, _BOAT: 1.5}
+"""Speed of a rover or a boat that drives forward, m/s. Lower lets the noise of a receiver that stands in; a
+boat's rudder answers to the speed through the water, from which a current of 0.4 m/s differs by a quarter."""
 
 _LEAST_GROUND_SPEED_M_S: Final = 5.0
 """A wind of 8 m/s looks like forward flight to the pitot tube of an aircraft that stands. Higher loses flight
@@ -54,7 +59,8 @@ class Flight:
     Attributes
     ----------
     flown_s, fastest
-        Seconds of forward flight so far, and the highest airspeed while armed, m/s.
+        Seconds of forward flight so far, of a rover or a boat of driving forward, and the highest airspeed or
+        speed forward while armed, m/s.
     doubted_s
         Seconds of these in which the airspeed sensor contradicted ground speed and wind.
     parted_s
@@ -63,6 +69,8 @@ class Flight:
         MAV_TYPEs and MAV_AUTOPILOTs that the vehicle reported.
     heard
         Signals with at least one number.
+    steers
+        Whether the output that steers a rover or a boat is known.
     """
 
     def __init__(self, surfaces: Surfaces | None) -> None:
@@ -81,6 +89,11 @@ class Flight:
         self.kinds: set[int] = set()
         self.autopilots: set[int] = set()
         self.heard: set[str] = set()
+
+    @property
+    def on_ground(self) -> bool:
+        """Whether it is a rover or a boat: of all it does, only its steering is judged."""
+        return bool(self.kinds & GROUND) or self.steers
 
     @property
     def past(self) -> PastRows:
@@ -112,6 +125,7 @@ class Flight:
     def _know(self, surfaces: Surfaces | None) -> None:
         self._lift = surfaces.lift if surfaces else NO_LIFT
         self._demands = Demands(surfaces) if surfaces else None
+        self.steers = surfaces is not None and surfaces.axes == (STEERING,)
         self.parted_s = 0.0
 
     def learn(self, surfaces: Surfaces | None) -> Iterator[Rows]:
@@ -151,8 +165,12 @@ class Flight:
             self.heard.add("outputs")
         rates = flat["rates"]
         speed, trusted, source = self._speed.feed(signals)
+        driven = np.isin(flat["state"][:, 0], list(GROUND)) | (self.steers & np.isnan(flat["state"][:, 0]))
+        if driven.any():
+            speed, trusted = np.where(driven, _forward(flat), speed), trusted | driven
+            source = np.where(driven, 2.0, source)
         pulses = all_outputs(flat)
-        up = self._up(flat, speed)
+        up = self._up(flat, speed, driven)
         aloft = self._lasting(up, fresh)
         whole = aloft.reshape(-1, RATE_HZ).all(axis=1)
         for name, used in (*seconds.ranks.items(), ("speed", source[::RATE_HZ].astype(np.int64))):
@@ -201,7 +219,7 @@ class Flight:
         self._rows_of["lift"] += times * int((up & lifts).sum())
         return flying
 
-    def _up(self, flat: dict[str, Array], speed: Array) -> Flags:
+    def _up(self, flat: dict[str, Array], speed: Array, driven: Flags) -> Flags:
         """Return where all but the lift motors tells of forward flight."""
         kind, autopilot, armed, mode = flat["state"].T
         self.kinds |= {int(k) for k in np.unique(kind[np.isfinite(kind)])}
@@ -210,10 +228,14 @@ class Flight:
         # A quadplane reports a fixed wing: what it says of its transition then decides, where it says it.
         wing = (kind == _FIXED_WING) | (np.isin(kind, _VTOL) & forward)
         wing &= (flat["vtol"][:, 0] == _VTOL_FORWARD) | ~(flat["vtol"][:, 0] > 0)
-        hovering = (autopilot == ARDUPILOT) & np.isin(mode, _HOVERING_MODES)
-        landed = flat["landed"][:, 0] == ON_GROUND
-        slow = flat["groundspeed"][:, 0] <= _LEAST_GROUND_SPEED_M_S
+        wing |= driven
+        hovering = ~driven & (autopilot == ARDUPILOT) & np.isin(mode, HOVERING_MODES)
+        landed = ~driven & (flat["landed"][:, 0] == ON_GROUND)
+        slow = ~driven & (flat["groundspeed"][:, 0] <= _LEAST_GROUND_SPEED_M_S)
         fast = (armed > 0) & (speed > LEAST_SPEED)
+        # ArduPilot's rovers do not record on board whether they are armed.
+        least = np.where(kind == _BOAT, LEAST_DRIVEN[_BOAT], LEAST_DRIVEN[_ROVER])
+        fast |= driven & ~(armed == 0) & (speed > least)
         self._rows_of.update(armed=int((armed > 0).sum()), fast=int(fast.sum()))
         self.fastest = max(self.fastest, float(np.max(speed, initial=0.0, where=(armed > 0) & (speed > 0))))
         up = fast
@@ -244,6 +266,14 @@ class Flight:
             self._spacings[name] += np.bincount(steps, minlength=_SPACINGS)
         longer: Array = np.fmax(rates, outputs)
         return longer
+
+
+def _forward(flat: dict[str, Array]) -> Array:
+    """Return the speed forward, m/s, (n,), below zero in reverse; over ground where the way is not known."""
+    north, east = flat["velocity"][:, :2].T
+    heading = flat["attitude"][:, 2]
+    forward = north * np.cos(heading) + east * np.sin(heading)
+    return np.where(np.isfinite(forward), forward, flat["groundspeed"][:, 0])
 
 
 def _whole_seconds(rows: Flags) -> int:

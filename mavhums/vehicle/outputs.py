@@ -47,7 +47,7 @@ _NO_SURFACES = {
 _OLD_CHANNELS = (("ROLL", 1, 4), ("PITCH", 2, 19), ("THROTTLE", 3, 70), ("YAW", 4, 21))
 """Channels of ArduPlane before 3.8: name in RCMAP_*, usual channel, and the function that it has since."""
 _OLD_MIXERS = ("ELEVON_MIXING", "ELEVON_OUTPUT", "VTAIL_OUTPUT")
-OUTPUT_PARAMETERS = ("SERVO", "PWM_", "HIL_ACT", "RC", "KFF_RDDRMIX", *_OLD_MIXERS)
+OUTPUT_PARAMETERS = ("SERVO", "PWM_", "HIL_ACT", "RC", "KFF_RDDRMIX", "CRUISE_THROTTLE", *_OLD_MIXERS)
 """Beginnings of the names of parameters that tell what an output moves."""
 _PX4 = {
     1: "left aileron",

@@ -7,7 +7,7 @@ frames of SYS_AUTOSTART. Rovers and boats have FRAME_CLASS, too; MOT_SPIN_MIN be
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from mavhums.core.arrays import Array
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.vtol import turns_its_motors
 
 __all__ = ["ROTOR_PARAMETERS", "Rotors", "rotors_of"]
 
@@ -58,6 +59,7 @@ _UNJUDGED: Final = {
 _MOTORS: Final = {33 + k: k for k in range(8)}  # SERVOn_FUNCTION
 _PX4_FIRST_MOTOR: Final = 101  # PWM_MAIN_FUNCn
 _PX4_KINDS: Final = {2: _QUAD, 13: _HEXA, 14: _OCTA}  # MAV_TYPE
+_PX4_STANDARD_VTOL: Final = 2  # CA_AIRFRAME
 _PX4_PLUS: Final = (5, 7, 9)  # thousands of SYS_AUTOSTART
 _OVERRIDDEN: Final = 0.15
 """Share of full thrust by which an output differs from what the mixer asks of it: less is the sampling."""
@@ -84,6 +86,8 @@ class Rotors:
         Pulses at no thrust and at full thrust, µs.
     curve
         Of the thrust (1 − e)·x + e·x², by ArduPilot's MOT_THST_EXPO or PX4's THR_MDL_FAC; None for x^1.5.
+    lift
+        Whether they only lift a quadplane: what they do counts where it hovers.
     """
 
     frame: str
@@ -93,6 +97,7 @@ class Rotors:
     idle: float
     full: float
     curve: float | None
+    lift: bool = False
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Rotors) and self._key() == other._key()
@@ -101,7 +106,7 @@ class Rotors:
         return hash(self._key())
 
     def _key(self) -> tuple[object, ...]:
-        return self.frame, self.servos, self.columns.tobytes(), self.idle, self.full, self.curve
+        return self.frame, self.servos, self.columns.tobytes(), self.idle, self.full, self.curve, self.lift
 
     def thrusts(self, pulses: Array, mixer: Array) -> Array:
         """Return the thrust asked of each motor, a share of its full thrust, shape (n, motors).
@@ -145,6 +150,18 @@ def rotors_of(parameters: Parameters) -> Rotors | str | None:
 
 
 def _of_ardupilot(values: Mapping[str, float]) -> Rotors | str | None:
+    if values.get("Q_ENABLE", 0.0) > 0.0:
+        if turns_its_motors(values):
+            return None
+        # A quadplane's lift motors have a copter's parameters under other names.
+        named = {name: number for name, number in values.items() if not name.startswith(("FRAME", "MOT_"))}
+        named |= {name[2:]: number for name, number in values.items() if name.startswith("Q_FRAME")}
+        named |= {f"MOT_{name[4:]}": number for name, number in values.items() if name.startswith("Q_M_")}
+        named.pop("Q_ENABLE")
+        rotors = _of_ardupilot(named)
+        return (
+            replace(rotors, frame=f"lift {rotors.frame}", lift=True) if isinstance(rotors, Rotors) else None
+        )
     if "MOT_SPIN_MIN" not in values and "MOT_SPIN_ARMED" not in values:
         return None
     kind = values.get("FRAME_CLASS", float(_QUAD) if "FRAME" in values else None)
@@ -177,7 +194,10 @@ def _of_ardupilot(values: Mapping[str, float]) -> Rotors | str | None:
 
 def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
     count = int(values.get("CA_ROTOR_COUNT", 0.0))
-    if count and values.get("CA_AIRFRAME", 0.0) == 0.0:
+    airframe = values.get("CA_AIRFRAME", 0.0)
+    if count and airframe in (0.0, _PX4_STANDARD_VTOL):
+        # Of a standard VTOL the last ones push.
+        count = next((k for k in range(count) if values.get(f"CA_ROTOR{k}_AX", 0.0) != 0.0), count)
         known = [[values.get(f"CA_ROTOR{k}_{part}") for part in ("PX", "PY", "KM")] for k in range(count)]
         if count < 4 or any(number is None for row in known for number in row):
             return "the log lacks the places of its rotors (CA_ROTORn_PX, _PY, _KM)"
@@ -198,7 +218,9 @@ def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
         return "the parameters assign no output to some of its motors (PWM_MAIN_FUNCn)"
     bearings = tuple(np.degrees(np.arctan2(-factors[:, 0], factors[:, 1])).round(1).tolist())
     curve = values.get("THR_MDL_FAC", 0.0) or None
-    return Rotors(size, servos, _columns(factors), bearings, 1000.0, 2000.0, curve)
+    lift = airframe == _PX4_STANDARD_VTOL
+    size = f"lift {size}" if lift else size
+    return Rotors(size, servos, _columns(factors), bearings, 1000.0, 2000.0, curve, lift)
 
 
 def _px4_servos(values: Mapping[str, float], count: int) -> tuple[int, ...]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mavhums.core.arrays import Array, Flags
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ
-from mavhums.vehicle.surfaces import AXES
+from mavhums.vehicle.surfaces import AXES, COLUMNS
 
 __all__ = ["PastRows", "Rows"]
 
@@ -37,9 +37,9 @@ class Rows:
     roll, pitch, roll_demand, pitch_demand
         Measured and demanded angles, rad.
     speed
-        Airspeed from the sensor or from the wind triangle, m/s.
+        Airspeed from the sensor or from the wind triangle, m/s; of a rover or a boat the speed forward.
     flying
-        Whether the vehicle is a fixed wing in forward flight.
+        Whether the vehicle is a fixed wing in forward flight, or a rover or a boat that drives forward.
     up, aloft
         Whether all but the lift motors says so: at this instant, and for seconds without a break.
     trusted
@@ -82,7 +82,7 @@ class Rows:
 
     def demand(self, axis: str) -> Array:
         """Return the demand of the servo outputs about an axis."""
-        return self.outputs[:, AXES.index(axis)]
+        return self.outputs[:, COLUMNS[axis]]
 
     def cut(self, first: int, last: int) -> Rows:
         """Return the seconds from ``first`` to before ``last``, as indices into these seconds."""

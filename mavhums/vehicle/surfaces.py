@@ -6,7 +6,7 @@ demand: an output that is stuck while the others move does not show the demand.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -15,15 +15,35 @@ import numpy as np
 from mavhums.core.arrays import Array
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ
-from mavhums.vehicle.outputs import control_surfaces
+from mavhums.vehicle.outputs import assigned_outputs, control_surfaces
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.vtol import NO_LIFT, Lift, lift_of
 
-__all__ = ["ALIKE_US", "AXES", "KINDS", "Demands", "Moved", "Surfaces", "of_parameters"]
+__all__ = [
+    "ALIKE_US",
+    "AXES",
+    "COLUMNS",
+    "KINDS",
+    "STEERING",
+    "Demands",
+    "Moved",
+    "Surfaces",
+    "of_parameters",
+    "steers_by_wheels",
+]
 
 AXES: Final = ("roll", "pitch", "yaw")
+STEERING: Final = "steering"
+"""The only axis of a rover or a boat, and what its servo moves: it turns the vehicle about yaw."""
+COLUMNS: Final[Mapping[str, int]] = {"roll": 0, "pitch": 1, "yaw": 2, STEERING: 2}
+"""The column of each axis in what is demanded about roll, pitch and yaw."""
 
-KINDS: Final = ("flaperon", "aileron", "elevon", "elevator", "rudder", "tail")
+KINDS: Final = ("flaperon", "aileron", "elevon", "elevator", "rudder", "tail", STEERING)
+_ROVERS: Final = "CRUISE_THROTTLE"
+"""A parameter of each ArduPilot rover and boat, and of nothing else: nose wheels steer by a servo, too."""
+_PX4_ACKERMANN, _PX4_DIFFERENTIAL = 5, 6  # CA_AIRFRAME
+_PX4_STEERING: Final = 201  # PWM_MAIN_FUNCn: the first servo
+_WHEELS: Final = ("left throttle", "right throttle")
 _MIXED: Final = ("elevon", "tail")
 _FROZEN_S: Final = 1.0
 """An output that stands for as long while others of its surface move is stuck: in flight all of them move."""
@@ -41,8 +61,14 @@ class Moved(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """The kind of surface: one of aileron, flaperon, elevon, elevator, rudder, tail."""
+        """The kind of surface: one of aileron, flaperon, elevon, elevator, rudder, tail, steering."""
         return next(kind for kind in KINDS if kind in self.surface)
+
+    @property
+    def range_us(self) -> tuple[int, int, int]:
+        """Smallest, zero and largest pulse."""
+        half = abs(self.half_us)
+        return round(self.zero_us - half), round(self.zero_us), round(self.zero_us + half)
 
     @property
     def side(self) -> str:
@@ -78,6 +104,11 @@ class Surfaces:
     contradicted: Mapping[str, str] = field(default_factory=dict)
     confirmed: frozenset[str] = frozenset()
 
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axes that they turn the vehicle about."""
+        return (STEERING,) if all(one.kind == STEERING for one in self.moved) else AXES
+
     def of_axis(self, axis: str) -> tuple[Moved, ...]:
         """Return the outputs that move the aircraft about an axis; none if they are contradicted."""
         if axis in self.contradicted and axis not in self.by_log:
@@ -86,6 +117,7 @@ class Surfaces:
             "roll": ("aileron", "flaperon", "elevon"),
             "pitch": ("elevator", "elevon", "tail"),
             "yaw": ("rudder", "tail"),
+            STEERING: (STEERING,),
         }[axis]
         for kind in kinds:
             found = tuple(moved for moved in self.moved if moved.kind == kind)
@@ -121,7 +153,7 @@ class Surfaces:
     @property
     def demands(self) -> tuple[object, ...]:
         """What decides the demand of every row and where the vehicle hovers, whatever the surfaces' names."""
-        return self.origin == "inferred", self.lift, *(self.demand(axis) for axis in AXES)
+        return self.origin == "inferred", self.lift, *(self.demand(axis) for axis in self.axes)
 
     def brief(self, axis: str) -> str:
         """Return the surfaces of an axis in few letters, for an alert; an empty text if there are none.
@@ -170,6 +202,8 @@ class Surfaces:
 def of_parameters(parameters: Parameters) -> Surfaces | None:
     """Return the surfaces that an autopilot's parameters define; None if they define none."""
     values = parameters.values
+    if steering := tuple(_steering(parameters)):
+        return Surfaces(steering, "parameters")
     found = []
     for output in control_surfaces(parameters):
         surface = output.surface.replace("v-tail", "tail").replace("a-tail", "tail")
@@ -180,6 +214,37 @@ def of_parameters(parameters: Parameters) -> Surfaces | None:
         sign = -sign if output.is_reversed else sign
         found.append(Moved(output.servo, surface, zero, sign * (high - low) / 2))
     return Surfaces(tuple(found), "parameters", lift_of(values)) if found else None
+
+
+def _steering(parameters: Parameters) -> Iterator[Moved]:
+    """Yield the outputs that steer a rover or a boat."""
+    values = parameters.values
+    if parameters.is_px4 and values.get("CA_AIRFRAME") != _PX4_ACKERMANN:
+        return
+    if not parameters.is_px4 and _ROVERS not in values:
+        return
+    for output in assigned_outputs(parameters):
+        steers = output.surface == "ground steering"
+        if parameters.is_px4:
+            steers = f"= {_PX4_STEERING}" in output.because
+        if steers and output.servo <= ALL_OUTPUTS:
+            low, zero, high = output.pwm_us
+            yield Moved(output.servo, STEERING, zero, (-1 if output.is_reversed else 1) * (high - low) / 2)
+
+
+def steers_by_wheels(parameters: Parameters) -> bool:
+    """Return whether a rover or a boat steers by the difference of its motors.
+
+    Examples
+    --------
+    >>> tank = {"CRUISE_THROTTLE": 50.0, "SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0}
+    >>> steers_by_wheels(Parameters(1, False, tank))
+    True
+    """
+    if parameters.is_px4:
+        return parameters.values.get("CA_AIRFRAME") == _PX4_DIFFERENTIAL
+    driven = {output.surface for output in assigned_outputs(parameters)}
+    return _ROVERS in parameters.values and driven.issuperset(_WHEELS)
 
 
 def _px4_sign(because: str, surface: str, values: Mapping[str, float]) -> float:
@@ -213,13 +278,14 @@ class Demands:
         self._inferred = surfaces.origin == "inferred"
         self.parted = np.zeros(0, dtype=bool)
         self._groups: dict[str, list[Moved]] = {}
-        for axis in AXES:
+        for axis in surfaces.axes:
             for moved in surfaces.of_axis(axis):
                 name = f"{moved.side} {moved.kind}" if moved.kind in _MIXED else moved.kind
                 members = self._groups.setdefault(name, [])
                 if moved not in members:
                     members.append(moved)
-        self._none = [k for k, axis in enumerate(AXES) if not surfaces.of_axis(axis)]
+        known = {COLUMNS[axis] for axis in surfaces.axes if surfaces.of_axis(axis)}
+        self._none = [k for k in range(len(AXES)) if k not in known]
         self._row = 0
         self._before = {name: np.full(len(group), np.nan) for name, group in self._groups.items()}
         self._changed = {name: np.zeros(len(group), dtype=np.int64) for name, group in self._groups.items()}
@@ -235,7 +301,7 @@ class Demands:
         roll = _first(known, "aileron", "flaperon", other=(elevons[0] - elevons[1]) / 2)
         mixed = elevons if any("elevon" in name for name in known) else tails
         pitch = _first(known, "elevator", other=(mixed[0] + mixed[1]) / 2)
-        yaw = _first(known, "rudder", other=(tails[0] - tails[1]) / 2)
+        yaw = _first(known, "rudder", STEERING, other=(tails[0] - tails[1]) / 2)
         demand = np.stack([roll, pitch, yaw], axis=1)
         demand[:, self._none] = np.nan  # mixed outputs may be contradicted about one of their axes
         return demand

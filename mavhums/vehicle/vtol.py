@@ -14,12 +14,22 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags
-from mavhums.vehicle.facts import ALL_OUTPUTS
+from mavhums.vehicle.facts import ALL_OUTPUTS, ARDUPILOT
 from mavhums.vehicle.identity import Identity
 
-__all__ = ["NO_LIFT", "VTOL_PARAMETERS", "Lift", "known_as", "lift_of", "rotor_servos"]
+__all__ = [
+    "HOVERING_MODES",
+    "NO_LIFT",
+    "VTOL_PARAMETERS",
+    "Lift",
+    "hovers",
+    "known_as",
+    "lift_of",
+    "rotor_servos",
+    "turns_its_motors",
+]
 
-VTOL_PARAMETERS: Final = ("Q_ENABLE", "Q_FRAME_CLASS", "Q_M_", "Q_T", "FRAME_CLASS")
+VTOL_PARAMETERS: Final = ("Q_ENABLE", "Q_FRAME_", "Q_M_", "Q_T", "FRAME_CLASS")
 """First letters of the parameters that tell what lifts."""
 
 _MOTORS: Final = {33 + k: k for k in range(8)} | {82 + k: k + 8 for k in range(4)}  # SERVOn_FUNCTION
@@ -32,6 +42,14 @@ _HELICOPTERS: Final = {6: 3, 11: 6, 13: 8}  # FRAME_CLASS: number of servos that
 _TAIL_ROTOR: Final = 3  # motor number, of the helicopter with one rotor
 
 _MOST_IDLE: Final = 0.5  # share of the range: a damaged parameter cannot hide the motors for good
+
+HOVERING_MODES: Final = (17, 18, 19, 20, 21, 22, 23, 25)
+"""ArduPlane's Q modes."""
+_HELD_MODES: Final = (17, 18, 19, 20)
+"""Of these, those that hold a hover: QRTL flies forward first, QAUTOTUNE and QACRO are no steady flight."""
+_MC: Final = 3  # MAV_VTOL_STATE
+_FAST_M_S: Final = 8.0
+"""Airspeed from which the surfaces answer for what the motors do: that of forward flight."""
 
 _CARRIES: Final = 0.05
 """Share of its range above its idle speed from which a lift motor carries. A tiltrotor that cruises keeps its
@@ -101,6 +119,21 @@ class Lift:
         return told
 
 
+def hovers(signals: Mapping[str, Array]) -> Flags:
+    """Return where a quadplane hovers, by its mode or its VTOL state and its airspeed, shape (n,).
+
+    Parameters
+    ----------
+    signals
+        On a common grid, shape (n, columns).
+    """
+    autopilot, mode = signals["state"][:, 1], signals["state"][:, 3]
+    vtol = signals["vtol"][:, 0]
+    held = (autopilot == ARDUPILOT) & np.isin(mode, _HELD_MODES) & ~(vtol > 0)
+    hovering: Flags = (held | (vtol == _MC)) & ~(signals["airspeed"][:, 0] > _FAST_M_S)
+    return hovering
+
+
 NO_LIFT: Final = Lift()
 """What carries a vehicle that does not hover."""
 
@@ -159,6 +192,11 @@ def known_as(identity: Identity, values: Mapping[str, float]) -> Identity:
         return identity
     kind = "tailsitter" if _is_tailsitter(values) else "tiltrotor" if _tilts(values) else "quadplane"
     return replace(identity, kind=kind)
+
+
+def turns_its_motors(values: Mapping[str, float]) -> bool:
+    """Return whether some of an ArduPlane's lift motors pull forward, too: a tiltrotor, a tailsitter."""
+    return _tilts(values) or _is_tailsitter(values)
 
 
 def rotor_servos(values: Mapping[str, float]) -> dict[int, str]:

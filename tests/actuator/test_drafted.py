@@ -9,7 +9,7 @@ import pytest
 import mavhums
 from mavhums import Engine
 from mavhums.app.inspection import inspect_log
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 from mavhums_sim import Flight, fly
 from mavhums_sim.conditions import Condition
 from mavhums_sim.dataflash import write_dataflash

@@ -16,7 +16,8 @@ from mavhums.actuator import load_airframe
 from mavhums.actuator.mapping import Gate, bounds
 from mavhums.core.quantities import KEYS, column
 from mavhums.engine.engine import Engine
-from mavhums.report.assessment import Assessment, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Verdict
 from mavhums.show.markdown_report import markdown
 from mavhums.show.terminal import render
 from mavhums_sim import Flight, FlightRecord, fly

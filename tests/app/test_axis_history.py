@@ -17,7 +17,8 @@ from mavhums.flights.compare import FlightComparison, compared, packed, unpacked
 from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
-from mavhums.report.assessment import Assessment, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Verdict
 from tests.engine.test_axes import flown
 
 GAINS = (2.15, 2.3, 2.1, 2.25, 2.2, 2.05)

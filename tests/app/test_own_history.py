@@ -10,7 +10,7 @@ import pytest
 
 import mavhums
 from mavhums.flights.stores.folder import keep_assessment
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 from mavhums_sim import Flight, Gearbox, fly
 from mavhums_sim.conditions import Condition
 from mavhums_sim.dataflash import write_dataflash

@@ -11,10 +11,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mavhums import Engine
+from mavhums.actuator.profile import load_airframe
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import (
+    AirframeNamed,
     ComparisonInput,
     ConditionChanged,
     Event,
@@ -28,7 +30,8 @@ from mavhums.health.decision.baseline import Baseline, Baselines
 from mavhums.health.decision.events import IndicatorStep
 from mavhums.health.decision.limits import Levels
 from mavhums.health.decision.records import Estimate, FaultRecord
-from mavhums.report.assessment import DECIDE, Assessment, Decide
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import DECIDE, Decide
 from mavhums_sim import Flight, Gearbox, fly, write_tlog
 from mavhums_sim.conditions import Condition
 from mavhums_sim.ema import EmaParameters
@@ -166,6 +169,30 @@ def test_where_blocks_end_changes_no_event_of_the_comparison(
         return found
 
     assert events(data.draw(cuts(len(content)))) == events([])
+
+
+def test_what_another_profile_judged_is_no_evidence(logs: dict[str, Path]) -> None:
+    indicator = FaultRecord("friction", "friction", "N·m", Levels(0.375, 0.875), two_sided=False)
+    step = IndicatorStep(indicator, Estimate(0.24, 0.03, 9.0), None)
+    ends = [(10.0 * k, 10.0 * k + 10.0) for k in range(40)]
+
+    def until_drift(named_after: int | None) -> int:
+        """Return how many windows it takes until the friction has drifted."""
+        comparison = FlightComparison(
+            Engine(), {(1, "rudder", "friction"): Baseline(0.2, 0.001, 12, 0.001, 0.002)}
+        )
+        comparison.feed(logs["short"].read_bytes())
+        for k, end in enumerate(ends):
+            named = [AirframeNamed(end[0], 1, load_airframe("paper"))] if k == named_after else []
+            window = Window(1, "rudder", *end, 1.0, None, None, "undecided")
+            told = comparison.follow([*named, ComparisonInput(1, "rudder", *end, (step,)), window])
+            if any(isinstance(event, ConditionChanged) for event in told):
+                return k + 1
+        return len(ends)
+
+    alone = until_drift(None)
+    assert 1 < alone < len(ends) / 2
+    assert until_drift(alone - 1) >= 2 * alone - 1
 
 
 def test_an_actuator_that_is_forgotten_takes_its_drift_back() -> None:

@@ -14,7 +14,7 @@ from fastcrc import crc16
 
 from mavhums.cli import output
 from mavhums.core.errors import ExitCode
-from mavhums.report.assessment import json_schema
+from mavhums.results.assessment import json_schema
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import SINGLE, Run, real_logs
 

@@ -16,7 +16,7 @@ from mavhums.cli import main as cli
 from mavhums.core.errors import ExitCode
 from mavhums.core.table_writers import writer_for
 from mavhums.log.base.losses import Losses, SequenceLoss
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 from mavhums.show.terminal import render
 from mavhums.show.words import losses
 from tests.conftest import Run

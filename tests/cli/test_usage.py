@@ -67,9 +67,9 @@ def test_inspect_says_what_can_be_judged_before_one_tries(run: Run, log: Path) -
 
 def test_inspect_says_why_nothing_can_be_judged(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "other.tlog"
-    path.write_bytes(flown(20, kind=10))
+    path.write_bytes(flown(20, kind=12))
     text = " ".join(run("inspect", path).out.split())
-    assert text.startswith("A ground rover: not judged (")
+    assert text.startswith("A submarine: not judged (")
     assert "remedy" not in text
 
 

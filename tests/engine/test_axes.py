@@ -14,7 +14,8 @@ from mavhums import Engine
 from mavhums.core.errors import ExitCode
 from mavhums.engine.events import ConditionChanged
 from mavhums.engine.options import EngineOptions
-from mavhums.report.assessment import Assessment, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Verdict
 from tests.conftest import REAL_LOGS
 from tests.health.axis.flights import excited
 

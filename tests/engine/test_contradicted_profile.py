@@ -20,8 +20,9 @@ from mavhums.engine.events import ConditionChanged, Event, Notice
 from mavhums.engine.motion import contradiction, refutation
 from mavhums.engine.options import EngineOptions
 from mavhums.log.mavlink.stamping import Piece
-from mavhums.report.assessment import Assessment, Verdict
-from mavhums.report.sections import AxisLimits
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import Verdict
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.surfaces import Moved
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog

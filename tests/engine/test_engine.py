@@ -26,7 +26,8 @@ from mavhums.engine.options import EngineOptions
 from mavhums.flights.compare import FlightComparison
 from mavhums.health.decision.baseline import Baseline
 from mavhums.learn import Model, default_model, packaged_models
-from mavhums.report.assessment import Assessment, Verdict, json_schema
+from mavhums.results.assessment import Assessment, json_schema
+from mavhums.results.verdict import Verdict
 from mavhums_sim import Flight, FlightRecord, fly, write_tlog
 from mavhums_sim.conditions import Condition
 from mavhums_sim.telemetry import messages

@@ -120,7 +120,7 @@ def test_which_modes_and_transitions_are_forward_flight() -> None:
             "landed": np.full((1, 1), np.nan),
             "groundspeed": np.full((1, 1), 12.0),
         }
-        return bool(Flight(None)._up(flat, np.array([12.0]))[0])
+        return bool(Flight(None)._up(flat, np.array([12.0]), np.zeros(1, dtype=bool))[0])
 
     hovering = {mode for mode in range(40) if not up(1, 3, mode, np.nan)}
     assert hovering == {17, 18, 19, 20, 21, 22, 23, 25}

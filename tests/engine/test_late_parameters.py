@@ -14,7 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 from mavhums import Engine
 from mavhums.engine.events import ConditionChanged, Event, Notice
 from mavhums.log.mavlink.stamping import Piece
-from mavhums.report.assessment import Assessment, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Verdict
 from mavhums.vehicle import rows as kept
 from mavhums_sim.perturb import (
     KINDS,

@@ -12,7 +12,7 @@ from mavhums import Engine
 from mavhums.engine.options import EngineOptions
 from mavhums.health.decision.events import Indication
 from mavhums.log import read_blocks
-from mavhums.report.assessment import Verdict
+from mavhums.results.verdict import Verdict
 from tests.conftest import REAL_LOGS
 
 pytestmark = pytest.mark.skipif(not (REAL_LOGS / "sitl").is_dir(), reason="the real logs are absent")

@@ -8,7 +8,7 @@ from mavhums.fleet.second_pass import rows_of
 from mavhums.flights.compare import StandaloneAssessment, packed
 from mavhums.flights.history import PastFlight
 from mavhums.flights.stores.delta import Row, Store
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 
 __all__ = ["row_of", "write_store"]
 

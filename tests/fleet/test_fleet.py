@@ -18,7 +18,7 @@ from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.flights.stores.folder import keep_assessment
-from mavhums.report.assessment import Verdict
+from mavhums.results.verdict import Verdict
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet_logs import joined, moved, nameless

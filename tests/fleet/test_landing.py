@@ -6,10 +6,11 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import locket
+import filelock
 import pytest
 
 import mavhums
@@ -151,12 +152,29 @@ def test_a_folder_that_is_no_store_is_one_aircrafts_history(run: Run, kept: Path
 
 
 def test_a_store_in_use_is_told(run: Run, kept: Path, store: Path) -> None:
-    with locket.lock_file(str(store / ".scan.lock")):
+    with filelock.FileLock(store / ".scan.lock"):
         outcome = run("analyse", kept / "D-A" / "landed.tlog", "--history", store, "--keep")
     assert outcome.code == ExitCode.ERROR
     assert "another scan writes into this store" in outcome.err
     assert "wait" in outcome.err
     assert fleet.status(store).judged == FLIGHTS
+
+
+def test_the_page_waits_for_a_scan(kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store, tries = tmp_path / "store", []
+
+    def busy(*_: object) -> Iterator[object]:
+        tries.append(1)
+        if len(tries) < 3:
+            raise MavhumsError("another scan writes into this store") from filelock.Timeout("lock")
+        raise MavhumsError("another problem")
+
+    monkeypatch.setattr(fleet, "keep", busy)
+    monkeypatch.setattr(page_worker, "_EVERY_S", 0.0)
+    job = {"log": str(kept / "D-A" / "landed.tlog"), "store": str(store), "options": {}}
+    assert page_worker.answer_to(job)["problem"] == "another problem"
+    assert len(tries) == 3
+    assert not list(store.rglob("*.tlog")), "no copy stays behind"
 
 
 def test_a_store_needs_its_extra(run: Run, kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,8 @@ from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
-from mavhums.report.assessment import Assessment, Interval
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Interval
 from tests.flights import flown, shown, verdict
 
 pytest.importorskip("deltalake")

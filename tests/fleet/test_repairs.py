@@ -10,7 +10,8 @@ import pytest
 
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.stores.folder import keep_assessment
-from mavhums.report.assessment import Assessment, Indicator
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Indicator
 from tests.conftest import Run
 from tests.flights import START, flown, shown, verdict
 

@@ -24,7 +24,7 @@ from mavhums.fleet import sources
 from mavhums.fleet.rows import judge
 from mavhums.fleet.sources import at_hand, logs_in
 from mavhums.flights.stores.delta import LogFile, Store
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 
 FLIGHTS = 3
 DAY_S = 86_400.0

@@ -13,7 +13,7 @@ from mavhums.core.errors import ExitCode
 from mavhums.flights.aircraft import AircraftResolver, OtherAircraftError, check_same_aircraft, latest
 from mavhums.flights.aircraft_table import AircraftTable, Installed
 from mavhums.flights.stores.folder import FlightFolder, keep_assessment, read_history
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run
@@ -84,6 +84,11 @@ def test_an_unknown_aircraft_is_accepted_with_a_notice(
     told = held(tmp_path / "folder", [of(past, 0)], of(new, 1), NONE).log.notices
     assert len(told) == 1
     assert f"{silent} tells no board id" in told[0]
+
+
+def test_a_foreign_board_is_told_where_the_name_is_the_same(tmp_path: Path) -> None:
+    (told,) = held(tmp_path, [of("0A", 0, "D-A")], of("0B", 1, "D-A"), NONE).log.notices
+    assert "flights of D-A with the board 0A, but this log has the board 0B: another aircraft" in told
 
 
 def test_vehicles_with_different_ids_may_share_a_history(tmp_path: Path) -> None:

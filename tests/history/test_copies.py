@@ -19,8 +19,9 @@ from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.stores import with_duplicate_flights
 from mavhums.flights.stores.folder import FlightFolder, keep_assessment, read_history
 from mavhums.flights.trends import trend_report
-from mavhums.report.assessment import Assessment, Coverage
-from mavhums.report.sections import FlightIdentity
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import FlightIdentity
+from mavhums.results.verdict import Coverage
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run

@@ -15,7 +15,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.flights import flight_file as files
 from mavhums.flights.stores import folder, with_duplicate_flights
 from mavhums.flights.stores.folder import CHECKPOINT, FlightFolder, keep_assessment, read_history
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 from tests.flights import START, flown, identity, shown, verdict, write_wear
 
 LATER = START + timedelta(days=10_000)
@@ -69,13 +69,14 @@ def test_the_checkpoint_gives_the_same_as_the_whole_folder(
         os.utime(path, ns=(number * 10**9, number * 10**9))
         if number == again:
             FlightFolder(folder)
+    whole = read_history(folder)
     for airframe in ("paper", "other", None):
         for moment in (START + timedelta(days=before), LATER, None):
-            whole, followed = read_history(folder), FlightFolder(folder)
+            followed = FlightFolder(folder)
             asked = airframe, moment, dates
             assert followed.baselines(*asked) == whole.baselines(*asked)
             assert followed.past(*asked) == whole.past(*asked)
-    whole, followed = read_history(folder), FlightFolder(folder)
+    followed = FlightFolder(folder)
     assert sorted(map(str, followed.owners())) == sorted(map(str, whole.owners()))
     for flight in several:
         assert with_duplicate_flights(flight, followed) == with_duplicate_flights(flight, whole)  # type: ignore[arg-type]

@@ -19,8 +19,8 @@ from mavhums.flights.history import REFERENCE_FLIGHTS, FlightHistory, PastFlight
 from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
-from mavhums.report.assessment import SCHEMA, Assessment
-from mavhums.report.trend import to_frame
+from mavhums.results.assessment import SCHEMA, Assessment
+from mavhums.results.trend import to_frame
 from mavhums.show.trend import render_trends
 from tests.flights import START, flown, shown, verdict, write_wear
 
@@ -200,7 +200,7 @@ def mutated(draw: st.DrawFn) -> bytes:
     return bytes(data[: draw(st.sampled_from([len(data), len(data), len(data) // 2]))])
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.one_of(mutated(), st.binary(max_size=200)))
 def test_no_file_stops_the_others(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> None:
     """Whatever one file holds, the other eight are read, it is accounted for, and the trend is shown."""

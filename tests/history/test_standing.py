@@ -12,8 +12,9 @@ from mavhums.flights.changes import _kinds
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.trends import trend_report, with_standings
 from mavhums.health.decision.baseline import Baseline
-from mavhums.report.assessment import Since
-from mavhums.report.standing import Standing
+from mavhums.health.decision.growth import course_of
+from mavhums.results.standing import Standing
+from mavhums.results.verdict import Since
 from mavhums.show.digest import headline
 from tests.flights import START, flown, shown, verdict
 
@@ -66,6 +67,10 @@ def test_a_repair_ends_the_state_recorded_or_not() -> None:
     earlier = unrecorded.model_copy(
         update={"step": unrecorded.step.model_copy(update={"at_utc": "2026-01-01"})}
     )
+    later = unrecorded.model_copy(
+        update={"step": unrecorded.step.model_copy(update={"at_utc": "2099-01-01"})}
+    )
+    assert [*_kinds(later, unrecorded)] == [], "a later step was taken back"
     assert [[*_kinds(was, unrecorded)] for was in (None, before, earlier, unrecorded)] == [
         *[["step"]] * 3,
         [],
@@ -118,3 +123,19 @@ def test_the_baseline_is_the_level_before_the_growth() -> None:
     assert known.mean == pytest.approx(0.213, abs=0.008)
     prediction = known.prediction()
     assert prediction.high - prediction.low < 0.03
+
+
+def test_growth_that_was_certain_does_not_go_with_one_flight() -> None:
+    """The evidence falls below its threshold and rises again; a list would say "grows", "normal", "grows"."""
+    rng = np.random.default_rng(1)
+    values = 0.225 + 0.004 * np.arange(40) + 0.0225 * rng.standard_normal(40)
+    numbers, errors = np.arange(1.0, 41.0), np.full(40, 0.002)
+    certain = [
+        (one := course_of(numbers[:n], values[:n], errors[:n])) is not None and one.grows
+        for n in range(8, 41)
+    ]
+    first = certain.index(True)
+    assert not all(certain[first:])
+    told = [standing([*values[:n]]).growth is not None for n in range(8, 41)]
+    assert told.index(True) == first
+    assert all(told[first:])

@@ -27,7 +27,8 @@ from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.events import ComparisonInput, ConditionChanged
-from mavhums.report.assessment import Evidence, Interval
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Evidence
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run

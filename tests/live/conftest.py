@@ -22,8 +22,9 @@ from mavhums.live.session import GroundStation, Reception, Session
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Piece, Stamper
-from mavhums.report.assessment import Assessment, Verdict
-from mavhums.report.live import AlertObject, StaleObject, StatusObject
+from mavhums.results.assessment import Assessment
+from mavhums.results.live import AlertObject, StaleObject, StatusObject
+from mavhums.results.verdict import Verdict
 from mavhums_sim import Flight, FlightRecord, fly
 from mavhums_sim.link import EPOCH_US, Link, transmit
 from mavhums_sim.telemetry import messages

@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import common as v2
 from mavhums.core.conditions import Condition
 from mavhums.engine.events import ConditionChanged
 from mavhums.live.alerts import Alerts, Signer, health_name, text_of
-from mavhums.report.live import ActuatorStatus
+from mavhums.results.live import ActuatorStatus
 from mavhums_sim.link import EPOCH_US
 
 SECOND = 1_000_000

@@ -15,7 +15,7 @@ import mavhums
 from mavhums.core.errors import ExitCode
 from mavhums.engine.events import ConditionChanged
 from mavhums.log.mavlink.stamping import Piece
-from mavhums.report.assessment import Verdict
+from mavhums.results.verdict import Verdict
 from tests.engine.test_axes import START_US, flown
 from tests.live.conftest import Rig, verdicts
 from tests.live.programs import free_port, running

@@ -11,7 +11,7 @@ import jsonschema
 import pytest
 
 import mavhums
-from mavhums.report.live import json_schema
+from mavhums.results.live import json_schema
 from tests.live.conftest import conditions, verdicts
 from tests.live.programs import free_port, running, simulator
 from tests.live.programs import mavhums as command

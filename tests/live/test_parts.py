@@ -27,8 +27,8 @@ from mavhums.live.setup import SeenSignatures
 from mavhums.live.sinks import JsonLines, PlainLines
 from mavhums.live.view import View, draw
 from mavhums.log.mavlink.stamping import Piece
-from mavhums.report import live as objects
-from mavhums.report.assessment import Assessment
+from mavhums.results import live as objects
+from mavhums.results.assessment import Assessment
 from mavhums_sim.link import EPOCH_US
 from tests.live.conftest import Rig
 

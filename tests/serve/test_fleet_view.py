@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import json
 
-import pytest
+import numpy as np
 
 from mavhums.core.conditions import Condition
-from mavhums.report.assessment import Assessment, Interval, LogSummary, Suspect, Verdict
-from mavhums.report.standing import FlightsLeft, Growth, Standing
-from mavhums.report.trend import ActuatorTrend, FlightPoint, RepairDate, TrendReport
+from mavhums.flights.queries import Worst
+from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.standing import FlightsLeft, Growth, Interval, Standing
+from mavhums.results.trend import ActuatorTrend, FlightPoint, RepairDate, TrendReport
+from mavhums.results.verdict import Suspect, Verdict
 from mavhums.serve.fleet_view import aircraft_lines, flight_lines, trends_shown
 from mavhums.serve.home import render
 
 MARKUP = "<img src=x onerror=alert(1)>"
-
-
-class Row(NamedTuple):
-    aircraft: str
-    path: str
-    start_us: int | None
-    verdict: Verdict
-    standing: Standing | None = None
 
 
 def verdict(actuator: str, condition: Condition, reason: str | None = None, fault: str = "") -> Verdict:
@@ -33,11 +27,11 @@ def verdict(actuator: str, condition: Condition, reason: str | None = None, faul
 
 def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
     rows = [
-        Row("D-B", "b.tlog", 1_767_258_000_000_000, verdict("elevator", "emergency", fault="hard_over")),
-        Row("", "x/a.tlog", None, verdict("rudder", "undecided", "too slow")),
-        Row("", "x/c.tlog", None, verdict("rudder", "undecided", "too slow")),
-        Row("D-B", "b.tlog", 1_767_258_000_000_000, verdict("rudder", "normal")),
-        Row("D-A", "a.tlog", 0, verdict("rudder", "normal")),
+        Worst("D-B", "b.tlog", 1_767_258_000_000_000, verdict("elevator", "emergency", fault="hard_over")),
+        Worst("", "x/a.tlog", None, verdict("rudder", "undecided", "too slow")),
+        Worst("", "x/c.tlog", None, verdict("rudder", "undecided", "too slow")),
+        Worst("D-B", "b.tlog", 1_767_258_000_000_000, verdict("rudder", "normal")),
+        Worst("D-A", "a.tlog", 0, verdict("rudder", "normal")),
     ]
     lines = aircraft_lines(rows)
     assert [line.name for line in lines] == [
@@ -66,7 +60,7 @@ def test_what_grows_is_not_called_normal() -> None:
         last_utc="2026-03-29T09:00:00+00:00",
         log=None,
     )
-    (line,) = aircraft_lines([Row("D-A", "a.tlog", 0, verdict("rudder", "normal"), grows)])
+    (line,) = aircraft_lines([Worst("D-A", "a.tlog", 0, verdict("rudder", "normal"), grows)])
     assert (line.condition, line.word, line.worst) == ("changed", "grows", "rudder")
     assert line.counts == (("grows", 1),)
     assert TOLD in line.detail
@@ -154,18 +148,22 @@ def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_
         trend("rudder", "bias", last=0.7),
     )
     report = TrendReport(flights=12, trends=trends, unshown=(), errors=(), notices=())
-    elevator, rudder = trends_shown(report)
+    elevator, rudder = trends_shown(report, {"2026-01-02T00:00:00Z": "/fleet/flight?log=2"})
     assert (len(elevator.first), len(elevator.others)) == (1, 1)
     assert len(rudder.first) == 2
     shown = rudder.first[0]
     assert (shown.title, shown.life) == ("play, °", TOLD)
     assert shown.told.startswith("flight 12: 0.2 (0.1 to 0.3) °, 95 % interval")
     assert elevator.first[0].life == "It does not grow"
-    assert [tick.text for tick in shown.drawing.x] == ["5", "10"]
-    assert [limit.text for limit in shown.drawing.limits] == ["degraded above", "emergency from"]
+    (chart,) = json.loads(elevator.more.unescape())["charts"]
+    assert (chart["title"], chart["life"]) == ("play, °", "It does not grow")
+    assert [limit["name"] for limit in chart["limits"]] == ["degraded above", "emergency from"]
+    assert chart["value"] == [0.2] * 12
+    assert np.diff(chart["time"]).tolist() == [86_400_000.0] * 11, "a day"
+    assert chart["links"] == ["", "/fleet/flight?log=2", *[""] * 10]
 
 
-def test_repairs_are_marked_between_the_flights_before_and_after_them() -> None:
+def test_repairs_are_marked_at_their_dates() -> None:
     first, last = (trend("elevator", "friction").points[place].start_utc for place in (0, -1))
     repairs = (
         RepairDate(actuator=None, at_utc="2000-01-01T00:00:00+00:00"),
@@ -175,28 +173,29 @@ def test_repairs_are_marked_between_the_flights_before_and_after_them() -> None:
     assert first < last
     trends = (trend("elevator", "friction"),)
     report = TrendReport(flights=12, trends=trends, unshown=(), errors=(), notices=(), repairs=repairs)
-    (shown,) = trends_shown(report)[0].first
-    (mark,) = shown.drawing.marks
-    assert mark.text == f"repair {last[:10]}"
-    ticks = {tick.text: tick.at for tick in shown.drawing.x}
-    per_flight = (ticks["10"] - ticks["5"]) / 5
-    assert mark.at == pytest.approx(ticks["10"] + 1.5 * per_flight, abs=0.2)
-    assert mark.text in shown.told
-    page = render(
-        "aircraft.html",
-        name="D-A",
-        problem="",
-        report=report,
-        headline="",
-        trends=trends_shown(report),
-        flights=[],
-    )
-    assert page.count(f">{mark.text}</text>") == 1
+    (shown,) = trends_shown(report, {})[0].first
+    (mark,) = shown.chart["marks"]
+    assert mark == {"at": shown.chart["time"][-1], "text": f"repair {last[:10]}"}
+    assert mark["text"] in shown.told
 
 
 def test_texts_of_a_store_are_never_markup() -> None:
-    lines = aircraft_lines([Row(MARKUP, MARKUP, None, verdict(MARKUP, "undecided", MARKUP))])
+    lines = aircraft_lines([Worst(MARKUP, MARKUP, None, verdict(MARKUP, "undecided", MARKUP))])
     text = render("fleet.html", lines=lines, tally=[], problem="", more=False)
     assert "<img" not in text
     assert text.count("&lt;img src=x") >= 3
     assert "<img" not in render("aircraft.html", name=MARKUP, problem=MARKUP)
+    named = trend(MARKUP, "friction").model_copy(update={"quantity": MARKUP})
+    report = TrendReport(flights=12, trends=(named,), unshown=(MARKUP,), errors=(), notices=())
+    page = render(
+        "aircraft.html",
+        name=MARKUP,
+        problem="",
+        report=report,
+        headline=MARKUP,
+        trends=trends_shown(report, {}),
+        flights=[],
+        query="",
+    )
+    assert "<img" not in page
+    assert page.count("&lt;img") >= 5

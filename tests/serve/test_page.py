@@ -27,8 +27,9 @@ pytestmark = [
 ]
 
 HEADLINE = "document.querySelector('.headline')?.innerText"
-INSIDE = "document.querySelector('iframe.answer')?.contentDocument"
-LINES = f"{INSIDE}?.querySelectorAll('svg[data-plot] path.line')"
+ANSWER = "document.querySelector('.shown')"
+CHARTS = "document.querySelectorAll('.curves .chart svg')"
+REPORT = "document.querySelector('.shown .downloads a')?.href.replace('?save=1', '')"
 MARKUP = "<img src=x onerror=top.alarmed=true><script>top.alarmed=true</script>"
 
 
@@ -53,12 +54,21 @@ def test_a_dropped_log_becomes_the_answer_with_its_plots(
     assert violations(browser) == [], "the empty page"
     browser.drop([growing_log])
     assert "elevator: EMERGENCY" in browser.wait(HEADLINE)
-    assert browser.wait(f"{LINES}?.length") == 8
-    drawn = browser.js(f"[...{LINES}].map(line => line.getTotalLength())")
-    assert min(drawn) > 100
-    answer = browser.js(f"{INSIDE}.body.innerText")
+    assert browser.wait(f"{CHARTS}.length == 4 && {CHARTS}.length") == 4
+    assert browser.js(f"{CHARTS}[0].getBoundingClientRect().top") < 900, "before every table"
+    answer = browser.js(f"{ANSWER}.innerText")
     for part in ("What to do", "do not fly", "How sure", "Losses", "SHA-256", "The aircraft from above"):
         assert part in answer
+    assert browser.js("document.querySelector('.curves .chart').ariaLabel").startswith("elevator: Coulomb")
+    browser.wait(f"{CHARTS}[0].textContent.includes('AUTO')")
+    for word in ("since 25s", "emergency", "degraded"):
+        assert word in browser.js(f"{CHARTS}[0].textContent"), word
+    _point_at(browser, f"{CHARTS}[0]")
+    told = "[...document.querySelectorAll('.chart strong')].map(one => one.innerText)"
+    browser.wait(f"{told}.length == 4")
+    assert len(set(browser.js(told))) == 1, "one cursor for all"
+    browser.js("document.querySelector('.curves summary').click()")
+    browser.wait(f"{CHARTS}.length == 8")
     assert violations(browser) == [], "the page with an answer"
     for scheme in ("light", "dark"):
         browser.size(390, scheme=scheme)
@@ -69,12 +79,23 @@ def test_a_dropped_log_becomes_the_answer_with_its_plots(
     assert browser.errors == []
 
 
+def _point_at(browser: Browser, what: str, *, press: bool = False) -> None:
+    """Move the mouse to the middle of an element, and press there."""
+    x, y = browser.js(
+        f"(() => {{const one = {what}; one.scrollIntoView({{block: 'center'}});"
+        " const r = one.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]})()"
+    )
+    for kind in ("mouseMoved", *(("mousePressed", "mouseReleased") if press else ())):
+        browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+
 def test_the_report_itself_is_accessible(page: Served, browser: Browser, growing_log: Path) -> None:
     browser.open(page.url)
     browser.choose([growing_log])
     browser.wait(HEADLINE)
-    browser.open(browser.js("document.querySelector('iframe.answer').src"))
-    browser.wait("document.querySelector('h1')")
+    browser.open(browser.wait(REPORT))
+    browser.wait("document.querySelector('main h1')")
+    assert browser.js("document.querySelectorAll('svg[data-plot] path.line').length") == 8
     for scheme in ("light", "dark"):
         browser.size(1200, scheme=scheme)
         assert violations(browser) == []
@@ -103,7 +124,7 @@ def test_the_3d_view_opens_in_the_same_page(page: Served, browser: Browser, grow
         assert time.monotonic() < end, seen
         time.sleep(1)
     browser.press("Show the answer")
-    assert browser.wait(f"{LINES}?.length") == 8
+    assert browser.wait(f"{CHARTS}.length") >= 1
 
 
 def test_several_logs_progress_and_what_is_refused(
@@ -149,10 +170,9 @@ def test_hostile_names_and_texts_stay_texts(page: Served, browser: Browser, tmp_
     browser.drop([log, odd])
     browser.wait(HEADLINE)
     browser.wait("document.querySelector('.log.refused')")
-    assert "<img src=x" in browser.wait(f"{INSIDE}?.body?.innerText")
+    assert "<img src=x" in browser.wait(f"{ANSWER}?.innerText")
     assert "<img src=x onerror=top.alarmed=true>" in browser.js("document.querySelector('.logs').innerText")
-    for where in ("document", INSIDE):
-        assert browser.js(f"{where}.querySelectorAll('img, b, .logs script, main script').length") == 0
+    assert browser.js("document.querySelectorAll('img, b, .logs script, main script').length") == 0
     assert browser.js("window.alarmed === undefined")
     assert browser.js("document.documentElement.scrollWidth") <= 1200
     assert browser.errors == []
@@ -170,9 +190,14 @@ def test_two_users_see_only_their_own(
         assert "normal" in other.wait(HEADLINE)
         for one in (browser, other):
             assert one.js("document.querySelectorAll('.log').length") == 1
-        address = browser.wait("document.querySelector('iframe.answer')?.src")
-        assert other.js(f"fetch('{address}').then(answer => answer.status)") == 404
-        assert browser.js(f"fetch('{address}').then(answer => answer.status)") == 200
+        addresses = browser.wait("[...document.querySelectorAll('.shown .downloads a')].map(one => one.href)")
+        assert len(addresses) == 3
+        for address in addresses:
+            assert other.js(f"fetch('{address}').then(answer => answer.status)") == 404
+            assert browser.js(f"fetch('{address}').then(answer => answer.status)") == 200
+        table = browser.js(f"fetch('{addresses[2]}').then(answer => answer.text())").splitlines()
+        assert table[0] == "curve,time_s,low,value,high,demanded"
+        assert table[1].split(",")[0].startswith('"elevator: Coulomb friction')
     browser.open(page.url)
     assert "EMERGENCY" in browser.wait(HEADLINE), "a reload keeps the session"
 
@@ -182,7 +207,7 @@ def test_everything_can_be_reached_with_the_keyboard(
 ) -> None:
     browser.open(page.url)
     browser.choose([growing_log])
-    browser.wait(LINES)
+    browser.wait(f"{CHARTS}.length")
     reached = []
     for _ in range(6):
         for kind in ("keyDown", "keyUp"):
@@ -226,17 +251,22 @@ def test_a_fleet_is_listed_worst_first_and_leads_to_its_flights(store: Path, bro
         assert violations(browser) == []
         browser.js("document.querySelectorAll('tbody th a')[1].click()")
         browser.wait("document.querySelector('h1')?.innerText == 'D-GROWS'")
-        plots = browser.js("[...document.querySelectorAll('path.line')].map(one => one.getAttribute('d'))")
-        assert len(plots) >= 4
-        assert plots[0].count("L") == 8, "nine flights"
+        browser.wait(f"{CHARTS}.length >= 4")
+        assert "2026-01-0" in browser.js(f"{CHARTS}[0].textContent"), "dates"
         text = browser.js("document.body.innerText")
         assert "until emergency" in text
         assert "95 % interval" in text
         assert violations(browser) == []
-        browser.size(390)
-        assert browser.js("document.documentElement.scrollWidth") <= 390
-        browser.js("document.querySelector('tbody th a').click()")
+        points = f"[...{CHARTS}[0].querySelectorAll('path[fill=\"#0b66a8\"]')]"
+        assert browser.wait(f"{points}.length") == 9, "nine flights"
+        _point_at(browser, f"{points}.at(-1)", press=True)
         assert "DEGRADED" in browser.wait("document.querySelector('section.answer h1')?.innerText")
+        assert browser.wait(f"{CHARTS}.length") == 4, "from the log where it lies"
+        assert violations(browser) == []
+        browser.js(
+            "[...document.querySelectorAll('a')].find(one => one.innerText.includes('D-GROWS')).click()"
+        )
+        browser.wait("document.querySelector('h1')?.innerText == 'D-GROWS'")
         assert browser.errors == []
 
 

@@ -151,3 +151,18 @@ def test_logs_and_sessions_are_limited_and_a_refused_log_takes_no_place() -> Non
         assert sessions.get("a") is session
 
     using(use, Quotas(logs=2, sessions=2))
+
+
+def test_of_a_log_that_is_only_assessed_nothing_stays_and_there_are_not_too_many_at_a_time() -> None:
+    async def use(sessions: Sessions) -> None:
+        with pytest.raises(MavhumsError, match="no log"):
+            await sessions.assess("api", "a.tlog", content(b"a"))
+        with pytest.raises(MavhumsError, match="empty"):
+            await sessions.assess("api", "a.tlog", content())
+        assert not list(sessions.folder.iterdir())
+        sessions._passing = sessions.limits.sessions
+        assert sessions.is_full
+        with pytest.raises(MavhumsError, match="too many"):
+            await sessions.assess("api", "a.tlog", content(b"a"))
+
+    using(use, problem="no log", remedy="check it")

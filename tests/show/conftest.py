@@ -17,18 +17,10 @@ from mavhums.core.conditions import Condition
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
 from mavhums.log.base.losses import Losses
-from mavhums.report.assessment import (
-    Assessment,
-    Coverage,
-    Evidence,
-    Interval,
-    LogSummary,
-    ModelSummary,
-    NetworkAnswer,
-    Since,
-    Suspect,
-    Verdict,
-)
+from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.sections import ModelSummary, NetworkAnswer
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage, Evidence, Since, Suspect, Verdict
 
 RATE = 100
 DURATION = 100

@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 
 from mavhums.core.quantities import KEYS
-from mavhums.report.assessment import Assessment, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Verdict
 
 pytest.importorskip("rerun", reason="layouts need the extra 'viewer'")
 

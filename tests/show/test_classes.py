@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.engine.events import Classified
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 from mavhums.show.html import page
 from mavhums.show.html_curves import Gathered
 from tests.show.conftest import Flight

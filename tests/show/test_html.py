@@ -18,19 +18,14 @@ from hypothesis import strategies as st
 from mavhums.app.analysis import write_report
 from mavhums.core.conditions import URGENCY
 from mavhums.engine.events import Followed, Indication, Notice
-from mavhums.report.assessment import (
-    Assessment,
-    Coverage,
-    Evidence,
-    Indicator,
-    Interval,
-    Suspect,
-    Verdict,
-)
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage, Evidence, Indicator, Suspect, Verdict
+from mavhums.show.evidence import Limit
 from mavhums.show.html import ICONS, page
 from mavhums.show.html_craft import outline
 from mavhums.show.html_curves import Curve, Gathered, Key
-from mavhums.show.html_plot import Limit, plot
+from mavhums.show.html_plot import plot
 from tests.conftest import REAL_LOGS
 from tests.show.chromium import Chromium, find
 
@@ -260,6 +255,21 @@ def test_a_surface_has_the_condition_of_what_is_known_of_it(new_verdict: New) ->
     motor = new_verdict("elevator", "normal", 0.2, 0.0).model_copy(update={"actuator": "motor_1"})
     (part,) = outline([silent, pitch, motor])
     assert (part.name, part.condition) == ("elevator", "emergency")
+    inferred = pitch.model_copy(update={"surfaces": ("servo 2 (moves with pitch)",)})
+    (part,) = outline([inferred])
+    assert (part.name, part.by, part.condition) == ("servo 2", "pitch control", "emergency")
+    unknown = pitch.model_copy(update={"actuator": "yaw", "surfaces": ()})
+    assert [(part.by, part.condition) for part in outline([unknown])] == [("yaw control", "emergency")]
+    assert outline([unknown.model_copy(update={"condition": "undecided", "worst": "undecided"})]) == []
+
+
+def test_labels_stand_beside_the_curve_and_apart() -> None:
+    curve = Curve(np.arange(10.0), np.tile([0.4, 0.5, 0.6], (10, 1)))
+    drawn = plot(curve, [Limit(0.65, "emergency up to"), Limit(0.66, "degraded below")], 10.0)
+    assert [label.text for label in drawn.labels] == ["degraded", "emergency"]
+    upper, lower = (label.at for label in drawn.labels)
+    assert lower - upper == pytest.approx(20)
+    assert abs(drawn.limits[0].at - drawn.limits[1].at) < 5, "the lines stay where they belong"
 
 
 def measure(browser: Chromium, file: Path, width: int) -> Any:

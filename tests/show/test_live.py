@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mavhums.core.errors import MavhumsError
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 from mavhums.show import LiveViewer
 
 if TYPE_CHECKING:

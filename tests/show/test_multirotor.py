@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from mavhums.engine.events import ConditionChanged
-from mavhums.report.assessment import Assessment, Coverage, Interval, Verdict
-from mavhums.report.usage import OutputUsage, VehicleUsage
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Interval
+from mavhums.results.usage import OutputUsage, VehicleUsage
+from mavhums.results.verdict import Coverage, Verdict
 from mavhums.show.digest import headline
 from mavhums.show.html import page
 from mavhums.show.html_craft import multirotor

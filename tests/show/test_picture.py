@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from examples.picture import draw
 from mavhums.engine.events import Attitude, Event, FlightMode, Position
-from mavhums.report.assessment import Assessment, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Verdict
 from mavhums.show import LiveViewer, Recorder, record_trend
 from tests.show.chromium import Chromium, find
 

@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 from mavhums import analyse
 from mavhums.actuator.profile import Limits, load_airframe
 from mavhums.app.settings import Options
+from mavhums.core.about import NOTICE
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
-from mavhums.report.assessment import NOTICE, Assessment, Interval, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Verdict
 from mavhums.show import Recorder, markdown
 from mavhums.show.words import COLOURS
 from tests.conftest import real_logs
@@ -362,7 +365,7 @@ def test_a_full_disk_is_an_error(tmp_path: Path) -> None:
     code = """
 import resource, sys
 import numpy as np
-from mavhums.report.assessment import Assessment, LogSummary, Losses
+from mavhums.results.assessment import Assessment, LogSummary, Losses
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import Samples
 from mavhums.show import Recorder

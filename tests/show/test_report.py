@@ -5,20 +5,13 @@ from collections.abc import Callable
 
 import pytest
 
+from mavhums.core.about import NOTICE
 from mavhums.core.conditions import Condition
 from mavhums.core.quantities import KEYS
 from mavhums.log.base.losses import Losses
-from mavhums.report.assessment import (
-    ALL,
-    NOTICE,
-    Assessment,
-    Evidence,
-    Indicator,
-    Interval,
-    Since,
-    Suspect,
-    Verdict,
-)
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import ALL, Evidence, Indicator, Since, Suspect, Verdict
 from mavhums.show import markdown
 
 New = Callable[..., Verdict]

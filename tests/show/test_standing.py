@@ -9,7 +9,9 @@ import pytest
 from rich.console import Console
 
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, WEAR_UNSEEN
-from mavhums.report.assessment import Assessment, Coverage, Evidence, Interval, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage, Evidence, Verdict
 from mavhums.show import markdown, render
 from mavhums.show.html import in_brief, page
 from mavhums.show.html_curves import Gathered

@@ -10,8 +10,9 @@ import pytest
 from rich.console import Console
 
 import mavhums
-from mavhums.core.about import EPILOG
-from mavhums.report.assessment import NOTICE, Assessment, Verdict
+from mavhums.core.about import EPILOG, NOTICE
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Verdict
 from mavhums.show import render
 
 FLIGHTS = Path(__file__).parents[1] / "data"

@@ -22,7 +22,7 @@ from mavhums.engine.events import (
     Position,
     Samples,
 )
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 
 if TYPE_CHECKING:
     from tests.show.conftest import Flight

@@ -11,7 +11,8 @@ import pytest
 from click.testing import CliRunner
 
 from mavhums import analyse, read_log
-from mavhums.report.assessment import Assessment, Verdict
+from mavhums.results.assessment import Assessment
+from mavhums.results.verdict import Verdict
 from mavhums_sim import Flight, FlightRecord, fly, write_dataflash, write_tlog
 from mavhums_sim.cli import cli
 from mavhums_sim.link import BOOT_US, EPOCH_US

@@ -131,3 +131,21 @@ def test_what_is_kept_of_a_hostile_stream_is_bounded() -> None:
         rows = [("attitude", k + j * 1e-6) for j in range(500)]
         grid.feed(signals([*rows, ("outputs", 1e-3 * k)], 501 * k))
     assert grid.held < 2000
+
+
+def test_a_second_is_given_as_soon_as_it_has_ended() -> None:
+    found = Grid(0).feed(signals(arrivals({name: even(4.0, 12.5) for name in COLUMNS}, {})))
+    assert found is not None
+    assert found.index[-1] == 11
+
+
+def test_an_altitude_is_no_angle() -> None:
+    """Between two samples more than π apart it lies half-way, and not across a turn."""
+    time_us = np.arange(0, 10_000_001, 500_000)
+    frame = np.arange(time_us.size)
+    climbed = Signal(1, "altitude", "altitude", frame, time_us, even(0.2, 105.0)[:, None], True, 0)
+    found = Grid(0).feed([climbed, *signals(arrivals({"attitude": even(4.0, 10.0)}, {}))], final=True)
+    assert found is not None
+    seconds = (found.index[:, None] + np.arange(RATE_HZ) / RATE_HZ)[2:8]
+    speed = np.diff(found.signals["altitude"][2:8, :, 0]) * RATE_HZ
+    np.testing.assert_allclose(speed, np.full((len(seconds), RATE_HZ - 1), 10.0), rtol=1e-6)

@@ -14,8 +14,8 @@ from mavhums.flights.aircraft_table import Since
 from mavhums.flights.history import PastFlight, UndatedError, superseded
 from mavhums.health.decision.baseline import Baselines
 from mavhums.health.self_baseline.past import PastRecord
-from mavhums.report.assessment import Assessment
-from mavhums.report.sections import FlightCopy
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import FlightCopy
 
 __all__ = ["EarlierFlights", "is_store", "with_duplicate_flights"]
 

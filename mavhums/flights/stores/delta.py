@@ -28,7 +28,7 @@ from mavhums.flights.stores.delta_tables import (
     schemas,
 )
 
-__all__ = ["FORMAT", "OF_THIS_FORMAT", "LogFile", "Row", "Store"]
+__all__ = ["FORMAT", "OF_THIS_FORMAT", "LogFile", "Row", "Store", "listed_sql"]
 
 FORMAT: Final = 1
 """Version of the stored flights; those of another version are not read, and their logs are judged again."""
@@ -120,13 +120,13 @@ class Store:
         if self.is_shared:
             yield
             return
-        import locket
+        import filelock
 
         try:
             Path(self.place).mkdir(parents=True, exist_ok=True)
-            lock = locket.lock_file(str(Path(self.place, ".scan.lock")), timeout=0)
+            lock = filelock.FileLock(Path(self.place, ".scan.lock"), timeout=0)
             lock.acquire()
-        except locket.LockError as error:
+        except filelock.Timeout as error:
             problem = f"{self.place}: another scan writes into this store"
             raise MavhumsError(problem, "wait until it has ended") from error
         except OSError as error:
@@ -170,11 +170,11 @@ class Store:
             raise MavhumsError(f"{self.place}: no store of a fleet", remedy)
         return self
 
-    def add_logs(self, rows: Sequence[Row]) -> None:
+    def add_logs(self, rows: Sequence[Row], table: str = LOGS) -> None:
         """Commit logs, in one transaction."""
         now = time.time_ns()
         told = [row._asdict() | {"scanned": now + k, "format": FORMAT} for k, row in enumerate(rows)]
-        self.append(LOGS, told)
+        self.append(table, told)
 
     def append(self, table: str, rows: Sequence[dict[str, object]]) -> None:
         """Commit rows, in one transaction."""
@@ -208,7 +208,7 @@ class Store:
         logs
             Hashes of the logs; None for all.
         """
-        named = "" if logs is None else f" AND sha256 IN ({_listed(logs)})"
+        named = "" if logs is None else f" AND sha256 IN ({listed_sql(logs)})"
         rows = self.query(
             f"SELECT arg_max(flight, scanned) FROM logs WHERE aircraft = ? AND sha256 IS NOT NULL{named}"
             f" AND {OF_THIS_FORMAT} GROUP BY sha256 ORDER BY min(start_us), min(path)",
@@ -223,7 +223,7 @@ class Store:
         """Commit the verdicts on logs that have none, and the names of those that do not count."""
         for table, several in ((VERDICTS, rows), (COPIES, copies)):
             if several and self.is_shared:  # another scan may have judged the same logs
-                logs = _listed({str(row["sha256"]) for row in several})
+                logs = listed_sql({str(row["sha256"]) for row in several})
                 self._overwrite(table, several, f"aircraft = {_quoted(aircraft)} AND sha256 IN ({logs})")
             elif several:
                 self._write(table, several, mode="append")
@@ -245,6 +245,11 @@ class Store:
         """Replace all rows of a table, in one transaction; they are computed again for each attempt."""
         self.retried(lambda: self._write(table, rows(), mode="overwrite"))
 
+    def delete(self, table: str, predicate: str) -> None:
+        """Delete rows by an SQL condition, in one transaction."""
+        if self._has(table):
+            self.retried(lambda: self._changed(lambda: self._tables.delete(table, predicate)))
+
     def rename(self, names: Mapping[str, str]) -> None:
         """Give the logs with these hashes to other aircraft, in one transaction."""
         if names:
@@ -260,7 +265,7 @@ class Store:
 
     def known(self, files: Sequence[LogFile]) -> dict[LogFile, str]:
         """Return those of the logs that were scanned, each with the settings of its latest judgement."""
-        few = f" AND path IN ({_listed({file.path for file in files})})" if 0 < len(files) <= _FEW else ""
+        few = f" AND path IN ({listed_sql({file.path for file in files})})" if 0 < len(files) <= _FEW else ""
         rows = self.query(
             f"SELECT path, size, time_ns, settings FROM logs WHERE {OF_THIS_FORMAT}{few} ORDER BY scanned"
         ).fetchall()
@@ -269,9 +274,11 @@ class Store:
     def waiting(self) -> set[str]:
         """Return the aircraft that have logs without a final verdict, as after an interruption."""
         rows = self.query(
-            f"WITH judged AS (SELECT * FROM logs WHERE sha256 IS NOT NULL AND {OF_THIS_FORMAT})"
-            " SELECT aircraft FROM judged"
-            " WHERE sha256 NOT IN (SELECT sha256 FROM verdicts UNION ALL SELECT sha256 FROM copies)"
+            f"WITH judged AS (SELECT * FROM logs WHERE sha256 IS NOT NULL AND {OF_THIS_FORMAT}),"
+            " done AS (SELECT aircraft, sha256 FROM verdicts UNION SELECT aircraft, sha256 FROM copies)"
+            " SELECT aircraft FROM (SELECT aircraft, sha256 FROM judged EXCEPT FROM done)"
+            # a log that was removed, or given to another aircraft
+            " UNION SELECT aircraft FROM (FROM done EXCEPT SELECT aircraft, sha256 FROM logs)"
             " UNION SELECT aircraft FROM judged GROUP BY aircraft HAVING max(scanned) >"
             "  (SELECT max(settled.scanned) FROM settled WHERE settled.aircraft = judged.aircraft)"
         ).fetchall()
@@ -339,7 +346,8 @@ def _quoted(text: str) -> str:
     return "'" + text.replace("'", "''") + "'"
 
 
-def _listed(texts: Iterable[str]) -> str:
+def listed_sql(texts: Iterable[str]) -> str:
+    """Return texts as a list of SQL."""
     return ", ".join(map(_quoted, sorted(texts)))
 
 

@@ -17,10 +17,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "COPIES",
+    "CORRECTIONS",
     "DATES",
     "INSTALLED",
     "LOGS",
     "NAMING",
+    "REMOVED",
     "SETTLED",
     "STANDINGS",
     "VERDICTS",
@@ -36,6 +38,8 @@ INSTALLED: Final = "installed"
 SETTLED: Final = "settled"
 NAMING: Final = "naming"
 STANDINGS: Final = "standings"
+CORRECTIONS: Final = "corrections"
+REMOVED: Final = "removed"
 _ROW_GROUP: Final = 2_000
 _TYPES: Final = {
     "string": "VARCHAR",
@@ -121,6 +125,10 @@ class Tables:
             source, "old.sha256 = new.sha256", source_alias="new", target_alias="old"
         ).when_matched_update({"aircraft": "new.aircraft"}).execute()
 
+    def delete(self, table: str, predicate: str) -> None:
+        """Delete rows in one transaction."""
+        self.opened(table).delete(predicate)
+
     def files(self, table: str) -> int:
         """Return the number of files of a table."""
         return len(self.opened(table).file_uris())
@@ -162,6 +170,9 @@ def schemas() -> dict[str, pa.Schema]:
     columns[SETTLED] = settled
     columns[NAMING] = [("rule", text), ("boards", text), ("stored", whole)]
     columns[STANDINGS] = [("aircraft", text), ("standings", text), ("stored", whole)]
+    columns[CORRECTIONS] = [("kind", text), ("log", text), ("sha256", text), ("before", text)]
+    columns[CORRECTIONS] += [("after", text), ("who", text), ("note", text), ("at_ns", whole)]
+    columns[REMOVED] = log
     return {table: pa.schema(of) for table, of in columns.items()}
 
 

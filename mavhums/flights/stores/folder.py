@@ -32,7 +32,7 @@ from mavhums.flights.flight_file import Ignored, KeptFlight, read_flights, reaso
 from mavhums.flights.history import FlightHistory, PastFlight, UndatedError
 from mavhums.health.decision.baseline import Baselines
 from mavhums.health.self_baseline.past import PastRecord
-from mavhums.report.assessment import RECORD, Assessment
+from mavhums.results.assessment import RECORD, Assessment
 
 __all__ = ["CHECKPOINT", "FlightFolder", "keep_assessment", "read_history"]
 

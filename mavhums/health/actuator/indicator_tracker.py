@@ -20,7 +20,8 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.random_effects import RunningVariance
-from mavhums.report.assessment import Evidence, Indicator, Interval, Suspect
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Evidence, Indicator, Suspect
 
 
 class IndicatorTracker:

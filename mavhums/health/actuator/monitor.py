@@ -48,7 +48,8 @@ from mavhums.health.estimation.motion import Motion, motion, window_sums
 from mavhums.health.estimation.slots import SlotCutter, Slots, Windows, with_extra_columns
 from mavhums.health.estimation.strokes import collectors
 from mavhums.health.estimation.thresholds import WINDOW_S, WINDOW_SLOTS
-from mavhums.report.assessment import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage, Evidence, Indicator, OwnRecord, Suspect
 
 _MOST_WAITING = 64  # blocks: bounds the memory where the clock stands still
 

@@ -20,7 +20,7 @@ from mavhums.health.decision.evidence import suspected
 from mavhums.health.decision.limits import Decision, Levels
 from mavhums.health.decision.records import Decided, Estimate, FaultRecord
 from mavhums.health.decision.thresholds import LASTING_WINDOWS
-from mavhums.report.assessment import Evidence, Suspect
+from mavhums.results.verdict import Evidence, Suspect
 
 _BALLOT = Ballot()
 _QUANTITY = "the network's probability of an emergency"

@@ -20,6 +20,7 @@ from mavhums.health.axis.residuals import Deviation, PitchTracking, Residual, Ro
 from mavhums.health.axis.thresholds import (
     CERTAIN_PITCH,
     CERTAIN_ROLL,
+    CERTAIN_STEERING,
     CERTAIN_YAW,
     COARSE_TIMES,
     COMMON_PITCH,
@@ -37,10 +38,11 @@ from mavhums.health.axis.thresholds import (
     SURE_CONFIDENCE,
     TRIM_SHIFT_DEVIATIONS,
 )
-from mavhums.report.assessment import Interval
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
+from mavhums.results.standing import Interval
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.surfaces import AXES, STEERING
 
 
 class Alarm(NamedTuple):
@@ -66,9 +68,9 @@ class AxisInput:
     trackers: Mapping[str, EffectivenessTracker]
     sides: Mapping[int, Deviation]
 
-    def roll_shift(self, second: Second) -> float:
-        """Return the shift of the trim in roll, in deviations of the reference; NaN if it is not known."""
-        reference = self.trackers["roll"].reference
+    def shift_deviations(self, axis: str, second: Second) -> float:
+        """Return the shift of an axis's trim, in deviations of the reference; NaN if it is not known."""
+        reference = self.trackers[axis].reference
         if reference is None or second.shift is None:
             return nan
         return abs(second.shift) / max(reference.deviation, SHIFT_FLOOR_RAD_S)
@@ -149,7 +151,7 @@ class EffectivenessDetector:
             return False
         # A sudden shift of the trim also reads as a loss for some seconds; it is for the detector of hard-
         # overs.
-        if self._axis != "roll" or second.shift is None or second.lost_s >= DOUBTFUL_S:
+        if self._axis not in ("roll", STEERING) or second.shift is None or second.lost_s >= DOUBTFUL_S:
             return True
         return abs(second.shift) <= TRIM_SHIFT_DEVIATIONS * max(reference.deviation, SHIFT_FLOOR_RAD_S)
 
@@ -303,21 +305,29 @@ class HardOverDetector:
     The shift is what the roll regression leaves over three seconds, in standard deviations of the reference.
     Where the side force leaves its own reference even further, a rudder stands deflected, not an aileron. The
     limit lies a quarter above the highest value of the healthy development flights.
+
+    Parameters
+    ----------
+    limits
+        Limits of the profile.
+    axis
+        ``roll``, or ``steering`` for the yaw rate of a rover or a boat, whose side force tells nothing else.
     """
 
     inspect: ClassVar[Mapping[str, str]] = {
         "hard_over": "for a surface that stands deflected: its servo, its linkage, its trim"
     }
 
-    def __init__(self, limits: AxisLimits) -> None:
-        self._limit = limits.trim_deviations
+    def __init__(self, limits: AxisLimits, axis: str = "roll") -> None:
+        self._limit, self._axis = limits.trim_deviations, axis
         self._persistent = Persistent(self._limit)
 
     def feed(self, given: AxisInput) -> list[Alarm]:
         """Return the seconds in which the trim has shifted for certain."""
+        steers = self._axis == STEERING
         alarms = []
-        for second in given.seconds["roll"]:
-            deviations = given.roll_shift(second)
+        for second in given.seconds[self._axis]:
+            deviations = given.shift_deviations(self._axis, second)
             since_s = self._persistent.feed(second.end_s, deviations)
             if since_s is None or second.shift is None:
                 continue
@@ -329,10 +339,12 @@ class HardOverDetector:
             )
             # Rudder before aileron: a deflected rudder rolls the aircraft, too, a deflected aileron hardly
             # skids.
-            axis, what = ("yaw", "a rudder") if skids else ("roll", "an aileron or elevon")
+            axis, what = ("yaw", "a rudder") if skids else (self._axis, "an aileron or elevon")
+            what = "its steering" if steers else what
             way = "right" if second.shift > 0 else "left"
+            moves = "turns" if steers else "rolls"
             rule = (
-                f"emergency: rolls {way} {degrees(abs(second.shift)):.0f}°/s more than commanded, "
+                f"emergency: {moves} {way} {degrees(abs(second.shift)):.0f}°/s more than commanded, "
                 f"as if {what} stood deflected or did not move"
             )
             alarms.append(
@@ -363,10 +375,16 @@ DETECTORS: tuple[Callable[[AxisLimits], AxisDetector], ...] = (
     lambda limits: EffectivenessDetector(limits, "yaw", CERTAIN_YAW),
 )
 
+GROUND_DETECTORS: tuple[Callable[[AxisLimits], AxisDetector], ...] = (
+    lambda limits: HardOverDetector(limits, STEERING),
+    lambda limits: EffectivenessDetector(limits, STEERING, CERTAIN_STEERING),
+)
+"""Those of the steering of rovers and boats."""
 
-def detectors(limits: AxisLimits) -> list[AxisDetector]:
-    """Return all detectors of axes."""
-    return [detector(limits) for detector in DETECTORS]
+
+def detectors(limits: AxisLimits, axes: Sequence[str] = AXES) -> list[AxisDetector]:
+    """Return the detectors of an aircraft's axes, or of the steering."""
+    return [detector(limits) for detector in (GROUND_DETECTORS if STEERING in axes else DETECTORS)]
 
 
 def to_inspect(fault: str) -> str | None:

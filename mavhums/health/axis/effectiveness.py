@@ -52,7 +52,7 @@ from mavhums.health.axis.thresholds import (
     TAIL_SHARE,
     WINDOW_SECONDS,
 )
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES
@@ -143,7 +143,7 @@ class EffectivenessTracker:
         if self.too_slow:
             return
         # A cheap look before a fit of every shape.
-        if judgeable(rows, basis).sum() < REFERENCE_S * LEAST_ROWS_PER_S:
+        if judgeable(rows, basis, self._form.least_speed_share).sum() < REFERENCE_S * LEAST_ROWS_PER_S:
             return
         wanted = self._standards
         fits = [fit for shape in wanted.shapes() if (fit := self._fit(rows, basis, shape)) is not None]
@@ -208,16 +208,15 @@ class EffectivenessTracker:
             self._mixed = MixedSums(reference, self._form.axis, self._coupled, self._standards.memory_s)
             self._mixed.feed(rows)
         self._sums(rows)
-        shape = reference.shape
-        self._slow_chain = Chain(self._form, reference.basis, shape, least_share=EXCLUDING_SPEED_SHARE)
+        slow = EXCLUDING_SPEED_SHARE
+        self._slow_chain = Chain(self._form, reference.basis, reference.shape, least_share=slow)
         self._slow_scores = Scores(reference.others, self._standards.memory_s)
         self.excluded_s = self._exclusion.begin(self._excluding(rows).values())
         self._waiting.clear()
 
     def _sums(self, rows: Rows) -> list[Sums]:
-        return [
-            scores.feed(chain.feed(rows)) for scores, chain in zip(self._scores, self._chains, strict=True)
-        ]
+        pairs = zip(self._scores, self._chains, strict=True)
+        return [scores.feed(chain.feed(rows)) for scores, chain in pairs]
 
     def _excluding(self, rows: Rows) -> dict[int, tuple[float, float]]:
         """Return, by place, the seconds that may exclude a loss: drive², and drive times response.
@@ -235,10 +234,10 @@ class EffectivenessTracker:
         excluding = self._excluding(rows)
         stacked = np.array([[s.drive2, s.cross, s.answer2] for s in sums])
         assert self.reference is not None
-        left = np.array([s.raw - self.reference.gain * s.driven for s in sums])
+        left = np.array([[s.raw, self.reference.gain * s.driven] for s in sums])
         seconds = [
             replace(
-                self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), left[:, k]),
+                self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), left[:, :, k]),
                 excluded=self._exclusion.feed(*excluding[k]) if k in excluding else 0,
             )
             for k in range(rows.seconds)
@@ -305,7 +304,8 @@ class EffectivenessTracker:
         count = sum(rows for _, rows in self._left)
         if count < SHIFT_S * LEAST_ROWS_PER_S:
             return None
-        return float(sum(left[self._slowness.lag] for left, _ in self._left)) / count
+        answered, driven = np.sum([left[self._slowness.lag] for left, _ in self._left], axis=0) / count
+        return self._form.unexplained(float(answered), float(driven))
 
     def _informs(self, reference: Reference) -> bool:
         """Return whether demand, not gusts, dominates the last seconds.

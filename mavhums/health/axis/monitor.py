@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -28,8 +28,9 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.health.estimation.random_effects import RunningVariance
-from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage, Evidence, Suspect
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES
@@ -107,7 +108,7 @@ class AxisFindings:
 
 
 class AxisMonitor:
-    """Judges roll, pitch and yaw of one vehicle.
+    """Judges roll, pitch and yaw of one vehicle, or its steering.
 
     An axis is normal when thirty judged seconds show no loss and the effectiveness over the last ten is
     certainly above 60 %; it is normal again after a fault when it exceeds 80 % for twenty in a row.
@@ -118,20 +119,27 @@ class AxisMonitor:
         System id.
     limits
         Limits from which an axis is degraded, or an emergency.
+    axes
+        Roll, pitch and yaw, or the steering of a rover or a boat.
     mixed
         Of axes that two mixed surfaces move, the other one that these move, where it tells them apart.
     """
 
     def __init__(
-        self, vehicle: int, limits: AxisLimits | None = None, mixed: Mapping[str, str] | None = None
+        self,
+        vehicle: int,
+        limits: AxisLimits | None = None,
+        axes: Sequence[str] = AXES,
+        mixed: Mapping[str, str] | None = None,
     ) -> None:
         self._vehicle = vehicle
         self.limits = limits or AxisLimits()
+        self.axes = tuple(axes)
         coupled = mixed or {}
-        self._gains = {axis: new_tracker(axis, self.limits, coupled.get(axis)) for axis in AXES}
+        self._gains = {axis: new_tracker(axis, self.limits, coupled.get(axis)) for axis in axes}
         self._pair, self._mixed = MixedPair(), {*coupled, *coupled.values()}
-        self._detectors = detectors(self.limits)
-        self._axes = {axis: _AxisState() for axis in AXES}
+        self._detectors = detectors(self.limits, axes)
+        self._axes = {axis: _AxisState() for axis in axes}
         self._side, self._skids = Residual(SideForce()), Skids()
         self._skidded_s = self._astray_s = -(1 << 30)
         self._flew, self._waited_rows = False, 0
@@ -140,15 +148,16 @@ class AxisMonitor:
         """Process rows; yield the effectiveness of each axis, then the changes of condition in time order."""
         self._look_back(rows)
         seconds = {axis: gain.feed(rows) for axis, gain in self._gains.items()}
-        sides = {left.end_s: left for left in self._side.feed(rows)}
+        # The side force of a rover or a boat tells nothing of its steering.
+        sides = {left.end_s: left for left in self._side.feed(rows)} if "yaw" in self.axes else {}
         seen = AxisInput(rows, seconds, self._gains, sides)
-        skids = {one.end_s: one for one in self._skids.feed(seen)}
+        skids = {one.end_s: one for one in self._skids.feed(seen)} if sides else {}
         yield from self._indications(seconds)
         shown: dict[int, list[Alarm]] = {}
         for detector in self._detectors:
             for one in detector.feed(seen):
                 shown.setdefault(one.end_s, []).append(one)
-        judged = {axis: {second.end_s: second for second in seconds[axis]} for axis in AXES}
+        judged = {axis: {second.end_s: second for second in seconds[axis]} for axis in self.axes}
         for end_s in range(rows.second + 1, rows.second + rows.seconds + 1):
             now = shown.get(end_s, [])
             if any(one.fault in ("hard_over", "tracking") for one in now):
@@ -159,7 +168,7 @@ class AxisMonitor:
             # A skid rolls and pitches the aircraft: what follows about the other axes is its consequence.
             if any(one.axis == "yaw" and one.fault == "hard_over" for one in now):
                 self._skidded_s = end_s
-            for axis in AXES:
+            for axis in self.axes:
                 masked = axis != "yaw" and end_s - self._skidded_s <= MASKED_S
                 found = [one for one in now if one.axis == axis and not masked]
                 second = judged[axis].get(end_s)
@@ -353,7 +362,7 @@ class AxisMonitor:
 
     def origins(self) -> dict[str, str]:
         """Return of each axis whose finding that of another one explains, that other axis."""
-        found = {axis: self.findings(axis) for axis in AXES}
+        found = {axis: self.findings(axis) for axis in self.axes}
         faulty = {
             axis: one.evidence
             for axis, one in found.items()

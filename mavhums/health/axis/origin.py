@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 from mavhums.health.axis.thresholds import MASKED_S
-from mavhums.report.assessment import Evidence
+from mavhums.results.verdict import Evidence
 
 __all__ = ["origins"]
 

@@ -22,8 +22,9 @@ from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.random_effects import satterthwaite
 from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.report.assessment import Evidence, Indicator, Interval, Since, Suspect, Verdict
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Evidence, Indicator, Since, Suspect, Verdict
 
 LOSSES: Final = ("effectiveness", "manoeuvre")
 """Faults whose indicators fall as the fault grows."""

@@ -21,7 +21,7 @@ from mavhums.health.axis.thresholds import (
     WINDOW_DEVIATION,
     WINDOW_SECONDS,
 )
-from mavhums.report.assessment import Interval
+from mavhums.results.standing import Interval
 
 __all__ = ["Exclusion", "Pool", "measured"]
 

@@ -22,9 +22,8 @@ from mavhums.health.axis.thresholds import (
     SLOW_PART_S,
     SLOWEST_STREAM_S,
 )
-from mavhums.report.assessment import Interval
+from mavhums.results.standing import Interval
 from mavhums.vehicle.grid import RATE_HZ
-from mavhums.vehicle.surfaces import AXES
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +82,7 @@ STANDARDS: Final = {
         spacing_s=SLOWEST_STREAM_S[axis],
         memory_s=SLOW_PART_S[axis],
     )
-    for axis in AXES
+    for axis in EXPLAINED
 }
 
 

@@ -18,6 +18,7 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.surfaces import COLUMNS, STEERING
 
 _ROLL_RAD: Final = np.radians(MOST_BANK_DEG)
 _PITCH_RAD: Final = np.radians(MOST_PITCH_DEG)
@@ -37,6 +38,8 @@ class Form:
     nuisances: int
     derivative = False
     """Whether the response is the rate of change of ``answer``."""
+    least_speed_share = LEAST_SPEED_SHARE
+    """Share of the reference's speed below which it is not judged."""
 
     def drive(self, demand: Array, relative: Array) -> Array:
         """Return the moment of the lagged demand at a speed relative to the reference, (n,): v²·δ."""
@@ -49,6 +52,10 @@ class Form:
     def answer(self, rows: Rows) -> Array:
         """Return the aircraft's response, shape (n,)."""
         raise NotImplementedError
+
+    def unexplained(self, answered: float, driven: float) -> float:
+        """Return the part of a mean response, without the nuisances', that the gain's does not explain."""
+        return answered - driven
 
     def possible(self, others: Array) -> bool:
         """Return whether an aircraft can have these coefficients of the others."""
@@ -143,13 +150,13 @@ class Chain:
         n, form = len(rows), self._form
         relative = rows.speed / self._basis.speed
         lagged = np.stack([lag.feed(rows.demand(axis)) for axis, lag in self._lags.items()], axis=1)
-        own = ("roll", "pitch", "yaw").index(form.axis)
+        own = COLUMNS[form.axis]
         # Only the axis's own servo is suspected to be slow.
         if self._extra:
             lagged[:, own] = self._slower.feed(lagged[:, own])
         late = self._demands.feed(lagged)[1 : n + 1]
         demands = dict(zip(self._lags, late.T, strict=True))
-        drive = form.drive(demands[form.axis], relative)
+        drive = form.drive(late[:, own], relative)
         raw = np.column_stack([drive, form.others(rows, relative, demands), form.answer(rows)])
         # The filters fill gaps of the demand; a filled demand is no evidence.
         known = np.where(np.isfinite(rows.demand(form.axis)), 1.0, np.nan)
@@ -164,11 +171,8 @@ class Chain:
             # The difference of two means is half a row later than either: so are the other columns taken.
             answer = (now[:, -1] - before[:, -1]) * RATE_HZ
             now = (now + before) / 2
-        good = (
-            judgeable(rows, self._basis, self._least_share)
-            & np.isfinite(now[:, :-1]).all(axis=1)
-            & np.isfinite(answer)
-        )
+        usable = judgeable(rows, self._basis, min(self._least_share, form.least_speed_share))
+        good = usable & np.isfinite(now[:, :-1]).all(axis=1) & np.isfinite(answer)
         return Columns(now[:, 0], now[:, 1:-1], answer, good)
 
 
@@ -195,6 +199,26 @@ class RollForm(Form):
         return {"hard_over": -beta[1] / beta[0]}
 
 
+class SteeringForm(RollForm):
+    """``r = K·v·δ + b·v``: yaw rate r, speed v, demand δ of the steering of a rover or a boat."""
+
+    axis = STEERING
+    nuisances = 1
+    least_speed_share = 0.0  # wheels steer at any speed
+
+    def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
+        """Return v for the trim."""
+        return relative[:, None]
+
+    def answer(self, rows: Rows) -> Array:
+        """Return the yaw rate."""
+        return rows.yaw_rate
+
+    def unexplained(self, answered: float, driven: float) -> float:
+        """Return what no share of the gain explains: turns last, so that a loss shifts their mean."""
+        return answered - min(max(answered, min(driven, 0.0)), max(driven, 0.0))
+
+
 class PitchForm(Form):
     """``q̇ = K·v²·δ + a·v² + b·v·q + c·n``: pitch rate q, load factor n for the angle of attack."""
 
@@ -209,6 +233,10 @@ class PitchForm(Form):
     def answer(self, rows: Rows) -> Array:
         """Return the pitch rate; its rate of change is the response."""
         return rows.pitch_rate
+
+    def unexplained(self, answered: float, driven: float) -> float:
+        """Return the part of a mean response, without the nuisances', that the gain's does not explain."""
+        return answered - driven
 
     def possible(self, others: Array) -> bool:
         """Return whether pitching is damped: else the autopilot's feedback was found, not the aircraft."""
@@ -237,5 +265,10 @@ class YawForm(Form):
         return rows.side_force
 
 
-FORMS: Final[Mapping[str, Form]] = {"roll": RollForm(), "pitch": PitchForm(), "yaw": YawForm()}
+FORMS: Final[Mapping[str, Form]] = {
+    "roll": RollForm(),
+    "pitch": PitchForm(),
+    "yaw": YawForm(),
+    STEERING: SteeringForm(),
+}
 """The regression of each axis."""

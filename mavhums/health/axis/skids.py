@@ -30,7 +30,7 @@ class Skids:
 
     def feed(self, given: AxisInput) -> list[Alarm]:
         """Return the seconds in which the aircraft skids as no aileron makes it."""
-        rolls = {second.end_s: given.roll_shift(second) for second in given.seconds["roll"]}
+        rolls = {second.end_s: given.shift_deviations("roll", second) for second in given.seconds["roll"]}
         alarms = []
         for end_s, side in given.sides.items():
             roll = rolls.get(end_s, nan)

@@ -1,6 +1,6 @@
 """Numbers that decide about an axis: what each trades, and what set it.
 
-Limits of a loss, a lag, a trim and a tracking error are the profile's (:class:`~mavhums.report.sections`).
+Limits of a loss, a lag, a trim and a tracking error are the profile's (:class:`~mavhums.results.sections`).
 Most others were chosen on the development flights of docs/evidence/axes.md: 24 real flights of the ALFA data
 set, 49 flights in software in the loop, and closed-loop flights with seeds below 9000; "development" below.
 """
@@ -78,6 +78,10 @@ DETECTED_LOSS_PER_LIMIT: Final = 2.0
 # CUSUM that makes a loss in roll certain: 1.5 times the highest of the healthy development flights.
 CERTAIN_ROLL: Final = 9.0
 
+# CUSUM that makes a loss of steering certain: 1.5 times the highest of 50 h of simulated healthy drives,
+# 10.6 (benchmarks/steering.py, seeds 1 and 2). Lower finds a loss some seconds earlier.
+CERTAIN_STEERING: Final = 16.0
+
 # CUSUM that makes a loss in pitch certain: 1.8 times the highest of the healthy development flights.
 CERTAIN_PITCH: Final = 12.0
 
@@ -146,7 +150,12 @@ SLOW_STREAM_S: Final = 0.42
 
 # The same by axis, s. In pitch 10 Hz: slower samples miss most of the short period (docs/evidence/axes.md:
 # 4 % of the seconds at 4 Hz could be judged, and the only false alarms came from there).
-SLOWEST_STREAM_S: Final = {"roll": SLOW_STREAM_S, "pitch": 0.15, "yaw": SLOW_STREAM_S}
+SLOWEST_STREAM_S: Final = {
+    "roll": SLOW_STREAM_S,
+    "pitch": 0.15,
+    "yaw": SLOW_STREAM_S,
+    "steering": SLOW_STREAM_S,
+}
 
 # Rate that a reason names for roll and yaw.
 NEEDED_HZ: Final = 3
@@ -225,32 +234,38 @@ TAIL_SHARE: Final = 0.07
 
 # Largest unexplained response: in roll beyond it, gusts alone make the gain of ten healthy seconds scatter by
 # 14 % and more (docs/evidence/axes.md). Pitch and yaw: development.
-GUSTY: Final = {"roll": 0.1, "pitch": 0.5, "yaw": 0.5}
+GUSTY: Final = {"roll": 0.1, "pitch": 0.5, "yaw": 0.5, "steering": 0.1}
 
 # Memory of the filter that removes trim, s: longer ones keep phugoid and wind. In pitch a step of thrust or
 # speed changes the elevator's trim for good (docs/method/axes.md).
-SLOW_PART_S: Final = {"roll": 8.0, "pitch": 2.0, "yaw": 8.0}
+SLOW_PART_S: Final = {"roll": 8.0, "pitch": 2.0, "yaw": 8.0, "steering": 8.0}
 
 # Delays of an axis's own response that are tried, s: whole rows of 0.05 s; each costs a fit. By hand.
 DELAYS_S: Final = {
     "roll": (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
     "pitch": (0.0, 0.05, 0.1),
     "yaw": (0.1, 0.2, 0.3),
+    "steering": (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
 }
 
 # Lags of an axis's own response that are tried, s: a third of the smallest additional lag apart. By hand.
-LAGS_S: Final = {"roll": (0.0, 0.1, 0.2), "pitch": (0.0, 0.1), "yaw": (0.0, 0.2)}
+LAGS_S: Final = {
+    "roll": (0.0, 0.1, 0.2),
+    "pitch": (0.0, 0.1),
+    "yaw": (0.0, 0.2),
+    "steering": (0.0, 0.1, 0.2, 0.3),
+}
 
 # Share of the response that a reference must explain: below, the surfaces cannot be told from gusts and
 # each other (docs/evidence/axes.md).
-EXPLAINED: Final = {"roll": 0.75, "pitch": 0.45, "yaw": 0.5}
+EXPLAINED: Final = {"roll": 0.75, "pitch": 0.45, "yaw": 0.5, "steering": 0.75}
 
 # Largest relative standard error of a reference's gain (docs/evidence/axes.md).
-GAIN_ERROR: Final = {"roll": 0.10, "pitch": 0.06, "yaw": 0.06}
+GAIN_ERROR: Final = {"roll": 0.10, "pitch": 0.06, "yaw": 0.06, "steering": 0.10}
 
 # Least variance of a second's score, relative to the gain's square: quiet air does not last.
 # Development.
-SCORE_SCATTER: Final = {"roll": 0.002, "pitch": 0.004, "yaw": 0.004}
+SCORE_SCATTER: Final = {"roll": 0.002, "pitch": 0.004, "yaw": 0.004, "steering": 0.002}
 
 # Share of the reference speed below which an aircraft may be stalling: there the gain of ailerons falls to
 # 0.2–0.5 in flights with failed engines. Development.

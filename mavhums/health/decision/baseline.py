@@ -30,7 +30,8 @@ from mavhums.health.decision.thresholds import (
 )
 from mavhums.health.estimation.random_effects import population, satterthwaite
 from mavhums.health.estimation.thresholds import NATURAL_SCATTER_SHARE, WINDOW_SLOTS
-from mavhums.report.assessment import Indicator, Interval
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Indicator
 
 _FREEDOM = WINDOW_SLOTS - 1.0
 

@@ -12,7 +12,7 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import Condition
 from mavhums.health.decision.conditions import IndicatorChange
 from mavhums.health.decision.records import Estimate, FaultRecord
-from mavhums.report.assessment import Interval
+from mavhums.results.standing import Interval
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from mavhums.health.decision.baseline import Baseline, Shift, condition_with_dri
 from mavhums.health.decision.limits import Levels
 from mavhums.health.decision.records import Estimate
 from mavhums.health.decision.thresholds import SHOWN_SHIFT_FREEDOM
-from mavhums.report.assessment import Evidence, Suspect
+from mavhums.results.verdict import Evidence, Suspect
 
 
 class Described(Protocol):

@@ -45,7 +45,7 @@ from mavhums.health.decision.thresholds import (
 )
 from mavhums.health.decision.trend import widening
 from mavhums.health.estimation.random_effects import variance_between
-from mavhums.report.assessment import Interval
+from mavhums.results.standing import Interval
 
 __all__ = ["Course", "course_of", "last_step"]
 

@@ -28,7 +28,7 @@ from mavhums.health.decision.thresholds import (
 )
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.thresholds import WINDOW_SLOTS
-from mavhums.report.assessment import Interval
+from mavhums.results.standing import Interval
 
 _CONDITIONS: dict[int, Condition] = {-1: "undecided", 0: "normal", 1: "degraded", 2: "emergency"}
 

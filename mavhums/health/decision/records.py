@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from mavhums.core.conditions import Condition
 from mavhums.health.decision.limits import Levels
-from mavhums.report.assessment import Evidence
+from mavhums.results.verdict import Evidence
 
 
 class Estimate(NamedTuple):

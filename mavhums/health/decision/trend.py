@@ -37,7 +37,7 @@ from mavhums.health.decision.thresholds import (
     TREND_FLIGHTS,
 )
 from mavhums.health.estimation.random_effects import variance_between, weighted
-from mavhums.report.assessment import Interval
+from mavhums.results.standing import Interval
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ from mavhums.health.estimation.thresholds import (
     LONGEST_GAP_PERIODS,
     LONGEST_INTEGRATED_STEP_S,
 )
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 
 KEPT = ("sign", "speed", "acceleration", "load", "angle", "loaded", "left")
 """The columns whose sums of products a record holds; records of earlier versions lack ``loaded``."""

@@ -27,7 +27,8 @@ from mavhums.health.estimation.thresholds import (
     MOST_COLUMN_CORRELATION,
     PEAK_EXCEEDED_SHARE,
 )
-from mavhums.report.assessment import Interval, OwnRecord
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import OwnRecord
 
 VOLTAGE = "own_voltage"
 _V4, _V5, _V7 = column("V4"), column("V5"), column("V7")

@@ -40,7 +40,7 @@ from mavhums.health.estimation.thresholds import (
     STROKE_SPAN_S,
     STROKE_SPEED_SHARE,
 )
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 
 _V1, _V3, _V4, _V5, _V7, _V10 = (column(f"V{k}") for k in (1, 3, 4, 5, 7, 10))
 _COLUMNS = 3  # command, measured angle, current

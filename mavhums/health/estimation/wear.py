@@ -19,7 +19,7 @@ from mavhums.health.estimation.thresholds import (
     LOAD_SHOWS_ERRORS,
     STROKE_ERROR_SHARE,
 )
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 
 _SIGN, _LEFT = KEPT.index("sign"), KEPT.index("left")
 _SPEED, _ACCELERATION = KEPT.index("speed"), KEPT.index("acceleration")

@@ -9,24 +9,37 @@ from typing import Final
 
 import numpy as np
 
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor import evidence
-from mavhums.health.motor.thresholds import EMERGENCY_LOSS, SLOW_HZ, WINDOWS_S
+from mavhums.health.motor.speeds import EscSpeeds, SpeedCause, SpeedsBesideThrust
+from mavhums.health.motor.thresholds import (
+    EMERGENCY_LOSS,
+    PRESSED_DEG,
+    PRESSED_RAD_S,
+    PRESSED_S,
+    RELEASED_S,
+    SLOW_HZ,
+    WINDOWS_S,
+)
 from mavhums.health.motor.trims import Trims
-from mavhums.report.assessment import Indicator, Interval
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Indicator
 from mavhums.vehicle.facts import ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.signals import all_outputs
 from mavhums.vehicle.streams import DERIVED
+from mavhums.vehicle.vtol import hovers
 
 __all__ = ["Loss", "MotorFindings", "MotorMonitor", "condition_of"]
 
 _ANOTHER_S: Final = 10.0
 """A second motor named within this time of the first: more than one lost thrust, or neither is certain."""
 _ANOTHER_WINDOW_S: Final = 0.8  # in shorter windows the rebound points at the opposite motor
+_TURNS, _LEANS = 0.1, 0.5
+"""Mean thrust by full thrust, and cosine of the bank, above which speeds are compared: it flies upright."""
 _REFINED_S: Final = 30.0
 """After an alarm the share lost is refined for as long: the first windows hold the moment before, too."""
 
@@ -70,6 +83,8 @@ class MotorFindings:
         By motor, the share of thrust that it has lost at most at any time, with 97.5 % confidence.
     trims
         By motor, what later flights are compared with.
+    cause
+        What the speed of the motor that lost thrust tells of the cause; None if nothing.
     """
 
     rotors: Rotors
@@ -80,6 +95,7 @@ class MotorFindings:
     tipped: bool
     bound: tuple[float, ...]
     trims: tuple[tuple[Indicator, ...], ...]
+    cause: SpeedCause | None = None
 
 
 class MotorMonitor:
@@ -91,13 +107,17 @@ class MotorMonitor:
         System id.
     rotors
         Its motors.
+    speeds
+        The speeds that its ESCs report.
     """
 
-    def __init__(self, vehicle: int, rotors: Rotors) -> None:
+    def __init__(self, vehicle: int, rotors: Rotors, speeds: EscSpeeds | None = None) -> None:
         self._vehicle, self.rotors = vehicle, rotors
         self._rules = evidence.rules_for(len(rotors.servos))
         self._state = evidence.new_state(len(rotors.servos))
         self._trims = Trims(rotors.columns)
+        self._speeds = SpeedsBesideThrust(speeds or EscSpeeds(), rotors.servos)
+        self._pressed, self._released = 0, 1 << 30  # rows
         self._loss: Loss | None = None
         self._several: tuple[int, ...] = ()
         self._reported: Condition = "undecided"
@@ -117,13 +137,16 @@ class MotorMonitor:
     def _rows(self, first: int, flat: dict[str, Array]) -> Iterator[ConditionChanged]:
         spacing = flat["outputs_spacing"][:, 0]
         upright = np.cos(flat["attitude"][:, 0]) * np.cos(flat["attitude"][:, 1])
+        upright = np.where(self._held(flat), np.nan, upright)
         thrusts = self.rotors.thrusts(all_outputs(flat), flat["mixer"])
+        # Beside a hover a quadplane's surfaces and its forward motor answer for what its lift motors do.
+        elsewhere = ~hovers(flat) if self.rotors.lift else np.zeros(len(thrusts), dtype=bool)
         found = np.zeros((len(thrusts), evidence.COLUMNS))
         evidence.follow(
             thrusts,
             flat["rates"],
             upright,
-            np.asarray(flat["landed"][:, 0] == ON_GROUND),
+            np.asarray(flat["landed"][:, 0] == ON_GROUND) | elsewhere,
             np.asarray(spacing > 1.0 / SLOW_HZ),
             self.rotors.columns,
             self._rules,
@@ -133,6 +156,21 @@ class MotorMonitor:
         self._trims.add(thrusts, np.asarray(found[:, 7] > 0.0))
         for row in np.flatnonzero(found[:, 0]).tolist():
             yield from self._alarm(first + row / RATE_HZ, float(spacing[row]), found[row])
+        flown = (thrusts.mean(axis=1) > _TURNS) & (upright > _LEANS)
+        self._speeds.add(first, thrusts, flown, self._loss.time_s if self._loss else None)
+
+    def _held(self, flat: dict[str, Array]) -> Flags:
+        """Return where an obstacle holds the craft, or did shortly before, shape (n,)."""
+        off = np.abs(flat["attitude"][:, :2] - flat["demand"]).max(axis=1)
+        still = np.abs(flat["rates"]).max(axis=1) < PRESSED_RAD_S
+        rows = np.arange(len(off))
+        last_free = np.maximum.accumulate(np.where(still & (off > np.radians(PRESSED_DEG)), -1, rows))
+        run = np.where(last_free < 0, self._pressed + rows + 1, rows - last_free)
+        pressed = np.where(run >= PRESSED_S * RATE_HZ, rows, -(1 << 30))
+        pressed[0] = max(pressed[0], -self._released)
+        since = rows - np.maximum.accumulate(pressed)
+        self._pressed, self._released = int(run[-1]), int(since[-1]) + 1
+        return np.asarray(since <= RELEASED_S * RATE_HZ)
 
     def _alarm(self, row_s: float, spacing_s: float, found: Array) -> Iterator[ConditionChanged]:
         """Take a window in which a motor stands out."""
@@ -204,6 +242,7 @@ class MotorMonitor:
             judged_s=float(self._state.counts[evidence.JUDGED]) / RATE_HZ,
             tipped=bool(self._state.counts[evidence.TIPPED]),
             bound=tuple(bound.tolist()),
+            cause=self._speeds.cause(self._loss.motor - 1, self._loss.since_s) if self._loss else None,
             trims=tuple(self._trims.of_motor(motor) for motor in range(len(self.rotors.servos))),
         )
 

@@ -17,7 +17,8 @@ from mavhums.core.conditions import SEVERITY
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.thresholds import MOST_FLIGHT_TAIL
 from mavhums.health.motor.trims import BETWEEN_FLIGHTS, TRIM, TRIM_YAW
-from mavhums.report.assessment import Evidence, Indicator, Interval, Since, Suspect, Verdict
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Evidence, Indicator, Since, Suspect, Verdict
 
 __all__ = ["compare_motors"]
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import NORMAL_95
-from mavhums.report.assessment import Indicator, Interval
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Indicator
 from mavhums.vehicle.grid import RATE_HZ
 
 __all__ = ["BETWEEN_FLIGHTS", "NEEDED_FLIGHTS", "TRIM", "TRIM_YAW", "Trims"]

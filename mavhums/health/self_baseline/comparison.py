@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -16,7 +16,6 @@ from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.equations.interface import OwnEquation
-from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.random_effects import (
     CommonError,
     Population,
@@ -29,31 +28,20 @@ from mavhums.health.estimation.wear import (
     Individual,
     Nuisances,
     Wear,
-    grams_of,
     information,
     learned,
-    load_direction,
-    mean_load,
-    of_strokes,
     wear,
 )
+from mavhums.health.self_baseline.differences import Difference, differences
 from mavhums.health.self_baseline.past import PastRecord, compared
 from mavhums.health.self_baseline.thresholds import (
-    BEYOND_ACTIVITY,
-    BEYOND_K,
-    BEYOND_LOAD,
     BLURRED_TIMES,
-    DIFFERENT_LOADS,
-    OTHER_DIRECTION,
     SHOWN_FLIGHTS,
     TRAILING_FLIGHTS,
     USEFUL_RISE,
-    WARMTH_K,
 )
-from mavhums.report.assessment import Interval, OwnRecord
-
-_ACCELERATION = KEPT.index("acceleration")
-_Of = Callable[[OwnRecord], float | None]
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import OwnRecord
 
 
 class Onset(NamedTuple):
@@ -187,15 +175,8 @@ class _Healthy:
         squares, freedom = np.array([(w.error**2, w.freedom) for w, _ in shown]).T
         common = CommonError.of(squares * informed, freedom)
         own = [common.with_own(*row)[0] for row in zip(squares, freedom, informed, strict=True)]
-        known = tuple(differences(equation, [r for _, r in shown], warm=warm))
-        if of_strokes(records[0]) or (isinstance(nuisances, Nuisances) and nuisances.load_friction):
-            known += tuple(_loads([r for _, r in shown]))
-        if of_strokes(records[0]):
-            fewest = float(min(len(r.groups) for _, r in shown))
-            known += tuple(_directions([r for _, r in shown]))
-            known += (
-                Difference(_strokes, fewest, fewest, np.inf, 0.0, "shorter in strokes", "", fitted=False),
-            )
+        loaded = isinstance(nuisances, Nuisances) and bool(nuisances.load_friction)
+        known = tuple(differences(equation, [r for _, r in shown], warm=warm, loaded=loaded))
         design = np.array([_row(known, r) for _, r in shown])
         shared = scattering_share(design, values, np.sqrt(own))
         flights = population(design, values, np.sqrt(shared[0] * np.array(own)))
@@ -298,108 +279,3 @@ def _still(equation: OwnEquation, flights: int) -> Comparison:
 def _interval(of: Wear) -> Interval:
     half = float(stdtrit(of.freedom, CENTRAL_95)) * of.error
     return Interval(estimate=of.value, low=of.value - half, high=of.value + half)
-
-
-@dataclass(frozen=True, slots=True)
-class Difference:
-    """A number by flight on which the quantity depends linearly, within the range of the reference flights.
-
-    Attributes
-    ----------
-    of
-        Returns the number of a flight.
-    mean, low, high
-        Mean and range over the reference flights.
-    margin
-        Extrapolation that is allowed.
-    below, above
-        Comparative of a flight below and above that range.
-    fitted
-        Whether the quantity depends on it; else only its range counts.
-    """
-
-    of: _Of
-    mean: float
-    low: float
-    high: float
-    margin: float
-    below: str
-    above: str
-    fitted: bool = True
-
-    def at(self, record: OwnRecord) -> float:
-        """Return a flight's difference from the mean; zero if it is not known."""
-        value = self.of(record)
-        return 0.0 if value is None else value - self.mean
-
-    def beyond(self, record: OwnRecord) -> str:
-        """Return the comparative of a flight that would be extrapolated; empty if none."""
-        value = self.of(record)
-        if value is None or self.low - self.margin <= value <= self.high + self.margin:
-            return ""
-        return self.below if value < self.low else self.above
-
-
-def differences(equation: OwnEquation, records: Sequence[OwnRecord], *, warm: bool) -> list[Difference]:
-    """Return the differences that the reference flights determine.
-
-    Parameters
-    ----------
-    equation
-        The equation of the records.
-    records
-        Records of the reference flights.
-    warm
-        Whether the temperature of the judged flight is known.
-    """
-    found = []
-    warmth = _difference(lambda record: record.temperature_c, records, BEYOND_K, "colder", "warmer")
-    if warm and warmth is not None and warmth.high - warmth.low >= WARMTH_K:
-        found.append(warmth)
-    if equation.by_activity:
-        activity = _difference(_activity, records, BEYOND_ACTIVITY, "calmer", "rougher")
-        if activity is not None and activity.high > activity.low:
-            found.append(activity)
-    return found
-
-
-def _difference(
-    of: _Of, records: Sequence[OwnRecord], margin: float, below: str, above: str
-) -> Difference | None:
-    values = [value for record in records if (value := of(record)) is not None]
-    # A difference that some flights do not tell would be fitted on the others alone.
-    if len(values) < len(records):
-        return None
-    return Difference(of, float(np.mean(values)), min(values), max(values), margin, below, above)
-
-
-def _loads(records: Sequence[OwnRecord]) -> list[Difference]:
-    """Return the loads of the flights, and their range: beyond it friction over load is a guess.
-
-    What a flight's own samples tell of μ is attenuated, for its light samples are those near stiction; a
-    line over the flights takes the rest, where their loads differ.
-    """
-    found = _difference(mean_load, records, 0.0, "more lightly loaded", "more heavily loaded")
-    if found is None:
-        return []
-    differ = found.high > DIFFERENT_LOADS * found.low
-    return [replace(found, margin=BEYOND_LOAD * found.high, fitted=differ)]
-
-
-def _directions(records: Sequence[OwnRecord]) -> list[Difference]:
-    """Return the direction of the load, which presses other flanks: friction and roughness differ there."""
-    other = "loaded the other way"
-    found = _difference(load_direction, records, OTHER_DIRECTION, other, other)
-    return [] if found is None else [replace(found, fitted=found.high - found.low > OTHER_DIRECTION)]
-
-
-def _strokes(record: OwnRecord) -> float:
-    """Return the number of strokes: fewer than the baseline's flights have scatter more than these."""
-    return float(len(record.groups))
-
-
-def _activity(record: OwnRecord) -> float:
-    """Return the logarithm of the root mean square acceleration in motion."""
-    counts, grams = grams_of(record)
-    mean = float(grams[:, _ACCELERATION, _ACCELERATION].sum() / counts.sum())
-    return 0.5 * float(np.log(max(mean, 1e-12)))

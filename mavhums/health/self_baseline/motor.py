@@ -27,7 +27,8 @@ from mavhums.health.self_baseline.thresholds import (
     REFERENCE_FLIGHTS,
     STALL_BIAS_SHARE,
 )
-from mavhums.report.assessment import Indicator, Interval, OwnRecord
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Indicator, OwnRecord
 
 _RESISTANCE, _BACK_EMF = "winding_own", "back_emf_own"
 MOTOR_FAULTS = (_RESISTANCE, _BACK_EMF)
@@ -186,10 +187,11 @@ def friction_current(records: Sequence[OwnRecord]) -> Interval | None:
         return None
     values, errors, freedom = np.array(found).T
     count = len(found)
-    between = float(values.std(ddof=1)) if count > 1 else 0.0
-    # By the flights' errors, or by their scatter if that is larger.
-    error = max(float(np.hypot.reduce(errors)) / count, between / count**0.5)
-    half = float(stdtrit(max(count - 1.0, freedom.min()), CENTRAL_95)) * error
+    stated = float(np.hypot.reduce(errors)) / count
+    scattered = float(values.std(ddof=1)) / count**0.5 if count > 1 else 0.0
+    # Two flights know their scatter badly: each error goes with its own degrees of freedom.
+    error, known = (stated, freedom.min()) if stated >= scattered else (scattered, count - 1.0)
+    half = float(stdtrit(known, CENTRAL_95)) * error
     mean = float(values.mean())
     return Interval(estimate=mean, low=mean - half, high=mean + half)
 

@@ -10,7 +10,7 @@ from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.wear import shows
 from mavhums.health.self_baseline.thresholds import ALIKE_RATE_RATIO, REFERENCE_FLIGHTS
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 
 
 class PastRecord(NamedTuple):

@@ -23,14 +23,8 @@ from mavhums.health.self_baseline.motor import (
 )
 from mavhums.health.self_baseline.past import PastRecord, record_of
 from mavhums.health.self_baseline.thresholds import CHANGED_CONFIDENCE, USEFUL_RISE
-from mavhums.report.assessment import (
-    Evidence,
-    Indicator,
-    Interval,
-    OwnRecord,
-    Suspect,
-    Verdict,
-)
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Evidence, Indicator, OwnRecord, Suspect, Verdict
 
 _OPEN: tuple[Condition, ...] = ("undecided", "learning", "unchanged", "changed")
 _CONSTANT = "torque_constant"

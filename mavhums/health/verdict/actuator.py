@@ -16,17 +16,9 @@ from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums.health.actuator.thresholds import IMPLAUSIBLE_SHARE
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.obstacles import WEAR_UNSEEN, obstacle
-from mavhums.report.assessment import (
-    ALL,
-    Coverage,
-    Evidence,
-    Indicator,
-    Interval,
-    NetworkAnswer,
-    Since,
-    Suspect,
-    Verdict,
-)
+from mavhums.results.sections import NetworkAnswer
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import ALL, Coverage, Evidence, Indicator, Since, Suspect, Verdict
 from mavhums.vehicle.formats import remedy as to_record
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import Surfaces

@@ -7,7 +7,8 @@ from typing import Final
 from mavhums.core.conditions import Condition
 from mavhums.health.actuator.detectors import to_inspect
 from mavhums.health.axis.detectors import to_inspect as axis_to_inspect
-from mavhums.report.assessment import Verdict
+from mavhums.results.verdict import Verdict
+from mavhums.vehicle.surfaces import STEERING
 
 _BY_CONDITION: Final[dict[Condition, str]] = {
     "normal": "nothing to do; keep the log for the trend over flights",
@@ -30,12 +31,19 @@ def with_advice(verdict: Verdict) -> Verdict:
     'keep the log: the baseline grows with every flight'
     """
     if verdict.subject == "motor":
-        # Outputs alone do not tell a propeller from its motor or ESC.
-        chain = f"the propeller, motor, ESC and wiring of {verdict.actuator}"
+        # Outputs alone do not tell a propeller from its motor or ESC; the ESC's speed does.
+        told = next((item.rule.rpartition(": ")[2] for item in verdict.evidence if item.kind == "speed"), "")
+        before = "motor, ESC and wiring"
+        chain = f"propeller, {before}" if not told else before if "the ESC" in told else "propeller"
+        chain = f"the {chain} of {verdict.actuator}"
         advice = _BY_CONDITION[verdict.gravest].format(parts=chain)
         if verdict.gravest == "emergency":
             advice = f"do not fly; inspect {chain}; replace what failed and test it without propellers"
         return verdict.model_copy(update={"advice": advice})
+    if verdict.actuator == STEERING:
+        steering = "its servo, linkage and supply, with the wheels off the ground"
+        driven = _BY_CONDITION[verdict.gravest].format(parts=steering).replace("flights", "drives")
+        return verdict.model_copy(update={"advice": driven.replace("do not fly", "do not drive")})
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
     # Without a suspect the latest evidence names what was found.
     faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]

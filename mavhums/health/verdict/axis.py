@@ -21,10 +21,11 @@ from mavhums.health.axis.thresholds import (
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.actuator import rounded, rounded_suspects, since
 from mavhums.health.verdict.obstacles import why_undecided
-from mavhums.report.assessment import Candidate, Indicator, Interval, Verdict
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Candidate, Indicator, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Grid
-from mavhums.vehicle.surfaces import AXES, Surfaces
+from mavhums.vehicle.surfaces import STEERING, Surfaces
 
 _SUREST: Final = 0.99  # tens of simulated flights cannot support more
 _BEGINS_IN_FLIGHT: Final = (
@@ -32,16 +33,16 @@ _BEGINS_IN_FLIGHT: Final = (
     "record from before take-off, or compare with earlier flights (--history)",
 )
 _SPEEDS: Final = ("the airspeed sensor", "the wind triangle", "the speed over ground")
-_GAIN: Final = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m")}
+_GAIN: Final = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m"), STEERING: (1, "rad/m")}
 _CONSTANTS: Final = {"hard_over": ("trim", "1"), "manoeuvre": ("load factor by full demand", "s²/m²")}
 
 
-def unjudged_axes(vehicle: int, reason: str, remedy: str) -> Verdict:
-    """Return the single verdict on all axes of a vehicle if none can be judged."""
+def unjudged_axes(vehicle: int, reason: str, remedy: str, name: str = "axes") -> Verdict:
+    """Return the single verdict on all axes of a vehicle, or on its steering, if none can be judged."""
     return Verdict(
         subject="axis",
         vehicle=vehicle,
-        actuator="axes",
+        actuator=name,
         condition="undecided",
         worst="undecided",
         reason=reason,
@@ -59,7 +60,7 @@ def verdicts_of_axes(
 ) -> Iterator[Verdict]:
     """Yield the verdicts on the axes of a vehicle that flew: one fault is one finding."""
     origins = monitor.origins()
-    for axis in AXES:
+    for axis in monitor.axes:
         findings = monitor.findings(axis)
         verdict = verdict_of_axis(vehicle, findings, surfaces, flight, start_utc, grid)
         told = SEVERITY[verdict.worst] > SEVERITY["normal"] and surfaces is not None
@@ -155,7 +156,7 @@ def verdict_of_axis(
 def _measured(axis: str, flight: Flight, grid: Grid) -> dict[str, str]:
     """Return what the motion was measured with, and for how long where it changed."""
     found = {}
-    for signal in ("rates", "speed") if axis == "roll" else ("rates", "force", "speed"):
+    for signal in ("rates", "speed") if axis in ("roll", STEERING) else ("rates", "force", "speed"):
         used = [
             (_SPEEDS[rank] if signal == "speed" else grid.source(signal, rank), seconds)
             for rank, seconds in flight.used_s(signal).items()

@@ -10,9 +10,11 @@ from typing import Final
 
 from mavhums.core.conditions import Condition
 from mavhums.health.motor.monitor import Loss, MotorFindings, condition_of
+from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.thresholds import JUDGED_S, MOST_BANK_DEG, MOST_EXCLUDED, STEP_EXCLUDED
 from mavhums.health.verdict.actuator import since
-from mavhums.report.assessment import Coverage, Evidence, Interval, Suspect, Verdict
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage, Evidence, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.formats import remedy
 from mavhums.vehicle.grid import Received
@@ -100,7 +102,8 @@ def verdicts_of_motors(
             vehicle, why, "read the log by hand: a fall, a flip and a fault look alike there"
         )
     elif findings.judged_s < JUDGED_S:
-        why = f"{findings.judged_s:.0f} s of flight could be judged, {JUDGED_S:.0f} are needed"
+        motion = "hover" if findings.rotors.lift else "flight"
+        why = f"{findings.judged_s:.0f} s of {motion} could be judged, {JUDGED_S:.0f} are needed"
         yield unjudged_motors(vehicle, why, _LONGER)
     else:
         yield from _healthy(vehicle, findings)
@@ -135,8 +138,21 @@ def _lost(vehicle: int, findings: MotorFindings, loss: Loss, start_utc: datetime
                 value=round(share.estimate, 3),
                 rule=rule,
             ),
+            *_by_speed(findings.cause),
         ),
     )
+
+
+def _by_speed(cause: SpeedCause | None) -> Iterator[Evidence]:
+    """Yield what the motor's speed tells of the cause."""
+    if cause is not None:
+        yield Evidence(
+            kind="speed",
+            start_s=cause.start_s,
+            end_s=cause.end_s,
+            value=round(cause.ratio, 3),
+            rule=cause.words,
+        )
 
 
 def _healthy(vehicle: int, findings: MotorFindings) -> Iterator[Verdict]:

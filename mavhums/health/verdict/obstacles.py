@@ -20,11 +20,12 @@ from mavhums.health.axis.thresholds import (
     NORMAL_S,
     REFERENCE_S,
 )
-from mavhums.vehicle.flight import LEAST_SPEED, Flight
+from mavhums.vehicle.flight import GROUND, LEAST_DRIVEN, LEAST_SPEED, Flight
 from mavhums.vehicle.formats import messages_of, remedy
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import PERIPHERALS, Identity, in_words
-from mavhums.vehicle.surfaces import Surfaces
+from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.surfaces import STEERING, Surfaces, steers_by_wheels
 
 NO_WINGS = "its servos can be judged if they report current or speed: name a profile with --airframe"
 """Remedy for a vehicle that no control surface turns in flight."""
@@ -40,6 +41,7 @@ _WINGED: Final = ("fixed wing", "VTOL", "quadplane", "tiltrotor", "tailsitter")
 _WINGED_TYPES: Final = {1, *range(19, 26)}
 _FIXED_WINGS_ONLY: Final = "control effectiveness is judged for fixed-wing aircraft in forward flight only"
 _LONGER: Final = f"choose a log with {_JUDGED_S} s or more of forward flight"
+_LONGER_DRIVE: Final = f"choose a log with {_JUDGED_S} s or more of driving forward, with turns"
 _IN_ORDER: Final = "record on board, or over a link that keeps the order of the messages"
 _OUTPUTS: Final = messages_of("outputs")
 _NEEDED: Final = {"outputs": "the servo outputs", "attitude": "the attitude"}
@@ -93,12 +95,15 @@ class Obstacle(NamedTuple):
 
 
 def why_not_at_all(
-    flight: Flight, kind: str | None = None, received: Mapping[str, Received] = MappingProxyType({})
+    flight: Flight,
+    kind: str | None = None,
+    received: Mapping[str, Received] = MappingProxyType({}),
+    parameters: Parameters | None = None,
 ) -> Obstacle | None:
     """Return the reason why no axis of a vehicle can be judged, and the remedy; None if some may be.
 
     ``kind`` is the type of vehicle in words, if something other than its flight tells it; ``received`` the
-    numbers of samples by message.
+    numbers of samples by message; ``parameters`` those of the vehicle, which tell how a rover steers.
 
     Examples
     --------
@@ -109,14 +114,17 @@ def why_not_at_all(
     'multirotor'
     """
     kinds = flight.kinds - PERIPHERALS.keys() or flight.kinds
-    if kind and not kind.startswith(_WINGED) and not kinds & _WINGED_TYPES:
+    if flight.on_ground:
+        if not flight.steers:
+            return _unsteered(" and ".join(map(in_words, sorted(kinds))), parameters)
+    elif kind and not kind.startswith(_WINGED) and not kinds & _WINGED_TYPES:
         kinds = set() if not kinds or kind == "helicopter" else kinds
         if not kinds:
             return Obstacle(f"{kind}: {_FIXED_WINGS_ONLY}", NO_WINGS)
-    if not kinds:
+    if not kinds and not flight.on_ground:
         reason = "nothing in the log tells what kind of vehicle this is"
         return Obstacle(reason, "record the autopilot's heartbeats as well; a .BIN or .ulg from its start")
-    if not kinds & _WINGED_TYPES:
+    if not kinds & _WINGED_TYPES and not flight.on_ground:
         return Obstacle(f"{' and '.join(map(in_words, sorted(kinds)))}: {_FIXED_WINGS_ONLY}", NO_WINGS)
     missing = [name for name in _NEEDED if name not in flight.heard]
     told = " and ".join(_NEEDED[name] for name in missing)
@@ -136,12 +144,30 @@ def why_not_at_all(
             f"the log lacks {told}", f"record {_to_record('motion', flight, received)} at 10 Hz or more"
         )
     if flight.flown_s == 0:
-        return _on_ground(flight)
+        return _stood(flight)
     return None
 
 
-def _on_ground(flight: Flight) -> Obstacle:
+def _unsteered(who: str, parameters: Parameters | None) -> Obstacle:
+    """Return why the steering of a rover or a boat is not known."""
+    if parameters is None:
+        return Obstacle(
+            f"{who}: which output steers it is told by nothing in the log",
+            "record the parameters, too (refresh the ground station's list, or use the on-board log)",
+        )
+    if steers_by_wheels(parameters):
+        reason = f"{who}: it steers by the difference of its motors (skid steering), which is not judged"
+        return Obstacle(reason, NO_WINGS)
+    reason = f"{who}: its parameters name no output that steers it (SERVOn_FUNCTION 26)"
+    return Obstacle(reason, "if one does, set its function, and record the parameters, too")
+
+
+def _stood(flight: Flight) -> Obstacle:
     """Return why a flight has no second of forward flight."""
+    if flight.on_ground:
+        least = max(LEAST_DRIVEN[kind] for kind in flight.kinds & GROUND or GROUND)
+        reason = f"its highest speed forward was {flight.fastest:.1f} m/s, {least:g} are needed"
+        return Obstacle(f"it did not drive forward for 3 s: {reason}", _LONGER_DRIVE)
     fast_s, longest = flight.lasted_s("fast"), "no stretch of the rest lasted 3 s"
     if not flight.lasted_s("armed"):
         return Obstacle("it never flew forward: it was never armed", _LONGER)
@@ -205,11 +231,12 @@ def _obstacles(
     outputs = surfaces.of_axis(axis) if surfaces else ()
     if findings.reference is None:
         yield from _unmeasured(findings, flight, received)
+    motion, longer = ("driving forward", _LONGER_DRIVE) if axis == STEERING else ("forward flight", _LONGER)
     usable_s = findings.usable_s if outputs else flight.flown_s
     if findings.reference is None and usable_s < REFERENCE_S:
         which = " with known outputs" if outputs and usable_s < flight.flown_s else ""
-        reason = f"{usable_s} s of forward flight{which}, {REFERENCE_S} are needed for a reference"
-        yield Obstacle(f"{reason} and {NORMAL_S} to judge", _LONGER)
+        reason = f"{usable_s} s of {motion}{which}, {REFERENCE_S} are needed for a reference"
+        yield Obstacle(f"{reason} and {NORMAL_S} to judge", longer)
     against = (
         surfaces.contradicted.get(axis) or (axis == "yaw" and surfaces.contradicted.get("roll"))
         if surfaces
@@ -289,13 +316,22 @@ def _unclear(findings: AxisFindings) -> Obstacle:
         )
     if coverage.excluded:
         loss = f"a loss of {100 * (1 - NORMAL_EFFECTIVENESS):.0f} % or more"
-        reason = f"{loss} is excluded over {coverage.excluded} s of forward flight, but {reason}"
-    return Obstacle(reason, "choose a longer log, or one with more turns and climbs")
+        motion = "driving forward" if findings.axis == STEERING else "forward flight"
+        reason = f"{loss} is excluded over {coverage.excluded} s of {motion}, but {reason}"
+    return Obstacle(reason, f"choose a longer log, or one with more {_manoeuvres(findings.axis)}")
+
+
+def _manoeuvres(axis: str) -> str:
+    return "turns" if axis == STEERING else "turns and climbs"
 
 
 def _no_reference(findings: AxisFindings) -> Iterator[Obstacle]:
     """Yield why enough seconds with known outputs make no reference."""
     axis, best, needs = findings.axis, findings.best, findings.needs
+    if best is None and axis == STEERING:
+        reason = f"in no {REFERENCE_S} s of two minutes of driving forward its steering moved"
+        yield Obstacle(reason, "drive turns in the first three minutes")
+        return
     if best is None:
         reason = (
             f"no {REFERENCE_S} s within two minutes were flown within {MOST_BANK_DEG}° of bank, "
@@ -304,9 +340,12 @@ def _no_reference(findings: AxisFindings) -> Iterator[Obstacle]:
         )
         yield Obstacle(reason, "fly straight legs and gentle turns in the first three minutes")
         return
-    remedy = "fly more turns and climbs in the first three minutes"
+    verb = "drive" if axis == STEERING else "fly"
+    remedy = f"{verb} more {_manoeuvres(axis)} in the first three minutes"
     if best.explained < needs.explained:
         what = f"its surfaces explain {100 * best.explained:.0f} % of how it moves in {axis}"
+        if axis == STEERING:
+            what = f"its steering explains {100 * best.explained:.0f} % of how it turns"
         if axis == "yaw":
             what = (
                 "rudder and aileron cannot be told apart: the rudder explains "

@@ -1,4 +1,4 @@
-// Uploads with progress, and the height of the answer's frame. Texts go in as text, never as markup.
+// Uploads with progress, and the search in a list. Texts go in as text, never as markup.
 "use strict";
 
 const AT_ONCE = 2;
@@ -105,16 +105,11 @@ document.addEventListener("drop", (event) => {
   if (document.querySelector("[data-drop]")) add(event.dataTransfer.files);
 });
 
-function fit(frame) {
-  const inner = frame.contentDocument?.documentElement;
-  if (inner) frame.style.height = `${inner.scrollHeight + 4}px`;
-}
-
-document.addEventListener(
-  "load",
-  (event) => {
-    if (event.target.matches?.("iframe.answer")) fit(event.target);
-  },
-  true,
-);
-window.addEventListener("resize", () => document.querySelectorAll("iframe.answer").forEach(fit));
+document.addEventListener("input", (event) => {
+  if (!event.target.matches?.("[data-find]")) return;
+  const words = event.target.value.toLowerCase().split(/\s+/);
+  for (const row of document.querySelectorAll("table.fleet tbody tr")) {
+    const text = row.textContent.toLowerCase();
+    row.hidden = !words.every((word) => text.includes(word));
+  }
+});

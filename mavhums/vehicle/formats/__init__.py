@@ -10,6 +10,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Final, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.arrays import Array
 from mavhums.log import Table
 from mavhums.vehicle.facts import ServoIds, ServoReading
 from mavhums.vehicle.formats import dataflash, mavlink, ulog
@@ -22,6 +26,7 @@ __all__ = [
     "Report",
     "Rows",
     "each",
+    "esc_speeds",
     "message_of",
     "messages_of",
     "remedy",
@@ -35,6 +40,8 @@ FORMATS: Final = tuple(cast(FormatModule, module) for module in (mavlink, datafl
 SERVO_SOURCES: Final[tuple[ServoSource, ...]] = tuple(
     source for form in FORMATS for source in form.SERVO_SOURCES
 )
+
+_ESCS: Final = tuple(ServoIds(esc + 1, esc) for esc in range(16))
 
 _COMMON: Final[Mapping[str, str]] = {
     "servo telemetry": (
@@ -99,6 +106,15 @@ def servo_readings(
             times = table.frame[rows], table.time_us[rows]
             name, fields = part.source, part.fields
             yield ServoReading(vehicle, ids.servo, name, fields, *times, part.values[rows], source.signed)
+
+
+def esc_speeds(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, NDArray[np.int64], Array]]:
+    """Yield what ESCs report of their motors' speed: vehicle, ESC from 0, µs of UTC (n,), rev/min (n,)."""
+    for source in SERVO_SOURCES:
+        if source.tier.startswith("esc"):
+            for reading in servo_readings(source, tables, _ESCS):
+                speeds = reading.values[:, [*reading.fields].index("V7")]
+                yield reading.vehicle, reading.servo - 1, reading.time_us, speeds
 
 
 def remedy(fact: str, messages: Collection[str] = (), autopilots: Collection[int] = ()) -> str:

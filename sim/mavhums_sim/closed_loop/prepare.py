@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import astuple
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +11,8 @@ from numpy.typing import NDArray
 from mavhums_sim._arrays import Array
 from mavhums_sim.closed_loop.aircraft import FRAME_S, Aircraft
 from mavhums_sim.closed_loop.frame import ERRORS, VEHICLE
+from mavhums_sim.closed_loop.scenario import ClosedLoop, Confounder
 from mavhums_sim.closed_loop.surfaces import FAULT, LAYOUTS, SERVO, Servo
-
-if TYPE_CHECKING:
-    from mavhums_sim.closed_loop.flight import ClosedLoop, Confounder
 
 __all__ = ["Gust", "fault_rows", "measurement_errors", "servo_rows", "vehicle_row", "wander"]
 

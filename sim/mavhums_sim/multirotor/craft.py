@@ -141,8 +141,8 @@ class Event(NamedTuple):
 
     Attributes
     ----------
-    fault_s, motor, loss
-        From then on this motor, from 0, has lost this share of its thrust.
+    fault_s, motor, loss, by_propeller
+        From then on this motor, from 0, has lost this share of its thrust, by its propeller or its speed.
     payload_s, mass, shift
         From then on the mass is this many times the first, its centre shifted by these shares of the arm.
     gust_s, gust_mps
@@ -152,6 +152,7 @@ class Event(NamedTuple):
     fault_s: float = np.nan
     motor: int = 0
     loss: float = 0.0
+    by_propeller: bool = False
     payload_s: float = np.nan
     mass: float = 1.0
     shift: tuple[float, float] = (0.0, 0.0)

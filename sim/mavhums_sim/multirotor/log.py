@@ -31,18 +31,20 @@ _ARDUPILOT: Final = 3
 _ARMED: Final = 128 + 1
 _LOITER: Final = 5
 _FIRST_MOTOR: Final = 33  # SERVOn_FUNCTION
+_FULL_RPM: Final = 9000.0
 _SCALE_MG: Final = 1000 / 9.80665
 _STANDS_S: Final = 12.0
 """The log begins on the ground: parameters come before the flight."""
 
 
 class Rates(NamedTuple):
-    """Rates of the streams, Hz."""
+    """Rates of the streams, Hz; 0 for none."""
 
     outputs: float = 10.0
     attitude: float = 10.0
     imu: float = 10.0
     position: float = 4.0
+    esc: float = 0.0
 
 
 def pulses(command: Array) -> Array:
@@ -108,6 +110,8 @@ def report(flown: Flown, rates: Rates, seed: int) -> list[Table]:
     moved = {f"{axis}gyro": whole(whole_log.rates[rows, k] * 1000) for k, axis in enumerate("xyz")}
     moved |= {f"{axis}acc": whole(whole_log.force[rows, k] * _SCALE_MG) for k, axis in enumerate("xyz")}
     tables.append(Table("RAW_IMU", time_s, {"time_usec": boot_us(time_s), **moved}))
+    if rates.esc:
+        tables.extend(_speeds(flown, rates.esc, seed))
     time_s, rows = sampled(rng, whole_log, rates.position)
     height, speed = whole_log.position[rows, 2], whole_log.velocity[rows]
     where = {
@@ -121,6 +125,28 @@ def report(flown: Flown, rates: Rates, seed: int) -> list[Table]:
         "vz": whole(speed[:, 2] * -100),
     }
     return [*tables, Table("GLOBAL_POSITION_INT", time_s, where)]
+
+
+def _speeds(flown: Flown, rate_hz: float, seed: int) -> list[Table]:
+    """Return what the ESCs report: a speed by the root of the thrust, less where not the propeller fails."""
+    rng = np.random.default_rng([seed, 9])
+    craft, event = flown.craft, flown.plan.event
+    given = craft.hover * (flown.command / craft.hover) ** craft.exponent
+    keep = np.exp(-1.0 / (LOGGED_HZ * craft.lag_s))
+    for k in range(1, len(given)):
+        given[k] += keep * (given[k - 1] - given[k])
+    if not np.isnan(event.fault_s) and not event.by_propeller:
+        given[flown.time_s >= event.fault_s, event.motor] *= 1.0 - event.loss
+    time_s, rows = sampled(rng, flown, rate_hz)
+    speeds = _FULL_RPM * np.sqrt(given[rows]) * (1.0 + rng.normal(0.0, 0.01, given[rows].shape))
+    tables = []
+    for first in range(0, speeds.shape[1], 4):
+        rpm, voltage = np.zeros((2, len(rows), 4))
+        part = speeds[:, first : first + 4]
+        rpm[:, : part.shape[1]], voltage[:, : part.shape[1]] = part, 1480.0
+        columns = {"rpm": whole(rpm), "voltage": whole(voltage)}
+        tables.append(Table(f"ESC_TELEMETRY_{first + 1}_TO_{first + 4}", time_s + _STANDS_S, columns))
+    return tables
 
 
 def write_tlog(flown: Flown, path: Path, rates: Rates | None = None, seed: int = 0) -> None:

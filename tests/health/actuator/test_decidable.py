@@ -20,7 +20,7 @@ from mavhums.flights.actuator_comparison import ActuatorComparison, events_of
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.verdict.actuator import against_baseline, verdict_of_actuator
-from mavhums.report.assessment import Coverage
+from mavhums.results.verdict import Coverage
 from mavhums_sim.conditions import Condition
 from mavhums_sim.sensors import EscSide
 from tests.health.flown import Telemetry, actuator_of, compared, flown, telemetry

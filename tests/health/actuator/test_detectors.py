@@ -25,7 +25,7 @@ from mavhums.health.actuator.detectors import detectors_for
 from mavhums.health.estimation.fits import Estimates, Fits
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
-from mavhums.report.assessment import Assessment
+from mavhums.results.assessment import Assessment
 from mavhums_sim.conditions import Condition
 from mavhums_sim.sensors import EscSide
 from tests.conftest import real_logs

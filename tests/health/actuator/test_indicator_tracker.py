@@ -22,7 +22,7 @@ from mavhums.health.decision.limits import Levels, Panel
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
-from mavhums.report.assessment import Evidence, Suspect
+from mavhums.results.verdict import Evidence, Suspect
 
 NOTHING: Mapping[str, Fit] = {}
 BASELINE = Baseline(mean=0.2, error=0.001, flights=10, between=0.002, spread=0.003)

@@ -18,7 +18,7 @@ from mavhums.health.actuator.monitor import Monitor
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.thresholds import CONFIRM_WINDOWS, LASTING_WINDOWS
 from mavhums.learn import default_model, packaged_models
-from mavhums.report.assessment import Indicator
+from mavhums.results.verdict import Indicator
 from mavhums_sim import Flight, fly
 from mavhums_sim.conditions import Condition
 from tests.health.flown import Telemetry, actuator_of, flown, sensed, telemetry, watch, watch_blocks

@@ -11,7 +11,7 @@ import pytest
 from mavhums.health.axis.detectors import Alarm, AxisDetector, Persistent, _slow, detectors, to_inspect
 from mavhums.health.axis.monitor import AxisMonitor, _AxisState, _since_s
 from mavhums.health.axis.reference import Second
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
 from tests.health.axis.flights import changes_of, excited, rows, steady
 
 

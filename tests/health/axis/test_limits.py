@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mavhums.actuator import load_airframe
 from mavhums.actuator.profile import ProfileError
 from mavhums.health.axis.monitor import AxisMonitor
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
 from tests.health.axis.flights import changes_of, rolling
 
 PROFILE = """name = "own"

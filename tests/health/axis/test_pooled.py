@@ -13,8 +13,9 @@ from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.pooled import Exclusion, Pool, measured
 from mavhums.health.axis.reference import Reference, Second
 from mavhums.health.axis.regressions import Basis, Shape
-from mavhums.report.assessment import Coverage, Interval
-from mavhums.report.sections import AxisLimits
+from mavhums.results.sections import AxisLimits
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage
 from tests.health.axis.flights import Array, changes_of, excited, rolling, rows, steady
 
 GAIN = 2.0

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from mavhums.health.decision.baseline import Baseline, Drift, Shift
-from mavhums.report.assessment import Indicator, Interval
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Indicator
 
 BASELINE = Baseline(mean=0.22, error=0.001, flights=12, between=0.003, spread=0.004)
 ERROR = 0.008

@@ -13,10 +13,11 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.motors import VehicleMotors
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor.monitor import MotorMonitor
-from mavhums.report.assessment import Verdict
+from mavhums.health.motor.speeds import EscSpeeds, SpeedsBesideThrust
+from mavhums.results.verdict import Verdict
 from mavhums.show.digest import digest, headline
 from mavhums.vehicle.facts import OUTPUTS, Signal
-from mavhums.vehicle.grid import Grid, Seconds
+from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums_sim.multirotor.craft import FRAMES, Event, draw_craft, draw_plan
@@ -60,6 +61,34 @@ def test_a_motor_that_stops_is_named(tmp_path: Path, frame: str, within_s: float
     ]
 
 
+@pytest.mark.parametrize(
+    ("loss", "by_propeller", "told"),
+    [(0.5, False, "lags"), (0.5, True, "follows"), (1.0, False, "collapsed"), (1.0, True, "follows")],
+)
+def test_the_speed_of_its_esc_names_the_cause(
+    tmp_path: Path, loss: float, by_propeller: bool, told: str
+) -> None:
+    rng = np.random.default_rng([3, 1])
+    event = Event(fault_s=40.0, motor=1, loss=loss, by_propeller=by_propeller)
+    flown = fly(draw_craft(rng, "hexa x"), draw_plan(rng, 75.0, event=event), 3)
+    write_tlog(flown, tmp_path / "f.tlog", Rates(25.0, 25.0, 25.0, esc=10.0), 3)
+    [verdict] = motors(tmp_path / "f.tlog")
+    [speed] = [one for one in verdict.evidence if one.kind == "speed"]
+    assert told in speed.rule
+    assert ("propeller of motor 2" in (verdict.advice or "")) is by_propeller
+
+
+def test_speeds_that_only_repeat_themselves_tell_nothing() -> None:
+    speeds, time_s = EscSpeeds(), np.arange(0.0, 60.0, 0.1)
+    for esc in range(4):
+        speeds.hear(esc, time_s, np.full(600, 5000.0))
+    assert np.isnan(speeds.at(10, range(4))).all()
+    beside = SpeedsBesideThrust(speeds, range(1, 5))
+    asked = np.where(np.arange(60 * RATE_HZ)[:, None] < 40 * RATE_HZ, 0.4, 0.8) * np.ones(4)
+    beside.add(0, asked, np.ones(len(asked), dtype=bool), 41.0)
+    assert beside.cause(0, 40.0) is None
+
+
 def test_half_of_the_thrust_is_told_with_its_interval(tmp_path: Path) -> None:
     [verdict] = motors(log(tmp_path / "f.tlog", "quad x", 0.5, seed=4))
     assert verdict.actuator == "motor 2"
@@ -96,8 +125,8 @@ def test_nothing_depends_on_how_the_log_is_cut(tmp_path: Path) -> None:
     assert told(65536) == whole
 
 
-def settled(flown: Flown, hz: float, seed: int) -> Seconds:
-    """Return what a log tells of a flight, on the grid."""
+def settled(flown: Flown, hz: float, seed: int, mode: float | None = None) -> Seconds:
+    """Return what a log tells of a flight, on the grid; of an ArduPlane in a mode if one is given."""
     rng = np.random.default_rng([seed, 6])
 
     def signal(name: str, rate_hz: float, values: Array) -> Signal:
@@ -112,6 +141,10 @@ def settled(flown: Flown, hz: float, seed: int) -> Seconds:
         signal("rates", max(hz, 10.0), np.round(flown.rates, 3)),
         signal("attitude", hz, flown.attitude),
     ]
+    if mode is not None:
+        time_us = np.arange(0, int(flown.time_s[-1] * 1e6), 1_000_000)
+        state = np.tile([1.0, 3.0, 1.0, mode], (time_us.size, 1))
+        signals.append(Signal(1, "state", "state", time_us, time_us, state))
     seconds = Grid(0).feed(signals, final=True)
     assert seconds is not None
     return seconds
@@ -122,6 +155,61 @@ def rotors(frame: str) -> Rotors:
     known = rotors_of(Parameters(1, False, {**PARAMETERS, "FRAME_CLASS": kind, "FRAME_TYPE": type_}))
     assert isinstance(known, Rotors)
     return known
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_an_obstacle_that_holds_the_craft_is_no_motor(held: bool) -> None:
+    """Effort that winds up along the column of motor 2 without a motion is a loss where nothing holds it."""
+    quad, rng = rotors("quad x"), np.random.default_rng(1)
+    time_s = np.arange(0.0, 90.0, 0.04)
+    time_us, late = np.rint(time_s * 1e6).astype(np.int64), time_s[:, None] > 50.0
+    wound = np.clip((time_s[:, None] - 50.0) / 4.0, 0.0, 0.6)
+    effort = wound * quad.columns[1] + rng.normal(0.0, 0.01, (time_s.size, 3))
+    outputs = np.full((time_s.size, OUTPUTS), np.nan)
+    outputs[:, :4] = pulses(0.4 * (1.0 + effort @ np.linalg.pinv(quad.columns)))
+    attitude = np.where(late, 0.25, 0.0) * np.array([1.0, 0.0, 0.0])
+    asked = attitude[:, :2] * (not held)
+    sent = {"outputs": outputs, "attitude": attitude, "rates": np.zeros((time_s.size, 3)), "demand": asked}
+    signals = [Signal(1, name, name, time_us, time_us, values) for name, values in sent.items()]
+    seconds = Grid(0).feed(signals, final=True)
+    assert seconds is not None
+    found = [[change.actuator for change in told(seconds, size)] for size in (7, 1000)]
+    assert found[0] == found[1] == ([] if held else ["motor 2"])
+
+
+def told(seconds: Seconds, size: int) -> list[ConditionChanged]:
+    """Return what is said of a quad's seconds that come in blocks of a size."""
+    monitor, count = MotorMonitor(1, rotors("quad x")), len(seconds.index)
+    parts = (seconds.part(k, min(k + size, count)) for k in range(0, count, size))
+    return [change for part in parts for change in monitor.feed(part)]
+
+
+def test_the_lift_motors_of_a_quadplane_are_judged_in_a_hover() -> None:
+    named = {name.replace("MOT_", "Q_M_"): value for name, value in PARAMETERS.items()}
+    named |= {"Q_ENABLE": 1.0, "Q_FRAME_CLASS": 1.0, "Q_FRAME_TYPE": 1.0}
+    at_five = {f"SERVO{k + 5}_FUNCTION": 33.0 + k for k in range(4)}
+    lift = rotors_of(Parameters(1, False, named | at_five))
+    assert isinstance(lift, Rotors)
+    assert (lift.frame, lift.servos, lift.lift) == ("lift quad X", (5, 6, 7, 8), True)
+    assert rotors_of(Parameters(1, False, named | at_five | {"Q_TILT_MASK": 5.0})) is None
+    places = {"PX": (1.0, -1.0, 1.0, -1.0), "PY": (1.0, -1.0, -1.0, 1.0), "KM": (1.0, 1.0, -1.0, -1.0)}
+    px4 = {f"CA_ROTOR{k}_{part}": numbers[k] for part, numbers in places.items() for k in range(4)}
+    px4 |= {f"PWM_MAIN_FUNC{k + 1}": 101.0 + k for k in range(5)}
+    px4 |= {"CA_AIRFRAME": 2.0, "CA_ROTOR_COUNT": 5.0, "CA_ROTOR4_AX": 1.0}
+    standard = rotors_of(Parameters(1, True, px4))
+    assert isinstance(standard, Rotors)
+    assert (standard.servos, standard.lift) == ((1, 2, 3, 4), True)
+
+    rng = np.random.default_rng([8, 1])
+    plan = draw_plan(rng, 60.0, event=Event(fault_s=50.0, motor=1, loss=1.0))
+    flown = fly(draw_craft(rng, "quad x"), plan, 8)
+    on_four = rotors_of(Parameters(1, False, named | {f"SERVO{k + 1}_FUNCTION": 33.0 + k for k in range(4)}))
+    assert isinstance(on_four, Rotors)
+    for mode, motors in ((19.0, ["motor 2"]), (10.0, []), (21.0, [])):
+        monitor = MotorMonitor(1, on_four)
+        found = [*monitor.feed(settled(flown, 25.0, 8, mode))]
+        assert [change.actuator for change in found] == motors, mode
+        assert (monitor.findings().judged_s > 0) is bool(motors)
 
 
 @pytest.mark.parametrize(("seed", "hz"), [(7000989, 4.0), (7001277, 50.0)])

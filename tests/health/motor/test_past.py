@@ -13,7 +13,7 @@ from mavhums.core.arrays import Array
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.motor.past import compare_motors
 from mavhums.health.motor.trims import TRIM, Trims
-from mavhums.report.assessment import Coverage, Verdict
+from mavhums.results.verdict import Coverage, Verdict
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import Rotors, rotors_of

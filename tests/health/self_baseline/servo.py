@@ -16,7 +16,7 @@ from mavhums.health.estimation.equations.own_scale import CURRENT
 from mavhums.health.estimation.flight_sums import OwnSums
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 
 Array = NDArray[np.float64]
 EQUATION = CURRENT

@@ -9,7 +9,8 @@ import pytest
 
 from mavhums.core.quantities import column
 from mavhums.health.estimation.motor_identification import VoltageSums, identified
-from mavhums.report.assessment import Interval, OwnRecord
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import OwnRecord
 from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
 
 SERVO = Servo()

@@ -10,7 +10,7 @@ from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.self_baseline.motor import MOTOR_FAULTS, motor_indicators
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
-from mavhums.report.assessment import OwnRecord, Verdict
+from mavhums.results.verdict import OwnRecord, Verdict
 from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
 
 

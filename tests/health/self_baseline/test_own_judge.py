@@ -14,7 +14,7 @@ from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS, USEFUL_RISE
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, comparison_text
-from mavhums.report.assessment import OwnRecord, Verdict
+from mavhums.results.verdict import OwnRecord, Verdict
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
 
 

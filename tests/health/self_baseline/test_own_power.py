@@ -13,7 +13,7 @@ from mavhums.health.estimation.wear import _learned_power, _power_wear, _shows_p
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.verdict import comparison_text
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 from tests.health.self_baseline.servo import Array, Servo, blank, collected
 
 FRICTION_NM, DRAG, INERTIA, HINGE = 8e-4, 2e-6, 9e-7, 2.5e-8

@@ -23,7 +23,7 @@ from mavhums.health.estimation.wear import (
     mean_load,
     wear,
 )
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
 
 SERVO = Servo()

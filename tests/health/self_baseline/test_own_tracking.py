@@ -10,7 +10,7 @@ from mavhums.health.estimation.equations.own_scale import TRACKING
 from mavhums.health.estimation.flight_sums import OwnSums
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.past import PastRecord
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 from mavhums_sim.conditions import Condition
 from tests.health.flown import flown
 from tests.health.self_baseline.servo import blank, collected

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -20,7 +22,8 @@ from mavhums.health.self_baseline.motor import (
     stall_indicators,
 )
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
-from mavhums.report.assessment import Interval, OwnRecord, Verdict
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import OwnRecord, Verdict
 from tests.health.self_baseline.servo import NOISE_V, Array, Servo, blank, collected, left
 
 SUPPLY_V = 27.0
@@ -118,6 +121,15 @@ def test_the_friction_of_flights_lies_inside_its_interval() -> None:
     told = [friction_current(records[k : k + 2]) for k in range(0, 20, 2)]
     inside = [one is not None and one.low <= SERVO.friction_a <= one.high for one in told]
     assert sum(inside) >= 9
+
+
+def test_two_flights_that_scatter_know_little_of_their_scatter() -> None:
+    """Student's t of one degree of freedom, however well each flight knows its own friction."""
+    servos = [replace(SERVO, friction_a=share * SERVO.friction_a) for share in (0.7, 1.3)]
+    apart = [left(servo, seed, seconds=60.0) for seed, servo in enumerate(servos, 60)]
+    found = friction_current(apart)
+    assert found is not None
+    assert found.high - found.low == pytest.approx(2 * 12.7 * 0.3 * SERVO.friction_a, rel=0.1)
 
 
 def test_the_peak_does_not_depend_on_the_cuts() -> None:

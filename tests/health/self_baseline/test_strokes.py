@@ -16,7 +16,7 @@ from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.strokes import StrokeSums
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.past import PastRecord
-from mavhums.report.assessment import OwnRecord
+from mavhums.results.verdict import OwnRecord
 from tests.health.self_baseline.servo import blank
 
 RATE_HZ = 25.0

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 import mavhums
-import mavhums.report.assessment
+import mavhums.results.assessment
 from mavhums.core.errors import ExitCode, MissingExtraError
-from mavhums.report.assessment import json_schema
+from mavhums.results.assessment import json_schema
 
 ROOT = Path(__file__).parents[2]
 
@@ -53,7 +53,7 @@ def test_every_module_exports_documented_names(name: str) -> None:
 
 
 def test_the_schema_file_is_generated_from_the_classes() -> None:
-    assert mavhums.report.assessment._generate_schema() == json_schema()
+    assert mavhums.results.assessment._generate_schema() == json_schema()
 
 
 def test_importing_the_package_is_light() -> None:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
+from mavhums.core.about import NOTICE
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
-from mavhums.report.assessment import NOTICE, Interval
-from mavhums.report.standing import Growth, Standing, Step
+from mavhums.results.standing import Growth, Interval, Standing, Step
 
 if TYPE_CHECKING:
     import pandas as pd

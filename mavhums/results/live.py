@@ -1,7 +1,7 @@
 """The output of ``mavhums live --json``: one object per line, distinguished by ``event``.
 
-The JSON schema is stored in ``mavhums/report/schema/live-1.json`` and is generated from these classes by
-``python -m mavhums.report.live``.
+The JSON schema is stored in ``mavhums/results/schema/live-1.json`` and is generated from these classes by
+``python -m mavhums.results.live``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from pydantic import Field, TypeAdapter
 
 from mavhums.core.conditions import Condition
 from mavhums.core.models import Contract
-from mavhums.report.assessment import Assessment, Interval, Suspect, without_record
+from mavhums.results.assessment import Assessment, without_record
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Suspect
 
 __all__ = [
     "SCHEMA",
@@ -226,7 +228,7 @@ LiveObject = Annotated[
 
 def json_schema() -> dict[str, Any]:
     """Return the versioned JSON schema of the lines."""
-    text = resources.files("mavhums.report").joinpath("schema/live-1.json").read_text(encoding="utf-8")
+    text = resources.files("mavhums.results").joinpath("schema/live-1.json").read_text(encoding="utf-8")
     schema: dict[str, Any] = json.loads(text)
     return schema
 

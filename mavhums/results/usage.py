@@ -40,7 +40,7 @@ class VehicleUsage(Contract):
     """What a log tells of the use of one vehicle.
 
     ``armed_s`` is null where the log does not tell whether it is armed, ``forward_s`` counts the seconds in
-    forward flight as a fixed wing.
+    forward flight as a fixed wing, of a rover or a boat those of driving forward.
     """
 
     vehicle: int

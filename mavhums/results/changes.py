@@ -10,7 +10,7 @@ from mavhums.core.about import NOTICE
 from mavhums.core.conditions import SEVERITY
 from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
-from mavhums.report.standing import Standing
+from mavhums.results.standing import Standing
 
 __all__ = ["Change", "FailedLog", "FleetDigest", "SilentAircraft"]
 

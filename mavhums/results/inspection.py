@@ -6,7 +6,7 @@ from typing import Literal
 
 from mavhums.core.models import Frozen
 from mavhums.log.base.losses import Losses
-from mavhums.report.usage import VehicleUsage
+from mavhums.results.usage import VehicleUsage
 
 __all__ = ["ActuatorTelemetry", "Inspection", "Judgeable", "MessageRate", "NamedRate", "VehicleTelemetry"]
 

@@ -1,0 +1,275 @@
+"""What an operator is told: ``fleet digest`` once a day, ``fleet watch`` as logs land."""
+
+from __future__ import annotations
+
+import re
+import signal
+import time
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from mavhums.cli.options import (
+    AIRCRAFT,
+    AIRCRAFT_TABLE,
+    AIRFRAME,
+    DIALECT,
+    FALSE_ALARMS,
+    JSON,
+    KEY,
+    MODEL,
+    PATH,
+    gathered,
+)
+from mavhums.cli.output import complain, say, say_json
+from mavhums.core.about import EPILOG
+from mavhums.core.errors import ExitCode, MavhumsError
+
+if TYPE_CHECKING:
+    from mavhums.app.settings import Options
+    from mavhums.fleet.watch import Landed
+
+__all__ = ["digest", "watch"]
+
+_UNITS: Final = {"h": "hours", "d": "days", "w": "weeks"}
+_NOTIFY = click.option(
+    "--notify",
+    multiple=True,
+    metavar="URL",
+    envvar="MAVHUMS_NOTIFY",
+    help="Also send it: mailtos://USER:PASSWORD@HOST?from=A&to=B and the other URLs of apprise, or any"
+    " https:// address, to which its JSON is posted; @FILE holds a URL a line. Can be repeated.",
+)
+_NOTIFY_ALWAYS = click.option(
+    "--notify-always", is_flag=True, help="Send it also where there is nothing to say."
+)
+
+
+class _TimeParam(click.ParamType[datetime]):
+    """A time: a date, or how long ago."""
+
+    name = "time"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> datetime:
+        """Return the time with its zone, UTC if none is given."""
+        if isinstance(value, datetime):
+            return value
+        ago = re.fullmatch(r"(\d{1,4})([hdw])", value)
+        if ago:
+            return datetime.now(UTC) - timedelta(**{_UNITS[ago[2]]: int(ago[1])})
+        try:
+            at = datetime.fromisoformat(value)
+        except ValueError:
+            self.fail(f"{value!r} is no time: write 2026-03-01, 2026-03-01T06:00, 12h or 3d", param, ctx)
+        return at if at.tzinfo else at.replace(tzinfo=UTC)
+
+
+_SINCE = _TimeParam()
+
+
+@click.command(short_help="Say what changed since yesterday.", epilog=EPILOG)
+@click.argument("store", metavar="STORE")
+@click.option(
+    "--since",
+    type=_SINCE,
+    default="1d",
+    show_default=True,
+    metavar="TIME",
+    help="A date, or how long ago: 2026-03-01, 2026-03-01T06:00, 12h, 3d.",
+)
+@click.option("--html", type=PATH, metavar="OUT", help="Also write it as a page to mail.")
+@click.option("--quiet", is_flag=True, help="Print nothing where there is nothing to say, as for cron.")
+@click.option("--fail-on-news", is_flag=True, help="Exit with 11, 10 or 1 for what is new, as below.")
+@_NOTIFY
+@_NOTIFY_ALWAYS
+@JSON
+def digest(
+    store: str,
+    since: datetime,
+    html: Path | None,
+    quiet: bool,
+    fail_on_news: bool,
+    notify: tuple[str, ...],
+    notify_always: bool,
+    as_json: bool,
+) -> None:
+    """Say what changed in STORE: findings that are new or gone, growth, silent aircraft, failed logs.
+
+    What stands as before is counted only: `mavhums fleet worst` has it. Where there is nothing to say, one
+    line says so, and nothing is sent. What changed goes by when logs came into the store, not by when they
+    were flown.
+
+    Secrets need not stand in the command: `--notify @FILE`, or the environment variable MAVHUMS_NOTIFY with
+    URLs separated by spaces. The URLs: https://appriseit.com
+
+    \b
+    Exit codes, the first that applies:
+      2 usage    1 the store or a URL cannot be used    4 it was made and printed, but not sent everywhere
+      0 the digest was made, whatever it says
+    With --fail-on-news, instead of 0 the first that applies:
+      11 a new emergency    10 a new finding, growth or step    1 a log that failed    0 none of these
+    """
+    from mavhums.core.files import written_whole
+    from mavhums.fleet import digest as digest_of
+    from mavhums.fleet.notify import recipients_of, send
+    from mavhums.show.changes import digest_html, digest_lines
+
+    recipients = recipients_of(notify) if notify else []
+    found = digest_of(store, since)
+    if html is not None:
+        with written_whole(html) as temporary:
+            temporary.write_text(digest_html(found), encoding="utf-8")
+    if as_json:
+        say_json(found.to_json())
+    elif not (quiet and found.is_empty):
+        for line in digest_lines(found):
+            say(line)
+    unsent = send(found, recipients if notify_always or not found.is_empty else ())
+    for error in unsent:
+        complain(error)
+    code = found.exit_code if fail_on_news else ExitCode.OK
+    raise SystemExit(ExitCode.NOT_SENT if unsent else code)
+
+
+@click.command(short_help="Judge logs as they land.", epilog=EPILOG)
+@click.argument("sources", nargs=-1, required=True, metavar="LOGS...")
+@click.option("--to", "store", required=True, metavar="STORE", help="The store, as of `fleet scan`.")
+@AIRCRAFT
+@AIRCRAFT_TABLE
+@click.option(
+    "--workers",
+    type=click.IntRange(0, 256),
+    default=1,
+    show_default=True,
+    help="Processes that judge, started when logs have landed; 0 judges in this one, which is lighter, but"
+    " ends with a log that crashes it.",
+)
+@AIRFRAME
+@MODEL
+@DIALECT
+@FALSE_ALARMS
+@KEY
+@click.option(
+    "--settle",
+    "settle_s",
+    type=click.FloatRange(0),
+    default=60.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="Judge a log when its size and time have not changed for so long.",
+)
+@click.option(
+    "--every",
+    "every_s",
+    type=click.FloatRange(0.1),
+    default=10.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="Look for logs so often.",
+)
+@click.option(
+    "--digest-at",
+    type=click.DateTime(["%H:%M"]),
+    metavar="HH:MM",
+    help="Print the digest of the last 24 hours at this local time every day, and send it by --notify.",
+)
+@_NOTIFY
+@_NOTIFY_ALWAYS
+@gathered
+def watch(
+    options: Options,
+    sources: tuple[str, ...],
+    store: str,
+    workers: int,
+    settle_s: float,
+    every_s: float,
+    digest_at: datetime | None,
+    notify: tuple[str, ...],
+    notify_always: bool,
+) -> None:
+    """Judge the LOGS that land in folders, patterns or s3:// addresses into STORE, and print a line of each.
+
+    It begins with the logs that the store does not have yet. A log that is still being written waits until
+    it stands still; one that cannot be judged is told and stops nothing; while another scan writes, the disk
+    is full or a server is away, it tries again. Ctrl-C and SIGTERM end it with exit code 0; what was judged
+    is in the store, and the next start goes on.
+
+    At --digest-at nothing is caught up that fell into a pause of the program: a timer of systemd or cron that
+    calls `mavhums fleet digest` does that.
+    """
+    from mavhums.fleet import ScanOptions
+    from mavhums.fleet.notify import recipients_of
+    from mavhums.fleet.watch import Watch
+
+    recipients = recipients_of(notify) if notify else []
+    scanning = ScanOptions(
+        judging=options,
+        aircraft=options.aircraft,
+        aircraft_table=options.aircraft_table,
+        workers=workers,
+    )
+    watching = Watch(sources, store, scanning, settle_s=settle_s)
+    morning = _Morning(digest_at) if digest_at else None
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        told = ""
+        while True:
+            try:
+                for one in watching.look(time.monotonic()):
+                    say(_line_of(one))
+                told = ""
+                if morning and (since := morning.due(datetime.now().astimezone())):
+                    _send_digest(store, since, recipients, always=notify_always)
+            except MavhumsError as error:
+                if watching.looks == 0:
+                    raise
+                if told != (told := str(error)):
+                    complain(error)
+            time.sleep(every_s)
+    except KeyboardInterrupt:
+        say("mavhums: stopped watching; the next start goes on", err=True)
+        raise SystemExit(ExitCode.OK) from None
+
+
+class _Morning:
+    """Tells once a day that it is time for the digest."""
+
+    def __init__(self, at: datetime) -> None:
+        self._at = at.time()
+        self._last: datetime | None = None
+
+    def due(self, now: datetime) -> datetime | None:
+        """Return since when the digest is, if it is time for it."""
+        last, self._last = self._last, now
+        today = now.replace(hour=self._at.hour, minute=self._at.minute, second=0, microsecond=0)
+        return today - timedelta(days=1) if last is not None and last < today <= now else None
+
+
+def _send_digest(store: str, since: datetime, recipients: list[Any], *, always: bool) -> None:
+    from mavhums.fleet import digest as digest_of
+    from mavhums.fleet.notify import send
+    from mavhums.show.changes import digest_lines
+
+    found = digest_of(store, since)
+    for line in digest_lines(found):
+        say(line)
+    for error in send(found, recipients if always or not found.is_empty else ()):
+        complain(error)
+
+
+def _line_of(one: Landed) -> str:
+    """Return what is said of a log that has landed."""
+    from mavhums.show.standing import sentences
+    from mavhums.show.words import condition_word
+
+    if one.problem is not None:
+        return f"{one.problem}: {one.remedy}"
+    said = [
+        f"{each.actuator} "
+        + "; ".join(sentences(each)).replace(each.condition, condition_word(each.condition), 1)
+        for each in one.findings
+    ]
+    counted = ", ".join(f"{count} {condition}" for condition, count in one.conditions.items())
+    return f"{one.path}: {one.aircraft or 'unknown aircraft'}: {'. '.join(said) or counted}"

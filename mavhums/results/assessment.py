@@ -1,0 +1,215 @@
+"""The contract of an assessment: every verdict that a log supports, as typed objects and as JSON.
+
+The JSON schema is stored beside this module in ``schema/assessment-2.json`` and is generated
+from these classes by ``python -m mavhums.results.assessment``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from importlib import resources
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+from pydantic import Field
+
+from mavhums.core.about import NOTICE
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.core.errors import ExitCode
+from mavhums.core.models import Contract
+from mavhums.core.quantities import KEYS
+from mavhums.log.base.losses import Losses
+from mavhums.results.sections import FlightCopy, FlightIdentity, ModelSummary
+from mavhums.results.standing import Standing
+from mavhums.results.usage import VehicleUsage
+from mavhums.results.verdict import MEASURED, Verdict
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "READABLE",
+    "RECORD",
+    "SCHEMA",
+    "Assessment",
+    "LogSummary",
+    "exit_code_of",
+    "json_schema",
+    "without_record",
+]
+
+SCHEMA = "mavhums.assessment/2"
+READABLE = ("mavhums.assessment/1", SCHEMA)
+"""Versions whose objects are still read: version 2 adds fields; ``network`` replaces one number."""
+
+RECORD: Final[dict[str, Any]] = {"verdicts": {"__all__": {"own"}}}
+"""Fields that only a later comparison needs: in a kept flight's record, and not in the public JSON."""
+
+
+class LogSummary(Contract):
+    """The log that was judged.
+
+    ``format`` is ``tlog``, ``dataflash`` or ``ulog``; ``flight`` says of each vehicle which flight it was,
+    ``copies`` which other logs of the history are of the same flight; one of them counts. ``notices`` say
+    what could not be checked.
+    """
+
+    path: str | None
+    sha256: str | None
+    start_utc: str | None
+    duration_s: float
+    vehicles: tuple[int, ...]
+    losses: Losses
+    format: str = "tlog"
+    flight: tuple[FlightIdentity, ...] = ()
+    copies: tuple[FlightCopy, ...] = ()
+    notices: tuple[str, ...] = ()
+
+
+class Assessment(Contract):
+    """Every verdict that a log supports.
+
+    ``model`` is the richest network among those of the verdicts, ``usage`` what each vehicle's log tells of
+    the use of its servos. ``standings`` is how each actuator and axis stands over its flights, this one
+    included, where there is a history; worst first.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> assessment = mavhums.analyse("flight.tlog")
+    >>> print(assessment.summary().splitlines()[0][:19])
+    elevator: emergency
+    >>> assessment.exit_code.name
+    'EMERGENCY'
+    """
+
+    schema_: Literal["mavhums.assessment/1", "mavhums.assessment/2"] = Field(
+        default="mavhums.assessment/2", alias="schema"
+    )
+    notice: str = NOTICE
+    log: LogSummary
+    airframe: str | None
+    model: ModelSummary | None
+    verdicts: tuple[Verdict, ...]
+    usage: tuple[VehicleUsage, ...] = ()
+    standings: tuple[Standing, ...] = ()
+
+    def to_json(self, *, indent: int | None = 2) -> str:
+        """Return the assessment as JSON that follows ``schema/assessment-2.json``."""
+        return self.model_dump_json(by_alias=True, indent=indent, exclude=RECORD)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row per verdict, with the friction interval in columns of its own."""
+        import pandas as pd
+
+        rows = []
+        for verdict in self.verdicts:
+            row = verdict.model_dump(include={"subject", "vehicle", "actuator", "condition", "worst"})
+            friction, network = verdict.friction_nm, verdict.network
+            row |= {
+                "network": network.condition if network else None,
+                "network_first_emergency_s": network.first_emergency_s if network else None,
+                "network_share_of_samples": network.share_of_samples if network else None,
+                "effectiveness": verdict.effectiveness.estimate if verdict.effectiveness else None,
+                "friction_nm": friction.estimate if friction else None,
+                "friction_low_nm": friction.low if friction else None,
+                "friction_high_nm": friction.high if friction else None,
+                "since_s": verdict.since.flight_time_s if verdict.since else None,
+                "moving_fraction": verdict.coverage.moving_fraction,
+                "reason": verdict.reason,
+            }
+            rows.append(row)
+        return pd.DataFrame(rows)
+
+    def summary(self) -> str:
+        """Return one line per actuator, in descending order of severity."""
+        lines = [_line(verdict) for verdict in self.ranked()]
+        return "\n".join(lines)
+
+    def ranked(self) -> list[Verdict]:
+        """Return the verdicts in descending order of severity."""
+        return sorted(self.verdicts, key=lambda verdict: -URGENCY[verdict.gravest])
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """The exit code for the worst condition.
+
+        Unmonitored actuators do not count, unless no actuator was judged. What stands over the flights
+        counts, too, and certain growth is degraded.
+        """
+        found = [verdict.gravest for verdict in self.verdicts]
+        found += [one.condition for one in self.standings if SEVERITY[one.condition] > 0]
+        if any(one.growth for one in self.standings):
+            found.append("degraded")
+        code = exit_code_of(found)
+        return ExitCode.READ_WITH_LOSSES if code == ExitCode.OK and self.log.losses.any else code
+
+
+def exit_code_of(found: Iterable[Condition]) -> ExitCode:
+    """Return the exit code for the worst of these conditions; unmonitored actuators do not count.
+
+    Examples
+    --------
+    >>> exit_code_of(["normal", "changed", "unmonitored"]).name, exit_code_of(["unmonitored"]).name
+    ('DEGRADED', 'UNDECIDED')
+    """
+    several = [*found]
+    counted = [condition for condition in several if condition != "unmonitored"]
+    if several and not counted:
+        return ExitCode.UNDECIDED
+    gravest: Condition = max(counted, key=URGENCY.__getitem__, default="normal")
+    return ExitCode.OK if gravest in ("normal", "unchanged") else _EXIT_CODES[gravest]
+
+
+_EXIT_CODES: dict[Condition, ExitCode] = {
+    "learning": ExitCode.UNDECIDED,
+    "undecided": ExitCode.UNDECIDED,
+    "changed": ExitCode.DEGRADED,
+    "degraded": ExitCode.DEGRADED,
+    "emergency": ExitCode.EMERGENCY,
+}
+
+
+def _line(verdict: Verdict) -> str:
+    text = f"{verdict.actuator}: {verdict.condition}"
+    if verdict.worst != verdict.condition:
+        text += f" (worst {verdict.worst})"
+    if verdict.effectiveness:
+        kept = "thrust" if verdict.subject == "motor" else "control effectiveness"
+        text += f", {kept} {100 * verdict.effectiveness.estimate:.0f} %"
+    if verdict.friction_nm:
+        text += f", friction {verdict.friction_nm.estimate:.3f} N·m"
+    if verdict.since:
+        text += f", since {verdict.since.flight_time_s:.1f} s"
+    if verdict.reason:
+        text += f": {'; '.join(filter(None, (verdict.reason, verdict.remedy)))}"
+    return text
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the versioned JSON schema of an assessment."""
+    text = resources.files("mavhums.results").joinpath("schema/assessment-2.json").read_text(encoding="utf-8")
+    schema: dict[str, Any] = json.loads(text)
+    return schema
+
+
+def without_record(definitions: dict[str, Any]) -> None:
+    """Take the fields of :data:`RECORD` out of the definitions of a schema."""
+    verdict = definitions["Verdict"]
+    del verdict["properties"]["own"], definitions["OwnRecord"]
+    verdict["required"] = [name for name in verdict.get("required", ()) if name != "own"]
+
+
+def _generate_schema() -> dict[str, Any]:
+    schema = Assessment.model_json_schema(by_alias=True, mode="serialization")
+    for part in (schema, *schema["$defs"].values()):
+        if "description" in part:
+            part["description"] = part["description"].split("\n\nExamples")[0]
+    without_record(schema["$defs"])
+    provenance = schema["$defs"]["Verdict"]["properties"]["provenance"]
+    provenance["propertyNames"] = {"enum": [*KEYS, *MEASURED]}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": SCHEMA, **schema}
+
+
+if __name__ == "__main__":
+    print(json.dumps(_generate_schema(), indent=2, ensure_ascii=False))

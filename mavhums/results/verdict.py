@@ -1,0 +1,227 @@
+"""The contract of one verdict: on an actuator, an axis of the aircraft, or a motor of a multirotor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, Literal
+
+from pydantic import Field, model_validator
+
+from mavhums.core.conditions import URGENCY, Condition
+from mavhums.core.models import Contract
+from mavhums.results.sections import AxisLimits, NetworkAnswer, with_network
+from mavhums.results.standing import Interval
+
+__all__ = [
+    "ALL",
+    "MEASURED",
+    "Candidate",
+    "Coverage",
+    "Evidence",
+    "Indicator",
+    "OwnRecord",
+    "Since",
+    "Suspect",
+    "Verdict",
+]
+
+MEASURED: Final[Mapping[str, str]] = {
+    "rates": "body rates",
+    "force": "acceleration",
+    "speed": "airspeed",
+}
+"""Sources of an axis, beside the outputs' (V1), in the fields ``provenance``."""
+
+ALL = "all"
+"""Stands for the actuator where a verdict is on all of a vehicle's."""
+
+
+class Suspect(Contract):
+    """A fault that the evidence points at."""
+
+    fault: str
+    confidence: float = Field(ge=0, le=1)
+
+
+class Candidate(Contract):
+    """A surface that explains the finding about an axis, with its servo output.
+
+    ``probability`` is None where nothing tells the candidates apart; ``because`` names what does.
+    """
+
+    surface: str
+    servo: int
+    probability: float | None = Field(default=None, ge=0, le=1)
+    because: str | None = None
+
+
+class Since(Contract):
+    """When the actuator was first found in its present state."""
+
+    flight_time_s: float
+    utc: str
+
+
+class Coverage(Contract):
+    """How much of the flight could be judged: windows of 10 s, one each second.
+
+    ``decidable`` counts those on which a condition can rest, because they show the friction or a fault.
+    ``excluded`` counts, for an axis, the seconds over which a loss of 40 % or more is excluded with 95 %, and
+    ``excluded_until_s`` is the flight second of the last one after the reference.
+    ``late`` counts samples that came too late to be judged, ``implausible`` by quantity the values that no
+    such actuator can have, which count as not measured.
+    """
+
+    moving_fraction: float = Field(ge=0, le=1)
+    windows: int = Field(ge=0)
+    decidable: int = Field(ge=0)
+    excluded: int = Field(default=0, ge=0)
+    excluded_until_s: float | None = None
+    late: int = Field(default=0, ge=0)
+    implausible: dict[str, int] = {}
+
+
+class Evidence(Contract):
+    """One finding, with the rule that made it one."""
+
+    kind: str
+    start_s: float
+    end_s: float
+    value: float
+    limit: float | None = None
+    rule: str
+
+
+class Indicator(Contract):
+    """A physical quantity that shows a fault, as the whole flight has it.
+
+    Attributes
+    ----------
+    fault
+        That it shows.
+    quantity, unit
+        What was estimated, for example ``Coulomb friction`` in ``N·m``.
+    value
+        Over the whole flight.
+    windows, scatter
+        Number of decidable windows that do not overlap, and the standard deviation of their estimates;
+        None of fewer than two.
+    limit
+        Value from which the actuator is degraded; None where only its own baseline can tell.
+    emergency
+        Value from which it is an emergency; None where the fault alone is none. A fault grows upwards.
+    baseline
+        What the actuator's own history says it is, as a 95 % prediction interval of one flight.
+    baseline_flights, needed_flights
+        How many flights that baseline rests on, and how many it takes; None where limits alone decide.
+    least_rise
+        Share of the baseline by which the quantity must rise to be found with 95 % probability.
+    load
+        Mean size of the load in the flight's motion, in the quantity's unit; None where the friction does not
+        depend on it, or nothing shows it.
+    """
+
+    fault: str
+    quantity: str
+    unit: str
+    value: Interval
+    windows: int = Field(ge=1)
+    scatter: float | None = Field(default=None, ge=0)
+    limit: float | None = None
+    emergency: float | None = None
+    baseline: Interval | None = None
+    baseline_flights: int | None = Field(default=None, ge=0)
+    needed_flights: int | None = Field(default=None, ge=1)
+    least_rise: float | None = Field(default=None, ge=0)
+    load: float | None = Field(default=None, ge=0)
+
+
+class OwnRecord(Contract):
+    """What a flight leaves of one own-scale equation, for the comparison with the actuator's other flights.
+
+    Attributes
+    ----------
+    equation
+        That the sums belong to.
+    setup
+        How it was measured, in words; flights that were measured in another way are not compared.
+    rate_hz, duration_s
+        Of the samples, and the time that they cover.
+    temperature_c
+        Median over the flight; None where the log carries none.
+    peak_a, peak_v
+        Current and voltage of the motor that 99.9 % of the samples do not exceed, without sign, and the
+        current's 95 % interval; None of other equations than the voltage's.
+    supply_v
+        Voltage of the supply, as the profile has it; None where it has none.
+    groups
+        Sums over parts of the flight: the number of samples, and the upper triangle of the sums of products
+        of the equation's columns, the left side last.
+    """
+
+    equation: str
+    setup: str
+    rate_hz: float = Field(gt=0)
+    duration_s: float = Field(gt=0)
+    temperature_c: float | None = None
+    peak_a: Interval | None = None
+    peak_v: float | None = Field(default=None, ge=0)
+    supply_v: float | None = Field(default=None, gt=0)
+    groups: tuple[tuple[float, ...], ...]
+
+
+class Verdict(Contract):
+    """What the log says of one actuator, of one axis of the aircraft, or of one motor of a multirotor.
+
+    ``subject`` tells which; ``actuator`` is its name, for an axis ``roll``, ``pitch`` or ``yaw``, and
+    ``surfaces`` are those that move it; for a motor ``motor 1`` and so on, in the autopilot's order.
+    ``effectiveness`` is the share of its reference, or of its thrust, that it keeps now,
+    and ``limits`` are those by which it was judged.
+    ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
+    ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
+    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``;
+    ``advice`` is the recommended action, which files of earlier versions lack. ``network``
+    is what a network says of its friction; None if none covers the log.
+
+    Of an axis with a finding, ``candidates`` are the surfaces that explain it, the likeliest one first, and
+    ``consequence_of`` is the axis whose finding explains this one: one fault is one finding.
+
+    Examples
+    --------
+    >>> Verdict(vehicle=1, actuator="elevator", condition="normal", worst="degraded").gravest
+    'degraded'
+    """
+
+    subject: Literal["actuator", "axis", "motor"] = "actuator"
+    vehicle: int | None
+    actuator: str
+    surfaces: tuple[str, ...] = ()
+    candidates: tuple[Candidate, ...] = ()
+    consequence_of: str | None = None
+    condition: Condition
+    worst: Condition
+    effectiveness: Interval | None = None
+    limits: AxisLimits | None = None
+    network: NetworkAnswer | None = None
+    friction_nm: Interval | None = None
+    suspects: tuple[Suspect, ...] = ()
+    since: Since | None = None
+    coverage: Coverage = Coverage(moving_fraction=0, windows=0, decidable=0)
+    tier: str | None = None
+    provenance: dict[str, str] = {}
+    evidence: tuple[Evidence, ...] = ()
+    indicators: tuple[Indicator, ...] = ()
+    own: tuple[OwnRecord, ...] = ()
+    reason: str | None = None
+    remedy: str | None = None
+    advice: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_one_number(cls, data: Any) -> Any:
+        return with_network(data)
+
+    @property
+    def gravest(self) -> Condition:
+        """What the maintainer must act on: a fault that was seen, else that nothing is known, else normal."""
+        return max(self.worst, self.condition, key=URGENCY.__getitem__)

@@ -1,0 +1,223 @@
+"""A corrected store holds what one holds that was scanned so from the start, and scans leave it so."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mavhums_sim import Flight, fly, write_tlog
+from tests.conftest import Run
+from tests.fleet.stores import row_of
+from tests.fleet_logs import moved
+from tests.flights import flown, shown, verdict
+
+pytest.importorskip("deltalake")
+pytest.importorskip("duckdb")
+pytest.importorskip("distributed")
+
+from mavhums import fleet
+from mavhums.core.errors import MavhumsError
+from mavhums.fleet.second_pass import second_pass
+from mavhums.flights.queries import standings
+from mavhums.flights.stores.delta import Row, Store
+
+DAY_S = 86_400.0
+
+
+def judged(name: str, days: range, level: float, slope: float = 0.0) -> list[Row]:
+    rng = np.random.default_rng(days.start)
+    rows = []
+    for day in days:
+        value = level + slope * day + 0.004 * float(rng.standard_normal())
+        condition = "degraded" if value > 0.4 else "normal"
+        path = f"logs/{name}/{day:02}"
+        flight = flown(verdict(shown(value), condition=condition), day=day + 0.1 * level, name=path)  # type: ignore[arg-type]
+        rows.append(row_of(flight, name))
+    return rows
+
+
+def written(folder: Path, rows: list[Row]) -> Path:
+    store = Store(folder)
+    store.add_logs(rows)
+    second_pass(store, sorted({row.aircraft for row in rows}))
+    return folder
+
+
+def held(folder: Path) -> tuple[object, ...]:
+    """All that a store says: verdicts, recordings that do not count, and how each aircraft stands."""
+    store = Store(folder)
+    tables = ("verdicts", "copies")
+    rows = tuple(sorted(map(str, store.query(f"SELECT * FROM {each}").fetchall())) for each in tables)
+    return (*rows, standings(store), fleet.status(folder)[:3])
+
+
+GROWS = judged("D-A", range(14), 0.22, 0.012)
+STILL = judged("D-B", range(4), 0.30)
+FOREIGN = [row._replace(aircraft="D-A") for row in judged("D-C", range(3, 5), 0.45)]
+
+
+def without_foreign(folder: Path) -> list[Row]:
+    fleet.remove(folder, ["logs/D-C"], who="me", note="bench")
+    return [*GROWS, *STILL]
+
+
+def reassigned(folder: Path) -> list[Row]:
+    fleet.reassign(folder, [f"D-C/{day:02}.tlog" for day in (3, 4)], "D-B")
+    return [*GROWS, *STILL, *(row._replace(aircraft="D-B") for row in FOREIGN)]
+
+
+def restored(folder: Path) -> list[Row]:
+    fleet.remove(folder, ["logs/D-C/03.tlog", "logs/D-A"])
+    fleet.restore(folder, ["logs/D-A", FOREIGN[0].sha256 or ""])
+    return [*GROWS, *STILL, *FOREIGN]
+
+
+def renamed(folder: Path) -> list[Row]:
+    fleet.rename(folder, "D-B", "D-Z")
+    return [*GROWS, *(row._replace(aircraft="D-Z") for row in STILL), *FOREIGN]
+
+
+def joined(folder: Path) -> list[Row]:
+    with pytest.raises(MavhumsError, match="is there already"):
+        fleet.rename(folder, "D-B", "D-A")
+    fleet.rename(folder, "D-B", "D-A", join=True)
+    return [*GROWS, *(row._replace(aircraft="D-A") for row in STILL), *FOREIGN]
+
+
+@pytest.mark.parametrize(
+    "correct",
+    [
+        without_foreign,
+        reassigned,
+        renamed,
+        *(pytest.param(each, marks=pytest.mark.slow) for each in (restored, joined)),
+    ],
+)
+def test_the_verdicts_are_those_of_a_store_scanned_so_from_the_start(
+    tmp_path: Path, correct: Callable[[Path], list[Row]]
+) -> None:
+    wrong = written(tmp_path / "wrong", [*GROWS, *STILL, *FOREIGN])
+    before = held(wrong)
+    right = written(tmp_path / "right", correct(wrong))
+    assert held(wrong) == held(right)
+    assert correct is restored or held(wrong) != before
+    count = len(fleet.corrections_in(wrong))
+    if correct is not joined:
+        correct(wrong)
+        assert held(wrong) == held(right), "a correction that is made twice changes nothing"
+        assert len(fleet.corrections_in(wrong)) == (2 * count if correct is restored else count)
+    assert not Store(wrong).waiting()
+
+
+@pytest.mark.slow
+def test_an_interrupted_correction_is_completed_by_the_next_scan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wrong = written(tmp_path / "wrong", [*GROWS, *STILL, *FOREIGN])
+    with monkeypatch.context() as broken:
+
+        def stop(*_: object) -> None:
+            raise KeyboardInterrupt
+
+        broken.setattr("mavhums.fleet.corrections.second_pass", stop)
+        for change in (reassigned, without_foreign, renamed):
+            with pytest.raises(KeyboardInterrupt):
+                change(wrong)
+    second_pass(Store(wrong), Store(wrong).waiting())  # as a scan does
+    rows = [*GROWS, *(row._replace(aircraft="D-Z") for row in STILL)]
+    assert held(wrong) == held(written(tmp_path / "right", rows))
+
+
+@pytest.mark.slow
+def test_names_follow_the_last_correction(tmp_path: Path) -> None:
+    folder = written(tmp_path / "store", [*STILL, *FOREIGN])
+    fleet.reassign(folder, ["D-C/03.tlog"], "D-B")
+    fleet.rename(folder, "D-B", "D-C")
+    fleet.rename(folder, "D-C", "D-D")
+    fleet.rename(folder, "D-D", "D-B")
+    assert fleet.trend(folder, "D-B").flights == len(STILL) + 1
+    for wrong, match in ((["03.tlog"], "names 2 logs"), (["nowhere"], "no log nowhere")):
+        with pytest.raises(MavhumsError, match=match):
+            fleet.remove(folder, wrong)
+    with pytest.raises(MavhumsError, match="no aircraft D-Q"):
+        fleet.rename(folder, "D-Q", "D-R")
+    with pytest.raises(MavhumsError, match="no name"):
+        fleet.reassign(folder, ["D-C/03.tlog"], " ")
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("corrections")
+    write_tlog(fly(Flight(1, 12.0, rate_hz=25.0, tiers=("instrumented",))), folder / "kind.tlog")
+    data = (folder / "kind.tlog").read_bytes()
+    for name, days in (("D-A", (0, 1, 2)), ("D-B", (0.5,))):
+        (folder / "logs" / name).mkdir(parents=True)
+        for day in days:
+            (folder / "logs" / name / f"{day}.tlog").write_bytes(moved(data, DAY_S * day))
+    return folder / "logs"
+
+
+def test_a_scan_brings_nothing_back_and_says_so(run: Run, logs: Path, tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    scan = ("fleet", "scan", logs, "--to", store, "--aircraft", "folder", "--workers", "0")
+    assert run(*scan).code == 0
+    gone = logs / "D-A" / "1.tlog"
+    told = run("fleet", "remove", store, gone, "--by", "Ada", "--note", "on the bench")
+    assert (told.code, told.err) == (0, "")
+    assert "nothing to do" in run("fleet", "remove", store, gone).out
+    run("fleet", "reassign", store, logs / "D-B" / "0.5.tlog", "D-A", "--by", "Ada")
+    run("fleet", "rename", store, "D-A", "D-X", "--by", "Ada")
+    copy = tmp_path / "D-B"
+    copy.mkdir()
+    shutil.copyfile(gone, copy / "again.tlog")
+    for sources in ((logs,), (logs, copy)):
+        again = run("fleet", "scan", *sources, "--to", store, "--aircraft", "folder", "--workers", "0")
+        assert again.out.splitlines()[0].startswith("0 logs judged, 0 could not be, ")
+        assert " out: mavhums fleet corrections" in again.out
+    assert {row.aircraft for row in fleet.worst(store)} == {"D-X"}
+    assert fleet.status(store)[:3] == (3, 1, 0)
+    kept = run("analyse", gone, "--history", store, "--keep", "--aircraft", "=D-X")
+    assert kept.code == 1
+    assert f"was removed from {store}" in kept.err
+    listed = json.loads(run("fleet", "corrections", store, "--json").out)
+    assert [(one["kind"], one["who"], one["before"], one["after"]) for one in listed] == [
+        ("remove", "Ada", "D-A", None),
+        ("reassign", "Ada", "D-B", "D-A"),
+        ("rename", "Ada", "D-A", "D-X"),
+    ]
+    assert "Ada: removed" in run("fleet", "corrections", store).out
+    run("fleet", "restore", store, gone)
+    assert fleet.status(store)[:3] == (4, 1, 0)
+    assert {row.aircraft for row in fleet.worst(store)} == {"D-X"}
+
+
+def test_a_board_that_is_not_the_aircrafts_is_told(run: Run, logs: Path, tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    scan = ("fleet", "scan", logs, "--to", store, "--aircraft", "folder", "--workers", "0")
+    assert "board" not in run(*scan).out
+    kept = Store(store)
+    logged = kept.query("SELECT * FROM logs")
+    names = [column[0] for column in logged.description]
+    rows = [dict(zip(names, row, strict=True)) for row in logged.fetchall()]
+
+    def foreign(end: str) -> None:
+        kept.rewrite(
+            "logs", lambda: [row | ({"board": "0B"} if row["path"].endswith(end) else {}) for row in rows]
+        )
+
+    foreign("D-A/1.tlog")
+    for said in (run(*scan).out, run("fleet", "status", store).out):
+        assert "D-A: " in said
+        assert "D-A/1.tlog has the board 0B, and 2 other flights have" in said
+        assert f"mavhums fleet reassign {store} {logs}/D-A/1.tlog AIRCRAFT" in said
+    assert json.loads(run(*scan, "--json").out)["strangers"][0]["board"] == "0B"
+    foreign("tlog")
+    told = run("analyse", logs / "D-A" / "2.tlog", "--history", store, "--aircraft", "folder")
+    assert "another aircraft's log" in told.out + told.err
+    run("fleet", "reassign", store, logs / "D-A" / "2.tlog", "D-A")
+    assert "another aircraft's log" not in run("analyse", logs / "D-A" / "2.tlog", "--history", store).out

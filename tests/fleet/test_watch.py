@@ -1,0 +1,106 @@
+"""Logs are scanned as they land: whole, each told once, and whatever else goes wrong."""
+
+from __future__ import annotations
+
+import signal
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from mavhums_sim import Flight, fly, write_tlog
+from tests.conftest import Run
+from tests.fleet_logs import moved
+
+pytest.importorskip("deltalake", reason="the extra 'fleet' is not installed")
+
+from mavhums import fleet
+from mavhums.cli.morning import _Morning
+from mavhums.core.errors import MavhumsError
+from mavhums.fleet.watch import Watch
+from mavhums.flights.stores.delta import Store
+
+SETTLE_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    log = tmp_path_factory.mktemp("watch") / "kind.tlog"
+    write_tlog(
+        fly(Flight(1, 12.0, rate_hz=25.0, tiers=("instrumented",), friction_nm={"elevator": (1.0, 1.0)})), log
+    )
+    return log.read_bytes()
+
+
+@pytest.fixture
+def inbox(tmp_path: Path) -> Path:
+    folder = tmp_path / "inbox" / "D-W"
+    folder.mkdir(parents=True)
+    return folder
+
+
+def watching(inbox: Path, store: Path) -> Watch:
+    options = fleet.ScanOptions(aircraft="folder", workers=0)
+    return Watch([inbox.parent], store, options, settle_s=SETTLE_S)
+
+
+def test_a_log_is_judged_once_it_stands_still_and_a_bad_one_stops_nothing(
+    inbox: Path, tmp_path: Path, data: bytes
+) -> None:
+    store = tmp_path / "store"
+    watch = watching(inbox, store)
+    log = inbox / "0.tlog"
+    log.write_bytes(data[: len(data) // 2])
+    (inbox / "bad.tlog").write_bytes(b"no log")
+    assert watch.look(0.0) == []
+    log.write_bytes(data)
+    (bad,) = watch.look(SETTLE_S)
+    assert "bad.tlog" in (bad.problem or "")
+    assert watch.look(2 * SETTLE_S - 1) == [], "the log has grown since"
+    (landed,) = watch.look(2 * SETTLE_S)
+    assert (landed.aircraft, landed.problem) == ("D-W", None)
+    assert [one.actuator for one in landed.findings] == ["elevator"]
+    assert landed.conditions["emergency"] == 1
+    (inbox / "1.tlog").write_bytes(moved(data, 86_400.0))
+    assert watch.look(2 * SETTLE_S + 1) == []
+    with Store(store).locked(), pytest.raises(MavhumsError, match="another scan"):
+        watch.look(4 * SETTLE_S)
+    (later,) = watch.look(4 * SETTLE_S + 1)
+    assert later.path.endswith("1.tlog")
+    assert watch.look(9 * SETTLE_S) == []
+    again = watching(inbox, store)
+    assert again.look(0.0) == again.look(SETTLE_S) == [], "the store has them"
+    assert fleet.status(store).judged == 2
+
+
+def test_the_command_prints_a_line_a_log_and_ends_cleanly(
+    run: Run, inbox: Path, tmp_path: Path, data: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (inbox / "0.tlog").write_bytes(data)
+    (inbox / "bad.tlog").write_bytes(b"no log")
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr("mavhums.cli.morning.time.sleep", lambda _: signal.raise_signal(signal.SIGTERM))
+    try:
+        watch = ("fleet", "watch", inbox.parent, "--to", tmp_path / "store", "--aircraft", "folder")
+        told = run(*watch, "--workers", "0", "--settle", "0")
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert told.code == 0
+    assert "D-W: elevator EMERGENCY since flight 1 of 1" in told.out
+    assert sum("bad.tlog" in line for line in told.out.splitlines()) == 1
+    assert "stopped watching" in told.err
+
+
+def test_the_digest_is_due_once_a_day() -> None:
+    morning = _Morning(datetime(1900, 1, 1, 6, 30))
+    day = datetime(2026, 3, 1, tzinfo=UTC)
+    assert morning.due(day + timedelta(hours=7)) is None, "nothing is caught up"
+    assert morning.due(day + timedelta(hours=30.4)) is None
+    assert morning.due(day + timedelta(hours=30.6)) == day + timedelta(hours=6.5)
+    assert morning.due(day + timedelta(hours=30.7)) is None
+
+
+def test_a_mistake_ends_the_watch_before_it_begins(run: Run, tmp_path: Path) -> None:
+    told = run("fleet", "watch", tmp_path / "nowhere", "--to", tmp_path / "store")
+    assert told.code == 1
+    assert "no such file or folder" in told.err

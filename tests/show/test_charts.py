@@ -1,0 +1,59 @@
+"""The curves as JSON: the same series as in the report, with gaps, flight modes and a track by condition."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from mavhums.engine.events import ConditionChanged, FlightMode, Position
+from mavhums.show.charts import chart, flight_charts
+from mavhums.show.evidence import Evidence, Limit
+from mavhums.show.html_curves import Curve, Gathered
+
+HOSTILE = "AUTO\x1b[2J</script>"
+
+
+def test_a_gap_is_a_gap_and_numbers_are_short_and_finite() -> None:
+    time_s = np.concatenate([np.arange(10.0, 13.0), np.arange(200.0, 203.0)])
+    value = np.full(6, 1 / 3)
+    curve = Curve(time_s, np.stack([value - 0.1, value, value + 0.1], axis=1), value * np.nan)
+    drawn = chart(curve, [Limit(1.0, "degraded above")], "a", "b")
+    assert drawn["time"] == [10.0, 11.0, 12.0, 200.0, 200.0, 201.0, 202.0]
+    assert drawn["value"] == [0.3333, 0.3333, 0.3333, None, 0.3333, 0.3333, 0.3333]
+    assert drawn["demanded"] == [None] * 7
+    assert drawn["range"][0] <= 0.2
+    assert drawn["range"][1] >= 1.0
+    assert drawn["limits"] == [{"value": 1.0, "name": "degraded above", "label": "degraded"}]
+    json.dumps(drawn, allow_nan=False)
+    assert None not in chart(curve, [], "a", "b", whole=True)["value"]
+
+
+def test_modes_and_track_are_of_each_vehicle() -> None:
+    gathered = Gathered()
+    places = np.array([[47.0, 179.9999], [47.001, -179.9999], [47.002, -179.9998]])
+    gathered.consume(
+        [
+            FlightMode(1, 0.5, "MANUAL"),
+            FlightMode(1, 20.0, HOSTILE),
+            Position(1, np.array([0.0, 10.0, 20.0]), places, np.zeros(3)),
+            ConditionChanged(1, "rudder", 12.0, 5.0, "undecided", "normal", "rule"),
+            ConditionChanged(1, "elevator", 21.0, 15.0, "normal", "emergency", "rule"),
+            ConditionChanged(1, "rudder", 22.0, 16.0, "normal", "undecided", "rule"),
+        ]
+    )
+    curve = Curve(np.array([1.0, 2.0]), np.zeros((2, 3)))
+    drawn = flight_charts([Evidence(1, HOSTILE, "told", curve)], gathered, 30.0)
+    (one,) = drawn["charts"]
+    assert "\x1b" not in one["title"]
+    assert (one["vehicle"], one["since"]) == (1, None)
+    first, second = drawn["modes"][1]
+    assert first == (0.5, 20.0, "MANUAL")
+    assert second[:2] == (20.0, 30.0)
+    assert "\x1b" not in second[2]
+    track = drawn["tracks"][1]
+    assert [at[3] for at in track] == ["undecided", "normal", "emergency"]
+    assert track[0][:3] == (0.0, 0.0, 0.0)
+    assert 10 < track[1][1] < 20, "metres across the date line, not a turn around the earth"
+    assert 110 < track[1][2] < 112
+    assert len(json.dumps(drawn, allow_nan=False)) < 2000
