@@ -12,6 +12,7 @@ from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import (
     NORMAL_EFFECTIVENESS,
+    POOLED_CALM,
     POOLED_ERROR,
     POOLED_LEAST_S,
     POOLED_NOISE,
@@ -79,12 +80,13 @@ class Pool:
         self._seconds.clear()
 
     def steady(self) -> bool:
-        """Return whether the seconds are enough for an alarm, and some gain explains them, not gusts."""
+        """Return whether some gain explains the seconds, and not gusts: these lower a healthy axis's gain."""
         drive2, cross, answer2 = np.sum(self._seconds, axis=0) if self._seconds else np.zeros(3)
-        if len(self._seconds) < POOLED_LEAST_S or drive2 <= 0.0:
+        if drive2 <= 0.0:
             return False
         unexplained = (answer2 - cross**2 / drive2) / drive2
-        return bool(unexplained <= POOLED_NOISE * self._reference.gain**2)
+        most = POOLED_NOISE if len(self._seconds) >= POOLED_LEAST_S else POOLED_CALM
+        return bool(unexplained <= most * self._reference.gain**2)
 
     def fewest(self) -> tuple[int, Interval] | None:
         """Return how many of the last seconds tell the effectiveness well, and its interval over them."""

@@ -152,7 +152,7 @@ class Second:
         Effectiveness over the last seconds, at most 60, in which demand dominates gusts; None if they do not
         tell it.
     steady
-        Whether these seconds are enough for an alarm, and some gain explains them, not gusts.
+        Whether some gain explains these seconds, and not gusts.
     mixed
         What tells mixed surfaces apart (:class:`~mavhums.health.axis.mixed.MixedSums`); None without them.
     """

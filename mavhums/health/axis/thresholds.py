@@ -59,13 +59,13 @@ POOLED_REFERENCE_S: Final = 20
 # windows.
 POOLED_ERROR: Final = 0.12
 
-# Seconds that a pooled loss needs, most of the minute: in 12 m/s of wind 17 to 30 showed 55 % of a healthy
-# axis, and losses that only the pool finds have 53. Development.
+# Largest unexplained response of a pooled loss, relative to what the reference's gain makes of the drive:
+# over most of a minute, and over fewer seconds (calm). Gusts lower the gain of a healthy axis: in 12 m/s
+# of wind one kept 55 %, with 0.13 and more over 13 s and 0.25 over 38 s; losses that the pool finds first
+# have 0.02 over 12 s and 0.10 over 53 s. Development.
 POOLED_LEAST_S: Final = 45
-
-# Largest unexplained response of a pooled loss, relative to what the reference's gain makes of the drive: the
-# same axis had 0.25 over 38 s and more, losses that only the pool finds have 0.1. Development.
 POOLED_NOISE: Final = 0.2
+POOLED_CALM: Final = 0.05
 
 # Share of the effectiveness whose loss the CUSUM is tuned to, where no profile has limits: smaller losses
 # are within what manoeuvres change by themselves (docs/evidence/axes.md).

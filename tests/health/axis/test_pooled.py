@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from mavhums.health.axis.detectors import AxisInput, PooledDetector
 from mavhums.health.axis.monitor import AxisMonitor
-from mavhums.health.axis.pooled import Exclusion, measured
+from mavhums.health.axis.pooled import Exclusion, Pool, measured
 from mavhums.health.axis.reference import Reference, Second
 from mavhums.health.axis.regressions import Basis, Shape
 from mavhums.results.sections import AxisLimits
@@ -19,6 +19,7 @@ from mavhums.results.verdict import Coverage
 from tests.health.axis.flights import Array, changes_of, excited, rolling, rows, steady
 
 GAIN = 2.0
+KEPT = Interval(estimate=0.62, low=0.5, high=0.74)
 REFERENCE = Reference(
     Basis(18.0, 0.0), Shape(0, 0.0), GAIN, np.zeros(1), 0.01, 0.03, 0.9, 0.1, 1.0, 0, 45
 )  # fmt: skip
@@ -97,3 +98,20 @@ def test_a_loss_over_a_minute_must_be_certain(half: float, told: bool) -> None:
     assert [(one.condition, one.fault, one.value) for one in alarms] == (
         [("degraded", "effectiveness", 0.62)] if told else []
     )
+
+
+@pytest.mark.parametrize(
+    ("seconds", "unexplained", "told"),
+    [(0, 0.0, False), (20, 0.04, True), (44, 0.06, False), (45, 0.19, True), (60, 0.21, False)],
+)
+def test_a_loss_over_a_minute_is_none_of_gusts(seconds: int, unexplained: float, told: bool) -> None:
+    """With a drive of 1 a share k of the gain answers with k² of its square, and gusts with the rest."""
+    pool = Pool(REFERENCE, 60)
+    for _ in range(seconds):
+        pool.add(1.0, 0.6 * REFERENCE.gain, (0.36 + unexplained) * REFERENCE.gain**2)
+    assert pool.steady() is told
+    second = Second(90, 0.6, 0.1, 0.0, 90, None, False, None, None, 0.0, 0, 0, KEPT, pool.steady())
+    alarms = PooledDetector(AxisLimits(), "pitch").feed(
+        AxisInput(rows(steady(1)), {"pitch": [second]}, {}, {})
+    )
+    assert bool(alarms) is told
