@@ -107,7 +107,8 @@ class Surfaces:
     @property
     def axes(self) -> tuple[str, ...]:
         """The axes that they turn the vehicle about."""
-        return (STEERING,) if all(one.kind == STEERING for one in self.moved) else AXES
+        steers = bool(self.moved) and all(one.kind == STEERING for one in self.moved)
+        return (STEERING,) if steers else AXES
 
     def of_axis(self, axis: str) -> tuple[Moved, ...]:
         """Return the outputs that move the aircraft about an axis; none if they are contradicted."""

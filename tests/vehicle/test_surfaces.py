@@ -10,7 +10,7 @@ from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.inference import inferred
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.surfaces import Demands, Moved, Surfaces
+from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Moved, Surfaces
 from tests.health.axis.flights import Array, excited, rows, steady
 
 
@@ -94,3 +94,8 @@ def test_arduplane_before_3_8_is_named_by_its_channels() -> None:
     assert old(ELEVON_MIXING=0.0) == plain
     # A later version whose SERVOn_FUNCTION were not downloaded has RCn_REVERSED.
     assert control_surfaces(Parameters(1, False, {"KFF_RDDRMIX": 0.5, "RC1_REVERSED": 0.0})) == []
+
+
+def test_a_profile_whose_outputs_are_all_contradicted_steers_no_rover() -> None:
+    assert Surfaces((), "profile").axes == AXES
+    assert Surfaces((Moved(1, STEERING, 1500.0, 400.0),), "parameters").axes == (STEERING,)
