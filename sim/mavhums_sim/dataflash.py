@@ -8,7 +8,7 @@ servo that the autopilot itself drives: counted from 0, with the command in the 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ from mavhums_sim.sensors import sample_times
 from mavhums_sim.telemetry import board, parameters
 from mavhums_sim.tiers import servo_pulses
 
-__all__ = ["ON_BOARD_TIERS", "write_dataflash"]
+__all__ = ["ON_BOARD_TIERS", "Kind", "gps", "records", "write_dataflash", "write_records"]
 
 ON_BOARD_TIERS = ("csrv", "esc-unsigned", "named", "pwm")
 """Tiers that an on-board log can carry."""
@@ -42,6 +42,8 @@ _TYPES = {
     "NVF": (73, "QNf", "TimeUS,Name,Value"),
     "CSRV": (74, "QBfffBfffffB", "TimeUS,Id,Pos,Force,Speed,Pow,PosCmd,V,A,MotT,PCBT,Err"),
     "DSF": (75, "QIHIIII", "TimeUS,Dp,Blk,Bytes,FMn,FMx,FAv"),
+    "IMU": (76, "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
+    "POS": (77, "QLLfff", "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt"),
 }
 _GPS_EPOCH_US = 315_964_800_000_000  # 1980-01-06
 _LEAP_S = 18
@@ -50,7 +52,7 @@ _AUTO = 10
 _VOLTS, _AMPERES, _SPEED = 0, 1, 2
 
 
-class _Records(NamedTuple):
+class Kind(NamedTuple):
     """Records of one type: their times in the flight, s, and the records themselves."""
 
     name: str
@@ -77,7 +79,17 @@ def write_dataflash(record: FlightRecord, path: Path, *, day: float = 0.0) -> di
     if wrong:
         known = ", ".join(ON_BOARD_TIERS)
         raise ValueError(f"an on-board log has no tier {sorted(wrong)[0]!r}; it has {known}")
-    kinds = list(_kinds(record, EPOCH_US + round(day * 86_400e6)))
+    return write_records(list(_kinds(record, EPOCH_US + round(day * 86_400e6))), path)
+
+
+def write_records(kinds: Sequence[Kind], path: Path) -> dict[str, int]:
+    """Write a ``.BIN`` of these records atomically, and return the number of records by type.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; the previous file at ``path`` is then unchanged.
+    """
     time_s = np.concatenate([kind.time_s for kind in kinds])
     owner = np.repeat(np.arange(len(kinds)), [kind.time_s.size for kind in kinds])
     place = np.concatenate([np.arange(kind.time_s.size) for kind in kinds])
@@ -105,7 +117,7 @@ def _wire(name: str) -> np.dtype[np.void]:
     return np.dtype([("head", "S3"), *fields])
 
 
-def _records(name: str, time_s: Array, **columns: object) -> _Records:
+def records(name: str, time_s: Array, **columns: object) -> Kind:
     """Return records with the given columns; the others are zero, and floats among them NaN."""
     rows = np.zeros(time_s.size, dtype=_wire(name))
     rows["head"] = bytes([0xA3, 0x95, _TYPES[name][0]])
@@ -115,7 +127,7 @@ def _records(name: str, time_s: Array, **columns: object) -> _Records:
     rows["TimeUS"] = BOOT_US + np.rint(time_s * 1e6).astype(np.int64)
     for field, values in columns.items():
         rows[field] = values
-    return _Records(name, time_s, rows)
+    return Kind(name, time_s, rows)
 
 
 def _definitions() -> Records:
@@ -128,59 +140,60 @@ def _definitions() -> Records:
     return rows
 
 
-def _kinds(record: FlightRecord, epoch_us: int) -> Iterator[_Records]:
+def _kinds(record: FlightRecord, epoch_us: int) -> Iterator[Kind]:
     flight, rng = record.flight, np.random.default_rng([record.flight.seed, 11])
 
     def at(rate_hz: float) -> Array:
         return sample_times(rng, flight.duration_s, rate_hz)
 
     yield from _opening(flight)
-    yield _gps(at(5.0), epoch_us)
+    yield gps(at(5.0), epoch_us)
     yield from _state(record, at(flight.rates.attitude), at(flight.rates.air_data))
     seconds = np.arange(0.0, flight.duration_s, 1.0, dtype=np.float64)
-    yield _records("STAT", seconds, isFlying=1, isFlyProb=1.0, Armed=1)
-    yield _records("DSF", seconds)
+    yield records("STAT", seconds, isFlying=1, isFlyProb=1.0, Armed=1)
+    yield records("DSF", seconds)
     if "pwm" in flight.tiers:
         yield _outputs(record, at(flight.rates.servo_output))
     for k, surface in enumerate(record.actuators):
         yield from _actuator(record, surface, k)
 
 
-def _opening(flight: Flight) -> Iterator[_Records]:
+def _opening(flight: Flight) -> Iterator[Kind]:
     told = parameters()
     names, values = np.array([name for name, _ in told], dtype="S16"), np.array([v for _, v in told])
-    yield _records("PARM", np.zeros(len(told)), Name=names, Value=values, Default=values)
+    yield records("PARM", np.zeros(len(told)), Name=names, Value=values, Default=values)
     texts = np.array(["ArduPlane V4.7.0 (simulated)", board(flight)], dtype="S64")
-    yield _records("MSG", np.zeros(texts.size), Message=texts)
+    yield records("MSG", np.zeros(texts.size), Message=texts)
     announced = np.arange(0.0, flight.duration_s, 10.0, dtype=np.float64)
-    yield _records("MSG", announced, Message=b"mavhums airframe=paper")
-    yield _records("MODE", np.zeros(1), Mode=_AUTO, ModeNum=_AUTO, Rsn=1)
+    yield records("MSG", announced, Message=b"mavhums airframe=paper")
+    yield records("MODE", np.zeros(1), Mode=_AUTO, ModeNum=_AUTO, Rsn=1)
 
 
-def _gps(time_s: Array, epoch_us: int) -> _Records:
+def gps(time_s: Array, epoch_us: int) -> Kind:
+    """Return fixes at these times; they tell the time of day."""
     utc_us = epoch_us + np.rint(time_s * 1e6).astype(np.int64)
     weeks, milliseconds = np.divmod((utc_us - _GPS_EPOCH_US) // 1000 + _LEAP_S * 1000, _WEEK_MS)
     # The fix is of a whole millisecond; the record is stamped when it was valid.
     rounded_s = time_s - (utc_us % 1000) * 1e-6
-    return _records("GPS", rounded_s, Status=3, GMS=milliseconds, GWk=weeks, NSats=12, HDop=80)
+    return records("GPS", rounded_s, Status=3, GMS=milliseconds, GWk=weeks, NSats=12, HDop=80)
 
 
-def _state(record: FlightRecord, attitude_s: Array, air_s: Array) -> Iterator[_Records]:
+def _state(record: FlightRecord, attitude_s: Array, air_s: Array) -> Iterator[Kind]:
     flown = record.cyclogram
     roll, pitch, yaw = (
         np.degrees(np.interp(attitude_s, flown.time_s, signal))
         for signal in (flown.roll, flown.pitch, flown.yaw)
     )
-    yield _records("ATT", attitude_s, Roll=roll, Pitch=pitch, Yaw=yaw % 360)
-    yield _records("ARSP", air_s, Airspeed=np.interp(air_s, flown.time_s, flown.airspeed))
+    yield records("ATT", attitude_s, Roll=roll, Pitch=pitch, Yaw=yaw % 360)
+    yield records("ARSP", air_s, Airspeed=np.interp(air_s, flown.time_s, flown.airspeed))
 
 
-def _outputs(record: FlightRecord, time_s: Array) -> _Records:
+def _outputs(record: FlightRecord, time_s: Array) -> Kind:
     pulses = np.rint(servo_pulses(record, time_s)).astype(np.uint16)
-    return _records("RCOU", time_s, **{f"C{k + 1}": pulses[:, k] for k in range(pulses.shape[1])})
+    return records("RCOU", time_s, **{f"C{k + 1}": pulses[:, k] for k in range(pulses.shape[1])})
 
 
-def _actuator(record: FlightRecord, surface: str, k: int) -> Iterator[_Records]:
+def _actuator(record: FlightRecord, surface: str, k: int) -> Iterator[Kind]:
     flight, actuator = record.flight, record.actuators[surface]
     time_s, values, esc = actuator.time_s, actuator.values, actuator.esc
     if "csrv" in flight.tiers:
@@ -188,11 +201,11 @@ def _actuator(record: FlightRecord, surface: str, k: int) -> Iterator[_Records]:
             "PosCmd": values[:, 0], "Pos": values[:, 2], "V": esc[:, _VOLTS], "A": esc[:, _AMPERES],
             "Speed": values[:, 9] * 6, "Force": values[:, 10], "Pow": 255,
         }  # fmt: skip
-        yield _records("CSRV", time_s, Id=k, **own)
+        yield records("CSRV", time_s, Id=k, **own)
     if "esc-unsigned" in flight.tiers:
         volts, amperes, speed = np.abs(esc[:, [_VOLTS, _AMPERES, _SPEED]]).T
-        yield _records("ESC", time_s, Instance=k, RPM=speed, Volt=volts, Curr=amperes)
+        yield records("ESC", time_s, Instance=k, RPM=speed, Volt=volts, Curr=amperes)
     if "named" in flight.tiers:
         for quantity in range(values.shape[1]):
             name = f"S{k + 1}V{quantity + 1:02d}".encode()
-            yield _records("NVF", time_s, Name=name, Value=values[:, quantity])
+            yield records("NVF", time_s, Name=name, Value=values[:, quantity])

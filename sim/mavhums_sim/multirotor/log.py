@@ -1,4 +1,4 @@
-"""Writes the ``.tlog`` of a multirotor's flight, as its autopilot would send it."""
+"""Writes a multirotor's flight as its autopilot sends it, ``.tlog``, and as it keeps it, ``.BIN``."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from mavhums_sim._files import written_whole
 from mavhums_sim.closed_loop.encode import encode
 from mavhums_sim.closed_loop.tables import Table, boot_ms, boot_us, text_rows, whole
-from mavhums_sim.link import Link
+from mavhums_sim.dataflash import gps, records, write_records
+from mavhums_sim.link import EPOCH_US, Link
 from mavhums_sim.multirotor.flight import LOGGED_HZ, Flown
 
-__all__ = ["PARAMETERS", "Rates", "pulses", "report", "sampled", "write_tlog"]
+__all__ = ["PARAMETERS", "Rates", "pulses", "report", "sampled", "write_dataflash", "write_tlog"]
 
 Array = NDArray[np.float64]
 
@@ -33,7 +34,8 @@ _LOITER: Final = 5
 _FIRST_MOTOR: Final = 33  # SERVOn_FUNCTION
 _FULL_RPM: Final = 9000.0
 _SCALE_MG: Final = 1000 / 9.80665
-_STANDS_S: Final = 12.0
+_SOFTWARE: Final = "ArduCopter V4.5.7 (simulated)"
+_ARMED_S, _STANDS_S = 5.0, 12.0
 """The log begins on the ground: parameters come before the flight."""
 
 
@@ -71,13 +73,12 @@ def report(flown: Flown, rates: Rates, seed: int) -> list[Table]:
     """Return the messages of a flight; the flight begins after 12 s on the ground."""
     rng = np.random.default_rng([seed, 6])
     frame, motors = flown.craft.frame, flown.craft.gains.size
-    numbers = {**PARAMETERS, "FRAME_CLASS": frame.parameters[0], "FRAME_TYPE": frame.parameters[1]}
-    numbers |= {f"SERVO{k + 1}_FUNCTION": _FIRST_MOTOR + k for k in range(motors)}
+    numbers = _numbers(flown)
     beats = np.arange(0.0, _STANDS_S + flown.time_s[-1], 1.0)
     heartbeat = {
         "type": frame.mav_type,
         "autopilot": _ARDUPILOT,
-        "base_mode": np.where(beats < 5.0, 1, _ARMED),
+        "base_mode": np.where(beats < _ARMED_S, 1, _ARMED),
         "custom_mode": _LOITER,
         "mavlink_version": 3,
     }
@@ -92,7 +93,7 @@ def report(flown: Flown, rates: Rates, seed: int) -> list[Table]:
     tables = [
         Table("HEARTBEAT", beats, heartbeat),
         Table("PARAM_VALUE", sent, values),
-        text_rows([(0.4, "ArduCopter V4.5.7 (simulated)")]),
+        text_rows([(0.4, _SOFTWARE)]),
     ]
     whole_log = _with_ground(flown)
     time_s, rows = sampled(rng, whole_log, rates.outputs)
@@ -160,6 +161,47 @@ def write_tlog(flown: Flown, path: Path, rates: Rates | None = None, seed: int =
     data = encode(report(flown, rates or Rates(), seed), seed, Link())
     with written_whole(path) as temporary:
         temporary.write_bytes(data)
+
+
+def write_dataflash(flown: Flown, path: Path, rates: Rates | None = None, seed: int = 0) -> None:
+    """Write a flight's ``.BIN`` atomically; the flight begins after 12 s on the ground.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; the previous file at ``path`` is then unchanged.
+    """
+    rates, rng = rates or Rates(), np.random.default_rng([seed, 7])
+    numbers, log = _numbers(flown), _with_ground(flown)
+    start, seconds = np.zeros(1), np.arange(0.0, log.time_s[-1], 1.0)
+    names = np.array([name.encode() for name in numbers], "S16")
+    kinds = [
+        records("PARM", np.zeros(len(numbers)), Name=names, Value=np.array(list(numbers.values()))),
+        records("MSG", start, Message=_SOFTWARE.encode()),
+        records("MODE", start, Mode=_LOITER, ModeNum=_LOITER, Rsn=1),
+        records("STAT", seconds, isFlying=seconds >= _STANDS_S, Armed=seconds >= _ARMED_S),
+        gps(seconds, EPOCH_US),
+    ]
+    time_s, rows = sampled(rng, log, rates.outputs)
+    sent_us = pulses(log.command[rows])
+    kinds.append(records("RCOU", time_s, **{f"C{k + 1}": sent_us[:, k] for k in range(sent_us.shape[1])}))
+    time_s, rows = sampled(rng, log, rates.attitude)
+    roll, pitch, yaw = np.degrees(log.attitude[rows]).T
+    kinds.append(records("ATT", time_s, Roll=roll, Pitch=pitch, Yaw=yaw % 360))
+    time_s, rows = sampled(rng, log, rates.imu)
+    turning = {f"Gyr{axis}": log.rates[rows, k] for k, axis in enumerate("XYZ")}
+    force = {f"Acc{axis}": log.force[rows, k] for k, axis in enumerate("XYZ")}
+    kinds.append(records("IMU", time_s, **turning, **force))
+    time_s, rows = sampled(rng, log, rates.position)
+    kinds.append(records("POS", time_s, RelHomeAlt=log.position[rows, 2]))
+    write_records(kinds, path)
+
+
+def _numbers(flown: Flown) -> dict[str, float]:
+    """Return the autopilot's parameters."""
+    frame = flown.craft.frame
+    numbers = {**PARAMETERS, "FRAME_CLASS": frame.parameters[0], "FRAME_TYPE": frame.parameters[1]}
+    return numbers | {f"SERVO{k + 1}_FUNCTION": _FIRST_MOTOR + k for k in range(flown.craft.gains.size)}
 
 
 def _with_ground(flown: Flown) -> Flown:

@@ -22,17 +22,21 @@ from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums_sim.multirotor.craft import FRAMES, Event, draw_craft, draw_plan
 from mavhums_sim.multirotor.flight import Flown, fly
-from mavhums_sim.multirotor.log import PARAMETERS, Rates, pulses, sampled, write_tlog
+from mavhums_sim.multirotor.log import PARAMETERS, Rates, pulses, sampled, write_dataflash, write_tlog
 from tests.conftest import REAL_LOGS, Run
 
 GROUND_S = 12.0
 """What the log shows before the flight."""
 
 
-def log(path: Path, frame: str, loss: float, *, seed: int = 1, hz: float = 25.0, motor: int = 2) -> Path:
+def fly_with(loss: float, frame: str, seed: int, motor: int = 2) -> Flown:
     rng = np.random.default_rng([seed, 1])
     event = Event(fault_s=40.0, motor=motor - 1, loss=loss) if loss else Event()
-    flown = fly(draw_craft(rng, frame), draw_plan(rng, 75.0, event=event), seed)
+    return fly(draw_craft(rng, frame), draw_plan(rng, 75.0, event=event), seed)
+
+
+def log(path: Path, frame: str, loss: float, *, seed: int = 1, hz: float = 25.0, motor: int = 2) -> Path:
+    flown = fly_with(loss, frame, seed, motor)
     write_tlog(flown, path, Rates(outputs=hz, attitude=hz, imu=hz), seed)
     return path
 
@@ -59,6 +63,24 @@ def test_a_motor_that_stops_is_named(tmp_path: Path, frame: str, within_s: float
     assert [(one.name, one.judgeable) for one in vehicle.subjects if one.subject == "motor"] == [
         ("motors", True)
     ]
+
+
+@pytest.mark.parametrize(("loss", "told"), [(0.0, ["normal"] * 4), (0.5, ["degraded"]), (1.0, ["emergency"])])
+def test_the_on_board_log_says_what_the_link_says(tmp_path: Path, loss: float, told: list[str]) -> None:
+    flown = fly_with(loss, "quad x", 3)
+    write_tlog(flown, tmp_path / "f.tlog", Rates(25.0, 25.0, 25.0), 3)
+    write_dataflash(flown, tmp_path / "f.BIN", Rates(25.0, 25.0, 25.0), 3)
+    sent, kept = motors(tmp_path / "f.tlog"), motors(tmp_path / "f.BIN")
+    assert [(one.actuator, one.condition) for one in sent] == [(one.actuator, one.condition) for one in kept]
+    assert [one.condition for one in sent] == told
+    for one, other in zip(sent, kept, strict=True):
+        shares = one.effectiveness, other.effectiveness
+        assert all(shares) == (loss > 0.0)
+        if shares[0] and shares[1]:
+            assert shares[0].estimate == pytest.approx(shares[1].estimate, abs=0.1)
+            assert one.since
+            assert other.since
+            assert one.since.flight_time_s == pytest.approx(other.since.flight_time_s, abs=0.3)
 
 
 @pytest.mark.parametrize(
