@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mavhums
@@ -16,6 +17,9 @@ from mavhums.core.errors import ExitCode
 from mavhums.engine.events import ConditionChanged
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.results.verdict import Verdict
+from mavhums_sim.multirotor.craft import Event, draw_craft, draw_plan
+from mavhums_sim.multirotor.flight import fly
+from mavhums_sim.multirotor.log import Rates, write_tlog
 from tests.engine.test_axes import START_US, flown
 from tests.live.conftest import Rig, verdicts
 from tests.live.programs import free_port, running
@@ -84,6 +88,22 @@ def test_a_healthy_flight_is_quiet_and_a_silent_link_is_stale(tmp_path: Path) ->
     after = next(s for s in rig.shown.statuses[-1].actuators if s.actuator == "roll")
     assert (after.condition, after.held, after.stale) == ("undecided", "normal", True)
     rig.end()
+
+
+def test_a_motor_that_stops_is_told_while_it_flies(tmp_path: Path) -> None:
+    rng = np.random.default_rng([3, 1])
+    plan = draw_plan(rng, 55.0, event=Event(fault_s=40.0, motor=1, loss=1.0))
+    write_tlog(fly(draw_craft(rng, "quad x"), plan, 3), tmp_path / "f.tlog", Rates(25.0, 25.0, 25.0), 3)
+    pieces = list(records((tmp_path / "f.tlog").read_bytes()))
+    rig = Rig(tmp_path, start_us=pieces[0].time_us)
+    rig.hear(pieces)
+    found = rig.end()
+    assert axis(found.verdicts, "motor 2").worst == "emergency"
+    told = [alert.text for alert in rig.shown.alerts]
+    assert len(told) == len(episodes(rig, "motor 2")) == 1
+    assert told[0].startswith("motor 2 EMERGENCY: lost ")
+    assert told[0].endswith(" % of thrust, land now")
+    assert len(told[0]) <= 50
 
 
 @pytest.mark.slow

@@ -212,7 +212,7 @@ class MotorMonitor:
             f"{self._reported}: motor {loss.motor} of {self.rotors.frame} lost "
             f"{100 * loss.share.estimate:.0f} % of its thrust ({low:.0f} to {high:.0f} %)",
             "thrust",
-            f"lost {100 * loss.share.estimate:.0f} % of its thrust",
+            f"lost {100 * loss.share.estimate:.0f} % of thrust",
         )
 
     def _undecided(self, time_s: float) -> ConditionChanged:
