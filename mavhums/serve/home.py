@@ -16,6 +16,7 @@ from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError
 from mavhums.core.packed import ARCHIVES, COMPRESSED
 from mavhums.flights.aircraft import UnnamedAircraftError
+from mavhums.serve.dropped_trends import FEWEST_FLIGHTS
 from mavhums.serve.options import Fleet
 from mavhums.serve.sessions import Dropped, Sessions, UserSession
 from mavhums.show.html_environment import environment
@@ -113,7 +114,8 @@ class Home:
         several = Counter(log.condition for log in logs if log.state == "done")
         tally = sorted(several.items(), key=lambda one: -URGENCY[one[0]])
         rest = len(logs) - several.total()
-        self._tally.set_content(render("tally.html", tally=tally if len(logs) > 1 else (), rest=rest))
+        told = {"tally": tally if len(logs) > 1 else (), "trends": several.total() >= FEWEST_FLIGHTS}
+        self._tally.set_content(render("tally.html", rest=rest, **told))
 
     def _show_worst(self) -> None:
         done = [log for log in self._session.logs.values() if log.state == "done"]

@@ -9,11 +9,14 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import urlencode
 
+from markupsafe import Markup
 from nicegui import ui
 from starlette.requests import Request
 
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError
+from mavhums.results.trend import TrendReport
+from mavhums.serve.dropped_trends import FEWEST_FLIGHTS, dropped_trends
 from mavhums.serve.fleet_view import AircraftLine, aircraft_lines, flight_lines, trends_shown
 from mavhums.serve.guard import SESSION, is_loopback
 from mavhums.serve.home import Home, markup, render, show_parts
@@ -58,10 +61,30 @@ def add_pages(sessions: Sessions, options: ServeOptions) -> None:
         )
         Home(sessions, session, options.fleet, where)
 
+    @ui.page("/trends", title="mavhums: trends over the dropped logs", response_timeout=_PATIENCE_S)
+    async def trends_page(request: Request) -> None:
+        begin("/")
+        try:
+            logs = list(sessions.get(request.scope[SESSION]).logs.values())
+        except MavhumsError as error:
+            markup(render("problem.html", problem=f"{error.problem}: {error.remedy}"))
+            return
+        found, others = await asyncio.to_thread(dropped_trends, logs)
+        aircraft = [
+            {"board": board, "flights": flights, "headline": headline(report), "trends": _trends(report)}
+            for board, flights, report in found
+        ]
+        markup(render("dropped_trends.html", aircraft=aircraft, others=others, fewest=FEWEST_FLIGHTS))
+
     if options.fleet:
         _add_fleet(options.fleet, begin)
     if options.live:
         _add_live(options.live, begin)
+
+
+def _trends(report: TrendReport) -> Markup:
+    """Return the curves of trends whose points open nothing."""
+    return Markup(render("_trends.html", trends=trends_shown(report, {}), report=report, flights=()))
 
 
 def _add_fleet(fleet: Fleet, begin: Callable[[str], None]) -> None:
