@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 __all__ = ["add_routes"]
 
 _STATIC: Final = Path(__file__).parent / "static"
-_ASSETS: Final = ("charts.js", "page.css", "page.js", "viewer.js")
+# The example: mavhums-sim flight --friction elevator=0.2..1.2 --seed 11 --duration 45 --rate 10
+# --tier instrumented
+_ASSETS: Final = ("charts.js", "example.tlog.xz", "page.css", "page.js", "viewer.js")
 _REPORT: Final = (
     "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'self'"

@@ -127,6 +127,12 @@ def test_the_3d_view_opens_in_the_same_page(page: Served, browser: Browser, grow
     assert browser.wait(f"{CHARTS}.length") >= 1
 
 
+def test_the_first_page_has_an_example(page: Served, browser: Browser) -> None:
+    browser.open(page.url)
+    browser.js("document.querySelector('[data-example]').click()")
+    assert "elevator: EMERGENCY" in browser.wait(HEADLINE)
+
+
 def test_several_logs_progress_and_what_is_refused(
     page: Served, browser: Browser, growing_log: Path, healthy_log: Path, tmp_path: Path
 ) -> None:

@@ -105,6 +105,18 @@ document.addEventListener("drop", (event) => {
   if (document.querySelector("[data-drop]")) add(event.dataTransfer.files);
 });
 
+document.addEventListener("click", async (event) => {
+  if (!event.target.matches?.("[data-example]")) return;
+  const name = "example.tlog.xz";
+  try {
+    const answer = await fetch(`/static/${name}`);
+    if (!answer.ok) throw new Error(answer.status);
+    add([new File([await answer.blob()], name)]);
+  } catch {
+    refuse(line(name), name, "the example cannot be fetched", "reload the page");
+  }
+});
+
 document.addEventListener("input", (event) => {
   if (!event.target.matches?.("[data-find]")) return;
   const words = event.target.value.toLowerCase().split(/\s+/);
