@@ -8,12 +8,15 @@ first log is judged by a process that is ready, as it is some seconds after the 
 
 from __future__ import annotations
 
+import json
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
+import urllib.error
 import urllib.request
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import click
@@ -100,6 +103,43 @@ def many(browser: Browser, page: Served, folder: Path) -> float:
     return time.monotonic() - begin
 
 
+def users(page: Served, folder: Path) -> tuple[list[float], int]:
+    """Let twenty users drop a log of 0.8 MB each at once; return the seconds of each, and what others saw.
+
+    Each has its cookie; afterwards each asks for the answers of all.
+    """
+    logs = [folder / f"{number:02}.tlog" for number in range(TWENTY)]
+    openers = [urllib.request.build_opener(urllib.request.HTTPCookieProcessor()) for _ in logs]
+
+    def got(opener: urllib.request.OpenerDirector, id_: str) -> bool:
+        try:
+            with opener.open(f"{page.url}/logs/{id_}/assessment.json", timeout=60) as answer:
+                return bool(json.load(answer)["verdicts"])
+        except urllib.error.HTTPError as error:
+            if error.code != 404:
+                raise
+            return False
+
+    def one(number: int) -> tuple[float, str]:
+        opener, log = openers[number], logs[number]
+        with opener.open(page.url, timeout=60) as answer:
+            answer.read()
+        begin = time.monotonic()
+        request = urllib.request.Request(
+            f"{page.url}/logs?name={log.name}", log.read_bytes(), {"Origin": page.url}
+        )
+        with opener.open(request, timeout=60) as answer:
+            id_ = json.load(answer)["id"]
+        while not got(opener, id_):
+            time.sleep(0.1)
+        return time.monotonic() - begin, id_
+
+    with ThreadPoolExecutor(TWENTY) as pool:
+        took, ids = zip(*pool.map(one, range(TWENTY)), strict=True)
+    foreign = sum(got(opener, id_) for k, opener in enumerate(openers) for j, id_ in enumerate(ids) if j != k)
+    return list(took), foreign
+
+
 def fleet_pictures(browser: Browser, store: Path, folder: Path) -> None:
     """Draw a fleet, and its worst aircraft that wears."""
     with served(store) as page:
@@ -147,6 +187,11 @@ def main(logs: tuple[Path, ...], folder: Path | None, store: Path | None) -> Non
                 print(f"drop to plots: median {statistics.median(plots):.2f} s, of {DROPS}")
                 all_s = many(browser, page, Path(temporary))
                 print(f"{TWENTY} logs of 0.8 MB: {all_s:.1f} s until all are judged")
+                took, foreign = users(page, Path(temporary))
+                print(
+                    f"{TWENTY} users at once: median {statistics.median(took):.1f} s, last {max(took):.1f} s;"
+                )
+                print(f"answers of others that they could fetch: {foreign}")
                 own, workers = memory(page)
                 print(
                     f"memory, after {DROPS} logs: page {own:.0f} MB, judging processes {max(workers):.0f} MB"
