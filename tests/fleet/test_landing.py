@@ -151,6 +151,13 @@ def test_a_folder_that_is_no_store_is_one_aircrafts_history(run: Run, kept: Path
     assert "mavhums analyse LOG --history" in error.value.remedy
 
 
+@pytest.mark.parametrize("name", ["a store", "100 % ü", "store [1]"])
+def test_a_store_may_be_called_anything(kept: Path, tmp_path: Path, name: str) -> None:
+    store = shutil.copytree(kept / "store", tmp_path / name)
+    assert fleet.status(store) == fleet.status(kept / "store")
+    assert fleet.worst(store) == fleet.worst(kept / "store")
+
+
 def test_a_store_in_use_is_told(run: Run, kept: Path, store: Path) -> None:
     with filelock.FileLock(store / ".scan.lock"):
         outcome = run("analyse", kept / "D-A" / "landed.tlog", "--history", store, "--keep")

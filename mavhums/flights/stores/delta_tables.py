@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import unquote
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -86,7 +87,8 @@ class Tables:
 
         schema = schemas()[table]
         content = self.opened(table) if self.has(table) else None
-        files = content.file_uris() if content else []
+        # Paths of this machine come as in an address: "a%20store".
+        files = [unquote(uri) for uri in content.file_uris()] if content else []
         if content is None or not files:
             base.execute(_without_rows(table, schema))
             return
