@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import Future, wait
 from contextlib import contextmanager
+from copy import copy
 from itertools import islice
 from multiprocessing import resource_tracker
 from threading import Thread, current_thread, main_thread
@@ -109,9 +110,13 @@ class _Pool:
         from pebble import ProcessPool
 
         forks = "forkserver" in multiprocessing.get_all_start_methods()
-        context: Any = multiprocessing.get_context("forkserver" if forks else "spawn")
+        context: Any = copy(multiprocessing.get_context("forkserver" if forks else "spawn"))
         if forks:
             context.set_forkserver_preload(list(preload))
+        # A pool that ends drops its locks before its processes; one that is half started needs them still.
+        self._locks: list[Any] = []
+        make_lock = context.RLock
+        context.RLock = lambda: self._locks.append(make_lock()) or self._locks[-1]
         self._item_s = item_s
         self._pool = ProcessPool(jobs, initializer=_begin, initargs=(function, prepare), context=context)
 

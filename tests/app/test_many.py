@@ -177,8 +177,9 @@ def test_ctrl_c_ends_all_processes_and_leaves_whole_json(
 
 
 INTERRUPTED_START = """
-import os, signal, sys, threading
+import os, signal, sys, threading, time
 from multiprocessing import forkserver
+from multiprocessing.process import BaseProcess
 from mavhums.core.process_pool import in_processes
 
 def connect(files, start=forkserver.connect_to_new_process):
@@ -186,9 +187,13 @@ def connect(files, start=forkserver.connect_to_new_process):
     os.kill(os.getpid(), signal.SIGINT)
     return ends
 
+if __name__ != "__main__":
+    time.sleep(0.3)  # a process on a busy machine starts late, and is ended late
 if __name__ == "__main__":
     threading.Thread(target=threading.Event().wait, daemon=True).start()  # takes signals that main blocks
     forkserver.connect_to_new_process = connect
+    end = BaseProcess.terminate
+    BaseProcess.terminate = lambda process: (time.sleep(1), end(process))
     try:
         list(in_processes(abs, range(9), 2))
     except KeyboardInterrupt:
