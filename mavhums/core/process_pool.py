@@ -116,7 +116,12 @@ class _Pool:
         # A pool that ends drops its locks before its processes; one that is half started needs them still.
         self._locks: list[Any] = []
         make_lock = context.RLock
-        context.RLock = lambda: self._locks.append(make_lock()) or self._locks[-1]
+
+        def kept_lock() -> Any:
+            self._locks.append(make_lock())
+            return self._locks[-1]
+
+        context.RLock = kept_lock
         self._item_s = item_s
         self._pool = ProcessPool(jobs, initializer=_begin, initargs=(function, prepare), context=context)
 
