@@ -25,7 +25,7 @@ def _corrects(command: Callable[..., Any]) -> Callable[..., Any]:
     return _NOTE(_WHO(command))
 
 
-@click.command(short_help="Remove logs that do not belong into the store.")
+@click.command(short_help="Remove logs that do not belong in the store.")
 @_STORE
 @_LOGS
 @_corrects

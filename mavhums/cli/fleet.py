@@ -105,8 +105,8 @@ def scan(
     )
     done = scan_logs(sources, store, scanning, progress=_Progress())
     if as_json:
-        strangers = [one._asdict() for one in odd_in(store).strangers]
-        say_json(_line(done._asdict() | {"strangers": strangers}))
+        foreign = [one.model_dump() for one in odd_in(store).foreign_boards]
+        say_json(_line(done._asdict() | {"foreign_boards": foreign}))
     else:
         say(f"{done.judged} logs judged, {done.failed} could not be, {done.known} were known")
         for line in _odd(odd_in(store), store):
@@ -146,7 +146,7 @@ def _say_some(lines: Sequence[str], what: str) -> None:
 
 def _odd(found: Odd | Status, store: str) -> Iterator[str]:
     """Yield what an operator should correct, and what was corrected."""
-    for one in found.strangers:
+    for one in found.foreign_boards:
         whose, log = one.elsewhere or "AIRCRAFT", one.logs[0] if len(one.logs) == 1 else "LOG..."
         remedy = f"mavhums fleet reassign {store} {log} {whose}"
         yield f"{one}: another aircraft's log? {remedy}; a swapped board? list both in --aircraft-table"

@@ -158,7 +158,7 @@ def digest(
     default=60.0,
     show_default=True,
     metavar="SECONDS",
-    help="Judge a log when its size and time have not changed for so long.",
+    help="Judge a log once its size and time have not changed for this long.",
 )
 @click.option(
     "--every",
@@ -167,7 +167,7 @@ def digest(
     default=10.0,
     show_default=True,
     metavar="SECONDS",
-    help="Look for logs so often.",
+    help="Interval between looks for new logs.",
 )
 @click.option(
     "--digest-at",
@@ -192,12 +192,12 @@ def watch(
     """Judge the LOGS that land in folders, patterns or s3:// addresses into STORE, and print a line of each.
 
     It begins with the logs that the store does not have yet. A log that is still being written waits until
-    it stands still; one that cannot be judged is told and stops nothing; while another scan writes, the disk
-    is full or a server is away, it tries again. Ctrl-C and SIGTERM end it with exit code 0; what was judged
-    is in the store, and the next start goes on.
+    it no longer changes; one that cannot be judged is reported and stops nothing. While another scan writes,
+    the disk is full or a server is away, it tries again. Ctrl-C and SIGTERM end it with exit code 0; what
+    was judged is in the store, and the next start continues.
 
-    At --digest-at nothing is caught up that fell into a pause of the program: a timer of systemd or cron that
-    calls `mavhums fleet digest` does that.
+    A digest that falls due while the program is not running is not sent later; a timer of systemd or cron
+    that calls `mavhums fleet digest` sends it.
     """
     from mavhums.fleet import ScanOptions
     from mavhums.fleet.notify import recipients_of
@@ -229,7 +229,7 @@ def watch(
                     complain(error)
             time.sleep(every_s)
     except KeyboardInterrupt:
-        say("mavhums: stopped watching; the next start goes on", err=True)
+        say("mavhums: stopped watching; the next start continues", err=True)
         raise SystemExit(ExitCode.OK) from None
 
 

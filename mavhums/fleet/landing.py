@@ -30,13 +30,13 @@ from mavhums.flights.aircraft import (
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.compare import StandaloneAssessment
 from mavhums.flights.corrections import corrected_names
+from mavhums.flights.foreign_boards import foreign_board_among
 from mavhums.flights.history import FlightHistory
 from mavhums.flights.naming import BOARD_NAME, aircraft_in_store, names_there, proposed, whose_in
 from mavhums.flights.queries import flight, past_flights, standings
 from mavhums.flights.repairs import since_of
 from mavhums.flights.stores import is_store
 from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Store
-from mavhums.flights.strangers import stranger_among
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import FlightCopy
 
@@ -235,7 +235,9 @@ def _with_notice(assessment: Assessment, store: Store) -> Assessment:
     aircraft = {each.aircraft for each in log.flight}
     name = aircraft.pop() if len(aircraft) == 1 else None
     pinned = log.sha256 in corrected_names(store).logs
-    told = stranger_among(store, name, board_of(assessment), log.start_utc) if name and not pinned else None
+    told = (
+        foreign_board_among(store, name, board_of(assessment), log.start_utc) if name and not pinned else None
+    )
     if told is None:
         return assessment
     return assessment.model_copy(update={"log": log.model_copy(update={"notices": (*log.notices, told)})})

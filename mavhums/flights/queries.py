@@ -14,21 +14,21 @@ from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.compare import unpacked
+from mavhums.flights.foreign_boards import foreign_boards
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.repairs import installed_in, repairs_of, since_of
 from mavhums.flights.stores.delta import Store
-from mavhums.flights.strangers import Stranger, strangers
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.losses import Losses
 from mavhums.results.assessment import Assessment, LogSummary, exit_code_of
 from mavhums.results.standing import Standing
 from mavhums.results.store import (
+    ForeignBoard,
     LastFlightOf,
     StoreCopy,
     StoreFailure,
     StoreGrowth,
     StoreStatus,
-    StoreStranger,
 )
 from mavhums.results.trend import RepairDate, TrendReport
 from mavhums.results.verdict import Verdict
@@ -82,7 +82,7 @@ class Status(NamedTuple):
         Problem and remedy of each log that could not be judged.
     copies
         Each log whose flight another log records better, and that log, which counts.
-    strangers
+    foreign_boards
         Boards that do not belong to the aircraft in whose flights they are.
     growing
         Actuators that grow, with their aircraft, the most urgent first.
@@ -95,7 +95,7 @@ class Status(NamedTuple):
     unknown: int
     failures: tuple[tuple[str, str], ...]
     copies: tuple[tuple[str, str], ...] = ()
-    strangers: tuple[Stranger, ...] = ()
+    foreign_boards: tuple[ForeignBoard, ...] = ()
     growing: tuple[tuple[str, Standing], ...] = ()
     removed: int = 0
 
@@ -107,16 +107,16 @@ class Status(NamedTuple):
             unknown=self.unknown,
             failures=tuple(StoreFailure(problem=problem, remedy=remedy) for problem, remedy in self.failures),
             copies=tuple(StoreCopy(log=log, counted=counted) for log, counted in self.copies),
-            strangers=tuple(StoreStranger(**one._asdict()) for one in self.strangers),
+            foreign_boards=self.foreign_boards,
             growing=tuple(StoreGrowth(aircraft=name, standing=one) for name, one in self.growing),
             removed=self.removed,
         )
 
 
 class Odd(NamedTuple):
-    """What an operator should look into: ``strangers`` and ``removed`` of :class:`Status`."""
+    """What an operator should look into: ``foreign_boards`` and ``removed`` of :class:`Status`."""
 
-    strangers: tuple[Stranger, ...]
+    foreign_boards: tuple[ForeignBoard, ...]
     removed: int
 
 
@@ -172,7 +172,7 @@ def status(store: str | os.PathLike[str]) -> Status:
         unknown,
         tuple(failures),
         tuple(copies),
-        odd.strangers,
+        odd.foreign_boards,
         tuple(sorted(grows, key=lambda one: one[1].rank)),
         odd.removed,
     )
@@ -182,7 +182,7 @@ def odd_in(store: str | os.PathLike[str]) -> Odd:
     """Return what a scan tells besides what it judged; its errors are those of :func:`status`."""
     kept = Store(store).opened()
     (removed,) = kept.query("SELECT count(DISTINCT path) FROM removed").fetchone()
-    return Odd(tuple(strangers(kept)), removed)
+    return Odd(tuple(foreign_boards(kept)), removed)
 
 
 def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Worst]:

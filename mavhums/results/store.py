@@ -6,7 +6,7 @@ from mavhums.core.models import Contract
 from mavhums.results.standing import Standing
 from mavhums.results.verdict import Verdict
 
-__all__ = ["LastFlightOf", "StoreCopy", "StoreFailure", "StoreGrowth", "StoreStatus", "StoreStranger"]
+__all__ = ["ForeignBoard", "LastFlightOf", "StoreCopy", "StoreFailure", "StoreGrowth", "StoreStatus"]
 
 
 class LastFlightOf(Contract):
@@ -40,7 +40,7 @@ class StoreCopy(Contract):
     counted: str
 
 
-class StoreStranger(Contract):
+class ForeignBoard(Contract):
     """A board in flights of an aircraft that usually has another one.
 
     ``usual`` is the board that the aircraft has in most flights, in so many; ``elsewhere`` the aircraft
@@ -53,6 +53,13 @@ class StoreStranger(Contract):
     usual: str
     flights: int
     elsewhere: str | None
+
+    def __str__(self) -> str:
+        count = len(self.logs)
+        told = f"{count} logs, {self.logs[0]} and others, have" if count > 1 else f"{self.logs[0]} has"
+        whose = f" of {self.elsewhere}" if self.elsewhere else ""
+        others = f"{self.flights} other flight{'s have' if self.flights > 1 else ' has'}"
+        return f"{self.aircraft}: {told} the board {self.board}{whose}, and {others} {self.usual}"
 
 
 class StoreGrowth(Contract):
@@ -73,6 +80,6 @@ class StoreStatus(Contract):
     unknown: int
     failures: tuple[StoreFailure, ...]
     copies: tuple[StoreCopy, ...]
-    strangers: tuple[StoreStranger, ...] = ()
+    foreign_boards: tuple[ForeignBoard, ...] = ()
     growing: tuple[StoreGrowth, ...] = ()
     removed: int = 0

@@ -215,7 +215,7 @@ def test_a_board_that_is_not_the_aircrafts_is_told(run: Run, logs: Path, tmp_pat
         assert "D-A: " in said
         assert "D-A/1.tlog has the board 0B, and 2 other flights have" in said
         assert f"mavhums fleet reassign {store} {logs}/D-A/1.tlog AIRCRAFT" in said
-    assert json.loads(run(*scan, "--json").out)["strangers"][0]["board"] == "0B"
+    assert json.loads(run(*scan, "--json").out)["foreign_boards"][0]["board"] == "0B"
     foreign("tlog")
     told = run("analyse", logs / "D-A" / "2.tlog", "--history", store, "--aircraft", "folder")
     assert "another aircraft's log" in told.out + told.err

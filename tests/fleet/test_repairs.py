@@ -96,7 +96,7 @@ def test_a_scan_with_a_new_date_opens_no_log(run: Run, tmp_path: Path) -> None:
     assert json.loads(run(*command).out)["judged"] == 12
     assert any(one.baseline for one in last(tmp_path / "store"))
     again = run(*command, "--baseline-from", "D-A/=2026-01-05")
-    assert json.loads(again.out) == {"judged": 0, "failed": 0, "known": 12, "strangers": []}
+    assert json.loads(again.out) == {"judged": 0, "failed": 0, "known": 12, "foreign_boards": []}
     assert not any(one.baseline for one in last(tmp_path / "store"))
     assert run(*command, "--baseline-from", "D-A/=yesterday").code == 2
 

@@ -81,14 +81,14 @@ def test_the_rows_are_those_of_a_folder(run: Run, folder: Path, there: str, tmp_
     assert fleet.scan([folder / "D-A", folder / "D-B"], tmp_path / "expected", OPTIONS) == (6, 1, 0)
     command = ("fleet", "scan", f"{there}/", "--to", tmp_path / "store", "--aircraft", "folder", "--json")
     outcome = run(*command)
-    assert json.loads(outcome.out) == {"judged": 6, "failed": 1, "known": 0, "strangers": []}
-    assert json.loads(run(*command).out) == {"judged": 0, "failed": 0, "known": 7, "strangers": []}
+    assert json.loads(outcome.out) == {"judged": 6, "failed": 1, "known": 0, "foreign_boards": []}
+    assert json.loads(run(*command).out) == {"judged": 0, "failed": 0, "known": 7, "foreign_boards": []}
     assert told(tmp_path / "store", there) == told(tmp_path / "expected", folder)
     (flight,) = [one for one in fleet_flights(tmp_path / "store") if one.endswith("D-B/2.tlog")]
     assert flight == f"{there}/D-B/2.tlog"
     assert not [*Path(tempfile.gettempdir()).glob("mavhums-log-*")]
     put(f"{there}/D-B/2.tlog", (folder / "D-A" / "broken.tlog").read_bytes())
-    assert json.loads(run(*command).out) == {"judged": 0, "failed": 1, "known": 6, "strangers": []}
+    assert json.loads(run(*command).out) == {"judged": 0, "failed": 1, "known": 6, "foreign_boards": []}
 
 
 def fleet_flights(store: Path) -> list[str]:

@@ -4,50 +4,20 @@ from __future__ import annotations
 
 from collections import defaultdict
 from datetime import UTC, datetime, timedelta
-from typing import NamedTuple
 
 from mavhums.flights.aircraft import BOARD, AircraftResolver
 from mavhums.flights.aircraft_table import AircraftTable
 from mavhums.flights.corrections import corrected_names
 from mavhums.flights.naming import BOARD_NAME, whose_in
 from mavhums.flights.stores.delta import Store
+from mavhums.results.store import ForeignBoard
 
-__all__ = ["Stranger", "stranger_among", "strangers"]
+__all__ = ["foreign_board_among", "foreign_boards"]
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-class Stranger(NamedTuple):
-    """A board in flights of an aircraft that usually has another one.
-
-    Attributes
-    ----------
-    aircraft, board
-        Whose flights they are, and the board's id.
-    logs
-        Paths of the logs with it.
-    usual, flights
-        The board that the aircraft has in most flights, and in how many.
-    elsewhere
-        The aircraft of which it is the usual board; None if there is none.
-    """
-
-    aircraft: str
-    board: str
-    logs: tuple[str, ...]
-    usual: str
-    flights: int
-    elsewhere: str | None
-
-    def __str__(self) -> str:
-        count = len(self.logs)
-        told = f"{count} logs, {self.logs[0]} and others, have" if count > 1 else f"{self.logs[0]} has"
-        whose = f" of {self.elsewhere}" if self.elsewhere else ""
-        others = f"{self.flights} other flight{'s have' if self.flights > 1 else ' has'}"
-        return f"{self.aircraft}: {told} the board {self.board}{whose}, and {others} {self.usual}"
-
-
-def strangers(store: Store) -> list[Stranger]:
+def foreign_boards(store: Store) -> list[ForeignBoard]:
     """Return the boards that do not belong to their aircraft, by aircraft.
 
     A board that the operator's table puts into the aircraft at that time belongs to it, and so does that of a
@@ -77,11 +47,20 @@ def strangers(store: Store) -> list[Stranger]:
             )
             if board != usual[name] and odd:
                 count = len(several[usual[name]])
-                found.append(Stranger(name, board, odd, usual[name], count, homes.get(board)))
+                found.append(
+                    ForeignBoard(
+                        aircraft=name,
+                        board=board,
+                        logs=odd,
+                        usual=usual[name],
+                        flights=count,
+                        elsewhere=homes.get(board),
+                    )
+                )
     return found
 
 
-def stranger_among(store: Store, aircraft: str, board: str | None, start_utc: str | None) -> str | None:
+def foreign_board_among(store: Store, aircraft: str, board: str | None, start_utc: str | None) -> str | None:
     """Return what is to be said of a flight whose board its aircraft does not have; None if it has it."""
     rows = store.query(
         "SELECT board, count(DISTINCT sha256) FROM logs"
