@@ -107,6 +107,7 @@ def baselines_about(flight: StandaloneAssessment, shifts: list[float], spread: f
     }
 
 
+@pytest.mark.slow
 @given(
     kind=st.sampled_from(KINDS),
     shifts=st.lists(st.sampled_from([-0.2, 0.0, 0.01, 0.03, 0.1, 0.5, 3.0]), min_size=1, max_size=7),

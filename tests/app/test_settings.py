@@ -72,6 +72,7 @@ def _hangs_at_two(number: int) -> int:
     return 2 * number
 
 
+@pytest.mark.slow
 def test_an_item_that_hangs_costs_only_itself() -> None:
     results = list(in_processes(_hangs_at_two, range(5), 2, item_s=3.0))
     assert results == [0, 2, Lost(hung=True), 6, 8]

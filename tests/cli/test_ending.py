@@ -14,7 +14,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSI
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-@pytest.mark.parametrize("command", ["export", "analyse"])
+@pytest.mark.parametrize("command", [pytest.param("export", marks=pytest.mark.slow), "analyse"])
 def test_a_signal_leaves_no_part_file(
     tmp_path: Path, short_log: Path, command: str, number: signal.Signals
 ) -> None:

@@ -188,7 +188,7 @@ WHOLE: dict[str, tuple[dict[str, Verdict], list[Event], Assessment]] = {}
     [
         Wired(seconds=130, told_s=97.3, texts=NAMED),
         Wired(seconds=130, parameters={}),
-        Wired(seconds=150, coordinated_s=100.0, told_s=120.4),
+        pytest.param(Wired(seconds=150, coordinated_s=100.0, told_s=120.4), marks=pytest.mark.slow),
     ],
     ids=["late", "motion", "withdrawn"],
 )
@@ -255,6 +255,7 @@ def test_the_telemetry_of_another_surface_is_no_verdict(run: Run, tmp_path: Path
     assert told["elevator"]["reason"] == verdicts["elevator"]["reason"]
 
 
+@pytest.mark.slow
 def test_a_live_session_says_no_alarm_and_agrees_with_its_recording(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
     content, sent, at = Wired(texts=NAMED, told_s=60.0).tlog(), [], 0
@@ -353,6 +354,7 @@ def trial(demand: dict[int, np.ndarray], rate: np.ndarray, *servos: int) -> str 
     return contradiction(rows(flight), sent, "roll", [Moved(n, "aileron", 1500.0, 400.0) for n in servos])
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 10_000), noise=st.floats(0.0, 0.05))
 @settings(max_examples=5, deadline=None)
 def test_the_motion_contradicts_wrong_outputs_alone(seed: int, noise: float) -> None:

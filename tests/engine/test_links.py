@@ -166,6 +166,7 @@ def friction(disturbed: str = "{}") -> dict[str, tuple[str, float]]:
     return {v.actuator: (v.worst, v.friction_nm.estimate) for v in verdicts if v.friction_nm is not None}
 
 
+@pytest.mark.slow
 @given(outputs_s=SECONDS, escs_s=SECONDS, others_s=SECONDS)
 @example(outputs_s=0.5, escs_s=4.0, others_s=4.5)
 @settings(max_examples=6, phases=(Phase.explicit, Phase.generate))

@@ -34,6 +34,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_the_best_recording_counts_and_the_others_are_named(logs: Path, run: Run, tmp_path: Path) -> None:
     arriving = sorted(logs.iterdir())
     told = []

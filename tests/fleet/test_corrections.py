@@ -89,6 +89,7 @@ def joined(folder: Path) -> list[Row]:
     return [*GROWS, *(row._replace(aircraft="D-A") for row in STILL), *FOREIGN]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "correct",
     [
@@ -162,6 +163,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "logs"
 
 
+@pytest.mark.slow
 def test_a_scan_brings_nothing_back_and_says_so(run: Run, logs: Path, tmp_path: Path) -> None:
     store = tmp_path / "store"
     scan = ("fleet", "scan", logs, "--to", store, "--aircraft", "folder", "--workers", "0")

@@ -118,6 +118,7 @@ def test_more_batches_than_are_in_flight_are_all_judged(
     assert told(tmp_path) == expected
 
 
+@pytest.mark.slow
 def test_one_landing_after_the_other_needs_no_workers(
     logs: Path, expected: list[str], run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -120,6 +120,7 @@ def test_a_fleet_says_what_one_command_after_each_landing_says(
     assert "friction_drift" in kinds
 
 
+@pytest.mark.slow
 def test_the_order_of_arrival_does_not_matter(
     logs: Path, options: fleet.ScanOptions, one_by_one: dict[str, list[str]], tmp_path: Path
 ) -> None:

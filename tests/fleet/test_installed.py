@@ -59,6 +59,7 @@ def told(store: Path, aircraft: str) -> dict[str, list[str]]:
     return {log: sorted(several) for log, several in found.items()}
 
 
+@pytest.mark.slow
 def test_a_fleet_with_a_table_says_what_single_commands_say(
     logs: list[Path], table: Path, scheduler: str, run: Run, tmp_path: Path
 ) -> None:

@@ -41,6 +41,7 @@ def landed(log: bytes, folder: Path, number: int) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_small_files_are_joined_while_flights_land(
     log: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

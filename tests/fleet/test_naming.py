@@ -153,6 +153,7 @@ def test_the_page_asks_whose_log_it_is_and_leaves_nothing_behind(flown: Path, st
     assert names(store) == {"D-A": OLD + 1}
 
 
+@pytest.mark.slow
 def test_the_page_is_told_problem_and_remedy_as_they_are(flown: Path, store: Path, tmp_path: Path) -> None:
     bad = tmp_path / "bad.tlog"
     bad.write_bytes(b"no log")

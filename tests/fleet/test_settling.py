@@ -195,6 +195,7 @@ def afresh(place: Path, flights: Sequence[StandaloneAssessment], repairs: Sequen
     return told(place), fleet.status(place).copies
 
 
+@pytest.mark.slow
 def test_a_landing_judges_its_flight_only_and_what_changes_the_past_all(
     kinds: list[StandaloneAssessment], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -222,6 +222,7 @@ def test_a_replay_keeps_what_the_baselines_need(seed: int) -> None:
     assert known.baselines("paper", LATER) == whole.baselines("paper", LATER)
 
 
+@pytest.mark.slow
 def test_a_flight_of_two_stations_and_the_card_counts_once(run: Run, tmp_path: Path) -> None:
     record = fly(Flight(seed=3, duration_s=21.0, rate_hz=25.0, tiers=("csrv", "pwm")))
     sent = fly(Flight(seed=3, duration_s=21.0, rate_hz=25.0, tiers=("instrumented",)))

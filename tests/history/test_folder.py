@@ -48,6 +48,7 @@ flights = st.builds(
 )
 
 
+@pytest.mark.slow
 @given(
     several=st.lists(flights, max_size=35),
     before=st.integers(0, 20),

@@ -200,6 +200,7 @@ def mutated(draw: st.DrawFn) -> bytes:
     return bytes(data[: draw(st.sampled_from([len(data), len(data), len(data) // 2]))])
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.one_of(mutated(), st.binary(max_size=200)))
 def test_no_file_stops_the_others(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> None:

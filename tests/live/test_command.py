@@ -56,7 +56,7 @@ def test_kill_9_costs_at_most_a_second(tmp_path: Path, worn_pieces: list[Piece])
     assert sum(log.counts.values()) == len(worn_pieces)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_signals_end_it_with_the_verdicts(tmp_path: Path, worn_pieces: list[Piece], number: int) -> None:
     port = free_port()
     name = tmp_path / "flight-%Y.tlog"

@@ -69,6 +69,7 @@ def test_a_stream_is_not_cut_by_senders_of_another_link(rig: Rig, worn_pieces: l
     rig.session.close()
 
 
+@pytest.mark.slow
 def test_more_vehicles_than_can_be_judged(tmp_path: Path) -> None:
     """The first are judged, in the order of the log, live as in the recording, whatever the blocks."""
     order = list(range(1, 37))

@@ -234,6 +234,7 @@ def await_bytes(path: Path, size: int, process: subprocess.Popen[bytes]) -> None
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(find_spec("serial") is None, reason="no serial port package (pip install pyserial)")
 def test_nobody_reads_standard_output_nor_alerts(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     """The pipe and the serial port are full before it starts; it records, and ends when told to."""

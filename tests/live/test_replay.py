@@ -126,7 +126,9 @@ ALONE = [pytest.param((tier,), marks=pytest.mark.slow) for tier in TIERS]
 
 
 @pytest.mark.parametrize("tiers", [*ALONE, tuple(TIERS)], ids="+".join)
-@pytest.mark.parametrize("signed", [False, True], ids=["unsigned", "signed"])
+@pytest.mark.parametrize(
+    "signed", [pytest.param(False, marks=pytest.mark.slow), True], ids=["unsigned", "signed"]
+)
 def test_each_session_is_its_recording(tiers: tuple[str, ...], signed: bool, tmp_path: Path) -> None:
     """The second session knows of the first, its recording does not, and both judge alike."""
     latest: dict[tuple[int, int, int], int] = {}

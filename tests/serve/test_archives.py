@@ -57,6 +57,7 @@ def test_an_archive_of_one_file_is_judged_as_that(short_log: Path, tmp_path: Pat
     assert take_logs(path, tmp_path / "out", 1 << 30, 10) is None
 
 
+@pytest.mark.slow
 def test_the_page_judges_each_log_of_an_archive(mixed: Path, tmp_path: Path) -> None:
     useless = io.BytesIO()
     with zipfile.ZipFile(useless, "w") as file:

@@ -139,6 +139,7 @@ def test_a_worker_is_not_handed_to_someone_who_is_leaving() -> None:
     with_workers(use, count=1)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
 def test_the_true_process_judges_refuses_and_limits_its_memory(short_log: Path, tmp_path: Path) -> None:
     odd = tmp_path / "notes.tlog"
@@ -183,6 +184,7 @@ def test_memory_beyond_the_limit_is_refused() -> None:
     assert subprocess.run([sys.executable, "-c", GROW], check=False).returncode == 0
 
 
+@pytest.mark.slow
 def test_the_process_ends_with_its_parent() -> None:
     import subprocess
 

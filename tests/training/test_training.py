@@ -149,6 +149,7 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
         assert f"drops {each.expression}" in shown
 
 
+@pytest.mark.slow
 def test_a_model_that_never_votes_is_not_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mavhums.training.flights.fly", shorter)
     monkeypatch.setattr("mavhums.training.windows.fly", shorter)

@@ -45,6 +45,7 @@ def test_campaigns_cover_what_they_say(flights: ModuleType) -> None:
     assert list(flights.healthy(1.0, seed=1)) != list(flights.healthy(1.0, seed=2))
 
 
+@pytest.mark.slow
 def test_labels_say_what_was_flown(flights: ModuleType, tmp_path: Path) -> None:
     whole = next(iter(flights.losses()))
     both = tuple(SurfaceFault(name, "gain", 0.5, 26.0, 29.0) for name in ("aileron_left", "aileron_right"))
