@@ -67,7 +67,8 @@ class Coverage(Contract):
 
     ``decidable`` counts those on which a condition can rest, because they show the friction or a fault.
     ``excluded`` counts, for an axis, the seconds over which a loss of 40 % or more is excluded with 95 %, and
-    ``excluded_until_s`` is the flight second of the last one after the reference.
+    ``excluded_until_s`` is the flight second of the last one after the reference. ``judged_from_s`` is the
+    flight second from which on an axis is judged whose reference came after three minutes of forward flight.
     ``late`` counts samples that came too late to be judged, ``implausible`` by quantity the values that no
     such actuator can have, which count as not measured.
     """
@@ -77,6 +78,7 @@ class Coverage(Contract):
     decidable: int = Field(ge=0)
     excluded: int = Field(default=0, ge=0)
     excluded_until_s: float | None = None
+    judged_from_s: float | None = None
     late: int = Field(default=0, ge=0)
     implausible: dict[str, int] = {}
 

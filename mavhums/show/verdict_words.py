@@ -183,6 +183,8 @@ def _how_much(verdict: Verdict, *, alarmed: bool) -> str:
     if alarmed and not coverage.decidable:
         return "control effectiveness is judged apart from that, and could not be in this flight"
     told = f"control effectiveness could be judged in {coverage.decidable} of {coverage.windows} s"
+    if coverage.judged_from_s is not None:
+        told += f", from {clock(coverage.judged_from_s)} on"
     if not coverage.excluded:
         return told
     until = "" if coverage.excluded_until_s is None else f", the last at {clock(coverage.excluded_until_s)}"

@@ -37,7 +37,6 @@ from mavhums.health.axis.thresholds import (
     FORGET_S,
     FULL_S,
     JUDGED_ERROR,
-    LATEST_REFERENCE_S,
     LEAST_DRIVE,
     LEAST_ROWS_PER_S,
     LONGEST_REFERENCE_S,
@@ -112,8 +111,8 @@ class EffectivenessTracker:
         for end, counts in enumerate(usable.tolist(), start=1):
             self.usable_s += counts
             self._tried += 1
-            # A later reference may already hold the fault; an attempt in each second costs time.
-            if REFERENCE_S <= self.usable_s <= LATEST_REFERENCE_S and self._tried >= REFERENCE_RETRY_S:
+            # An attempt in each second costs time.
+            if self.usable_s >= REFERENCE_S and self._tried >= REFERENCE_RETRY_S:
                 self._tried = 0
                 self._keep(rows.cut(kept, end))
                 kept = end

@@ -11,7 +11,7 @@ import numpy as np
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.detectors import Alarm, AxisInput, detectors
-from mavhums.health.axis.effectiveness import new_tracker
+from mavhums.health.axis.effectiveness import EffectivenessTracker, new_tracker
 from mavhums.health.axis.mixed import MixedPair
 from mavhums.health.axis.origin import origins
 from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards
@@ -21,6 +21,7 @@ from mavhums.health.axis.thresholds import (
     FROM_TAKE_OFF_S,
     FULL_S,
     JUDGED_ERROR,
+    LATEST_REFERENCE_S,
     MASKED_S,
     NORMAL_EFFECTIVENESS,
     NORMAL_S,
@@ -171,7 +172,7 @@ class AxisMonitor:
             for axis in self.axes:
                 masked = axis != "yaw" and end_s - self._skidded_s <= MASKED_S
                 found = [one for one in now if one.axis == axis and not masked]
-                second = judged[axis].get(end_s)
+                second = None if self._may_hold_fault(axis) else judged[axis].get(end_s)
                 if found or second is not None:
                     yield from self._take(axis, second, found, end_s)
 
@@ -242,6 +243,13 @@ class AxisMonitor:
             yield ConditionChanged(
                 self._vehicle, axis, float(end_s), since_s, before, state.condition, rule, fault, finding
             )
+
+    def _may_hold_fault(self, axis: str) -> bool:
+        """Return whether the reference ends while a fault stands: it shows neither its size nor its end."""
+        state, reference = self._axes[axis], self._gains[axis].reference
+        if SEVERITY[state.condition] <= SEVERITY["normal"] or state.since_s is None:
+            return False
+        return reference is not None and reference.end_s > state.since_s
 
     def _count(self, state: _AxisState, second: Second) -> None:
         state.seconds += 1
@@ -336,6 +344,7 @@ class AxisMonitor:
                 decidable=state.judged,
                 excluded=gain.excluded_s + state.excluded_s,
                 excluded_until_s=state.excluded_until_s,
+                judged_from_s=_late_s(gain),
             ),
             suspects=tuple(
                 Suspect(fault=fault, confidence=confidence)
@@ -369,6 +378,12 @@ class AxisMonitor:
             if one.evidence and SEVERITY[one.worst] > SEVERITY["normal"]
         }
         return origins(faulty, self._mixed)
+
+
+def _late_s(gain: EffectivenessTracker) -> float | None:
+    """Return the flight second at which a late reference ends, which may hold a fault; None of others."""
+    late = gain.reference is not None and gain.usable_s > LATEST_REFERENCE_S
+    return float(gain.reference.end_s) if late and gain.reference is not None else None
 
 
 def _percent(kept: Interval) -> str:

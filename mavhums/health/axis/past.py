@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Final
 
 from scipy.special import stdtr, stdtrit
@@ -142,15 +142,13 @@ def _found(compared: list[_ComparedIndicator], limits: AxisLimits, tail: float) 
         bound = float(stdtrit(one.freedom, 1.0 - tail))
         size, flights = one.difference, one.baseline.flights
         if one.indicator.fault == "slow" and size >= limits.lag_s and one.ratio > bound:
-            rule = (
-                f"degraded: answers {size:.1f} s later than in {flights} earlier flights, from the start on"
-            )
+            rule = f"degraded: answers {size:.1f} s later than in {flights} earlier flights"
             yield _Departure("slow", "degraded", size, limits.lag_s, rule, _confidence(one))
         if one.indicator.fault == "hard_over" and abs(size) >= limits.trim_shift and abs(one.ratio) > bound:
             way = "right" if size > 0 else "left"
             rule = (
                 f"degraded: needs {100 * abs(size):.0f} % of the full demand more to the {way} than in "
-                f"{flights} earlier flights to keep its wings level, from the start on"
+                f"{flights} earlier flights to keep its wings level"
             )
             yield _Departure("hard_over", "degraded", size, limits.trim_shift, rule, _confidence(one))
 
@@ -168,7 +166,7 @@ def _loss(one: _ComparedIndicator, limits: AxisLimits, tail: float) -> _Departur
     what = "control effectiveness" if one.indicator.fault == "effectiveness" else one.indicator.quantity
     rule = (
         f"{condition}: {100 * max(k, 0.0):.0f} % of the {what} of {one.baseline.flights} earlier flights "
-        "is left, from the start on"
+        "is left"
     )
     return _Departure("effectiveness", condition, k, limit, rule, _confidence(one), share)
 
@@ -178,7 +176,10 @@ def _confidence(one: _ComparedIndicator) -> float:
 
 
 def _judged(verdict: Verdict, found: list[_Departure], start_utc: datetime, end_s: float) -> Verdict:
-    """Return a verdict with the findings; what they say holds from the start of the flight on."""
+    """Return a verdict with the findings; what they say holds from the reference on."""
+    late_s = verdict.coverage.judged_from_s
+    # The flight's own beginning is its reference; of a late one nothing is known before it.
+    began, start_s = ("from the start on", 0.0) if late_s is None else (f"from {late_s:.0f} s on", late_s)
     worst = max((one.condition for one in found), key=SEVERITY.__getitem__)
     decided = SEVERITY[worst] >= SEVERITY[verdict.condition]
     suspects = {one.fault: one.confidence for one in verdict.suspects} | {
@@ -187,11 +188,11 @@ def _judged(verdict: Verdict, found: list[_Departure], start_utc: datetime, end_
     evidence = [
         Evidence(
             kind=one.fault,
-            start_s=0.0,
+            start_s=start_s,
             end_s=end_s,
             value=round(one.value, 4),
             limit=one.limit,
-            rule=one.rule,
+            rule=f"{one.rule}, {began}",
         )
         for one in found
     ]
@@ -206,6 +207,7 @@ def _judged(verdict: Verdict, found: list[_Departure], start_utc: datetime, end_
         "effectiveness": effectiveness,
     }
     if decided:
-        since = Since(flight_time_s=0.0, utc=start_utc.astimezone(UTC).isoformat())
+        begun_utc = start_utc.astimezone(UTC) + timedelta(seconds=start_s)
+        since = Since(flight_time_s=start_s, utc=begun_utc.isoformat())
         changes |= {"condition": worst, "since": since, "reason": None, "remedy": None}
     return verdict.model_copy(update=changes)

@@ -22,8 +22,8 @@ REFERENCE_S: Final = 45
 # Development.
 LONGEST_REFERENCE_S: Final = 120
 
-# Seconds of forward flight within which a reference must come: later ones may already hold the fault.
-# Development.
+# Seconds of forward flight after which a reference is late: it may already hold a fault, so the verdict says
+# from when on it holds. Development.
 LATEST_REFERENCE_S: Final = 180
 
 # Seconds between attempts at a reference; costs only time.

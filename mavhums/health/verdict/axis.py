@@ -32,6 +32,8 @@ _BEGINS_IN_FLIGHT: Final = (
     "the log begins in flight: control is as it was then, and the log does not show whether that was healthy",
     "record from before take-off, or compare with earlier flights (--history)",
 )
+_LATE_REFERENCE: Final = "its reference ends {:.0f} s into the log: a loss before that does not show"
+_COMPARE: Final = "compare with earlier flights (--history)"
 _SPEEDS: Final = ("the airspeed sensor", "the wind triangle", "the speed over ground")
 _GAIN: Final = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m"), STEERING: (1, "rad/m")}
 _CONSTANTS: Final = {"hard_over": ("trim", "1"), "manoeuvre": ("load factor by full demand", "s²/m²")}
@@ -121,6 +123,8 @@ def verdict_of_axis(
     # A reference from a flight that was already damaged calls the damage normal.
     elif findings.condition == "normal" and not findings.from_take_off:
         reason, remedy = _BEGINS_IN_FLIGHT
+    elif findings.condition == "normal" and findings.coverage.judged_from_s is not None:
+        reason, remedy = _LATE_REFERENCE.format(findings.coverage.judged_from_s), _COMPARE
     axis = findings.axis
     refused = surfaces is not None and axis in surfaces.contradicted
     origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces, axis)}"}

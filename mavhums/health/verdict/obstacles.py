@@ -314,6 +314,8 @@ def _unclear(findings: AxisFindings) -> Obstacle:
             f"{coverage.decidable} of {coverage.windows} seconds since the reference were excited enough, "
             f"{NORMAL_S} are needed"
         )
+        if coverage.judged_from_s is not None:
+            reason = f"its reference ends {coverage.judged_from_s:.0f} s into the log, and {reason}"
     if coverage.excluded:
         loss = f"a loss of {100 * (1 - NORMAL_EFFECTIVENESS):.0f} % or more"
         motion = "driving forward" if findings.axis == STEERING else "forward flight"
