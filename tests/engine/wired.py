@@ -87,11 +87,12 @@ class Wired:
                 sent.append((t, v2.MAVLink_heartbeat_message(1, 3, 128, 10, 4, 3)))
             sent += [
                 (t, v2.MAVLink_servo_output_raw_message(us, 0, *self.outputs(t, pulses), *self.others(t))),
-                (t, v2.MAVLink_rc_channels_message(ms, 4, *pulses, *[65535] * 14, 255)),
                 (t, v2.MAVLink_raw_imu_message(us, 0, 0, -1000, round(1000 * p), 0, 0, 0, 0, 0)),
                 (t, v2.MAVLink_attitude_message(ms, 0.0, 0.0, 0.0, p, 0.0, 0.0)),
                 (t, v2.MAVLink_vfr_hud_message(_SPEED, _SPEED, 0, 50, 100.0, 0.0)),
             ]
+            if self.idle_us is not None:
+                sent.append((t, v2.MAVLink_rc_channels_message(ms, 4, *pulses, *[65535] * 14, 255)))
         sent.sort(key=lambda one: one[0])
         stamped = ((struct.pack(">Q", START_US + round(t * 1e6)), bytes(m.pack(link))) for t, m in sent)
         return b"".join(stamp + frame for stamp, frame in stamped)
@@ -128,7 +129,8 @@ class Wired:
                 put("STAT", t, 1, 1.0, 1)
                 put("GPS", t, 0, 3, round(1000 * t), 2300, _SPEED, 0.0)
             put("RCOU", t, *self.outputs(t, pulses))
-            put("RCIN", t, *pulses)
+            if self.idle_us is not None:
+                put("RCIN", t, *pulses)
             put("IMU", t, 0, p, 0.0, 0.0, 0.0, 0.0, -9.81)
             put("ATT", t, 0, 0, 0, 0, 0, 0)
             put("ARSP", t, 0, _SPEED)
@@ -158,7 +160,8 @@ class Wired:
                 out += told
             outputs = self.outputs(t, pulses)
             out.append(writer.data(0, struct.pack("<QI16f4x", now, 4, *outputs, *[0.0] * 12)))
-            out.append(writer.data(6, struct.pack("<Q18H4x", now, *pulses, *[0] * 14)))
+            if self.idle_us is not None:
+                out.append(writer.data(6, struct.pack("<Q18H4x", now, *pulses, *[0] * 14)))
             out.append(writer.data(1, struct.pack("<Q6f", now, p, 0.0, 0.0, 0.0, 0.0, -9.81)))
             out.append(writer.data(2, struct.pack("<Q4f", now, 1.0, 0.0, 0.0, 0.0)))
             out.append(writer.data(3, struct.pack("<Qf4x", now, _SPEED)))
