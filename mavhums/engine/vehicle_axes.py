@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from mavhums.actuator.contradictions import of_airframe
 from mavhums.actuator.profile import Airframe
 from mavhums.core.conditions import Condition
 from mavhums.engine.events import Notice
@@ -19,13 +20,13 @@ from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.results.sections import AxisLimits
-from mavhums.vehicle.facts import Signal
+from mavhums.vehicle.facts import ALL_OUTPUTS, Signal
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
 from mavhums.vehicle.inference import inferred
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.states import Followed
-from mavhums.vehicle.surfaces import STEERING, Demands, Surfaces
+from mavhums.vehicle.surfaces import STEERING, Demands, Surfaces, on_channels
 from mavhums.vehicle.usage import Usage
 
 __all__ = ["AxisEvent", "VehicleAxes"]
@@ -125,12 +126,36 @@ class VehicleAxes:
         """
         if not self._eager() and (self._now_s - 1) // _RETRY_S == second // _RETRY_S:
             return
-        if self.surfaces is None and self.flight.flown_s >= self._next_try_s:
+        driven = self._driven()
+        if driven is not self.surfaces:
+            why = (
+                "the receiver drives its servos" if driven and driven.by_receiver else "its outputs are known"
+            )
+            yield from self._adopt(driven, why)
+        elif self.surfaces is None and self.flight.flown_s >= self._next_try_s:
             yield from self._infer()
         elif self.flight.parted_s >= _PARTED_S:
             self._hoped_s = self.flight.flown_s
             self._next_try_s = self._hoped_s + _RETRY_S
             yield from self._adopt(None, "outputs that moved as one no longer do")
+
+    @property
+    def _receives(self) -> bool:
+        """Whether the receiver may drive the servos, or was taken to."""
+        by_receiver = self.surfaces is not None and self.surfaces.by_receiver
+        return by_receiver or not (self.flight.has_pulses or self.flight.on_ground)
+
+    def _driven(self) -> Surfaces | None:
+        """Return the surfaces in use, which are the receiver's channels as long as no output has a pulse."""
+        surfaces, flight = self.surfaces, self.flight
+        if not self._receives or flight.flown_s < _INFER_S:
+            return surfaces
+        if flight.has_pulses:
+            return self._known.surfaces
+        airframe = self._known.airframe
+        named = of_airframe(airframe) if airframe else None
+        found = on_channels(named, self._known.parameters, flight.by_receiver)
+        return surfaces if found is None or found == surfaces else found
 
     def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
         """Return the seconds until the surfaces may change, and the rest."""
@@ -139,7 +164,7 @@ class VehicleAxes:
         ends = [] if due is None else [due]
         if self._eager() or self._doubtful():
             ends.append(first + 1)
-        elif self.surfaces is None or self.surfaces.origin == "inferred":
+        elif self.surfaces is None or self.surfaces.origin == "inferred" or self._receives:
             ends.append(first - first % _RETRY_S + _RETRY_S)
         at = int(np.searchsorted(seconds.index, min(ends))) if ends else len(seconds.index)
         if at == len(seconds.index):
@@ -170,6 +195,8 @@ class VehicleAxes:
             self._answers.clear()
             self._tries = 0
         surfaces = self._as_it_moves(known.surfaces) if known.surfaces else self.surfaces
+        if self.surfaces is not None and self.surfaces.by_receiver:
+            surfaces = self.surfaces
         limits = known.airframe.axes if known.airframe else self.monitor.limits
         if limits != self.monitor.limits or (surfaces is not None and self._differs(surfaces)):
             why = "a profile names its outputs" if named else "its parameters name other outputs than before"
@@ -231,7 +258,7 @@ class VehicleAxes:
     def _doubtful(self) -> list[str]:
         """Return the axes whose outputs only a profile names: no parameter confirms them."""
         surfaces = self.surfaces
-        if surfaces is None or surfaces.origin != "profile":
+        if surfaces is None or surfaces.origin != "profile" or surfaces.by_receiver:
             return []
         told = surfaces.confirmed | surfaces.by_log
         return [axis for axis in TRIED_AXES if axis not in told and surfaces.of_axis(axis)]
@@ -260,7 +287,7 @@ class VehicleAxes:
         known = self.flight.last(_RECENT_S, until_s)
         if known is None:
             return
-        rows, pulses = known
+        rows, pulses = known[0], known[1][:, :ALL_OUTPUTS]
         rows = replace(rows, outputs=Demands(surfaces).feed(pulses))
         for axis in axes:
             outputs = surfaces.of_axis(axis)

@@ -16,7 +16,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import STANDARD_GRAVITY
 from mavhums.vehicle.airspeed import Speed
-from mavhums.vehicle.facts import ARDUPILOT, ON_GROUND
+from mavhums.vehicle.facts import ALL_OUTPUTS, ARDUPILOT, ON_GROUND, PULSES
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rows import PastRows, Rows
 from mavhums.vehicle.signals import all_outputs
@@ -44,6 +44,8 @@ against the wind."""
 _AIRBORNE_S: Final = 3
 """Seconds without a break before forward flight counts: fewer let gusts on the ground in."""
 _STOPPED_BY: Final = ("vtol", "mode", "ground", "slow")
+_MOVES_US: Final = 8.0  # 1 % of the usual travel: an output that moves less demands nothing
+_FLOWN_US: Final = 50.0  # what a pilot asks for at least; a receiver's noise is some microseconds
 _SPACING_S: Final = 0.001  # resolution of what is counted: a millisecond, as most stamps have
 _SPACINGS: Final = 10_000  # up to 10 s: a stream that comes more rarely is none
 
@@ -71,6 +73,8 @@ class Flight:
         Signals with at least one number.
     steers
         Whether the output that steers a rover or a boat is known.
+    has_pulses
+        Whether an output ever had a pulse.
     """
 
     def __init__(self, surfaces: Surfaces | None) -> None:
@@ -83,6 +87,8 @@ class Flight:
         self.doubted_s = 0
         self.parted_s = 0.0
         self.fastest = 0.0
+        self.has_pulses = False
+        self._least, self._most = np.full(PULSES, np.nan), np.full(PULSES, np.nan)
         self._rows_of: Counter[str] = Counter()
         self._used: defaultdict[str, Counter[int]] = defaultdict(Counter)
         self._spacings = {name: np.zeros(_SPACINGS, dtype=np.int64) for name in ("outputs", "rates")}
@@ -94,6 +100,14 @@ class Flight:
     def on_ground(self) -> bool:
         """Whether it is a rover or a boat: of all it does, only its steering is judged."""
         return bool(self.kinds & GROUND) or self.steers
+
+    @property
+    def by_receiver(self) -> tuple[int, ...]:
+        """The receiver's channels that move in flight, from 1, if no output does: they drive the servos."""
+        moved = self._most - self._least
+        if (moved[:ALL_OUTPUTS] >= _MOVES_US).any():
+            return ()
+        return tuple((np.flatnonzero(moved[ALL_OUTPUTS:] >= _FLOWN_US) + 1).tolist())
 
     @property
     def past(self) -> PastRows:
@@ -169,7 +183,7 @@ class Flight:
         if driven.any():
             speed, trusted = np.where(driven, _forward(flat), speed), trusted | driven
             source = np.where(driven, 2.0, source)
-        pulses = all_outputs(flat)
+        pulses = np.hstack([all_outputs(flat), flat["receiver"]])
         up = self._up(flat, speed, driven)
         aloft = self._lasting(up, fresh)
         whole = aloft.reshape(-1, RATE_HZ).all(axis=1)
@@ -199,7 +213,7 @@ class Flight:
             aloft=aloft,
             trusted=trusted,
             sources=source + 3.0 * np.repeat(seconds.ranks["rates"], RATE_HZ),
-            spacing=self._spaced(flat, aloft),
+            spacing=self._spaced(flat, aloft, self._directed(pulses, aloft)),
             outputs=self._demand(pulses, flying),
         )
         self._past.add(rows, pulses)
@@ -255,11 +269,25 @@ class Flight:
         self._run = int(run[-1])
         return run >= _AIRBORNE_S * RATE_HZ
 
-    def _spaced(self, flat: dict[str, Array], aloft: Flags) -> Array:
-        """Return the longer spacing, of the outputs or of the rates in use, (n,); count both in flight."""
+    def _directed(self, pulses: Array, aloft: Flags) -> Flags:
+        """Return where an output has had a pulse, (n,); follow how far all of them move in flight."""
+        told = np.isfinite(pulses[:, :ALL_OUTPUTS]).any(axis=1)
+        told = np.logical_or.accumulate(told) | self.has_pulses
+        self.has_pulses = bool(told[-1])
+        if aloft.any():
+            np.fmin(self._least, np.fmin.reduce(pulses[aloft]), out=self._least)
+            np.fmax(self._most, np.fmax.reduce(pulses[aloft]), out=self._most)
+        return told
+
+    def _spaced(self, flat: dict[str, Array], aloft: Flags, told: Flags) -> Array:
+        """Return the longer spacing, of what moves the servos or of the rates, (n,); count both in flight.
+
+        Until an output has a pulse, where ``told`` is false, the receiver may move the servos.
+        """
         rates = flat["rates_spacing"][:, 0]
         first, second = flat["outputs_spacing"][:, 0], flat["outputs_2_spacing"][:, 0]
         outputs = np.where(np.isfinite(first), first, second)
+        outputs = np.where(told, outputs, flat["receiver_spacing"][:, 0])
         for name, spacing in (("outputs", outputs), ("rates", rates)):
             known = spacing[aloft & np.isfinite(spacing)]
             steps = np.clip(known / _SPACING_S, 0, _SPACINGS - 1).astype(np.int64)

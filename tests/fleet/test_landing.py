@@ -158,6 +158,17 @@ def test_a_store_may_be_called_anything(kept: Path, tmp_path: Path, name: str) -
     assert fleet.worst(store) == fleet.worst(kept / "store")
 
 
+@pytest.mark.parametrize("name", ["a%20store", "50%25"])
+def test_a_store_whose_path_reads_as_an_address_is_refused(
+    run: Run, kept: Path, tmp_path: Path, name: str
+) -> None:
+    outcome = run("fleet", "scan", kept / "D-A", "--to", tmp_path / name)
+    assert outcome.code == ExitCode.ERROR
+    assert f"must not have '{name[name.index('%') :][:3]}' in it" in outcome.err
+    assert "choose another folder" in outcome.err
+    assert not list(tmp_path.iterdir()), "nothing is left behind"
+
+
 def test_a_store_in_use_is_told(run: Run, kept: Path, store: Path) -> None:
     with filelock.FileLock(store / ".scan.lock"):
         outcome = run("analyse", kept / "D-A" / "landed.tlog", "--history", store, "--keep")

@@ -10,7 +10,7 @@ from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.inference import inferred
 from mavhums.vehicle.outputs import control_surfaces
 from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Moved, Surfaces
+from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Moved, Surfaces, of_parameters
 from tests.health.axis.flights import Array, excited, rows, steady
 
 
@@ -99,3 +99,53 @@ def test_arduplane_before_3_8_is_named_by_its_channels() -> None:
 def test_a_profile_whose_outputs_are_all_contradicted_steers_no_rover() -> None:
     assert Surfaces((), "profile").axes == AXES
     assert Surfaces((Moved(1, STEERING, 1500.0, 400.0),), "parameters").axes == (STEERING,)
+
+
+def mixed(functions: dict[int, float], reversed_: int = 0) -> tuple[Surfaces, Array, Array]:
+    """An ArduPlane's surfaces, their pulses as it mixes them, and the aileron and the elevator asked for."""
+    values = {f"SERVO{n}_FUNCTION": function for n, function in functions.items()}
+    surfaces = of_parameters(Parameters(1, False, values | {f"SERVO{reversed_}_REVERSED": 1.0}))
+    assert surfaces is not None
+    t = np.arange(400) / 20
+    aileron, elevator, rudder = 0.2 * np.sin(2 * t), 0.15 * np.sin(3 * t + 1), 0.1 * np.sin(5 * t)
+    flap = np.where(t > 10, 0.3, 0.0)
+    left, right = elevator - aileron, elevator + aileron
+    split = np.maximum(-rudder, 0.0), np.maximum(rudder, 0.0)
+    shares = {
+        **{4: aileron, 19: elevator, 21: rudder, 77: left, 78: right, 24: aileron + flap, 25: aileron - flap},
+        **{79: elevator - rudder, 80: elevator + rudder, 16: left + split[0], 86: left - split[0]},
+        **{17: right + split[1], 87: right - split[1]},
+    }
+    sent = {
+        f"s{n}": 1500 + (-400 if n == reversed_ else 400) * shares[int(function)]
+        for n, function in functions.items()
+        if function in shares
+    }
+    return surfaces, pulses(**sent), np.stack([aileron, elevator], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("functions", "roll", "pitch"),
+    [
+        ({1: 77, 2: 78}, {1, 2}, {1, 2}),
+        ({1: 16, 2: 86, 3: 17, 4: 87}, {1, 2, 3, 4}, {1, 2, 3, 4}),
+        ({1: 24, 2: 19, 4: 21, 5: 25}, {1, 5}, {2}),
+        ({1: 4, 2: 79, 3: 80, 6: 4}, {1, 6}, {2, 3}),
+        # A quadplane's and a tiltrotor's surfaces are those of its wing, whatever lifts it.
+        ({1: 4, 2: 19, 4: 21, 5: 33, 6: 34, 7: 35, 8: 36}, {1}, {2}),
+        ({1: 77, 2: 78, 5: 33, 6: 34, 7: 75, 8: 76}, {1, 2}, {1, 2}),
+    ],
+)
+@pytest.mark.parametrize("reversed_", [0, 1])
+def test_each_function_moves_its_axes_by_what_was_asked(
+    functions: dict[int, float], roll: set[int], pitch: set[int], reversed_: int
+) -> None:
+    surfaces, sent, asked = mixed(functions, reversed_)
+    assert {one.servo for one in surfaces.of_axis("roll")} == roll
+    assert {one.servo for one in surfaces.of_axis("pitch")} == pitch
+    demand = Demands(surfaces).feed(sent)
+    # Left less right: elevons turn right by a demand to the left, which the sign of the gain takes up.
+    sign = -1.0 if surfaces.of_axis("roll")[0].kind == "elevon" else 1.0
+    assert demand[:, 0] == pytest.approx(sign * asked[:, 0], abs=1e-9)
+    assert demand[:, 1] == pytest.approx(asked[:, 1], abs=1e-9)
+    assert surfaces.lift.servos == {n for n, function in functions.items() if 33 <= function <= 36}

@@ -52,6 +52,7 @@ def test_every_topic_gives_its_signal() -> None:
         ),
         table("vtol_vehicle_status", [("vehicle_vtol_state", "u1")], [(4,)]),
         table("vehicle_land_detected", [("landed", "u1")], [(1,), (0,)]),
+        table("input_rc", [("values", "u2", (18,))], [([1500, 1400, *[0] * 16],)]),
     )
     # PX4's commands to the mixer are of another scale.
     assert found.keys() == {*CONTINUOUS, *STEPPED} - {"outputs_2", "outputs_3", "mixer"}
@@ -59,6 +60,7 @@ def test_every_topic_gives_its_signal() -> None:
         assert found[name].values.shape[1] == width, name
     assert found["outputs"].values[0, :2].tolist() == [1500.0, 900.0]
     assert np.isnan(found["outputs"].values[0, 2:]).all()
+    assert found["receiver"].values[0, :2].tolist() == [1500.0, 1400.0]
     assert found["rates"].values.tolist() == [[1, 2, 3]]
     assert found["attitude"].values[0] == pytest.approx([np.pi / 2, 0, 0], abs=1e-6)
     assert found["demand"].values[0] == pytest.approx([0, np.pi / 2], abs=1e-3)

@@ -7,9 +7,12 @@ NULL; the first write adds them.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote
+
+from mavhums.core.errors import MavhumsError
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -50,6 +53,7 @@ _TYPES: Final = {
     "binary": "BLOB",
 }
 """DuckDB's names of the types of columns."""
+_ENCODED: Final = re.compile("%[0-9A-Fa-f]{2}")
 _PATIENCE: Final = {"max_retries": "4", "retry_timeout": "30s", "connect_timeout": "5s"}
 
 
@@ -68,6 +72,13 @@ class Tables:
         self.place = place.rstrip("/") if "://" in place else place
         self.is_remote = "://" in place
         self._options = _PATIENCE if self.is_remote else None
+        # delta-rs decodes such a path when it reads, twice, and not when it makes folders: no quoting helps.
+        encoded = None if self.is_remote else _ENCODED.search(os.path.abspath(place))  # noqa: PTH100
+        if encoded:
+            problem = f"{place}: a store's path must not have {encoded[0]!r} in it, which stands for"
+            raise MavhumsError(
+                f"{problem} {unquote(encoded[0])!r} in an address", "choose another folder, or rename it"
+            )
 
     def has(self, table: str) -> bool:
         """Return whether a table exists."""

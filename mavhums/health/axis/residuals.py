@@ -18,6 +18,7 @@ from mavhums.health.axis.thresholds import (
     PITCH_RESPONSE_RAD_S,
     PITCH_TRACKING_FLOOR_RAD,
     RESIDUAL_REFERENCE_S,
+    RISING_S,
     ROLL_RESPONSE_RAD_S,
     ROLL_TRACKING_FLOOR_RAD,
     SHIFT_S,
@@ -185,7 +186,8 @@ class PitchTracking:
     """``θ − (demanded θ, 0.6 s later, through a second order of 4 rad/s)``, less its part in turns.
 
     If the nose is below the demand and the aircraft is slow, it stalls or has lost its engine: this is
-    no evidence against the elevator.
+    no evidence against the elevator. Nor is the dive that brings the speed back, as long as the nose rises
+    in it: the elevator answers at its stop.
     """
 
     kind: Literal["mean", "rms"] = "rms"
@@ -199,6 +201,7 @@ class PitchTracking:
     def _begin(self) -> None:
         self._demand = AttitudeResponse(PITCH_RESPONSE_RAD_S)
         self._late = Tail(1, round(PITCH_DELAY_S * RATE_HZ))
+        self._before, self._sank = Tail(1, round(RISING_S * RATE_HZ)), False
 
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
         """Return the regressors 1 and sin² φ, the pitch residual, and the mask of flight rows with both."""
@@ -207,11 +210,21 @@ class PitchTracking:
         late = self._late.feed(self._demand.feed(rows.pitch_demand)[:, None])[: len(rows), 0]
         answer = rows.pitch - late
         own = self._own.feed(rows)
-        # A stall or a lost engine, not an elevator.
-        sinking = (rows.pitch < rows.pitch_demand - _NOSE_LOW_RAD) & (rows.speed < SLOW_FLIGHT_SHARE * own)
-        good = rows.flying & np.isfinite(rows.pitch_demand) & np.isfinite(answer) & ~sinking
+        good = rows.flying & np.isfinite(rows.pitch_demand) & np.isfinite(answer) & ~self._sinking(rows, own)
         turning = np.nan_to_num(np.sin(rows.roll)) ** 2
         return np.column_stack([np.ones(len(rows)), turning]), answer, good
+
+    def _sinking(self, rows: Rows, own: Array) -> Flags:
+        """Return where the nose is low because the aircraft stalls or has lost its engine, (n,)."""
+        low = rows.pitch < rows.pitch_demand - _NOSE_LOW_RAD
+        slow = low & (rows.speed < SLOW_FLIGHT_SHARE * own)
+        rising = rows.pitch > self._before.feed(rows.pitch[:, None])[: len(rows), 0]
+        at = np.arange(1, len(rows) + 1)
+        begun = np.maximum.accumulate(np.where(slow, at, 0 if self._sank else -1))
+        ended = np.maximum.accumulate(np.where(low & (slow | rising), -1, at))
+        sinking: Flags = begun > ended
+        self._sank = bool(sinking[-1])
+        return sinking
 
 
 class SideForce:

@@ -327,6 +327,10 @@ NOSE_LOW_DEG: Final = 3
 # late.
 SLOW_FLIGHT_SHARE: Final = 0.95
 
+# Seconds over which a nose that rises shows in a dive after a stall: fewer show gusts, more show it late.
+# Development: a glide after an engine failure.
+RISING_S: Final = 0.5
+
 # Seconds of flight that give the usual speed: a whole circuit, climb and cruise. By hand.
 USUAL_SPEED_S: Final = 60
 

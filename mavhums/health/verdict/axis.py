@@ -81,7 +81,7 @@ def _candidates(findings: AxisFindings, surfaces: Surfaces) -> tuple[Candidate, 
     found = [
         Candidate(
             surface=surfaces.what(one),
-            servo=one.servo,
+            servo=one.number,
             probability=min(round(shares[one.servo], 2), _SUREST) if told else None,
             because="the demand about one axis moves the aircraft about the other" if told else None,
         )
@@ -127,7 +127,7 @@ def verdict_of_axis(
         reason, remedy = _LATE_REFERENCE.format(findings.coverage.judged_from_s), _COMPARE
     axis = findings.axis
     refused = surfaces is not None and axis in surfaces.contradicted
-    origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces, axis)}"}
+    origin = {} if surfaces is None else {"V1": f"{_command(surfaces)}, by {_origin(surfaces, axis)}"}
     origin |= _measured(axis, flight, grid)
     coverage = findings.coverage
     late = sum(counts.late for counts in received.values())
@@ -149,7 +149,7 @@ def verdict_of_axis(
         limits=findings.limits,
         # Inferred outputs, and those instead of a profile's, have another scale than in other flights.
         indicators=tuple(indicators(findings))
-        if surfaces and surfaces.origin != "inferred" and not refused
+        if surfaces and surfaces.origin != "inferred" and not surfaces.by_receiver and not refused
         else (),
         provenance=origin,
         reason=reason,
@@ -168,6 +168,12 @@ def _measured(axis: str, flight: Flight, grid: Grid) -> dict[str, str]:
         if used:
             found[signal] = ", ".join(f"{name} for {s} s" if len(used) > 1 else name for name, s in used)
     return found
+
+
+def _command(surfaces: Surfaces) -> str:
+    if surfaces.by_receiver:
+        return "the receiver's channels, for no output has a pulse and the receiver drives the servos"
+    return "servo outputs"
 
 
 def _origin(surfaces: Surfaces, axis: str) -> str:

@@ -126,7 +126,9 @@ def why_not_at_all(
         return Obstacle(reason, "record the autopilot's heartbeats as well; a .BIN or .ulg from its start")
     if not kinds & _WINGED_TYPES and not flight.on_ground:
         return Obstacle(f"{' and '.join(map(in_words, sorted(kinds)))}: {_FIXED_WINGS_ONLY}", NO_WINGS)
-    missing = [name for name in _NEEDED if name not in flight.heard]
+    # Of a receiver that drives the servos, each axis tells.
+    unheard = flight.heard | ({"outputs"} if flight.by_receiver else set())
+    missing = [name for name in _NEEDED if name not in unheard]
     told = " and ".join(_NEEDED[name] for name in missing)
     # The messages are there: recording more of them would not help.
     if missing and (late := disorder(received)):
@@ -229,6 +231,9 @@ def _obstacles(
 ) -> Iterator[Obstacle]:
     axis = findings.axis
     outputs = surfaces.of_axis(axis) if surfaces else ()
+    if flight.by_receiver and not (surfaces and surfaces.by_receiver and outputs):
+        yield _by_receiver(flight)
+        return
     if findings.reference is None:
         yield from _unmeasured(findings, flight, received)
     motion, longer = ("driving forward", _LONGER_DRIVE) if axis == STEERING else ("forward flight", _LONGER)
@@ -255,6 +260,18 @@ def _obstacles(
         yield _unclear(findings)
     elif outputs and usable_s >= REFERENCE_S and not _slow(findings, flight):
         yield from _no_reference(findings)
+
+
+def _by_receiver(flight: Flight) -> Obstacle:
+    """Return why an axis without a command is not judged, where the receiver's channels are all there is."""
+    only = f"only the receiver's channels ({', '.join(map(str, flight.by_receiver))})"
+    if flight.has_pulses:
+        reason = f"the receiver drives the servos: of the log no output moves, {only} do"
+        return Obstacle(reason, "choose a flight in which the autopilot's outputs drive the servos")
+    reason = f"the receiver drives the servos: the log has no output, {only}"
+    return Obstacle(
+        reason, "record the parameters, too, or name servos by their channels in an airframe file"
+    )
 
 
 def _unmeasured(

@@ -121,6 +121,7 @@ SOURCES: Final = (
     Source("outputs", "RCOU", {"C1": 1}, _outputs(OUTPUTS)),
     Source("outputs_2", "RCO2", {}, _outputs(ALL_OUTPUTS)),
     Source("outputs_3", "RCO3", {}, _outputs(ALL_OUTPUTS)),
+    Source("receiver", "RCIN", {"C1": 1}, _outputs(OUTPUTS)),
     plain("rates", "IMU", "GyrX", "GyrY", "GyrZ", rows=_first_sensor),
     plain("force", "IMU", "AccX", "AccY", "AccZ", rows=_first_sensor),
     plain("mixer", "RATE", "ROut", "POut", "YOut", "AOut"),

@@ -61,6 +61,8 @@ _GPS_WORKS_US: Final = 1_262_304_000_000_000  # 2010: an autopilot without a fix
 _ARDUPILOT_ID_BYTES: Final = 12  # of uid2's 18: the others are zero in ArduPilot
 
 _SERVO_FIELDS: Final = tuple(f"servo{n}_raw" for n in range(1, OUTPUTS + 1))
+_CHANNELS: Final = tuple(f"chan{n}_raw" for n in range(1, OUTPUTS + 1))
+_OLD_CHANNELS: Final = 8  # of the message that came before
 _HEARTBEAT: Final = dict.fromkeys(("type", "autopilot", "base_mode", "custom_mode"), 1)
 _VERSION: Final = {"uid2": 18, "uid": 1, "flight_sw_version": 1}
 
@@ -90,6 +92,10 @@ def mode_name(autopilot: int, kind: int, base_mode: int, number: int) -> str:
 
 def _outputs(table: Table) -> Array:
     return pulses(columns(table, *_SERVO_FIELDS))
+
+
+def _channels(table: Table, count: int) -> Array:
+    return wide(pulses(columns(table, *_CHANNELS[:count])), 0)[:, :OUTPUTS]
 
 
 def _port(number: int) -> Any:
@@ -164,6 +170,14 @@ SOURCES: Final = (
         {"port": 1, **dict.fromkeys(_SERVO_FIELDS, 1)},
         lambda t: wide(_outputs(t), OUTPUTS),
         _port(1),
+    ),
+    Source("receiver", "RC_CHANNELS", dict.fromkeys(_CHANNELS, 1), lambda t: _channels(t, OUTPUTS)),
+    Source(
+        "receiver",
+        "RC_CHANNELS_RAW",
+        {"port": 1, **dict.fromkeys(_CHANNELS[:_OLD_CHANNELS], 1)},
+        lambda t: _channels(t, _OLD_CHANNELS),
+        _port(0),
     ),
     plain("rates", "HIGHRES_IMU", *_MILLI_RATES),
     plain("rates", "RAW_IMU", *_MILLI_RATES, scale=1e-3),

@@ -36,6 +36,7 @@ _ARMED: Final = 2  # vehicle_status.ARMING_STATE_ARMED
 _INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
 _VERSION_DIGITS: Final = 10  # of 2³²: a longer text is no version
 _MAIN, _AUX = 0, 1  # instances of actuator_outputs, which follow the order in which drivers start
+_CHANNELS: Final = 18  # of input_rc
 _INFO: Final = {"name": TEXT, "value": TEXT}
 
 _MODES: Final = {
@@ -178,6 +179,7 @@ SOURCES: Final = (
         lambda t: wide(_outputs(t), OUTPUTS),
         lambda t: t.component == _AUX,
     ),
+    Source("receiver", "input_rc", {"values": _CHANNELS}, lambda t: pulses(t["values"][:, :OUTPUTS] * 1.0)),
     _vector("rates", "sensor_combined", "gyro_rad"),
     _vector("rates", "vehicle_angular_velocity", "xyz"),
     _vector("force", "sensor_combined", "accelerometer_m_s2"),

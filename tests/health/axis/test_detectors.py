@@ -117,3 +117,16 @@ def test_a_stall_is_no_elevator() -> None:
     flight["speed"][2000:] = 12.0
     monitor = AxisMonitor(1)
     assert all(change.after == "normal" for change in changes_of(monitor, rows(flight)))
+
+
+@pytest.mark.parametrize(("rises", "faulty"), [(True, False), (False, True)])
+def test_the_dive_after_a_stall_is_no_elevator_while_the_nose_rises(rises: bool, faulty: bool) -> None:
+    """After the engine has stopped the speed comes back with the nose still low."""
+    flight = controlled(160)
+    flight["pitch_demand"][1900:] = flight["pitch"][1900:] = 0.0
+    flight["pitch"][2000:] -= 0.6
+    flight["speed"][2000:2080] = 12.0
+    if rises:
+        flight["pitch"][2080:] = np.minimum(flight["pitch"][2080:] + np.arange(1, 1121) * 0.005, 0.0)
+    changes = changes_of(AxisMonitor(1), rows(flight))
+    assert any(change.after == "emergency" for change in changes) is faulty
