@@ -126,7 +126,7 @@ FOUR, NARROW = (1, 2, 3, 4), {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0}
         (COPTER | NARROW | {"MOT_THST_EXPO": 0.5, "RC3_MIN": 1000.0}, "quad X", FOUR, (1260, 1820), 0.5),
         (COPTER | {"MOT_PWM_MIN": 0.0, "RC3_MIN": 1100.0}, "quad X", FOUR, (1280, 1910), 0.65),
         (COPTER | {"RC3_MAX": 1900.0}, "quad X", FOUR, (1180, 1810), 0.65),
-        (COPTER | functions(32, 9, 3, 1) | {"SERVO2_FUNCTION": 4.0}, "quad X", (32, 9, 3, 1), (1200, 1900), 0.65),
+        (COPTER | functions(32, 9, 3, 1) | {"SERVO2_FUNCTION": 4.0}, "quad X", (32, 9, 3, 1), (1200, 1900), 0.65),  # noqa: E501
         (COPTER | LIFT | functions(*range(5, 11)), "lift hexa +", tuple(range(5, 11)), (1190, 1955), 0.65),
         ({"FRAME": 0.0, "MOT_SPIN_ARMED": 70.0}, "quad +", FOUR, (1150, 1950), 0.65),
     ],
