@@ -32,9 +32,10 @@ from mavhums.flights.trends import trend_report
 from mavhums.health.axis.effectiveness import new_tracker
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.decision.growth import course_of, last_step
-from mavhums.health.estimation.equations.own_scale import POWER, TWO_WAYS
+from mavhums.health.estimation.equations.own_scale import POWER, RIPPLE, ROUGHNESS, TWO_WAYS
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.random_effects import scattering_share, variance_between
+from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.motor import motor_indicators
 from mavhums.health.self_baseline.past import PastRecord
@@ -55,8 +56,7 @@ from tests.health.axis import test_origin
 from tests.health.axis.flights import rolling, rows, turning
 from tests.health.axis.test_detectors import controlled
 from tests.health.decision import test_drift, test_growth
-from tests.health.motor import test_past
-from tests.health.motor.test_monitor import log as rotors_log
+from tests.health.motor import test_monitor, test_past
 from tests.health.self_baseline import test_own_judge, test_own_power, test_stall, test_strokes
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
 
@@ -71,7 +71,7 @@ def _written(flight: Callable[[], bytes], ending: str, folder: Path) -> Path:
 
 
 def _rotors(frame: str, loss: float, folder: Path) -> Path:
-    return rotors_log(folder / "log.tlog", frame, loss, seed=4)
+    return test_monitor.log(folder / "log.tlog", frame, loss, seed=4)
 
 
 def _steered(boat: bool, fault: SteeringFault | None, folder: Path) -> Path:
@@ -230,6 +230,27 @@ def test_of_motors_beside_earlier_flights() -> None:
     hold("motors", dumped(test_past.compared(weak, test_past.earlier(5))))
 
 
+MOTORS = {
+    "weak": ("quad x", 0.2, 25.0),
+    "stopped": ("quad +", 1.0, 25.0),
+    "seldom": ("quad x", 0.7, 4.0),
+    "whole": ("hexa x", 0.0, 50.0),
+    "of eight": ("octa x", 1.0, 10.0),
+}
+
+
+@pytest.mark.parametrize("name", MOTORS)
+def test_of_motors(name: str) -> None:
+    frame, loss, hz = MOTORS[name]
+    monitor = MotorMonitor(1, test_monitor.rotors(frame))
+    events = list(monitor.feed(test_monitor.settled(test_monitor.fly_with(loss, frame, 6), hz, 6)))
+    found, state = monitor.findings(), monitor._state
+    parts = ("loss", "several", "flown_s", "judged_s", "tipped", "bound", "trims")
+    shown = {part: dumped(getattr(found, part)) for part in parts}
+    sums = {part: getattr(state, part).tolist() for part in ("noise", "weight", "bound", "recent", "payload")}
+    hold(f"motors {name}", {"found": shown, "state": dumped(sums), "events": condensed(events)})
+
+
 def test_of_a_drift() -> None:
     values = 0.22 + np.repeat([0.0, 0.02, 0.004, 0.06], 12) + np.tile([-0.004, 0.003, 0.002], 16)
     hold("drift", dumped([list(shift) for shift in test_drift.follow(values)[1]]))
@@ -257,6 +278,18 @@ def own() -> Iterator[tuple[str, Any]]:
 
 def test_of_a_servos_own_flights() -> None:
     hold("own", {name: dumped(found) for name, found in own()})
+
+
+def test_of_what_a_flight_leaves_of_a_servo() -> None:
+    """Sums of a flight, from which all later comparisons are made: each column's own."""
+    found: list[Any] = [test_own_judge.HEALTHY[0].records[0], test_own_power.HEALTHY[0].records[0]]
+    found += [test_strokes.left(test_strokes.swept(3), one) for one in (TWO_WAYS, ROUGHNESS, RIPPLE)]
+    found += [collected(VoltageSums(blank()), Servo().flown(5)), left(Servo(load_friction=0.2), 30)]
+    told = []
+    for record in found:
+        groups = np.array(record.groups)
+        told.append(dumped(record.model_copy(update={"groups": ()})) | {"sums": groups.sum(axis=0).tolist()})
+    hold("records", told)
 
 
 def test_of_a_servos_motor() -> None:
