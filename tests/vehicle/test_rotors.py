@@ -77,12 +77,160 @@ def test_an_overridden_output_is_replaced_by_what_the_mixer_asks() -> None:
     assert rotors.thrusts(sent, np.full((1, 4), np.nan))[0, 2] == 0.0
 
 
+@pytest.mark.parametrize(
+    ("frame", "off", "replaced"),
+    [
+        ("quad x", 1, True),
+        ("quad x", 2, False),
+        ("hexa x", 2, True),
+        ("hexa x", 3, False),
+        ("octa x", 2, True),
+    ],
+)
+def test_few_overridden_outputs_are_replaced(frame: str, off: int, replaced: bool) -> None:
+    """More than a third of them differ where the mixer is at a limit: then it tells less than they do."""
+    count = len(FRAMES[frame].factors)
+    sent, asked = np.full((2, 32), np.nan), np.tile([0.0, 0.0, 0.0, 0.5], (2, 1))
+    command = np.full((2, count), 0.5)
+    command[0, :off] += 0.14  # as far as the sampling moves it
+    command[1, :off] += 0.16
+    sent[:, :count] = pulses(command)
+    found = known(frame).thrusts(sent, asked)
+    assert np.allclose(found[0], command[0], atol=3e-3)
+    assert np.allclose(found[1], 0.5 if replaced else command[1], atol=3e-3)
+
+
+def functions(*outputs: int) -> dict[str, float]:
+    """Return the parameters that put a copter's motors 1, 2, … on these outputs."""
+    return {f"SERVO{n}_FUNCTION": 33.0 + k for k, n in enumerate(outputs)}
+
+
+COPTER = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0, "MOT_SPIN_MIN": 0.2, "MOT_SPIN_MAX": 0.9}
+LIFT = {
+    "Q_ENABLE": 1.0,
+    "Q_FRAME_CLASS": 2.0,
+    "Q_FRAME_TYPE": 0.0,
+    "Q_M_SPIN_MIN": 0.1,
+    "Q_M_PWM_MIN": 1100.0,
+}
+
+
+FOUR, NARROW = (1, 2, 3, 4), {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0}
+
+
+@pytest.mark.parametrize(
+    ("values", "frame", "servos", "range_us", "curve"),
+    [
+        (COPTER, "quad X", FOUR, (1200, 1900), 0.65),
+        (COPTER | {"Q_ENABLE": 0.0}, "quad X", FOUR, (1200, 1900), 0.65),
+        (COPTER | NARROW | {"MOT_THST_EXPO": 0.5, "RC3_MIN": 1000.0}, "quad X", FOUR, (1260, 1820), 0.5),
+        (COPTER | {"MOT_PWM_MIN": 0.0, "RC3_MIN": 1100.0}, "quad X", FOUR, (1280, 1910), 0.65),
+        (COPTER | {"RC3_MAX": 1900.0}, "quad X", FOUR, (1180, 1810), 0.65),
+        (COPTER | functions(32, 9, 3, 1) | {"SERVO2_FUNCTION": 4.0}, "quad X", (32, 9, 3, 1), (1200, 1900), 0.65),  # noqa: E501
+        (COPTER | LIFT | functions(*range(5, 11)), "lift hexa +", tuple(range(5, 11)), (1190, 1955), 0.65),
+        ({"FRAME": 0.0, "MOT_SPIN_ARMED": 70.0}, "quad +", FOUR, (1150, 1950), 0.65),
+    ],
+)  # fmt: skip
+def test_ardupilots_parameters_give_the_range_of_the_motors(
+    values: dict[str, float], frame: str, servos: tuple[int, ...], range_us: tuple[float, ...], curve: float
+) -> None:
+    """Idle and full pulse: MOT_PWM_MIN … MOT_PWM_MAX times MOT_SPIN_MIN, MOT_SPIN_MAX (0.15, 0.95)."""
+    found = of(values)
+    assert isinstance(found, Rotors)
+    assert (found.frame, found.servos, found.curve) == (frame, servos, curve)
+    assert found.lift == frame.startswith("lift")
+    assert (found.idle, found.full) == pytest.approx(range_us)
+
+
+@pytest.mark.parametrize(
+    ("values", "why"),
+    [
+        (COPTER | {"MOT_PWM_MIN": 1800.0, "MOT_PWM_MAX": 1940.0}, "not plausible"),  # 98 µs
+        (COPTER | functions(1, 2, 3), "assign no output"),
+        ({"MOT_SPIN_MIN": 0.15, "FRAME_CLASS": 1.0}, "FRAME_CLASS or FRAME_TYPE"),
+        ({"MOT_SPIN_MIN": 0.15, "FRAME_TYPE": 1.0}, "FRAME_CLASS or FRAME_TYPE"),
+    ],
+)
+def test_ardupilots_parameters_that_leave_the_motors_unknown(values: dict[str, float], why: str) -> None:
+    assert why in str(of(values))
+    assert isinstance(of(COPTER | {"MOT_PWM_MIN": 1800.0, "MOT_PWM_MAX": 1945.0}), Rotors)  # 101.5 µs
+
+
+def placed(count: int, output: str = "PWM_MAIN_FUNC") -> dict[str, float]:
+    """Return PX4's parameters of rotors evenly on a circle, from the nose on, on the outputs 2, 3, …"""
+    values = {"CA_ROTOR_COUNT": float(count), "CA_AIRFRAME": 0.0}
+    for k, angle in enumerate(2 * np.pi * np.arange(count) / count):
+        values |= {f"CA_ROTOR{k}_PX": np.cos(angle), f"CA_ROTOR{k}_PY": np.sin(angle)}
+        values |= {f"CA_ROTOR{k}_KM": 0.05 * (-1) ** k, f"{output}{k + 2}": 101.0 + k}
+    return values
+
+
+PUSHED = placed(4) | {"CA_ROTOR_COUNT": 5.0, "CA_AIRFRAME": 2.0, "CA_ROTOR4_AX": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("values", "frame", "servos"),
+    [
+        (placed(4), "quad", (2, 3, 4, 5)),
+        (placed(6, "PWM_AUX_FUNC"), "hexa", tuple(range(18, 24))),
+        (placed(8, "HIL_ACT_FUNC"), "octa", tuple(range(2, 10))),
+        (PUSHED, "lift quad", (2, 3, 4, 5)),
+        *(
+            ({"SYS_AUTOSTART": number, "MAV_TYPE": kind}, frame, tuple(range(1, count + 1)))
+            for number, kind, frame, count in (
+                (4001.0, 2.0, "quad X", 4),
+                (5001.0, 2.0, "quad +", 4),
+                (6001.0, 13.0, "hexa X", 6),
+                (7001.0, 13.0, "hexa +", 6),
+                (8001.0, 14.0, "octa X", 8),
+                (9001.0, 14.0, "octa +", 8),
+            )
+        ),
+    ],
+)
+def test_px4s_parameters_give_places_and_outputs(
+    values: dict[str, float], frame: str, servos: tuple[int, ...]
+) -> None:
+    """Numbers of airframes as in PX4's list: 4000 quadrotor x, 5000 +, and so on; MAIN 1–16, AUX 17–32."""
+    found = of(values, px4=True)
+    assert isinstance(found, Rotors)
+    assert (found.frame, found.servos, found.lift) == (frame, servos, frame.startswith("lift"))
+    assert (found.idle, found.full, found.curve) == (1000, 2000, None)
+    turning = of(values | {"THR_MDL_FAC": 0.3}, px4=True)
+    assert isinstance(turning, Rotors)
+    assert turning.curve == 0.3
+    if "CA_ROTOR_COUNT" in values:
+        count = len(servos)
+        assert found.bearings_deg == pytest.approx(
+            [(360 * k / count + 179.9) % 360 - 179.9 for k in range(count)]
+        )
+
+
+def test_px4s_parameters_that_leave_the_motors_unknown() -> None:
+    shifted = {name.replace("FUNC2", "FUNC20"): value for name, value in placed(4).items()}
+    nowhere = placed(4) | {f"CA_ROTOR{k}_PX": 0.0 for k in range(4)}
+    for values, why in (
+        (placed(3), "the places"),
+        (placed(4) | {"CA_ROTOR_COUNT": 5.0}, "the places"),
+        (placed(5), "arrangement"),
+        (nowhere, "arrangement"),
+        (shifted, "assign no output"),
+    ):
+        assert why in str(of(values, px4=True))
+    for values in (
+        placed(4) | {"CA_AIRFRAME": 1.0, "SYS_AUTOSTART": 4001.0, "MAV_TYPE": 2.0},
+        {"SYS_AUTOSTART": 4001.0},
+        {"MAV_TYPE": 2.0},
+    ):
+        assert of(values, px4=True) is None
+
+
 def test_functions_name_the_outputs() -> None:
     values = {**PARAMETERS, "FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}
-    functions = {
+    outputs = {
         f"SERVO{n}_FUNCTION": function for n, function in zip(range(5, 9), (34, 33, 36, 35), strict=True)
     }
-    rotors = of(values | functions)
+    rotors = of(values | outputs)
     assert isinstance(rotors, Rotors)
     assert rotors.servos == (6, 5, 8, 7)
     assert isinstance(of(values | {"SERVO1_FUNCTION": 33.0, "SERVO2_FUNCTION": 1.0}), str)

@@ -7,9 +7,10 @@ import pytest
 
 from mavhums.core.quantities import column
 from mavhums.health.estimation.motor_identification import VoltageSums
-from mavhums.health.self_baseline.motor import MOTOR_FAULTS, motor_indicators
+from mavhums.health.self_baseline.motor import MOTOR_FAULTS, _prediction, friction_current, motor_indicators
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
+from mavhums.results.standing import Interval
 from mavhums.results.verdict import OwnRecord, Verdict
 from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
 
@@ -36,6 +37,37 @@ def test_a_motor_is_shown_beside_its_earlier_flights() -> None:
     assert resistance.baseline.high < 22.0
     assert back_emf.baseline.low < back_emf.value.estimate < back_emf.baseline.high
     assert resistance.baseline_flights == resistance.needed_flights == 10
+
+
+def test_the_baseline_is_the_prediction_interval_of_one_more_flight() -> None:
+    """Mean ± t · s · √(1 + 1/n) with t of n − 1 degrees of freedom: 2.262 for ten flights (any table)."""
+    values = 20.0 + np.array([-0.3, 0.1, 0.2, -0.1, 0.4, 0.0, -0.2, 0.3, -0.4, 0.5])
+    earlier = [Interval(estimate=value, low=value - 1.0, high=value + 1.0) for value in values.tolist()]
+    found = _prediction(earlier)
+    assert found is not None
+    spread = float(np.sqrt(np.sum((values - values.mean()) ** 2) / 9)) * 1.1**0.5
+    assert found.estimate == pytest.approx(values.mean(), rel=1e-4)
+    assert (found.high - found.estimate, found.estimate - found.low) == pytest.approx(
+        [2.262 * spread] * 2, abs=2e-3
+    )
+    assert _prediction(earlier[:9]) is None
+
+
+def test_the_friction_current_counts_flights_of_one_setup_and_its_error_by_either_scatter() -> None:
+    alike = [
+        left(Servo(friction_a=friction), seed, seconds=60.0) for seed, friction in ((1, 0.05), (2, 0.06))
+    ]
+    [one, both] = [friction_current(alike[:count]) for count in (1, 2)]
+    assert one is not None
+    assert both is not None
+    assert one.estimate == pytest.approx(0.05, rel=0.03)
+    assert both.estimate == pytest.approx(0.055, rel=0.03)
+    # Two values d apart: s/√2 = d/2, and t of one degree of freedom is 12.706.
+    assert both.high - both.estimate == pytest.approx(12.706 * 0.01 / 2, rel=0.1)
+    assert one.high - one.estimate < 0.1 * (both.high - both.estimate)
+    other = alike[1].model_copy(update={"setup": "other"})
+    assert friction_current([alike[0], other]) == one
+    assert friction_current([voltage(31)]) is None
 
 
 def test_nine_flights_make_no_baseline_and_unsound_ones_do_not_count() -> None:

@@ -1,0 +1,67 @@
+"""What the speeds of ESCs say of a loss of thrust: speed goes with the root of thrust, known exactly here."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mavhums.health.motor.speeds import EscSpeeds, SpeedCause, SpeedsBesideThrust
+from mavhums.vehicle.grid import RATE_HZ
+
+LOST_S = 40.0
+
+
+def cause(left: float, *, thrust: float = 0.36, sags: float = 1.0, from_s: int = 0) -> SpeedCause | None:
+    """Motor 2 of four keeps a share of its speed from 40 s on, beside a battery that sags."""
+    heard, rng = EscSpeeds(), np.random.default_rng(1)
+    speeds = SpeedsBesideThrust(heard, (5, 6, 7, 8))
+    for second in range(from_s, 60):
+        time_s = second + np.arange(10) / 10
+        for motor in range(4):
+            share = (left if motor == 1 else 1.0) * sags if second >= LOST_S else 1.0
+            heard.hear(motor + 4, time_s, -1000.0 * share * (1.0 + 0.001 * rng.standard_normal(10)))
+        asked = np.full((RATE_HZ, 4), thrust)
+        decided_s = LOST_S + 1.0 if second > LOST_S else None
+        speeds.add(second, asked, np.ones(RATE_HZ, dtype=bool), decided_s)
+    return speeds.cause(1, LOST_S)
+
+
+@pytest.mark.parametrize(
+    ("left", "thrust", "words"),
+    [
+        (0.25, 0.36, "its speed collapsed: the ESC"),
+        (0.25, 0.95, "its speed collapsed at full output: desynchronisation"),
+        (0.8, 0.36, "its speed lags its output (80 % of what its output gave before)"),
+        (1.0, 0.36, "its speed follows its output (100 % of what its output gave before)"),
+    ],
+)
+def test_the_cause_is_where_the_speed_leaves_the_thrust(left: float, thrust: float, words: str) -> None:
+    for sags in (1.0, 0.9):
+        found = cause(left, thrust=thrust, sags=sags)
+        assert found is not None
+        assert found.words.startswith(words)
+        assert found.ratio == pytest.approx(left, rel=0.005)
+        assert (found.start_s, found.end_s) == (40.5, 49.5)  # 0.4 s after the onset, 8 s after the decision
+
+
+def test_too_little_before_or_a_battery_that_collapsed_says_nothing() -> None:
+    assert cause(0.8, from_s=31) is None  # 18 half seconds
+    assert cause(0.8, from_s=30) is not None
+    assert cause(1.0, sags=0.2) is None, "all of them collapsed"
+
+
+def test_speeds_are_means_of_half_seconds_unless_they_only_repeat_themselves() -> None:
+    heard = EscSpeeds()
+    heard.hear(0, np.array([0.0, 0.2, 0.5, 0.7, 1.1]), np.array([100.0, -200.0, 300.0, np.nan, 300.0]))
+    heard.hear(1, np.array([0.1, 0.3]), np.array([0.0, 0.0]))
+    assert [heard.at(k, [0, 1, 2]).tolist()[:2] for k in range(2)] == [
+        [150.0, 0.0],
+        [300.0, pytest.approx(np.nan, nan_ok=True)],
+    ]
+    assert np.isnan(heard.at(2, [0])).all(), "a speed that repeats itself is no report"
+    assert heard.escs_of([1, 2]) == [0, 1]
+    assert heard.escs_of([5, 6]) == [0, 1], "numbered as the motors"
+    assert heard.escs_of([2, 1]) == [1, 0]
+    heard.forget(1, 1)
+    assert np.isnan(heard.at(0, [0])).all()
+    assert heard.at(1, [0]).tolist() == [300.0]

@@ -1,0 +1,312 @@
+"""The reasons of axes and vehicles that are not judged: every requirement, with its figure and its limit."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import common as v2
+
+from mavhums.actuator.tiers import TIERS
+from mavhums.health.axis.monitor import AxisFindings
+from mavhums.health.axis.reference import STANDARDS
+from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
+from mavhums.results.sections import AxisLimits
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage
+from mavhums.vehicle.grid import Received
+from mavhums.vehicle.identity import Identity, in_words
+from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.surfaces import Moved, Surfaces
+
+PLANE, COPTER, STATION, ROVER, BOAT, VTOL = 1, 2, 6, 10, 11, 22
+HEARD = {"outputs", "attitude", "rates", "force", "airspeed"}
+
+
+def flight(**changes: Any) -> Any:
+    """Return what the reasons ask of a flight: a healthy one of five minutes, but for the changes."""
+    lasted = changes.pop("lasted", {})
+    rates = changes.pop("rates", {"outputs": 10.0, "rates": 25.0})
+    return SimpleNamespace(
+        **{
+            "kinds": {PLANE},
+            "autopilots": {3},
+            "heard": HEARD,
+            "on_ground": False,
+            "steers": False,
+            "flown_s": 300,
+            "doubted_s": 0,
+            "fastest": 20.0,
+            "lasted_s": lambda what: lasted.get(what, 0.0),
+            "rate_hz": rates.get,
+        }
+        | changes
+    )
+
+
+def why(*arguments: Any, **changes: Any) -> str:
+    found = why_not_at_all(flight(**changes), *arguments)
+    return found.reason if found else ""
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "reason"),
+    [
+        ({}, None, ""),
+        ({"kinds": {VTOL}}, None, ""),
+        ({"kinds": {19}}, None, ""),
+        ({"kinds": {25}}, None, ""),
+        ({"kinds": {PLANE, COPTER, STATION}}, "multirotor", ""),
+        ({"kinds": set()}, "quadplane", "nothing in the log tells"),
+        ({"kinds": set()}, None, "nothing in the log tells"),
+        ({"kinds": set()}, "multirotor", "multirotor: control effectiveness is judged for fixed-wing"),
+        ({"kinds": {COPTER}}, None, "a quadrotor: control"),
+        ({"kinds": {COPTER}}, "helicopter", "helicopter: control"),
+        ({"kinds": {COPTER, 14}}, None, "a quadrotor and an octorotor: control"),
+        ({"kinds": {COPTER, STATION}}, None, "a quadrotor: control"),
+        ({"kinds": {STATION}}, None, "a ground station: control"),
+        ({"heard": HEARD - {"outputs"}}, None, "the log lacks the servo outputs"),
+        ({"heard": HEARD - {"attitude"}}, None, "the log lacks the attitude"),
+        ({"heard": set()}, None, "the log lacks the servo outputs and the attitude"),
+        ({"flown_s": 0}, None, "it never flew forward: it was never armed"),
+        (
+            {"flown_s": 0, "lasted": {"armed": 9.0}, "heard": {"outputs", "attitude"}},
+            None,
+            "whether it flew forward is not known",
+        ),
+        (
+            {"flown_s": 0, "lasted": {"armed": 9.0}, "fastest": 6.4},
+            None,
+            "it never flew forward: its highest speed while armed was 6 m/s, 8 are needed",
+        ),
+        (
+            {"flown_s": 0, "lasted": {"armed": 9.0, "fast": 7.0, "slow": 2.0, "mode": 4.0, "lift": 0.9}},
+            None,
+            "it never flew forward: of 7 s above 8 m/s (fastest 20 m/s), in 4 s it was in a hovering mode, "
+            "in 2 s its ground speed was below 5 m/s",
+        ),
+        (
+            {"flown_s": 0, "lasted": {"armed": 9.0, "fast": 2.0}},
+            None,
+            "it never flew forward: of 2 s above 8 m/s (fastest 20 m/s), no stretch of the rest lasted 3 s",
+        ),
+        (
+            {"kinds": {ROVER}, "on_ground": True, "steers": True, "flown_s": 0, "fastest": 0.42},
+            None,
+            "it did not drive forward for 3 s: its highest speed forward was 0.4 m/s, 0.5 are needed",
+        ),
+        (
+            {"kinds": {BOAT}, "on_ground": True, "steers": True, "flown_s": 0, "fastest": 1.0},
+            None,
+            "it did not drive forward for 3 s: its highest speed forward was 1.0 m/s, 1.5 are needed",
+        ),
+        ({"kinds": set(), "on_ground": True, "steers": True}, None, ""),
+        ({"kinds": {ROVER}, "on_ground": True}, None, "a ground rover: which output steers it"),
+    ],
+)
+def test_why_no_axis_is_judged(changes: dict[str, Any], kind: str | None, reason: str) -> None:
+    found = why(kind, **changes)
+    assert found.startswith(reason)
+    assert bool(found) == bool(reason)
+
+
+def test_messages_that_are_there_are_not_asked_for() -> None:
+    silent = {"heard": HEARD - {"outputs"}}
+    assert "(1,200 SERVO_OUTPUT_RAW) and carry no pulses" in why(
+        None, {"SERVO_OUTPUT_RAW": Received(1200, 3, 0)}, **silent
+    )
+    assert "lacks" in why(None, {"SERVO_OUTPUT_RAW": Received(0, 0, 0)}, **silent)
+    late = {"SERVO_OUTPUT_RAW": Received(79, 21, 0), "ATTITUDE": Received(80, 20, 0)}
+    assert disorder(late) == "of SERVO_OUTPUT_RAW 79 of 100 samples came in time"
+    assert why(None, late, **silent).startswith("the servo outputs came too late to be used: of SERVO_OUTPUT")
+
+
+def test_how_a_rover_steers_is_told_by_its_parameters() -> None:
+    ground = {"kinds": {ROVER}, "on_ground": True}
+    tank = {"CRUISE_THROTTLE": 1.0, "SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0}
+    for values, reason in ((tank, "skid steering"), ({"CRUISE_THROTTLE": 1.0}, "name no output that steers")):
+        assert reason in why(None, {}, Parameters(1, False, values), **ground)
+
+
+MOVED = (Moved(1, "aileron", 1500, 400), Moved(2, "elevator", 1500, 400), Moved(4, "rudder", 1500, 400))
+KNOWN = Surfaces(MOVED, "parameters")
+
+
+def reference(explained: float = 0.9, error: float = 0.01) -> Any:
+    return SimpleNamespace(explained=explained, error=error)
+
+
+def findings(axis: str = "roll", **changes: Any) -> AxisFindings:
+    return replace(
+        AxisFindings(
+            axis=axis,
+            condition="undecided",
+            worst="undecided",
+            since_s=None,
+            coverage=Coverage(moving_fraction=0.1, windows=100, decidable=10),
+            suspects=(),
+            evidence=(),
+            effectiveness=None,
+            doubt=None,
+            windows=0,
+            reference=None,
+            best=None,
+            usable_s=300,
+            spacing_s=0.1,
+            needs=STANDARDS[axis],
+            limits=AxisLimits(),
+            from_take_off=True,
+        ),
+        **changes,
+    )
+
+
+def undecided(one: AxisFindings, surfaces: Surfaces | None = KNOWN, **changes: Any) -> str:
+    return why_undecided(one, surfaces, flight(**changes), {}).reason
+
+
+def test_what_is_too_short_or_unknown() -> None:
+    short = "s of forward flight, 45 are needed for a reference and 30 to judge"
+    assert undecided(findings(usable_s=44), flown_s=44) == f"44 {short}"
+    named = short.replace("flight,", "flight with known outputs,")
+    assert undecided(findings(usable_s=44)) == f"44 {named}"
+    assert short not in undecided(findings(usable_s=45))
+    nobody = undecided(findings(), None, flown_s=44)
+    assert nobody.startswith(f"44 {short}; which outputs move the surfaces is told neither")
+    assert nobody.endswith("44 s of forward flight are too short to learn it")
+    assert undecided(findings(), None).endswith("the flight's beginning does not tell it clearly")
+    less = replace(KNOWN, moved=MOVED[1:])
+    assert undecided(findings(), less) == "by its parameters no output of this vehicle moves it in roll"
+    drafted = replace(less, origin="profile")
+    assert undecided(findings(), drafted) == "no output of this vehicle is known to move it in roll"
+
+
+def test_a_contradicted_profile_is_named_where_it_matters() -> None:
+    wrong = replace(KNOWN, origin="profile", contradicted={"roll": "servo 1 is a throttle"})
+    assert undecided(findings(), wrong) == "servo 1 is a throttle"
+    assert "servo 1 is a throttle" not in undecided(findings("yaw"), wrong)
+    assert "servo 1 is a throttle" in undecided(findings("yaw", usable_s=44), wrong)
+    assert "servo 1 is a throttle" not in undecided(findings("pitch", usable_s=44), wrong)
+    by_log = replace(wrong, by_log=frozenset({"roll"}))
+    for changes, told in (({"usable_s": 44}, True), ({}, False), ({"reference": reference()}, False)):
+        assert ("servo 1 is a throttle" in undecided(findings(**changes), by_log)) == told
+
+
+def test_streams_that_are_too_slow_or_absent() -> None:
+    slow = {"outputs": 2.0, "rates": 1.5}
+    assert undecided(findings(), rates=slow) == (
+        "the servo outputs come 2.0 and the rates come 1.5 times a second, 3 are needed to judge roll"
+    )
+    five = {"outputs": 5.0, "rates": 25.0}
+    assert "come 5.0 times a second, 10 are needed to judge pitch" in undecided(findings("pitch"), rates=five)
+    assert "times a second" not in undecided(findings(), rates=five)
+    unknown = undecided(findings(spacing_s=0.5), rates={})
+    assert unknown.startswith("the servo outputs or the rates come 2.0 times a second, 3 are needed")
+    for axis, needed in (("roll", False), ("pitch", True), ("yaw", True)):
+        reason = undecided(findings(axis), heard=HEARD - {"force"})
+        assert (f"the log lacks the accelerometer, which {axis} needs" in reason) == needed
+    for seconds, doubted in ((9, False), (10, True)):
+        told = "for 10 s the airspeed sensor contradicts" in undecided(findings(), doubted_s=seconds)
+        assert told == doubted
+
+
+def test_seconds_that_make_no_reference() -> None:
+    bank = r"no 45 s within two minutes were flown within 60° of bank, \d+° of pitch and \d+ % of the usual"
+    assert re.match(bank, undecided(findings()))
+    needs = replace(STANDARDS["roll"], explained=0.5, error=0.1)
+
+    def told(axis: str, explained: float, error: float) -> str:
+        return undecided(findings(axis, best=reference(explained, error), needs=needs))
+
+    assert told("roll", 0.4, 0.1) == "its surfaces explain 40 % of how it moves in roll, 50 % are needed"
+    assert told("roll", 0.5, 0.2) == "the effect of its surfaces is known to 20 %, 10 % are needed"
+    assert told("yaw", 0.4, 0.1).startswith(
+        "rudder and aileron cannot be told apart: the rudder explains 40 %"
+    )
+    assert told("pitch", 0.4, 0.2).count("; ") == 1
+    steers = Surfaces((Moved(1, "steering", 1500, 400),), "parameters")
+    ground = findings("steering", needs=needs)
+    assert undecided(ground, steers) == ("in no 45 s of two minutes of driving forward its steering moved")
+    weak = replace(ground, best=reference(0.4, 0.1))
+    assert undecided(weak, steers) == "its steering explains 40 % of how it turns, 50 % are needed"
+
+
+def test_a_reference_without_a_verdict() -> None:
+    kept, doubt = (Interval(estimate=k, low=k - 0.1, high=k + 0.2) for k in (0.7, 0.6))
+    excited = "of 100 seconds since the reference were excited enough, 30 are needed"
+    known = findings(reference=reference(), effectiveness=kept)
+    assert undecided(known) == f"10 {excited}"
+    for decidable, doubtful, reason in (
+        (29, None, f"29 {excited}"),
+        (30, None, "control left 70 % (60–90) is neither certainly above 60 % nor certainly a loss"),
+        (30, doubt, "control left 60 % (50–80) is neither certainly above 60 % nor certainly a loss"),
+    ):
+        coverage = Coverage(moving_fraction=0.1, windows=100, decidable=decidable)
+        assert undecided(replace(known, coverage=coverage, doubt=doubtful)) == reason
+    coverage = Coverage(moving_fraction=0.1, windows=100, decidable=10, excluded=80)
+    assert undecided(replace(known, coverage=coverage)) == (
+        f"a loss of 40 % or more is excluded over 80 s of forward flight, but 10 {excited}"
+    )
+
+
+def test_what_a_vehicle_without_a_profile_lacks() -> None:
+    tiers = {tier.name: tier for tier in TIERS}
+    copter, plane = Identity(1, "quadrotor", multirotor=True), Identity(1, "fixed wing")
+    propellers = "quadrotor: a multirotor has no control surfaces whose servos could be judged"
+    profile = "no airframe profile: one actuator's limits say nothing about another's"
+    for tier, identity, reason in (
+        (None, None, "the log carries nothing of the actuators"),
+        ("pwm", None, "no servo current or speed in the log, so wear cannot be seen"),
+        ("instrumented", None, profile),
+        ("esc-signed", None, f"{profile}, and an ESC may"),
+        ("esc-signed", copter, f"{propellers}; its ESC"),
+        ("pwm", copter, propellers),
+        (None, plane, "fixed wing: the log carries nothing of the actuators"),
+    ):
+        found, _ = obstacle(tiers[tier] if tier else None, identity)
+        assert found.startswith(reason)
+        assert found == reason or "ESC" in reason
+
+
+def test_kinds_in_words() -> None:
+    """By their names in the common dialect, where these say what the thing is."""
+    names = {n: entry.name[9:].lower().replace("_", " ") for n, entry in v2.enums["MAV_TYPE"].items()}
+    plain = (
+        1,
+        2,
+        4,
+        5,
+        7,
+        8,
+        9,
+        10,
+        11,
+        12,
+        13,
+        14,
+        15,
+        16,
+        17,
+        19,
+        20,
+        21,
+        26,
+        28,
+        29,
+        30,
+        31,
+        33,
+        35,
+        36,
+        37,
+    )
+    for kind in plain:
+        assert in_words(kind).split(" ", 1)[1].replace("-", " ").lower() == names[kind].replace(
+            " controller", ""
+        )
+    assert [in_words(kind) for kind in range(22, 26)] == ["a VTOL"] * 4
+    assert in_words(3) == "a coaxial helicopter"
+    assert [in_words(kind)[:3] for kind in (5, 7, 14)] == ["an "] * 3

@@ -1,0 +1,383 @@
+"""What links, outputs, alerts and the watch do in exact numbers, on sockets and clocks of the test."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import socket
+import struct
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import common as v2
+
+from mavhums.engine.events import ConditionChanged, Samples
+from mavhums.live import Address
+from mavhums.live.alerts import Alerts, Signer, text_of
+from mavhums.live.links import ReceiveClock, TcpLink, UdpLink
+from mavhums.live.outlet import BoundedQueue, Spool
+from mavhums.live.peers import Peers
+from mavhums.live.recorder import TlogRecorder
+from mavhums.live.sinks import JsonLines, PlainLines, ThreadedSink
+from mavhums.live.watch import Watch
+from mavhums.log.mavlink.stamping import Counts
+from mavhums.results.live import StaleObject
+from mavhums.results.verdict import Verdict
+from mavhums_sim.link import EPOCH_US
+from tests.live.test_alerts import Ground, status
+
+SECOND = 1_000_000
+
+
+class Server:
+    """The far end of a TCP connection, as the socket sees it."""
+
+    def __init__(self) -> None:
+        self.codes = [errno.EINPROGRESS]
+        self.sockets = self.asked = 0
+        self.open = False
+        self.waiting: list[bytes | OSError] = []
+        self.got = b""
+
+    def __call__(self, *_: object) -> Server:
+        self.sockets += 1
+        self.open = True
+        return self
+
+    def connect_ex(self, target: object) -> int:
+        self.asked += 1
+        return self.codes.pop(0)
+
+    def recv(self, size: int) -> bytes:
+        if not self.waiting:
+            raise BlockingIOError
+        came = self.waiting.pop(0)
+        if isinstance(came, OSError):
+            raise came
+        return came[:size]
+
+    def send(self, data: bytes) -> int:
+        self.got += data
+        return len(data)
+
+    def setblocking(self, blocks: bool) -> None:
+        assert not blocks, "a link never waits"
+
+    def fileno(self) -> int:
+        return 7
+
+    def close(self) -> None:
+        self.open = False
+
+
+def test_a_tcp_link_connects_loses_and_connects_again(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    server, now_us = Server(), [EPOCH_US]
+    caplog.set_level("INFO")
+    address = Address("tcp", "127.0.0.1", 5760)
+    link = TcpLink(address, ReceiveClock(lambda: now_us[0] * 1000, lambda: now_us[0] * 1000))
+    monkeypatch.setattr("mavhums.live.links.socket.socket", server)
+
+    def step(*codes: int, later_us: int = 0) -> list[tuple[Any, int, bytes]]:
+        now_us[0] += later_us
+        server.codes = list(codes)
+        return [(piece.sender, piece.time_us - EPOCH_US, piece.data) for piece in link.receive()]
+
+    link.send(b"too early", [])
+    assert (link.fileno(), link.unsent, server.sockets) == (-1, 1, 0)
+    assert step(errno.EINPROGRESS) == step(errno.EALREADY) == []
+    assert (link.fileno(), server.sockets, server.asked) == (-1, 1, 2)
+    link.send(b"while connecting", [])
+    assert (link.unsent, server.got) == (2, b"")
+    server.waiting = [b"a", b"b"]
+    assert step(0, later_us=5) == [((address, 1), 5, b"a")]
+    assert link.fileno() == 7
+    assert step(later_us=1) == [((address, 1), 6, b"b")], "connected, it does not connect again"
+    assert step() == []
+    link.send(b"alert", [])
+    assert (server.got, link.unsent) == (b"alert", 2)
+    server.waiting = [b""]
+    assert step() == []
+    assert (link.fileno(), server.open) == (-1, False)
+    assert step() == []
+    assert server.sockets == 1, "it waits for a second"
+    for _ in range(2):
+        assert step(errno.ECONNREFUSED, later_us=SECOND) == []
+    assert (server.sockets, server.open) == (3, False)
+    server.waiting = [OSError(errno.ECONNRESET, "reset")]
+    assert step(errno.EISCONN, later_us=SECOND) == []
+    server.waiting = [b"c"]
+    assert step(0, later_us=SECOND) == [((address, 3), 4 * SECOND + 6, b"c")]
+    messages = [text.partition(": ")[2] for text in caplog.messages]
+    tries = "; trying again every second"
+    assert messages == [
+        "connected",
+        f"no connection (closed by the other end){tries}",
+        "connected",
+        f"no connection (reset){tries}",
+        "connected",
+    ]
+    link.close()
+    assert (link.fileno(), server.open) == (-1, False)
+
+
+def test_a_udp_link_answers_those_who_speak_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = UdpLink(Address("udpin", "127.0.0.1", 0), ReceiveClock())
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        vehicle.bind(("127.0.0.1", 0))
+        vehicle.settimeout(5)
+        mine, other = vehicle.getsockname(), Address("udpin", "127.0.0.1", 1)
+        link.send(b"alert", [(other, mine), "serial", (link.address, mine)])
+        assert vehicle.recv(100) == b"alert"
+        vehicle.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            vehicle.recv(100)
+        peer = UdpLink(Address("udpout", *mine), ReceiveClock())
+        peer.send(b"to its peer", [])
+        vehicle.settimeout(5)
+        assert vehicle.recv(100) == b"to its peer"
+        assert peer.address.port == mine[1]
+        peer.close()
+    assert link.unsent == 0
+    errors: list[OSError | None] = []
+
+    def send(data: bytes) -> None:
+        error = errors.pop(0)
+        if error:
+            raise error
+
+    refused, unreachable = ConnectionRefusedError(), OSError(errno.ENETUNREACH, "unreachable")
+    for queue, left, unsent in (
+        ([refused, None], 0, 0),
+        ([refused, refused], 0, 1),
+        ([unreachable, None], 1, 2),
+    ):
+        errors[:] = queue
+        link._try(send, b"x")
+        assert (len(errors), link.unsent) == (left, unsent)
+    link.close()
+
+
+def test_the_kernel_tells_when_a_datagram_came_and_how_many_it_dropped() -> None:
+    """SO_TIMESTAMPNS carries a timespec, SO_RXQ_OVFL a count of 32 bits (socket(7))."""
+    link = UdpLink(Address("udpin", "127.0.0.1", 0), ReceiveClock())
+    level, stamp, overflow = socket.SOL_SOCKET, 35, 40
+    spec = struct.pack("@qq", 5, 7)
+    assert link._received_ns([(level, overflow, struct.pack("@I", 9)), (level, stamp, spec)]) == 5_000_000_007
+    assert link._received_ns([(level + 1, stamp, spec), (level, 1, spec)]) is None
+    assert link.dropped == 9
+    link.close()
+
+
+def test_a_torn_line_is_ended_before_the_next_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A write that took a part leaves a torn line, until a whole one begins after a line break."""
+    taken: list[int] = []
+    shown = bytearray()
+
+    def write(_: int, data: memoryview) -> int:
+        count = taken.pop(0) if taken else len(data)
+        if count == 0:
+            raise BlockingIOError
+        shown.extend(bytes(data[:count]))
+        return min(count, len(data))
+
+    read, put = os.pipe()
+    with os.fdopen(put, "w", encoding="utf-8") as stream:
+        spool = Spool(stream, "pipe", report=None)
+        monkeypatch.setattr(os, "write", write)
+        for queue, text, expected in (
+            ([0], "never\n", b""),
+            ([], "whole\n", b"whole\n"),
+            ([2, 0], "torn\n", b"whole\nto"),
+            ([0], "nothing\n", b"whole\nto"),
+            ([1, 1, 0], "again\n", b"whole\nto\na"),
+            ([], "line\n", b"whole\nto\na\nline\n"),
+            ([], "last\n", b"whole\nto\na\nline\nlast\n"),
+        ):
+            taken[:] = queue
+            if 0 in queue:
+                with pytest.raises(BlockingIOError):
+                    spool._show(text)
+            else:
+                spool._show(text)
+            assert bytes(shown) == expected
+        monkeypatch.undo()
+        assert spool.finish(float("inf"))
+    os.close(read)
+
+
+def test_a_queue_drops_the_oldest_beyond_its_room() -> None:
+    queue: BoundedQueue[str] = BoundedQueue(10)
+    for item, weight in (("a", 4), ("b", 3), ("c", 3)):
+        queue.put(item, weight)
+    assert queue.dropped == 0
+    queue.put("d", 1)
+    assert (queue.dropped, queue.pop(), queue.pop()) == (1, "b", "c")
+    queue.put("e", 10)
+    assert (queue.dropped, queue.pop(), bool(queue)) == (2, "e", False)
+    queue.put("huge", 11)
+    queue.put("f", 1)
+    assert (queue.dropped, queue.pop()) == (3, "f")
+    for item in ("g", "h"):
+        queue.put(item)
+    queue.clear()
+    assert (queue.dropped, bool(queue)) == (5, False)
+
+
+def test_peers_count_for_ten_seconds_and_for_what_they_sent() -> None:
+    peers = Peers()
+    peers.hear("a", {249, 250}, 100, 0)
+    peers.hear("b", {249}, 70_000, 0)
+    for now_us, heard in ((10 * SECOND, True), (10 * SECOND + 1, False)):
+        assert peers.vehicles(now_us) == [249] * heard, "250 and above are ground stations"
+        assert peers.speaking_for(249, now_us) == ["a", "b"] * heard
+        assert peers.contested(now_us) == [249] * heard
+    assert [peers.afford("a", size) for size in (60, 41, 40, 1)] == [True, False, True, False]
+    assert [peers.afford("b", size) for size in (1 << 16, 1)] == [True, False], "at most 64 kB are owed"
+    assert not peers.afford("stranger", 0)
+    peers.forget(10 * SECOND)
+    assert len(peers) == 2
+    peers.forget(10 * SECOND + 1)
+    assert len(peers) == 0
+
+
+def test_the_words_of_an_alert_fit_its_fifty_characters() -> None:
+    for actuator, fault, text in (
+        ("elevator", "supply_sag", "elevator EMERGENCY: supply sag, land now"),
+        ("fin", "jam", "fin EMERGENCY: jam, land as soon as possible"),
+        ("a" * 40, "friction", f"{'a' * 20} EMERGENCY: friction, land now"),
+        ("elevator", "f" * 40, f"elevator EMERGENCY: {'f' * 20}, land now"),
+        ("yaw", "control 5%: rudder?", "YAW control 5%: rudder?, land as soon as possible"),
+        ("yaw", "control 5%", "yaw EMERGENCY: control 5%, land now"),
+    ):
+        assert text_of(actuator, "emergency", fault) == text
+
+
+def test_every_frame_of_an_alert_is_numbered_and_signed_on_its_own_link() -> None:
+    ground = Ground(key=bytes(32))
+    alerts = Alerts(ground.hear, component=77, signer=Signer(bytes(32)), start_us=EPOCH_US)
+    later = EPOCH_US + (2**32 + 5) * 1000
+    actuators = [status("a", "unchanged"), status("b", "changed"), status("quiet", "normal", vehicle=5)]
+    actuators[2] = actuators[2].model_copy(update={"age_s": None})
+    alerts.tick(actuators, later, heard=[9])
+    assert {frame[-13] for frame in ground.frames} == {77}, "the link's id stands before time and signature"
+    messages = ground.heard()
+    values = [m for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"]
+    assert [(m.name, m.value, m.time_boot_ms) for m in values] == [("H1a", 1.0, 5), ("H2b", 0.5, 5)]
+    beats = [m for m in messages if m.get_type() == "HEARTBEAT"]
+    assert [m.get_srcSystem() for m in beats] == [3, 9]
+    for beat in beats:
+        assert (beat.base_mode, beat.custom_mode, beat.system_status) == (0, 0, v2.MAV_STATE_ACTIVE)
+    for _ in range(300):
+        alerts.heartbeat(9, later)
+    assert [m.get_seq() for m in ground.heard()] == [k % 256 for k in range(1, 301)]
+
+
+def verdict(actuator: str, **fields: Any) -> Verdict:
+    return Verdict(vehicle=1, actuator=actuator, condition="normal", worst="degraded", **fields)
+
+
+def assessed(*verdicts: Verdict) -> Any:
+    loss = SimpleNamespace(missing=3, reordered=2, duplicated=1)
+    return SimpleNamespace(
+        verdicts=verdicts, log=SimpleNamespace(losses=SimpleNamespace(sequence=[loss, loss]))
+    )
+
+
+def samples(actuator: str, count: int) -> Samples:
+    return Samples(1, actuator, np.arange(count) / 100.0, np.zeros((count, 12)))
+
+
+def watch(recorder: TlogRecorder | None = None) -> tuple[Watch, SimpleNamespace]:
+    stamper = SimpleNamespace(counts=Counts(pieces=4, frames=100, bytes=5000, bad_crc_frames=2))
+    links: list[Any] = [
+        SimpleNamespace(dropped=2, unsent=0, address="udpin:1"),
+        SimpleNamespace(dropped=3, unsent=4, address="tcp:h:2"),
+    ]
+    fed: Any = stamper
+    return Watch(fed, links, recorder, EPOCH_US), stamper
+
+
+def test_the_watch_tells_ages_and_rates() -> None:
+    seen, stamper = watch()
+    both = assessed(verdict("elevator"), verdict("rudder"), verdict("roll", subject="axis"))
+    status_, stale = seen.look(both, EPOCH_US)
+    assert stale == []
+    assert [one.age_s for one in status_.actuators] == [None] * 3
+    assert [one.stale for one in status_.actuators] == [False, False, True]
+    assert status_.link.age_s is None
+    seen.take([samples("elevator", 50), samples("rudder", 10)], EPOCH_US + SECOND)
+    stamper.counts = Counts(pieces=9, frames=160, bytes=9000, bad_crc_frames=2)
+    seen.take([samples("elevator", 30)], EPOCH_US + 3 * SECOND // 2)
+    status_, stale = seen.look(both, EPOCH_US + 2 * SECOND)
+    assert (status_.uptime_s, stale) == (2.0, [])
+    assert [(a.actuator, a.age_s, a.rate_hz, a.condition) for a in status_.actuators] == [
+        ("elevator", 0.5, 40.0, "normal"),
+        ("rudder", 1.0, 5.0, "normal"),
+        ("roll", 0.5, 0.0, "normal"),
+    ]
+    link = status_.link
+    assert (link.age_s, link.frames_per_s, link.bytes_per_s) == (0.5, 30.0, 2000.0)
+    assert (link.datagrams, link.missing_frames, link.reordered_frames, link.duplicated_frames) == (
+        9,
+        6,
+        4,
+        2,
+    )
+    assert (link.dropped_datagrams, link.bad_crc_frames) == (5, 2)
+    assert [(o.name, o.dropped) for o in status_.outputs] == [("alerts to tcp:h:2", 4)]
+    seen.take([samples("elevator", 10)], EPOCH_US + 12 * SECOND)
+    status_, stale = seen.look(both, EPOCH_US + 12 * SECOND)
+    assert [(s.actuator, s.stale, s.age_s) for s in stale] == [("rudder", True, 11.0)]
+    assert [(a.rate_hz, a.stale, a.condition, a.held) for a in status_.actuators] == [
+        (1.0, False, "normal", "normal"),
+        (0.0, True, "undecided", "normal"),
+        (0.0, False, "normal", "normal"),
+    ]
+    assert (status_.link.frames_per_s, status_.link.bytes_per_s) == (0.0, 0.0)
+    seen.take([samples("rudder", 1)], EPOCH_US + 13 * SECOND)
+    _, stale = seen.look(both, EPOCH_US + 13 * SECOND)
+    assert [(s.actuator, s.stale, s.age_s) for s in stale] == [("rudder", False, 0.0)]
+
+
+def test_the_lines_of_a_session(tmp_path: Any) -> None:
+    recorder = TlogRecorder(tmp_path / "a.tlog")
+    lines: list[dict[str, Any]] = []
+    for kept in (None, recorder):
+        out = JsonLines(lambda line: lines.append(json.loads(line)), lambda: EPOCH_US, watch(kept)[0])
+        out.start(["udpin:1"], airframe=None, signed_only=False)
+    recorder.close()
+    assert [line["record"] for line in lines] == [None, str(tmp_path / "a.tlog")]
+    said: list[str] = []
+    plain = PlainLines(said.append)
+    event = ConditionChanged(1, "rudder", 20.0, 10.0, "normal", "degraded", "rule")
+    plain.consume([samples("rudder", 3), event], {(1, "rudder"): "jam"})
+    plain.consume([event], {(2, "rudder"): "jam"})
+    seen, _ = watch()
+    status_, _ = seen.look(assessed(), EPOCH_US + 30 * SECOND)
+    gone = StaleObject(utc="", vehicle=1, actuator="rudder", stale=True, age_s=3.25)
+    plain.tick(status_, [gone, gone.model_copy(update={"stale": False})])
+    assert said == [
+        "    20.0 s  vehicle 1, rudder: normal → degraded (jam), since 10.0 s",
+        "    20.0 s  vehicle 1, rudder: normal → degraded, since 10.0 s",
+        "    30.0 s  vehicle 1, rudder: stale, silent for 3.2 s",
+        "    30.0 s  vehicle 1, rudder: heard again",
+    ]
+
+
+def test_what_waits_for_a_viewer_weighs_its_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    weights: list[int] = []
+    sink: Any = SimpleNamespace(consume=lambda events, faults: None)
+    threaded = ThreadedSink(sink, "viewer", lambda: None)
+    put: Callable[..., None] = lambda item, weight=1: weights.append(weight)  # noqa: E731
+    monkeypatch.setattr(threaded.outlet, "put", put)
+    threaded.consume([samples("a", 30), samples("b", 12)], {})
+    threaded.consume([], {})
+    assert weights == [43, 1]
+    monkeypatch.undo()
+    assert threaded.finish()

@@ -1,0 +1,196 @@
+"""What parameters say of outputs, against the meaning that ArduPilot and PX4 document for each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mavhums.vehicle.outputs import assigned_outputs
+from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.surfaces import Demands, Moved, Surfaces, of_parameters, steers_by_wheels
+
+
+def outputs(values: Mapping[str, float], *, px4: bool = False) -> list[tuple[Any, ...]]:
+    found = assigned_outputs(Parameters(1, px4, values))
+    return [(one.servo, one.surface, one.pwm_us, one.is_reversed, one.is_surface) for one in found]
+
+
+USUAL = (1100, 1500, 1900)
+
+
+@pytest.mark.parametrize(
+    ("function", "surface", "moves"),
+    [
+        (4, "aileron", True),
+        (19, "elevator", True),
+        (21, "rudder", True),
+        (24, "left flaperon", True),
+        (25, "right flaperon", True),
+        (77, "left elevon", True),
+        (78, "right elevon", True),
+        (79, "left v-tail", True),
+        (80, "right v-tail", True),
+        (16, "left split elevon 1", True),
+        (87, "right split elevon 2", True),
+        (3, "flap", True),
+        (110, "airbrake", True),
+        (26, "ground steering", False),
+        (27, "parachute", False),
+        (28, "gripper", False),
+        (29, "landing gear", False),
+        (33, "motor 1", False),
+        (40, "motor 8", False),
+        (82, "motor 9", False),
+        (85, "motor 12", False),
+        (70, "throttle", False),
+        (73, "left throttle", False),
+        (74, "right throttle", False),
+    ],
+)
+def test_functions_of_ardupilot(function: int, surface: str, moves: bool) -> None:
+    assert outputs({"SERVO32_FUNCTION": float(function)}) == [(32, surface, USUAL, False, moves)]
+
+
+def test_pulses_of_ardupilot() -> None:
+    base = {"SERVO2_FUNCTION": 19.0, "SERVO2_MIN": 1000.0, "SERVO2_TRIM": 1480.0, "SERVO2_MAX": 2000.0}
+    for changes, pwm_us, is_reversed in (
+        ({}, (1000, 1480, 2000), False),
+        ({"SERVO2_REVERSED": 1.0}, (1000, 1480, 2000), True),
+        ({"SERVO2_TRIM": 1000.0}, (1000, 1500, 2000), False),
+        ({"SERVO2_TRIM": 2100.0}, (1000, 1500, 2000), False),
+        ({"SERVO2_MAX": 1001.0}, USUAL, False),
+        ({"SERVO2_MAX": 1002.0, "SERVO2_TRIM": 1001.0}, (1000, 1001, 1002), False),
+    ):
+        assert outputs(base | changes) == [(2, "elevator", pwm_us, is_reversed, True)]
+    [known] = assigned_outputs(Parameters(1, False, base | {"SERVO2_REVERSED": 1.0}))
+    assert (known.ends_by, known.direction_by) == ("SERVO2_MIN, SERVO2_MAX", "SERVO2_REVERSED = 1")
+    assert known.calibrated_by == "SERVO2_MIN, SERVO2_TRIM, SERVO2_MAX"
+    [known] = assigned_outputs(Parameters(1, False, {"SERVO2_FUNCTION": 19.0, "SERVO2_MIN": 1000.0}))
+    assert (known.pwm_us, known.ends_by) == ((1000, 1450, 1900), "")
+    assert known.calibrated_by.startswith("CHECK: ")
+    assert known.calibrated_by.endswith("; zero in the middle")
+
+
+def test_channels_of_arduplane_before_3_8() -> None:
+    """RCn_REV is -1 where reversed and 1 else; RCMAP_* move the first four channels."""
+    old = {"RC1_REV": 1.0, "KFF_RDDRMIX": 0.5}
+    moved = {"RC1_REV": -1.0, "RC2_REV": 1.0, "RC4_REV": -1.0, "RC8_FUNCTION": 3.0}
+    assert [(one[0], one[1], one[3]) for one in outputs(old | moved)] == [
+        (1, "aileron", True),
+        (2, "elevator", False),
+        (3, "throttle", False),
+        (4, "rudder", True),
+        (8, "flap", False),
+    ]
+    assert [one[:2] for one in outputs(old | {"RCMAP_ROLL": 6.0, "RCMAP_YAW": 1.0})] == [
+        (1, "rudder"),
+        (2, "elevator"),
+        (3, "throttle"),
+        (6, "aileron"),
+    ]
+    assert outputs(old | {"VTAIL_OUTPUT": 1.0}) == []
+    assert outputs({"RC1_REV": 1.0}) == []
+
+
+def px4(kind: int, *, bus: str = "PWM_MAIN", n: int = 1, k: int = 0) -> dict[str, float]:
+    """Return the parameters of servo ``k`` on output ``n`` of a bus."""
+    return {f"{bus}_FUNC{n}": 201.0 + k, f"CA_SV_CS{k}_TYPE": float(kind)}
+
+
+def test_outputs_of_px4() -> None:
+    """CA_SV_CSn_TYPE of the actuator reference; MAIN counts from 1, AUX from 17, UAVCAN from 33."""
+    names = """left aileron,right aileron,elevator,rudder,left elevon,right elevon,left v-tail,right v-tail,
+        left flap,right flap,airbrake,servo 1,left a-tail,right a-tail,aileron,-,left spoiler,right spoiler"""
+    for kind, name in enumerate((word.strip() for word in names.split(",")), start=1):
+        found = outputs(px4(kind), px4=True)
+        assert found == ([] if name == "-" else [(1, name, (1000, 1500, 2000), False, True)])
+    for bus, first, usual in (("PWM_MAIN", 0, 1000), ("PWM_AUX", 16, 1000), ("UAVCAN_SV", 32, 0)):
+        pwm_us = (usual, (usual + usual + 1000) // 2, usual + 1000)
+        for n in (1, 16):
+            reverse = {f"{bus}_REV": float(1 << (n - 1))}
+            found = outputs(px4(3, bus=bus, n=n, k=5) | reverse, px4=True)
+            assert found == [(first + n, "elevator", pwm_us, True, True)]
+            assert not outputs(px4(3, bus=bus, n=n) | {f"{bus}_REV": float(1 << n)}, px4=True)[0][3]
+    motors = {f"PWM_MAIN_FUNC{n}": one for n, one in enumerate((101.0, 112.0, 113.0, 233.0), start=1)}
+    found = [(servo, what, moves) for servo, what, _, _, moves in outputs(motors, px4=True)]
+    assert found == [(1, "motor 1", False), (2, "motor 12", False)]
+
+
+def surfaces(values: Mapping[str, float], *, of_px4: bool = False) -> Surfaces:
+    found = of_parameters(Parameters(1, of_px4, values))
+    assert found is not None
+    return found
+
+
+def test_signs_of_px4_are_those_of_the_torque() -> None:
+    for kind, name, letter, without in (
+        (1, "left aileron", "R", -500),
+        (2, "right aileron", "R", 500),
+        (3, "elevator", "P", 500),
+        (4, "rudder", "Y", 500),
+        (7, "left tail", "P", 500),
+    ):
+        for torque, half in ((0.0, without), (0.5, 500), (-0.5, -500)):
+            values = px4(kind, k=3) | {f"CA_SV_CS3_TRQ_{letter}": torque}
+            for reverse, sign in ((0.0, 1), (1.0, -1)):
+                known = surfaces(values | {"PWM_MAIN_REV": reverse}, of_px4=True)
+                assert known.moved == (Moved(1, name, 1500, sign * half),)
+
+
+def servos(*functions: int) -> dict[str, float]:
+    return {f"SERVO{n}_FUNCTION": float(function) for n, function in enumerate(functions, start=1)}
+
+
+@pytest.mark.parametrize(
+    ("functions", "roll", "pitch", "yaw", "mixed"),
+    [
+        ((4, 19, 70, 21), (1,), (2,), (4,), {}),
+        ((24, 25, 19, 21), (1, 2), (3,), (4,), {}),
+        ((4, 24, 25, 19), (1,), (4,), (), {}),
+        ((77, 78, 21), (1, 2), (1, 2), (3,), {"roll": "pitch", "pitch": "roll"}),
+        ((77, 19, 21), (1,), (2,), (3,), {}),
+        ((77, 78, 19), (1, 2), (3,), (), {}),
+        ((4, 79, 80), (1,), (2, 3), (2, 3), {"pitch": "yaw"}),
+        ((4, 79, 80, 21), (1,), (2, 3), (4,), {"pitch": "yaw"}),
+        ((4, 79, 19), (1,), (3,), (2,), {}),
+    ],
+)
+def test_surfaces_of_each_axis(
+    functions: tuple[int, ...],
+    roll: tuple[int, ...],
+    pitch: tuple[int, ...],
+    yaw: tuple[int, ...],
+    mixed: Mapping[str, str],
+) -> None:
+    known = surfaces(servos(*functions))
+    for axis, expected in (("roll", roll), ("pitch", pitch), ("yaw", yaw)):
+        assert tuple(one.servo for one in known.of_axis(axis)) == expected
+    assert known.mixed == mixed
+
+
+def test_demands_are_shares_of_the_travel_about_each_axis() -> None:
+    """Elevons and V-tails: the sum of both pitches, half the difference rolls or yaws; motors do nothing."""
+    pulses = np.full((1, 32), np.nan)
+    pulses[0, :4] = 1600, 1400, 1900, 1700
+    for functions, expected in (
+        ((4, 19, 70, 21), (0.25, -0.25, 0.5)),
+        ((77, 78, 70, 21), (0.25, 0.0, 0.5)),
+        ((4, 79, 80), (0.25, (1.0 - 0.25) / 2, (-0.25 - 1.0) / 2)),
+        ((4, 4, 4), (0.25, np.nan, np.nan)),  # the median of 0.25, -0.25 and 1
+        ((4, 4), (0.0, np.nan, np.nan)),
+    ):
+        demand = Demands(surfaces(servos(*functions))).feed(pulses)
+        np.testing.assert_allclose(demand, [expected])
+
+
+def test_skid_steering_needs_both_wheels_and_a_rover() -> None:
+    tank = {"CRUISE_THROTTLE": 50.0, "SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0}
+    assert steers_by_wheels(Parameters(1, False, tank))
+    for name in tank:
+        less = {key: value for key, value in tank.items() if key != name}
+        assert not steers_by_wheels(Parameters(1, False, less))
+    for frame, wheels in ((6.0, True), (5.0, False)):
+        assert steers_by_wheels(Parameters(1, True, {"CA_AIRFRAME": frame})) == wheels
