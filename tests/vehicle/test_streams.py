@@ -125,6 +125,5 @@ def test_a_stream_is_left_for_one_that_costs_a_fifth_less() -> None:
         assert chosen((0, [0.2] * 30), (1, [1.2] + [spacing] * 29))[-1] == used
     for spacing, used in ((0.08, 0), (0.07, DERIVED)):  # 0.2 · 0.8 / 2.25 = 0.071
         assert chosen((0, [0.2] * 30), (DERIVED, [1.2] + [spacing] * 29))[-1] == used
-    )
     lost = chosen((0, [0.2] * 10 + [1.2] * 10), (1, [0.2] * 20))
     assert lost.index(1) == 11  # two of ten: 0.4 · 0.8 > 0.3
