@@ -10,7 +10,7 @@ __version__ = "0.2.0.dev0"
 
 
 NOTICE: Final = (
-    "not an airworthiness decision; wear is validated in simulation only, "
+    "not an airworthiness decision; wear is validated in simulation and on a bench with seeded faults, "
     "control effectiveness also on real flights"
 )
 EPILOG: Final = f"{NOTICE[:1].upper()}{NOTICE[1:]}."

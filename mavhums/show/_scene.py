@@ -33,7 +33,7 @@ from mavhums.show._stream import send
 from mavhums.show._tracks import Track, path_part
 from mavhums.show._vehicle import Vehicle
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
-from mavhums.show.digest import digest
+from mavhums.show.digest import digest, listed
 from mavhums.show.markdown_report import live_markdown, markdown
 from mavhums.show.words import clock, name
 
@@ -139,14 +139,12 @@ class Scene:
                         self._tracks[used.vehicle, name].surface = motor
 
     def _lanes(self, assessment: Assessment) -> Iterator[Lane]:
-        """Yield the lanes, worst first and axes before servos; none for what nothing reports on.
+        """Yield the lanes in the order of the report; none for what nothing reports on.
 
         The viewer sorts lanes by their paths, so each is drawn once more under a path that begins with its
         rank, which is not known before the end.
         """
-        rest = digest(assessment).assessment
-        told = [verdict for verdict in rest.verdicts if verdict.gravest != "unmonitored"]
-        told.sort(key=lambda verdict: (-URGENCY[verdict.gravest], verdict.subject != "axis"))
+        told = [one for one in listed(digest(assessment).assessment) if one.gravest != "unmonitored"]
         for rank, verdict in enumerate(told, 1):
             track = self._track(verdict.vehicle, verdict.actuator)
             path = f"/condition/{rank}_{path_part(name(verdict, assessment))}"

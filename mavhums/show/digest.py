@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.motor import MOTORS
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
@@ -25,7 +25,7 @@ from mavhums.show.verdict_words import (
 )
 from mavhums.show.words import capital, clock, friction, join, losses, name, percent, whose
 
-__all__ = ["NOT_JUDGED", "Digest", "Paragraph", "Subject", "advice", "digest", "headline"]
+__all__ = ["NOT_JUDGED", "Digest", "Paragraph", "Subject", "advice", "digest", "headline", "listed"]
 
 NOT_JUDGED: Final = "not judged (mavhums judges fixed wings, multirotors, and servos with telemetry)"
 """What is said of a vehicle with neither wings nor rotors that are judged, after its kind."""
@@ -130,7 +130,7 @@ def digest(assessment: Assessment, *, brief: bool = False) -> Digest:
         headline=_headline(rest, lines),
         gravest=ranked[0].gravest if ranked else "undecided",
         assessment=rest,
-        subjects=[_subject(alike, rest) for alike in _together(_listed(rest))],
+        subjects=[_subject(alike, rest) for alike in _together(listed(rest))],
         # What another finding explains comes after it.
         faulty=sorted(
             (verdict for verdict in rest.ranked() if verdict.worst in ("degraded", "emergency")),
@@ -246,16 +246,16 @@ def _count(part: Sequence[Verdict], whole: Sequence[Verdict]) -> str:
     return "The only actuator is" if len(whole) == 1 else f"All {len(whole)} actuators"
 
 
-def _listed(assessment: Assessment) -> list[Verdict]:
-    """Return the verdicts worst first; where nothing is wrong, what is well comes first.
+def listed(assessment: Assessment) -> list[Verdict]:
+    """Return the verdicts worst first, axes before servos; where nothing is wrong, what is well comes first.
 
     A verdict that something is wrong must not be overlooked; among others, what could not be judged would
     hide that all that could be judged is well.
     """
-    ranked = assessment.ranked()
-    if ranked and SEVERITY[ranked[0].gravest] > SEVERITY["normal"]:
-        return ranked
-    return sorted(ranked, key=lambda verdict: -SEVERITY[verdict.gravest])
+    ranked = sorted(assessment.ranked(), key=lambda verdict: verdict.subject != "axis")
+    wrong = any(SEVERITY[verdict.gravest] > SEVERITY["normal"] for verdict in ranked)
+    order = URGENCY if wrong else SEVERITY
+    return sorted(ranked, key=lambda verdict: -order[verdict.gravest])
 
 
 def _together(verdicts: Sequence[Verdict]) -> Iterator[list[Verdict]]:

@@ -111,6 +111,16 @@ def test_the_lane_turns_when_the_verdict_says(recorded: tuple[Path, Any]) -> Non
     assert times[-1] == pytest.approx(roll.since.flight_time_s, abs=1e-5)
 
 
+def test_where_nothing_is_wrong_what_was_judged_has_the_first_lane(tmp_path: Path) -> None:
+    analyse(Path(__file__).parents[1] / "data" / "healthy.tlog", recording=tmp_path / "flight.rrd")
+    lanes = [path for path in entities(tmp_path / "flight.rrd") if path.startswith("/condition/")]
+    assert sorted(lanes) == [
+        "/condition/1_roll_control",
+        "/condition/2_pitch_control",
+        "/condition/3_yaw_control",
+    ]
+
+
 def test_names_that_differ_in_signs_alone_have_lanes_of_their_own() -> None:
     first = Track(open_stream("x"), 1, "left aileron", live=False)
     other = Track(open_stream("x"), 1, "left-aileron", live=False, taken={first.root})
