@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import mavlink
 from mavhums.vehicle.grid import Grid, Seconds
+from mavhums.vehicle.streams import DERIVED, CandidateStream, Choice
 
 Array = NDArray[np.float64]
 GYRO, ESTIMATE = 0, 1
@@ -104,3 +105,25 @@ def test_angles_are_interpolated_the_shorter_way_round() -> None:
 
 def test_one_format_has_no_more_streams_than_are_kept() -> None:
     assert len(mavlink.SOURCES) < 64
+
+
+def chosen(*spacings: tuple[int, list[float]]) -> list[int]:
+    """Return the stream of each second of those that come with these spacings, s, by rank."""
+    length = len(spacings[0][1])
+    streams = [
+        CandidateStream(rank, np.zeros((length, 20, 1)), np.repeat(np.array(values)[:, None], 20, axis=1))
+        for rank, values in spacings
+    ]
+    ranks: list[int] = Choice(1.2).step(length, streams).tolist()
+    return ranks
+
+
+def test_a_stream_is_left_for_one_that_costs_a_fifth_less() -> None:
+    """Cost: mean spacing over ten seconds, times 1.5 after the first, times 2.25 of what is derived."""
+    for spacing, used in ((0.11, 0), (0.10, 1)):  # 0.2 · 0.8 / 1.5 = 0.107
+        assert chosen((0, [0.2] * 3), (1, [1.2, spacing, spacing]))[0] == 0
+        assert chosen((0, [0.2] * 30), (1, [1.2] + [spacing] * 29))[-1] == used
+    for spacing, used in ((0.08, 0), (0.07, DERIVED)):  # 0.2 · 0.8 / 2.25 = 0.071
+        assert chosen((0, [0.2] * 30), (DERIVED, [1.2] + [spacing] * 29))[-1] == used
+    lost = chosen((0, [0.2] * 10 + [1.2] * 10), (1, [0.2] * 20))
+    assert lost.index(1) == 11  # two of ten: 0.4 · 0.8 > 0.3

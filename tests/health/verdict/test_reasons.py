@@ -10,9 +10,11 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import common as v2
 
+from mavhums.actuator.signs import SIGNED_BY_VOLTAGE
 from mavhums.actuator.tiers import TIERS
 from mavhums.health.axis.monitor import AxisFindings
 from mavhums.health.axis.reference import STANDARDS
+from mavhums.health.verdict.actuator import _absurd, _why_undecided
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
@@ -310,3 +312,44 @@ def test_kinds_in_words() -> None:
     assert [in_words(kind) for kind in range(22, 26)] == ["a VTOL"] * 4
     assert in_words(3) == "a coaxial helicopter"
     assert [in_words(kind)[:3] for kind in (5, 7, 14)] == ["an "] * 3
+
+
+def unproven(*, esc_side: str = "motor", provenance: tuple[str, ...] = ("V5", "V7"), **known: Any) -> str:
+    """Return why an actuator with all constants is undecided."""
+    actuator: Any = SimpleNamespace(esc_side=esc_side, blanks=known.pop("blanks", ()))
+    counted = {"moving_fraction": 0.25, "windows": 50, "decidable": 3} | known.pop("coverage", {})
+    coverage = Coverage.model_validate(counted)
+    one: Any = SimpleNamespace(coverage=coverage, no_friction=known.pop("no_friction", None))
+    measured = dict.fromkeys(provenance, "ESC") | known
+    return _why_undecided(actuator, one, measured)[0]
+
+
+def test_why_an_actuator_is_undecided() -> None:
+    balance = "not measured, so the torque balance cannot be formed"
+    few = "of 50 windows are decidable, and too few in a row agree"
+    by_voltage = f"magnitude, {SIGNED_BY_VOLTAGE}"
+    assert unproven() == f"3 {few}"
+    assert unproven(provenance=("V5",)) == f"V7 {balance}"
+    assert unproven(provenance=("V7",)) == f"V4, V5 or V8 {balance}"
+    assert unproven(provenance=()) == f"V7, V4, V5 or V8 {balance}"
+    for key in ("V4", "V5", "V8"):
+        assert unproven(provenance=(key, "V7")) == f"3 {few}"
+    assert unproven(esc_side="bus", provenance=("V4", "V7")) == f"V5 or V8 {balance}"
+    assert unproven(esc_side="bus", provenance=("V8", "V7")) == f"3 {few}"
+    assert "look alike" in unproven(esc_side="bus", provenance=("V6", "V7"))
+    assert "look alike" not in unproven(esc_side="motor", provenance=("V6", "V7"))
+    assert "look alike" not in unproven(esc_side="bus", provenance=("V5", "V6", "V7"))
+    assert unproven(coverage={"windows": 0, "decidable": 0}) == "less than 10 s of telemetry"
+    assert unproven(no_friction=("it stood", "move it")) == "it stood"
+    assert unproven(blanks=("gear_ratio", "inertia")) == "the profile has no gear_ratio, no inertia"
+    assert unproven(coverage={"decidable": 0}) == f"0 {few}"
+    assert unproven(V5=by_voltage) == f"3 {few}"
+    slow = unproven(V5=by_voltage, coverage={"decidable": 0})
+    assert slow.startswith("the actuator moves in 25 % of the samples, too slowly to show friction")
+
+
+def test_values_beyond_what_the_actuator_can_do() -> None:
+    assert _absurd({"V5": (10, 100), "V7": (9, 100)}) is None
+    found = _absurd({"V5": (11, 100), "V7": (80, 100), "V4": (1, 100)})
+    assert found is not None
+    assert found[0].startswith("up to 80 % of the values of V5, V7 are beyond")

@@ -1,0 +1,293 @@
+"""Forward flight row by row, what lifts a vehicle, and airspeeds: a case on each side of every condition."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mavhums.log import Table
+from mavhums.vehicle.airspeed import AirspeedCheck, Airspeeds, WindTriangle
+from mavhums.vehicle.facts import CONTINUOUS, STEPPED
+from mavhums.vehicle.flight import Flight
+from mavhums.vehicle.grid import RATE_HZ, Seconds
+from mavhums.vehicle.identity import Identity
+from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.surfaces import Moved, Surfaces, of_parameters
+from mavhums.vehicle.vtol import hovers, known_as, lift_of, rotor_servos, turns_its_motors
+
+PLANE, COPTER, ROVER, BOAT, QUADPLANE = 1.0, 2.0, 10.0, 11.0, 22.0
+ARDUPILOT, PX4 = 3.0, 12.0
+AUTO, MANUAL, QHOVER, QACRO = 10.0, 0.0, 18.0, 23.0
+
+
+def seconds(count: int, first: int = 0, **changes: Any) -> Seconds:
+    """Return seconds of a plane that flies north at 15 m/s, but for the changes."""
+    level: dict[str, Any] = {
+        "airspeed": 15.0,
+        "groundspeed": 15.0,
+        "velocity": [15.0, 0.0, 0.0],
+        "attitude": 0.0,
+        "rates": 0.0,
+    }
+    level |= {"state": [PLANE, ARDUPILOT, 1.0, AUTO], "force": 0.0, "demand": [0.1, 0.2]} | changes
+    signals = {
+        name: np.array(np.broadcast_to(level.get(name, np.nan), (count, RATE_HZ, width)), dtype=np.float64)
+        for name, width in {**CONTINUOUS, **STEPPED}.items()
+    }
+    signals |= {f"{name}_spacing": np.full((count, RATE_HZ, 1), 0.1) for name in CONTINUOUS}
+    ranks = {"rates": np.zeros(count, dtype=np.int64)}
+    return Seconds(np.arange(first, first + count), signals, ranks)
+
+
+def flown(*parts: Seconds, surfaces: Surfaces | None = None) -> Flight:
+    flight = Flight(surfaces)
+    for part in parts:
+        list(flight.feed(part))
+    return flight
+
+
+@pytest.mark.parametrize(
+    ("changes", "counts", "why"),
+    [
+        ({}, True, ""),
+        ({"airspeed": 8.1}, True, ""),
+        ({"airspeed": 8.0}, False, ""),
+        ({"airspeed": 5.0}, True, ""),  # a dead sensor: the triangle of the velocities answers
+        ({"state": [PLANE, ARDUPILOT, 0.0, AUTO]}, False, ""),
+        ({"state": [COPTER, ARDUPILOT, 1.0, AUTO]}, False, "vtol"),
+        ({"state": [QUADPLANE, ARDUPILOT, 1.0, AUTO]}, False, "vtol"),
+        ({"state": [QUADPLANE, PX4, 1.0, AUTO], "vtol": 4.0}, True, ""),
+        ({"state": [19.0, PX4, 1.0, AUTO], "vtol": 4.0}, True, ""),
+        ({"state": [25.0, PX4, 1.0, AUTO], "vtol": 4.0}, True, ""),
+        ({"state": [QUADPLANE, PX4, 1.0, AUTO], "vtol": 1.0}, False, "vtol"),
+        ({"vtol": 3.0}, False, "vtol"),
+        ({"vtol": 0.0}, True, ""),
+        ({"vtol": 4.0}, True, ""),
+        *(({"state": [PLANE, ARDUPILOT, 1.0, mode]}, False, "mode") for mode in (17.0, 22.0, 23.0, 25.0)),
+        ({"state": [PLANE, ARDUPILOT, 1.0, 24.0]}, True, ""),
+        ({"state": [PLANE, PX4, 1.0, 18.0]}, True, ""),
+        ({"landed": 1.0}, False, "ground"),
+        ({"landed": 2.0}, True, ""),
+        ({"groundspeed": 5.0}, False, "slow"),
+        ({"groundspeed": 5.1}, True, ""),
+        ({"groundspeed": np.nan}, True, ""),
+    ],
+)
+def test_what_counts_as_forward_flight(changes: dict[str, Any], counts: bool, why: str) -> None:
+    flight = flown(seconds(10, **changes))
+    # Three seconds without a break come before: their last row is the first that counts.
+    assert flight.flown_s == (7 if counts else 0)
+    for reason in ("vtol", "mode", "ground", "slow"):
+        assert flight.lasted_s(reason) == (10.0 if reason == why else 0.0)
+    fast = counts or bool(why)
+    assert flight.lasted_s("fast") == (10.0 if fast else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "speed", "counts"),
+    [(ROVER, 0.6, True), (ROVER, 0.5, False), (BOAT, 1.6, True), (BOAT, 1.5, False), (ROVER, -3.0, False)],
+)
+def test_driving_forward_is_measured_along_the_heading(kind: float, speed: float, counts: bool) -> None:
+    course: dict[str, Any] = {"attitude": [0.0, 0.0, np.pi / 2], "velocity": [0.0, speed, 0.0]}
+    course |= {"airspeed": np.nan, "groundspeed": abs(speed)}
+    drive = seconds(10, state=[kind, ARDUPILOT, 1.0, AUTO], **course)
+    flight = flown(drive)
+    assert flight.on_ground
+    assert flight.flown_s == (7 if counts else 0)
+    assert flight.fastest == pytest.approx(max(speed, 0.0))
+    still = flown(seconds(10, state=[kind, ARDUPILOT, 0.0, AUTO], **course))
+    assert still.flown_s == 0
+
+
+def test_breaks_spacings_and_what_was_heard() -> None:
+    flight = flown(seconds(5), seconds(5, first=5), seconds(5, first=11))
+    assert flight.flown_s == 7 + 2, "a gap begins the three seconds again"
+    assert flight.lasted_s("armed") == 15.0
+    assert flight.fastest == 15.0
+    assert (flight.kinds, flight.autopilots, flight.on_ground) == ({1}, {3}, False)
+    assert flight.heard >= {"airspeed", "velocity", "attitude", "rates"}
+    assert not flight.heard & {"outputs", "outputs_2", "vtol"}
+    assert flight.rate_hz("rates") == pytest.approx(10.0, rel=0.01)
+    assert flight.used_s("speed") == {0: 9}
+    assert flight.used_s("rates") == {0: 9}
+    assert Flight(None).rate_hz("outputs") is None
+    assert "outputs" in flown(seconds(1, outputs_2=1500.0)).heard
+
+
+def test_a_demand_that_no_autopilot_controls_is_none() -> None:
+    for mode, autopilot, follows in (
+        *((mode, ARDUPILOT, False) for mode in (0.0, 2.0, 3.0, 4.0, 16.0)),
+        *((mode, ARDUPILOT, True) for mode in (1.0, 5.0, 10.0, 15.0)),
+        (0.0, PX4, True),
+    ):
+        [rows] = Flight(None).feed(seconds(1, state=[PLANE, autopilot, 1.0, mode]))
+        assert np.isfinite(rows.roll_demand).all() == np.isfinite(rows.pitch_demand).all() == follows
+
+
+def test_lift_motors_end_forward_flight() -> None:
+    lift = lift_of({"SERVO5_FUNCTION": 33.0, "Q_ENABLE": 1.0})
+    surfaces = Surfaces((Moved(1, "aileron", 1500, 400),), "parameters", lift)
+    for pulse, carried in ((1050.0, False), (1051.0, True)):  # 5 % of 1000 to 2000 µs
+        outputs = np.full(16, np.nan)
+        outputs[4] = pulse
+        flight = flown(seconds(10, outputs=outputs), surfaces=surfaces)
+        assert flight.flown_s == (0 if carried else 7)
+        assert flight.lasted_s("lift") == (10.0 if carried else 0.0)
+    other = of_parameters(Parameters(1, False, {"SERVO1_FUNCTION": 4.0}))
+    list(flight.learn(other))
+    assert flight.flown_s == 7, "without lift motors the same flight is forward flight"
+    assert flight.lasted_s("lift") == 0.0
+
+
+QUAD = {f"SERVO{n}_FUNCTION": 33.0 + k for k, n in enumerate((5, 6, 7, 8))} | {"Q_ENABLE": 1.0}
+
+
+def pulses(**sent: float) -> np.ndarray:
+    values = np.full((1, 32), np.nan)
+    for name, pulse in sent.items():
+        values[0, int(name[1:]) - 1] = pulse
+    return values
+
+
+@pytest.mark.parametrize(
+    ("values", "carries_us"),
+    [
+        ({}, 1050),
+        ({"Q_M_SPIN_MIN": 0.15}, 1200),
+        ({"Q_M_SPIN_MIN": 0.9}, 1550),
+        ({"Q_M_PWM_MIN": 1100.0, "Q_M_PWM_MAX": 1900.0, "Q_M_SPIN_MIN": 0.2}, 1300),
+        ({"Q_THR_MIN_PWM": 1100.0, "Q_THR_MAX_PWM": 1900.0}, 1140),
+    ],
+)
+def test_a_lift_motor_carries_above_its_idle_speed(values: dict[str, float], carries_us: float) -> None:
+    lift = lift_of(QUAD | values)
+    assert lift.servos == {5, 6, 7, 8}
+    for pulse, works in ((carries_us + 1.0, True), (carries_us - 1.0, False)):
+        assert lift.works(pulses(c7=pulse)).tolist() == [works]
+
+
+def test_tilted_motors_pull_and_do_not_lift() -> None:
+    tilted = QUAD | {"Q_TILT_MASK": 5.0, "SERVO9_FUNCTION": 41.0, "SERVO9_MIN": 1000.0, "SERVO9_MAX": 2000.0}
+    lift = lift_of(tilted)
+    assert [motor.servo for motor in lift.fixed] == [6, 8]
+    assert [motor.servo for motor in lift.tilting] == [5, 7]
+    for sent, works in (
+        ({"c5": 1600.0, "c9": 1790.0}, True),
+        ({"c5": 1600.0, "c9": 1810.0}, False),  # 72° of 90°
+        ({"c5": 1600.0, "c6": 1600.0, "c9": 1810.0}, True),
+        ({"c5": 1600.0}, False),  # of unknown tilts the fixed motors tell
+    ):
+        assert lift.works(pulses(**sent)).tolist() == [works]
+    reverse = lift_of(tilted | {"SERVO9_REVERSED": 1.0})
+    assert reverse.works(pulses(c5=1600.0, c9=1810.0)).tolist() == [True]
+    assert reverse.works(pulses(c5=1600.0, c9=1190.0)).tolist() == [False]
+    assert lift_of(tilted | {"Q_TILT_ENABLE": 0.0}).tilting == ()
+    sitter = QUAD | {"Q_TAILSIT_ENABLE": 1.0, "Q_TAILSIT_MOTMX": 3.0}
+    assert lift_of(sitter).servos == {7, 8}
+    assert lift_of(QUAD | {"Q_TAILSIT_MOTMX": 3.0}).servos == {5, 6, 7, 8}
+    tricopter = QUAD | {"SERVO9_FUNCTION": 39.0}
+    assert lift_of(tricopter).servos == {5, 6, 7, 8, 9}
+    assert lift_of(tricopter | {"Q_FRAME_CLASS": 7.0}).servos == {5, 6, 7, 8}
+    assert lift_of(QUAD | {"Q_ENABLE": 0.0}).servos == frozenset()
+
+
+def test_kinds_that_parameters_tell() -> None:
+    plane, copter = Identity(1, "fixed wing"), Identity(1, "quadrotor", multirotor=True)
+    quadplane = {"Q_ENABLE": 1.0}
+    for values, kind, turns in (
+        ({}, "fixed wing", False),
+        ({"Q_ENABLE": 0.0}, "fixed wing", False),
+        (quadplane, "quadplane", False),
+        (quadplane | {"Q_TILT_MASK": 1.0}, "tiltrotor", True),
+        (quadplane | {"Q_TILT_MASK": 1.0, "Q_TILT_ENABLE": 0.0}, "quadplane", False),
+        (quadplane | {"Q_TAILSIT_ENABLE": 1.0, "Q_TILT_MASK": 1.0}, "tailsitter", True),
+        (quadplane | {"Q_TAILSIT_ENABLE": 0.0, "Q_FRAME_CLASS": 10.0}, "quadplane", False),
+        (quadplane | {"Q_FRAME_CLASS": 10.0}, "tailsitter", True),
+    ):
+        assert known_as(plane, values).kind == kind
+        assert turns_its_motors(values) == turns
+    for frame, count in ((6.0, 3), (11.0, 6), (13.0, 8)):
+        assert known_as(copter, {"FRAME_CLASS": frame}) == Identity(1, "helicopter")
+        assert known_as(plane, {"FRAME_CLASS": frame}) == plane
+        servos = {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 9)} | {"FRAME_CLASS": frame}
+        expected = {n: f"swashplate {n}" for n in range(1, count + 1)}
+        assert rotor_servos(servos) == expected | ({4: "tail rotor"} if count == 3 else {})
+    assert known_as(copter, {"FRAME_CLASS": 1.0}) == copter
+    assert rotor_servos({"FRAME_CLASS": 1.0, "SERVO1_FUNCTION": 33.0}) == {}
+
+
+def test_where_a_quadplane_hovers() -> None:
+    nan = np.nan
+    for autopilot, mode, vtol, airspeed, expected in (
+        *((ARDUPILOT, float(mode), nan, nan, 17 <= mode <= 20) for mode in (10, 16, 17, 18, 19, 20, 21, 25)),
+        (PX4, 18.0, nan, nan, False),
+        (PX4, 3.0, 3.0, nan, True),
+        (PX4, 3.0, 4.0, nan, False),
+        (ARDUPILOT, 18.0, 4.0, nan, False),
+        (ARDUPILOT, 18.0, 0.0, nan, True),
+        (ARDUPILOT, 18.0, nan, 8.0, True),
+        (ARDUPILOT, 18.0, nan, 8.1, False),
+    ):
+        state = np.array([[QUADPLANE, autopilot, 1.0, mode]])
+        signals = {"state": state, "vtol": np.array([[vtol]]), "airspeed": np.array([[airspeed]])}
+        assert hovers(signals).tolist() == [expected]
+
+
+def test_an_airspeed_holds_for_three_seconds_and_a_minute_of_them_is_kept() -> None:
+    second = 1_000_000
+    time_us = np.arange(0, 200, dtype=np.int64) * second
+    fields = np.array([(float(k),) for k in range(200)], dtype=[("airspeed", "f8")])
+    ones = np.ones(200, dtype=np.uint8)
+    known = Airspeeds()
+    known.feed({"VFR_HUD": Table("VFR_HUD", time_us // second, time_us, ones, ones, ones, ones, fields)})
+    asked = np.array([-1, 0, second // 2, 199 * second, 202 * second, 202 * second + 1])
+    np.testing.assert_array_equal(known.at(1, asked), [np.nan, 0.0, 0.0, 199.0, 199.0, np.nan])
+    np.testing.assert_array_equal(known.at(2, asked), [np.nan] * 6)
+    late = np.array([142 * second + second // 2])
+    assert known.at(1, late)[0] == 142.0, "what comes late by less than a minute finds its own"
+
+
+def test_a_wind_triangle_finds_airspeed_and_wind_in_turns() -> None:
+    triangle = WindTriangle()
+    for k in range(120):
+        heading = 2 * np.pi * k / 40
+        velocity = 17.0 * np.array([np.cos(heading), np.sin(heading)]) + [3.0, -4.0]
+        triangle.step(velocity, heading)
+        triangle.step(np.array([4.0, 2.9]), heading)  # below 5 m/s: the heading shows no wind
+        triangle.step(np.array([np.nan, 1.0]), heading)
+    assert triangle.is_settled
+    np.testing.assert_allclose(triangle.wind, [3.0, -4.0], atol=0.01)
+    straight = WindTriangle()
+    for _ in range(300):
+        straight.step(np.array([20.0, 0.0]), 0.0)
+    assert not straight.is_settled, "one heading does not part airspeed and wind"
+
+
+@pytest.mark.parametrize(
+    ("ratio", "seconds_", "doubted"),
+    [(1.21, 5, False), (1.23, 4, False), (1.23, 5, True), (1.17, 10, True), (1.17, 9, False),
+     (0.85, 10, True), (1.11, 30, True), (1.11, 29, False), (1.10, 60, False)],
+)  # fmt: skip
+def test_a_sensor_is_doubted_by_the_mean_of_its_ratio(ratio: float, seconds_: int, doubted: bool) -> None:
+    """By the logarithm's mean over 5 s above 0.20, 10 s 0.15, 30 s 0.10; over 30 s below 0.08 it ends."""
+    check = AirspeedCheck()
+    assert all(check.step(18.0, 15.0, settled=False) for _ in range(60))
+    assert all(check.step(18.0, 15.0, settled=True) for _ in range(60))
+    for _ in range(seconds_):
+        trusted = check.step(18.0 * ratio, 15.0, settled=True)
+    assert trusted == (not doubted)
+    assert check.step(99.0, 8.0, settled=True) == trusted, "too slow to say anything"
+    if doubted:
+        again = [check.step(18.0 * 1.07, 15.0, settled=True) for _ in range(31)]
+        assert again[-1]
+        assert not again[0]
+
+
+def test_a_sensor_that_dies_is_doubted_if_it_was_alive() -> None:
+    for alive_s, trusted in ((19, True), (20, False)):
+        check = AirspeedCheck()
+        for _ in range(alive_s):
+            check.step(15.0, 15.0, settled=False)
+        assert check.step(5.0, 15.0, settled=False) == trusted
