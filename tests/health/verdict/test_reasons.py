@@ -39,6 +39,7 @@ def flight(**changes: Any) -> Any:
             "heard": HEARD,
             "on_ground": False,
             "steers": False,
+            "by_receiver": (),
             "flown_s": 300,
             "doubted_s": 0,
             "fastest": 20.0,
