@@ -95,9 +95,7 @@ class Failed(NamedTuple):
     @property
     def error(self) -> MavhumsError:
         """The error to show or to raise."""
-        if isinstance(self.cause, MavhumsError):
-            return self.cause
-        return MavhumsError(self.problem, self.remedy)
+        return self.cause if isinstance(self.cause, MavhumsError) else MavhumsError(self.problem, self.remedy)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -313,8 +311,8 @@ def compared_with_own(flight: StandaloneAssessment, settings: Settings) -> Asses
     """
     assessment = with_aircraft_identity(flight.assessment, settings)
     since = latest(settings.since, settings.whose.since(assessment))
-    own = flight._replace(assessment=assessment)
-    return _over_flights(compared(own, *settings.earlier(since)), settings, since)
+    beside = compared(flight._replace(assessment=assessment), *settings.earlier(since))
+    return _over_flights(beside, settings, since)
 
 
 def _over_flights(assessment: Assessment, settings: Settings, since: Since) -> Assessment:

@@ -56,7 +56,7 @@ def test_outputs_that_come_are_the_command_from_then_on() -> None:
         (
             1500,
             PLANE,
-            "of the log no output moves, only the receiver's channels (1, 2) do",
+            "no output in the log moves, only the receiver's channels (1, 2) do",
             "choose a flight",
         ),
     ],

@@ -127,8 +127,8 @@ def why_not_at_all(
     if not kinds & _WINGED_TYPES and not flight.on_ground:
         return Obstacle(f"{' and '.join(map(in_words, sorted(kinds)))}: {_FIXED_WINGS_ONLY}", NO_WINGS)
     # Of a receiver that drives the servos, each axis tells.
-    unheard = flight.heard | ({"outputs"} if flight.by_receiver else set())
-    missing = [name for name in _NEEDED if name not in unheard]
+    heard = flight.heard | ({"outputs"} if flight.by_receiver else set())
+    missing = [name for name in _NEEDED if name not in heard]
     told = " and ".join(_NEEDED[name] for name in missing)
     # The messages are there: recording more of them would not help.
     if missing and (late := disorder(received)):
@@ -266,7 +266,7 @@ def _by_receiver(flight: Flight) -> Obstacle:
     """Return why an axis without a command is not judged, where the receiver's channels are all there is."""
     only = f"only the receiver's channels ({', '.join(map(str, flight.by_receiver))})"
     if flight.has_pulses:
-        reason = f"the receiver drives the servos: of the log no output moves, {only} do"
+        reason = f"the receiver drives the servos: no output in the log moves, {only} do"
         return Obstacle(reason, "choose a flight in which the autopilot's outputs drive the servos")
     reason = f"the receiver drives the servos: the log has no output, {only}"
     return Obstacle(
