@@ -95,6 +95,8 @@ class Choice:
         # A sample without a number is none.
         known = np.isfinite(one.values).any(axis=2) & (one.spacing < self._silent_s)
         mean: Array = np.where(known, one.spacing, self._silent_s).mean(axis=1)
+        # Rounded, the mean of a silent second lies just below: it would not count as silent.
+        mean[~known.any(axis=1)] = self._silent_s
         return mean
 
     def _compare(self, rank: int, product: float, square: float, rows: float) -> None:
