@@ -106,7 +106,7 @@ def main() -> None:
             for one, flight in zip(flown[options.flights :], flights[options.flights :], strict=True):
                 axis = FAULTS[one.fault][0]
                 before = _alarmed(flight.assessment.verdicts)
-                after = _alarmed(compared(flight, past.baselines).verdicts)
+                after = _alarmed(compared(flight, past.baselines, past.past).verdicts)
                 shares[one.fault] += 1
                 alone[one.fault] += axis in before
                 found[one.fault] += axis in after

@@ -21,6 +21,7 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.events import AirframeNamed, Event
 from mavhums.flights.actuator_comparison import ActuatorComparison, events_of
 from mavhums.health.axis.past import compare_with_earlier_flights
+from mavhums.health.axis.past_response import compare_response
 from mavhums.health.decision.baseline import (
     Baselines,
     BaselineSource,
@@ -134,7 +135,8 @@ class FlightComparison:
         past: PastSource | None = None,
         false_alarms: float = FALSE_ALARMS,
     ) -> None:
-        self._engine, self._past, self._false_alarms = engine, past, false_alarms
+        self._engine, self._false_alarms = engine, false_alarms
+        self._past = cache(past) if past else None
         self._baselines = cache(partial(_looked_up, baselines))
         self._airframes: dict[int | None, str] = {}
         self._comparisons: dict[tuple[int, str], ActuatorComparison | None] = {}
@@ -199,16 +201,28 @@ def _with_findings(
     """Return the assessment of a flight with what the comparisons found."""
     judged_by, end_s = flight.assessment.airframe, flight.assessment.log.duration_s
     known = _looked_up(baselines, judged_by, start)
-    own_scale = any(verdict.own for verdict in flight.assessment.verdicts)
+    alone = flight.assessment.verdicts
+    own_scale = any(verdict.own for verdict in alone if verdict.subject == "actuator")
     profiles = set(flight.profiles.values())
     flown = {name: past(name, start) for name in profiles} if past and own_scale else {}
+    responses = any(verdict.own for verdict in alone if verdict.subject == "axis")
+    before = past(judged_by, start) if past and responses else {}
 
     def found(verdict: Verdict) -> Verdict:
         key = (verdict.vehicle or 0, verdict.actuator)
         if verdict.subject == "axis":
             own = of_subject(known, key)
-            return compare_with_earlier_flights(
+            verdict = compare_with_earlier_flights(
                 verdict, own, start_utc=start, end_s=end_s, false_alarms=flight.false_alarms
+            )
+            others = [
+                one
+                for one in alone
+                if one.subject == "axis" and one.vehicle == key[0] and one.actuator != key[1]
+            ]
+            records = [each.records for each in before.get(key, ()) if each.healthy]
+            return compare_response(
+                verdict, records, others=others, start_utc=start, false_alarms=flight.false_alarms
             )
         if verdict.subject == "motor" or not verdict.coverage.windows:
             return verdict
@@ -224,8 +238,8 @@ def _with_findings(
         start_utc=start,
         end_s=end_s,
     )
-    both = zip(flight.assessment.verdicts, verdicts, strict=True)
-    advised = tuple(alone if now is alone else with_advice(now) for alone, now in both)
+    both = zip(alone, verdicts, strict=True)
+    advised = tuple(one if now is one else with_advice(now) for one, now in both)
     return flight.assessment.model_copy(update={"verdicts": advised})
 
 

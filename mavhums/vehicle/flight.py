@@ -46,6 +46,7 @@ _AIRBORNE_S: Final = 3
 _STOPPED_BY: Final = ("vtol", "mode", "ground", "slow")
 _MOVES_US: Final = 8.0  # 1 % of the usual travel: an output that moves less demands nothing
 _FLOWN_US: Final = 50.0  # what a pilot asks for at least; a receiver's noise is some microseconds
+SPEEDS: Final = 3  # sources of a speed: sensor, wind triangle, ground
 _SPACING_S: Final = 0.001  # resolution of what is counted: a millisecond, as most stamps have
 _SPACINGS: Final = 10_000  # up to 10 s: a stream that comes more rarely is none
 
@@ -212,7 +213,7 @@ class Flight:
             up=up,
             aloft=aloft,
             trusted=trusted,
-            sources=source + 3.0 * np.repeat(seconds.ranks["rates"], RATE_HZ),
+            sources=source + SPEEDS * np.repeat(seconds.ranks["rates"], RATE_HZ),
             spacing=self._spaced(flat, aloft, self._directed(pulses, aloft)),
             outputs=self._demand(pulses, flying),
         )

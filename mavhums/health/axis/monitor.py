@@ -16,6 +16,7 @@ from mavhums.health.axis.mixed import MixedPair
 from mavhums.health.axis.origin import origins
 from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards
 from mavhums.health.axis.residuals import Residual, SideForce
+from mavhums.health.axis.response_sums import ResponseSums
 from mavhums.health.axis.skids import Skids
 from mavhums.health.axis.thresholds import (
     FROM_TAKE_OFF_S,
@@ -83,6 +84,8 @@ class AxisFindings:
         Limits by which the axis was judged.
     from_take_off
         Whether the flight is known from its take-off on.
+    response
+        Sums of the flight, for the comparison with other flights.
     shares
         Of two mixed surfaces that move the axis, the probability that it is the ``left``, the ``right`` or
         ``both``; empty where nothing tells.
@@ -105,6 +108,7 @@ class AxisFindings:
     needs: Standards
     limits: AxisLimits
     from_take_off: bool
+    response: ResponseSums
     shares: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -140,6 +144,7 @@ class AxisMonitor:
         self._gains = {axis: new_tracker(axis, self.limits, coupled.get(axis)) for axis in axes}
         self._pair, self._mixed = MixedPair(), {*coupled, *coupled.values()}
         self._detectors = detectors(self.limits, axes)
+        self._responses = {axis: ResponseSums(axis) for axis in axes}
         self._axes = {axis: _AxisState() for axis in axes}
         self._side, self._skids = Residual(SideForce()), Skids()
         self._skidded_s = self._astray_s = -(1 << 30)
@@ -149,6 +154,8 @@ class AxisMonitor:
         """Process rows; yield the effectiveness of each axis, then the changes of condition in time order."""
         self._look_back(rows)
         seconds = {axis: gain.feed(rows) for axis, gain in self._gains.items()}
+        for response in self._responses.values():
+            response.feed(rows)
         # The side force of a rover or a boat tells nothing of its steering.
         sides = {left.end_s: left for left in self._side.feed(rows)} if "yaw" in self.axes else {}
         seen = AxisInput(rows, seconds, self._gains, sides)
@@ -366,6 +373,7 @@ class AxisMonitor:
             needs=STANDARDS[axis],
             limits=self.limits,
             from_take_off=self._waited_rows >= FROM_TAKE_OFF_S * RATE_HZ,
+            response=self._responses[axis],
             shares=self._pair.shares() if axis in self._mixed else {},
         )
 

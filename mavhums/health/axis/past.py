@@ -31,7 +31,7 @@ LOSSES: Final = ("effectiveness", "manoeuvre")
 
 
 @dataclass(frozen=True, slots=True)
-class _ComparedIndicator:
+class ComparedIndicator:
     """An indicator beside its baseline: the difference, its standard error and its degrees of freedom."""
 
     indicator: Indicator
@@ -41,7 +41,8 @@ class _ComparedIndicator:
     freedom: float
 
     @classmethod
-    def of(cls, indicator: Indicator, baseline: Baseline) -> _ComparedIndicator:
+    def of(cls, indicator: Indicator, baseline: Baseline) -> ComparedIndicator:
+        """Return the comparison of an indicator of one flight with its baseline."""
         value = indicator.value
         # The interval of the report is the only form in which the error was stored.
         own = ((value.high - value.low) / 2 / NORMAL_95) ** 2
@@ -53,6 +54,7 @@ class _ComparedIndicator:
 
     @property
     def ratio(self) -> float:
+        """The difference over its standard error."""
         return self.difference / self.error
 
     @property
@@ -65,7 +67,7 @@ class _ComparedIndicator:
 
 
 @dataclass(frozen=True, slots=True)
-class _Departure:
+class Departure:
     """A difference from the earlier flights that counts."""
 
     fault: str
@@ -99,7 +101,7 @@ def compare_with_earlier_flights(
         Allowed false alarms per 100 hours of the axis.
     """
     compared = [
-        _ComparedIndicator.of(shown, baselines[shown.fault])
+        ComparedIndicator.of(shown, baselines[shown.fault])
         for shown in verdict.indicators
         if shown.fault in baselines
     ]
@@ -132,10 +134,10 @@ def _beside(shown: Indicator, baseline: Baseline | None) -> Indicator:
     return shown.model_copy(update={"baseline": expected, "baseline_flights": baseline.flights})
 
 
-def _found(compared: list[_ComparedIndicator], limits: AxisLimits, tail: float) -> Iterator[_Departure]:
+def _found(compared: list[ComparedIndicator], limits: AxisLimits, tail: float) -> Iterator[Departure]:
     """Yield the differences that are certain and beyond the limits: of the gains the most certain one."""
     lost = [one for one in compared if one.indicator.fault in LOSSES and one.baseline.mean > 0]
-    losses = [loss for one in lost if (loss := _loss(one, limits, tail))]
+    losses = [loss for one in lost if (loss := loss_of(one, limits, tail))]
     # Gain and load factor fall with the same surface: one loss, the graver one.
     yield from sorted(losses, key=lambda loss: loss.value)[:1]
     for one in compared:
@@ -143,17 +145,17 @@ def _found(compared: list[_ComparedIndicator], limits: AxisLimits, tail: float) 
         size, flights = one.difference, one.baseline.flights
         if one.indicator.fault == "slow" and size >= limits.lag_s and one.ratio > bound:
             rule = f"degraded: answers {size:.1f} s later than in {flights} earlier flights"
-            yield _Departure("slow", "degraded", size, limits.lag_s, rule, _confidence(one))
+            yield Departure("slow", "degraded", size, limits.lag_s, rule, _confidence(one))
         if one.indicator.fault == "hard_over" and abs(size) >= limits.trim_shift and abs(one.ratio) > bound:
             way = "right" if size > 0 else "left"
             rule = (
                 f"degraded: needs {100 * abs(size):.0f} % of the full demand more to the {way} than in "
                 f"{flights} earlier flights to keep its wings level"
             )
-            yield _Departure("hard_over", "degraded", size, limits.trim_shift, rule, _confidence(one))
+            yield Departure("hard_over", "degraded", size, limits.trim_shift, rule, _confidence(one))
 
 
-def _loss(one: _ComparedIndicator, limits: AxisLimits, tail: float) -> _Departure | None:
+def loss_of(one: ComparedIndicator, limits: AxisLimits, tail: float) -> Departure | None:
     """Return a certain loss of effectiveness; None if there is none."""
     share = one.share
     k = share.estimate
@@ -168,14 +170,14 @@ def _loss(one: _ComparedIndicator, limits: AxisLimits, tail: float) -> _Departur
         f"{condition}: {100 * max(k, 0.0):.0f} % of the {what} of {one.baseline.flights} earlier flights "
         "is left"
     )
-    return _Departure("effectiveness", condition, k, limit, rule, _confidence(one), share)
+    return Departure("effectiveness", condition, k, limit, rule, _confidence(one), share)
 
 
-def _confidence(one: _ComparedIndicator) -> float:
+def _confidence(one: ComparedIndicator) -> float:
     return round(min(float(stdtr(one.freedom, abs(one.ratio))), MOST_CONFIDENCE), 4)
 
 
-def _judged(verdict: Verdict, found: list[_Departure], start_utc: datetime, end_s: float) -> Verdict:
+def _judged(verdict: Verdict, found: list[Departure], start_utc: datetime, end_s: float) -> Verdict:
     """Return a verdict with the findings; what they say holds from the reference on."""
     late_s = verdict.coverage.judged_from_s
     # The flight's own beginning is its reference; of a late one nothing is known before it.

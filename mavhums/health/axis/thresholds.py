@@ -352,3 +352,22 @@ MOST_LATE_SHARE: Final = 0.2
 
 # Seconds of a doubted airspeed from which a reason names it.
 DOUBTED_AIRSPEED_S: Final = 10
+
+# Delay and lag, s, with which the response of all flights is summed: the middle of those that are tried for a
+# reference.
+RESPONSE_SHAPES: Final = {
+    "roll": (0.15, 0.1),
+    "pitch": (0.05, 0.0),
+    "yaw": (0.2, 0.0),
+    "steering": (0.15, 0.1),
+}
+
+# Judged seconds in a part of these sums, as many as in a window.
+PART_S: Final = 10
+
+# Earlier healthy flights that the response is compared with: the first ones for good, as in a baseline.
+PAST_REFERENCES: Final = 20
+
+# Largest ratio of the outputs' rates of two flights whose responses are compared: the gain of pitch at 4 Hz
+# is 0.8 to 1.0 of that at 10 Hz (software in the loop; docs/evidence/axes.md).
+PAST_RATE_RATIO: Final = 3.0

@@ -31,7 +31,7 @@ class PastRecord(NamedTuple):
     healthy: bool
 
 
-PastSource = Callable[[str, datetime | None], Mapping[tuple[int, str], Sequence[PastRecord]]]
+PastSource = Callable[[str | None, datetime | None], Mapping[tuple[int, str], Sequence[PastRecord]]]
 """What gives the flights before by vehicle and actuator, of an airframe and the time when a flight begins."""
 
 

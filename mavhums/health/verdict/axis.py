@@ -22,7 +22,7 @@ from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.actuator import rounded, rounded_suspects, since
 from mavhums.health.verdict.obstacles import why_undecided
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import Candidate, Indicator, Verdict
+from mavhums.results.verdict import Candidate, Indicator, OwnRecord, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Grid
 from mavhums.vehicle.surfaces import STEERING, Surfaces
@@ -126,7 +126,13 @@ def verdict_of_axis(
     elif findings.condition == "normal" and findings.coverage.judged_from_s is not None:
         reason, remedy = _LATE_REFERENCE.format(findings.coverage.judged_from_s), _COMPARE
     axis = findings.axis
-    refused = surfaces is not None and axis in surfaces.contradicted
+    # Inferred outputs, and those instead of a profile's, have another scale than in other flights.
+    comparable = (
+        surfaces is not None
+        and surfaces.origin != "inferred"
+        and not surfaces.by_receiver
+        and axis not in surfaces.contradicted
+    )
     origin = {} if surfaces is None else {"V1": f"{_command(surfaces)}, by {_origin(surfaces, axis)}"}
     origin |= _measured(axis, flight, grid)
     coverage = findings.coverage
@@ -147,14 +153,21 @@ def verdict_of_axis(
         evidence=tuple(e.model_copy(update={"value": round(e.value, 4)}) for e in findings.evidence),
         effectiveness=rounded(findings.effectiveness, 3),
         limits=findings.limits,
-        # Inferred outputs, and those instead of a profile's, have another scale than in other flights.
-        indicators=tuple(indicators(findings))
-        if surfaces and surfaces.origin != "inferred" and not surfaces.by_receiver and not refused
-        else (),
+        indicators=tuple(indicators(findings)) if comparable else (),
+        own=tuple(_response(findings, flight)) if comparable else (),
         provenance=origin,
         reason=reason,
         remedy=remedy,
     )
+
+
+def _response(findings: AxisFindings, flight: Flight) -> Iterator[OwnRecord]:
+    """Yield what the flight leaves for the comparison of its response with that of other flights."""
+    sums, rate_hz = findings.response, flight.rate_hz("outputs")
+    if sums.source is not None and rate_hz is not None:
+        record = sums.record(_SPEEDS[sums.source], rate_hz)
+        if record is not None:
+            yield record
 
 
 def _measured(axis: str, flight: Flight, grid: Grid) -> dict[str, str]:
