@@ -108,7 +108,7 @@ class AxisFindings:
     needs: Standards
     limits: AxisLimits
     from_take_off: bool
-    response: ResponseSums
+    response: ResponseSums = field(compare=False)
     shares: Mapping[str, float] = field(default_factory=dict)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,10 @@ from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.past import ComparedIndicator, Departure, loss_of
+from mavhums.health.axis.regressions import FORMS
 from mavhums.health.axis.response_sums import RESPONSE
 from mavhums.health.axis.thresholds import (
+    DRIVEN_SHARE,
     JUDGED_ERROR,
     LEAST_SPEED_SHARE,
     NORMAL_EFFECTIVENESS,
@@ -27,6 +29,7 @@ from mavhums.health.axis.thresholds import (
     PAST_RATE_RATIO,
     PAST_REFERENCES,
     PAST_TESTS,
+    POOLED_LEAST_S,
     POOLED_S,
     WINDOW_DEVIATION,
     WINDOW_SECONDS,
@@ -51,8 +54,7 @@ def compare_response(
 ) -> Verdict:
     """Return the verdict on an axis after the comparison of its response with that of earlier flights.
 
-    What the flight itself shows stays: the comparison adds a loss that it does not show, or the condition of
-    an axis without a reference.
+    Only an axis that the flight itself cannot judge is judged so.
 
     Parameters
     ----------
@@ -68,7 +70,9 @@ def compare_response(
     false_alarms
         Allowed false alarms per 100 hours of the axis.
     """
-    if any(SEVERITY[one.worst] > SEVERITY["normal"] for one in (verdict, *others)):
+    if verdict.condition != "undecided" or verdict.worst != "undecided":
+        return verdict
+    if any(SEVERITY[one.worst] > SEVERITY["normal"] for one in others):
         return verdict
     limits = verdict.limits or AxisLimits()
     tail = tail_of(false_alarms) * POOLED_S / WINDOW_SECONDS / PAST_TESTS
@@ -76,7 +80,7 @@ def compare_response(
     lost = [one for one in told if one.loss]
     if lost:
         return _with_loss(verdict, told, lost, start_utc)
-    if verdict.condition == "undecided" and told and told[-1].excludes_loss:
+    if told and told[-1].excludes_loss:
         return _as_before(verdict, told)
     return verdict
 
@@ -179,6 +183,10 @@ class Stretch(NamedTuple):
         return self.share.low > NORMAL_EFFECTIVENESS
 
 
+_HEAD: Final = 3  # seconds, end and speed of a part, before its sums of products
+_SIZES: Final = sorted({form.nuisances + 2 for form in FORMS.values()})
+
+
 class _Parts(NamedTuple):
     """The parts of a flight: judged seconds, end and mean speed of each, and its sums of products."""
 
@@ -191,11 +199,11 @@ class _Parts(NamedTuple):
     def of(cls, record: OwnRecord) -> _Parts | None:
         """Return the parts of a record; None if they are not of equal, plausible size."""
         lengths = {len(row) for row in record.groups}
-        size = round((8 * (lengths.pop() - 3) + 1) ** 0.5 / 2 - 0.5) if len(lengths) == 1 else 0
-        if size < 2 or any(len(row) != 3 + size * (size + 1) // 2 for row in record.groups):
+        size = next((n for n in _SIZES if lengths == {_HEAD + n * (n + 1) // 2}), None)
+        if size is None:
             return None
         rows = np.array(record.groups, dtype=np.float64)
-        grams = np.array([unpacked(row[3:], size) for row in record.groups])
+        grams = np.array([unpacked(row[_HEAD:], size) for row in record.groups])
         return cls(rows[:, 0], rows[:, 1], rows[:, 2], grams)
 
     def take(self, at: NDArray[np.intp]) -> _Parts:
@@ -256,9 +264,9 @@ def stretches(
     baseline = Baseline.of(indicators)
     if baseline is None or baseline.mean <= 0.0:
         return
-    speed = np.average(
-        np.concatenate([one.speed for one in flown]), weights=np.concatenate([one.seconds for one in flown])
-    )
+    total_s = sum(float(one.seconds.sum()) for one in flown)
+    speed = sum(float(one.speed @ one.seconds) for one in flown) / total_s
+    power = float(gram[0, 0]) / total_s
     # Near the stall ailerons lose most of their effect without a fault.
     driven = parts.take(
         np.flatnonzero((parts.speed >= LEAST_SPEED_SHARE * speed) & (parts.grams[:, 0, 0] > 0))
@@ -269,13 +277,17 @@ def stretches(
         if shown.value.high - shown.value.low > 2 * NORMAL_95 * JUDGED_ERROR:
             continue
         compared = ComparedIndicator.of(shown, baseline)
+        seconds = int(minute.seconds.sum())
+        # Gusts move the aircraft and, through the autopilot, the surfaces against it: where little else
+        # drives these, the gain is underestimated.
+        shows = seconds >= POOLED_LEAST_S and minute.grams[:, 0, 0].sum() >= DRIVEN_SHARE * power * seconds
         start_s = float(driven.end_s[first - 1]) if first else float(minute.end_s[0] - minute.seconds[0])
         yield Stretch(
             start_s,
             float(minute.end_s[-1]),
-            int(minute.seconds.sum()),
+            seconds,
             compared.share,
-            loss_of(compared, limits, tail),
+            loss_of(compared, limits, tail) if shows else None,
             baseline.flights,
         )
 

@@ -1,0 +1,208 @@
+"""An axis judged by the response of the aircraft's earlier flights."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mavhums.core.conditions import Condition
+from mavhums.health.axis.past_response import compare_response
+from mavhums.health.axis.response_sums import ResponseSums
+from mavhums.health.axis.thresholds import PAST_FLIGHTS, PAST_RATE_RATIO
+from mavhums.health.estimation.grams import unpacked
+from mavhums.results.verdict import OwnRecord, Verdict
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.grid import RATE_HZ
+from tests.health.axis.flights import SPEED, excited, rows, steady
+
+START = datetime(2026, 3, 1, 9, tzinfo=UTC)
+GAIN, TRIM, TURN = 0.12, 0.01, -0.3  # rad/m, rad/m, 1
+SENSOR, TRIANGLE = "the airspeed sensor", "the wind triangle"
+
+
+def flight(
+    seconds: int, *, seed: int = 1, gain: float = GAIN, left: float = 1.0, since: int = 0, gusts: float = 0.02
+) -> Rows:
+    """Return a flight whose roll rate obeys p = K·v·δ + b·v + c·r, in gusts; K falls from a second on."""
+    made = steady(seconds)
+    n = seconds * RATE_HZ
+    command = excited(seconds, seed, 0.3)
+    share = np.where(np.arange(n) < since * RATE_HZ, 1.0, left)
+    made["outputs"][:, 0] = command
+    made["yaw_rate"] = excited(seconds, seed + 1000, 0.1)
+    made["speed"] = SPEED + 2.0 * excited(seconds, seed + 2000, 0.5)
+    late = np.concatenate([np.zeros(3), lagged(share * command)[:-3]])
+    made["roll_rate"] = gain * made["speed"] * late + TRIM * made["speed"] + TURN * made["yaw_rate"]
+    made["roll_rate"] += gusts * np.random.default_rng(seed).normal(size=n)
+    return rows(made)
+
+
+def lagged(command: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the command after a first-order lag of 0.1 s, as the sums assume it."""
+    out, value, share = np.empty_like(command), command[0], 1.0 - np.exp(-1.0 / RATE_HZ / 0.1)
+    for k, each in enumerate(command):
+        value += share * (each - value)
+        out[k] = value
+    return out
+
+
+def record(flown: Rows, *, block: int = 1 << 20, setup: str = SENSOR, rate_hz: float = 10.0) -> OwnRecord:
+    sums = ResponseSums("roll")
+    for begin in range(0, flown.seconds, block):
+        sums.feed(flown.cut(begin, min(begin + block, flown.seconds)))
+    found = sums.record(setup, rate_hz)
+    assert found is not None
+    return found
+
+
+def healthy(count: int = PAST_FLIGHTS, **how: Any) -> list[tuple[OwnRecord]]:
+    """Return earlier flights, whose gain scatters by 2 %."""
+    gains = GAIN * (1.0 + 0.02 * np.cos(np.arange(count)))
+    return [(record(flight(120, seed=k, gain=gain), **how),) for k, gain in enumerate(gains.tolist(), 10)]
+
+
+PAST = healthy()
+MORE = healthy(20)
+
+
+def judged(
+    own: OwnRecord | None,
+    past: list[tuple[OwnRecord]],
+    *,
+    condition: Condition = "undecided",
+    others: tuple[Verdict, ...] = (),
+) -> Verdict:
+    reason = "too little is explained" if condition == "undecided" else None
+    verdict = axis(condition).model_copy(update={"own": (own,) if own else (), "reason": reason})
+    return compare_response(verdict, past, others=others, start_utc=START, false_alarms=1.0)
+
+
+def axis(condition: Condition, name: str = "roll") -> Verdict:
+    return Verdict(subject="axis", vehicle=1, actuator=name, condition=condition, worst=condition)
+
+
+def test_the_sums_hold_the_gain_exactly() -> None:
+    flown = record(flight(60, gusts=0.0))
+    gram = np.sum([unpacked(row[3:], 4) for row in flown.groups], axis=0)
+    found = np.linalg.solve(gram[:3, :3], gram[:3, 3])
+    assert found == pytest.approx([GAIN, TRIM, TURN], rel=0.02)
+    assert flown.groups[0][0] == 10.0
+    assert flown.groups[0][2] == pytest.approx(SPEED, abs=1.0)
+
+
+@pytest.mark.parametrize("block", [1, 7, 60])
+def test_the_sums_do_not_depend_on_the_blocks(block: int) -> None:
+    flown = flight(130)
+    assert record(flown, block=block).groups == record(flown).groups
+
+
+def test_a_long_flight_leaves_no_more_than_a_short_one() -> None:
+    flown = record(flight(1000))
+    assert 16 <= len(flown.groups) < 32
+    assert flown.duration_s == sum(row[0] for row in flown.groups)
+    assert flown.groups[-1][1] >= 960.0
+
+
+def test_seconds_with_another_speed_do_not_count() -> None:
+    flown = flight(120)
+    changed = flown.sources.copy()
+    changed[: 40 * RATE_HZ] = 1.0  # the wind triangle
+    other = ResponseSums("roll")
+    other.feed(replace(flown, sources=changed))
+    assert other.source == 0
+    found = other.record(SENSOR, 10.0)
+    assert found is not None
+    assert found.groups[0][1] - found.groups[0][0] >= 40.0
+
+
+def test_an_axis_without_a_reference_is_normal_by_its_earlier_flights() -> None:
+    found = judged(record(flight(180)), PAST)
+    assert (found.condition, found.worst, found.remedy) == ("normal", "normal", None)
+    assert found.reason == "this flight has no reference of its own; 5 earlier flights are it"
+    assert found.effectiveness is not None
+    assert found.effectiveness.low < 1.0 < found.effectiveness.high
+    assert found.effectiveness.estimate == pytest.approx(1.0, abs=0.05)
+    assert found.coverage.decidable == found.coverage.windows == found.coverage.excluded == 170
+    assert found.coverage.excluded_until_s is not None
+
+
+@pytest.mark.parametrize(("left", "condition"), [(0.3, "emergency"), (0.0, "emergency"), (0.63, "degraded")])
+def test_a_loss_is_found_with_its_time(left: float, condition: str) -> None:
+    found = judged(record(flight(310, left=left, since=130)), MORE)
+    assert (found.condition, found.worst, found.reason) == (condition, condition, None)
+    assert found.effectiveness is not None
+    assert found.effectiveness.estimate == pytest.approx(left, abs=0.05)
+    [evidence] = found.evidence
+    assert evidence.kind == found.suspects[0].fault == "effectiveness"
+    assert 120.0 <= evidence.start_s <= 190.0
+    assert found.since is not None
+    assert found.since.flight_time_s == evidence.start_s
+    assert evidence.end_s >= 300.0
+    assert "20 earlier flights is left, from 1" in evidence.rule
+
+
+def test_a_loss_that_is_over_leaves_the_worst_condition() -> None:
+    whole = flight(310)
+    roll_rate = whole.roll_rate.copy()
+    roll_rate[: 130 * RATE_HZ] = flight(310, left=0.3).roll_rate[: 130 * RATE_HZ]
+    found = judged(record(replace(whole, roll_rate=roll_rate)), PAST)
+    assert (found.condition, found.worst) == ("normal", "emergency")
+    assert found.effectiveness is not None
+    assert found.effectiveness.estimate == pytest.approx(1.0, abs=0.05)
+
+
+def test_what_is_within_the_scatter_of_flights_is_no_loss() -> None:
+    found = judged(record(flight(180, left=0.9)), PAST)
+    assert (found.condition, found.evidence) == ("normal", ())
+
+
+def test_what_is_not_comparable_is_not_compared() -> None:
+    own = record(flight(180, left=0.3))
+    before = judged(None, PAST)
+    assert before.condition == "undecided"
+    for past in (PAST[:-1], healthy(setup=TRIANGLE), healthy(rate_hz=10.0 * PAST_RATE_RATIO * 1.01)):
+        assert judged(own, past).condition == "undecided"
+    assert judged(own, healthy(rate_hz=10.0 * PAST_RATE_RATIO)).condition == "emergency"
+    assert judged(own, PAST, others=(axis("degraded", "yaw"),)).condition == "undecided"
+    assert judged(own, PAST, others=(axis("normal", "yaw"),)).condition == "emergency"
+    for condition in ("normal", "degraded", "emergency"):
+        assert judged(own, PAST, condition=condition).evidence == ()
+
+
+def test_below_the_usual_speed_nothing_is_judged() -> None:
+    own = record(flight(180, left=0.3))
+    slow = own.model_copy(update={"groups": tuple((*row[:2], 0.84 * row[2], *row[3:]) for row in own.groups)})
+    assert judged(slow, PAST).condition == "undecided"
+    still = own.model_copy(
+        update={"groups": tuple((*row[:2], 0.88 * row[2], *row[3:]) for row in own.groups)}
+    )
+    assert judged(still, PAST).condition == "emergency"
+
+
+def test_an_axis_that_was_not_driven_stays_undecided() -> None:
+    quiet = record(flight(180))
+    calm = quiet.model_copy(
+        update={"groups": tuple((*row[:3], *(1e-6 * x for x in row[3:])) for row in quiet.groups)}
+    )
+    assert judged(calm, PAST).condition == "undecided"
+
+
+@pytest.mark.parametrize(
+    "groups",
+    [
+        ((10.0, 10.0),),
+        ((1.0, 2.0, 3.0), (1.0,)),
+        ((10.0, 10.0, 18.0, *[0.0] * 10),),
+        ((10.0, 10.0, 18.0, 1.0),),
+    ],
+)
+def test_a_foreign_record_is_ignored(groups: tuple[tuple[float, ...], ...]) -> None:
+    foreign = OwnRecord(equation="response", setup=SENSOR, rate_hz=10.0, duration_s=10.0, groups=groups)
+    assert judged(foreign, PAST).condition == "undecided"
+    own = record(flight(180, left=0.3))
+    assert judged(own, [*PAST[:-1], (foreign,)]).condition == "undecided"
+    assert judged(own, [(foreign,), *PAST]).condition == "emergency"
