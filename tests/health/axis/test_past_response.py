@@ -130,7 +130,7 @@ def test_an_axis_without_a_reference_is_normal_by_its_earlier_flights() -> None:
     assert found.coverage.excluded_until_s is not None
 
 
-@pytest.mark.parametrize(("left", "condition"), [(0.3, "emergency"), (0.0, "emergency"), (0.63, "degraded")])
+@pytest.mark.parametrize(("left", "condition"), [(0.3, "emergency"), (0.0, "emergency"), (0.68, "degraded")])
 def test_a_loss_is_found_with_its_time(left: float, condition: str) -> None:
     found = judged(record(flight(310, left=left, since=130)), MORE)
     assert (found.condition, found.worst, found.reason) == (condition, condition, None)
