@@ -16,7 +16,7 @@ from mavhums.health.axis.mixed import MixedPair
 from mavhums.health.axis.origin import origins
 from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards
 from mavhums.health.axis.residuals import Residual, SideForce
-from mavhums.health.axis.response_sums import ResponseSums
+from mavhums.health.axis.response_sums import Response, ResponseSums
 from mavhums.health.axis.skids import Skids
 from mavhums.health.axis.thresholds import (
     FROM_TAKE_OFF_S,
@@ -84,11 +84,11 @@ class AxisFindings:
         Limits by which the axis was judged.
     from_take_off
         Whether the flight is known from its take-off on.
-    response
-        Sums of the flight, for the comparison with other flights.
     shares
         Of two mixed surfaces that move the axis, the probability that it is the ``left``, the ``right`` or
         ``both``; empty where nothing tells.
+    response
+        Sums of the flight, for the comparison with other flights; None without any.
     """
 
     axis: str
@@ -108,8 +108,8 @@ class AxisFindings:
     needs: Standards
     limits: AxisLimits
     from_take_off: bool
-    response: ResponseSums = field(compare=False)
     shares: Mapping[str, float] = field(default_factory=dict)
+    response: Response | None = None
 
 
 class AxisMonitor:
@@ -373,7 +373,7 @@ class AxisMonitor:
             needs=STANDARDS[axis],
             limits=self.limits,
             from_take_off=self._waited_rows >= FROM_TAKE_OFF_S * RATE_HZ,
-            response=self._responses[axis],
+            response=self._responses[axis].response(),
             shares=self._pair.shares() if axis in self._mixed else {},
         )
 

@@ -22,12 +22,39 @@ from mavhums.results.verdict import OwnRecord
 from mavhums.vehicle.flight import SPEEDS, Rows
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["RESPONSE", "ResponseSums"]
+__all__ = ["RESPONSE", "Response", "ResponseSums"]
 
 RESPONSE: Final = "response"
 """Name of the equation in a record."""
 
 _MOST_PARTS: Final = 32  # at least 16 once the flight is long: bounds the size of a record
+
+
+class Response(NamedTuple):
+    """What a flight shows of an axis's response.
+
+    Attributes
+    ----------
+    source
+        What measured the speed: sensor (0), wind triangle (1), ground (2).
+    groups
+        Of each part its judged seconds, the flight second of its end, its mean speed, m/s, and the upper
+        triangle of the sums of products of the regression's columns, all without their slow parts: the drive,
+        the others, the response.
+    """
+
+    source: int
+    groups: tuple[tuple[float, ...], ...]
+
+    def record(self, setup: str, rate_hz: float) -> OwnRecord:
+        """Return the record of the flight; ``setup`` names the source; outputs have this rate."""
+        return OwnRecord(
+            equation=RESPONSE,
+            setup=setup,
+            rate_hz=float(f"{rate_hz:.3g}"),
+            duration_s=sum(row[0] for row in self.groups),
+            groups=self.groups,
+        )
 
 
 class _Part(NamedTuple):
@@ -95,38 +122,17 @@ class ResponseSums:
             parts[:] = [_joined(one, other) for one, other in zip(parts[::2], parts[1::2], strict=True)]
             self._lengths[source] = 2 * self._lengths.get(source, PART_S)
 
-    @property
-    def source(self) -> int | None:
-        """What usually measured the speed: sensor (0), wind triangle (1), ground (2); None without a part."""
+    def response(self) -> Response | None:
+        """Return the sums so far, of the usual source of the speed; None without a whole part."""
         lengths = {source: sum(part.seconds for part in parts) for source, parts in self._parts.items()}
-        return max(lengths, key=lengths.__getitem__, default=None)
-
-    def record(self, setup: str, rate_hz: float) -> OwnRecord | None:
-        """Return the record of the flight so far; None without a whole part.
-
-        Parameters
-        ----------
-        setup
-            What measured the speed, :attr:`source` in words.
-        rate_hz
-            Rate of the outputs, Hz.
-        """
-        if self.source is None:
+        if not lengths:
             return None
-        parts = self._parts[self.source]
-        return OwnRecord(
-            equation=RESPONSE,
-            setup=setup,
-            rate_hz=float(f"{rate_hz:.3g}"),
-            duration_s=float(sum(part.seconds for part in parts)),
-            groups=tuple(
-                (
-                    float(part.seconds),
-                    float(part.end_s),
-                    round(part.speeds / part.seconds, 2),
-                    *packed(part.gram),
-                )
-                for part in parts
+        usual = max(lengths, key=lengths.__getitem__)
+        return Response(
+            usual,
+            tuple(
+                (float(seconds), float(end_s), round(speeds / seconds, 2), *packed(gram))
+                for seconds, end_s, speeds, gram in self._parts[usual]
             ),
         )
 

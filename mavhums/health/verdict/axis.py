@@ -154,20 +154,18 @@ def verdict_of_axis(
         effectiveness=rounded(findings.effectiveness, 3),
         limits=findings.limits,
         indicators=tuple(indicators(findings)) if comparable else (),
-        own=tuple(_response(findings, flight)) if comparable else (),
+        own=tuple(_record(findings, flight)) if comparable else (),
         provenance=origin,
         reason=reason,
         remedy=remedy,
     )
 
 
-def _response(findings: AxisFindings, flight: Flight) -> Iterator[OwnRecord]:
+def _record(findings: AxisFindings, flight: Flight) -> Iterator[OwnRecord]:
     """Yield what the flight leaves for the comparison of its response with that of other flights."""
-    sums, rate_hz = findings.response, flight.rate_hz("outputs")
-    if sums.source is not None and rate_hz is not None:
-        record = sums.record(_SPEEDS[sums.source], rate_hz)
-        if record is not None:
-            yield record
+    response, rate_hz = findings.response, flight.rate_hz("outputs")
+    if response is not None and rate_hz is not None:
+        yield response.record(_SPEEDS[response.source], rate_hz)
 
 
 def _measured(axis: str, flight: Flight, grid: Grid) -> dict[str, str]:

@@ -54,9 +54,9 @@ def record(flown: Rows, *, block: int = 1 << 20, setup: str = SENSOR, rate_hz: f
     sums = ResponseSums("roll")
     for begin in range(0, flown.seconds, block):
         sums.feed(flown.cut(begin, min(begin + block, flown.seconds)))
-    found = sums.record(setup, rate_hz)
+    found = sums.response()
     assert found is not None
-    return found
+    return found.record(setup, rate_hz)
 
 
 def healthy(count: int = PAST_FLIGHTS, **how: Any) -> list[tuple[OwnRecord]]:
@@ -113,9 +113,9 @@ def test_seconds_with_another_speed_do_not_count() -> None:
     changed[: 40 * RATE_HZ] = 1.0  # the wind triangle
     other = ResponseSums("roll")
     other.feed(replace(flown, sources=changed))
-    assert other.source == 0
-    found = other.record(SENSOR, 10.0)
+    found = other.response()
     assert found is not None
+    assert found.source == 0
     assert found.groups[0][1] - found.groups[0][0] >= 40.0
 
 

@@ -14,7 +14,6 @@ from mavhums.actuator.signs import SIGNED_BY_VOLTAGE
 from mavhums.actuator.tiers import TIERS
 from mavhums.health.axis.monitor import AxisFindings
 from mavhums.health.axis.reference import STANDARDS
-from mavhums.health.axis.response_sums import ResponseSums
 from mavhums.health.verdict.actuator import _absurd, _why_undecided
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.sections import AxisLimits
@@ -163,7 +162,6 @@ def findings(axis: str = "roll", **changes: Any) -> AxisFindings:
             needs=STANDARDS[axis],
             limits=AxisLimits(),
             from_take_off=True,
-            response=ResponseSums(axis),
         ),
         **changes,
     )
