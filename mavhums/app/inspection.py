@@ -16,8 +16,7 @@ from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
 from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
-from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes
-from mavhums.engine.drops import with_drops
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes, with_drops
 from mavhums.engine.usage import vehicle_usage
 from mavhums.engine.vehicle_limit import VehicleLimit
 from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
