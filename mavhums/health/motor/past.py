@@ -33,6 +33,15 @@ __all__ = [
     "compare_motors",
 ]
 
+_SCATTER_PER_MOTOR: Final = 0.011
+"""Scatter of a motor's trim between flights, by the number of motors: of the efforts' in :mod:`.trims`, along
+the columns of quads, hexas and octas."""
+_SCATTER_WORTH: Final = 6.0  # flights
+_LEAST_CHANGE: Final = 0.15
+"""Least change of a motor's thrust that is told: a battery moved by a centimetre makes 0.1."""
+_YAW_TELLS: Final = 3.0  # standard deviations between flights
+_MOST_CONFIDENCE: Final = 0.99  # a Student's t of few flights claims more than they show
+
 TRIM: Final = "trim"
 """Fault of the indicator: thrust that a motor gives more than its share, by that share."""
 TRIM_YAW: Final = "trim_yaw"
@@ -104,16 +113,6 @@ class Trims:
             scatter=round(scatter, 5),
             needed_flights=NEEDED_FLIGHTS,
         )
-
-
-_SCATTER_PER_MOTOR: Final = 0.011
-"""Scatter of a motor's trim between flights, by the number of motors: of the efforts' in :mod:`.trims`, along
-the columns of quads, hexas and octas."""
-_SCATTER_WORTH: Final = 6.0  # flights
-_LEAST_CHANGE: Final = 0.15
-"""Least change of a motor's thrust that is told: a battery moved by a centimetre makes 0.1."""
-_YAW_TELLS: Final = 3.0  # standard deviations between flights
-_MOST_CONFIDENCE: Final = 0.99  # a Student's t of few flights claims more than they show
 
 
 class _TrimShift(NamedTuple):

@@ -28,6 +28,9 @@ from mavhums.health.self_baseline.thresholds import (
 )
 from mavhums.results.verdict import OwnRecord
 
+_ACCELERATION = KEPT.index("acceleration")
+_Of = Callable[[OwnRecord], float | None]
+
 
 class PastRecord(NamedTuple):
     """The records of the own-scale equations of an earlier flight.
@@ -86,10 +89,6 @@ def comparable(records: Sequence[OwnRecord]) -> bool:
     """Return whether records contain the wear of an equation, and not only motor identification data."""
     names = {equation.name for equation in (*OWN_EQUATIONS, *STROKE_EQUATIONS)}
     return any(record.equation in names for record in records)
-
-
-_ACCELERATION = KEPT.index("acceleration")
-_Of = Callable[[OwnRecord], float | None]
 
 
 @dataclass(frozen=True, slots=True)

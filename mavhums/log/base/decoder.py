@@ -19,6 +19,9 @@ __all__ = [
     "join_tables",
 ]
 
+PIECE = 1 << 16
+"""Bytes of a log's beginning that are read at a time, until a frame or definition settles what the log is."""
+
 
 class Region(Contract):
     """Damaged bytes between two frames: where they begin in the log, and how many they are."""
@@ -95,10 +98,6 @@ class Losses(Contract):
             or self.padded_frames
             or self.bad_signatures
         )
-
-
-PIECE = 1 << 16
-"""Bytes of a log's beginning that are read at a time, until a frame or definition settles what the log is."""
 
 
 class LogDecoder(Protocol):
