@@ -136,10 +136,6 @@ def inspect_log(
     )
 
 
-def _iso(time_us: int) -> str:
-    return datetime.fromtimestamp(time_us / 1e6, tz=UTC).isoformat()
-
-
 def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes: Axes) -> VehicleTelemetry:
     """Return the known data of a vehicle; ``sent`` is its richest tier, on any of its actuators."""
     vehicle = identity.vehicle

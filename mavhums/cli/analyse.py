@@ -10,7 +10,6 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from textwrap import indent
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 import click
@@ -75,9 +74,7 @@ class _OutcomePrinter(ABC):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._end()
 
     @abstractmethod
