@@ -44,10 +44,7 @@ if TYPE_CHECKING:
     from mavhums.results.assessment import Assessment
     from mavhums.show.terminal import Line
 
-__all__ = [
-    "analyse",
-    "report",
-]
+__all__ = ["analyse", "report"]
 
 
 class _OutcomePrinter(ABC):

@@ -17,13 +17,7 @@ from mavhums.health.decision.records import ActuatorRecord
 from mavhums.learn import Model
 from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer
 
-__all__ = [
-    "Key",
-    "Monitors",
-    "classified",
-    "network_answer",
-    "summary_of",
-]
+__all__ = ["Key", "Monitors", "classified", "network_answer", "summary_of"]
 
 Key = tuple[int, str]
 """A vehicle and the name of one of its actuators."""

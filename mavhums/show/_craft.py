@@ -20,13 +20,7 @@ from mavhums.show._stream import send
 from mavhums.show._thin import Thinner
 from mavhums.show.words import BLUE
 
-__all__ = [
-    "Craft",
-    "Motor",
-    "Surface",
-    "Vehicle",
-    "craft_path",
-]
+__all__ = ["Craft", "Motor", "Surface", "Vehicle", "craft_path"]
 
 _SHADES: Final = ((74, 86, 130), (104, 84, 128), (70, 108, 128), (96, 96, 112))
 _CAPACITY: Final = 8192

@@ -19,14 +19,7 @@ from mavhums.show.evidence import Evidence, Limit
 from mavhums.show.html_curves import Curve, Gathered
 from mavhums.show.words import clock, printable
 
-__all__ = [
-    "Chart",
-    "Plot",
-    "Tick",
-    "chart",
-    "flight_charts",
-    "plot",
-]
+__all__ = ["Chart", "Plot", "Tick", "chart", "flight_charts", "plot"]
 
 _DIGITS: Final = 4  # significant ones: more cannot be seen, and double what is sent
 _LETTERS: Final = 600

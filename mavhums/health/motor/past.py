@@ -24,14 +24,7 @@ from mavhums.results.standing import Interval
 from mavhums.results.verdict import Evidence, Indicator, Since, Suspect, Verdict
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = [
-    "BETWEEN_FLIGHTS",
-    "NEEDED_FLIGHTS",
-    "TRIM",
-    "TRIM_YAW",
-    "Trims",
-    "compare_motors",
-]
+__all__ = ["BETWEEN_FLIGHTS", "NEEDED_FLIGHTS", "TRIM", "TRIM_YAW", "Trims", "compare_motors"]
 
 _SCATTER_PER_MOTOR: Final = 0.011
 """Scatter of a motor's trim between flights, by the number of motors: of the efforts' in :mod:`.trims`, along
