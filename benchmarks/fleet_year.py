@@ -34,7 +34,7 @@ from mavhums.flights.queries import STANDINGS_OF
 from mavhums.flights.stores.delta import FORMAT, Row, Store
 from mavhums.flights.stores.delta_tables import LOGS, STANDINGS
 from mavhums.flights.trends import trend_report
-from mavhums.log.base.losses import Losses
+from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.standing import Interval, Standing
 from mavhums.results.verdict import Indicator, Verdict

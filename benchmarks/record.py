@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from examples.picture import alike
 from mavhums.actuator import load_airframe
 from mavhums.engine.events import AirframeNamed, Attitude, ConditionChanged, Event, Position, Samples, Window
-from mavhums.log.base.losses import Losses
+from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Verdict

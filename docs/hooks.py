@@ -19,8 +19,8 @@ from typing import Any, Protocol
 
 from mavhums.actuator.profile import Airframe
 from mavhums.results import assessment, live
-from mavhums.results.changes import FleetDigest
 from mavhums.results.inspection import Inspection
+from mavhums.results.store import FleetDigest
 from mavhums.results.trend import TrendReport
 
 DOCS = Path(__file__).parent

@@ -11,7 +11,7 @@ import numpy as np
 
 from mavhums.core.conditions import Condition
 from mavhums.flights.stores.folder import keep_assessment
-from mavhums.log.base.losses import Losses
+from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.sections import FlightIdentity
 from mavhums.results.standing import Interval

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from mavhums.actuator.history import History, actuators
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.profile import Actuator, Airframe, Ema, Limits, load_airframe, packaged_airframes
+from mavhums.actuator.vehicle_mappers import History, actuators
 
 __all__ = [
     "Actuator",

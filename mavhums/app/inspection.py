@@ -16,8 +16,7 @@ from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
 from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
-from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes
-from mavhums.engine.drops import with_drops
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes, with_drops
 from mavhums.engine.usage import vehicle_usage
 from mavhums.engine.vehicle_limit import VehicleLimit
 from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
@@ -135,10 +134,6 @@ def inspect_log(
         unknown_ids=decoder.unknown,
         losses=with_drops(decoder.losses, clocks, axes),
     )
-
-
-def _iso(time_us: int) -> str:
-    return datetime.fromtimestamp(time_us / 1e6, tz=UTC).isoformat()
 
 
 def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes: Axes) -> VehicleTelemetry:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final
 
@@ -11,7 +12,9 @@ from mavhums.actuator.profile import Airframe
 from mavhums.engine.told import Told
 from mavhums.engine.vehicle_axes import AxisEvent, VehicleAxes
 from mavhums.log import Table
+from mavhums.log.base.decoder import Losses
 from mavhums.log.base.tables import text_of
+from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import esc_speeds, reports
 from mavhums.vehicle.formats.base import Report
@@ -22,7 +25,7 @@ from mavhums.vehicle.rotors import ROTOR_PARAMETERS
 from mavhums.vehicle.signals import SIGNAL_MESSAGES, SignalReader
 from mavhums.vehicle.vtol import VTOL_PARAMETERS
 
-__all__ = ["SIGNAL_MESSAGES", "Axes", "VehicleAxes"]
+__all__ = ["SIGNAL_MESSAGES", "Axes", "VehicleAxes", "with_drops"]
 
 _FUNCTIONS: Final = (*OUTPUT_PARAMETERS, *VTOL_PARAMETERS, *ROTOR_PARAMETERS)
 
@@ -140,3 +143,25 @@ class Axes:
             self._sent.take_autopilots(tables, before=int(now.table.frame[-1]))
             self._sent.take_parameters(now)
             axes.told.hear(second, self._sent.of(vehicle))
+
+
+def with_drops(losses: Losses, clocks: Clocks, axes: Axes) -> Losses:
+    """Return the losses of a log with the samples that clocks and grids left out."""
+    late, same, copies, broken = (Counter[str]() for _ in range(4))
+    for (_, message), count in clocks.copies.items():
+        copies[message] += count
+    for (_, message), count in clocks.broken.items():
+        broken[message] += count
+    for vehicle in axes.vehicles():
+        for message, received in axes.received(vehicle).items():
+            late[message] += received.late
+            same[message] += received.repeated
+    found = {
+        "late_samples": late,
+        "same_time_samples": same,
+        "broken_stamps": broken,
+        "copies": copies,
+    }
+    return losses.model_copy(
+        update={name: {key: n for key, n in sorted(counts.items()) if n} for name, counts in found.items()}
+    )

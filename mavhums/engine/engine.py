@@ -18,12 +18,10 @@ from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.tiers import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
-from mavhums.engine.axes import SIGNAL_MESSAGES, Axes
-from mavhums.engine.drops import with_drops
+from mavhums.engine.actuators import Monitors, classified, network_answer, summary_of
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Forgotten, Notice, Samples
-from mavhums.engine.monitors import Monitors
 from mavhums.engine.motors import beside_motors, without_thrust_left
-from mavhums.engine.networks import classified, network_answer, summary_of
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
@@ -44,8 +42,7 @@ from mavhums.health.verdict.axis import named_by_telemetry, verdicts_of_axes
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.log import Decoder, Table
 from mavhums.results.assessment import Assessment, LogSummary
-from mavhums.results.sections import FlightIdentity
-from mavhums.results.usage import VehicleUsage
+from mavhums.results.sections import FlightIdentity, VehicleUsage
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks

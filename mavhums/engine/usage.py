@@ -8,7 +8,7 @@ from typing import NamedTuple
 from mavhums.actuator.contradictions import contradictions
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.axes import VehicleAxes
-from mavhums.results.usage import OutputUsage, VehicleUsage
+from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.outputs import control_surfaces

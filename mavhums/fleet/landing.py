@@ -30,9 +30,15 @@ from mavhums.flights.aircraft import (
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.compare import StandaloneAssessment
 from mavhums.flights.corrections import corrected_names
-from mavhums.flights.foreign_boards import foreign_board_among
 from mavhums.flights.history import FlightHistory
-from mavhums.flights.naming import BOARD_NAME, aircraft_in_store, names_there, proposed, whose_in
+from mavhums.flights.naming import (
+    BOARD_NAME,
+    aircraft_in_store,
+    foreign_board_among,
+    names_there,
+    proposed,
+    whose_in,
+)
 from mavhums.flights.queries import flight, past_flights, standings
 from mavhums.flights.repairs import since_of
 from mavhums.flights.stores import is_store

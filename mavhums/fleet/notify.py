@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import urlsplit
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.results.changes import FleetDigest
+from mavhums.results.store import FleetDigest
 from mavhums.show.changes import digest_lines, headline
 
 if TYPE_CHECKING:

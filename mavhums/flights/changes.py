@@ -19,8 +19,8 @@ from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.queries import STANDINGS_OF, standings, trend_of
 from mavhums.flights.stores.delta import Store
 from mavhums.flights.stores.delta_tables import STANDINGS
-from mavhums.results.changes import Change, FailedLog, FleetDigest, SilentAircraft
 from mavhums.results.standing import Growth, Standing
+from mavhums.results.store import Change, FailedLog, FleetDigest, SilentAircraft
 
 __all__ = ["SILENT_DAYS", "digest", "store_standings"]
 

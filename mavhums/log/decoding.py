@@ -10,8 +10,7 @@ from operator import attrgetter
 from typing import Any, cast
 
 from mavhums.core.errors import MavhumsError, UnreadableLogError
-from mavhums.log.base.decoder import PIECE, FormatPackage, LogDecoder
-from mavhums.log.base.losses import Losses
+from mavhums.log.base.decoder import PIECE, FormatPackage, LogDecoder, Losses
 from mavhums.log.base.tables import Table
 from mavhums.log.formats import MAVLINK, Format, format_of, is_format_certain
 

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.core.errors import UnreadableLogError
 from mavhums.core.packed import Unpacked, opened
-from mavhums.log.base.decoder import LogDecoder
-from mavhums.log.base.losses import Losses
+from mavhums.log.base.decoder import LogDecoder, Losses
 from mavhums.log.base.tables import Table
 from mavhums.log.decoding import Decoder, refuse_foreign
 

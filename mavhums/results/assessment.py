@@ -18,10 +18,9 @@ from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
 from mavhums.core.quantities import KEYS
-from mavhums.log.base.losses import Losses
-from mavhums.results.sections import FlightCopy, FlightIdentity, ModelSummary
+from mavhums.log.base.decoder import Losses
+from mavhums.results.sections import FlightCopy, FlightIdentity, ModelSummary, VehicleUsage
 from mavhums.results.standing import Standing
-from mavhums.results.usage import VehicleUsage
 from mavhums.results.verdict import MEASURED, Verdict
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Literal
 
 from mavhums.core.models import Frozen
-from mavhums.log.base.losses import Losses
-from mavhums.results.usage import VehicleUsage
+from mavhums.log.base.decoder import Losses
+from mavhums.results.sections import VehicleUsage
 
 __all__ = ["ActuatorTelemetry", "Inspection", "Judgeable", "MessageRate", "NamedRate", "VehicleTelemetry"]
 

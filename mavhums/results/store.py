@@ -1,12 +1,30 @@
-"""What a fleet's store says as JSON: its contents, and its actuators and axes after their last flights."""
+"""What a fleet's store says as JSON: its contents, how its aircraft stand, and what changed since a time."""
 
 from __future__ import annotations
 
+from typing import Literal
+
+from pydantic import Field
+
+from mavhums.core.about import NOTICE
+from mavhums.core.conditions import SEVERITY
+from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract
 from mavhums.results.standing import Standing
 from mavhums.results.verdict import Verdict
 
-__all__ = ["ForeignBoard", "LastFlightOf", "StoreCopy", "StoreFailure", "StoreGrowth", "StoreStatus"]
+__all__ = [
+    "Change",
+    "FailedLog",
+    "FleetDigest",
+    "ForeignBoard",
+    "LastFlightOf",
+    "SilentAircraft",
+    "StoreCopy",
+    "StoreFailure",
+    "StoreGrowth",
+    "StoreStatus",
+]
 
 
 class LastFlightOf(Contract):
@@ -83,3 +101,89 @@ class StoreStatus(Contract):
     foreign_boards: tuple[ForeignBoard, ...] = ()
     growing: tuple[StoreGrowth, ...] = ()
     removed: int = 0
+
+
+class Change(Contract):
+    """What changed in how an actuator or axis stands.
+
+    Attributes
+    ----------
+    kind
+        ``new`` finding, ``worse``, ``growing`` (certain growth, or one that comes within ten flights of a
+        limit), ``step``, ``eased``, or ``gone``.
+    before, now
+        How it stood then, None for one that is new, and how it stands now.
+    """
+
+    kind: Literal["new", "worse", "growing", "step", "eased", "gone"]
+    aircraft: str
+    before: Standing | None
+    now: Standing
+
+
+class SilentAircraft(Contract):
+    """An aircraft of which no flight came for a while; ``days`` since the last one, and its usual pause."""
+
+    aircraft: str
+    last_utc: str
+    days: float
+
+
+class FailedLog(Contract):
+    """A log that could not be judged."""
+
+    problem: str
+    remedy: str
+
+
+class FleetDigest(Contract):
+    """What changed in a fleet, for who looks once a day.
+
+    Attributes
+    ----------
+    since_utc, until_utc
+        The time that it covers, by when logs came into the store.
+    aircraft, flights
+        Number of aircraft with a name, and of logs that came meanwhile.
+    changes
+        The most urgent first.
+    silent
+        Aircraft that fell silent meanwhile.
+    failed
+        Logs that could not be judged, meanwhile.
+    standing
+        Number of findings that stand as before.
+    silent_longer
+        Number of aircraft that were silent before.
+    """
+
+    schema_: Literal["mavhums.digest/1"] = Field(default="mavhums.digest/1", alias="schema")
+    notice: str = NOTICE
+    since_utc: str
+    until_utc: str
+    aircraft: int
+    flights: int
+    changes: tuple[Change, ...] = ()
+    silent: tuple[SilentAircraft, ...] = ()
+    failed: tuple[FailedLog, ...] = ()
+    standing: int = 0
+    silent_longer: int = 0
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to say."""
+        return not (self.changes or self.silent or self.failed)
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """The exit code for what is new: of ``--fail-on-news``."""
+        worsened = [one.now for one in self.changes if one.kind in ("new", "worse")]
+        if any(SEVERITY[one.condition] == SEVERITY["emergency"] for one in worsened):
+            return ExitCode.EMERGENCY
+        if worsened or any(one.kind in ("growing", "step") for one in self.changes):
+            return ExitCode.DEGRADED
+        return ExitCode.ERROR if self.failed else ExitCode.OK
+
+    def to_json(self, *, indent: int | None = 2) -> str:
+        """Return the digest as JSON."""
+        return self.model_dump_json(by_alias=True, indent=indent)

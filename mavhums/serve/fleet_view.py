@@ -1,25 +1,44 @@
-"""What the pages of a fleet show: aircraft, worst first, and one aircraft's trends and flights."""
+"""What the pages show of aircraft: a fleet's, worst first, one aircraft's flights, trends of dropped logs."""
 
 from __future__ import annotations
 
 import json
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import PurePath
-from typing import NamedTuple
+from typing import Final, NamedTuple
 from urllib.parse import urlencode
 
 from markupsafe import Markup, escape
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.core.errors import MavhumsError
+from mavhums.flights.aircraft import board_of
+from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
 from mavhums.results.trend import TrendReport
 from mavhums.serve.options import LastVerdict
+from mavhums.serve.sessions import Dropped
 from mavhums.show.html import in_brief
 from mavhums.show.html_trend import TrendShown, trend_shown
 from mavhums.show.standing import mark_of, sentences
 
-__all__ = ["ActuatorShown", "AircraftLine", "FlightLine", "aircraft_lines", "flight_lines", "trends_shown"]
+__all__ = [
+    "FEWEST_FLIGHTS",
+    "ActuatorShown",
+    "AircraftLine",
+    "AircraftTrend",
+    "FlightLine",
+    "aircraft_lines",
+    "dropped_trends",
+    "flight_lines",
+    "trends_shown",
+]
+
+FEWEST_FLIGHTS: Final = 3
+"""Of one aircraft: two points are no trend."""
 
 
 class AircraftLine(NamedTuple):
@@ -163,3 +182,36 @@ def _curves(trends: Iterable[TrendShown], addresses: Mapping[str, str]) -> Marku
         for one in trends
     ]
     return escape(json.dumps({"charts": charts}))
+
+
+class AircraftTrend(NamedTuple):
+    """The flights of an aircraft among the dropped logs."""
+
+    board: str
+    flights: int
+    report: TrendReport
+
+
+def dropped_trends(logs: Iterable[Dropped]) -> tuple[list[AircraftTrend], int]:
+    """Return the trends of each aircraft, and how many of the judged logs are of none of these.
+
+    An aircraft is known by its board: a log that reports no board, or no date, is of none.
+    """
+    several: dict[str, list[PastFlight]] = defaultdict(list)
+    judged = 0
+    for log in logs:
+        if log.state != "done":
+            continue
+        judged += 1
+        try:
+            assessment = Assessment.model_validate_json(log.assessment.read_bytes())
+            if board := board_of(assessment):
+                several[board].append(PastFlight.of(assessment))
+        except (OSError, ValueError, MavhumsError):  # removed by now, or without a date
+            continue
+    found = []
+    for board, flights in sorted(several.items()):
+        history = FlightHistory(tuple(flights), name=f"board {board}")
+        if len(history.flights) >= FEWEST_FLIGHTS:
+            found.append(AircraftTrend(board, len(history.flights), trend_report(history)))
+    return found, judged - sum(one.flights for one in found)

@@ -16,10 +16,10 @@ from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError
 from mavhums.core.packed import ARCHIVES, COMPRESSED
 from mavhums.flights.aircraft import UnnamedAircraftError
-from mavhums.serve.dropped_trends import FEWEST_FLIGHTS
+from mavhums.serve.fleet_view import FEWEST_FLIGHTS
 from mavhums.serve.options import Fleet
 from mavhums.serve.sessions import Dropped, Sessions, UserSession
-from mavhums.show.html_environment import environment
+from mavhums.show.html import environment
 
 __all__ = ["Home", "markup", "render", "show_parts"]
 

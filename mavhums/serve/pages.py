@@ -16,8 +16,14 @@ from starlette.requests import Request
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError
 from mavhums.results.trend import TrendReport
-from mavhums.serve.dropped_trends import FEWEST_FLIGHTS, dropped_trends
-from mavhums.serve.fleet_view import AircraftLine, aircraft_lines, flight_lines, trends_shown
+from mavhums.serve.fleet_view import (
+    FEWEST_FLIGHTS,
+    AircraftLine,
+    aircraft_lines,
+    dropped_trends,
+    flight_lines,
+    trends_shown,
+)
 from mavhums.serve.guard import SESSION, is_loopback
 from mavhums.serve.home import Home, markup, render, show_parts
 from mavhums.serve.live_lines import LiveFile

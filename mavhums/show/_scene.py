@@ -28,10 +28,9 @@ from mavhums.engine.events import (
 from mavhums.health.actuator.detectors import detectors_for
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
-from mavhums.show._craft import Motor, Surface, craft_path
+from mavhums.show._craft import Motor, Surface, Vehicle, craft_path
 from mavhums.show._stream import send
 from mavhums.show._tracks import Track, path_part
-from mavhums.show._vehicle import Vehicle
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
 from mavhums.show.digest import digest, listed
 from mavhums.show.markdown_report import live_markdown, markdown

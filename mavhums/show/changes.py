@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mavhums.results.changes import Change, FleetDigest
 from mavhums.results.standing import Standing
+from mavhums.results.store import Change, FleetDigest
 from mavhums.show.standing import growth_words, sentences, step_words
 from mavhums.show.words import capital, printable
 

@@ -3,28 +3,87 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import PurePath
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from mavhums.core.about import __version__
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
-from mavhums.show.charts import flight_charts
 from mavhums.show.digest import Subject, advice, digest
 from mavhums.show.evidence import evidence
 from mavhums.show.html_craft import FIXED_WING, DrawnSurface, multirotor, outline
 from mavhums.show.html_curves import Gathered
-from mavhums.show.html_environment import ICONS, environment, moment
-from mavhums.show.html_plot import Plot, plot
+from mavhums.show.html_plot import Plot, flight_charts, plot
 from mavhums.show.verdict_words import certainty, explanation, implausible
-from mavhums.show.words import clock, finding, join
+from mavhums.show.words import COLOURS, clock, finding, join, printable
 
-__all__ = ["ICONS", "Brief", "in_brief", "page", "parts"]
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+__all__ = ["Brief", "environment", "in_brief", "page", "parts"]
 
 _ROWS, _FINDINGS, _LIKE = 200, 8, 6
 _VEHICLES, _OUTPUTS = 8, 32
 _PROOF = 2  # plots of what is wrong that come before the tables
+_LETTERS: Final = 600
+
+ICONS: Final[dict[Condition, str]] = {
+    "normal": "✓",
+    "unchanged": "=",
+    "changed": "≠",
+    "degraded": "▲",
+    "emergency": "✖",
+    "learning": "…",
+    "undecided": "?",
+    "unmonitored": "○",
+}
+"""A sign per condition, so that no reader depends on its colour."""
+
+
+@cache
+def environment(package: str) -> Environment:
+    """Return the environment of a package's templates, which may include those of ``mavhums.show``.
+
+    Parameters
+    ----------
+    package
+        Import name of a package with a folder ``templates``.
+    """
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+    folders = dict.fromkeys((package, "mavhums.show"))
+    made = Environment(
+        loader=ChoiceLoader([PackageLoader(folder) for folder in folders]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_plain,
+    )
+    made.filters |= {"clock": clock, "moment": moment}
+    made.globals |= {"icons": ICONS, "colours": COLOURS}
+    return made
+
+
+def moment(utc: str) -> str:
+    """Return a time as a reader writes it.
+
+    Examples
+    --------
+    >>> moment("2026-01-01T09:01:07.003611+00:00")
+    '2026-01-01 09:01:07 UTC'
+    """
+    return f"{utc[:10]} {utc[11:19]} UTC"
+
+
+def _plain(value: object) -> object:
+    """Return a text without control characters and of bounded length."""
+    if type(value) is not str:
+        return value
+    text = printable(value)
+    return text if len(text) <= _LETTERS else f"{text[:_LETTERS]}…"
 
 
 class _Answer(NamedTuple):
@@ -121,7 +180,7 @@ def parts(assessment: Assessment, gathered: Gathered, heading: str = "h2") -> di
     -------
     dict
         ``answer`` and ``rest``, markup in which every text is escaped, and ``curves``, as
-        :func:`mavhums.show.charts.flight_charts` returns them.
+        :func:`mavhums.show.html_plot.flight_charts` returns them.
     """
     values = _values(assessment, gathered)
     shown = evidence(values["said"].assessment, gathered)

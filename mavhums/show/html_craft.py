@@ -8,7 +8,7 @@ from math import cos, pi, radians, sin
 from typing import Final, NamedTuple
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
-from mavhums.results.usage import OutputUsage
+from mavhums.results.sections import OutputUsage
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.show._places import V_TAIL, Place, kind, places
 from mavhums.show.words import join

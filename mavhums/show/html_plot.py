@@ -1,24 +1,28 @@
-"""A curve with its interval and limits as the parts of an inline SVG; a style sheet colours them.
+"""A curve with its interval and limits: the parts of an inline SVG, and JSON for a browser that draws it.
 
-matplotlib would fix the colours, which here follow light, dark and paper, and is not in the base install.
+A style sheet colours the SVG; matplotlib would fix the colours, which here follow light, dark and paper, and
+is not in the base install.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import pairwise
 from math import ceil, floor, log10
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
-from mavhums.show.evidence import Limit
-from mavhums.show.html_curves import Curve
-from mavhums.show.words import clock
+from mavhums.show.evidence import Evidence, Limit
+from mavhums.show.html_curves import Curve, Gathered
+from mavhums.show.words import clock, printable
 
-__all__ = ["Plot", "Tick", "gaps", "plot", "value_range"]
+__all__ = ["Chart", "Plot", "Tick", "chart", "flight_charts", "plot"]
+
+_DIGITS: Final = 4  # significant ones: more cannot be seen, and double what is sent
+_LETTERS: Final = 600
 
 WIDTH, HEIGHT = 640, 220
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 112, 10, 26
@@ -26,7 +30,7 @@ _LINE: Final = 20.0  # between two labels, for the larger letters of a phone
 _GAP_S: Final = 3.0
 _TIME_STEPS: Final = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 36000)
 
-
+Chart = dict[str, Any]
 _Scale = Callable[[Array], Array]
 
 
@@ -179,3 +183,76 @@ def _path(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
     if len(points) == 1:
         points.append(f"{x[0] + 1:g} {y[0]:g}")
     return f"M{'L'.join(points)}"
+
+
+def flight_charts(shown: Iterable[Evidence], gathered: Gathered, duration_s: float) -> Chart:
+    """Return a flight's curves, its modes by vehicle, and its track.
+
+    Parameters
+    ----------
+    shown
+        The evidence, in the order in which it is drawn.
+    gathered
+        Has the flight modes and the track.
+    duration_s
+        Of the flight.
+    """
+    charts = []
+    for one in shown:
+        drawn = chart(one.curve, one.limits, one.title, one.told)
+        drawn["since"] = one.since_s
+        drawn["vehicle"] = one.vehicle
+        charts.append(drawn)
+    modes = {vehicle: _spans(several, duration_s) for vehicle, several in gathered.modes.items()}
+    return {"duration": duration_s, "charts": charts, "modes": modes, "tracks": gathered.tracks()}
+
+
+def chart(curve: Curve, limits: Sequence[Limit], title: str, told: str, *, whole: bool = False) -> Chart:
+    """Return a curve as columns; a row of nulls stands where nothing is known.
+
+    Parameters
+    ----------
+    curve
+        Over seconds, or over whatever its times are.
+    limits
+        Levels that it is compared with.
+    title, told
+        What it shows: in short, and in words for who does not see it.
+    whole
+        Whether a long time without a value is no gap, as between two flights.
+    """
+    cuts = [] if whole else [part.start for part in gaps(curve.time_s)][1:]
+    low, high = value_range(curve, [limit.value for limit in limits])
+    columns = zip(("low", "value", "high"), curve.rows.T, strict=True)
+    drawn: Chart = {
+        "title": _text(title),
+        "told": _text(told),
+        "range": [low, high],
+        "limits": [{"value": one.value, "name": one.name, "label": one.label} for one in limits],
+        "time": np.insert(np.round(curve.time_s, 2), cuts, curve.time_s[cuts]).tolist(),
+        **{name: _numbers(np.insert(column, cuts, np.nan)) for name, column in columns},
+    }
+    if curve.demanded is not None:
+        drawn["demanded"] = _numbers(np.insert(curve.demanded, cuts, np.nan))
+    if curve.samples is not None:
+        times, values = curve.samples
+        apart = [part.start for part in gaps(times)][1:]
+        drawn["samples"] = {
+            "time": np.insert(np.round(times, 2), apart, times[apart]).tolist(),
+            "value": _numbers(np.insert(values, apart, np.nan)),
+        }
+    return drawn
+
+
+def _spans(modes: Sequence[tuple[float, str]], end_s: float) -> list[tuple[float, float, str]]:
+    """Return begin, end and name of each flight mode."""
+    ends = [*(begin for begin, _ in modes[1:]), end_s]
+    return [(begin, end, _text(mode)) for (begin, mode), end in zip(modes, ends, strict=True)]
+
+
+def _numbers(values: Array) -> list[float | None]:
+    return [float(f"{value:.{_DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()]
+
+
+def _text(text: str) -> str:
+    return printable(text)[:_LETTERS]

@@ -12,9 +12,9 @@ from mavhums.core.conditions import Condition
 from mavhums.health.axis.past import LOSSES
 from mavhums.results.standing import Interval
 from mavhums.results.trend import ActuatorTrend, RepairDate
-from mavhums.show.charts import Chart, chart
 from mavhums.show.evidence import Limit
 from mavhums.show.html_curves import Curve
+from mavhums.show.html_plot import Chart, chart
 from mavhums.show.standing import growth_words, step_words
 from mavhums.show.words import capital
 

@@ -8,7 +8,6 @@ import time
 import webbrowser
 from collections.abc import Iterable
 from contextlib import ExitStack
-from types import TracebackType
 from typing import Final, Self
 
 from mavhums.core.errors import MavhumsError
@@ -99,12 +98,7 @@ class LiveViewer:
             self._exits = exits.pop_all()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._exits.close()
 
     @property

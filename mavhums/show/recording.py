@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
@@ -76,12 +75,7 @@ class Recorder:
             return error.strerror
         return str(error).replace(str(self._file.temporary), str(self._path)) if self._file else str(error)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stream.disconnect()
         if self._file:
             self._file.discard()
@@ -132,12 +126,7 @@ class PipedRecorder:
         self._stream.stdout()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stream.disconnect()
 
     def consume(self, events: Iterable[Event]) -> None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from mavhums.core.text import printable
 from mavhums.health.self_baseline.motor import STALL_SHARES
 from mavhums.results.assessment import Assessment
-from mavhums.results.usage import OutputUsage, VehicleUsage
+from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.show.words import clock, join, name, percent, place_of
 
 __all__ = ["ServoTable", "reserve", "usage"]

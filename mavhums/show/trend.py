@@ -69,15 +69,15 @@ def _state(standing: Standing | None, one: ActuatorTrend | LastFlight) -> Condit
     return standing.condition if standing is not None and faulty else one.condition
 
 
-def sparkline(values: Sequence[float], cells: int = _CELLS) -> str:
-    """Draw values between their minimum and maximum; more than ``cells`` are averaged in groups.
+def sparkline(values: Sequence[float]) -> str:
+    """Draw values between their minimum and maximum; those of a long history are averaged in groups.
 
     Examples
     --------
     >>> sparkline([0.2, 0.2, 0.3, 0.6])
     '▁▁▃█'
     """
-    means = [part.mean() for part in np.array_split(np.asarray(values), min(cells, len(values)))]
+    means = [part.mean() for part in np.array_split(np.asarray(values), min(_CELLS, len(values)))]
     least, most = min(means), max(means)
     step = (most - least) / (len(_BARS) - 1) or 1.0
     return "".join(_BARS[round((mean - least) / step)] for mean in means)

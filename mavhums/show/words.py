@@ -8,7 +8,7 @@ from typing import Final
 
 from mavhums.core.conditions import Condition
 from mavhums.core.text import printable
-from mavhums.log.base.losses import Losses
+from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import ALL, Evidence, Verdict

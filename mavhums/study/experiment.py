@@ -157,7 +157,6 @@ def run_experiment(
     effort: Effort,
     *,
     seed: int,
-    n_jobs: int = 2,
     load_friction: float = 0.0,
 ) -> Experiment:
     """Train networks on the paper's training flights and test them on its test flights.
@@ -168,8 +167,8 @@ def run_experiment(
         A key of :data:`~mavhums.study.cyclograms.CYCLOGRAMS`.
     inputs
         Keys of the networks' input quantities.
-    effort, seed, n_jobs
-        Size of the computation, random seed, and number of threads.
+    effort, seed
+        Size of the computation, and random seed.
     load_friction
         μ of the actuator.
     """
@@ -177,7 +176,7 @@ def run_experiment(
     training, test = (fly_condition(cyclogram, several, load_friction) for several in (TRAINING_NM, TEST_NM))
     values, classes, _ = samples(training, effort.every)
     ensemble = TanhNetworkEnsemble(
-        effort.networks, max_iter=effort.iterations, precision="single", n_jobs=n_jobs, random_state=seed
+        effort.networks, max_iter=effort.iterations, precision="single", n_jobs=2, random_state=seed
     )
     begin = process_time()
     ensemble.fit(values[:, columns], classes)

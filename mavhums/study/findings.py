@@ -157,7 +157,7 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
     for keys in searched:
         subsets[keys] = subset_table(training[MAIN], test, keys, effort, seed=seed)
         step()
-    thinning = thinning_table(training[MAIN], test, SELECTED, effort, seed=seed)
+    thinning = thinning_table(training[MAIN], test, effort, seed=seed)
     step()
     loaded = load_friction_table(effort, seed=seed)
     step()

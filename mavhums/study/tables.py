@@ -208,17 +208,16 @@ _THINNINGS: tuple[tuple[str, _Method, bool], ...] = (
 def thinning_table(
     training: list[CyclogramSamples],
     test: list[CyclogramSamples],
-    keys: tuple[str, ...],
     effort: Effort,
     *,
     seed: int,
 ) -> pd.DataFrame:
-    """Return test accuracies of networks trained on thinned precedents, by method and size.
+    """Return test accuracies of the paper's inputs with thinned precedents, by method and size.
 
     Each method is repeated with five seeds of ten networks; the medians over networks are
     averaged. Equal sizes compare k-means with and without weights against random thinning.
     """
-    columns = [column(key) for key in keys]
+    columns = [column(key) for key in SELECTED]
     values, classes, _ = samples(training)
     everything, truth, _ = samples(test, every=10)
     tested = everything[:, columns]

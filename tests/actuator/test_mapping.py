@@ -103,7 +103,7 @@ def test_only_packaged_profiles_can_be_announced() -> None:
 def test_a_log_that_names_no_profile_needs_one() -> None:
     from pathlib import Path
 
-    from mavhums.log.base.losses import Losses
+    from mavhums.log.base.decoder import Losses
 
     tables = decode(array_message(3, [1.0] * 12))
     log = Log(Path("x.tlog"), tables, {}, {}, Losses(), (1,), None)

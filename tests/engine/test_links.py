@@ -26,7 +26,7 @@ from mavhums.actuator import load_airframe
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import ConditionChanged
 from mavhums.engine.options import EngineOptions
-from mavhums.log.base.losses import Losses
+from mavhums.log.base.decoder import Losses
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
 from tests.links import Mishap, records, rewritten

@@ -15,7 +15,7 @@ from mavhums.core.errors import ExitCode
 from mavhums.fleet import digest, worst
 from mavhums.flights.changes import store_standings
 from mavhums.flights.stores.delta import Store
-from mavhums.results.changes import FleetDigest
+from mavhums.results.store import FleetDigest
 from mavhums.show.changes import digest_html, digest_lines
 from tests.conftest import Run
 from tests.fleet.stores import write_store

@@ -13,8 +13,8 @@ from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.trends import trend_report, with_standings
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import course_of
-from mavhums.results.changes import Change
 from mavhums.results.standing import Standing
+from mavhums.results.store import Change
 from mavhums.results.verdict import Since
 from mavhums.show.changes import _said
 from mavhums.show.digest import headline

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from mavhums.results.assessment import Assessment
-from mavhums.serve.dropped_trends import dropped_trends
+from mavhums.serve.fleet_view import dropped_trends
 from mavhums.serve.sessions import Dropped
 from tests.flights import flown, identity, shown, verdict
 

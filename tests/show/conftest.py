@@ -16,7 +16,7 @@ from mavhums.actuator import load_airframe
 from mavhums.core.conditions import Condition
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
-from mavhums.log.base.losses import Losses
+from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.sections import ModelSummary, NetworkAnswer
 from mavhums.results.standing import Interval

@@ -7,9 +7,9 @@ import json
 import numpy as np
 
 from mavhums.engine.events import ConditionChanged, FlightMode, Position
-from mavhums.show.charts import chart, flight_charts
 from mavhums.show.evidence import Evidence, Limit
 from mavhums.show.html_curves import Curve, Gathered
+from mavhums.show.html_plot import chart, flight_charts
 
 HOSTILE = "AUTO\x1b[2J</script>"
 

@@ -10,8 +10,8 @@ import pytest
 
 from mavhums.engine.events import ConditionChanged
 from mavhums.results.assessment import Assessment
+from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.results.standing import Interval
-from mavhums.results.usage import OutputUsage, VehicleUsage
 from mavhums.results.verdict import Coverage, Verdict
 from mavhums.show.digest import headline
 from mavhums.show.html import page

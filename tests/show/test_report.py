@@ -8,7 +8,7 @@ import pytest
 from mavhums.core.about import NOTICE
 from mavhums.core.conditions import Condition
 from mavhums.core.quantities import KEYS
-from mavhums.log.base.losses import Losses
+from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import ALL, Evidence, Indicator, Since, Suspect, Verdict

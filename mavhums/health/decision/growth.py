@@ -114,7 +114,7 @@ class Course:
             line = some.level + some.slope * ahead
             return float(weights @ stdtr(some.freedom, (line - limit) / error))
 
-        low, middle, high = (_quantile(reached, share, 0.0) for share in (_LOW, _MIDDLE, _HIGH))
+        low, middle, high = (_quantile(reached, share) for share in (_LOW, _MIDDLE, _HIGH))
         return low, middle, high
 
 
@@ -315,15 +315,14 @@ def _averaged(courses: _Courses, estimates: Array, shares: Array) -> Interval:
         return float(weights @ stdtr(courses.freedom, (middle - width + offset - estimates) / errors))
 
     low, high = (
-        min(_quantile(below, share, 0.0, 2 * width), 2 * width) + middle - width for share in (_LOW, _HIGH)
+        min(_quantile(below, share, 2 * width), 2 * width) + middle - width for share in (_LOW, _HIGH)
     )
     return Interval(estimate=min(max(middle, low), high), low=low, high=high)
 
 
-def _quantile(
-    reached: Callable[[float], float], share: float, low: float, high: float = _MOST_FLIGHTS
-) -> float:
+def _quantile(reached: Callable[[float], float], share: float, high: float = _MOST_FLIGHTS) -> float:
     """Return where an increasing probability reaches a share; infinite if it does not do so before."""
+    low = 0.0
     if reached(low) >= share:
         return low
     if reached(high) < share:

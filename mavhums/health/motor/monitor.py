@@ -13,6 +13,7 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor import evidence
+from mavhums.health.motor.past import Trims
 from mavhums.health.motor.speeds import EscSpeeds, SpeedCause, SpeedsBesideThrust
 from mavhums.health.motor.thresholds import (
     EMERGENCY_LOSS,
@@ -23,7 +24,6 @@ from mavhums.health.motor.thresholds import (
     SLOW_HZ,
     WINDOWS_S,
 )
-from mavhums.health.motor.trims import Trims
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
 from mavhums.vehicle.facts import ON_GROUND

@@ -32,8 +32,7 @@ from mavhums.health.estimation.wear import (
     learned,
     wear,
 )
-from mavhums.health.self_baseline.differences import Difference, differences
-from mavhums.health.self_baseline.past import PastRecord, compared
+from mavhums.health.self_baseline.past import Difference, PastRecord, compared, differences
 from mavhums.health.self_baseline.thresholds import (
     BLURRED_TIMES,
     SHOWN_FLIGHTS,

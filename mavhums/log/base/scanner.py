@@ -12,7 +12,7 @@ from numba.extending import intrinsic
 
 from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.core.kernels import inlined
-from mavhums.log.base.losses import Losses, Region
+from mavhums.log.base.decoder import Losses, Region
 
 __all__ = [
     "GUARD",

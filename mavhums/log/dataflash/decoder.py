@@ -11,8 +11,7 @@ from typing import Final
 import numpy as np
 
 from mavhums.core.arrays import Integers
-from mavhums.log.base.decoder import join_tables
-from mavhums.log.base.losses import Losses
+from mavhums.log.base.decoder import Losses, join_tables
 from mavhums.log.base.records import RowContext
 from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import ODD_TIME, Table

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mavhums.log.base.losses import Losses
+from mavhums.log.base.decoder import Losses
 from mavhums.log.base.records import DefinitionTable, RowContext
 from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import Table

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Integers, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.losses import SequenceLoss
+from mavhums.log.base.decoder import SequenceLoss
 from mavhums.log.mavlink.dialect import Dialect
 
 __all__ = ["StreamStats"]

@@ -80,9 +80,9 @@ def _velocity(table: Table) -> Array:
     return np.where((table["Status"] >= _FIX)[:, None], velocity, np.nan)
 
 
-def _degrees(fact: str, record: str, *fields: str) -> Source:
+def _angles(fact: str, *fields: str) -> Source:
     widths = dict.fromkeys(fields, 1)
-    return Source(fact, record, widths, lambda table: np.radians(columns(table, *fields)))
+    return Source(fact, "ATT", widths, lambda table: np.radians(columns(table, *fields)))
 
 
 def _armed(table: Table) -> Array:
@@ -125,8 +125,8 @@ SOURCES: Final = (
     plain("rates", "IMU", "GyrX", "GyrY", "GyrZ", rows=_first_sensor),
     plain("force", "IMU", "AccX", "AccY", "AccZ", rows=_first_sensor),
     plain("mixer", "RATE", "ROut", "POut", "YOut", "AOut"),
-    _degrees("attitude", "ATT", "Roll", "Pitch", "Yaw"),
-    _degrees("demand", "ATT", "DesRoll", "DesPitch"),
+    _angles("attitude", "Roll", "Pitch", "Yaw"),
+    _angles("demand", "DesRoll", "DesPitch"),
     plain("airspeed", "ARSP", "Airspeed", rows=_first_sensor),
     Source("velocity", "GPS", {"Status": 1, "Spd": 1, "GCrs": 1}, _velocity, _first_sensor),
     plain("groundspeed", "GPS", "Spd", rows=_first_sensor),

@@ -105,11 +105,6 @@ def _ground_speed(table: Table) -> Array:
     return np.asarray(np.hypot(table["vx"], table["vy"]).astype(np.float64)[:, None])
 
 
-def _information(fact: str, name: bytes) -> Source:
-    """Return the source of a fact that is the value of an information record."""
-    return Source(fact, "info", _INFO, lambda t: t["value"], lambda t: np.asarray(t["name"] == name))
-
-
 def _has_version(table: Table) -> Flags:
     """Return which information records are a version: the log's own definitions may be arbitrary."""
     texts = zip(table["name"].tolist(), table["value"].tolist(), strict=True)
@@ -203,7 +198,9 @@ SOURCES: Final = (
         _autopilot,
         lambda t: np.asarray(t["system_type"] > 0),
     ),
-    _information("autopilot name", b"sys_name"),
+    Source(
+        "autopilot name", "info", _INFO, lambda t: t["value"], lambda t: np.asarray(t["name"] == b"sys_name")
+    ),
     Source("firmware", "info", _INFO, _versions, _has_version),
     Source("board", "info", _INFO, _boards, lambda t: np.asarray(t["name"] == b"sys_uuid")),
     Source("uptime", "vehicle_status", {"timestamp": 1}, lambda t: t["timestamp"].astype(np.int64)),

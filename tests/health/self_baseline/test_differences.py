@@ -9,8 +9,7 @@ import numpy as np
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.grams import packed, unpacked
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.health.self_baseline.differences import differences
-from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.self_baseline.past import PastRecord, differences
 from mavhums.results.verdict import OwnRecord
 from tests.health.self_baseline.servo import EQUATION, Servo, left
 

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavhums.log.base.losses import SequenceLoss
+from mavhums.log.base.decoder import SequenceLoss
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.scanner import ROW
 from mavhums.log.mavlink.sequence import StreamStats

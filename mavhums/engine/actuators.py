@@ -1,17 +1,23 @@
-"""The monitors of all actuators of a log, each with its profile and its models."""
+"""The actuators of a log: a monitor for each, with its profile, and what the networks say of it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mavhums.actuator.mapping import Mapped
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.options import EngineOptions
-from mavhums.health.actuator.monitor import Monitor
+from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
+from mavhums.health.actuator.votes import answer_samples
+from mavhums.health.decision.events import Classified
 from mavhums.health.decision.records import ActuatorRecord
 from mavhums.learn import Model
+from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer
 
-__all__ = ["Key", "Monitors"]
+__all__ = ["Key", "Monitors", "classified", "network_answer", "summary_of"]
 
 Key = tuple[int, str]
 """A vehicle and the name of one of its actuators."""
@@ -77,3 +83,52 @@ class Monitors:
     def serving(self, airframe: Airframe) -> list[Model]:
         """Return the models that are for an airframe."""
         return [model for model in self.models if model.card.airframe == airframe.name]
+
+
+def summary_of(model: Model) -> ModelSummary:
+    """Return the name and the hash of a model."""
+    return ModelSummary(name=model.card.name, hash=model.hash)
+
+
+def network_answer(
+    findings: ActuatorFindings, serving: Sequence[Model], decide: Decide
+) -> NetworkAnswer | None:
+    """Return what the networks that serve an actuator say of its flight; None if none answered a window."""
+    said = findings.network
+    if said is None:
+        return None
+    model = serving[said.network]
+    # Where the physics lacks the limits, the network decides, whatever was asked for.
+    otherwise: Decide = "both" if decide == "both" else "physics"
+    return NetworkAnswer(
+        model=summary_of(model),
+        inputs=model.keys,
+        windows=said.windows,
+        first_emergency_s=None if said.first_emergency_s is None else round(said.first_emergency_s, 3),
+        share_of_samples=round(said.share_of_samples, 4),
+        p_emergency=round(said.p_emergency, 4),
+        condition=said.condition,
+        decides="network" if findings.by_network else otherwise,
+    )
+
+
+def classified(
+    mapped: Mapped, time_s: NDArray[np.float64], rows: slice, serving: Sequence[Model]
+) -> Iterator[Classified]:
+    """Yield what the networks say of each of these samples, if any serves the actuator.
+
+    Parameters
+    ----------
+    mapped
+        Samples of an actuator.
+    time_s
+        Their flight times, shape (n,).
+    rows
+        Which of them are asked about.
+    serving
+        Networks for the airframe; the one with the most inputs comes first.
+    """
+    if serving:
+        ema = mapped.actuator.ema
+        answers = answer_samples(serving, mapped.values[rows], ema.gear_ratio if ema else None)
+        yield Classified(mapped.vehicle, mapped.actuator.name, time_s[rows], *answers)
