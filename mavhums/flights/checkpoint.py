@@ -19,7 +19,7 @@ from pydantic import TypeAdapter, ValidationError
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.duplicates import Recording
-from mavhums.flights.history import FlightHistory, PastFlight, is_healthy
+from mavhums.flights.history import FlightHistory, PastFlight, is_healthy, kept_records
 from mavhums.health.decision.baseline import Baselines
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
@@ -181,7 +181,7 @@ class Checkpoint:
             self._open.remove(other)
         self._open.append(group)
         if self._sums is not None:
-            self._sums.append(flown.without("evidence", "provenance", "indicators"))
+            self._sums.append(_with_kept_records(flown.without("evidence", "provenance", "indicators")))
 
     @property
     def is_whole(self) -> bool:
@@ -221,6 +221,11 @@ class Checkpoint:
             self._references += group.flights if group.wanted else ()
             if not group.final:
                 self._superseded |= _superseded(group.flights)
+
+
+def _with_kept_records(flight: PastFlight) -> PastFlight:
+    kept = [one.model_copy(update={"own": kept_records(one)}) for one in flight.assessment.verdicts]
+    return replace(flight, assessment=flight.assessment.model_copy(update={"verdicts": tuple(kept)}))
 
 
 def _end(flight: PastFlight) -> datetime:

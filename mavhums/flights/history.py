@@ -16,7 +16,7 @@ from mavhums.health.decision.baseline import Baseline, Baselines
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import Indicator, Verdict
+from mavhums.results.verdict import Indicator, OwnRecord, Verdict
 
 __all__ = [
     "REFERENCE_FLIGHTS",
@@ -24,6 +24,7 @@ __all__ = [
     "PastFlight",
     "UndatedError",
     "is_healthy",
+    "kept_records",
     "superseded",
 ]
 
@@ -165,7 +166,7 @@ class FlightHistory:
         """
         records: dict[tuple[int, str], list[PastRecord]] = {}
         for flight, vehicle, verdict in self._counted(airframe, before, since):
-            left = PastRecord(verdict.own, flight.start.isoformat(), is_healthy(verdict))
+            left = PastRecord(kept_records(verdict), flight.start.isoformat(), is_healthy(verdict))
             records.setdefault((vehicle, verdict.actuator), []).append(left)
         return records
 
@@ -249,6 +250,11 @@ def is_healthy(verdict: Verdict) -> bool:
     """Return whether a flight may be a reference of the actuator: normal, and without a suspected fault."""
     found_sound = verdict.condition == verdict.worst and verdict.condition in _SOUND
     return found_sound and not verdict.suspects
+
+
+def kept_records(verdict: Verdict) -> tuple[OwnRecord, ...]:
+    """Return what later flights need of a flight: of an axis only a healthy one is ever compared with."""
+    return verdict.own if verdict.subject == "actuator" or is_healthy(verdict) else ()
 
 
 def superseded(flights: Iterable[PastFlight]) -> dict[tuple[str, int], tuple[str, int]]:

@@ -12,11 +12,12 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.detectors import Alarm, AxisInput, detectors
 from mavhums.health.axis.effectiveness import EffectivenessTracker, new_tracker
+from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.mixed import MixedPair
 from mavhums.health.axis.origin import origins
-from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards
+from mavhums.health.axis.reference import STANDARDS, Second
 from mavhums.health.axis.residuals import Residual, SideForce
-from mavhums.health.axis.response_sums import Response, ResponseSums
+from mavhums.health.axis.response_sums import ResponseSums
 from mavhums.health.axis.skids import Skids
 from mavhums.health.axis.thresholds import (
     FROM_TAKE_OFF_S,
@@ -59,57 +60,6 @@ class _AxisState:
     value: Interval | None = None
     mean: RunningVariance = field(default_factory=RunningVariance)
     episodes: list[Alarm] = field(default_factory=list)
-
-
-@dataclass(frozen=True, slots=True)
-class AxisFindings:
-    """The findings of a flight about one axis.
-
-    Attributes
-    ----------
-    reference, best
-        The reference used, or else the best candidate; None if there is none.
-    usable_s
-        Seconds of forward flight in which its demand was known, until the reference.
-    effectiveness, windows
-        The mean since the last change of the condition, or of a loss the value since its onset, with its
-        95 % interval; and the number of windows in the mean, 0 for a loss.
-    doubt
-        The effectiveness over the last minute, where a loss of 40 % is not excluded by it.
-    spacing_s
-        Time between samples of the outputs or the rates, where a reference was sought.
-    needs
-        Requirements on a reference.
-    limits
-        Limits by which the axis was judged.
-    from_take_off
-        Whether the flight is known from its take-off on.
-    shares
-        Of two mixed surfaces that move the axis, the probability that it is the ``left``, the ``right`` or
-        ``both``; empty where nothing tells.
-    response
-        Sums of the flight, for the comparison with other flights; None without any.
-    """
-
-    axis: str
-    condition: Condition
-    worst: Condition
-    since_s: float | None
-    coverage: Coverage
-    suspects: tuple[Suspect, ...]
-    evidence: tuple[Evidence, ...]
-    effectiveness: Interval | None
-    doubt: Interval | None
-    windows: int
-    reference: Reference | None
-    best: Reference | None
-    usable_s: int
-    spacing_s: float
-    needs: Standards
-    limits: AxisLimits
-    from_take_off: bool
-    shares: Mapping[str, float] = field(default_factory=dict)
-    response: Response | None = None
 
 
 class AxisMonitor:

@@ -46,6 +46,16 @@ class Response(NamedTuple):
     source: int
     groups: tuple[tuple[float, ...], ...]
 
+    def in_parts(self, count: int) -> Response:
+        """Return the same with no more than so many parts."""
+        joined = []
+        for rows in np.array_split(np.array(self.groups), min(count, len(self.groups))):
+            seconds = float(rows[:, 0].sum())
+            speed = round(float(rows[:, 0] @ rows[:, 2]) / seconds, 2)
+            sums = (float(f"{number:.9g}") for number in rows[:, 3:].sum(axis=0).tolist())
+            joined.append((seconds, float(rows[-1, 1]), speed, *sums))
+        return Response(self.source, tuple(joined))
+
     def record(self, setup: str, rate_hz: float) -> OwnRecord:
         """Return the record of the flight; ``setup`` names the source; outputs have this rate."""
         return OwnRecord(

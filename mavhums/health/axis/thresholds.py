@@ -371,3 +371,7 @@ PAST_REFERENCES: Final = 20
 # Largest ratio of the outputs' rates of two flights whose responses are compared: the gain of pitch at 4 Hz
 # is 0.8 to 1.0 of that at 10 Hz (software in the loop; docs/evidence/axes.md).
 PAST_RATE_RATIO: Final = 3.0
+
+# Parts in which a flight that is judged by itself is kept for later ones: fewer tell less of their scatter,
+# more make a history larger. By hand.
+REFERENCE_PARTS: Final = 4

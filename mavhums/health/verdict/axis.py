@@ -9,11 +9,13 @@ from typing import Final
 from mavhums.actuator.profile import Airframe
 from mavhums.core.conditions import SEVERITY
 from mavhums.core.statistics import NORMAL_95
-from mavhums.health.axis.monitor import AxisFindings, AxisMonitor
+from mavhums.health.axis.findings import AxisFindings
+from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import (
     LAG_ERROR_S,
     PAST_FLIGHTS,
+    REFERENCE_PARTS,
     REFERENCE_S,
     SINGLED_OUT,
     WINDOW_DEVIATION,
@@ -165,6 +167,9 @@ def _record(findings: AxisFindings, flight: Flight) -> Iterator[OwnRecord]:
     """Yield what the flight leaves for the comparison of its response with that of other flights."""
     response, rate_hz = findings.response, flight.rate_hz("outputs")
     if response is not None and rate_hz is not None:
+        # A reference needs no times, only its scatter; what is compared with references does.
+        if findings.condition != "undecided":
+            response = response.in_parts(REFERENCE_PARTS)
         yield response.record(_SPEEDS[response.source], rate_hz)
 
 

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
-from mavhums.health.axis.monitor import AxisFindings
+from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.thresholds import (
     DOUBTED_AIRSPEED_S,
     LEAST_SPEED_SHARE,

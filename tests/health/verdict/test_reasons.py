@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import common as v2
 
 from mavhums.actuator.signs import SIGNED_BY_VOLTAGE
 from mavhums.actuator.tiers import TIERS
-from mavhums.health.axis.monitor import AxisFindings
+from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.reference import STANDARDS
 from mavhums.health.verdict.actuator import _absurd, _why_undecided
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
