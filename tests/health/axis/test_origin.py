@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from mavhums.health.axis.monitor import AxisMonitor
+from mavhums.health.axis.origin import origins
+from mavhums.health.axis.thresholds import MASKED_S
+from mavhums.results.verdict import Evidence
 from mavhums.vehicle.flight import Rows
 from tests.health.axis.flights import changes_of, excited, rolling, rows, steady
 from tests.health.axis.test_detectors import controlled
@@ -85,3 +88,44 @@ def test_a_deflected_aileron_explains_the_pitch_but_losses_do_not_explain_each_o
     monitor = AxisMonitor(1)
     changes_of(monitor, rows(flight))
     assert monitor.origins() == {"pitch": "roll"}
+
+
+def evidence(kind: str, start_s: float, end_s: float) -> Evidence:
+    return Evidence(kind=kind, start_s=start_s, end_s=end_s, value=0.0, limit=0.0, rule="")
+
+
+@pytest.mark.parametrize(
+    ("roll", "pitch", "yaw", "mixed", "explained"),
+    [
+        (("hard_over", 10), None, None, (), {}),
+        (("hard_over", 10), ("effectiveness", 11), None, (), {"pitch": "roll"}),
+        (("tracking", 12), ("effectiveness", 11), None, (), {"roll": "pitch"}),
+        (("effectiveness", 10), ("effectiveness", 11), None, (), {}),
+        (("effectiveness", 10), ("effectiveness", 11), None, ("roll", "pitch"), {"pitch": "roll"}),
+        (("effectiveness", 10), ("effectiveness", 11), None, ("pitch", "yaw"), {}),
+        (("effectiveness", 10), None, ("effectiveness", 11), (), {"yaw": "roll"}),
+        (("effectiveness", 11), None, ("effectiveness", 10), (), {}),
+        (None, ("effectiveness", 10), ("effectiveness", 11), (), {}),
+        # A rudder that stands deflected is the origin up to so long after the others, no longer.
+        (("hard_over", 10), None, ("hard_over", 10 + MASKED_S), (), {"roll": "yaw"}),
+        (("hard_over", 10), None, ("hard_over", 11 + MASKED_S), (), {"yaw": "roll"}),
+        (("hard_over", 10), None, ("tracking", 10 + MASKED_S), (), {"yaw": "roll"}),
+        # What begins long after the origin ended (20 s after it began) is another fault.
+        (("hard_over", 10), ("tracking", 30 + 2 * MASKED_S), None, (), {"pitch": "roll"}),
+        (("hard_over", 10), ("tracking", 31 + 2 * MASKED_S), None, (), {}),
+    ],
+)
+def test_the_earliest_axis_explains_what_its_surfaces_can_cause(
+    roll: tuple[str, float] | None,
+    pitch: tuple[str, float] | None,
+    yaw: tuple[str, float] | None,
+    mixed: tuple[str, ...],
+    explained: Mapping[str, str],
+) -> None:
+    given = {"roll": roll, "pitch": pitch, "yaw": yaw}
+    faulty = {
+        axis: [evidence(one[0], one[1] + 5, one[1] + 20), evidence(one[0], one[1], one[1] + 9)]
+        for axis, one in given.items()
+        if one
+    }
+    assert origins(faulty, mixed) == explained

@@ -15,6 +15,7 @@ from mavhums.actuator.tiers import TIERS
 from mavhums.health.axis.monitor import AxisFindings
 from mavhums.health.axis.reference import STANDARDS
 from mavhums.health.verdict.actuator import _absurd, _why_undecided
+from mavhums.health.verdict.axis import _candidates
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
@@ -354,3 +355,28 @@ def test_values_beyond_what_the_actuator_can_do() -> None:
     found = _absurd({"V5": (11, 100), "V7": (80, 100), "V4": (1, 100)})
     assert found is not None
     assert found[0].startswith("up to 80 % of the values of V5, V7 are beyond")
+
+
+ELEVONS = Surfaces(
+    moved=(Moved(1, "left elevon", 1500, 400), Moved(2, "right elevon", 1500, 400)), origin="parameters"
+)
+
+
+@pytest.mark.parametrize(
+    ("shares", "named"),
+    [
+        ({"left": 0.9, "right": 0.06, "both": 0.04}, [(1, 0.9), (2, 0.06)]),
+        ({"left": 0.04, "right": 0.96, "both": 0.0}, [(2, 0.96), (1, 0.04)]),
+        ({"left": 1.0, "right": 0.0, "both": 0.0}, [(1, 0.99), (2, 0.0)]),
+        ({"left": 0.894, "right": 0.1, "both": 0.006}, [(1, None), (2, None)]),
+        ({"left": 0.03, "right": 0.02, "both": 0.95}, [(1, None), (2, None)]),
+        ({}, [(1, None), (2, None)]),
+    ],
+)
+def test_of_two_mixed_surfaces_one_is_named_if_it_is_nearly_certain(
+    shares: dict[str, float], named: list[tuple[int, float | None]]
+) -> None:
+    findings: Any = SimpleNamespace(axis="roll", shares=shares)
+    found = _candidates(findings, ELEVONS)
+    assert [(one.servo, one.probability) for one in found] == named
+    assert all((one.because is None) == (one.probability is None) for one in found)
