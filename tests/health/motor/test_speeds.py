@@ -50,6 +50,29 @@ def test_too_little_before_or_a_battery_that_collapsed_says_nothing() -> None:
     assert cause(1.0, sags=0.2) is None, "all of them collapsed"
 
 
+def test_a_loss_that_is_known_late_is_held_against_the_time_before_it() -> None:
+    """Only whole half seconds before the onset are usual, and those from 0.4 s after it are new."""
+    heard = EscSpeeds()
+    speeds = SpeedsBesideThrust(heard, (1, 2, 3))
+    for second in range(40):
+        for motor in range(3):
+            halves = [900.0 if second % 2 else 1100.0] * 2
+            if motor == 0 and second >= 30:
+                halves = [880.0 if second == 30 else 660.0 if second % 2 else 700.0, 680.0]
+            heard.hear(
+                motor, second + np.array([0.1, 0.3, 0.6, 0.8]), np.repeat(halves, 2) + np.array([0, 1, 0, 1])
+            )
+        speeds.add(second, np.full((RATE_HZ, 3), 0.25), np.ones(RATE_HZ, dtype=bool), None)
+    found = speeds.cause(0, 30.2)
+    assert found is not None
+    assert (found.start_s, found.end_s) == (31.0, 40.0)
+    usual = [1100.5, 900.5] * 15
+    before = np.mean([*usual, *usual])
+    own = np.array([[660.5 if s % 2 else 700.5, 680.5] for s in range(31, 40)]).ravel() / before
+    rest = np.repeat([900.5 if s % 2 else 1100.5 for s in range(31, 40)], 2) / before
+    assert found.ratio == pytest.approx(np.mean(own / rest), rel=2e-3)
+
+
 def test_speeds_are_means_of_half_seconds_unless_they_only_repeat_themselves() -> None:
     heard = EscSpeeds()
     heard.hear(0, np.array([0.0, 0.2, 0.5, 0.7, 1.1]), np.array([100.0, -200.0, 300.0, np.nan, 300.0]))
