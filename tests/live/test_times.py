@@ -22,9 +22,11 @@ from mavhums.live.address import Address
 from mavhums.live.links import ReceiveClock, TcpLink, UdpLink
 from mavhums.live.outlet import Outgoing
 from mavhums.live.session import Session
+from mavhums.live.setup import _open
 from mavhums.log.mavlink.stamping import Piece
 
 SECOND = 1_000_000_000
+SECOND_US = 1_000_000
 
 
 class Clocks:
@@ -267,3 +269,46 @@ def test_a_session_waits_until_something_is_due_and_no_longer(
     session: Any = SimpleNamespace(clock=clock, links=links, _due_us=due_us, _busy=busy)
     Session._wait(session, [] if pending_us is None else [Piece(None, pending_us, b"")])
     assert told == [(waited[0], pytest.approx(waited[1]))]
+
+
+def test_two_senders_of_a_vehicle_are_warned_about_once_a_minute(caplog: pytest.LogCaptureFixture) -> None:
+    told: list[Any] = []
+    sink = SimpleNamespace(consume=lambda notices, faults: told.extend(notices))
+    session: Any = SimpleNamespace(_contested={}, _first_us=SECOND_US * 1000, sinks=[sink])
+    for vehicles, second in (
+        ([1], 1000),
+        ([1, 2], 1030),
+        ([1, 2], 1059),
+        ([1], 1060),
+        ([2], 1089),
+        ([], 1200),
+    ):
+        Session._warn_contested(session, vehicles, SECOND_US * second)
+    assert [(one.vehicle, one.time_s) for one in told] == [(1, 0.0), (2, 30.0), (1, 60.0)]
+    assert caplog.text.count("more than one sender speaks for vehicle 1") == 2
+    session._first_us = None
+    Session._warn_contested(session, [3], SECOND_US * 1000)
+    assert told[-1].time_s == 0.0
+
+
+@pytest.mark.parametrize("signed_only", [False, True])
+def test_an_address_that_is_open_to_others_is_warned_about(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, signed_only: bool
+) -> None:
+    closed: list[Address] = []
+
+    def link(address: Address, clock: ReceiveClock) -> Any:
+        if address.port == 1:
+            raise OSError(98, "in use")
+        return SimpleNamespace(address=address, close=lambda: closed.append(address))
+
+    monkeypatch.setattr("mavhums.live.setup._LINKS", {"udpin": link})
+    own, open_ = (Address("udpin", host, 14550) for host in ("127.0.0.1", "0.0.0.0"))
+    links = _open([own, open_], ReceiveClock(), signed_only=signed_only)
+    assert [one.address for one in links] == [own, open_]
+    [record] = caplog.records
+    assert record.getMessage().startswith(f"{open_}: not only this computer can send here")
+    assert ("without authentication" in record.getMessage()) == (not signed_only)
+    with pytest.raises(OSError, match="in use"):
+        _open([own, open_, Address("udpin", "127.0.0.1", 1)], ReceiveClock(), signed_only=signed_only)
+    assert closed == [own, open_]

@@ -103,12 +103,10 @@ def test_a_step_is_where_two_levels_fit_better_than_a_line_and_than_at_the_neigh
     found = []
     for k in range(400):
         size, at, scatter = 0.02 * (k % 10), 4 + k % 4, 0.02 + 0.02 * (k % 3)
-        values = (
-            0.03 * rng.standard_normal(10) + size * (np.arange(10) >= at) + 0.01 * (k % 5) * np.arange(10)
-        )
-        squares = [
-            sum(float(np.sum((p - p.mean()) ** 2)) for p in np.split(values, [n])) for n in range(1, 10)
-        ]
+        days = np.arange(10)
+        values = 0.03 * rng.standard_normal(10) + size * (days >= at) + 0.01 * (k % 5) * days
+        parted = [np.split(values, [n]) for n in range(1, 10)]
+        squares = [sum(float(np.sum((p - p.mean()) ** 2)) for p in parts) for parts in parted]
         slope = np.polynomial.Polynomial.fit(days, values, 1)(days)
         line = float(np.sum((values - slope) ** 2))
         for place in range(2, 9):

@@ -15,11 +15,11 @@ from mavhums.actuator.tiers import TIERS
 from mavhums.health.axis.monitor import AxisFindings
 from mavhums.health.axis.reference import STANDARDS
 from mavhums.health.verdict.actuator import _absurd, _why_undecided
-from mavhums.health.verdict.axis import _candidates
+from mavhums.health.verdict.axis import _candidates, named_by_telemetry
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import Coverage
+from mavhums.results.verdict import Candidate, Coverage, Verdict
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import Identity, in_words
 from mavhums.vehicle.parameters import Parameters
@@ -380,3 +380,33 @@ def test_of_two_mixed_surfaces_one_is_named_if_it_is_nearly_certain(
     found = _candidates(findings, ELEVONS)
     assert [(one.servo, one.probability) for one in found] == named
     assert all((one.because is None) == (one.probability is None) for one in found)
+
+
+@pytest.mark.parametrize(
+    ("worst", "order", "told"),
+    [
+        (("normal", "degraded", "normal"), (2, 1), True),
+        (("emergency", "normal", "normal"), (1, 2), True),
+        (("normal", "normal", "emergency"), (1, 2), False),
+        (("degraded", "degraded", "normal"), (1, 2), False),
+        (("undecided", "normal", "normal"), (1, 2), False),
+    ],
+)
+def test_the_candidate_whose_servo_alone_shows_a_fault_comes_first(
+    worst: tuple[Any, Any, Any], order: tuple[int, int], told: bool
+) -> None:
+    def verdict(actuator: str, worst: Any, *candidates: Candidate) -> Verdict:
+        return Verdict(vehicle=1, actuator=actuator, condition=worst, worst=worst, candidates=candidates)
+
+    airframe: Any = SimpleNamespace(actuators=[SimpleNamespace(name=f"s{k}", servo=k) for k in (1, 2, 3)])
+    both = [Candidate(surface=f"surface {k}", servo=k, probability=0.5, because="it fits") for k in (1, 2)]
+    servos = [verdict(f"s{k}", one) for k, one in enumerate(worst, start=1)]
+    [found] = named_by_telemetry([verdict("roll", "degraded", *both)], servos, airframe)
+    assert tuple(one.servo for one in found.candidates) == order
+    if told:
+        assert [one.because for one in found.candidates] == ["its servo's telemetry shows a fault", None]
+        assert {one.probability for one in found.candidates} == {None}
+    else:
+        assert list(found.candidates) == both
+    [found] = named_by_telemetry([verdict("roll", "degraded", *both)], servos, None)
+    assert list(found.candidates) == both
