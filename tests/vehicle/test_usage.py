@@ -124,8 +124,8 @@ def test_armed_time_is_exact_however_the_log_is_cut() -> None:
         usage = Usage()
         assert usage.armed_s is None
         for k in range(0, 31, size):
-            parts = (one[k : k + size] for one in (whole.frame, whole.time_us, whole.values))
-            frame, time_us, values = parts
+            rows = slice(k, k + size)
+            frame, time_us, values = whole.frame[rows], whole.time_us[rows], whole.values[rows]
             usage.feed([whole._replace(frame=frame, time_us=time_us, values=values)])
         assert usage.armed_s == 2.5
     assert used(state([0.0, 0.0])).armed_s == 0.0

@@ -31,8 +31,8 @@ def test_a_flight_is_kept_in_parts_of_equal_length(windows: int, block: int) -> 
     groups = Groups(1, lambda gram: gram.ravel()[:1], lambda sums: 10.0 * sums)
     plain = Groups(1, lambda gram: gram.ravel()[:1])
     for k in range(0, index.size, block):
-        for one in (groups, plain):
-            one.feed(index[k : k + block], rows[k : k + block])
+        for collected in (groups, plain):
+            collected.feed(index[k : k + block], rows[k : k + block])
     expected = parts(windows)
     found = plain.parts()
     assert [count for count, _ in found] == [4 * len(one) for one in expected]
