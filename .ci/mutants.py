@@ -45,7 +45,7 @@ SPARED = {
     "dataclass",
 }  # decorators whose absence changes no result
 BITS = {"BitOr", "BitAnd", "BitXor", "RShift", "LShift"}
-NEAR_S, MOST_S, MOST = 20.0, 30.0, 200  # of tests of the same room, of all; tests for one mutant
+NEAR_S, MOST_S, MOST = 20.0, 50.0, 200  # of tests of whole logs or of the same room, of all; tests of each
 MOST_WALL_S = 600.0
 # Every Python that a test starts reads the changed text, too; the file stays, and with it numba's cache.
 HOOK = """
@@ -124,13 +124,13 @@ def parsed(path: str) -> ast.Module:
 
 
 @functools.cache
-def statements(path: str) -> dict[int, tuple[ast.stmt, range, bool]]:
+def statements(path: str) -> dict[int, tuple[ast.stmt | ast.ExceptHandler, range, bool]]:
     """Return of each line its statement, that one's own lines, and whether it runs in a function."""
     found = {}
 
     def visit(tree: ast.AST, inside: bool) -> None:
         for node in ast.iter_child_nodes(tree):
-            if isinstance(node, ast.stmt):
+            if isinstance(node, (ast.stmt, ast.ExceptHandler)):
                 body = getattr(node, "body", None)
                 first = min([node.lineno, *(each.lineno for each in getattr(node, "decorator_list", []))])
                 lines = range(first, body[0].lineno if body else (node.end_lineno or 0) + 1)
@@ -188,7 +188,8 @@ def chosen(path: str, line: int) -> list[str]:
     seconds, taken, total = durations(), [], 0.0
     tests = sorted(covering(path, line) & seconds.keys(), key=lambda test: (-near(test), seconds[test], test))
     for limit, group in (
-        (NEAR_S, [t for t in tests if near(t)]),
+        (NEAR_S, [t for t in tests if near(t) >= 9]),  # they take minutes, and must leave time for the room's
+        (NEAR_S + NEAR_S, [t for t in tests if 0 < near(t) < 9]),
         (MOST_S, [t for t in tests if not near(t)]),
     ):
         for test in group[:MOST]:
@@ -196,7 +197,7 @@ def chosen(path: str, line: int) -> list[str]:
                 break
             taken.append(test)
             total += seconds[test] + 0.02
-    return taken[: 2 * MOST]
+    return taken
 
 
 @functools.cache

@@ -8,6 +8,7 @@ difference is what the change does.
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import itertools
 import json
 import os
@@ -223,6 +224,16 @@ def test_of_growth_and_scatter() -> None:
                 "share": dumped(scattering_share(design, values, errors)),
             }
     hold("growth", found)
+
+
+def test_of_the_numbers_that_decide() -> None:
+    """A limit that moves changes a verdict somewhere, if not on the flights here."""
+    rooms = ("actuator", "axis", "decision", "estimation", "motor", "self_baseline")
+    found = {}
+    for room in rooms:
+        module = vars(importlib.import_module(f"mavhums.health.{room}.thresholds"))
+        found[room] = {name: dumped(value) for name, value in module.items() if name.strip("_").isupper()}
+    hold("numbers", found)
 
 
 def test_of_motors_beside_earlier_flights() -> None:

@@ -215,7 +215,8 @@ class Airspeeds:
             return np.full(utc_us.size, np.nan)
         time_us, speed = self._known[vehicle]
         row = np.searchsorted(time_us, utc_us, side="right") - 1
-        held: Array = np.where(utc_us - time_us[row] <= _STALE_US, speed[row], np.nan)
+        # Before the oldest that is kept, row is -1: that would be the newest.
+        held: Array = np.where((row >= 0) & (utc_us - time_us[row] <= _STALE_US), speed[row], np.nan)
         kept = max(int(np.searchsorted(time_us, utc_us[-1] - _KEPT_US)) - 1, 0)
         self._known[vehicle] = time_us[kept:], speed[kept:]
         return held

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,9 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
+from mavhums.engine.drops import with_drops
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Attitude, Event, Followed, Indication, Notice, Position, Samples
 from mavhums.engine.options import EngineOptions
+from mavhums.log.base.losses import Losses
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
 from tests.strategies import START_US, blocks, cuts
@@ -137,3 +141,20 @@ def test_what_is_remembered_of_jumps_does_not_grow(tmp_path: Path) -> None:
     found = clocks.jumps()
     assert len(found) > 100
     assert clocks.jumps() == []
+
+
+def test_what_is_left_out_is_counted_by_message_over_all_senders() -> None:
+    clocks = SimpleNamespace(
+        copies=Counter({(1, "A"): 2, (2, "A"): 3, (1, "B"): 1, (1, "C"): 0}),
+        broken=Counter({(1, "B"): 4, (3, "B"): 5}),
+    )
+    received = {
+        1: {"A": SimpleNamespace(late=2, repeated=0), "B": SimpleNamespace(late=0, repeated=7)},
+        2: {"A": SimpleNamespace(late=3, repeated=0), "B": SimpleNamespace(late=1, repeated=1)},
+    }
+    axes = SimpleNamespace(vehicles=lambda: [1, 2], received=received.__getitem__)
+    losses = with_drops(Losses(), cast(Any, clocks), cast(Any, axes))
+    assert losses.late_samples == {"A": 5, "B": 1}
+    assert losses.same_time_samples == {"B": 8}
+    assert losses.broken_stamps == {"B": 9}
+    assert losses.copies == {"A": 5, "B": 1}

@@ -12,7 +12,7 @@ import pytest
 
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
-from tests.fleet.stores import row_of
+from tests.fleet.stores import row_of, write_store
 from tests.fleet_logs import moved
 from tests.flights import flown, shown, verdict
 
@@ -23,6 +23,7 @@ pytest.importorskip("distributed")
 from mavhums import fleet
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.second_pass import second_pass
+from mavhums.flights.corrections import logs_named
 from mavhums.flights.queries import standings
 from mavhums.flights.stores.delta import Row, Store
 
@@ -223,3 +224,25 @@ def test_a_board_that_is_not_the_aircrafts_is_told(run: Run, logs: Path, tmp_pat
     assert "another aircraft's log" in told.out + told.err
     run("fleet", "reassign", store, logs / "D-A" / "2.tlog", "D-A")
     assert "another aircraft's log" not in run("analyse", logs / "D-A" / "2.tlog", "--history", store).out
+
+
+def test_a_whole_path_comes_before_a_folder_and_a_folder_before_the_end_of_a_path(tmp_path: Path) -> None:
+    names = ("/a/x", "/b/a/x", "/b/a/x.tlog/y", "/c/z")
+    write_store(tmp_path, {"D-A": [flown(verdict(), day=k, name=name) for k, name in enumerate(names)]})
+    store = Store(tmp_path)
+
+    def named(given: str, path: str = "/nowhere") -> list[str]:
+        return [one.path for one in logs_named(store, given, path)]
+
+    assert named("/a/x.tlog") == ["/a/x.tlog"]
+    assert named("x.tlog", "/a/x.tlog") == ["/a/x.tlog"]
+    assert named("/b/a/x.tlog/") == named("/b/a/x.tlog/y.tlog") == ["/b/a/x.tlog/y.tlog"]
+    assert named("/b") == named("b", "/b/") == ["/b/a/x.tlog", "/b/a/x.tlog/y.tlog"]
+    assert named("b/a/x.tlog") == ["/b/a/x.tlog"]
+    assert named("z.tlog") == ["/c/z.tlog"]
+    sha256 = flown(verdict(), name="/c/z").log.sha256 or ""
+    assert named(sha256[:8]) == named(sha256[:8].upper()) == named(sha256) == ["/c/z.tlog"]
+    assert named(sha256[:7]) == named("tlog") == []
+    with pytest.raises(MavhumsError, match=r"x\.tlog: names 2 logs") as error:
+        named("x.tlog")
+    assert error.value.remedy == "name one: /a/x.tlog, /b/a/x.tlog"

@@ -20,12 +20,21 @@ pytest.importorskip("duckdb")
 pytest.importorskip("distributed")
 
 from mavhums import fleet
+from mavhums.flights.aircraft_table import AircraftTable, Installed
 from mavhums.flights.checkpoint import Checkpoint
 from mavhums.flights.history import PastFlight
-from mavhums.flights.repairs import Repair, add_repairs, remove_repairs, repairs_in, repairs_of, since_of
+from mavhums.flights.repairs import (
+    Repair,
+    add_repairs,
+    reassigned,
+    remove_repairs,
+    repairs_in,
+    repairs_of,
+    since_of,
+)
 from mavhums.flights.stores.delta import Store
 from mavhums.flights.stores.folder import read_history
-from tests.fleet.stores import write_store
+from tests.fleet.stores import row_of, write_store
 
 DATES = (
     Repair("D-A", "elevator", START + timedelta(days=15)),
@@ -119,3 +128,19 @@ def test_a_scan_names_the_aircraft_that_nobody_has(run: Run, short_log: Path, tm
 def last(store: Path) -> list[Indicator]:
     """Return the indicators of the last flight."""
     return [one for _, verdict in fleet.verdicts(store, "D-A")[-4:] for one in verdict.indicators]
+
+
+def test_a_table_names_the_flights_of_its_boards_and_no_others(tmp_path: Path) -> None:
+    """The board moves from D-B to D-Z at noon of the third day; each flight begins at nine."""
+    store = Store(tmp_path)
+    rows = [row_of(flight, "D-M")._replace(board="0A") for flight in flights()[:4]]
+    rows += [row_of(flights()[4], "D-M")._replace(board="0B"), row_of(flights()[5], "D-M")]
+    store.add_logs(rows)
+    noon = START + timedelta(days=2, hours=3)
+    both = [{"aircraft": "D-B", "board": "0A", "to": noon}, {"aircraft": "D-Z", "board": "0A", "from": noon}]
+    assert reassigned(store, AircraftTable()) == set()
+    table = AircraftTable(map(Installed.model_validate, both))
+    assert reassigned(store, table) == {"D-M", "D-B", "D-Z"}
+    named = store.query("SELECT aircraft FROM logs ORDER BY start_us").fetchall()
+    assert [name for (name,) in named] == ["D-B", "D-B", "D-B", "D-Z", "D-M", "D-M"]
+    assert reassigned(store, table) == set()

@@ -38,6 +38,7 @@ from mavhums.fleet.second_pass import (  # noqa: E402
 )
 from mavhums.flights.checkpoint import Superseded  # noqa: E402
 from mavhums.flights.repairs import Repair, add_repairs  # noqa: E402
+from mavhums.flights.stamp import Listed, _follow  # noqa: E402
 from mavhums.flights.stores.delta import Store  # noqa: E402
 from tests.fleet.stores import row_of  # noqa: E402
 
@@ -311,3 +312,24 @@ def test_workers_make_the_same_verdicts_whether_they_die_or_not(
             (log, verdict.model_dump_json()) for log, verdict in fleet.verdicts(tmp_path / "store", name)
         ] == expected
     assert store.waiting() == set()
+
+
+@pytest.mark.parametrize(
+    ("settled", "new", "aircraft", "follows"),
+    [
+        ([1, 2], [3], NAME, True),
+        ([1, 3], [2], NAME, False),
+        ([1, 3], [3], NAME, False),
+        ([1, 3, None], [4, None], NAME, True),
+        ([1, 3, None], [2, None], NAME, False),
+        ([], [1], NAME, True),
+        ([1], [], NAME, True),
+        ([None], [None], NAME, True),
+        ([1, 3], [2], "", True),  # flights of no known aircraft are not compared
+    ],
+)
+def test_new_flights_are_judged_alone_if_they_come_last(
+    settled: list[int | None], new: list[int | None], aircraft: str, follows: bool
+) -> None:
+    before, after = ([Listed("", 0, start, "") for start in starts] for starts in (settled, new))
+    assert _follow(before, after, aircraft) == follows

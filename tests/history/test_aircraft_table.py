@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.flights.aircraft_table import AircraftTableError, load_aircraft_table
+from mavhums.flights.aircraft_table import AircraftTableError, Installed, load_aircraft_table
 
 CSV = """\
 aircraft, board, actuator, serial, from, to
@@ -105,3 +105,57 @@ def test_any_file_is_a_table_or_refused(
 def test_a_missing_table_is_named(tmp_path: Path) -> None:
     with pytest.raises(AircraftTableError, match=r"none\.csv: no such file"):
         load_aircraft_table(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "both"),
+    [
+        ((1, 5), (5, 9), False),
+        ((5, 9), (1, 5), False),
+        ((1, 6), (5, 9), True),
+        ((5, 9), (1, 6), True),
+        ((1, None), (5, 9), True),
+        ((None, 5), (5, None), False),
+        ((5, None), (None, 5), False),
+        ((None, None), (1, 2), True),
+        ((None, None), (None, None), True),
+    ],
+)
+def test_an_entry_holds_from_its_first_day_to_before_its_last(
+    first: tuple[int | None, int | None], second: tuple[int | None, int | None], both: bool
+) -> None:
+    one, other = (
+        Installed.model_validate(
+            {"aircraft": "A", "board": "1"}
+            | {name: day(1, n) for name, n in zip(("from", "to"), days, strict=True) if n}
+        )
+        for days in (first, second)
+    )
+    assert one.overlaps(other) is other.overlaps(one) is both
+    for entry, (begins, ends) in ((one, first), (other, second)):
+        inside = [n for n in range(1, 12) if entry.at(day(1, n))]
+        assert inside == [*range(begins or 1, ends or 12)]
+
+
+@pytest.mark.parametrize(
+    ("written", "read"),
+    [
+        ("2026-01-05", day(1, 5)),
+        (date(2026, 1, 5), day(1, 5)),
+        ("2026-01-05T07:00", day(1, 5, 7)),
+        (datetime(2026, 1, 5, 7), day(1, 5, 7)),
+        ("2026-01-05T07:00+02:00", day(1, 5, 5)),
+        (" ", None),
+        (None, None),
+    ],
+)
+def test_dates_are_utc_unless_they_say_otherwise(written: object, read: datetime | None) -> None:
+    entry = Installed.model_validate({"aircraft": " A ", "board": " 1 ", "from": written})
+    assert (entry.aircraft, entry.board, entry.begins) == ("A", "1", read)
+    assert read is None or entry.begins is None or entry.begins.tzinfo is not None
+
+
+def test_an_entry_cannot_end_when_it_begins() -> None:
+    given = {"aircraft": "A", "board": "1", "from": day(1, 5), "to": day(1, 5)}
+    with pytest.raises(ValueError, match="must be after"):
+        Installed.model_validate(given)

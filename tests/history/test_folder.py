@@ -197,3 +197,21 @@ def test_late_flights_in_one_run_read_each_file_once(tmp_path: Path, reads: list
         folder = folder.with_flight(late)
     assert sorted(reads) == sorted(tmp_path.glob("*.json"))
     assert folder.baselines("paper", LATER) == read_history(tmp_path).baselines("paper", LATER)
+
+
+def test_the_recent_flights_are_those_of_the_files_written_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(folder, "_RECENT_FILES", 2)
+    for day, written_s in ((0, 40), (1, 30), (2, 20), (3, 30), (4, 10)):
+        path = keep_assessment(flown(verdict(shown(0.2)), day=day), tmp_path)
+        os.utime(path, (written_s, written_s))
+    starts = [flight.start for flight in FlightFolder(tmp_path).recent()]
+    assert starts == [START, START + timedelta(days=3)]
+
+
+def test_what_cannot_be_a_folder_is_told_with_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(MavhumsError, match=r"file/below: cannot be used as a folder of flights") as error:
+        keep_assessment(flown(verdict()), tmp_path / "file" / "below")
+    assert error.value.remedy == "name another with --history"

@@ -64,6 +64,17 @@ def test_texts_have_at_most_fifty_characters(actuator: str, condition: Condition
     assert text[0] == actuator.encode("ascii", "replace").decode()[0]
 
 
+@pytest.mark.parametrize(
+    ("letters", "action"),
+    [(1, "inspect after landing"), (10, "inspect after landing"), (11, "inspect"), (24, "inspect")],
+)
+def test_the_longest_action_that_fits_is_said(letters: int, action: str) -> None:
+    text = text_of("rudder", "degraded", "f" * letters)
+    assert text == f"rudder DEGRADED: {'f' * letters}, {action}"
+    assert len(text_of("rudder", "degraded", "f" * 10)) == 50
+    assert len(text_of("rudder", "degraded", "f" * 99)) == 50
+
+
 def test_names_of_health_are_told_apart() -> None:
     names = ["aileron_left", "aileron_right", "elevator", "rudder", *["flap"] * 8]
     short = [health_name(number, name) for number, name in enumerate(names, start=1)]

@@ -35,6 +35,37 @@ def test_the_airspeed_is_held_until_the_next_and_not_for_ever(tmp_path: Path) ->
     assert np.isnan(airspeeds.at(2, asked)).all()
 
 
+def reported(*speeds: float, first_s: int = 0, vehicle: int = 1) -> dict[str, Table]:
+    """Return reports of the airspeed, one a second."""
+    count = len(speeds)
+    number, byte = np.arange(count), np.zeros(count, dtype=np.uint8)
+    fields = np.array([(speed,) for speed in speeds], dtype=[("airspeed", "f4")])
+    time_us = (first_s + number) * SECOND
+    return {"VFR_HUD": Table("VFR_HUD", number, time_us, byte + vehicle, byte, byte, byte, fields)}
+
+
+def test_an_airspeed_holds_three_seconds_and_none_is_below_zero() -> None:
+    airspeeds = Airspeeds()
+    airspeeds.feed(reported(20.0, np.nan, -1.0, 0.0))
+    ends = np.array([0, 3, 4, 6]) * SECOND + np.array([-1, -1, 0, 1])
+    np.testing.assert_array_equal(airspeeds.at(1, ends), [np.nan, 20.0, 0.0, np.nan])
+    airspeeds.feed(reported(25.0, first_s=10))
+    np.testing.assert_array_equal(airspeeds.at(1, np.array([9, 10, 13]) * SECOND), [np.nan, 25.0, 25.0])
+
+
+def test_the_airspeed_of_the_last_minute_is_known_and_older_ones_are_forgotten() -> None:
+    airspeeds = Airspeeds()
+    airspeeds.feed(reported(*np.arange(200.0)))
+    airspeeds.feed(reported(*np.arange(200.0), vehicle=2))
+    for until_s in (50, 199):
+        airspeeds.at(1, np.array([until_s * SECOND]))
+    times = np.arange(139, 200) * SECOND
+    np.testing.assert_array_equal(airspeeds.at(1, times), np.arange(139.0, 200.0))
+    assert np.isnan(airspeeds.at(1, np.array([130 * SECOND]))[0])
+    np.testing.assert_array_equal(airspeeds.at(2, np.array([3, 130]) * SECOND), [3.0, 130.0])
+    assert airspeeds.at(1, np.array([], dtype=np.int64)).size == 0
+
+
 @pytest.mark.parametrize(
     ("message", "field"), [("ARSP", "Airspeed"), ("airspeed", "indicated_airspeed_m_s")], ids=["BIN", "ulg"]
 )

@@ -132,6 +132,14 @@ def test_latencies_of_the_types_are_no_offset_of_counters() -> None:
     assert np.array_equal(mapped.time_us - mapped.time_us[0], sent - sent[0])
 
 
+def test_the_time_of_now_is_the_senders_newest_and_what_passed_since_it_came() -> None:
+    """Of two components, the one that shows less; a time of before shows no less than the newest."""
+    clock = VehicleClock()
+    follow(array([5_000_000, 6_000_000]), START_US + array([0, 3_000_000]), clock=clock)
+    shown = [clock.at_us(START_US + us) - START_US for us in (3_000_000, 3_250_000, 9_000_000, 2_000_000)]
+    assert shown == [1_000_000, 1_250_000, 7_000_000, 1_000_000]
+
+
 def table(name: str, sent_ms: list[int], *, sequence: list[int], received_us: list[int]) -> Table:
     count, stamp = len(sent_ms), "time_boot_ms" if name != "VFR_HUD" else "alt"
     ones = np.ones(count, dtype=np.uint8)

@@ -6,10 +6,12 @@ import struct
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums.log import Decoder
+from mavhums.log import Decoder, Table
+from mavhums.vehicle.formats import reports
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
 from tests.log.ulog import writer
 from tests.logs import write_log
@@ -90,3 +92,15 @@ def test_a_ulog_names_type_and_firmware(tmp_path: Path, text: bytes) -> None:
 def test_an_undefined_type_in_a_ulog_is_no_type(tmp_path: Path) -> None:
     who = told_by_ulog(tmp_path / "one.ulg", kind=200, release=b"").of(7)
     assert (who.kind, who.software) == (None, "PX4 1.16.0")
+
+
+@pytest.mark.parametrize("short", [0, 0x1234])
+@pytest.mark.parametrize("long", [0, 12, 18])
+def test_a_board_is_named_by_its_long_id_or_else_its_short_one(short: int, long: int) -> None:
+    fields = np.zeros(1, dtype=[("uid", "u8"), ("uid2", "u1", 18), ("flight_sw_version", "u4")])
+    fields["uid"], fields["uid2"][0, :long] = short, np.arange(1, long + 1)
+    one = np.ones(1, dtype=np.uint8)
+    table = Table("AUTOPILOT_VERSION", one.astype(np.int64), one.astype(np.int64), one, one, one, one, fields)
+    found = [report.values.tolist() for report in reports({table.name: table}, "board")]
+    name = bytes(range(1, long + 1)).hex().upper() if long else f"{short:016X}"
+    assert found == ([[name.encode()]] if short or long else [])

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Mapping
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -149,3 +150,14 @@ def test_an_altitude_is_no_angle() -> None:
     seconds = (found.index[:, None] + np.arange(RATE_HZ) / RATE_HZ)[2:8]
     speed = np.diff(found.signals["altitude"][2:8, :, 0]) * RATE_HZ
     np.testing.assert_allclose(speed, np.full((len(seconds), RATE_HZ - 1), 10.0), rtol=1e-6)
+
+
+@pytest.mark.parametrize("start_s", [0, 7, 100])
+def test_seconds_before_the_start_are_counted_below_zero(start_s: int) -> None:
+    """Samples of a stream that was on its way when the first one came."""
+    rows = arrivals({"attitude": even(4.0, 20.0), "outputs": even(4.0, 20.0)}, {})
+    expected = Grid(0).feed(signals(rows), final=True)
+    found = Grid(start_s * 1_000_000).feed(signals(rows), final=True)
+    assert expected is not None
+    assert found is not None
+    assert (found.index + start_s).tolist() == expected.index.tolist()

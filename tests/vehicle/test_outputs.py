@@ -194,3 +194,24 @@ def test_skid_steering_needs_both_wheels_and_a_rover() -> None:
         assert not steers_by_wheels(Parameters(1, False, less))
     for frame, wheels in ((6.0, True), (5.0, False)):
         assert steers_by_wheels(Parameters(1, True, {"CA_AIRFRAME": frame})) == wheels
+
+
+@pytest.mark.parametrize(
+    ("functions", "axis", "ignored"),
+    [((4, 4), 0, True), ((19, 19), 1, True), ((77, 77, 78), 0, False), ((79, 79, 80), 1, False)],
+)
+def test_of_several_outputs_one_that_is_stuck_is_ignored_unless_they_mix(
+    functions: tuple[int, ...], axis: int, ignored: bool
+) -> None:
+    """The first output stands at half its travel for 3 s, while the others move as one."""
+    moves = 1500 + 100 * np.sin(np.arange(60) / 3)
+    pulses = np.full((60, 32), np.nan)
+    pulses[:, : len(functions)] = moves[:, None]
+    alone = Demands(surfaces(servos(*functions))).feed(pulses)[:, axis]
+    pulses[:, 0] = 1700
+    for size in (60, 7):
+        demands = Demands(surfaces(servos(*functions)))
+        found = np.concatenate([demands.feed(pulses[k : k + size])[:, axis] for k in range(0, 60, size)])
+        assert not np.allclose(found[:19], alone[:19])
+        np.testing.assert_allclose(found[20:], alone[20:] if ignored else found[20:])
+        assert np.allclose(found[20:], alone[20:]) == ignored

@@ -73,6 +73,10 @@ def test_an_overridden_output_is_replaced_by_what_the_mixer_asks() -> None:
     sent[:, :6] = pulses(command)
     sent[0, 2] = 1000.0
     assert np.allclose(rotors.thrusts(sent, asked), command, atol=3e-3)
+    sent[0, 4] = 1000.0
+    assert np.allclose(rotors.thrusts(sent, asked), command, atol=3e-3), "two of six are replaced"
+    sent[0, 0] = 1000.0
+    assert rotors.thrusts(sent, asked)[0, [0, 2, 4]].tolist() == [0.0] * 3, "three of six are the limit"
     # Without the mixer's commands, the outputs are all that is known.
     assert rotors.thrusts(sent, np.full((1, 4), np.nan))[0, 2] == 0.0
 

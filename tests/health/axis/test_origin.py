@@ -7,9 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
+from mavhums.health.axis.mixed import MixedPair
 from mavhums.health.axis.monitor import AxisMonitor
+from mavhums.health.axis.origin import origins
+from mavhums.health.axis.thresholds import MASKED_S, MIXED_RECENT_S, MIXED_WEIGHT
+from mavhums.results.verdict import Evidence
 from mavhums.vehicle.flight import Rows
-from tests.health.axis.flights import changes_of, excited, rolling, rows, steady
+from tests.health.axis.flights import Array, changes_of, excited, rolling, rows, steady
 from tests.health.axis.test_detectors import controlled
 
 ELEVONS = {"roll": "pitch", "pitch": "roll"}
@@ -85,3 +89,78 @@ def test_a_deflected_aileron_explains_the_pitch_but_losses_do_not_explain_each_o
     monitor = AxisMonitor(1)
     changes_of(monitor, rows(flight))
     assert monitor.origins() == {"pitch": "roll"}
+
+
+def evidence(kind: str, start_s: float, end_s: float) -> Evidence:
+    return Evidence(kind=kind, start_s=start_s, end_s=end_s, value=0.0, limit=0.0, rule="")
+
+
+@pytest.mark.parametrize(
+    ("roll", "pitch", "yaw", "mixed", "explained"),
+    [
+        (("hard_over", 10), None, None, (), {}),
+        (("hard_over", 10), ("effectiveness", 11), None, (), {"pitch": "roll"}),
+        (("tracking", 12), ("effectiveness", 11), None, (), {"roll": "pitch"}),
+        (("effectiveness", 10), ("effectiveness", 11), None, (), {}),
+        (("effectiveness", 10), ("effectiveness", 11), None, ("roll", "pitch"), {"pitch": "roll"}),
+        (("effectiveness", 10), ("effectiveness", 11), None, ("pitch", "yaw"), {}),
+        (("effectiveness", 10), None, ("effectiveness", 11), (), {"yaw": "roll"}),
+        (("effectiveness", 11), None, ("effectiveness", 10), (), {}),
+        (None, ("effectiveness", 10), ("effectiveness", 11), (), {}),
+        # A rudder that stands deflected is the origin up to so long after the others, no longer.
+        (("hard_over", 10), None, ("hard_over", 10 + MASKED_S), (), {"roll": "yaw"}),
+        (("hard_over", 10), None, ("hard_over", 11 + MASKED_S), (), {"yaw": "roll"}),
+        (("hard_over", 10), None, ("tracking", 10 + MASKED_S), (), {"yaw": "roll"}),
+        # What begins long after the origin ended (20 s after it began) is another fault.
+        (("hard_over", 10), ("tracking", 30 + 2 * MASKED_S), None, (), {"pitch": "roll"}),
+        (("hard_over", 10), ("tracking", 31 + 2 * MASKED_S), None, (), {}),
+    ],
+)
+def test_the_earliest_axis_explains_what_its_surfaces_can_cause(
+    roll: tuple[str, float] | None,
+    pitch: tuple[str, float] | None,
+    yaw: tuple[str, float] | None,
+    mixed: tuple[str, ...],
+    explained: Mapping[str, str],
+) -> None:
+    given = {"roll": roll, "pitch": pitch, "yaw": yaw}
+    faulty = {
+        axis: [evidence(one[0], one[1] + 5, one[1] + 20), evidence(one[0], one[1], one[1] + 9)]
+        for axis, one in given.items()
+        if one
+    }
+    assert origins(faulty, mixed) == explained
+
+
+def best_fit(name: str, total: Array, weight: float) -> float:
+    """Return the log likelihood of a share lost of one surface, by trying all shares between 0 and 1."""
+    taken = {"left": (0.5, 0.5), "right": (0.5, -0.5), "both": (1.0, 0.0)}[name]
+    dd, dc, cc, own, coupled = total
+    size = taken[0] ** 2 * dd + 2 * taken[0] * taken[1] * dc + taken[1] ** 2 * cc
+    score = taken[0] * own + taken[1] * coupled
+    lost = np.linspace(0.0, 1.0, 1001)
+    return float((weight * (lost * score - lost**2 * size / 2)).max())
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.3, 1.0, 1.5, -0.5])
+@pytest.mark.parametrize("taken", [(0.5, 0.5), (0.5, -0.5), (1.0, 0.0), (0.3, 0.1)])
+def test_shares_are_the_likelihoods_of_the_best_loss_of_each(lost: float, taken: tuple[float, float]) -> None:
+    """The seconds before the onset count for nothing, nor do those that are long past."""
+    information = np.array([[9.0, 2.0], [2.0, 6.0]])
+    score = information @ np.array(taken) * lost
+    second = np.array([9.0, 2.0, 6.0, *score])
+    pair = MixedPair()
+    assert pair.shares() == {}
+    for end_s in range(1, 2 * MIXED_RECENT_S):
+        pair.add(end_s, 1000 * second)
+    for end_s in range(2 * MIXED_RECENT_S, 2 * MIXED_RECENT_S + 5):
+        pair.add(end_s, second)
+    assert pair.shares() == {}
+    pair.begin(2 * MIXED_RECENT_S - 1)
+    pair.add(2 * MIXED_RECENT_S + 5, second)
+    logs = {name: best_fit(name, 6 * second, MIXED_WEIGHT) for name in ("left", "right", "both")}
+    expected = {name: np.exp(one - max(logs.values())) for name, one in logs.items()}
+    whole = sum(expected.values())
+    found = pair.shares()
+    assert found == pytest.approx({name: one / whole for name, one in expected.items()}, abs=1e-3)
+    assert len(pair._recent) == MIXED_RECENT_S + 1

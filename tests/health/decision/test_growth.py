@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
-from mavhums.health.decision.growth import Course, course_of, last_step
-from mavhums.health.decision.thresholds import TREND_FLIGHTS
+from mavhums.health.decision.growth import Course, _is_step, course_of, last_step
+from mavhums.health.decision.thresholds import STEP_LIKELIHOOD_RATIO, TREND_FLIGHTS
 
 Array = NDArray[np.float64]
 
@@ -95,6 +95,27 @@ def test_a_repair_that_nobody_recorded_is_a_step_and_the_same_wear_is_found_agai
     assert course(numbers, values, errors, begin=45).grows
     assert last_step(*history(7, 70, 0.006)[1:]) is None
     assert last_step(*history(8, 70, 0.02, begin=60)[1:]) is None
+
+
+def test_a_step_is_where_two_levels_fit_better_than_a_line_and_than_at_the_neighbours() -> None:
+    """Two levels and a line are fitted anew with numpy; a place is the step if no neighbour fits better."""
+    rng = np.random.default_rng(9)
+    found = []
+    for k in range(400):
+        size, at, scatter = 0.02 * (k % 10), 4 + k % 4, 0.02 + 0.02 * (k % 3)
+        days = np.arange(10)
+        values = 0.03 * rng.standard_normal(10) + size * (days >= at) + 0.01 * (k % 5) * days
+        parted = [np.split(values, [n]) for n in range(1, 10)]
+        squares = [sum(float(np.sum((p - p.mean()) ** 2)) for p in parts) for parts in parted]
+        slope = np.polynomial.Polynomial.fit(days, values, 1)(days)
+        line = float(np.sum((values - slope) ** 2))
+        for place in range(2, 9):
+            levels = squares[place - 1]
+            likelier = line - levels > 2 * scatter**2 * np.log(STEP_LIKELIHOOD_RATIO)
+            expected = likelier and levels <= min(squares[place - 2], squares[place])
+            assert _is_step(values[:place], values[place:], scatter) == expected
+            found.append((likelier, expected))
+    assert {(False, False), (True, False), (True, True)} == set(found)
 
 
 @given(

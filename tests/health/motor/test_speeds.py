@@ -50,6 +50,29 @@ def test_too_little_before_or_a_battery_that_collapsed_says_nothing() -> None:
     assert cause(1.0, sags=0.2) is None, "all of them collapsed"
 
 
+def test_a_loss_that_is_known_late_is_held_against_the_time_before_it() -> None:
+    """Only whole half seconds before the onset are usual, and those from 0.4 s after it are new."""
+    heard = EscSpeeds()
+    speeds = SpeedsBesideThrust(heard, (1, 2, 3))
+    for second in range(40):
+        for motor in range(3):
+            halves = [900.0 if second % 2 else 1100.0] * 2
+            if motor == 0 and second >= 30:
+                halves = [880.0 if second == 30 else 660.0 if second % 2 else 700.0, 680.0]
+            heard.hear(
+                motor, second + np.array([0.1, 0.3, 0.6, 0.8]), np.repeat(halves, 2) + np.array([0, 1, 0, 1])
+            )
+        speeds.add(second, np.full((RATE_HZ, 3), 0.25), np.ones(RATE_HZ, dtype=bool), None)
+    found = speeds.cause(0, 30.2)
+    assert found is not None
+    assert (found.start_s, found.end_s) == (31.0, 40.0)
+    usual = [1100.5, 900.5] * 15
+    before = np.mean([*usual, *usual])
+    own = np.array([[660.5 if s % 2 else 700.5, 680.5] for s in range(31, 40)]).ravel() / before
+    rest = np.repeat([900.5 if s % 2 else 1100.5 for s in range(31, 40)], 2) / before
+    assert found.ratio == pytest.approx(np.mean(own / rest), rel=2e-3)
+
+
 def test_speeds_are_means_of_half_seconds_unless_they_only_repeat_themselves() -> None:
     heard = EscSpeeds()
     heard.hear(0, np.array([0.0, 0.2, 0.5, 0.7, 1.1]), np.array([100.0, -200.0, 300.0, np.nan, 300.0]))
@@ -65,3 +88,23 @@ def test_speeds_are_means_of_half_seconds_unless_they_only_repeat_themselves() -
     heard.forget(1, 1)
     assert np.isnan(heard.at(0, [0])).all()
     assert heard.at(1, [0]).tolist() == [300.0]
+
+
+def test_only_bins_that_may_hold_a_fault_are_kept_and_the_older_ones_counted() -> None:
+    """A bin that leaves the last minute is counted among those before; one on the ground never is."""
+    heard = EscSpeeds()
+    speeds = SpeedsBesideThrust(heard, (1, 2))
+    for second in range(100):
+        for motor in range(2):
+            heard.hear(motor, second + np.array([0.1, 0.2, 0.6, 0.7]), 1000.0 + np.arange(4.0))
+        flown = np.full(RATE_HZ, second % 10 > 0)
+        flown[-1] &= second % 10 != 5
+        speeds.add(second, np.full((RATE_HZ, 2), 0.25), flown, None)
+    now = 2 * 100 - 120
+    assert sorted(speeds._asked) == [k for k in range(now, 200) if k % 20 > 1 and k % 20 != 11]
+    assert speeds._sums[0].tolist() == [now - 12, now - 12]
+    assert speeds._sums[1] == pytest.approx([(36 * 2001.0 + 32 * 2005.0) / 68] * 2)
+    assert [sorted(bins)[0] for bins in heard._bins.values()] == [now, now]
+    speeds.add(100, np.full((RATE_HZ, 2), 0.25), np.ones(RATE_HZ, dtype=bool), 90.0)
+    assert max(speeds._asked) == 180 + 16
+    assert [max(bins) for bins in heard._bins.values()] == [180 + 16] * 2

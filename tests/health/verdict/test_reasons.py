@@ -15,10 +15,11 @@ from mavhums.actuator.tiers import TIERS
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.reference import STANDARDS
 from mavhums.health.verdict.actuator import _absurd, _why_undecided
+from mavhums.health.verdict.axis import _candidates, named_by_telemetry
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import Coverage
+from mavhums.results.verdict import Candidate, Coverage, Verdict
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import Identity, in_words
 from mavhums.vehicle.parameters import Parameters
@@ -354,3 +355,58 @@ def test_values_beyond_what_the_actuator_can_do() -> None:
     found = _absurd({"V5": (11, 100), "V7": (80, 100), "V4": (1, 100)})
     assert found is not None
     assert found[0].startswith("up to 80 % of the values of V5, V7 are beyond")
+
+
+ELEVONS = Surfaces(
+    moved=(Moved(1, "left elevon", 1500, 400), Moved(2, "right elevon", 1500, 400)), origin="parameters"
+)
+
+
+@pytest.mark.parametrize(
+    ("shares", "named"),
+    [
+        ({"left": 0.9, "right": 0.06, "both": 0.04}, [(1, 0.9), (2, 0.06)]),
+        ({"left": 0.04, "right": 0.96, "both": 0.0}, [(2, 0.96), (1, 0.04)]),
+        ({"left": 1.0, "right": 0.0, "both": 0.0}, [(1, 0.99), (2, 0.0)]),
+        ({"left": 0.894, "right": 0.1, "both": 0.006}, [(1, None), (2, None)]),
+        ({"left": 0.03, "right": 0.02, "both": 0.95}, [(1, None), (2, None)]),
+        ({}, [(1, None), (2, None)]),
+    ],
+)
+def test_of_two_mixed_surfaces_one_is_named_if_it_is_nearly_certain(
+    shares: dict[str, float], named: list[tuple[int, float | None]]
+) -> None:
+    findings: Any = SimpleNamespace(axis="roll", shares=shares)
+    found = _candidates(findings, ELEVONS)
+    assert [(one.servo, one.probability) for one in found] == named
+    assert all((one.because is None) == (one.probability is None) for one in found)
+
+
+@pytest.mark.parametrize(
+    ("worst", "order", "told"),
+    [
+        (("normal", "degraded", "normal"), (2, 1), True),
+        (("emergency", "normal", "normal"), (1, 2), True),
+        (("normal", "normal", "emergency"), (1, 2), False),
+        (("degraded", "degraded", "normal"), (1, 2), False),
+        (("undecided", "normal", "normal"), (1, 2), False),
+    ],
+)
+def test_the_candidate_whose_servo_alone_shows_a_fault_comes_first(
+    worst: tuple[Any, Any, Any], order: tuple[int, int], told: bool
+) -> None:
+    def verdict(actuator: str, worst: Any, *candidates: Candidate) -> Verdict:
+        return Verdict(vehicle=1, actuator=actuator, condition=worst, worst=worst, candidates=candidates)
+
+    airframe: Any = SimpleNamespace(actuators=[SimpleNamespace(name=f"s{k}", servo=k) for k in (1, 2, 3)])
+    both = [Candidate(surface=f"surface {k}", servo=k, probability=0.5, because="it fits") for k in (1, 2)]
+    servos = [verdict(f"s{k}", one) for k, one in enumerate(worst, start=1)]
+    [found] = named_by_telemetry([verdict("roll", "degraded", *both)], servos, airframe)
+    assert tuple(one.servo for one in found.candidates) == order
+    if told:
+        assert [one.because for one in found.candidates] == ["its servo's telemetry shows a fault", None]
+        assert {one.probability for one in found.candidates} == {None}
+    else:
+        assert list(found.candidates) == both
+    [found] = named_by_telemetry([verdict("roll", "degraded", *both)], servos, None)
+    assert list(found.candidates) == both

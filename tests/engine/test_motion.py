@@ -1,0 +1,67 @@
+"""Which outputs move alike, which one stands alone, and how many vehicles are judged."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mavhums.engine.motion import _alike, _alone
+from mavhums.engine.vehicle_limit import MOST, VehicleLimit
+from mavhums.log import Table
+from mavhums.vehicle.surfaces import Moved
+
+
+def test_outputs_are_alike_where_both_are_known_and_it_flies() -> None:
+    """Output 3 mirrors output 1, output 2 does not; on the ground and where one is off nothing counts."""
+    rng = np.random.default_rng(1)
+    pulses = 1500 + 100 * rng.standard_normal((200, 4))
+    pulses[:, 2] = 3000 - pulses[:, 0]
+    pulses[50:60, 2], pulses[100:, 2] = np.nan, 1500.0
+    rows: Any = SimpleNamespace(flying=np.arange(200) < 100)
+    assert _alike(rows, pulses, 1, 3)
+    assert _alike(rows, pulses, 3, 1)
+    assert _alike(rows, pulses, 2, 2)
+    assert not _alike(rows, pulses, 1, 2)
+    assert not _alike(rows, pulses, 3, 4)
+    rows.flying[:] = True
+    assert not _alike(rows, pulses, 1, 3)
+
+
+def test_an_output_that_stands_a_second_while_its_group_moves_shows_no_demand() -> None:
+    pulses = np.tile(1500.0 + 10 * np.arange(60)[:, None], (1, 4))
+    pulses[20:45, 1] = 1600.0
+    group = [Moved(servo, "aileron", 1500, 400) for servo in (2, 3)]
+    middle = float(np.median(pulses[:, 1]))
+    found = _alone(pulses, 1, group)
+    assert np.flatnonzero(np.isnan(found)).tolist() == [*range(40, 45)]
+    known = np.isfinite(found)
+    demand = (pulses[:, 1] - middle)[known]
+    np.testing.assert_allclose(found[known] * demand[0] / found[0], demand)
+    assert np.isfinite(_alone(pulses, 3, group)).all(), "it is of no group"
+    assert np.isfinite(_alone(pulses, 1, group[:1])).all(), "nothing else moves"
+
+
+def table(*systems: int, name: str = "A", first: int = 0, step: int = 1) -> dict[str, Table]:
+    n = len(systems)
+    byte = np.zeros(n, dtype=np.uint8)
+    frame = first + step * np.arange(n)
+    fields = np.zeros(n, dtype=[("x", "u1")])
+    return {name: Table(name, frame, frame, np.array(systems, dtype=np.uint8), byte, byte, byte, fields)}
+
+
+@pytest.mark.parametrize("size", [1, 7, 100])
+def test_the_first_vehicles_are_judged_in_the_order_of_the_log(size: int) -> None:
+    """Vehicles 200, 199, … come by turns in two messages; one that describes no actuator takes no place."""
+    systems = [200 - k for k in range(MOST + 5)]
+    limit = VehicleLimit(["A", "B"])
+    assert limit.admits(7)
+    for k in range(0, MOST + 5, size):
+        part = systems[k : k + size]
+        even = table(*part[::2], name="A", first=2 * k, step=4)
+        odd = table(*part[1::2], name="B", first=2 * k + 2, step=4)
+        limit.observe({**odd, **even, **table(1, name="C", first=0)})
+    assert [one for one in (1, 250, *systems) if limit.admits(one)] == systems[:MOST]
+    assert not limit.admits(None)
