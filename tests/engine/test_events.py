@@ -15,11 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums.engine.drops import with_drops
+from mavhums.engine.axes import with_drops
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Attitude, Event, Followed, Indication, Notice, Position, Samples
 from mavhums.engine.options import EngineOptions
-from mavhums.log.base.losses import Losses
+from mavhums.log.base.decoder import Losses
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
 from tests.strategies import START_US, blocks, cuts
