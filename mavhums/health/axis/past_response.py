@@ -184,6 +184,7 @@ class Stretch(NamedTuple):
 
 
 _HEAD: Final = 3  # seconds, end and speed of a part, before its sums of products
+_LARGEST: Final = 1e12
 _SIZES: Final = sorted({form.nuisances + 2 for form in FORMS.values()})
 
 
@@ -197,12 +198,15 @@ class _Parts(NamedTuple):
 
     @classmethod
     def of(cls, record: OwnRecord) -> _Parts | None:
-        """Return the parts of a record; None if they are not of equal, plausible size."""
+        """Return the parts of a record; None if no flight of this axis can have left them."""
         lengths = {len(row) for row in record.groups}
         size = next((n for n in _SIZES if lengths == {_HEAD + n * (n + 1) // 2}), None)
         if size is None:
             return None
         rows = np.array(record.groups, dtype=np.float64)
+        # A file can hold any number: sums of larger ones overflow.
+        if rows[:, 0].min() <= 0.0 or np.abs(rows).max() > _LARGEST:
+            return None
         grams = np.array([unpacked(row[_HEAD:], size) for row in record.groups])
         return cls(rows[:, 0], rows[:, 1], rows[:, 2], grams)
 
@@ -218,7 +222,8 @@ class _Scores(NamedTuple):
 
     @classmethod
     def of(cls, parts: _Parts, others: Array) -> _Scores:
-        return cls(parts.grams[:, 0, 0], parts.grams[:, 0, -1] - parts.grams[:, 0, 1:-1] @ others)
+        grams = parts.grams[parts.grams[:, 0, 0] > 0.0]  # a part that nothing drove tells no gain
+        return cls(grams[:, 0, 0], grams[:, 0, -1] - grams[:, 0, 1:-1] @ others)
 
     def gain(self) -> float:
         return float(self.cross.sum() / self.drive2.sum())
@@ -309,7 +314,6 @@ def _usable(flown: _Parts, parts: _Parts) -> bool:
 
 def _indicator(scores: _Scores, usual: float, variance: float) -> Indicator:
     """Return the gain relative to the usual one, with its error."""
-    scores = _Scores(*(column[scores.drive2 > 0] for column in scores))
     count = len(scores.drive2)
     # A few parts that agree by chance are no better than those of the earlier flights.
     own = max(variance, scores.squares() / max(count - 1, 1)) / float(scores.drive2.sum()) / usual**2

@@ -183,6 +183,13 @@ def test_below_the_usual_speed_nothing_is_judged() -> None:
     assert judged(still, PAST).condition == "emergency"
 
 
+def test_parts_of_earlier_flights_that_nothing_drove_do_not_matter() -> None:
+    still = (10.0, 200.0, SPEED, *[0.0] * 10)
+    past = [(one.model_copy(update={"groups": (*one.groups, still)}),) for (one,) in PAST]
+    own = record(flight(180, left=0.3))
+    assert judged(own, past).condition == judged(own, PAST).condition == "emergency"
+
+
 def test_an_axis_that_was_not_driven_stays_undecided() -> None:
     quiet = record(flight(180))
     calm = quiet.model_copy(
@@ -198,6 +205,8 @@ def test_an_axis_that_was_not_driven_stays_undecided() -> None:
         ((1.0, 2.0, 3.0), (1.0,)),
         ((10.0, 10.0, 18.0, *[0.0] * 10),),
         ((10.0, 10.0, 18.0, 1.0),),
+        ((10.0, 10.0, 18.0, *[1e300] * 10),) * 2,
+        ((0.0, 10.0, 18.0, *[1.0] * 10),) * 2,
     ],
 )
 def test_a_foreign_record_is_ignored(groups: tuple[tuple[float, ...], ...]) -> None:
