@@ -170,6 +170,8 @@ def endure(attack: Attack, folder: Path, *, root: Path | None = None) -> Cost:
     environment = dict(ENVIRONMENT)
     if root:
         environment["PYTHONPATH"] = os.pathsep.join([str(root), str(root / "sim")])
+    # What compiles takes more memory than what is measured here.
+    subprocess.run(mavhums("warm-up"), check=True, capture_output=True, env=environment)
     command = mavhums("live", f"udpin:{port}", "--record", folder / "live.tlog", *attack.arguments)
     out = folder / "out"
     reader, writer = os.pipe()
