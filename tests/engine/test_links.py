@@ -104,6 +104,7 @@ LATENCIES = st.fixed_dictionaries(dict.fromkeys(STAMPED, SECONDS))
 RATES = st.sampled_from([0.8, 1.0, 1.25])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["healthy", "frozen"])
 @given(disturbed=st.builds(mishap, LATENCIES, SECONDS, st.sampled_from([0.0, 0.5]), RATES))
 @settings(max_examples=6, phases=(Phase.explicit, Phase.generate))
@@ -121,6 +122,7 @@ def test_latency_backlog_clock_rate_and_order_change_nothing(kind: str, disturbe
     assert not {"ATTITUDE", "RAW_IMU", "SERVO_OUTPUT_RAW", "GLOBAL_POSITION_INT"} & dropped
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["healthy", "frozen"])
 @given(
     latency=st.fixed_dictionaries(dict.fromkeys(UNSTAMPED, st.floats(0.0, 2.0))),
