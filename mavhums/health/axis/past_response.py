@@ -130,7 +130,7 @@ def _as_before(verdict: Verdict, told: list[Stretch]) -> Verdict:
             "worst": "normal",
             "effectiveness": told[-1].share,
             "coverage": _coverage(verdict, told),
-            "reason": f"this flight has no reference of its own; {told[-1].flights} earlier flights are it",
+            "reason": f"judged by {told[-1].flights} earlier flights: this one gives no reference of its own",
             "remedy": None,
         }
     )

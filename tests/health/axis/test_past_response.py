@@ -122,7 +122,7 @@ def test_seconds_with_another_speed_do_not_count() -> None:
 def test_an_axis_without_a_reference_is_normal_by_its_earlier_flights() -> None:
     found = judged(record(flight(180)), PAST)
     assert (found.condition, found.worst, found.remedy) == ("normal", "normal", None)
-    assert found.reason == "this flight has no reference of its own; 5 earlier flights are it"
+    assert found.reason == "judged by 5 earlier flights: this one gives no reference of its own"
     assert found.effectiveness is not None
     assert found.effectiveness.low < 1.0 < found.effectiveness.high
     assert found.effectiveness.estimate == pytest.approx(1.0, abs=0.05)
