@@ -153,6 +153,7 @@ def test_a_log_that_begins_in_flight_says_so() -> None:
     assert roll.remedy
 
 
+@pytest.mark.slow
 @given(
     kind=st.sampled_from(sorted(KINDS)),
     seed=st.integers(0, 9999),

@@ -71,6 +71,7 @@ def test_the_prediction_is_a_students_interval() -> None:
     assert (interval.low, interval.estimate, interval.high) == pytest.approx((0.22 - half, 0.22, 0.22 + half))
 
 
+@pytest.mark.slow
 def test_a_prediction_holds_the_next_flight_as_often_as_it_says() -> None:
     rng = np.random.default_rng(1)
     inside = 0
