@@ -12,8 +12,7 @@ from mavhums.actuator.profile import Airframe
 from mavhums.engine.options import EngineOptions
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums.health.actuator.votes import answer_samples
-from mavhums.health.decision.events import Classified
-from mavhums.health.decision.records import ActuatorRecord
+from mavhums.health.decision.events import ActuatorRecord, Classified
 from mavhums.learn import Model
 from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer
 

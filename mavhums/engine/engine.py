@@ -26,7 +26,7 @@ from mavhums.engine.options import EngineOptions
 from mavhums.engine.told import notices
 from mavhums.engine.usage import vehicle_usage
 from mavhums.engine.vehicle_limit import MOST, VehicleLimit
-from mavhums.health.decision.records import ActuatorRecord
+from mavhums.health.decision.events import ActuatorRecord
 from mavhums.health.self_baseline.past import comparable
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
 from mavhums.health.verdict.actuator import (

@@ -17,8 +17,11 @@ from mavhums.health.decision.baseline import (
 )
 from mavhums.health.decision.conditions import ConditionTracker, IndicatorChange
 from mavhums.health.decision.events import (
+    ActuatorRecord,
     ComparisonInput,
     ConditionChanged,
+    Estimate,
+    FaultRecord,
     Forgotten,
     IndicatorStep,
     Window,
@@ -32,7 +35,6 @@ from mavhums.health.decision.evidence import (
     ranked,
     suspected,
 )
-from mavhums.health.decision.records import ActuatorRecord, Estimate, FaultRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.verdict.actuator import BaselineFindings
 from mavhums.results.verdict import Evidence, Suspect

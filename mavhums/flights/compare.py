@@ -28,12 +28,12 @@ from mavhums.health.decision.baseline import (
     of_subject,
 )
 from mavhums.health.decision.events import (
+    ActuatorRecord,
     ComparisonInput,
     ConditionChanged,
     Forgotten,
     Window,
 )
-from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.motor.past import compare_motors
 from mavhums.health.self_baseline.past import PastSource

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import asyncio
+import json
+import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final, NamedTuple
 from urllib.parse import urlencode
 
 from markupsafe import Markup
 from nicegui import ui
+from pydantic import TypeAdapter, ValidationError
 from starlette.requests import Request
 
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError
+from mavhums.results.live import (
+    AlertObject,
+    ConditionObject,
+    EndObject,
+    LiveObject,
+    StartObject,
+    StatusObject,
+)
 from mavhums.results.trend import TrendReport
 from mavhums.serve.fleet_view import (
     FEWEST_FLIGHTS,
@@ -26,14 +37,17 @@ from mavhums.serve.fleet_view import (
 )
 from mavhums.serve.guard import SESSION, is_loopback
 from mavhums.serve.home import Home, markup, render, show_parts
-from mavhums.serve.live_lines import LiveFile
 from mavhums.serve.options import Fleet, ServeOptions
 from mavhums.serve.sessions import Sessions
 from mavhums.show.html import parts
 from mavhums.show.html_curves import Gathered
 from mavhums.show.trend import headline
 
-__all__ = ["add_pages"]
+__all__ = [
+    "LiveFile",
+    "Seen",
+    "add_pages",
+]
 
 _SUBJECTS: Final = 4000
 _AIRCRAFT: Final = 300
@@ -156,3 +170,98 @@ def _add_live(paths: Sequence[Path], begin: Callable[[str], None]) -> None:
             place.set_content(render("live.html", sessions=seen))
 
         ui.timer(_LIVE_S, look)
+
+
+_FIRST: Final = 1 << 16
+_READ: Final = 1 << 20
+_LINE: Final = 1 << 22
+_CHANGES: Final = 12
+_SILENT_S: Final = 5.0
+_OBJECT: Final[TypeAdapter[LiveObject]] = TypeAdapter(LiveObject)
+
+
+class Seen(NamedTuple):
+    """A session as its file describes it.
+
+    Attributes
+    ----------
+    note
+        Why the state may not be the present one; empty while the session runs.
+    changes
+        The latest changes of conditions and alerts, the newest first.
+    """
+
+    name: str
+    note: str
+    start: StartObject | None
+    status: StatusObject | None
+    end: EndObject | None
+    changes: tuple[ConditionObject | AlertObject, ...]
+
+
+class LiveFile:
+    """A session's file, read on as it grows; of a long one, only the beginning and the last MiB.
+
+    Parameters
+    ----------
+    path
+        The file; it may not exist yet.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._forget()
+
+    def _forget(self) -> None:
+        self._at = 0
+        self._rest = b""
+        self._first = True
+        self._start: StartObject | None = None
+        self._status: StatusObject | None = None
+        self._end: EndObject | None = None
+        self._changes: list[ConditionObject | AlertObject] = []
+
+    def seen(self) -> Seen:
+        """Read what was added, and return the state."""
+        note = ""
+        try:
+            status = self._path.stat()
+            if status.st_size < self._at:
+                self._forget()
+            with self._path.open("rb") as file:
+                self._read(file, status.st_size)
+            silent_s = time.time() - status.st_mtime
+            if self._end is None and silent_s > _SILENT_S:
+                note = f"no line for {silent_s:,.0f} s: the session has stopped, or its output is not read"
+        except OSError as error:
+            note = f"cannot be read: {error.strerror}"
+        changes = tuple(reversed(self._changes))
+        return Seen(self._path.name, note, self._start, self._status, self._end, changes)
+
+    def _read(self, file: BinaryIO, size: int) -> None:
+        if self._first and size:
+            self._take(file.read(_FIRST).split(b"\n")[0])
+            self._at = max(0, size - _READ)
+            self._first = False
+        file.seek(self._at)
+        while self._at < size and (data := file.read(min(_READ, size - self._at))):
+            self._at += len(data)
+            *lines, self._rest = (self._rest + data).split(b"\n")
+            self._rest = self._rest if len(self._rest) <= _LINE else b""
+            for line in lines:
+                self._take(line)
+
+    def _take(self, line: bytes) -> None:
+        """Take a line; one that is cut or of another format is skipped."""
+        try:
+            found = _OBJECT.validate_python(json.loads(line), strict=False)
+        except (ValidationError, ValueError, RecursionError):
+            return
+        if isinstance(found, StartObject):
+            self._start, self._end = found, None
+        elif isinstance(found, StatusObject):
+            self._status = found
+        elif isinstance(found, EndObject):
+            self._end = found
+        elif isinstance(found, ConditionObject | AlertObject) and found not in self._changes:
+            self._changes = [*self._changes, found][-_CHANGES:]

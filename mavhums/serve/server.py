@@ -47,7 +47,7 @@ def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
         import uvicorn
     except ImportError as error:
         raise MissingExtraError("the page", "serve") from error
-    from mavhums.serve.connections import MOST, MOST_OF_ADDRESS, held_connections
+    from mavhums.serve.guard import MOST, MOST_OF_ADDRESS, held_connections
 
     listening = _listening(options.host, options.port)
     port: int = listening.getsockname()[1]

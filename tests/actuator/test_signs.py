@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator import load_airframe
 from mavhums.actuator.align import Aligned
-from mavhums.actuator.derive import Deriver
-from mavhums.actuator.signs import CurrentSigns
+from mavhums.actuator.derive import CurrentSigns, Deriver
 from mavhums.core.quantities import column
 
 ACTUATOR = load_airframe("paper").actuators[2]

@@ -27,9 +27,8 @@ from mavhums.engine.options import EngineOptions
 from mavhums.flights.actuator_comparison import ActuatorComparison
 from mavhums.flights.compare import FlightComparison, StandaloneAssessment, compared, packed, unpacked
 from mavhums.health.decision.baseline import Baseline, Baselines
-from mavhums.health.decision.events import IndicatorStep
+from mavhums.health.decision.events import Estimate, FaultRecord, IndicatorStep
 from mavhums.health.decision.limits import Levels
-from mavhums.health.decision.records import Estimate, FaultRecord
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import DECIDE, Decide
 from mavhums_sim import Flight, Gearbox, fly, write_tlog

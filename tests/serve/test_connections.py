@@ -18,8 +18,7 @@ pytest.importorskip("uvicorn", reason="the page needs the extra 'serve'")
 import uvicorn
 
 from mavhums.serve import guard as guards
-from mavhums.serve.connections import held_connections
-from mavhums.serve.guard import Guard
+from mavhums.serve.guard import Guard, held_connections
 from tests.serve.browser import served
 
 HALF = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-"

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavhums.serve.home import render
-from mavhums.serve.live_lines import LiveFile
+from mavhums.serve.pages import LiveFile
 
 UTC = "2026-01-01T00:00:00+00:00"
 LINK = dict.fromkeys(

@@ -12,10 +12,9 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import CENTRAL_95, TAIL_95
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.decision.conditions import Episode, Episodes, IndicatorChange
-from mavhums.health.decision.events import IndicatorStep
+from mavhums.health.decision.events import Decided, Estimate, FaultRecord, IndicatorStep, WindowRecord
 from mavhums.health.decision.evidence import limit_rule, suspected
 from mavhums.health.decision.limits import Decision, WindowEvaluation, bounds, half_width, shown_by, tail_of
-from mavhums.health.decision.records import Decided, Estimate, FaultRecord, WindowRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit

@@ -32,6 +32,7 @@ from mavhums.health.actuator.votes import (
 )
 from mavhums.health.decision.conditions import ConditionTracker
 from mavhums.health.decision.events import (
+    ActuatorRecord,
     ComparisonInput,
     ConditionChanged,
     Indication,
@@ -40,7 +41,6 @@ from mavhums.health.decision.events import (
 )
 from mavhums.health.decision.evidence import concludes, in_order, ranked
 from mavhums.health.decision.limits import Panel, WindowEvaluation
-from mavhums.health.decision.records import ActuatorRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.equations.torque import Load
 from mavhums.health.estimation.fits import Fits

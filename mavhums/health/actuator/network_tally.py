@@ -16,9 +16,9 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.actuator.thresholds import EVEN_PROBABILITY
 from mavhums.health.actuator.votes import Ballot, VoteOutcome
 from mavhums.health.decision.conditions import Episodes, IndicatorChange
+from mavhums.health.decision.events import Decided, Estimate, FaultRecord
 from mavhums.health.decision.evidence import suspected
 from mavhums.health.decision.limits import Decision, Levels
-from mavhums.health.decision.records import Decided, Estimate, FaultRecord
 from mavhums.health.decision.thresholds import LASTING_WINDOWS
 from mavhums.results.verdict import Evidence, Suspect
 

@@ -12,9 +12,8 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.detectors import Alarm, AxisInput, detectors
 from mavhums.health.axis.effectiveness import EffectivenessTracker, new_tracker
-from mavhums.health.axis.findings import AxisFindings
+from mavhums.health.axis.findings import AxisFindings, origins
 from mavhums.health.axis.mixed import MixedPair
-from mavhums.health.axis.origin import origins
 from mavhums.health.axis.reference import STANDARDS, Second
 from mavhums.health.axis.residuals import Residual, SideForce
 from mavhums.health.axis.response_sums import ResponseSums

@@ -9,8 +9,8 @@ from scipy.special import stdtr
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.decision.baseline import Baseline, Shift, condition_with_drift
+from mavhums.health.decision.events import Estimate
 from mavhums.health.decision.limits import Levels
-from mavhums.health.decision.records import Estimate
 from mavhums.health.decision.thresholds import SHOWN_SHIFT_FREEDOM
 from mavhums.results.verdict import Evidence, Suspect
 

@@ -10,9 +10,9 @@ from hypothesis.extra.numpy import arrays
 
 from mavhums.health.axis.detectors import AxisInput, PooledDetector
 from mavhums.health.axis.monitor import AxisMonitor
-from mavhums.health.axis.pooled import Exclusion, Pool, measured
 from mavhums.health.axis.reference import Reference, Second
 from mavhums.health.axis.regressions import Basis, Shape
+from mavhums.health.axis.scores import Exclusion, Pool, measured
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage

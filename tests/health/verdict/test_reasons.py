@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import common as v2
 
-from mavhums.actuator.signs import SIGNED_BY_VOLTAGE
+from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
 from mavhums.actuator.tiers import TIERS
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.reference import STANDARDS

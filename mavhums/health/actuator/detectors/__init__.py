@@ -1,17 +1,18 @@
-"""Detectors of an actuator's faults, one module each; a test holds :data:`DETECTORS` against this folder."""
+"""Detectors of an actuator's faults; a test holds :data:`DETECTORS` against the modules of this folder."""
 
 from __future__ import annotations
 
 from mavhums.actuator.profile import Actuator
 from mavhums.health.actuator.detector import Detector
-from mavhums.health.actuator.detectors.backlash import BacklashDetector
+from mavhums.health.actuator.detectors.electrical import (
+    SupplySagDetector,
+    TorqueConstantDetector,
+    WindingResistanceDetector,
+)
 from mavhums.health.actuator.detectors.following import FollowingDetector
 from mavhums.health.actuator.detectors.friction import FrictionDetector
+from mavhums.health.actuator.detectors.gear import BacklashDetector, SensorBiasDetector
 from mavhums.health.actuator.detectors.jam import JamDetector
-from mavhums.health.actuator.detectors.sensor_bias import SensorBiasDetector
-from mavhums.health.actuator.detectors.supply_sag import SupplySagDetector
-from mavhums.health.actuator.detectors.torque_constant import TorqueConstantDetector
-from mavhums.health.actuator.detectors.winding_resistance import WindingResistanceDetector
 from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 
 DETECTORS: tuple[type[Detector], ...] = (

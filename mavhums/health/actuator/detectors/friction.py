@@ -15,7 +15,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import ERRORS_95
 from mavhums.health.actuator.detector import Detector, EquationDetector
-from mavhums.health.actuator.detectors.torque_constant import contradicts, relative_constant
+from mavhums.health.actuator.detectors.electrical import contradicts, relative_constant
 from mavhums.health.actuator.thresholds import (
     FRICTION_CONTRADICTION_ERRORS,
     FRICTION_SAMPLES,

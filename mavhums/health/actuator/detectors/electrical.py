@@ -1,4 +1,4 @@
-"""Loss of the torque constant, as when magnets age or overheat, from the back-EMF."""
+"""Faults of motor and supply: resistance of the winding, torque constant, sag of the supply's voltage."""
 
 from __future__ import annotations
 
@@ -14,11 +14,36 @@ from mavhums.health.actuator.thresholds import (
     CONTRADICTED_CONSTANT_SHARE,
     CONTRADICTION_ERROR_SHARE,
     LEAST_TURNING_CONSTANT_SHARE,
+    SUPPLY_SENSOR_V,
+    WIDEST_RESISTANCE_SHARE,
     WIDEST_TORQUE_CONSTANT_SHARE,
 )
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
+
+
+class WindingResistanceDetector(EquationDetector):
+    """Winding resistance, relative to the data sheet's."""
+
+    fault: ClassVar[str] = "winding_resistance"
+    quantity: ClassVar[str] = "winding resistance"
+    unit: ClassVar[str] = "Ω"
+    inspect: ClassVar[str] = "winding, connectors and wiring for a poor contact"
+    equations: ClassVar[tuple[str, ...]] = ("voltage",)
+
+    def __init__(self, actuator: Actuator) -> None:
+        super().__init__(actuator)
+        gain = actuator.limits.resistance_gain if actuator.limits else None
+        nominal = actuator.known_ema().resistance
+        self.levels = Levels(None if gain is None else nominal * (1.0 + gain))
+
+    def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
+        """Return the resistance; undecidable if the current varies too little."""
+        fit, nominal = fits["voltage"], self.actuator.known_ema().resistance
+        resistance, error = fit.corrected("resistance", noisy="resistance")
+        shown = fit.spread & sharp(resistance, error, WIDEST_RESISTANCE_SHARE * nominal, self.levels.normal)
+        return Estimates.of(resistance, error, fit.freedom, shown)
 
 
 class TorqueConstantDetector(EquationDetector):
@@ -86,3 +111,32 @@ def _seen(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Array, Array]
     else:
         constant, error = voltage.corrected("back_emf", noisy="resistance")
     return constant / nominal, error / nominal
+
+
+class SupplySagDetector(EquationDetector):
+    """Supply voltage drop relative to the healthy supply."""
+
+    fault: ClassVar[str] = "supply_sag"
+    quantity: ClassVar[str] = "supply voltage lost"
+    unit: ClassVar[str] = "V"
+    inspect: ClassVar[str] = "battery, regulator and wiring of its supply"
+    equations: ClassVar[tuple[str, ...]] = ("supply",)
+
+    def __init__(self, actuator: Actuator) -> None:
+        super().__init__(actuator)
+        self.levels = Levels(actuator.limits.supply_sag_v if actuator.limits else None)
+        self._supply = actuator.known_ema().supply_voltage or np.nan
+
+    @staticmethod
+    def suits(actuator: Actuator) -> bool:
+        """Return whether the ESC is at the bus and the profile has the healthy supply's voltage."""
+        known = actuator.ema is not None and actuator.ema.supply_voltage is not None
+        return known and actuator.esc_side == "bus"
+
+    def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
+        """Return the sag; undecidable without the voltage at the bus."""
+        fit = fits["supply"]
+        voltage, error = fit["voltage"]
+        # The sensor's own error does not average out.
+        error = np.hypot(error, SUPPLY_SENSOR_V)
+        return Estimates.of(self._supply - voltage, error, fit.freedom, fit.spread)
