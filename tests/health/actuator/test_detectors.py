@@ -102,7 +102,6 @@ class TestEvery:
         assert detector.quantity
         assert detector.inspect
         assert detector.unit
-        assert fault == type(detector).__module__.rpartition(".")[2]
         normal, emergency = detector.levels
         assert normal is None or normal > 0
         assert emergency is None or (normal is not None and emergency >= normal)
