@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mavhums
+from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
 from mavhums.flights.checkpoint import Checkpoint
 from mavhums.flights.duplicates import Quality, Recording, superseded_recordings
@@ -21,7 +22,7 @@ from mavhums.flights.stores.folder import FlightFolder, keep_assessment, read_hi
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import FlightIdentity
-from mavhums.results.verdict import Coverage
+from mavhums.results.verdict import Coverage, OwnRecord, Verdict
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run
@@ -141,6 +142,15 @@ def recorded(
     return flown(judged, day=day, name=name, identities=[identity(day=day, boot_s=boot_s, end_s=end_s)])
 
 
+def axis(value: float, sound: bool) -> Verdict:
+    """Return an axis with the sums that later flights are compared with."""
+    condition: Condition = "normal" if sound else "undecided"
+    sums = OwnRecord(equation="response", setup="-", rate_hz=10.0, duration_s=9.0, groups=((9.0, value),))
+    return Verdict(
+        subject="axis", vehicle=1, actuator="roll", condition=condition, worst=condition, own=(sums,)
+    )
+
+
 def test_baselines_and_trends_count_a_flight_once(tmp_path: Path) -> None:
     for day in range(12):
         keep_assessment(recorded(day, f"logged-{day}", 0.2 + 0.01 * day, 500), tmp_path)
@@ -210,11 +220,13 @@ def test_a_replay_keeps_what_the_baselines_need(seed: int) -> None:
         if rng.random() < 0.3:
             found = each.verdicts[0].model_copy(update={"condition": "degraded", "worst": "degraded"})
             each = each.model_copy(update={"verdicts": (found,)})
+        each = each.model_copy(update={"verdicts": (*each.verdicts, axis(float(number), rng.random() < 0.7))})
         if rng.random() < 0.1:
             each = each.model_copy(update={"log": each.log.model_copy(update={"flight": ()})})
         flights.append(PastFlight.of(each))
     whole = FlightHistory(tuple(flights))
     known = Checkpoint()
+    assert {len(past.records) for past in whole.past("paper", LATER)[1, "roll"]} == {0, 1}
     for flight in whole.flights:
         assert known.baselines("paper", flight.start) == whole.baselines("paper", flight.start)
         assert known.past("paper", flight.start) == whole.past("paper", flight.start)
