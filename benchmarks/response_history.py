@@ -4,17 +4,19 @@
 
 FOLDER holds labelled flights as for ``benchmarks/alfa.py``. Each is compared with all other flights of the
 folder whose axis is moved by the same surfaces, as if these had been flown before; those that are normal by
-themselves are the reference. Delays count to the end of the minute that shows the loss.
+themselves are the reference.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
-from _flown_faults import Flight, read_labels
+from _flown_faults import Fault, Flight, read_labels
 
 from mavhums import Options
 from mavhums.app.analysis import analyse_alone
@@ -23,7 +25,7 @@ from mavhums.flights.history import is_healthy
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.results.verdict import Verdict
 
-AFTER_S = 30.0  # an alarm that soon after a fault's end is the fault's
+GRAVE = ("degraded", "emergency")
 
 
 def main() -> None:
@@ -35,14 +37,53 @@ def main() -> None:
     settings = Options(airframe=arguments.airframe).resolved()
     labelled = [*read_labels(arguments.folder)]
     alone = [analyse_alone(flight.path, settings) for flight in labelled]
-    counts = dict.fromkeys(("faults", "alone", "with others", "false", "normal", "normal with others"), 0)
-    bounded = dict.fromkeys(("roll", "pitch", "yaw"), (0, 0))
+    faults, by_itself, by_others = sum(1 for flight in labelled if _real(flight)), Tally(), Tally()
     for k, flight in enumerate(labelled):
         others = [*alone[:k], *alone[k + 1 :]]
         after = compared(alone[k], {}, lambda _, start: _records(alone[k], others))  # noqa: B023
-        _tell(flight, alone[k], after.verdicts, counts, bounded)
-    print(counts)
-    print("seconds that exclude a loss of 40 %, alone and with others:", bounded)
+        before = {one.actuator: one for one in _axes(alone[k].assessment.verdicts)}
+        judged = {one.actuator: one for one in _axes(after.verdicts)}
+        by_itself.add(flight, before)
+        by_others.add(flight, judged)
+        for axis, one in judged.items():
+            if one is not before[axis] and one.worst in GRAVE:
+                print(f"{flight.path.name}: {axis} {one.worst}: {one.evidence[0].rule}")
+    rows = zip(by_itself.rows(faults), by_others.rows(faults), strict=True)
+    print(f"{'':40}{'alone':>12}{'with others':>12}")
+    print("\n".join(f"{name:40}{value:>12}{other:>12}" for (name, value), (_, other) in rows))
+
+
+@dataclass
+class Tally:
+    """What the verdicts of all flights say of their axes."""
+
+    found: int = 0
+    false: int = 0
+    normal: int = 0
+    excluded_s: Counter[str] = field(default_factory=Counter)
+
+    def add(self, flight: Flight, verdicts: Mapping[str, Verdict]) -> None:
+        """Count the axes of one flight; an alarm on an axis that no fault of the flight acts on is false."""
+        grave = {axis for axis, one in verdicts.items() if one.worst in GRAVE}
+        right = {axis for fault in _real(flight) for axis in fault.axes}
+        self.found += bool(grave & right)
+        self.false += len(grave - right)
+        self.normal += sum(one.condition == "normal" for one in verdicts.values())
+        self.excluded_s.update(
+            {axis: one.coverage.excluded for axis, one in verdicts.items() if one.coverage}
+        )
+
+    def rows(self, faults: int) -> Iterator[tuple[str, object]]:
+        """Yield the lines of the table: name and value."""
+        yield f"flights found, of {faults} with faults", self.found
+        yield "alarms on an axis without a fault", self.false
+        yield "axes normal at the end", self.normal
+        for axis in ("roll", "pitch", "yaw"):
+            yield f"{axis}: seconds that exclude a loss of 40 %", self.excluded_s[axis]
+
+
+def _real(flight: Flight) -> list[Fault]:
+    return [one for one in flight.faults if not one.confounds]
 
 
 def _records(
@@ -66,31 +107,6 @@ def _frame(flight: StandaloneAssessment) -> list[tuple[str, ...]]:
 def _axes(verdicts: Sequence[Verdict]) -> list[Verdict]:
     return [verdict for verdict in verdicts if verdict.subject == "axis"]
 
-
-def _tell(flight: Flight, alone: StandaloneAssessment, after: Sequence[Verdict], counts, bounded) -> None:
-    faults = [one for one in flight.faults if not one.confounds]
-    counts["faults"] += len(faults)
-    before = {one.actuator: one for one in _axes(alone.assessment.verdicts)}
-    raised = [one for one in _axes(after) if one is not before[one.actuator] and one.worst in _GRAVE]
-    shown = [one for one in before.values() if one.worst in _GRAVE]
-    counts["alone"] += any(shown) and len(faults) > 0
-    right = [one for one in raised if any(one.actuator in fault.axes for fault in faults)]
-    counts["with others"] += bool(shown or right) and len(faults) > 0
-    counts["false"] += len(raised) - len(right)
-    for one in _axes(after):
-        if one.actuator in bounded:
-            a, b = bounded[one.actuator]
-            bounded[one.actuator] = a + before[one.actuator].coverage.excluded, b + one.coverage.excluded
-        counts["normal"] += before[one.actuator].condition == "normal"
-        counts["normal with others"] += one.condition == "normal"
-    for one in raised:
-        evidence = one.evidence[0]
-        print(f"{flight.path.name}: {one.actuator} {one.worst}: {evidence.rule}")
-        for fault in faults:
-            print(f"    {fault.surface} ({fault.kind}) from {fault.start_s:.0f} s to {fault.end_s:.0f} s")
-
-
-_GRAVE = ("degraded", "emergency")
 
 if __name__ == "__main__":
     main()
