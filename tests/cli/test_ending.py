@@ -13,7 +13,7 @@ import pytest
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("command", [pytest.param("export", marks=pytest.mark.slow), "analyse"])
 def test_a_signal_leaves_no_part_file(
     tmp_path: Path, short_log: Path, command: str, number: signal.Signals

@@ -187,7 +187,7 @@ WHOLE: dict[str, tuple[dict[str, Verdict], list[Event], Assessment]] = {}
     "flight",
     [
         Wired(seconds=130, told_s=97.3, texts=NAMED),
-        Wired(seconds=130, parameters={}),
+        pytest.param(Wired(seconds=130, parameters={}), marks=pytest.mark.slow),
         pytest.param(Wired(seconds=150, coordinated_s=100.0, told_s=120.4), marks=pytest.mark.slow),
     ],
     ids=["late", "motion", "withdrawn"],

@@ -90,7 +90,7 @@ def files_up_to(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-@pytest.mark.parametrize("size", [100, 4_000])
+@pytest.mark.parametrize("size", [pytest.param(100, marks=pytest.mark.slow), 4_000])
 def test_a_full_disk_is_told_and_the_scan_resumes(
     logs: Path, options: fleet.ScanOptions, expected: list[str], tmp_path: Path, size: int
 ) -> None:

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from functools import cache
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -81,6 +82,7 @@ def shown(seen: Telemetry, spans: list[tuple[float, float]]) -> NDArray[np.bool_
     return there
 
 
+@pytest.mark.slow
 @given(
     flight=CASES,
     spans=st.lists(st.tuples(st.floats(0, 60), st.floats(0.1, 15)), min_size=1, max_size=12),
