@@ -52,7 +52,7 @@ def real_logs(*folders: str) -> list[Path]:
     )
 
 
-LONGEST = "test_two_hundred_landings"
+LONGEST = "test_many_landings"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -67,7 +67,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker(pytest.mark.skip(f"{path.name} is not in MAVHUMS_REAL_LOGS"))
             elif path.parent in campaigns or path.stat().st_size > LARGE_BYTES:
                 item.add_marker(pytest.mark.slow)
-    items.sort(key=lambda item: item.name != LONGEST)  # ten minutes on one core
+    items.sort(key=lambda item: item.name != LONGEST)  # minutes on one core
 
 
 class Outcome(NamedTuple):

@@ -19,7 +19,7 @@ from mavhums.flights.stores import delta as stores
 from mavhums.flights.stores.delta_tables import LOGS, SETTLED, Tables
 
 HOUR_S = 3_600.0
-LANDINGS = 200
+LANDINGS = 70   # more than the small files that a store leaves as they are
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_fleet_commands_say_nothing_on_standard_error(log: bytes, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_two_hundred_landings(log: bytes, tmp_path: Path) -> None:
+def test_many_landings(log: bytes, tmp_path: Path) -> None:
     store = tmp_path / "store"
     command("warm-up")
     for number in range(LANDINGS):
