@@ -19,7 +19,7 @@ from mavhums.flights.stores import delta as stores
 from mavhums.flights.stores.delta_tables import LOGS, SETTLED, Tables
 
 HOUR_S = 3_600.0
-LANDINGS = 70   # more than the small files that a store leaves as they are
+LANDINGS = 70  # more than the small files that a store leaves as they are
 
 
 @pytest.fixture(scope="module")
