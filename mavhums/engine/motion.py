@@ -23,22 +23,18 @@ from mavhums.health.decision.events import ConditionChanged
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.inference import HALF_US, LEAST_SHARE, moves
 from mavhums.vehicle.surfaces import AXES, Moved
 
 __all__ = ["TRIED_AXES", "contradiction", "refutation", "rests_on_outputs"]
 
 TRIED_AXES: Final = ("roll", "pitch")  # a rudder mostly moves with the ailerons
 
-_CLEAR: Final = {"roll": 0.6, "pitch": 0.35}
-"""Share of the motion that some output must explain before anything is said: that of the inference."""
-
 _WORSE: Final = 0.75
 """Part of the best output's share below which another one does not move the axis. In 49 flights of ArduPlane
 in software-in-the-loop an aileron had 0.98 of it or more, an elevator at most 0.6 in roll, a rudder any."""
 
 _ALIKE: Final = 0.97  # correlation of outputs that move together
-_MOVES_US: Final = 10.0  # standard deviation
-_HALF_US: Final = 400.0  # full deflection of common calibrations, 1100 to 1900 µs; only scales a demand
 _SHOWN_ROWS: Final = 10 * RATE_HZ  # before an alarm: the windows in which a loss is certain
 
 
@@ -66,10 +62,10 @@ def contradiction(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved]
     outputs
         The profile's outputs of the axis.
     """
-    moving = [k for k in range(pulses.shape[1]) if _moves(pulses[rows.flying, k])]
+    moving = [k for k in range(pulses.shape[1]) if moves(pulses[rows.flying, k])]
     shares = {k + 1: _explained(rows, axis, _alone(pulses, k, outputs)) for k in moving}
     best = max(shares, key=shares.__getitem__, default=None)
-    if best is None or shares[best] < _CLEAR[axis]:
+    if best is None or shares[best] < LEAST_SHARE[axis]:
         return None
     named = [one.servo for one in outputs if one.servo in shares]
     own = max(named, key=shares.__getitem__, default=None)
@@ -92,7 +88,7 @@ def refutation(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved], l
     if not _judged(rows, axis, rows.demand(axis), limits).alarmed:
         return ""
     alone = {
-        k + 1: _alone(pulses, k, outputs) for k in range(pulses.shape[1]) if _moves(pulses[rows.flying, k])
+        k + 1: _alone(pulses, k, outputs) for k in range(pulses.shape[1]) if moves(pulses[rows.flying, k])
     }
     # An output that stands while the loss is seen raises no alarm because it says nothing: its own surface
     # may be the lost one (two ALFA flights whose aileron stops with its output): it is no wrong one either.
@@ -126,16 +122,12 @@ def rests_on_outputs(event: object) -> TypeGuard[ConditionChanged]:
     return SEVERITY[event.after] > SEVERITY["normal"]
 
 
-def _moves(pulses: Array) -> bool:
-    return bool(pulses.size and np.isfinite(pulses).mean() > 0.9) and float(np.nanstd(pulses)) > _MOVES_US
-
-
 def _alone(pulses: Array, k: int, outputs: Sequence[Moved]) -> Array:
     """Return an output alone as a demand; NaN while it stands and another one of its group moves.
 
     An output that is overridden no longer shows the demand, and it may be its surface that has failed.
     """
-    demand: Array = (pulses[:, k] - float(np.nanmedian(pulses[:, k]))) / _HALF_US
+    demand: Array = (pulses[:, k] - float(np.nanmedian(pulses[:, k]))) / HALF_US
     columns = [one.servo - 1 for one in outputs]
     if k not in columns:
         return demand

@@ -22,17 +22,17 @@ from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import ALIKE_US, Moved, Surfaces
 
-__all__ = ["inferred"]
+__all__ = ["HALF_US", "LEAST_SHARE", "inferred", "moves"]
 
 _MOVES_US: Final = 10.0  # standard deviation: less is trim and noise, from which a slope follows by chance
 _MOVES_SHARE: Final = 0.9  # of the rows: an output that is off for longer shows no flight
-_HALF_US: Final = 400.0  # half of the usual travel: the scale of a demand, which no share depends on
+HALF_US: Final = 400.0
+"""Half of the usual travel, 1100 to 1900 µs: the scale of a demand, which no share depends on."""
 _AS_ONE: Final = 0.99  # share of the rows in which outputs with one demand differ by less than ALIKE_US
 _ROLLS_RAD_S: Final = 0.05  # deviation of the roll rate: without turns any slow output explains what is left
-_ROLL: Final = 0.6
-"""Share of the roll that an aileron must explain: lower takes other outputs for ailerons."""
-_PITCH: Final = 0.35
-"""Share of the pitch acceleration that an elevator must explain: gusts and speed change pitch as well."""
+LEAST_SHARE: Final = {"roll": 0.6, "pitch": 0.35}
+"""Share of the motion that an output must explain to be the one that moves the axis. In roll, lower takes
+other outputs for ailerons; in pitch, the share of the acceleration, gusts and speed count as well."""
 _APART: Final = 2.0  # the second best output leaves so many times as much, or explains so many times less
 _MIXED: Final = (
     0.4  # of what ailerons leave, others explained up to 0.35 in development, of elevons from 0.48
@@ -55,11 +55,11 @@ def inferred(rows: Rows, pulses: Array, explains: Explains) -> Surfaces | None:
     explains
         Returns how well a demand explains the motion about an axis.
     """
-    moving = [k for k in range(OUTPUTS) if rows.flying.any() and _moves(pulses[rows.flying, k])]
+    moving = [k for k in range(OUTPUTS) if moves(pulses[rows.flying, k])]
     flying = rows.flying & np.isfinite(pulses[:, moving]).all(axis=1)
     if not moving or not flying.any() or float(np.nanstd(rows.roll_rate[flying])) < _ROLLS_RAD_S:
         return None
-    demands = {k: (pulses[:, k] - float(np.median(pulses[flying, k]))) / _HALF_US for k in moving}
+    demands = {k: (pulses[:, k] - float(np.median(pulses[flying, k]))) / HALF_US for k in moving}
     none = np.empty((len(rows), 0))
     rolls = {k: explains("roll", demands[k], none)[0] for k in moving}
     best = max(rolls, key=rolls.__getitem__)
@@ -68,20 +68,24 @@ def inferred(rows: Rows, pulses: Array, explains: Explains) -> Surfaces | None:
     others = [k for k in moving if k not in alike]
     beside = np.column_stack([none, *(demands[k] for k in others)])
     second = max((rolls[k] for k in others), default=0.0)
-    if rolls[best] < _ROLL or 1.0 - second < _APART * (1.0 - rolls[best]):
+    if rolls[best] < LEAST_SHARE["roll"] or 1.0 - second < _APART * (1.0 - rolls[best]):
         return None
     if _carried(demands[best][flying], beside[flying]) or explains("roll", demands[best], beside)[1] > _MIXED:
         return None
     found = [_moved(k, "aileron", pulses, flying, slopes[k]) for k in alike]
     rest = {k: explains("pitch", demands[k], none)[0] for k in others}
     order = sorted(rest, key=rest.__getitem__, reverse=True)
-    if order and rest[order[0]] >= _PITCH and (len(order) < 2 or rest[order[0]] > _APART * rest[order[1]]):
+    clear = len(order) < 2 or rest[order[0]] > _APART * rest[order[1]]
+    if order and clear and rest[order[0]] >= LEAST_SHARE["pitch"]:
         found.append(_moved(order[0], "elevator", pulses, flying, 1.0))
     return Surfaces(tuple(found), "inferred")
 
 
-def _moves(pulses: Array) -> bool:
-    return bool(np.isfinite(pulses).mean() > _MOVES_SHARE) and float(np.nanstd(pulses)) > _MOVES_US
+def moves(pulses: Array) -> bool:
+    """Return whether an output moves, from its pulses over the rows of flight, µs, shape (n,)."""
+    if not pulses.size or np.isfinite(pulses).mean() <= _MOVES_SHARE:
+        return False
+    return float(np.nanstd(pulses)) > _MOVES_US
 
 
 def _slope(pulses: Array, best: Array) -> float:
@@ -94,7 +98,7 @@ def _slope(pulses: Array, best: Array) -> float:
 
 def _are_one(demand: Array, expected: Array) -> bool:
     """Return whether two outputs carry one demand."""
-    return bool((np.abs(demand - expected) * _HALF_US <= ALIKE_US).mean() >= _AS_ONE)
+    return bool((np.abs(demand - expected) * HALF_US <= ALIKE_US).mean() >= _AS_ONE)
 
 
 def _carried(demand: Array, others: Array) -> bool:
@@ -106,4 +110,4 @@ def _carried(demand: Array, others: Array) -> bool:
 
 
 def _moved(k: int, surface: str, pulses: Array, flying: NDArray[np.bool_], slope: float) -> Moved:
-    return Moved(k + 1, surface, float(np.median(pulses[flying, k])), slope * _HALF_US)
+    return Moved(k + 1, surface, float(np.median(pulses[flying, k])), slope * HALF_US)
