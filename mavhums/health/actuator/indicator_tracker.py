@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import CENTRAL_95, TAIL_95
+from mavhums.core.statistics import CENTRAL_95, TAIL_95, t_quantile
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.decision.conditions import Episode, Episodes, IndicatorChange
 from mavhums.health.decision.events import Decided, Estimate, FaultRecord, IndicatorStep, WindowRecord
@@ -223,7 +222,7 @@ def indicator_of(
     if overall is None or not np.isfinite(overall.value[0]) or not tracker.judged:
         return None
     value = float(overall.value[0])
-    half = float(stdtrit(overall.freedom[0], CENTRAL_95) * overall.error[0])
+    half = t_quantile(float(overall.freedom[0]), CENTRAL_95) * float(overall.error[0])
     return Indicator(
         fault=tracker.detector.fault,
         quantity=tracker.detector.quantity,

@@ -12,10 +12,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
-from scipy.special import stdtr, stdtrit
-
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import CENTRAL_95, NORMAL_95
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95, t_probability, t_quantile
 from mavhums.health.axis.thresholds import MOST_CONFIDENCE, PAST_TESTS
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.limits import tail_of
@@ -62,7 +60,7 @@ class ComparedIndicator:
         """Return the quantity as a share of its baseline, with its 95 % interval."""
         mean = self.baseline.mean
         k = self.indicator.value.estimate / mean
-        half = float(stdtrit(self.freedom, CENTRAL_95)) * self.error / abs(mean)
+        half = t_quantile(self.freedom, CENTRAL_95) * self.error / abs(mean)
         return Interval(estimate=round(k, 3), low=round(k - half, 3), high=round(k + half, 3))
 
 
@@ -141,7 +139,7 @@ def _found(compared: list[ComparedIndicator], limits: AxisLimits, tail: float) -
     # Gain and load factor fall with the same surface: one loss, the graver one.
     yield from sorted(losses, key=lambda loss: loss.value)[:1]
     for one in compared:
-        bound = float(stdtrit(one.freedom, 1.0 - tail))
+        bound = t_quantile(one.freedom, 1.0 - tail)
         size, flights = one.difference, one.baseline.flights
         if one.indicator.fault == "slow" and size >= limits.lag_s and one.ratio > bound:
             rule = f"degraded: answers {size:.1f} s later than in {flights} earlier flights"
@@ -160,7 +158,7 @@ def loss_of(one: ComparedIndicator, limits: AxisLimits, tail: float) -> Departur
     share = one.share
     k = share.estimate
     # Certain alone is not enough: a small certain loss is within what loading and air change.
-    if -one.ratio <= float(stdtrit(one.freedom, 1.0 - tail)) or k >= limits.effectiveness_degraded:
+    if -one.ratio <= t_quantile(one.freedom, 1.0 - tail) or k >= limits.effectiveness_degraded:
         return None
     grave = k <= limits.effectiveness_emergency
     condition: Condition = "emergency" if grave else "degraded"
@@ -174,7 +172,7 @@ def loss_of(one: ComparedIndicator, limits: AxisLimits, tail: float) -> Departur
 
 
 def _confidence(one: ComparedIndicator) -> float:
-    return round(min(float(stdtr(one.freedom, abs(one.ratio))), MOST_CONFIDENCE), 4)
+    return round(min(t_probability(one.freedom, abs(one.ratio)), MOST_CONFIDENCE), 4)
 
 
 def _judged(verdict: Verdict, found: list[Departure], start_utc: datetime, end_s: float) -> Verdict:

@@ -13,11 +13,10 @@ from datetime import datetime
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import CENTRAL_95
+from mavhums.core.statistics import CENTRAL_95, t_quantile
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import (
     AXIS_SCATTER_SHARE,
@@ -76,7 +75,7 @@ class Baseline:
 
     def prediction(self) -> Interval:
         """Return the 95 % prediction interval of the value measured in another flight."""
-        half = float(stdtrit(self.flights - 1, CENTRAL_95)) * self.spread * (1.0 + 1.0 / self.flights) ** 0.5
+        half = t_quantile(self.flights - 1, CENTRAL_95) * self.spread * (1.0 + 1.0 / self.flights) ** 0.5
         return Interval(estimate=self.mean, low=self.mean - half, high=self.mean + half)
 
     @classmethod
@@ -255,7 +254,7 @@ class Drift:
         error = float(np.sqrt(own + flight))
         freedom = satterthwaite(own, own_freedom, flight, self.baseline.certainty)
         size = abs(shift) if self._two_sided else shift
-        return Shift(shift, error, size / (float(stdtrit(freedom, 1.0 - tail)) * error), since_s)
+        return Shift(shift, error, size / (t_quantile(freedom, 1.0 - tail) * error), since_s)
 
 
 class _SeparateWindow(NamedTuple):

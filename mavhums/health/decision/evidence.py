@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
-from scipy.special import stdtr
-
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.statistics import t_probability
 from mavhums.health.decision.baseline import Baseline, Shift, condition_with_drift
 from mavhums.health.decision.events import Estimate
 from mavhums.health.decision.limits import Levels
@@ -107,9 +106,9 @@ def suspected(
     if SEVERITY[decided] > 0 and normal is not None:
         size = abs(value) if described.two_sided else value
         # A jam has no error: it is proven or not.
-        confidence = float(stdtr(freedom, (size - normal) / error)) if error else 1.0
+        confidence = t_probability(freedom, (size - normal) / error) if error else 1.0
     if alarm is not None:
-        confidence = max(confidence, float(stdtr(SHOWN_SHIFT_FREEDOM, abs(alarm.value) / alarm.error)))
+        confidence = max(confidence, t_probability(SHOWN_SHIFT_FREEDOM, abs(alarm.value) / alarm.error))
     return Suspect(fault=described.fault, confidence=confidence)
 
 

@@ -25,9 +25,9 @@ from dataclasses import dataclass
 from math import log, sqrt
 
 import numpy as np
-from scipy.special import stdtr
 
 from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.statistics import t_probability
 from mavhums.health.decision.thresholds import (
     FLIGHTS_PER_OUTLIER,
     GROWTH_CHANCE,
@@ -112,7 +112,7 @@ class Course:
         def reached(ahead: float) -> float:
             error = np.sqrt(some.variance * (1 / some.total_weight + (some.ahead + ahead) ** 2 / some.spread))
             line = some.level + some.slope * ahead
-            return float(weights @ stdtr(some.freedom, (line - limit) / error))
+            return float(weights @ t_probability(some.freedom, (line - limit) / error))
 
         low, middle, high = (_quantile(reached, share) for share in (_LOW, _MIDDLE, _HIGH))
         return low, middle, high
@@ -237,7 +237,7 @@ def _without_outliers(
         others = (scale * courses.freedom - courses.residuals**2 / free) / freedom
         deleted = np.abs(courses.residuals) / np.sqrt(free * np.maximum(others, 1e-12 * scale + 1e-300))
         worst = int(np.argmax(deleted))
-        if n <= TREND_FLIGHTS - 1 or 2 * n * float(stdtr(freedom, -deleted[worst])) > OUTLIER_PROBABILITY:
+        if n <= TREND_FLIGHTS - 1 or 2 * n * t_probability(freedom, -deleted[worst]) > OUTLIER_PROBABILITY:
             break
         kept[np.flatnonzero(kept)[worst]] = False
         courses = _courses(numbers[kept], values[kept], errors[kept], known)
@@ -294,7 +294,7 @@ def _log_bayes_factors(
         rest = np.maximum(total - share * product**2 / spread, 1e-12 * total + 1e-300)
         two_sided = 0.5 * np.log(1 - share) + freedom / 2 * np.log((total + 1e-300) / rest)
         error = np.sqrt(rest / freedom / (spread + scale**-2))
-        rising = np.log(2 * stdtr(freedom, share * product / spread / error) + 1e-300)
+        rising = np.log(2 * t_probability(freedom, share * product / spread / error) + 1e-300)
         found.append(two_sided / inflation + rising)
     averaged: Array = np.logaddexp.reduce(found, axis=0) - log(len(GROWTH_SCALES))
     return averaged
@@ -312,7 +312,7 @@ def _averaged(courses: _Courses, estimates: Array, shares: Array) -> Interval:
     width = float(np.max(np.abs(estimates - middle)) + 50 * np.max(errors)) or 1.0
 
     def below(offset: float) -> float:
-        return float(weights @ stdtr(courses.freedom, (middle - width + offset - estimates) / errors))
+        return float(weights @ t_probability(courses.freedom, (middle - width + offset - estimates) / errors))
 
     low, high = (
         min(_quantile(below, share, 2 * width), 2 * width) + middle - width for share in (_LOW, _HIGH)

@@ -15,11 +15,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import TAIL_95
+from mavhums.core.statistics import TAIL_95, t_quantile
 from mavhums.health.decision.thresholds import (
     CONFIRM_WINDOWS,
     LASTING_WINDOWS,
@@ -45,7 +44,7 @@ def half_width(estimates: Estimates, *, tail: float | Array) -> Array:
     windows of a flight share some fifty degrees of freedom, so that each quantile is computed once.
     """
     distinct, place = np.unique(estimates.freedom, return_inverse=True)
-    quantiles = stdtrit(distinct, 1.0 - tail)
+    quantiles = t_quantile(distinct, 1.0 - tail)
     width: Array = quantiles[..., place.reshape(estimates.freedom.shape)] * estimates.error
     return width
 

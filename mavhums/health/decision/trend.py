@@ -25,10 +25,9 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from scipy.special import stdtr, stdtrit
 
 from mavhums.core.arrays import Array, Flags
-from mavhums.core.statistics import CENTRAL_95
+from mavhums.core.statistics import CENTRAL_95, t_probability, t_quantile
 from mavhums.health.decision.thresholds import (
     FLIGHTS_PER_OUTLIER,
     LEAST_ERROR_SHARE,
@@ -102,7 +101,7 @@ def fit_trend(numbers: Array, values: Array, errors: Array) -> Trend | None:
         return None
     errors = np.maximum(errors, max(LEAST_ERROR_SHARE * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
     kept, line = _without_outliers(numbers, values, errors)
-    t = float(stdtrit(line.freedom, CENTRAL_95))
+    t = t_quantile(line.freedom, CENTRAL_95)
     return Trend(
         level=_interval(line.level, t * sqrt(line.covariance[0, 0])),
         per_flight=_interval(line.slope, t * sqrt(line.covariance[1, 1])),
@@ -119,7 +118,7 @@ def _without_outliers(numbers: Array, values: Array, errors: Array) -> tuple[Fla
     for _ in range(max(1, len(values) // FLIGHTS_PER_OUTLIER)):
         n = len(line.deleted)
         worst = int(np.argmax(np.abs(line.deleted)))
-        chance = 2 * n * float(stdtr(n - 3, -abs(line.deleted[worst])))
+        chance = 2 * n * t_probability(n - 3, -abs(line.deleted[worst]))
         if chance > OUTLIER_PROBABILITY:
             break
         kept[np.flatnonzero(kept)[worst]] = False

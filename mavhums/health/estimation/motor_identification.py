@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import column
-from mavhums.core.statistics import CENTRAL_95, NORMAL_95, RAD_S_PER_REV_MIN, uniform_deviation
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95, RAD_S_PER_REV_MIN, t_quantile, uniform_deviation
 from mavhums.health.estimation.grams import Groups, eliminated, packed, unpacked
 from mavhums.health.estimation.least_squares import sums_of_slots
 from mavhums.health.estimation.slots import Slots
@@ -201,7 +200,7 @@ def identified(records: Sequence[OwnRecord]) -> Identified | None:
     noise = _attenuation(total, value)
     # What is true lies between the least squares of the voltage and of the current: the middle is taken.
     value = value + noise / 2.0
-    half = stdtrit(count - 1, CENTRAL_95) * np.hypot(error, uniform_deviation(noise))
+    half = t_quantile(count - 1, CENTRAL_95) * np.hypot(error, uniform_deviation(noise))
     resistance, back_emf, drop = (
         Interval(estimate=float(f"{v:.6g}"), low=float(f"{v - h:.6g}"), high=float(f"{v + h:.6g}"))
         for v, h in zip(value, half, strict=True)

@@ -13,11 +13,10 @@ from datetime import UTC, datetime
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.special import stdtr, stdtrit
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY
-from mavhums.core.statistics import NORMAL_95
+from mavhums.core.statistics import NORMAL_95, t_probability, t_quantile
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.thresholds import MOST_FLIGHT_TAIL
 from mavhums.results.standing import Interval
@@ -153,7 +152,7 @@ def compare_motors(
         most = max(changes, key=lambda k: changes[k].value)
         one = changes[most]
         if one.value >= _LEAST_CHANGE and one.ratio > float(
-            stdtrit(one.freedom, 1.0 - MOST_FLIGHT_TAIL / len(places))
+            t_quantile(one.freedom, 1.0 - MOST_FLIGHT_TAIL / len(places))
         ):
             compared[most] = _judged(one, start_utc, end_s)
     return compared
@@ -197,7 +196,7 @@ def _judged(one: _TrimShift, start_utc: datetime, end_s: float) -> Verdict:
         f"degraded: is asked for {100 * one.value:.0f} % more thrust beside the others than in "
         f"{one.flights} earlier flights, from the start on: {cause}"
     )
-    confidence = min(float(stdtr(one.freedom, one.ratio)), _MOST_CONFIDENCE)
+    confidence = min(t_probability(one.freedom, one.ratio), _MOST_CONFIDENCE)
     return verdict.model_copy(
         update={
             "condition": "degraded",

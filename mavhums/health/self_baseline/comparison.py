@@ -8,11 +8,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import Condition
-from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED, t_probability, t_quantile
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.equations.interface import OwnEquation
@@ -205,16 +204,14 @@ class _Healthy:
         error, freedom = self._error(own_wear, record)
         # The rate is per hour: a longer flight may use more of it.
         tail = min(tail_of(false_alarms) * _windows(record), MOST_FLIGHT_TAIL)
-        bound = float(stdtrit(freedom, 1.0 - tail)) * error
+        bound = t_quantile(freedom, 1.0 - tail) * error
         return self.sign * (own_wear.value - self.mean(record)), bound, bound + NORMAL_95_ONE_SIDED * error
 
     def alarms_at(self, rise: float, own_wear: Wear, record: OwnRecord) -> float:
         """Return the false alarms per 100 hours at which a relative rise would be detected."""
-        from scipy.special import stdtr  # spent only where a comparison finds little
-
         error, freedom = self._error(own_wear, record)
         bound = rise * abs(self.mean(record)) - NORMAL_95_ONE_SIDED * error
-        tail = 1.0 - float(stdtr(freedom, bound / error))
+        tail = 1.0 - t_probability(freedom, bound / error)
         return tail / tail_of(1.0) / _windows(record) if tail <= MOST_FLIGHT_TAIL else np.inf
 
     def _error(self, own_wear: Wear, record: OwnRecord) -> tuple[float, float]:
@@ -238,13 +235,13 @@ class _Healthy:
         change = own_wear.value / mean - 1.0
         own, _ = self._own(own_wear.error, own_wear, record)
         error = (own + self.flights.variance_at(self._row(record))) ** 0.5 / abs(mean)
-        half = float(stdtrit(min(own_wear.freedom, self.flights.freedom), CENTRAL_95)) * error
+        half = t_quantile(min(own_wear.freedom, self.flights.freedom), CENTRAL_95) * error
         return Interval(estimate=change, low=change - half, high=change + half)
 
     def prediction(self, record: OwnRecord) -> Interval:
         """Return the 95 % interval of a healthy flight's value."""
         mean, row = self.mean(record), self._row(record)
-        half = float(stdtrit(self.flights.freedom, CENTRAL_95)) * self.flights.variance_at(row) ** 0.5
+        half = t_quantile(self.flights.freedom, CENTRAL_95) * self.flights.variance_at(row) ** 0.5
         return Interval(estimate=mean, low=mean - half, high=mean + half)
 
     def since(self, after: list[tuple[int, str, OwnRecord]], false_alarms: float) -> Onset | None:
@@ -276,5 +273,5 @@ def _still(equation: OwnEquation, flights: int) -> Comparison:
 
 
 def _interval(of: Wear) -> Interval:
-    half = float(stdtrit(of.freedom, CENTRAL_95)) * of.error
+    half = t_quantile(of.freedom, CENTRAL_95) * of.error
     return Interval(estimate=of.value, low=of.value - half, high=of.value + half)

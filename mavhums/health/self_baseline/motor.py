@@ -12,9 +12,8 @@ from functools import lru_cache
 from math import hypot
 
 import numpy as np
-from scipy.special import stdtrit
 
-from mavhums.core.statistics import CENTRAL_95
+from mavhums.core.statistics import CENTRAL_95, t_quantile
 from mavhums.health.estimation.equations.own_scale import CURRENT
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
 from mavhums.health.estimation.wear import _learned_linear, _linear_wear
@@ -79,7 +78,7 @@ def _indicator(
     fault: str, quantity: str, unit: str, value: Interval, earlier: Sequence[Interval], parts: int
 ) -> Indicator:
     half = (value.high - value.low) / 2.0
-    error = half / float(stdtrit(max(parts - 1, 1), CENTRAL_95))
+    error = half / t_quantile(max(parts - 1, 1), CENTRAL_95)
     return Indicator(
         fault=fault,
         quantity=quantity,
@@ -100,7 +99,7 @@ def _prediction(earlier: Sequence[Interval]) -> Interval | None:
         return None
     values = np.array([interval.estimate for interval in earlier])
     mean, spread = float(values.mean()), float(values.std(ddof=1)) * (1.0 + 1.0 / count) ** 0.5
-    half = float(stdtrit(count - 1, CENTRAL_95)) * spread
+    half = t_quantile(count - 1, CENTRAL_95) * spread
     low, estimate, high = (float(f"{number:.5g}") for number in (mean - half, mean, mean + half))
     return Interval(estimate=estimate, low=low, high=high)
 
@@ -191,7 +190,7 @@ def friction_current(records: Sequence[OwnRecord]) -> Interval | None:
     scattered = float(values.std(ddof=1)) / count**0.5 if count > 1 else 0.0
     # Two flights know their scatter badly: each error goes with its own degrees of freedom.
     error, known = (stated, freedom.min()) if stated >= scattered else (scattered, count - 1.0)
-    half = float(stdtrit(known, CENTRAL_95)) * error
+    half = t_quantile(known, CENTRAL_95) * error
     mean = float(values.mean())
     return Interval(estimate=mean, low=mean - half, high=mean + half)
 
