@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator._align import NEVER, Rows, combine, limits, take
-from mavhums.actuator.readings import Reading
+from mavhums.actuator.telemetry import Reading
 from mavhums.core.quantities import KEYS, column
 from mavhums.vehicle.grid import HORIZON_S
 

@@ -13,8 +13,7 @@ from typing import Final, NamedTuple
 
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.vehicle.facts import ALL_OUTPUTS
-from mavhums.vehicle.outputs import Output, assigned_outputs
-from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.parameters import Output, Parameters, assigned_outputs
 from mavhums.vehicle.surfaces import AXES, KINDS, Moved, Surfaces, of_parameters
 from mavhums.vehicle.vtol import NO_LIFT
 

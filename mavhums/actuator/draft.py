@@ -1,4 +1,9 @@
-"""Draft of an airframe profile from a log's parameters; the user fills in what logs do not contain."""
+"""Drafts of airframe profiles from a log's parameters: as a text, and for a vehicle that names no profile.
+
+The user fills in what logs do not contain. A draft suffices for telemetry that names its servo: the servo's
+own record, V1–V12, and named values with a servo's number, whose meaning is a guess. An ESC may drive a
+propeller: only a profile of the user's says which one drives a servo.
+"""
 
 from __future__ import annotations
 
@@ -6,24 +11,47 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from mavhums.actuator.profile import Airframe
-from mavhums.core.errors import MavhumsError
-from mavhums.log import Decoder, decode_blocks
-from mavhums.vehicle.formats import messages_of, reports
-from mavhums.vehicle.outputs import Output, control_surfaces
-from mavhums.vehicle.parameters import Parameters, read_parameters
+import numpy as np
 
-__all__ = ["DRAFTED", "MOST_NAMES", "Guess", "draft_profile", "drafted_airframe", "guesses_for", "is_guessed"]
+from mavhums.actuator.profile import Airframe
+from mavhums.actuator.telemetry import TIERS
+from mavhums.core.arrays import Flags, Integers
+from mavhums.core.errors import MavhumsError
+from mavhums.log import Decoder, Table, decode_blocks
+from mavhums.log.base.tables import text_of
+from mavhums.vehicle.formats import SERVO_SOURCES, messages_of, reports
+from mavhums.vehicle.formats.base import Report
+from mavhums.vehicle.parameters import (
+    Output,
+    Parameters,
+    ReceivedParameters,
+    control_surfaces,
+    read_parameters,
+)
+
+__all__ = ["DRAFTED", "Draft", "Drafts", "Guess", "draft_profile", "guesses_for"]
 
 DRAFTED: Final = "drafted"
 """Name of a profile that nobody has named: the same for every flight, so that these can be compared."""
 
+_SETTLED_US: Final = 5_000_000
+"""A profile is drafted this long after the last parameter of an output and the first telemetry, µs: a list of
+parameters comes without longer breaks, and every named value that is sent once a second has come by then."""
+
+_MOST_NAMES: Final = 1000  # of a log: a sender that makes up names cannot fill the memory
+_MOST_VEHICLES: Final = 64  # that may still name a profile: each costs memory, and a sender can forge any
+_FEW: Final = 4  # names in a notice: more are no more readable
+
 _SERVO_VALUE: Final = re.compile(r"S(\d{1,2})(Cmd|Pos|V|A|Spd|RPM)")
-MOST_NAMES: Final = 1000  # of a log: a sender that makes up names cannot fill the memory
+_OF_OUTPUTS: Final = re.compile(r"(SERVO|PWM_|CA_SV|UAVCAN_SV).*")
+_NAMES_SERVO: Final = {tier.name: tier.names_servo for tier in TIERS}
+_NAMING: Final = tuple(source for source in SERVO_SOURCES if _NAMES_SERVO[source.tier])
+_READ: Final = messages_of("parameter", "script value") | {source.message for source in _NAMING}
 
 _HEAD = """\
 # DRAFT of an airframe profile, from the parameters of vehicle {vehicle} in {log}.
@@ -88,23 +116,13 @@ def draft_profile(
     if not outputs:
         by_hand = "if a servo moves a surface after all, write its profile by hand: see docs/guide/profile.md"
         raise MavhumsError(f"{path}: {_no_surface(parameters)}", by_hand)
+    named: set[str] = set()
+    for tables, _, _ in decode_blocks(path, Decoder(messages_of("script value"))):
+        for report in reports(tables, "script value"):
+            if len(named) < _MOST_NAMES:
+                named.update(report.select(report.table.system == parameters.vehicle).texts)
     head = _HEAD.format(vehicle=parameters.vehicle, log=_plain(path.name), name=_text(name or path.stem))
-    return head + _sections(outputs, named_values(path, parameters))
-
-
-def drafted_airframe(parameters: Parameters, named: Collection[str]) -> Airframe | None:
-    """Return the unedited draft as a profile; None if the parameters name no control surface.
-
-    Parameters
-    ----------
-    parameters
-        Of one vehicle.
-    named
-        Names of its named values.
-    """
-    outputs = control_surfaces(parameters)
-    text = f'name = "{DRAFTED}"\n{_sections(outputs, named)}'
-    return Airframe.model_validate(tomllib.loads(text)) if outputs else None
+    return head + _sections(outputs, named)
 
 
 def _sections(outputs: Sequence[Output], named: Collection[str]) -> str:
@@ -180,17 +198,6 @@ _MEANINGS: Final[dict[str, tuple[str, float, str]]] = {
 }
 
 
-def is_guessed(name: str) -> bool:
-    """Return whether a named value seems to be a servo's quantity.
-
-    Examples
-    --------
-    >>> is_guessed("S1Pos"), is_guessed("S1MT")
-    (True, False)
-    """
-    return _SERVO_VALUE.fullmatch(name) is not None
-
-
 def guesses_for(servo: int, names: Collection[str]) -> Iterator[Guess]:
     """Yield the quantities of a servo output among named values, in the order of V1–V12.
 
@@ -206,17 +213,165 @@ def guesses_for(servo: int, names: Collection[str]) -> Iterator[Guess]:
             yield Guess(key, own[suffix], scale, taken_for)
 
 
-def named_values(path: str | os.PathLike[str], parameters: Parameters) -> frozenset[str]:
-    """Return the names of the values that a vehicle's scripts send, of the one with these parameters.
+Places = tuple[Integers, Integers]
+"""Frames and times of messages, in the order of the log."""
 
-    Raises
-    ------
-    UnreadableLogError
-        If the file is missing or not a log.
-    """
-    names: set[str] = set()
-    for tables, _, _ in decode_blocks(path, Decoder(messages_of("script value"))):
-        for report in reports(tables, "script value"):
-            if len(names) < MOST_NAMES:
-                names.update(report.select(report.table.system == parameters.vehicle).texts)
-    return frozenset(names)
+
+class Draft(NamedTuple):
+    """A drafted profile, from a place in the log on, and the named values whose meaning it guesses."""
+
+    vehicle: int
+    frame: int
+    time_us: int
+    airframe: Airframe
+    guesses: tuple[str, ...]
+
+    @property
+    def notice(self) -> str:
+        """What the user must know of verdicts by this profile."""
+        names, more = ", ".join(self.guesses[:_FEW]), len(self.guesses) - _FEW
+        names += f" and {more} more" if more > 0 else ""
+        guessed = f"; what {names} mean is guessed from these names" if names else ""
+        return (
+            "no profile was named: one is drafted from the log's parameters, without constants and limits"
+            f"{guessed}; check it with `mavhums profile new LOG -o mine.toml`, then name it with --airframe"
+        )
+
+
+@dataclass(slots=True)
+class _UnprofiledVehicle:
+    """What a vehicle without a profile has sent: the times of its last parameter and its first telemetry."""
+
+    parameter_us: int | None = None
+    telemetry_us: int | None = None
+    names: set[str] = field(default_factory=set)
+
+
+class Drafts:
+    """Drafts the profiles of vehicles that name none, block after block."""
+
+    def __init__(self) -> None:
+        self._vehicles: dict[int, _UnprofiledVehicle] = {}
+        self._received = ReceivedParameters()
+        self._done: set[int] = set()
+
+    def give_up(self, vehicle: int) -> None:
+        """Draft no profile for a vehicle: it names one."""
+        self._done.add(vehicle)
+        self._vehicles.pop(vehicle, None)
+
+    def feed(self, tables: Mapping[str, Table]) -> Iterator[Draft]:
+        """Yield the profiles that can be drafted now."""
+        open_ = {name: self._without_done(tables[name]) for name in _READ & tables.keys()}
+        parameters = [*_of_outputs(open_)]
+        telemetry = {name: open_[name].select(rows) for name, rows in _telemetry(open_) if rows.any()}
+        parts = [*(report.table for report in parameters), *telemetry.values()]
+        systems = np.unique(np.concatenate([[], *(table.system for table in parts)])).astype(int)
+        for vehicle in systems.tolist():
+            if vehicle not in self._vehicles and len(self._vehicles) >= _MOST_VEHICLES:
+                continue
+            sent = [report.select(report.table.system == vehicle) for report in parameters]
+            own = {name: table.select(table.system == vehicle) for name, table in telemetry.items()}
+            draft = self._draft(vehicle, sent, own, tables)
+            if draft is not None:
+                self.give_up(vehicle)
+                yield draft
+        self._received.add_autopilots(tables)
+
+    def _without_done(self, table: Table) -> Table:
+        """Return the messages of vehicles for which a profile may be drafted."""
+        return table.select(~np.isin(table.system, [*self._done])) if self._done else table
+
+    def _draft(
+        self, vehicle: int, sent: list[Report], telemetry: dict[str, Table], tables: Mapping[str, Table]
+    ) -> Draft | None:
+        """Take one vehicle's messages up to the first at which its profile can be drafted."""
+        known = self._vehicles.setdefault(vehicle, _UnprofiledVehicle())
+        frames, times = _in_order([*telemetry.values()])
+        sent_frames, sent_us = _in_order([report.table for report in sent])
+        while True:
+            place = _first_settled(known, (frames, times), (sent_frames, sent_us))
+            until = np.iinfo(np.int64).max if place is None else int(frames[place])
+            self._take(known, sent, telemetry, until, tables)
+            if place is None:
+                return None
+            if outputs := control_surfaces(self._received.of(vehicle)):
+                text = f'name = "{DRAFTED}"\n{_sections(outputs, known.names)}'
+                airframe = Airframe.model_validate(tomllib.loads(text))
+                guesses = tuple(sorted(filter(_SERVO_VALUE.fullmatch, known.names)))
+                return Draft(vehicle, until, int(times[place]), airframe, guesses)
+            later = sent_frames[sent_frames > until]  # no surface is named yet: with the next parameters
+            if not later.size:
+                known.parameter_us = None
+                frames, times = frames[:0], times[:0]
+                continue
+            keep = frames > later[0]
+            frames, times = frames[keep], times[keep]
+
+    def _take(
+        self,
+        known: _UnprofiledVehicle,
+        sent: list[Report],
+        telemetry: dict[str, Table],
+        until: int,
+        tables: Mapping[str, Table],
+    ) -> None:
+        self._received.add_autopilots(tables, before=until)
+        for report in sent:
+            new = report.select(report.table.frame < until)
+            if len(new.table):
+                self._received.add_parameters(new)
+                known.parameter_us = max(known.parameter_us or 0, int(new.table.time_us.max()))
+        for name, table in telemetry.items():
+            fresh = table.select(table.frame <= until)
+            if len(fresh):
+                first = int(fresh.time_us.min())
+                known.telemetry_us = first if known.telemetry_us is None else min(known.telemetry_us, first)
+            for report in reports({name: fresh}, "script value"):
+                if len(known.names) < _MOST_NAMES:
+                    known.names.update(report.texts)
+
+
+def _first_settled(known: _UnprofiledVehicle, telemetry: Places, parameters: Places) -> int | None:
+    """Return the first row of telemetry long enough after the first one and after the last parameter."""
+    frames, times = telemetry
+    if not frames.size:
+        return None
+    first = int(times[0]) if known.telemetry_us is None else known.telemetry_us
+    never = np.iinfo(np.int64).max // 2  # without a parameter nothing is settled
+    last = np.concatenate([[never if known.parameter_us is None else known.parameter_us], parameters[1]])
+    latest = last[np.searchsorted(parameters[0], frames)]
+    settled = np.flatnonzero((times - first >= _SETTLED_US) & (times - latest >= _SETTLED_US))
+    return int(settled[0]) if settled.size else None
+
+
+def _of_outputs(tables: Mapping[str, Table]) -> Iterator[Report]:
+    """Yield the parameters of outputs."""
+    for report in reports(tables, "parameter"):
+        names = map(text_of, report.values["name"].tolist())
+        found = report.select(np.array([_OF_OUTPUTS.fullmatch(name) is not None for name in names]))
+        if len(found.table):
+            yield found
+
+
+def _telemetry(tables: Mapping[str, Table]) -> Iterator[tuple[str, Flags]]:
+    """Yield which messages are telemetry of a servo that they name."""
+    for source in _NAMING:
+        table = tables.get(source.message)
+        if table is None:
+            continue
+        rows = np.ones(len(table), dtype=bool) if source.marked is None else source.marked(table)
+        for report in reports({source.message: table}, "script value"):
+            names, row = np.unique(report.values, return_inverse=True)
+            guessed = [_SERVO_VALUE.fullmatch(text_of(name)) is not None for name in names.tolist()]
+            rows = rows | np.array(guessed, dtype=bool)[row]
+        yield source.message, rows
+
+
+def _in_order(tables: list[Table]) -> Places:
+    """Return frames and times of messages, in the order of the log."""
+    none = np.empty(0, dtype=np.int64)
+    frames = np.concatenate([none, *(table.frame for table in tables)])
+    times = np.concatenate([none, *(table.time_us for table in tables)])
+    order = np.argsort(frames, kind="stable")
+    return frames[order], times[order]

@@ -1,6 +1,6 @@
 """Mapping of message fields to V1–V12 of each actuator, with the provenance of each quantity.
 
-Sources are read, aligned on one clock and completed: :mod:`~mavhums.actuator.readings`,
+Sources are read, aligned on one clock and completed: :mod:`~mavhums.actuator.telemetry`,
 :mod:`~mavhums.actuator.align`, :mod:`~mavhums.actuator.derive`.
 """
 
@@ -17,8 +17,7 @@ from mavhums.actuator.align import Aligned, Aligner
 from mavhums.actuator.derive import REPORTED, Deriver
 from mavhums.actuator.freshness import NOT_USED, Freshness
 from mavhums.actuator.profile import Actuator, Airframe
-from mavhums.actuator.readings import Reading, read
-from mavhums.actuator.tiers import TIERS
+from mavhums.actuator.telemetry import TIERS, Reading, read
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Table

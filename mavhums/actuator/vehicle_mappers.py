@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from mavhums.actuator.drafts import Draft, Drafts
+from mavhums.actuator.draft import Draft, Drafts
 from mavhums.actuator.mapping import Mapped, Mapper
 from mavhums.actuator.profile import Airframe, ProfileError, load_airframe, packaged_airframes
-from mavhums.actuator.tiers import Tier, best_tier, tiers_by_content
+from mavhums.actuator.telemetry import Tier, best_tier, tiers_by_content
 from mavhums.core.quantities import KEYS
 from mavhums.log import Log, Table
 from mavhums.vehicle.clocks import on_clocks

@@ -13,7 +13,7 @@ from mavhums.actuator.contradictions import Contradiction, against_log
 from mavhums.actuator.contradictions import remedy as to_correct
 from mavhums.actuator.mapping import Mapper, messages_for
 from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
-from mavhums.actuator.tiers import TIERS, TO_BE_JUDGED, Tier, tier_named
+from mavhums.actuator.telemetry import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
 from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes, with_drops

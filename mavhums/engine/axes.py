@@ -19,8 +19,7 @@ from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import esc_speeds, reports
 from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.grid import Received
-from mavhums.vehicle.outputs import OUTPUT_PARAMETERS
-from mavhums.vehicle.parameters import Parameters, Sent
+from mavhums.vehicle.parameters import OUTPUT_PARAMETERS, Parameters, ReceivedParameters
 from mavhums.vehicle.rotors import ROTOR_PARAMETERS
 from mavhums.vehicle.signals import SIGNAL_MESSAGES, SignalReader
 from mavhums.vehicle.vtol import VTOL_PARAMETERS
@@ -45,7 +44,7 @@ class Axes:
         self._angles = angles
         self._airframe = airframe
         self._signals = SignalReader()
-        self._sent = Sent()
+        self._received = ReceivedParameters()
         self._vehicles: dict[int, VehicleAxes] = {}
         self._announced: list[tuple[int, int, Airframe]] = []
 
@@ -64,7 +63,7 @@ class Axes:
 
     def parameters(self, vehicle: int) -> Parameters:
         """Return the parameters that a vehicle reported."""
-        return self._sent.of(vehicle)
+        return self._received.of(vehicle)
 
     def told(self, vehicle: int) -> Told:
         """Return the profile and the parameters of a vehicle."""
@@ -131,7 +130,7 @@ class Axes:
             for vehicle in filter(admits, np.unique(sent.table.system).tolist()):
                 own = sent.select(sent.table.system == vehicle)
                 self._hear_parameters(axes_of(vehicle), own, tables, signals.get(vehicle, ()))
-        self._sent.take_autopilots(tables)
+        self._received.add_autopilots(tables)
 
     def _hear_parameters(
         self, axes: VehicleAxes, sent: Report, tables: Mapping[str, Table], signals: Sequence[Signal]
@@ -140,9 +139,9 @@ class Axes:
         seconds = axes.grid.reached_s(sent.table.frame, signals)
         for second in np.unique(seconds).tolist():
             now = sent.select(seconds == second)
-            self._sent.take_autopilots(tables, before=int(now.table.frame[-1]))
-            self._sent.take_parameters(now)
-            axes.told.hear(second, self._sent.of(vehicle))
+            self._received.add_autopilots(tables, before=int(now.table.frame[-1]))
+            self._received.add_parameters(now)
+            axes.told.hear(second, self._received.of(vehicle))
 
 
 def with_drops(losses: Losses, clocks: Clocks, axes: Axes) -> Losses:

@@ -16,7 +16,7 @@ import numpy as np
 
 from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import Mapped, Mapper, messages_for
-from mavhums.actuator.tiers import Tier, tier_named
+from mavhums.actuator.telemetry import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.engine.actuators import Monitors, classified, network_answer, summary_of
 from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, with_drops

@@ -17,8 +17,7 @@ from mavhums.actuator.contradictions import (
     remedy,
 )
 from mavhums.actuator.profile import Airframe
-from mavhums.vehicle.outputs import assigned_outputs
-from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.parameters import Parameters, assigned_outputs
 from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums.vehicle.surfaces import Surfaces, of_parameters
 

@@ -11,8 +11,7 @@ from mavhums.engine.axes import VehicleAxes
 from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.identity import Identity
-from mavhums.vehicle.outputs import control_surfaces
-from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.parameters import Parameters, control_surfaces
 from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.surfaces import STEERING, Surfaces
 from mavhums.vehicle.usage import OutputUse

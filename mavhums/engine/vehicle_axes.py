@@ -12,10 +12,9 @@ from mavhums.actuator.contradictions import of_airframe
 from mavhums.actuator.profile import Airframe
 from mavhums.core.conditions import Condition
 from mavhums.engine.events import Notice
-from mavhums.engine.motion import TRIED_AXES, contradiction, refutation, rests_on_outputs
+from mavhums.engine.motion import TRIED_AXES, contradiction, inferred, refutation, rests_on_outputs
 from mavhums.engine.motors import VehicleMotors
 from mavhums.engine.told import Known, Told
-from mavhums.health.axis.effectiveness import explained_by
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Indication
@@ -23,7 +22,6 @@ from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.facts import ALL_OUTPUTS, Signal
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
-from mavhums.vehicle.inference import inferred
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.states import Followed
 from mavhums.vehicle.surfaces import STEERING, Demands, Surfaces, on_channels
@@ -345,9 +343,7 @@ class VehicleAxes:
         if known is None:
             return
         rows, pulses = known
-        surfaces = inferred(
-            rows, pulses, lambda axis, demand, others: explained_by(axis, rows, demand, others)
-        )
+        surfaces = inferred(rows, pulses)
         if surfaces is not None:
             self._inferences += 1
             yield from self._adopt(surfaces, "its outputs are inferred from the flight")

@@ -10,7 +10,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from mavhums.actuator.tiers import TO_BE_JUDGED
+from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.text import printable
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.inspection import Inspection, Judgeable, VehicleTelemetry

@@ -12,7 +12,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from mavhums.actuator.tiers import TO_BE_JUDGED
+from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError
 from mavhums.results.assessment import Assessment

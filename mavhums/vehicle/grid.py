@@ -6,7 +6,7 @@ that needs every stream heard within :data:`HORIZON_S` to have passed the second
 most decides, but not by more than the horizon, which bounds what is kept. Samples that come later are
 counted and ignored, so a settled second does not depend on how the log was cut into blocks. Between samples a
 signal is interpolated; over a gap of more than :data:`GAP_S` it is NaN. Several messages that carry one
-signal are streams of their own; the best one is used (:mod:`mavhums.vehicle.streams`).
+signal are streams of their own; the best one is used (:mod:`mavhums.vehicle.signals`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
 from mavhums.vehicle.facts import CONTINUOUS, STEPPED, Signal
-from mavhums.vehicle.streams import DERIVED, CandidateStream, Choice, body_rates
+from mavhums.vehicle.signals import DERIVED, CandidateStream, Choice, body_rates
 
 __all__ = ["GAP_S", "HORIZON_S", "RATE_HZ", "Grid", "Order", "Received", "Seconds"]
 

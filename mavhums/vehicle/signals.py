@@ -1,28 +1,54 @@
-"""Reads the signals of every vehicle from the tables of any format, block by block.
+"""The signals of every vehicle, from the tables of any format, and which of several streams to believe.
 
-If several messages of a vehicle give a continuous signal, each is a stream of its own, among which the grid
-chooses; of other signals the first message received is used. If several components send a signal, the first
-sender is used.
+If several messages of a vehicle give a continuous signal, each is a stream of its own; of other signals the
+first message received is used. If several components send a signal, the first sender is used.
+
+A ground station may ask for the gyro at 2 Hz and for the attitude, which has the same rates, at 10 Hz. So
+every stream of a signal is kept, and the one with the shortest spacing is used, second by second. It changes
+only for one that is clearly better over ten seconds, because what is measured with another stream is not
+comparable. A stream of body rates must also agree with the change of the attitude.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Final
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array, Integers
 from mavhums.log import Table
 from mavhums.vehicle.facts import SIGNALS, STEPPED, Signal
 from mavhums.vehicle.formats import each, messages_of, reports
 from mavhums.vehicle.formats.base import Report, Source, wide
 from mavhums.vehicle.states import kind_named, texts
 
-__all__ = ["SIGNAL_MESSAGES", "SignalReader", "all_outputs"]
+__all__ = [
+    "DERIVED",
+    "SIGNAL_MESSAGES",
+    "CandidateStream",
+    "Choice",
+    "SignalReader",
+    "all_outputs",
+    "body_rates",
+]
 
 SIGNAL_MESSAGES: Final = messages_of(*SIGNALS, "armed", "mode", "text", "parameter")
 """Messages of any format that carry signals, or what they depend on."""
+
+DERIVED: Final = 99
+"""Rank of what is derived from another signal."""
+
+_MEMORY_S: Final = 10  # shorter follows the loss of a few messages, longer loses more after a true change
+_LESSER: Final = 1.5  # cost of streams after the preferred one: estimates are smoother, and later
+_DERIVED: Final = 2.25  # cost of what is derived from another signal
+_BETTER: Final = 0.8  # of the cost: less than this changes the stream; nearer to 1 flickers
+
+_AGREEMENT_S: Final = 30.0  # memory of the comparison of rates, s: some turns
+_MOVING_RAD_S: Final = 0.03  # root mean square below which noise, not motion, would be compared
+_SLOPE: Final = (0.5, 2.0)  # of rates on the change of the attitude: wrong units and axes lie far outside
+_DISAGREES: Final = 10.0  # times the cost: used only where nothing else is heard
 
 
 class SignalReader:
@@ -97,3 +123,135 @@ def all_outputs(signals: Mapping[str, Array]) -> Array:
     for name in ("outputs_2", "outputs_3"):
         np.copyto(pulses, signals[name], where=np.isfinite(signals[name]))
     return pulses
+
+
+class CandidateStream(NamedTuple):
+    """One stream of a signal over whole seconds.
+
+    Attributes
+    ----------
+    rank
+        Its place in the format's table: the first one heard is preferred.
+    values
+        On the grid, shape (k, rows, columns).
+    spacing
+        Distance of the samples around each row, s, shape (k, rows); NaN where it is silent.
+    """
+
+    rank: int
+    values: Array
+    spacing: Array
+
+
+class Choice:
+    """Chooses the stream of one signal, second by second and causally.
+
+    Parameters
+    ----------
+    silent_s
+        Spacing that a silent stream counts as, s.
+    """
+
+    def __init__(self, silent_s: float) -> None:
+        self._silent_s = silent_s
+        self._recent: dict[int, deque[float]] = {}
+        self._agreed: dict[int, tuple[float, float]] = {}
+        self._chosen = -1
+
+    def step(
+        self, seconds: int, candidates: Sequence[CandidateStream], truth: CandidateStream | None = None
+    ) -> Integers:
+        """Return the rank of the stream of each second, shape (k,); -1 before any is heard.
+
+        Parameters
+        ----------
+        seconds
+            Their number k.
+        candidates
+            Those heard so far; one that is still silent changes nothing.
+        truth
+            The candidate that the others must agree with; None if there is none.
+        """
+        spacings = {one.rank: self._spacing(one) for one in candidates}
+        others = [one for one in candidates if one is not truth]
+        products = {one.rank: _products(one.values, truth.values) for one in others} if truth else {}
+        chosen = np.empty(seconds, dtype=np.int64)
+        for k in range(seconds):
+            for rank, sums in products.items():
+                self._compare(rank, *sums[k])
+            self._take({rank: float(spacing[k]) for rank, spacing in spacings.items()})
+            chosen[k] = self._chosen
+        return chosen
+
+    def _spacing(self, one: CandidateStream) -> Array:
+        """Return the mean spacing of each second, (k,): over time, so that one long gap counts as such."""
+        # A sample without a number is none.
+        known = np.isfinite(one.values).any(axis=2) & (one.spacing < self._silent_s)
+        mean: Array = np.where(known, one.spacing, self._silent_s).mean(axis=1)
+        # Rounded, the mean of a silent second lies just below: it would not count as silent.
+        mean[~known.any(axis=1)] = self._silent_s
+        return mean
+
+    def _compare(self, rank: int, product: float, square: float, rows: float) -> None:
+        kept = np.exp(-1.0 / _AGREEMENT_S)
+        before, power = self._agreed.get(rank, (0.0, 0.0))
+        if rows > 0:
+            self._agreed[rank] = kept * before + product / rows, kept * power + square / rows
+
+    def _take(self, spacing: dict[int, float]) -> None:
+        # An outage of the whole link tells nothing about one of its streams.
+        if min(spacing.values(), default=self._silent_s) >= self._silent_s:
+            return
+        for rank, value in spacing.items():
+            if rank in self._recent or value < self._silent_s:
+                self._recent.setdefault(rank, deque(maxlen=_MEMORY_S)).append(value)
+        means = {rank: sum(recent) / len(recent) for rank, recent in sorted(self._recent.items())}
+        weights = {
+            next(rank for rank, mean in means.items() if mean < self._silent_s): 1.0,
+            DERIVED: _DERIVED,
+        }
+        agree = {rank: _SLOPE[0] < slope < _SLOPE[1] for rank, slope in self._slopes()}
+        # Where no stream agrees, the attitude is wrong, as before the estimator has settled.
+        wrong = {rank for rank, right in agree.items() if not right} if any(agree.values()) else set()
+        costs = {
+            rank: mean * weights.get(rank, _LESSER) * (_DISAGREES if rank in wrong else 1.0)
+            for rank, mean in means.items()
+        }
+        best = min(costs, key=costs.__getitem__)
+        if self._chosen < 0 or costs[best] < _BETTER * costs[self._chosen]:
+            self._chosen = best
+
+    def _slopes(self) -> Iterator[tuple[int, float]]:
+        """Yield the slope on the truth of each stream whose motion tells it."""
+        for rank, (product, power) in self._agreed.items():
+            if power > _AGREEMENT_S * _MOVING_RAD_S**2:
+                yield rank, product / power
+
+
+def _products(values: Array, truth: Array) -> Array:
+    """Return the sums of products and of squares of the truth of each second, and their rows, (k, 3)."""
+    known = np.isfinite(values + truth).all(axis=2, keepdims=True)
+    own, other = np.where(known, values, 0.0), np.where(known, truth, 0.0)
+    sums: Array = np.column_stack([(own * other).sum((1, 2)), (other**2).sum((1, 2)), known.sum((1, 2))])
+    return sums
+
+
+def body_rates(before: Array, after: Array, step_s: float) -> Array:
+    """Return the mean body rates between two attitudes (roll, pitch, yaw), rad/s, shape (n, 3).
+
+    Examples
+    --------
+    >>> body_rates(np.zeros((1, 3)), np.array([[0.01, 0.0, 0.0]]), 0.05).round(6).tolist()
+    [[0.2, 0.0, 0.0]]
+    """
+    change = (after - before + np.pi) % (2 * np.pi) - np.pi
+    roll_rate, pitch_rate, yaw_rate = (change / step_s).T
+    roll, pitch = ((before + (change / 2)).T)[:2]
+    return np.stack(
+        [
+            roll_rate - yaw_rate * np.sin(pitch),
+            pitch_rate * np.cos(roll) + yaw_rate * np.cos(pitch) * np.sin(roll),
+            yaw_rate * np.cos(pitch) * np.cos(roll) - pitch_rate * np.sin(roll),
+        ],
+        axis=1,
+    )

@@ -15,8 +15,7 @@ import numpy as np
 from mavhums.core.arrays import Array
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ
-from mavhums.vehicle.outputs import assigned_outputs, control_surfaces
-from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.parameters import Parameters, assigned_outputs, control_surfaces
 from mavhums.vehicle.vtol import NO_LIFT, Lift, lift_of
 
 __all__ = [

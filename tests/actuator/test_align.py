@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator import load_airframe
 from mavhums.actuator.align import Aligned, Aligner
-from mavhums.actuator.readings import Reading, in_columns
+from mavhums.actuator.telemetry import Reading, in_columns
 
 ACTUATOR = load_airframe("paper").actuators[2]
 TRUST = ("instrumented", "esc-signed", "named", "esc-unsigned", "pwm")

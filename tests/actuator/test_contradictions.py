@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from mavhums.actuator.contradictions import Contradiction, contradictions, reconciled, remedy
 from mavhums.actuator.draft import _names, _section
 from mavhums.actuator.profile import Actuator, Airframe, load_airframe
-from mavhums.vehicle.outputs import control_surfaces
-from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.parameters import Parameters, control_surfaces
 from mavhums_sim.telemetry import parameters as simulated
 
 ROOT = Path(__file__).parents[2]

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.actuator import Airframe, Mapper, load_airframe, messages_for
 from mavhums.actuator.profile import FieldMapping
-from mavhums.actuator.tiers import TIERS
+from mavhums.actuator.telemetry import TIERS
 from mavhums.log import Decoder, Table
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.formats import SERVO_SOURCES

@@ -10,7 +10,7 @@ import pytest
 
 from mavhums.actuator import Mapper, load_airframe
 from mavhums.actuator.profile import Airframe
-from mavhums.actuator.tiers import best_tier, tiers_by_content
+from mavhums.actuator.telemetry import best_tier, tiers_by_content
 from mavhums.log import Decoder, Table
 from tests.conftest import Run
 from tests.log.ulog import writer

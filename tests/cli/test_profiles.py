@@ -17,8 +17,7 @@ from mavhums.actuator import Actuator, load_airframe
 from mavhums.actuator.draft import draft_profile
 from mavhums.core.errors import ExitCode
 from mavhums.engine.events import ConditionChanged
-from mavhums.vehicle.outputs import control_surfaces
-from mavhums.vehicle.parameters import Parameters, _number, read_parameters
+from mavhums.vehicle.parameters import Parameters, _number, control_surfaces, read_parameters
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import REAL_LOGS, Run, real_logs
 from tests.logs import heartbeat, write_log

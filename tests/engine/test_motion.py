@@ -1,4 +1,4 @@
-"""Which outputs move alike, which one stands alone, and how many vehicles are judged."""
+"""Which outputs move alike, which one stands alone, which are inferred; how many vehicles are judged."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mavhums.engine.motion import _alike, _alone
+from mavhums.engine import motion
+from mavhums.engine.motion import _alike, _alone, inferred
 from mavhums.engine.vehicle_limit import MOST, VehicleLimit
 from mavhums.log import Table
-from mavhums.vehicle.surfaces import Moved
+from mavhums.vehicle.facts import OUTPUTS
+from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.surfaces import Demands, Moved
+from tests.health.axis.flights import Array, excited, rows, steady
 
 
 def test_outputs_are_alike_where_both_are_known_and_it_flies() -> None:
@@ -42,6 +46,30 @@ def test_an_output_that_stands_a_second_while_its_group_moves_shows_no_demand() 
     np.testing.assert_allclose(found[known] * demand[0] / found[0], demand)
     assert np.isfinite(_alone(pulses, 3, group)).all(), "it is of no group"
     assert np.isfinite(_alone(pulses, 1, group[:1])).all(), "nothing else moves"
+
+
+def flown(seconds: int = 60) -> tuple[Rows, Array]:
+    """A flight that rolls by servo 5, with servo 6 reversed and servo 4 at half the travel."""
+    flight = steady(seconds)
+    demand = excited(seconds)
+    flight["roll_rate"] = 2.2 * demand
+    sent = np.full((len(demand), OUTPUTS), np.nan)
+    sent[:, 3:6] = np.array([1500, 1500, 1520]) + np.outer(demand, [200, 400, -400])
+    return rows(flight), sent
+
+
+def test_inferred_outputs_give_one_demand_whatever_their_travel(monkeypatch: pytest.MonkeyPatch) -> None:
+    explained = {"roll": (0.9, 0.0), "pitch": (0.0, 0.0)}
+    monkeypatch.setattr(motion, "explained_by", lambda axis, *_: explained[axis])
+    flight, sent = flown()
+    found = inferred(flight, sent)
+    assert found is not None
+    assert {moved.servo for moved in found.of_axis("roll")} == {4, 5, 6}
+    whole = Demands(found).feed(sent)[:, 0]
+    stuck = sent.copy()
+    stuck[600:, 4] = stuck[600, 4]  # servo 5 is overridden
+    rest = Demands(found).feed(stuck)[:, 0]
+    assert rest[700:] == pytest.approx(whole[700:], abs=0.01)
 
 
 def table(*systems: int, name: str = "A", first: int = 0, step: int = 1) -> dict[str, Table]:

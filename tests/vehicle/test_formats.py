@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from mavhums.actuator.tiers import TIERS
+from mavhums.actuator.telemetry import TIERS
 from mavhums.log.formats import FORMATS as LOG_FORMATS
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.vehicle import formats

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mavhums.vehicle.outputs import assigned_outputs
-from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.parameters import Parameters, assigned_outputs
 from mavhums.vehicle.surfaces import Demands, Moved, Surfaces, of_parameters, steers_by_wheels
 
 

@@ -12,8 +12,7 @@ from mavhums.log import Table
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.flight import Flight, Rows
 from mavhums.vehicle.grid import RATE_HZ, Grid
-from mavhums.vehicle.outputs import control_surfaces
-from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.parameters import Parameters, control_surfaces
 from mavhums.vehicle.signals import SignalReader
 from mavhums.vehicle.surfaces import of_parameters
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from mavhums.log import Decoder
-from mavhums.vehicle.outputs import control_surfaces
-from mavhums.vehicle.parameters import Parameters, read_parameters
+from mavhums.vehicle.parameters import Parameters, control_surfaces, read_parameters
 from mavhums.vehicle.states import Attitude, FlightMode, VehicleStates
 from tests.log.ulog import writer
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import mavlink
 from mavhums.vehicle.grid import Grid, Seconds
-from mavhums.vehicle.streams import DERIVED, CandidateStream, Choice
+from mavhums.vehicle.signals import DERIVED, CandidateStream, Choice
 
 Array = NDArray[np.float64]
 GYRO, ESTIMATE = 0, 1

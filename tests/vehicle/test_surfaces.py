@@ -1,4 +1,4 @@
-"""The demand of outputs that move together, told or inferred."""
+"""The demand of outputs that move together, named or inferred."""
 
 from __future__ import annotations
 
@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 
 from mavhums.vehicle.facts import OUTPUTS
-from mavhums.vehicle.flight import Rows
-from mavhums.vehicle.inference import inferred
-from mavhums.vehicle.outputs import control_surfaces
-from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.parameters import Parameters, control_surfaces
 from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Moved, Surfaces, of_parameters
-from tests.health.axis.flights import Array, excited, rows, steady
+from tests.health.axis.flights import Array
 
 
 def pulses(**outputs: Array) -> Array:
@@ -51,31 +48,6 @@ def test_outputs_that_are_off_do_not_count(off: tuple[int, ...]) -> None:
         sent[:, servo - 1] = np.nan
     demand = Demands(ailerons(1, 2)).feed(sent)[:, 0]
     assert np.isnan(demand).all() if len(off) == 2 else demand == pytest.approx((moving - 1500) / 400)
-
-
-def flown(seconds: int = 60) -> tuple[Rows, Array]:
-    """A flight that rolls by servo 5, with servo 6 reversed and servo 4 at half the travel."""
-    flight = steady(seconds)
-    demand = excited(seconds)
-    flight["roll_rate"] = 2.2 * demand
-    sent = pulses(s4=1500 + 200 * demand, s5=1500 + 400 * demand, s6=1520 - 400 * demand)
-    return rows(flight), sent
-
-
-def answers(axis: str, demand: Array, others: Array) -> tuple[float, float]:
-    return 0.9 if axis == "roll" else 0.0, 0.0
-
-
-def test_inferred_outputs_give_one_demand_whatever_their_travel() -> None:
-    flight, sent = flown()
-    found = inferred(flight, sent, answers)
-    assert found is not None
-    assert {moved.servo for moved in found.of_axis("roll")} == {4, 5, 6}
-    whole = Demands(found).feed(sent)[:, 0]
-    stuck = sent.copy()
-    stuck[600:, 4] = stuck[600, 4]  # servo 5 is overridden
-    rest = Demands(found).feed(stuck)[:, 0]
-    assert rest[700:] == pytest.approx(whole[700:], abs=0.01)
 
 
 def old(**values: float) -> list[tuple[int, str, int, bool]]:

@@ -29,8 +29,7 @@ from mavhums.results.verdict import Indicator
 from mavhums.vehicle.facts import ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rotors import Rotors
-from mavhums.vehicle.signals import all_outputs
-from mavhums.vehicle.streams import DERIVED
+from mavhums.vehicle.signals import DERIVED, all_outputs
 from mavhums.vehicle.vtol import hovers
 
 __all__ = ["Loss", "MotorFindings", "MotorMonitor", "condition_of"]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
 from mavhums.actuator.freshness import not_used
 from mavhums.actuator.profile import FILL_IN, Actuator
-from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
+from mavhums.actuator.telemetry import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
 from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums.health.actuator.thresholds import IMPLAUSIBLE_SHARE

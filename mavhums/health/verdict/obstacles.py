@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from mavhums.actuator.tiers import TO_BE_JUDGED, Tier
+from mavhums.actuator.telemetry import TO_BE_JUDGED, Tier
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.thresholds import (
     DOUBTED_AIRSPEED_S,

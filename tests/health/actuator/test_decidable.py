@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.tiers import tier_named
+from mavhums.actuator.telemetry import tier_named
 from mavhums.core.quantities import KEYS, column
 from mavhums.engine.events import Event
 from mavhums.flights.actuator_comparison import ActuatorComparison, events_of

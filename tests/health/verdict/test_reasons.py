@@ -11,7 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import common as v2
 
 from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
-from mavhums.actuator.tiers import TIERS
+from mavhums.actuator.telemetry import TIERS
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.reference import STANDARDS
 from mavhums.health.verdict.actuator import _absurd, _why_undecided
