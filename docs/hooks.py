@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from mavhums.actuator.profile import Airframe
-from mavhums.results import assessment, live
-from mavhums.results.inspection import Inspection
+from mavhums.results import assessment
+from mavhums.results.assessment import Inspection
+from mavhums.results.standing import TrendReport
 from mavhums.results.store import FleetDigest
-from mavhums.results.trend import TrendReport
 
 DOCS = Path(__file__).parent
 DESCRIPTIONS = DOCS / "reference" / "fields.toml"
@@ -75,7 +75,7 @@ def schemas() -> dict[str, Schema]:
     """Return the schemas of what mavhums prints as JSON, by command, and of the profile."""
     return {
         "mavhums analyse --json": assessment.json_schema(),
-        "mavhums live --json": live.json_schema(),
+        "mavhums live --json": assessment.json_schema("live-1"),
         "mavhums trend --json": TrendReport.model_json_schema(by_alias=True, mode="serialization"),
         "mavhums fleet digest --json": FleetDigest.model_json_schema(by_alias=True, mode="serialization"),
         "mavhums inspect --json": Inspection.model_json_schema(by_alias=True, mode="serialization"),

@@ -17,7 +17,7 @@ from rich.progress import track
 import mavhums
 from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
-from mavhums.results.trend import TrendReport
+from mavhums.results.standing import TrendReport
 from mavhums.show.trend import render_trends
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link

@@ -24,7 +24,7 @@ from mavhums.health.verdict.axis import verdicts_of_axes
 from mavhums.health.verdict.motor import MOTORS
 from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, obstacle, why_not_at_all
 from mavhums.log import Decoder, decode_blocks
-from mavhums.results.inspection import (
+from mavhums.results.assessment import (
     ActuatorTelemetry,
     Inspection,
     Judgeable,

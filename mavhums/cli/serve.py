@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from mavhums.app.settings import Options
     from mavhums.flights.queries import Worst
     from mavhums.results.assessment import Assessment
+    from mavhums.results.standing import TrendReport
     from mavhums.results.store import StoreStatus
-    from mavhums.results.trend import TrendReport
 
 __all__ = ["LEAST_MEMORY_MB", "serve"]
 

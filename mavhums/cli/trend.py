@@ -17,7 +17,7 @@ from mavhums.core.errors import MavhumsError
 
 if TYPE_CHECKING:
     from mavhums.flights.history import FlightHistory
-    from mavhums.results.trend import ActuatorTrend
+    from mavhums.results.standing import ActuatorTrend
 
 __all__ = ["trend", "write_trends"]
 
@@ -117,7 +117,7 @@ def write_trends(output: Path, trends: tuple[ActuatorTrend, ...]) -> None:
     """Write a row per flight and indicator to a table."""
     from mavhums.core.files import written_whole
     from mavhums.core.table_writers import writer_for
-    from mavhums.results.trend import to_frame
+    from mavhums.results.standing import to_frame
 
     with written_whole(output) as temporary, writer_for(output)(temporary) as table:
         table.write(to_frame(trends))

@@ -12,6 +12,10 @@ class Frozen(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    def to_json(self, *, indent: int | None = 2) -> str:
+        """Return the object as JSON."""
+        return self.model_dump_json(by_alias=True, indent=indent)
+
 
 class Contract(Frozen):
     """An object of a published JSON schema: every number is finite, every field is written."""

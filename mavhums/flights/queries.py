@@ -21,16 +21,15 @@ from mavhums.flights.stores.delta import Store
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary, exit_code_of
-from mavhums.results.standing import Standing
+from mavhums.results.standing import RepairDate, Standing, TrendReport
 from mavhums.results.store import (
+    FailedLog,
     ForeignBoard,
     LastFlightOf,
     StoreCopy,
-    StoreFailure,
     StoreGrowth,
     StoreStatus,
 )
-from mavhums.results.trend import RepairDate, TrendReport
 from mavhums.results.verdict import Verdict
 
 __all__ = [
@@ -105,7 +104,7 @@ class Status(NamedTuple):
             judged=self.judged,
             aircraft=self.aircraft,
             unknown=self.unknown,
-            failures=tuple(StoreFailure(problem=problem, remedy=remedy) for problem, remedy in self.failures),
+            failures=tuple(FailedLog(problem=problem, remedy=remedy) for problem, remedy in self.failures),
             copies=tuple(StoreCopy(log=log, counted=counted) for log, counted in self.copies),
             foreign_boards=self.foreign_boards,
             growing=tuple(StoreGrowth(aircraft=name, standing=one) for name, one in self.growing),

@@ -19,8 +19,7 @@ from mavhums.health.decision.thresholds import (
     STEP_MEAN_FLIGHTS,
     TREND_REACH_SPANS,
 )
-from mavhums.results.standing import FlightsLeft, Growth, Interval, Standing, Step
-from mavhums.results.trend import ActuatorTrend
+from mavhums.results.standing import ActuatorTrend, FlightsLeft, Growth, Interval, Standing, Step
 from mavhums.results.verdict import Indicator, Verdict
 
 __all__ = ["Flown", "flights_left", "growth_of", "standing_of", "step_of"]

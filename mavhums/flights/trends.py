@@ -27,8 +27,18 @@ from mavhums.health.decision.growth import Course, course_of, last_step
 from mavhums.health.decision.thresholds import CLEAR_FLIGHTS, TREND_FLIGHTS
 from mavhums.health.decision.trend import Trend, fit_trend
 from mavhums.results.assessment import Assessment
-from mavhums.results.standing import FlightsLeft, Growth, Interval, Standing, Step
-from mavhums.results.trend import ActuatorTrend, FlightPoint, LastFlight, TrendReport, to_frame
+from mavhums.results.standing import (
+    ActuatorTrend,
+    FlightPoint,
+    FlightsLeft,
+    Growth,
+    Interval,
+    LastFlight,
+    Standing,
+    Step,
+    TrendReport,
+    to_frame,
+)
 from mavhums.results.verdict import ALL, Indicator, Verdict
 
 if TYPE_CHECKING:

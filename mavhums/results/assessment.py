@@ -1,6 +1,6 @@
-"""The contract of an assessment: every verdict that a log supports, as typed objects and as JSON.
+"""The contracts of one log: its assessment with every verdict, and the inspection of what it contains.
 
-The JSON schema is stored beside this module in ``schema/assessment-2.json`` and is generated
+The JSON schema of an assessment is stored beside this module in ``schema/assessment-2.json`` and is generated
 from these classes by ``python -m mavhums.results.assessment``.
 """
 
@@ -16,7 +16,7 @@ from pydantic import Field
 from mavhums.core.about import NOTICE
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import ExitCode
-from mavhums.core.models import Contract
+from mavhums.core.models import Contract, Frozen
 from mavhums.core.quantities import KEYS
 from mavhums.log.base.decoder import Losses
 from mavhums.results.sections import FlightCopy, FlightIdentity, ModelSummary, VehicleUsage
@@ -30,10 +30,17 @@ __all__ = [
     "READABLE",
     "RECORD",
     "SCHEMA",
+    "ActuatorTelemetry",
     "Assessment",
+    "Inspection",
+    "Judgeable",
     "LogSummary",
+    "MessageRate",
+    "NamedRate",
+    "VehicleTelemetry",
     "exit_code_of",
     "json_schema",
+    "published_schema",
     "without_record",
 ]
 
@@ -122,8 +129,7 @@ class Assessment(Contract):
 
     def summary(self) -> str:
         """Return one line per actuator, in descending order of severity."""
-        lines = [_line(verdict) for verdict in self.ranked()]
-        return "\n".join(lines)
+        return "\n".join(_line(verdict) for verdict in self.ranked())
 
     def ranked(self) -> list[Verdict]:
         """Return the verdicts in descending order of severity."""
@@ -153,14 +159,14 @@ def exit_code_of(found: Iterable[Condition]) -> ExitCode:
     ('DEGRADED', 'UNDECIDED')
     """
     several = [*found]
-    counted = [condition for condition in several if condition != "unmonitored"]
-    if several and not counted:
-        return ExitCode.UNDECIDED
-    gravest: Condition = max(counted, key=URGENCY.__getitem__, default="normal")
-    return ExitCode.OK if gravest in ("normal", "unchanged") else _EXIT_CODES[gravest]
+    counted = [condition for condition in several if condition != "unmonitored"] or several
+    return _EXIT_CODES[max(counted, key=URGENCY.__getitem__, default="normal")]
 
 
 _EXIT_CODES: dict[Condition, ExitCode] = {
+    "normal": ExitCode.OK,
+    "unchanged": ExitCode.OK,
+    "unmonitored": ExitCode.UNDECIDED,
     "learning": ExitCode.UNDECIDED,
     "undecided": ExitCode.UNDECIDED,
     "changed": ExitCode.DEGRADED,
@@ -185,9 +191,90 @@ def _line(verdict: Verdict) -> str:
     return text
 
 
-def json_schema() -> dict[str, Any]:
-    """Return the versioned JSON schema of an assessment."""
-    text = resources.files("mavhums.results").joinpath("schema/assessment-2.json").read_text(encoding="utf-8")
+class MessageRate(Frozen):
+    """How often one sender sent one message."""
+
+    system: int
+    component: int
+    name: str
+    count: int
+    rate_hz: float
+
+
+class NamedRate(Frozen):
+    """How often one vehicle sent one named value, and in which message."""
+
+    system: int
+    message: str
+    name: str
+    count: int
+    rate_hz: float
+
+
+class ActuatorTelemetry(Frozen):
+    """Where each quantity of an actuator comes from; ``missing`` names those that come from nowhere."""
+
+    actuator: str
+    servo: int
+    provenance: dict[str, str]
+    missing: tuple[str, ...]
+
+
+class Judgeable(Frozen):
+    """An axis or an actuator, and whether the log allows to judge it; if not, why and what would."""
+
+    subject: Literal["actuator", "axis", "motor"]
+    name: str
+    surfaces: tuple[str, ...]
+    judgeable: bool
+    reason: str | None
+    remedy: str | None
+
+
+class VehicleTelemetry(Frozen):
+    """What the log carries of one vehicle's actuators, and how to get more.
+
+    ``kind``, ``autopilot``, ``firmware`` and ``board`` are what the vehicle says of itself. ``tier`` is the
+    best of its actuators, or where no profile tells which those are, of the log.
+    """
+
+    vehicle: int
+    kind: str | None = None
+    autopilot: str | None = None
+    firmware: str | None = None
+    board: str | None = None
+    airframe: str | None
+    tier: str | None
+    gives: str
+    judged: bool
+    remedy: str | None
+    actuators: tuple[ActuatorTelemetry, ...]
+    subjects: tuple[Judgeable, ...] = ()
+    usage: VehicleUsage | None = None
+
+
+class Inspection(Frozen):
+    """What a log holds.
+
+    ``named`` lists what was sent under names of its own, a thousand of them at most.
+    ``sender_clock`` says that the log has no time stamps and that times count from the sender's boot.
+    """
+
+    path: str
+    size_bytes: int
+    start_utc: str | None
+    duration_s: float
+    vehicles: tuple[VehicleTelemetry, ...]
+    messages: tuple[MessageRate, ...]
+    named: tuple[NamedRate, ...] = ()
+    sender_clock: bool
+    unknown_ids: dict[int, int]
+    losses: Losses
+
+
+def json_schema(name: str = "assessment-2") -> dict[str, Any]:
+    """Return a versioned JSON schema: that of an assessment, or ``live-1`` of `mavhums live --json`."""
+    text = resources.files("mavhums.results").joinpath(f"schema/{name}.json").read_text(encoding="utf-8")
     schema: dict[str, Any] = json.loads(text)
     return schema
 
@@ -199,15 +286,20 @@ def without_record(definitions: dict[str, Any]) -> None:
     verdict["required"] = [name for name in verdict.get("required", ()) if name != "own"]
 
 
-def _generate_schema() -> dict[str, Any]:
-    schema = Assessment.model_json_schema(by_alias=True, mode="serialization")
+def published_schema(schema: dict[str, Any], identifier: str) -> dict[str, Any]:
+    """Return a generated schema as it is published: without records, and without the examples in Python."""
+    without_record(schema["$defs"])
     for part in (schema, *schema["$defs"].values()):
         if "description" in part:
             part["description"] = part["description"].split("\n\nExamples")[0]
-    without_record(schema["$defs"])
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": identifier, **schema}
+
+
+def _generate_schema() -> dict[str, Any]:
+    schema = published_schema(Assessment.model_json_schema(by_alias=True, mode="serialization"), SCHEMA)
     provenance = schema["$defs"]["Verdict"]["properties"]["provenance"]
     provenance["propertyNames"] = {"enum": [*KEYS, *MEASURED]}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": SCHEMA, **schema}
+    return schema
 
 
 if __name__ == "__main__":

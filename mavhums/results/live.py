@@ -7,14 +7,13 @@ The JSON schema is stored in ``mavhums/results/schema/live-1.json`` and is gener
 from __future__ import annotations
 
 import json
-from importlib import resources
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter
 
 from mavhums.core.conditions import Condition
 from mavhums.core.models import Contract
-from mavhums.results.assessment import Assessment, without_record
+from mavhums.results.assessment import Assessment, published_schema
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Suspect
 
@@ -34,7 +33,6 @@ __all__ = [
     "StartObject",
     "StatusObject",
     "WindowObject",
-    "json_schema",
 ]
 
 SCHEMA = "mavhums.live/1"
@@ -226,20 +224,9 @@ LiveObject = Annotated[
 ]
 
 
-def json_schema() -> dict[str, Any]:
-    """Return the versioned JSON schema of the lines."""
-    text = resources.files("mavhums.results").joinpath("schema/live-1.json").read_text(encoding="utf-8")
-    schema: dict[str, Any] = json.loads(text)
-    return schema
-
-
 def _generate_schema() -> dict[str, Any]:
     schema = TypeAdapter(LiveObject).json_schema(by_alias=True, mode="serialization")
-    without_record(schema["$defs"])
-    for part in schema["$defs"].values():
-        if "description" in part:
-            part["description"] = part["description"].split("\n\nExamples")[0]
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": SCHEMA, **schema}
+    return published_schema(schema, SCHEMA)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -21,7 +21,6 @@ __all__ = [
     "NetworkAnswer",
     "OutputUsage",
     "VehicleUsage",
-    "with_network",
 ]
 
 
@@ -98,19 +97,6 @@ class NetworkAnswer(Contract):
     p_emergency: float | None = Field(default=None, ge=0, le=1)
     condition: Condition = "undecided"
     decides: Decide = "physics"
-
-
-def with_network(data: Any) -> Any:
-    """Return the data of a verdict; one of version 0.1 has its single number as the answer of a network.
-
-    That number is the probability of an emergency in the last window.
-    """
-    if not isinstance(data, dict) or not {"p_emergency", "model"} & data.keys():
-        return data
-    kept = {key: value for key, value in data.items() if key not in ("p_emergency", "model")}
-    if data.get("model") is not None and data.get("p_emergency") is not None:
-        kept["network"] = {"model": data["model"], "p_emergency": data["p_emergency"]}
-    return kept
 
 
 _Share = Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)]

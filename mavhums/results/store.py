@@ -21,7 +21,6 @@ __all__ = [
     "LastFlightOf",
     "SilentAircraft",
     "StoreCopy",
-    "StoreFailure",
     "StoreGrowth",
     "StoreStatus",
 ]
@@ -39,12 +38,12 @@ class LastFlightOf(Contract):
     verdict: Verdict
     standing: Standing | None
 
-    def to_json(self) -> str:
+    def to_json(self, *, indent: int | None = None) -> str:
         """Return it as JSON, without what only later comparisons need."""
-        return self.model_dump_json(exclude={"verdict": {"own"}})
+        return self.model_dump_json(indent=indent, exclude={"verdict": {"own"}})
 
 
-class StoreFailure(Contract):
+class FailedLog(Contract):
     """A log that could not be judged."""
 
     problem: str
@@ -96,7 +95,7 @@ class StoreStatus(Contract):
     judged: int
     aircraft: int
     unknown: int
-    failures: tuple[StoreFailure, ...]
+    failures: tuple[FailedLog, ...]
     copies: tuple[StoreCopy, ...]
     foreign_boards: tuple[ForeignBoard, ...] = ()
     growing: tuple[StoreGrowth, ...] = ()
@@ -127,13 +126,6 @@ class SilentAircraft(Contract):
     aircraft: str
     last_utc: str
     days: float
-
-
-class FailedLog(Contract):
-    """A log that could not be judged."""
-
-    problem: str
-    remedy: str
 
 
 class FleetDigest(Contract):
@@ -183,7 +175,3 @@ class FleetDigest(Contract):
         if worsened or any(one.kind in ("growing", "step") for one in self.changes):
             return ExitCode.DEGRADED
         return ExitCode.ERROR if self.failed else ExitCode.OK
-
-    def to_json(self, *, indent: int | None = 2) -> str:
-        """Return the digest as JSON."""
-        return self.model_dump_json(by_alias=True, indent=indent)

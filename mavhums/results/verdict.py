@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.models import Contract
-from mavhums.results.sections import AxisLimits, NetworkAnswer, with_network
+from mavhums.results.sections import AxisLimits, NetworkAnswer
 from mavhums.results.standing import Interval
 
 __all__ = [
@@ -220,8 +220,14 @@ class Verdict(Contract):
 
     @model_validator(mode="before")
     @classmethod
-    def _of_one_number(cls, data: Any) -> Any:
-        return with_network(data)
+    def _read_version_0_1(cls, data: Any) -> Any:
+        """Accept a verdict of version 0.1: its network gave ``p_emergency`` of the last window alone."""
+        if not isinstance(data, dict) or not {"p_emergency", "model"} & data.keys():
+            return data
+        kept = {key: value for key, value in data.items() if key not in ("p_emergency", "model")}
+        if data.get("model") is not None and data.get("p_emergency") is not None:
+            kept["network"] = {"model": data["model"], "p_emergency": data["p_emergency"]}
+        return kept
 
     @property
     def gravest(self) -> Condition:

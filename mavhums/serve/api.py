@@ -17,8 +17,8 @@ from mavhums.core.about import EPILOG, NOTICE, __version__
 from mavhums.core.errors import MavhumsError
 from mavhums.core.models import Contract
 from mavhums.results.assessment import SCHEMA, Assessment, without_record
+from mavhums.results.standing import TrendReport
 from mavhums.results.store import LastFlightOf, StoreStatus
-from mavhums.results.trend import TrendReport
 from mavhums.serve.options import Fleet
 from mavhums.serve.sessions import Sessions
 

@@ -18,7 +18,7 @@ from mavhums.flights.aircraft import board_of
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
-from mavhums.results.trend import TrendReport
+from mavhums.results.standing import TrendReport
 from mavhums.serve.options import LastVerdict
 from mavhums.serve.sessions import Dropped
 from mavhums.show.html import in_brief

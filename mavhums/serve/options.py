@@ -9,9 +9,8 @@ from typing import Protocol
 
 from mavhums.app.settings import Options
 from mavhums.results.assessment import Assessment
-from mavhums.results.standing import Standing
+from mavhums.results.standing import Standing, TrendReport
 from mavhums.results.store import LastFlightOf, StoreStatus
-from mavhums.results.trend import TrendReport
 from mavhums.results.verdict import Verdict
 
 __all__ = ["Fleet", "LastVerdict", "Quotas", "ServeOptions"]

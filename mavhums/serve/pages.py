@@ -26,7 +26,7 @@ from mavhums.results.live import (
     StartObject,
     StatusObject,
 )
-from mavhums.results.trend import TrendReport
+from mavhums.results.standing import TrendReport
 from mavhums.serve.fleet_view import (
     FEWEST_FLIGHTS,
     AircraftLine,

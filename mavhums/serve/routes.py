@@ -14,7 +14,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 
 from mavhums.core.errors import MavhumsError
-from mavhums.results.trend import to_frame
+from mavhums.results.standing import to_frame
 from mavhums.serve.guard import SESSION, UPLOADS
 from mavhums.serve.options import Fleet
 from mavhums.serve.sessions import Dropped, Sessions

@@ -10,8 +10,7 @@ import numpy as np
 
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.past import LOSSES
-from mavhums.results.standing import Interval
-from mavhums.results.trend import ActuatorTrend, RepairDate
+from mavhums.results.standing import ActuatorTrend, Interval, RepairDate
 from mavhums.show.evidence import Limit
 from mavhums.show.html_curves import Curve
 from mavhums.show.html_plot import Chart, chart

@@ -13,7 +13,7 @@ from rich.text import Text
 from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.text import printable
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
-from mavhums.results.inspection import Inspection, Judgeable, VehicleTelemetry
+from mavhums.results.assessment import Inspection, Judgeable, VehicleTelemetry
 from mavhums.show.digest import NOT_JUDGED
 from mavhums.show.servo_tables import usage
 from mavhums.show.words import join

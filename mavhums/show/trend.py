@@ -12,8 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
-from mavhums.results.standing import Growth, Interval, Standing
-from mavhums.results.trend import ActuatorTrend, LastFlight, TrendReport
+from mavhums.results.standing import ActuatorTrend, Growth, Interval, LastFlight, Standing, TrendReport
 from mavhums.show.standing import left_words, sentences, since_words, soonest_words
 from mavhums.show.words import COLOURS, join, printable
 

@@ -20,7 +20,7 @@ from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.results.assessment import SCHEMA, Assessment
-from mavhums.results.trend import to_frame
+from mavhums.results.standing import to_frame
 from mavhums.show.trend import render_trends
 from tests.flights import START, flown, shown, verdict, write_wear
 

@@ -11,7 +11,7 @@ import jsonschema
 import pytest
 
 import mavhums
-from mavhums.results.live import json_schema
+from mavhums.results.assessment import json_schema
 from tests.live.conftest import conditions, verdicts
 from tests.live.programs import free_port, running, simulator
 from tests.live.programs import mavhums as command
@@ -54,7 +54,7 @@ def test_growing_friction_reaches_the_ground_station(tmp_path: Path) -> None:
     emergency = "elevator EMERGENCY: friction, land now"
     assert [alert["text"] for alert in live.objects("alert")] == [degraded, emergency]
     assert f"AP: {degraded}" in screen.output
-    schema = jsonschema.Draft202012Validator(json_schema())
+    schema = jsonschema.Draft202012Validator(json_schema("live-1"))
     for told in live.objects():
         schema.validate(told)
     changes = [told for told in live.objects("condition") if told["actuator"] == "elevator"]

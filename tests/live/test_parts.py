@@ -28,7 +28,7 @@ from mavhums.live.sinks import JsonLines, PlainLines
 from mavhums.live.view import View, draw
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.results import live as objects
-from mavhums.results.assessment import Assessment
+from mavhums.results.assessment import Assessment, json_schema
 from mavhums_sim.link import EPOCH_US
 from tests.live.conftest import Rig
 
@@ -186,7 +186,7 @@ def test_memory_that_cannot_be_written_is_said_once(
 
 
 def test_the_schema_file_is_generated_from_the_classes() -> None:
-    assert objects._generate_schema() == objects.json_schema()
+    assert objects._generate_schema() == json_schema("live-1")
 
 
 def flown(rig: Rig, worn_pieces: list[Piece]) -> Rig:
@@ -251,7 +251,7 @@ def test_lines_follow_the_schema(rig: Rig, worn_pieces: list[Piece]) -> None:
     flown(rig, worn_pieces).wait_until(EPOCH_US + 25_000_000)
     rig.end()
     told = [json.loads(line) for line in lines]
-    schema = jsonschema.Draft202012Validator(objects.json_schema())
+    schema = jsonschema.Draft202012Validator(json_schema("live-1"))
     for one in told:
         schema.validate(one)
     kinds = {one["event"] for one in told}

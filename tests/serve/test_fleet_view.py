@@ -9,8 +9,16 @@ import numpy as np
 from mavhums.core.conditions import Condition
 from mavhums.flights.queries import Worst
 from mavhums.results.assessment import Assessment, LogSummary
-from mavhums.results.standing import FlightsLeft, Growth, Interval, Standing
-from mavhums.results.trend import ActuatorTrend, FlightPoint, RepairDate, TrendReport
+from mavhums.results.standing import (
+    ActuatorTrend,
+    FlightPoint,
+    FlightsLeft,
+    Growth,
+    Interval,
+    RepairDate,
+    Standing,
+    TrendReport,
+)
 from mavhums.results.verdict import Suspect, Verdict
 from mavhums.serve.fleet_view import aircraft_lines, flight_lines, trends_shown
 from mavhums.serve.home import render
