@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     )
     from mavhums.learn.networks import TanhNetworkClassifier, TanhNetworkEnsemble
     from mavhums.learn.precedents import Precedent, PrecedentBase, PrecedentError, Provenance
-    from mavhums.learn.ranking import ChiSquareRanking
+    from mavhums.learn.ranking import ChiSquareRanking, VectorThinning
     from mavhums.learn.redundancy import Dependence, PairwiseRedundancyFilter, RegressionRedundancyFilter
     from mavhums.learn.regression import NonlinearRegression
     from mavhums.learn.subsets import (
@@ -44,14 +44,18 @@ if TYPE_CHECKING:
         genetic_search,
         network_objective,
     )
-    from mavhums.learn.thinning import VectorThinning
-    from mavhums.learn.training import Candidate, TrainingResult, train_network
-    from mavhums.learn.window_training import LabelledWindows, WindowResult, train_windows
+    from mavhums.learn.training import (
+        LabelledWindows,
+        NetworkScore,
+        TrainingResult,
+        WindowResult,
+        train_network,
+        train_windows,
+    )
 
 __all__ = [
     "Answers",
     "Calibration",
-    "Candidate",
     "Card",
     "ChiSquareRanking",
     "CommandLeak",
@@ -61,6 +65,7 @@ __all__ = [
     "Model",
     "ModelError",
     "Network",
+    "NetworkScore",
     "NetworkSubsetSelector",
     "NonlinearRegression",
     "PairwiseRedundancyFilter",
@@ -98,45 +103,22 @@ __all__ = [
 ]
 
 _MODULES = {
-    "card": ("Calibration", "Card", "Selection", "WindowCard"),
-    "chain": ("Scheme", "select_features"),
-    "evaluation": (
-        "CommandLeak",
-        "CommandLeakWarning",
-        "brier_score",
-        "calibrate",
-        "check_command",
-        "expected_calibration_error",
-    ),
-    "inference": ("Network", "TanhNetwork", "WindowNetwork"),
-    "model": (
-        "Answers",
-        "Model",
-        "ModelError",
-        "default_model",
-        "load_model",
-        "models",
-        "packaged_models",
-        "save_model",
-    ),
-    "networks": ("TanhNetworkClassifier", "TanhNetworkEnsemble"),
-    "precedents": ("Precedent", "PrecedentBase", "PrecedentError", "Provenance"),
-    "ranking": ("ChiSquareRanking",),
-    "redundancy": ("Dependence", "PairwiseRedundancyFilter", "RegressionRedundancyFilter"),
-    "regression": ("NonlinearRegression",),
-    "subsets": (
-        "NetworkSubsetSelector",
-        "SubsetSearch",
-        "exhaustive_search",
-        "genetic_search",
-        "network_objective",
-    ),
-    "thinning": ("VectorThinning",),
-    "training": ("Candidate", "TrainingResult", "train_network"),
-    "window_training": ("LabelledWindows", "WindowResult", "train_windows"),
+    "card": "Calibration Card Selection WindowCard",
+    "chain": "Scheme select_features",
+    "evaluation": "CommandLeak CommandLeakWarning brier_score calibrate check_command "
+    "expected_calibration_error",
+    "inference": "Network TanhNetwork WindowNetwork",
+    "model": "Answers Model ModelError default_model load_model models packaged_models save_model",
+    "networks": "TanhNetworkClassifier TanhNetworkEnsemble",
+    "precedents": "Precedent PrecedentBase PrecedentError Provenance",
+    "ranking": "ChiSquareRanking VectorThinning",
+    "redundancy": "Dependence PairwiseRedundancyFilter RegressionRedundancyFilter",
+    "regression": "NonlinearRegression",
+    "subsets": "NetworkSubsetSelector SubsetSearch exhaustive_search genetic_search network_objective",
+    "training": "LabelledWindows NetworkScore TrainingResult WindowResult train_network train_windows",
 }
 __getattr__, __dir__ = lazy_exports(
     __name__,
-    {name: module for module, names in _MODULES.items() for name in names},
+    {name: module for module, names in _MODULES.items() for name in names.split()},
     missing={"sklearn": ("training", "train")},
 )

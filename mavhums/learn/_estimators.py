@@ -1,10 +1,10 @@
-"""Base classes of the estimators, and checks of their parameters and target classes."""
+"""What the estimators share: base classes, checks of parameters and target classes, training of networks."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from numbers import Integral
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,12 +14,18 @@ from sklearn.utils.multiclass import check_classification_targets, type_of_targe
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.errors import MissingExtraError
+
+if TYPE_CHECKING:
+    from mavhums.learn.batched import Samples
+    from mavhums.learn.trainer import Trained
 
 __all__ = [
     "LabelledEstimator",
     "SupportSelector",
     "check_choice",
     "check_positive_integers",
+    "train_networks",
     "two_classes",
 ]
 
@@ -54,6 +60,31 @@ def two_classes(target: NDArray[Any]) -> tuple[NDArray[Any], Integers]:
     if len(classes) != 2:
         raise ValueError(f"two classes are needed, the data hold one class: {classes[0]!r}")
     return classes, codes
+
+
+def train_networks(
+    hidden: Sequence[int],
+    seeds: Sequence[int],
+    samples: Samples,
+    subsets: Flags | None = None,
+    **options: Any,
+) -> Trained:
+    """Train networks on all features, or each on its own of ``subsets``, shape (networks, features).
+
+    ``options`` go to :func:`mavhums.learn.trainer.train_batch`.
+
+    Raises
+    ------
+    MissingExtraError
+        If torch is not installed.
+    """
+    try:
+        from mavhums.learn.trainer import NetworkBatch, train_batch
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("training", "train") from error
+    if subsets is None:
+        subsets = np.ones((len(hidden), samples[0].shape[1]), dtype=bool)
+    return train_batch(NetworkBatch(hidden, subsets, seeds), samples, **options)
 
 
 class LabelledEstimator(BaseEstimator):

@@ -18,7 +18,7 @@ import torch
 from mavhums.core.arrays import Array, Flags
 from mavhums.learn.inference import TanhNetwork
 
-__all__ = ["Data", "NetworkBatch", "Problem", "Samples"]
+__all__ = ["BatchLoss", "Data", "NetworkBatch", "Samples"]
 
 _BLOCK = 1 << 19
 """Number of hidden activations computed at once; they fit into the processor's cache."""
@@ -68,11 +68,6 @@ class Data:
     def __len__(self) -> int:
         return len(self.weight)
 
-    def rows(self, rows: Tensor | slice) -> Data:
-        """Return a subset of the samples, with their weights normalised to sum 1."""
-        weight = self.weight[rows]
-        return Data(self.features[rows], self.target[:, rows], weight / weight.sum())
-
 
 @dataclass(frozen=True, eq=False)
 class NetworkBatch:
@@ -101,7 +96,7 @@ class NetworkBatch:
         return NetworkBatch(hidden, self.subsets[list(networks)], seeds)
 
 
-class Problem:
+class BatchLoss:
     """Loss and gradient of every network of a batch, as functions of the matrix of weights.
 
     Row i of the matrix, of shape (B, h·(k + 1) + m·h + m), holds W with its bias column, V and c of
@@ -152,7 +147,7 @@ class Problem:
             w1[:hidden, seen], v[:, :hidden], c[:] = first.to(w1), last[:, :-1].to(v), last[:, -1].to(c)
         return weights
 
-    def evaluate(self, weights: Tensor, networks: Tensor, data: Data | None = None) -> tuple[Tensor, Tensor]:
+    def evaluate(self, weights: Tensor, networks: Tensor) -> tuple[Tensor, Tensor]:
         """Return loss, shape (R,), and gradient, the shape of ``weights``, of some networks.
 
         Parameters
@@ -161,10 +156,8 @@ class Problem:
             Rows of the networks, shape (R, …).
         networks
             Indices of these networks in the batch, shape (R,).
-        data
-            Samples that replace those of the problem, such as a mini-batch.
         """
-        data = data or self.data
+        data = self.data
         w1, v, c = self._split(weights)
         loss = (weights.square() @ self.penalty) / 2
         gradient = weights * self.penalty

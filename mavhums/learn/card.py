@@ -16,7 +16,7 @@ __all__ = [
     "FORMAT",
     "Calibration",
     "Card",
-    "Exclusion",
+    "ExcludedQuantity",
     "Selection",
     "Thinned",
     "WindowCard",
@@ -24,7 +24,7 @@ __all__ = [
 ]
 
 
-class Exclusion(Contract):
+class ExcludedQuantity(Contract):
     """A quantity that Algorithm 1 explains by others.
 
     Attributes
@@ -98,7 +98,7 @@ class Selection(Contract):
     groups: tuple[tuple[str, ...], ...]
     selected: tuple[str, ...]
     filter: str = ""
-    excluded: tuple[Exclusion, ...] = ()
+    excluded: tuple[ExcludedQuantity, ...] = ()
     thinned: Thinned | None = None
     wrapped: Wrapped | None = None
 
@@ -119,7 +119,7 @@ class Selection(Contract):
         >>> found = Selection(
         ...     chi_square={"V5": 90.0, "V8": 80.0}, p_values={"V5": 0.0, "V8": 1e-9},
         ...     groups=(("V5", "V8"),), selected=("V5",), filter="R² ≥ 0.99",
-        ...     excluded=(Exclusion(quantity="V8", r2=0.9999, expression="V8 = 0.02·V5"),),
+        ...     excluded=(ExcludedQuantity(quantity="V8", r2=0.9999, expression="V8 = 0.02·V5"),),
         ... )
         >>> for line in found.stage_lines():
         ...     print(line)

@@ -16,8 +16,8 @@ from sklearn.base import clone
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
-from mavhums.learn.card import Exclusion, Selection, Thinned, Wrapped
-from mavhums.learn.ranking import ChiSquareRanking
+from mavhums.learn.card import ExcludedQuantity, Selection, Thinned, Wrapped
+from mavhums.learn.ranking import ChiSquareRanking, VectorThinning
 from mavhums.learn.redundancy import PairwiseRedundancyFilter, RegressionRedundancyFilter
 from mavhums.learn.regression import Elementary, basis_count
 from mavhums.learn.subsets import (
@@ -27,7 +27,6 @@ from mavhums.learn.subsets import (
     network_objective,
     subset_training,
 )
-from mavhums.learn.thinning import VectorThinning
 
 __all__ = [
     "FUNCTIONS",
@@ -190,12 +189,12 @@ def select_columns(
     ranking: ChiSquareRanking | None = None,
 ) -> Selection:
     """Do the same with any features, ``table`` (n, k), and any number of classes, ``target`` (n,)."""
-    excluded: tuple[Exclusion, ...] = ()
+    excluded: tuple[ExcludedQuantity, ...] = ()
     if scheme.select == "algorithm-1":
         multiple = _algorithm_1(scheme, len(keys), ranking).fit(table, target)
         ranking, groups, kept = multiple.ranking_, multiple.groups_, multiple.get_support(indices=True)
         excluded = tuple(
-            Exclusion(
+            ExcludedQuantity(
                 quantity=keys[each.feature],
                 r2=round(each.model.r2_, 6),
                 expression=each.model.expression(

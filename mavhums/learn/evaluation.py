@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import comb
 from typing import Literal
 
@@ -12,13 +12,16 @@ from numpy.typing import ArrayLike
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.learn.card import Calibration
+from mavhums.learn.inference import WindowNetwork
 
 __all__ = [
     "CommandLeak",
     "CommandLeakWarning",
+    "at_temperature",
     "brier_score",
     "calibrate",
     "check_command",
+    "decides_at",
     "expected_calibration_error",
     "hold_out",
 ]
@@ -254,3 +257,42 @@ def expected_calibration_error(probability: ArrayLike, event: ArrayLike) -> floa
     bins = np.minimum((said * _PROBABILITY_BINS).astype(np.intp), _PROBABILITY_BINS - 1)
     excess = np.bincount(bins, weights=said - was, minlength=_PROBABILITY_BINS)
     return float(np.abs(excess).sum() / len(said))
+
+
+_LEVELS = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.93, 0.95, 0.96, 0.97, 0.98, 0.985, 0.99, 0.995)
+_SPARED = 0.7
+"""Share of the allowed errors that the level may leave on the flights that it is chosen on: there the best of
+several levels looks better than it is."""
+
+
+def at_temperature(network: WindowNetwork, features: Array, classes: Integers) -> tuple[WindowNetwork, float]:
+    """Return the network with its outputs divided by the temperature that fits other flights, and that.
+
+    References
+    ----------
+    C. Guo, G. Pleiss, Y. Sun, K. Weinberger: On Calibration of Modern Neural Networks, 2017.
+    """
+    from scipy.optimize import minimize_scalar
+    from scipy.special import log_softmax
+
+    rows = network.inside(features)
+    outputs, truth = network.outputs(network.inputs(features[rows])), classes[rows]
+
+    def loss(log_temperature: float) -> float:
+        found = log_softmax(outputs / np.exp(log_temperature), axis=1)
+        return -float(found[np.arange(len(truth)), truth].mean())
+
+    # Rounded, so that a solver's last digits do not enter the model's hash.
+    temperature = round(float(np.exp(minimize_scalar(loss, bounds=(-3, 3), method="bounded").x)), 4)
+    return replace(network, w2=network.w2 / temperature, b2=network.b2 / temperature), temperature
+
+
+def decides_at(network: WindowNetwork, features: Array, classes: Integers, goal: float) -> float:
+    """Return the least probability from which at least the share ``goal`` of the decided windows is right."""
+    found, inside = network.probabilities(features), network.inside(features)
+    top, right = found.max(axis=1), found.argmax(axis=1) == classes
+    for level in _LEVELS:
+        decided = inside & (top >= level)
+        if decided.any() and right[decided].mean() >= 1 - _SPARED * (1 - goal):
+            return level
+    return _LEVELS[-1]

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
-from mavhums.core.quantities import KEYS, column
+from mavhums.core.quantities import KEYS
 from mavhums.core.window_features import WINDOW_KEYS
 
-__all__ = ["ABSTAINS", "MARGIN", "Network", "TanhNetwork", "WindowNetwork", "unit_interval", "vote"]
+__all__ = ["ABSTAINS", "Network", "TanhNetwork", "WindowNetwork", "unit_interval", "vote"]
 
 
 def unit_interval(values: Array, minimum: Array, maximum: Array) -> Array:
@@ -45,11 +45,8 @@ def unit_interval(values: Array, minimum: Array, maximum: Array) -> Array:
     return scaled
 
 
-MARGIN = 0.1
-"""How far outside the training range a sample may lie, as a fraction of that range."""
-
-WINDOW_MARGIN = 0.1
-"""The same of a window's statistics."""
+_MARGIN = 0.1
+"""How far outside the training range an input may lie, as a fraction of that range."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,7 +116,84 @@ class TanhNetwork:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Network(TanhNetwork):
+class _ColumnNetwork(TanhNetwork):
+    """A network whose inputs are named columns of a table.
+
+    Attributes
+    ----------
+    keys
+        The columns in the order of the inputs, length k.
+
+    Raises
+    ------
+    ValueError
+        As for :class:`TanhNetwork`, or if a key names no column or appears twice.
+    """
+
+    keys: tuple[str, ...]
+    _TABLE: ClassVar[str]
+    _COLUMNS: ClassVar[tuple[str, ...]]
+    _UNKNOWN: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        """Reject keys that do not name the inputs."""
+        super().__post_init__()
+        object.__setattr__(self, "keys", tuple(self.keys))
+        unknown = [key for key in self.keys if key not in self._COLUMNS]
+        if unknown:
+            raise ValueError(f"{unknown[0]!r} {self._UNKNOWN}")
+        if len(set(self.keys)) != len(self.keys) or len(self.keys) != len(self.minimum):
+            raise ValueError(f"{len(self.keys)} keys do not name {len(self.minimum)} inputs, each once")
+
+    def inside(self, table: ArrayLike) -> Flags:
+        """Return which rows lie inside the network's training range, slightly widened.
+
+        Parameters
+        ----------
+        table
+            Shape (n, columns); only the columns of ``keys`` are read.
+
+        Returns
+        -------
+        NDArray
+            Shape (n,): True if every input is finite and within the widened range.
+        """
+        inputs = self.inputs(table)
+        low, high = self._envelope
+        return np.asarray(((inputs >= low) & (inputs <= high)).all(axis=1))
+
+    @cached_property
+    def _places(self) -> Integers:
+        return np.array([self._COLUMNS.index(key) for key in self.keys], dtype=np.int64)
+
+    @cached_property
+    def _envelope(self) -> tuple[Array, Array]:
+        """Lower and upper bound of each input, shape (k,) each."""
+        with np.errstate(over="ignore"):
+            allowed = _MARGIN * (self.maximum - self.minimum)
+            return self.minimum - allowed, self.maximum + allowed
+
+    def _checked(self, table: ArrayLike) -> Array:
+        array = np.ascontiguousarray(table, dtype=np.float64)
+        if array.ndim != 2 or array.shape[1] != len(self._COLUMNS):
+            raise ValueError(
+                f"{self._TABLE} must have the shape (n, {len(self._COLUMNS)}), not {array.shape}"
+            )
+        return array
+
+    def inputs(self, table: ArrayLike) -> Array:
+        """Return the columns of ``keys``, shape (n, k).
+
+        Raises
+        ------
+        ValueError
+            If the table has another number of columns.
+        """
+        return self._checked(table)[:, self._places]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Network(_ColumnNetwork):
     """A network whose inputs are named quantities out of V1–V12.
 
     Attributes
@@ -144,18 +218,10 @@ class Network(TanhNetwork):
     array([0.003, 0.5  , 0.997])
     """
 
-    keys: tuple[str, ...]
     _CLASSES: ClassVar[int | None] = 2
-
-    def __post_init__(self) -> None:
-        """Reject keys that do not name the inputs."""
-        super().__post_init__()
-        object.__setattr__(self, "keys", tuple(self.keys))
-        unknown = [key for key in self.keys if key not in KEYS]
-        if unknown:
-            raise ValueError(f"{unknown[0]!r} is none of V1…V12")
-        if len(set(self.keys)) != len(self.keys) or len(self.keys) != len(self.minimum):
-            raise ValueError(f"{len(self.keys)} keys do not name {len(self.minimum)} inputs, each once")
+    _TABLE: ClassVar[str] = "values"
+    _COLUMNS: ClassVar[tuple[str, ...]] = KEYS
+    _UNKNOWN: ClassVar[str] = "is none of V1…V12"
 
     def p_emergency(self, values: ArrayLike) -> Array:
         """Return the network's probability of an emergency for each sample.
@@ -176,40 +242,19 @@ class Network(TanhNetwork):
         ValueError
             If ``values`` has not twelve columns.
         """
-        features = self._features(values)
+        features = self.inputs(values)
         finite: Flags = np.asarray(np.isfinite(features).all(axis=1))
         with np.errstate(over="ignore", invalid="ignore"):
             probability = self.p_first(np.where(finite[:, np.newaxis], features, self.minimum))
         return np.where(finite, probability, np.nan)
 
-    def inside(self, values: ArrayLike, margin: float = MARGIN) -> Flags:
-        """Return which samples lie inside the network's training range.
-
-        Parameters
-        ----------
-        values
-            V1…V12, shape (n, 12).
-        margin
-            How far outside the training range counts as inside, as a fraction of that range.
-
-        Returns
-        -------
-        NDArray
-            Shape (n,): True if every quantity of ``keys`` is finite and within the widened range.
-        """
-        features = self._features(values)
-        low, high = self._envelope(margin)
-        return np.asarray(((features >= low) & (features <= high)).all(axis=1))
-
-    def votes(self, values: ArrayLike, margin: float = MARGIN) -> NDArray[np.int8]:
+    def votes(self, values: ArrayLike) -> NDArray[np.int8]:
         """Return the network's vote on each sample: whether :meth:`p_emergency` exceeds one half.
 
         Parameters
         ----------
         values
             V1…V12, shape (n, 12).
-        margin
-            As for :meth:`inside`.
 
         Returns
         -------
@@ -232,13 +277,8 @@ class Network(TanhNetwork):
         >>> network.votes(values)
         array([ 0,  1, -1], dtype=int8)
         """
-        array = _samples(values)
-        low, high = self._envelope(margin)
-        return np.asarray(vote(array, self._columns, low, high, *self._in_units))
-
-    @cached_property
-    def _columns(self) -> Integers:
-        return np.array([column(key) for key in self.keys], dtype=np.int64)
+        low, high = self._envelope
+        return np.asarray(vote(self._checked(values), self._places, low, high, *self._in_units))
 
     @cached_property
     def _in_units(self) -> tuple[Array, Array, Array, float]:
@@ -249,18 +289,9 @@ class Network(TanhNetwork):
         difference = np.ascontiguousarray(self.w2[:, 0] - self.w2[:, 1])
         return weights, biases, difference, float(self.b2[1] - self.b2[0])
 
-    def _envelope(self, margin: float) -> tuple[Array, Array]:
-        """Return the lower and upper bound of each input, shape (k,) each."""
-        with np.errstate(over="ignore"):
-            allowed = margin * (self.maximum - self.minimum)
-            return self.minimum - allowed, self.maximum + allowed
-
-    def _features(self, values: ArrayLike) -> Array:
-        return _samples(values)[:, self._columns]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WindowNetwork(TanhNetwork):
+class WindowNetwork(_ColumnNetwork):
     """A network whose inputs are statistics of a window (:data:`mavhums.core.window_features.WINDOW_KEYS`).
 
     Attributes
@@ -271,20 +302,12 @@ class WindowNetwork(TanhNetwork):
     Raises
     ------
     ValueError
-        As for :class:`TanhNetwork`, or if a key is no statistic or appears twice.
+        As for :class:`TanhNetwork`, or if a key is not a statistic or appears twice.
     """
 
-    keys: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        """Reject keys that do not name the inputs."""
-        super().__post_init__()
-        object.__setattr__(self, "keys", tuple(self.keys))
-        unknown = [key for key in self.keys if key not in WINDOW_KEYS]
-        if unknown:
-            raise ValueError(f"{unknown[0]!r} is no statistic of a window")
-        if len(set(self.keys)) != len(self.keys) or len(self.keys) != len(self.minimum):
-            raise ValueError(f"{len(self.keys)} keys do not name {len(self.minimum)} inputs, each once")
+    _TABLE: ClassVar[str] = "features"
+    _COLUMNS: ClassVar[tuple[str, ...]] = WINDOW_KEYS
+    _UNKNOWN: ClassVar[str] = "is not a statistic of a window"
 
     def probabilities(self, features: ArrayLike) -> Array:
         """Return the probability of each class, shape (n, classes), each row of sum 1.
@@ -295,7 +318,7 @@ class WindowNetwork(TanhNetwork):
             The windows' statistics, shape (n, len(WINDOW_KEYS)); only the columns of ``keys`` are read. A
             window one of whose inputs is not finite has NaN throughout.
         """
-        inputs = self._inputs(features)
+        inputs = self.inputs(features)
         finite: Flags = np.asarray(np.isfinite(inputs).all(axis=1))
         scaled = unit_interval(
             np.where(finite[:, np.newaxis], inputs, self.minimum), self.minimum, self.maximum
@@ -305,27 +328,6 @@ class WindowNetwork(TanhNetwork):
         outputs = (hidden[:, :, np.newaxis] * self.w2).sum(axis=1) + self.b2
         odds = np.exp(outputs - outputs.max(axis=1, keepdims=True))
         return np.where(finite[:, np.newaxis], odds / odds.sum(axis=1, keepdims=True), np.nan)
-
-    def inside(self, features: ArrayLike, margin: float = WINDOW_MARGIN) -> Flags:
-        """Return which windows lie inside the training range, widened by ``margin`` of it, shape (n,)."""
-        inputs = self._inputs(features)
-        allowed: Array = margin * (self.maximum - self.minimum)
-        return np.asarray(
-            ((inputs >= self.minimum - allowed) & (inputs <= self.maximum + allowed)).all(axis=1)
-        )
-
-    def _inputs(self, features: ArrayLike) -> Array:
-        array = np.asarray(features, dtype=np.float64)
-        if array.ndim != 2 or array.shape[1] != len(WINDOW_KEYS):
-            raise ValueError(f"features must have the shape (n, {len(WINDOW_KEYS)}), not {array.shape}")
-        return array[:, [WINDOW_KEYS.index(key) for key in self.keys]]
-
-
-def _samples(values: ArrayLike) -> Array:
-    array = np.ascontiguousarray(values, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != len(KEYS):
-        raise ValueError(f"values must have the shape (n, {len(KEYS)}), not {array.shape}")
-    return array
 
 
 ABSTAINS = -1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,13 +14,14 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from mavhums.core.arrays import Array, Integers
-from mavhums.core.errors import MissingExtraError
-from mavhums.learn._estimators import LabelledEstimator, check_choice, check_positive_integers, two_classes
+from mavhums.learn._estimators import (
+    LabelledEstimator,
+    check_choice,
+    check_positive_integers,
+    train_networks,
+    two_classes,
+)
 from mavhums.learn.inference import TanhNetwork
-
-if TYPE_CHECKING:
-    from mavhums.learn.batched import Samples
-    from mavhums.learn.trainer import Trained
 
 __all__ = ["TanhNetworkClassifier", "TanhNetworkEnsemble"]
 
@@ -68,17 +69,6 @@ class _Networks(ClassifierMixin, LabelledEstimator):
             return values, codes, None
         weight = _check_sample_weight(sample_weight, values, dtype=np.float64, ensure_non_negative=True)
         return values, codes, weight
-
-    def _train(
-        self, hidden: Sequence[int], seeds: Sequence[int], samples: Samples, **options: Any
-    ) -> Trained:
-        """Train networks on all features; ``options`` go to ``train_batch``."""
-        try:
-            from mavhums.learn.trainer import NetworkBatch, train_batch
-        except ModuleNotFoundError as error:
-            raise MissingExtraError("training", "train") from error
-        batch = NetworkBatch(hidden, np.ones((len(hidden), samples[0].shape[1]), dtype=bool), seeds)
-        return train_batch(batch, samples, weight_decay=self.weight_decay, max_iter=self.max_iter, **options)
 
     def __sklearn_tags__(self) -> Any:
         """Declare a binary classifier."""
@@ -201,10 +191,12 @@ class TanhNetworkClassifier(_Networks):
                 kept, test_size=self.validation_fraction, stratify=codes, random_state=random
             )
             held_out = values[rest], codes[rest] == 1
-        trained = self._train(
+        trained = train_networks(
             [self.hidden],
             [int(random.randint(2**31 - 1))],
             (values[kept], codes[kept] == 1),
+            weight_decay=self.weight_decay,
+            max_iter=self.max_iter,
             weight=None if weight is None else weight[kept],
             validation=held_out,
             bounds=(used.min(axis=0), used.max(axis=0)),
@@ -234,13 +226,11 @@ class TanhNetworkEnsemble(_Networks):
         Number of networks; the paper trains 50.
     hidden
         Numbers of hidden neurons; the networks cycle through them.
-    optimiser
-        ``"lbfgs"``, on all samples, or ``"adam"``, on mini-batches of 200.
     weight_decay
         Half of it times the sum of squared weights, biases excepted, is added to the mean
         cross-entropy.
     max_iter
-        Maximum number of L-BFGS iterations, or of Adam epochs.
+        Maximum number of L-BFGS iterations.
     patience
         Early stopping: a network stops after this many iterations without a smaller loss on the
         validation samples given to :meth:`fit`; None uses them only for :attr:`best_`.
@@ -300,7 +290,6 @@ class TanhNetworkEnsemble(_Networks):
         n_networks: int = 50,
         hidden: Sequence[int] = tuple(range(4, 17)),
         *,
-        optimiser: Literal["lbfgs", "adam"] = "lbfgs",
         weight_decay: float = 1e-4,
         max_iter: int = 200,
         patience: int | None = 50,
@@ -311,7 +300,6 @@ class TanhNetworkEnsemble(_Networks):
     ) -> None:
         self.n_networks = n_networks
         self.hidden = hidden
-        self.optimiser = optimiser
         self.weight_decay = weight_decay
         self.max_iter = max_iter
         self.patience = patience
@@ -352,7 +340,6 @@ class TanhNetworkEnsemble(_Networks):
         self._check_training("n_networks", *(() if self.patience is None else ("patience",)))
         if not len(self.hidden) or not all(isinstance(h, Integral) and h >= 1 for h in self.hidden):
             raise ValueError(f"hidden must be integers of at least 1, got {self.hidden!r}")
-        check_choice(self, "optimiser", ("lbfgs", "adam"))
         check_choice(self, "precision", ("single", "double"))
         values, codes, weight = self._coded(X, y, sample_weight)
         held_out = None
@@ -361,13 +348,14 @@ class TanhNetworkEnsemble(_Networks):
                 validate_data(self, validation[0], dtype=np.float64, reset=False),
                 np.asarray(validation[1]) == self.classes_[1],
             )
-        trained = self._train(
+        trained = train_networks(
             [int(h) for h in np.resize(np.asarray(self.hidden), self.n_networks)],
             check_random_state(self.random_state).randint(2**31 - 1, size=self.n_networks),
             (values, codes == 1),
+            weight_decay=self.weight_decay,
+            max_iter=self.max_iter,
             weight=weight,
             validation=held_out,
-            optimiser=self.optimiser,
             patience=self.patience,
             precision=self.precision,
             device=self.device,

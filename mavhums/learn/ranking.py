@@ -1,22 +1,26 @@
-"""Ranking of features by the chi-square test of independence from the class (paper, section 3, stage 1)."""
+"""Ranking of features by chi-square, and thinning of vectors (paper, sections 3 and 2)."""
 
 from __future__ import annotations
 
 from numbers import Integral
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.stats import chi2_contingency
+from sklearn.cluster import KMeans
 from sklearn.feature_selection import SelectorMixin
+from sklearn.metrics import pairwise_distances_argmin
 from sklearn.metrics.cluster import contingency_matrix
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils import check_random_state
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted
+from threadpoolctl import threadpool_limits
 
 from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.learn._estimators import LabelledEstimator
+from mavhums.learn._estimators import LabelledEstimator, check_choice, check_positive_integers
 from mavhums.learn.inference import unit_interval
 
-__all__ = ["ChiSquareRanking"]
+__all__ = ["ChiSquareRanking", "VectorThinning"]
 
 
 class ChiSquareRanking(SelectorMixin, LabelledEstimator):
@@ -104,8 +108,7 @@ class ChiSquareRanking(SelectorMixin, LabelledEstimator):
         """
         if not isinstance(self.bins, Integral) or self.bins < 2:
             raise ValueError(f"bins must be an integer of at least 2, got {self.bins!r}")
-        if self.strategy not in ("width", "quantile"):
-            raise ValueError(f"strategy must be 'width' or 'quantile', got {self.strategy!r}")
+        check_choice(self, "strategy", ("width", "quantile"))
         values, target = self._checked(X, y)
         limit = values.shape[1]
         if self.k != "all" and not (isinstance(self.k, Integral) and 1 <= self.k <= limit):
@@ -137,3 +140,143 @@ def _quantile_bins(feature: Array, bins: int) -> Integers:
     inner = np.arange(1, bins) / bins
     edges = np.quantile(feature, inner, method="inverted_cdf")
     return np.searchsorted(edges, feature, side="left").astype(np.int64)
+
+
+_ITERATIONS = 20
+
+
+class VectorThinning(LabelledEstimator):
+    """Keep representative vectors of each class, each weighted by the number it represents.
+
+    Each class keeps its share of the vectors, at least one. Similarity is measured on features
+    scaled onto the unit interval.
+
+    Parameters
+    ----------
+    n_vectors
+        Number of vectors to keep, over all classes; all are kept if there are no more.
+    method
+        ``"kmeans"``: the sample nearest to each k-means centre, weighted by the size of the
+        cluster. ``"random"``: drawn without replacement, with equal weights; the reference that
+        other methods must beat.
+    metric
+        Distance metric that finds the sample nearest to a centre; any of
+        :func:`sklearn.metrics.pairwise_distances_argmin`.
+    random_state
+        Seed, generator or None.
+
+    Attributes
+    ----------
+    indices_
+        Indices of the kept rows, ascending.
+    weights_
+        Number (or weight) of the samples that each kept row represents; the sum is that of all samples.
+    n_features_in_
+        Number of features seen by :meth:`fit`.
+
+    References
+    ----------
+    S. Bazhenov, A. Skryabin, G. Veresnikov: The Development of Algorithms for EMA Fault Early
+    Detection System, section 2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> features = np.repeat([[0.0], [1.0], [5.0]], [6, 2, 4], axis=0)
+    >>> kept = VectorThinning(n_vectors=3, random_state=0).fit(features, np.repeat([0, 1], [8, 4]))
+    >>> features[kept.indices_].ravel(), kept.weights_
+    (array([0., 1., 5.]), array([6., 2., 4.]))
+    """
+
+    indices_: Integers
+    weights_: Array
+
+    def __init__(
+        self,
+        n_vectors: int = 2000,
+        method: Literal["kmeans", "random"] = "kmeans",
+        metric: str = "euclidean",
+        random_state: int | np.random.RandomState | None = None,
+    ) -> None:
+        self.n_vectors = n_vectors
+        self.method = method
+        self.metric = metric
+        self.random_state = random_state
+
+    def fit(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> VectorThinning:
+        """Choose the vectors to keep.
+
+        Parameters
+        ----------
+        X
+            Shape (n_samples, n_features), finite.
+        y
+            Class of each sample, shape (n_samples,).
+        sample_weight
+            How many samples each one counts for in :attr:`weights_`, shape (n_samples,); 1 if None.
+
+        Raises
+        ------
+        ValueError
+            If a parameter or the data are not as described.
+        """
+        check_positive_integers(self, "n_vectors")
+        check_choice(self, "method", ("kmeans", "random"))
+        values, target = self._checked(X, y)
+        counts = _check_sample_weight(sample_weight, values, dtype=np.float64, ensure_non_negative=True)
+        random = check_random_state(self.random_state)
+        scaled = unit_interval(values, values.min(axis=0), values.max(axis=0))
+        choose = self._representatives if self.method == "kmeans" else self._drawn
+        rows, weights = [], []
+        for label in np.unique(target):
+            members = np.flatnonzero(target == label)
+            count = max(1, round(self.n_vectors * len(members) / len(target)))
+            if count >= len(members):
+                chosen, weight = np.arange(len(members)), counts[members]
+            else:
+                chosen, weight = choose(scaled[members], counts[members], count, random)
+            rows.append(members[chosen])
+            weights.append(weight)
+        kept = np.concatenate(rows)
+        order = np.argsort(kept)
+        self.indices_, self.weights_ = kept[order], np.concatenate(weights)[order]
+        return self
+
+    def fit_resample(self, X: ArrayLike, y: ArrayLike) -> tuple[Array, NDArray[Any], Array]:
+        """Return the kept samples, their classes and their weights.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`fit`.
+        """
+        self.fit(X, y)
+        check_is_fitted(self)
+        return np.asarray(X, dtype=np.float64)[self.indices_], np.asarray(y)[self.indices_], self.weights_
+
+    def _representatives(
+        self,
+        scaled: Array,
+        counts: Array,
+        count: int,
+        random: np.random.RandomState,
+    ) -> tuple[Integers, Array]:
+        distinct = len(np.unique(scaled, axis=0))
+        # One thread: the sums do not depend on the cores, and a busy machine does not wait for its threads.
+        with threadpool_limits(1):
+            clusters = KMeans(min(count, distinct), n_init=1, max_iter=_ITERATIONS, random_state=random)
+            clusters.fit(scaled)
+        nearest = pairwise_distances_argmin(clusters.cluster_centers_, scaled, metric=self.metric)
+        chosen = np.unique(nearest)
+        stands_for = pairwise_distances_argmin(scaled, scaled[chosen], metric=self.metric)
+        return chosen, np.bincount(stands_for, weights=counts, minlength=len(chosen)).astype(np.float64)
+
+    def _drawn(
+        self,
+        scaled: Array,
+        counts: Array,
+        count: int,
+        random: np.random.RandomState,
+    ) -> tuple[Integers, Array]:
+        chosen = random.choice(len(scaled), size=count, replace=False)
+        return chosen, counts[chosen] * (counts.sum() / max(counts[chosen].sum(), 1e-300))

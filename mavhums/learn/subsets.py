@@ -14,7 +14,13 @@ from sklearn.utils import ClassifierTags, check_random_state
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MissingExtraError
-from mavhums.learn._estimators import SupportSelector, check_choice, check_positive_integers, two_classes
+from mavhums.learn._estimators import (
+    SupportSelector,
+    check_choice,
+    check_positive_integers,
+    train_networks,
+    two_classes,
+)
 from mavhums.learn.evaluation import hold_out
 
 if TYPE_CHECKING:
@@ -216,14 +222,13 @@ def subset_training(
     ``options`` go to :func:`mavhums.learn.trainer.train_batch`; without ``patience`` there, the validation
     samples do not stop the training.
     """
-    try:
-        from mavhums.learn.trainer import NetworkBatch, train_batch
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("training", "train") from error
+    options = {"patience": None} | options
 
     def train(subsets: Flags) -> Trained:
-        batch = NetworkBatch([hidden] * len(subsets), subsets, [random_state] * len(subsets))
-        return train_batch(batch, samples, validation=validation, **{"patience": None} | options)
+        count = len(subsets)
+        return train_networks(
+            [hidden] * count, [random_state] * count, samples, subsets, validation=validation, **options
+        )
 
     return train
 

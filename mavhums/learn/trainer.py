@@ -1,10 +1,10 @@
-"""The trainer: L-BFGS and Adam for a batch of networks, divided over the cores; only for training."""
+"""The trainer: L-BFGS for a batch of networks, divided over the cores; only for training."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -12,19 +12,19 @@ import torch
 from joblib import Parallel, delayed
 
 from mavhums.core.arrays import Array, Integers
-from mavhums.learn.batched import Data, NetworkBatch, Problem, Samples
+from mavhums.learn.batched import BatchLoss, Data, NetworkBatch, Samples
 from mavhums.learn.inference import TanhNetwork, unit_interval
 
-__all__ = ["NetworkBatch", "Optimiser", "Solution", "Trained", "adam", "lbfgs", "one_thread", "train_batch"]
+__all__ = ["NetworkBatch", "Solution", "Trained", "lbfgs", "one_thread", "train_batch"]
 
 _MEMORY = 12
 _HALVINGS = 12
 _DESCENT = 1e-4
+_LOOK_EVERY = 10
 
 Tensor = torch.Tensor
 
 
-@dataclass(eq=False)
 class Solution:
     """Each network's weights, shape (B, …), and number of iterations, shape (B,).
 
@@ -32,24 +32,12 @@ class Solution:
     network stops after ``patience`` iterations without a smaller one.
     """
 
-    problem: Problem
-    validation: Data | None
-    patience: int
-    weights: Tensor
-    iterations: Tensor
-    _best: Tensor = field(init=False)
-    _best_loss: Tensor = field(init=False)
-    _best_at: Tensor = field(init=False)
-
-    @classmethod
-    def start(cls, problem: Problem, validation: Data | None, patience: int) -> Solution:
-        """Draw the initial weights."""
-        weights = problem.initial()
-        solution = cls(problem, validation, patience, weights, torch.zeros(len(weights), dtype=torch.int64))
-        solution._best = weights.clone()
-        solution._best_loss = torch.full((len(weights),), torch.inf).to(weights)
-        solution._best_at = torch.zeros_like(solution.iterations)
-        return solution
+    def __init__(self, problem: BatchLoss, validation: Data | None, patience: int) -> None:
+        self.problem, self.validation, self.patience = problem, validation, patience
+        self.weights = problem.initial()
+        self.iterations = torch.zeros(len(self.weights), dtype=torch.int64)
+        self._best, self._best_at = self.weights.clone(), torch.zeros_like(self.iterations)
+        self._best_loss = torch.full((len(self.weights),), torch.inf).to(self.weights)
 
     def look(self, running: Tensor) -> None:
         """Update the best weights, and clear ``running``, shape (B,), for networks that stop early."""
@@ -70,12 +58,11 @@ class Solution:
 
 
 def lbfgs(
-    problem: Problem,
+    problem: BatchLoss,
     *,
     max_iter: int,
     validation: Data | None = None,
     patience: int = 50,
-    look_every: int = 10,
     tolerance: float = 1e-5,
 ) -> Solution:
     """Minimise each network's loss by L-BFGS with backtracking (J. Nocedal, S. Wright, chapter 7).
@@ -87,11 +74,11 @@ def lbfgs(
     max_iter
         Maximum number of iterations of each network.
     validation, patience
-        See :class:`Solution`; evaluated every ``look_every`` iterations.
+        See :class:`Solution`; evaluated every tenth iteration.
     tolerance
         A network has converged when its largest gradient component is below this.
     """
-    solution = Solution.start(problem, validation, patience)
+    solution = Solution(problem, validation, patience)
     every = torch.arange(len(problem.batch))
     running = torch.ones(len(every), dtype=torch.bool)
     loss, gradient = problem.evaluate(solution.weights, every)
@@ -114,59 +101,9 @@ def lbfgs(
         loss[rows], gradient[rows] = new_loss, new_gradient
         running[rows[(step == 0).cpu()]] = False
         solution.iterations[rows] = iteration
-        if iteration % look_every == 0 or iteration == max_iter:
+        if iteration % _LOOK_EVERY == 0 or iteration == max_iter:
             solution.look(running)
     solution.look(running.fill_(True))
-    return solution.finish()
-
-
-def adam(
-    problem: Problem,
-    *,
-    max_iter: int,
-    batch_size: int = 200,
-    learning_rate: float = 1e-2,
-    seed: int = 0,
-    validation: Data | None = None,
-    patience: int = 20,
-) -> Solution:
-    """Minimise each network's loss by Adam; an iteration is one epoch over the shuffled samples.
-
-    Parameters
-    ----------
-    problem
-        Loss and gradient.
-    max_iter
-        Maximum number of epochs; cosine annealing reduces the step from ``learning_rate`` to zero.
-    batch_size
-        Samples per step; all networks use the same mini-batches.
-    seed
-        Seed of the order of the samples.
-    validation, patience
-        See :class:`Solution`; evaluated after every epoch.
-    """
-    solution = Solution.start(problem, validation, patience)
-    every = torch.arange(len(problem.batch))
-    running = torch.ones(len(every), dtype=torch.bool)
-    solution.weights.requires_grad_()
-    steps = -(-len(problem.data) // batch_size)
-    optimiser = torch.optim.Adam([solution.weights], lr=learning_rate, foreach=True)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, T_max=max_iter * steps)
-    shuffle = torch.Generator().manual_seed(seed)
-    for iteration in range(1, max_iter + 1):
-        order = torch.randperm(len(problem.data), generator=shuffle).to(problem.data.weight.device)
-        for rows in torch.split(order, batch_size):
-            _, solution.weights.grad = problem.evaluate(
-                solution.weights.detach(), every, problem.data.rows(rows)
-            )
-            optimiser.step()
-            schedule.step()
-        solution.iterations[running] = iteration
-        with torch.no_grad():
-            solution.look(running)
-        if not running.any():
-            break
-    solution.weights = solution.weights.detach()
     return solution.finish()
 
 
@@ -191,7 +128,7 @@ def _direction(gradient: Tensor, history: list[tuple[Tensor, Tensor, Tensor]]) -
 
 
 def _backtrack(
-    problem: Problem, weights: Tensor, loss: Tensor, gradient: Tensor, direction: Tensor, rows: Tensor
+    problem: BatchLoss, weights: Tensor, loss: Tensor, gradient: Tensor, direction: Tensor, rows: Tensor
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Halve each network's step until its loss decreases enough; a step of 0 means that it never did."""
     slope = (direction[rows] * gradient[rows]).sum(dim=1)
@@ -214,8 +151,6 @@ def _backtrack(
 
 _NEURONS_PER_PART = 2048
 
-Optimiser = Literal["lbfgs", "adam"]
-
 
 @dataclass(frozen=True, eq=False)
 class Trained:
@@ -226,7 +161,7 @@ class Trained:
     loss
         Mean cross-entropy over the training samples.
     iterations
-        Iterations of L-BFGS, or epochs of Adam.
+        Iterations of L-BFGS.
     validation_loss, validation_accuracy
         Loss and accuracy on the validation samples; NaN without validation samples.
     """
@@ -245,7 +180,6 @@ def train_batch(
     weight: Array | None = None,
     validation: Samples | None = None,
     bounds: tuple[Array, Array] | None = None,
-    optimiser: Optimiser = "lbfgs",
     weight_decay: float = 1e-4,
     max_iter: int = 200,
     patience: int | None = 50,
@@ -267,9 +201,8 @@ def train_batch(
     bounds
         Minimum and maximum of each feature, shape (k,) each, which become 0 and 1; None takes those of the
         samples with nonzero weight.
-    optimiser, max_iter, weight_decay
-        L-BFGS uses all samples in each iteration; Adam uses mini-batches, and its iteration is one
-        epoch.
+    max_iter, weight_decay
+        L-BFGS uses all samples in each iteration.
     patience
         Early stopping: a network stops after this many iterations without a smaller validation
         loss, and its best weights are restored; None disables early stopping.
@@ -294,11 +227,10 @@ def train_batch(
     data = data_of(samples, weight)
     held_out = None if validation is None else data_of(validation)
     stopping_data = None if patience is None else held_out
-    solve = lbfgs if optimiser == "lbfgs" else adam
 
     def train_part(networks: Integers) -> tuple[list[TanhNetwork], list[list[float]]]:
-        problem = Problem(batch.part(networks.tolist()), data, weight_decay)
-        solution = solve(problem, max_iter=max_iter, validation=stopping_data, patience=patience or max_iter)
+        problem = BatchLoss(batch.part(networks.tolist()), data, weight_decay)
+        solution = lbfgs(problem, max_iter=max_iter, validation=stopping_data, patience=patience or max_iter)
         figures = [problem.loss(solution.weights, data), solution.iterations]
         if held_out is not None:
             figures += [measure(solution.weights, held_out) for measure in (problem.loss, problem.accuracy)]

@@ -26,7 +26,7 @@ from mavhums.health.estimation.equations import STROKE_EQUATIONS
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.learn import LabelledWindows, Scheme
-from mavhums.learn.window_training import ClassesResult, train_classes
+from mavhums.learn.training import ClassesResult, train_classes
 from mavhums.study.findings import Progress
 from mavhums.study.report import markdown_table
 from mavhums.study.rig import CONSTANTS, FEATURES, HEALTHY, Constants, Run, examples, read_rig, stage

@@ -28,8 +28,9 @@ from mavhums.learn import (
     WindowNetwork,
     brier_score,
     expected_calibration_error,
+    train_windows,
 )
-from mavhums.learn.window_training import at_temperature, decides_at, train_windows
+from mavhums.learn.evaluation import at_temperature, decides_at
 from mavhums.training.flights import Telemetry, friction_range, parameters_of, reported
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
@@ -241,8 +242,8 @@ def train_window_network(
         trained_on, classes=len(classes), keys=keys_of(telemetry), seed=seed, scheme=scheme, tell=tell
     )
     other = fly_windows(actuator, telemetry, sizes[1], seed=1_000_000 * seed + _CALIBRATION, tick=tick)
-    network, temperature = at_temperature(result.network, other)
-    level = decides_at(network, other, telemetry.goal)
+    network, temperature = at_temperature(result.network, other.features, other.classes)
+    level = decides_at(network, other.features, other.classes, telemetry.goal)
     last = fly_windows(actuator, telemetry, sizes[2], seed=1_000_000 * seed + _MEASUREMENT, tick=tick)
     metrics, confusion = measure(network, last, classes, level)
     tell(

@@ -6,8 +6,8 @@ from scipy.special import softmax
 from sklearn.datasets import make_moons
 
 from mavhums.learn import TanhNetwork
-from mavhums.learn.batched import Data, Problem
-from mavhums.learn.trainer import NetworkBatch, Trained, adam, lbfgs, train_batch
+from mavhums.learn.batched import BatchLoss, Data
+from mavhums.learn.trainer import NetworkBatch, Trained, lbfgs, train_batch
 
 MOONS, SIDE = make_moons(300, noise=0.2, random_state=0)
 SIDE = SIDE == 1
@@ -21,13 +21,13 @@ TARGETS = pytest.mark.parametrize("target", [SIDE, THREE], ids=["two classes", "
 
 def problem(
     weight_decay: float = 1e-2, dtype: torch.dtype = torch.float64, target: NDArray[np.bool_] = SIDE
-) -> Problem:
+) -> BatchLoss:
     scaled = (MOONS - MOONS.min(axis=0)) / np.ptp(MOONS, axis=0)
     weight = np.random.default_rng(0).uniform(1, 2, len(SIDE))
-    return Problem(BATCH, Data.of(scaled, target, weight, dtype=dtype), weight_decay)
+    return BatchLoss(BATCH, Data.of(scaled, target, weight, dtype=dtype), weight_decay)
 
 
-def networks(of: Problem, weights: torch.Tensor) -> list[TanhNetwork]:
+def networks(of: BatchLoss, weights: torch.Tensor) -> list[TanhNetwork]:
     return of.networks(weights, MOONS.min(axis=0), MOONS.max(axis=0))
 
 
@@ -95,13 +95,6 @@ def test_lbfgs_reaches_what_torch_reaches(target: NDArray[np.bool_]) -> None:
         assert loss[row] == pytest.approx(float(closure()), abs=1e-6)
 
 
-def test_adam_brings_the_loss_down_too() -> None:
-    of = problem(0)
-    before = of.loss(of.initial(), of.data)
-    after = of.loss(adam(of, max_iter=40, batch_size=50).weights, of.data)
-    assert (after < 0.75 * before).all()
-
-
 def trained(**options: object) -> Trained:
     return train_batch(BATCH, (MOONS, SIDE), **{"max_iter": 60, "precision": "double"} | options)  # type: ignore[arg-type]
 
@@ -110,17 +103,10 @@ def flat(found: Trained) -> NDArray[np.float64]:
     return np.concatenate([tensor.ravel() for net in found.networks for tensor in net.tensors.values()])
 
 
-@pytest.mark.parametrize("optimiser", ["lbfgs", "adam"])
-def test_neither_threads_nor_neighbours_change_a_network(optimiser: str) -> None:
-    together = trained(optimiser=optimiser, max_iter=20)
-    np.testing.assert_array_equal(flat(together), flat(trained(optimiser=optimiser, max_iter=20, n_jobs=2)))
-    alone = train_batch(
-        BATCH.part([2]),
-        (MOONS, SIDE),
-        max_iter=20,
-        precision="double",
-        optimiser=optimiser,  # type: ignore[arg-type]
-    )
+def test_neither_threads_nor_neighbours_change_a_network() -> None:
+    together = trained(max_iter=20)
+    np.testing.assert_array_equal(flat(together), flat(trained(max_iter=20, n_jobs=2)))
+    alone = train_batch(BATCH.part([2]), (MOONS, SIDE), max_iter=20, precision="double")
     np.testing.assert_allclose(alone.networks[0].w1, together.networks[2].w1, rtol=1e-6)
 
 

@@ -10,7 +10,7 @@ from sklearn.datasets import make_moons
 
 from mavhums.core.errors import MissingExtraError
 from mavhums.learn import TanhNetworkClassifier
-from mavhums.learn.batched import Problem
+from mavhums.learn.batched import BatchLoss
 
 MOONS, SIDE = make_moons(400, noise=0.2, random_state=0)
 
@@ -70,13 +70,13 @@ def test_the_same_seed_gives_the_same_network_whatever_the_state_of_torch() -> N
 
 def test_trains_on_one_thread_and_restores_their_number(monkeypatch: pytest.MonkeyPatch) -> None:
     threads, used = torch.get_num_threads(), set()
-    evaluate = Problem.evaluate
+    evaluate = BatchLoss.evaluate
 
     def spy(*given: Any) -> Any:
         used.add(torch.get_num_threads())
         return evaluate(*given)
 
-    monkeypatch.setattr(Problem, "evaluate", spy)
+    monkeypatch.setattr(BatchLoss, "evaluate", spy)
     torch.set_num_threads(2)
     try:
         fitted(max_iter=2)

@@ -12,7 +12,7 @@ from mavhums.core.errors import MissingExtraError
 from mavhums.learn import Card, Network, save_model
 
 PUBLIC = {
-    "Answers", "Calibration", "Candidate", "Card", "ChiSquareRanking", "CommandLeak", "CommandLeakWarning",
+    "Answers", "Calibration", "NetworkScore", "Card", "ChiSquareRanking", "CommandLeak", "CommandLeakWarning",
     "Dependence", "LabelledWindows", "Model", "ModelError", "Network", "NetworkSubsetSelector",
     "NonlinearRegression",
     "PairwiseRedundancyFilter", "Precedent", "PrecedentBase", "PrecedentError", "Provenance",

@@ -9,7 +9,7 @@ import pytest
 
 from mavhums.core.window_features import WINDOW_KEYS
 from mavhums.learn import LabelledWindows, Scheme, WindowNetwork, train_windows
-from mavhums.learn.window_training import at_temperature, decides_at
+from mavhums.learn.evaluation import at_temperature, decides_at
 
 KEYS = ("V5 way", "V4|V5", "V5 rms", "V7 rms")
 
@@ -56,7 +56,7 @@ def test_the_same_seed_gives_the_same_network(network: WindowNetwork) -> None:
 def test_the_temperature_makes_an_overconfident_network_honest(network: WindowNetwork) -> None:
     hot = replace(network, w2=8 * network.w2, b2=8 * network.b2)
     other, last = windows(3), windows(4, count=3000)
-    cooled, temperature = at_temperature(hot, other)
+    cooled, temperature = at_temperature(hot, other.features, other.classes)
     assert temperature > 4
     found = cooled.probabilities(last.features)
     sure, right = found.max(axis=1), found.argmax(axis=1) == last.classes
@@ -65,9 +65,9 @@ def test_the_temperature_makes_an_overconfident_network_honest(network: WindowNe
 
 
 def test_it_decides_from_the_probability_that_keeps_the_goal(network: WindowNetwork) -> None:
-    fitted, _ = at_temperature(network, windows(3))
-    other = windows(5, count=3000)
-    levels = [decides_at(fitted, other, goal) for goal in (0.5, 0.95, 0.99)]
+    first, other = windows(3), windows(5, count=3000)
+    fitted, _ = at_temperature(network, first.features, first.classes)
+    levels = [decides_at(fitted, other.features, other.classes, goal) for goal in (0.5, 0.95, 0.99)]
     assert levels[0] == 0.5
     assert levels == sorted(levels)
     found = fitted.probabilities(other.features)
@@ -93,7 +93,7 @@ def test_what_is_missing_or_foreign_is_not_inside(network: WindowNetwork) -> Non
 
 
 def test_a_network_of_unknown_statistics_is_refused(network: WindowNetwork) -> None:
-    with pytest.raises(ValueError, match="'V13 rms' is no statistic"):
+    with pytest.raises(ValueError, match="'V13 rms' is not a statistic"):
         replace(network, keys=("V13 rms", *network.keys[1:]))
     with pytest.raises(ValueError, match="do not name"):
         replace(network, keys=network.keys[:-1])
