@@ -35,9 +35,9 @@ from mavhums.app.analysis import analyse_alone
 from mavhums.app.many import Batch
 from mavhums.fleet.second_pass import rows_of, second_pass
 from mavhums.flights.compare import StandaloneAssessment
+from mavhums.flights.folder import FlightFolder, keep_assessment, read_history
 from mavhums.flights.queries import exit_code
-from mavhums.flights.stores.delta import Store
-from mavhums.flights.stores.folder import FlightFolder, keep_assessment, read_history
+from mavhums.flights.store import Store
 from mavhums_sim import Flight, fly, write_tlog
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -210,7 +210,7 @@ def questions(folder: Path) -> None:
     import pyarrow as pa
     from deltalake import WriterProperties, write_deltalake
 
-    from mavhums.flights.stores.delta_tables import schemas
+    from mavhums.flights.store_tables import schemas
 
     (folder / "one.tlog").write_bytes(kinds(folder, 120.0)[0])
     verdicts = analyse(folder / "one.tlog").verdicts

@@ -22,7 +22,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from mavhums import MavhumsError, Options, analyse, fleet
-from mavhums.flights.stores.folder import keep_assessment
+from mavhums.flights.folder import keep_assessment
 from mavhums_sim import Flight, fly, write_tlog
 
 sys.path.insert(0, str(Path(__file__).parents[1]))

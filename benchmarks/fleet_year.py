@@ -27,12 +27,12 @@ from pathlib import Path
 import numpy as np
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.flights.changes import digest
 from mavhums.flights.compare import StandaloneAssessment, packed
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.queries import STANDINGS_OF
-from mavhums.flights.stores.delta import FORMAT, Row, Store
-from mavhums.flights.stores.delta_tables import LOGS, STANDINGS
+from mavhums.flights.reports import digest
+from mavhums.flights.store import FORMAT, Row, Store
+from mavhums.flights.store_tables import LOGS, STANDINGS
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary

@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 from mavhums.core.arrays import Array
-from mavhums.flights.stores.folder import read_history
+from mavhums.flights.folder import read_history
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.growth import course_of
 

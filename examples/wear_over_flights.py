@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import track
 
 import mavhums
-from mavhums.flights.stores.folder import keep_assessment, read_history
+from mavhums.flights.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.results.standing import TrendReport
 from mavhums.show.trend import render_trends

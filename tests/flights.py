@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from mavhums.core.conditions import Condition
-from mavhums.flights.stores.folder import keep_assessment
+from mavhums.flights.folder import keep_assessment
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.sections import FlightIdentity

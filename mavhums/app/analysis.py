@@ -19,8 +19,7 @@ from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_same_aircraft, latest
 from mavhums.flights.compare import FlightComparison, StandaloneAssessment, compared
-from mavhums.flights.history import FlightHistory
-from mavhums.flights.stores import with_duplicate_flights
+from mavhums.flights.history import FlightHistory, with_duplicate_flights
 from mavhums.log import Decoder, read_blocks
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 

@@ -16,9 +16,8 @@ from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
 from mavhums.actuator.telemetry import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
-from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes, with_drops
+from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes, VehicleLimit, with_drops
 from mavhums.engine.usage import vehicle_usage
-from mavhums.engine.vehicle_limit import VehicleLimit
 from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
 from mavhums.health.verdict.axis import verdicts_of_axes
 from mavhums.health.verdict.motor import MOTORS
@@ -156,6 +155,7 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes:
         )
     tier = sent if airframe is None else next((tier for tier in TIERS if tier.name in own), None)
     judged = tier is not None and tier.judged and not (airframe is None and identity.multirotor)
+    found = followed.setups.last.contradictions if followed else ()
     return VehicleTelemetry(
         vehicle=vehicle,
         kind=identity.kind,
@@ -166,7 +166,7 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes:
         tier=tier.name if tier else None,
         gives=tier.gives if tier else "nothing of the actuators",
         judged=judged,
-        remedy=_remedy(airframe, tier, sent, identity, followed.told.last.found if followed else ()),
+        remedy=_remedy(airframe, tier, sent, identity, found),
         actuators=tuple(rows),
         subjects=tuple(_judgeable(identity, sent, mapper, followed, rotors=rotor_servos(parameters.values))),
         usage=vehicle_usage(identity, followed, parameters, airframe) if followed else None,
@@ -237,7 +237,7 @@ def _judgeable(
         name = mapper.tier(identity.vehicle, actuator)
         tier = tier_named(name) if name else None
         provenance = mapper.provenance(identity.vehicle, actuator)
-        against = axes.told.last.against(actuator.name) if axes else ()
+        against = axes.setups.last.against(actuator.name) if axes else ()
         if against:
             why = against_log(against), to_correct(against)
             yield _said(unjudged(identity.vehicle, actuator.name, why, tier, provenance), judged=False)

@@ -101,7 +101,7 @@ def analyse_many(
             if isinstance(judged, Judged):
                 try:
                     if batch.keep is not None:
-                        from mavhums.flights.stores.folder import keep_assessment
+                        from mavhums.flights.folder import keep_assessment
 
                         keep_assessment(judged.assessment, batch.keep)
                         settings = replace(settings, history=settings.history.with_flight(judged.assessment))

@@ -13,8 +13,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import AircraftResolver, check_aircraft_rule
 from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
-from mavhums.flights.history import FlightHistory
-from mavhums.flights.stores import EarlierFlights, is_store
+from mavhums.flights.history import EarlierFlights, FlightHistory, is_store
 from mavhums.health.decision.baseline import BaselineSource
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.self_baseline.past import PastSource
@@ -189,6 +188,6 @@ def _history(history: History | str | os.PathLike[str] | None) -> History:
     if is_store(history):
         problem = f"{history}: is a fleet's store, not a folder of one aircraft's flights"
         raise MavhumsError(problem, f"judge with the command: mavhums analyse LOG --history {history}")
-    from mavhums.flights.stores.folder import FlightFolder  # a log without a history needs no folder
+    from mavhums.flights.folder import FlightFolder  # a log without a history needs no folder
 
     return FlightFolder(history)

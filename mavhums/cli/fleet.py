@@ -321,7 +321,7 @@ def _last(start_us: int | None) -> str:
     """Return the date of the last flight, and how long ago it was if that is long."""
     if start_us is None:
         return ""
-    from mavhums.flights.changes import SILENT_DAYS
+    from mavhums.flights.reports import SILENT_DAYS
 
     at = datetime.fromtimestamp(start_us / 1e6, tz=UTC)
     days = (datetime.now(UTC) - at).days

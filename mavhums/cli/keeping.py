@@ -33,7 +33,7 @@ _SHOWN_NOTICES = 5
 
 def divided(history: Path | str | None) -> tuple[Path | None, Path | str | None]:
     """Return the folder of flights or the store of a fleet that a history is; one of the two is None."""
-    from mavhums.flights.stores import is_store  # not before: --help loads nothing heavy
+    from mavhums.flights.history import is_store  # not before: --help loads nothing heavy
 
     if history is None or not is_store(history):
         return None if history is None else Path(history), None
@@ -60,8 +60,8 @@ def check_baseline_dates(dates: Sequence[Any], history: Path | str | None) -> No
 
 def indexed_history(folder: Path | None, *, may_be_new: bool = False) -> History:
     """Open a folder of flights by its index; print on standard error which files could not be read."""
+    from mavhums.flights.folder import FlightFolder
     from mavhums.flights.history import FlightHistory
-    from mavhums.flights.stores.folder import FlightFolder
 
     if folder is None or (may_be_new and not folder.exists()):
         return FlightHistory()

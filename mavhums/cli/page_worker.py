@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from mavhums.core.errors import MavhumsError
 from mavhums.core.files import written_whole
 from mavhums.flights.aircraft import UnnamedAircraftError
-from mavhums.flights.stores import is_store
+from mavhums.flights.history import is_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -97,7 +97,7 @@ def _patiently(work: Callable[[], Outcome]) -> Outcome:
 
 
 def _lies_there(store: Path, copy: Path) -> bool:
-    from mavhums.flights.stores.delta import Store
+    from mavhums.flights.store import Store
 
     return bool(Store(store).query("SELECT 1 FROM logs WHERE path = ? LIMIT 1", str(copy)).fetchone())
 

@@ -125,7 +125,7 @@ def write_trends(output: Path, trends: tuple[ActuatorTrend, ...]) -> None:
 
 def opened_history(folder: Path) -> FlightHistory:
     """Read a folder of flights, and print on standard error which files could not be read."""
-    from mavhums.flights.stores.folder import read_history
+    from mavhums.flights.folder import read_history
 
     with steps("reading the flights before") as progress:
         history = read_history(folder, progress=progress)

@@ -1,16 +1,16 @@
-"""The axes of every vehicle of a log: takes tables, yields changes of condition, returns findings."""
+"""The vehicles of a log that are judged, and the axes of each: takes tables, yields changes of condition."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
 
 from mavhums.actuator.profile import Airframe
-from mavhums.engine.told import Told
 from mavhums.engine.vehicle_axes import AxisEvent, VehicleAxes
+from mavhums.engine.vehicle_setup import SetupHistory
 from mavhums.log import Table
 from mavhums.log.base.decoder import Losses
 from mavhums.log.base.tables import text_of
@@ -24,7 +24,7 @@ from mavhums.vehicle.rotors import ROTOR_PARAMETERS
 from mavhums.vehicle.signals import SIGNAL_MESSAGES, SignalReader
 from mavhums.vehicle.vtol import VTOL_PARAMETERS
 
-__all__ = ["SIGNAL_MESSAGES", "Axes", "VehicleAxes", "with_drops"]
+__all__ = ["MOST_VEHICLES", "SIGNAL_MESSAGES", "Axes", "VehicleAxes", "VehicleLimit", "with_drops"]
 
 _FUNCTIONS: Final = (*OUTPUT_PARAMETERS, *VTOL_PARAMETERS, *ROTOR_PARAMETERS)
 
@@ -65,10 +65,10 @@ class Axes:
         """Return the parameters that a vehicle reported."""
         return self._received.of(vehicle)
 
-    def told(self, vehicle: int) -> Told:
+    def setups(self, vehicle: int) -> SetupHistory:
         """Return the profile and the parameters of a vehicle."""
         axes = self._vehicles.get(vehicle)
-        return axes.told if axes else Told(self._airframe)
+        return axes.setups if axes else SetupHistory(self._airframe)
 
     def flown_s(self) -> float:
         """Return the seconds of forward flight of all vehicles."""
@@ -123,7 +123,7 @@ class Axes:
             vehicle, frame, airframe = self._announced.pop(0)
             axes = axes_of(vehicle)
             [second] = axes.grid.reached_s(np.array([frame]), signals.get(vehicle, ())).tolist()
-            axes.told.name(second, airframe)
+            axes.setups.add_profile(second, airframe)
         for report in reports(tables, "parameter"):
             named = [text_of(name).startswith(_FUNCTIONS) for name in report.values["name"].tolist()]
             sent = report.select(np.array(named, dtype=bool))
@@ -141,7 +141,7 @@ class Axes:
             now = sent.select(seconds == second)
             self._received.add_autopilots(tables, before=int(now.table.frame[-1]))
             self._received.add_parameters(now)
-            axes.told.hear(second, self._received.of(vehicle))
+            axes.setups.add_parameters(second, self._received.of(vehicle))
 
 
 def with_drops(losses: Losses, clocks: Clocks, axes: Axes) -> Losses:
@@ -164,3 +164,38 @@ def with_drops(losses: Losses, clocks: Clocks, axes: Axes) -> Losses:
     return losses.model_copy(
         update={name: {key: n for key, n in sorted(counts.items()) if n} for name, counts in found.items()}
     )
+
+
+MOST_VEHICLES: Final = 32
+"""Vehicles that are judged at most."""
+
+
+class VehicleLimit:
+    """Admits the first vehicles of a log, in the order of the log, whatever the block size.
+
+    Parameters
+    ----------
+    messages
+        Names of the messages that describe actuators; a vehicle that sends none takes no place.
+    """
+
+    def __init__(self, messages: Collection[str]) -> None:
+        self._messages = frozenset(messages)
+        self._admitted: set[int] = set()
+
+    def observe(self, tables: Mapping[str, Table]) -> None:
+        """Admit the senders of the next messages, as long as there is room."""
+        if len(self._admitted) == MOST_VEHICLES:
+            return
+        first: dict[int, int] = {}
+        for name in self._messages & tables.keys():
+            systems, places = np.unique(tables[name].system, return_index=True)
+            for system, frame in zip(systems.tolist(), tables[name].frame[places].tolist(), strict=True):
+                first[system] = min(frame, first.get(system, frame))
+        for system in sorted(first, key=first.__getitem__):
+            if len(self._admitted) < MOST_VEHICLES:
+                self._admitted.add(system)
+
+    def admits(self, vehicle: int | None) -> bool:
+        """Return whether a vehicle is judged."""
+        return len(self._admitted) < MOST_VEHICLES or vehicle in self._admitted

@@ -19,13 +19,12 @@ from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.telemetry import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.engine.actuators import Monitors, classified, network_answer, summary_of
-from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, with_drops
+from mavhums.engine.axes import MOST_VEHICLES, SIGNAL_MESSAGES, Axes, VehicleLimit, with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Forgotten, Notice, Samples
-from mavhums.engine.motors import beside_motors, without_thrust_left
+from mavhums.engine.motors import beside_motors
 from mavhums.engine.options import EngineOptions
-from mavhums.engine.told import notices
-from mavhums.engine.usage import vehicle_usage
-from mavhums.engine.vehicle_limit import MOST, VehicleLimit
+from mavhums.engine.usage import vehicle_usage, without_thrust_left
+from mavhums.engine.vehicle_setup import setup_notices
 from mavhums.health.decision.events import ActuatorRecord
 from mavhums.health.self_baseline.past import comparable
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
@@ -118,7 +117,7 @@ class Engine:
         """End the input; judge the remaining data and return the events."""
         events = [*self.feed(b""), *self._follow(self._decoder.feed(b"", final=True), final=True)]
         for (vehicle, actuator), monitor in self._monitors:
-            if self._axes.told(vehicle).last.against(actuator):
+            if self._axes.setups(vehicle).last.against(actuator):
                 events.extend(self._forget(vehicle, actuator, self._end_s(vehicle)))
             else:
                 events.extend(monitor.finish())
@@ -190,7 +189,9 @@ class Engine:
             followed = self._axes.vehicle(vehicle)
             if followed is not None and self._vehicle_limit.admits(vehicle):
                 whose = f"vehicle {vehicle}: " if len(vehicles) > 1 else ""
-                yield from (f"{whose}{said}" for said in notices(followed.told.last, followed.surfaces))
+                yield from (
+                    f"{whose}{said}" for said in setup_notices(followed.setups.last, followed.surfaces)
+                )
                 yield from (f"{whose}{said}" for said in without_thrust_left(followed))
                 draft = self._mappers.drafts.get(vehicle)
                 if draft is not None:
@@ -269,7 +270,7 @@ class Engine:
         yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)
         mapped = mapped.evidence()
         airspeed = self._airspeeds.at(mapped.vehicle, mapped.utc_us)
-        refused = self._axes.told(mapped.vehicle).refused(actuator.name, time_s)
+        refused = self._axes.setups(mapped.vehicle).refused(actuator.name, time_s)
         edges = (np.flatnonzero(np.diff(refused)) + 1).tolist()
         for a, b in pairwise([0, *edges, time_s.size]):
             if refused[a]:
@@ -290,7 +291,7 @@ class Engine:
         monitor = self._monitors.forget(vehicle, actuator)
         if monitor is None:
             return
-        why = f"undecided: {against_log(self._axes.told(vehicle).last.against(actuator))}"
+        why = f"undecided: {against_log(self._axes.setups(vehicle).last.against(actuator))}"
         if monitor.condition != "undecided":
             yield ConditionChanged(vehicle, actuator, time_s, time_s, monitor.condition, "undecided", why)
         yield Forgotten(vehicle, actuator, time_s, why)
@@ -303,15 +304,15 @@ class Engine:
     def _of_vehicle(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> list[Verdict]:
         """Return the verdicts on a vehicle: its actuators first, then its axes."""
         actuators = [*self._verdicts(vehicle, tier, indicators)]
-        told = self._axes.told(vehicle or 0).last
+        setup = self._axes.setups(vehicle or 0).last
         own = any(
-            v.condition != "unmonitored" and v.actuator != ALL and not told.against(v.actuator)
+            v.condition != "unmonitored" and v.actuator != ALL and not setup.against(v.actuator)
             for v in actuators
         )
         axes = [*self._axis_verdicts(vehicle)] if vehicle is not None else []
         if own and all(verdict.worst == "undecided" for verdict in axes):
             return actuators  # their own telemetry gives the verdicts
-        axes = [*named_by_telemetry(axes, actuators, told.airframe)]
+        axes = [*named_by_telemetry(axes, actuators, setup.airframe)]
         return [*beside_motors(actuators, axes), *axes]
 
     def _axis_verdicts(self, vehicle: int) -> Iterator[Verdict]:
@@ -337,14 +338,14 @@ class Engine:
             yield from unjudged_vehicle(vehicle, tier, identity, surfaces=surfaces, rotors=rotors)
             return
         if not self._vehicle_limit.admits(vehicle):
-            yield crowded_out(vehicle, tier, MOST)
+            yield crowded_out(vehicle, tier, MOST_VEHICLES)
             return
-        told = self._axes.told(vehicle).last
+        setup = self._axes.setups(vehicle).last
         for actuator in mapper.airframe.actuators:
             monitor = self._monitors.get(vehicle, actuator.name)
             own = mapper.tier(vehicle, actuator)
             provenance = mapper.provenance(vehicle, actuator)
-            against = told.against(actuator.name)
+            against = setup.against(actuator.name)
             if against:
                 why = against_log(against), remedy(against)
                 sent = tier_named(own) if own else tier

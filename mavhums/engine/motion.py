@@ -98,7 +98,7 @@ def contradiction(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved]
         worse = [servo for servo in named if shares[servo] < _WORSE * shares[own]]
         wrong = [servo for servo in worse if not _alike(rows, pulses, servo, own)]
         movers = [servo for servo in named if servo not in wrong]
-    return _told(axis, wrong, sorted(movers)) if wrong else ""
+    return _contradiction_text(axis, wrong, sorted(movers)) if wrong else ""
 
 
 def refutation(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved], limits: AxisLimits) -> str:
@@ -119,7 +119,7 @@ def refutation(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved], l
     movers = [servo for servo, found in tried.items() if found.referred and not found.alarmed]
     silent = alone.keys() - telling.keys()
     wrong = [one.servo for one in outputs if one.servo not in movers and one.servo not in silent]
-    return _told(axis, wrong, movers) if wrong and movers else ""
+    return _contradiction_text(axis, wrong, movers) if wrong and movers else ""
 
 
 class _DemandCheck(NamedTuple):
@@ -167,7 +167,7 @@ def _alike(rows: Rows, pulses: Array, one: int, other: int) -> bool:
     return one == other or abs(float(np.corrcoef(both[:, 0], both[:, 1])[0, 1])) >= _ALIKE
 
 
-def _told(axis: str, wrong: Sequence[int], movers: Sequence[int]) -> str:
+def _contradiction_text(axis: str, wrong: Sequence[int], movers: Sequence[int]) -> str:
     """Return a contradiction in the motion as a clause."""
     first, but = ("servo", "does") if len(wrong) == 1 else ("servos", "do")
     then = f"servo {movers[0]} does" if len(movers) == 1 else f"servos {_listed(movers)} do"

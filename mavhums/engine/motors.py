@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from math import inf
-from typing import Final, Protocol
+from typing import Final
 
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor.monitor import MotorMonitor
@@ -19,24 +19,13 @@ from mavhums.vehicle.grid import Received, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.surfaces import STEERING
-from mavhums.vehicle.usage import Usage
 
-__all__ = ["VehicleMotors", "beside_motors", "without_thrust_left"]
+__all__ = ["VehicleMotors", "beside_motors"]
 
 _EARLY_S: Final = 20
 """Seconds kept until the parameters apply: they apply from where they stand in the log, and a log that
 begins in the air, or a link that sends them on request, has them some seconds late."""
 _LATE_S: Final = 40  # by which a stream may lag
-
-_SATURATED_S: Final = 1.0
-"""At full output in sum: shorter is a gust or a hard stop, as any flight has them."""
-
-
-class _MotorUser(Protocol):
-    """A vehicle as far as its motors' use is concerned."""
-
-    motors: VehicleMotors
-    usage: Usage
 
 
 class VehicleMotors:
@@ -49,7 +38,7 @@ class VehicleMotors:
 
     Attributes
     ----------
-    told
+    by_parameters
         The motors by the parameters; why they are not known; None if it is not known to be a multirotor.
     speeds
         The speeds that its ESCs report.
@@ -57,7 +46,7 @@ class VehicleMotors:
 
     def __init__(self, vehicle: int) -> None:
         self._vehicle = vehicle
-        self.told: Rotors | str | None = None
+        self.by_parameters: Rotors | str | None = None
         self.speeds = EscSpeeds()
         self._monitor: MotorMonitor | None = None
         self._early: list[Seconds] = []
@@ -67,11 +56,11 @@ class VehicleMotors:
     def rotors(self) -> Rotors | str | None:
         """The motors that are judged; why they are not known; None if it is not known to be a multirotor."""
         # A motor that loses its output in flight, as an override has it, is still the aircraft's.
-        return self._monitor.rotors if self._monitor else self.told
+        return self._monitor.rotors if self._monitor else self.by_parameters
 
     def feed(self, seconds: Seconds) -> Iterator[ConditionChanged]:
         """Take settled seconds; yield the changes of condition."""
-        rotors = self.told
+        rotors = self.by_parameters
         if isinstance(rotors, Rotors) and (self._monitor is None or rotors != self._monitor.rotors):
             self._monitor = MotorMonitor(self._vehicle, rotors, self.speeds)
             for earlier in self._early:
@@ -106,22 +95,6 @@ class VehicleMotors:
             return
         findings = self._monitor.findings() if self._monitor else None
         yield from verdicts_of_motors(identity.vehicle, findings, self.rotors, flight, start_utc, received)
-
-
-def without_thrust_left(followed: _MotorUser) -> Iterator[str]:
-    """Yield one sentence on the motors that were asked for all they have: none was left to steer with."""
-    rotors, outputs = followed.motors.rotors, followed.usage.outputs
-    if not isinstance(rotors, Rotors) or rotors.lift:
-        return
-    full = {
-        f"motor {number}": outputs[servo].at_stops_s(round(rotors.idle), round(rotors.full))[1]
-        for number, servo in enumerate(rotors.servos, 1)
-        if servo in outputs
-    }
-    short = {name: time_s for name, time_s in full.items() if time_s >= _SATURATED_S}
-    if short:
-        told = ", ".join(f"{name} for {time_s:.0f} s" for name, time_s in short.items())
-        yield f"no thrust was left: {told} at full output"
 
 
 def beside_motors(actuators: Sequence[Verdict], others: Sequence[Verdict]) -> Sequence[Verdict]:

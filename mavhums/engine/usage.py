@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from mavhums.actuator.contradictions import contradictions
 from mavhums.actuator.profile import Airframe
@@ -16,7 +16,10 @@ from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.surfaces import STEERING, Surfaces
 from mavhums.vehicle.usage import OutputUse
 
-__all__ = ["vehicle_usage"]
+__all__ = ["vehicle_usage", "without_thrust_left"]
+
+_SATURATED_S: Final = 1.0
+"""At full output in sum: shorter is a gust or a hard stop, as any flight has them."""
 
 
 class _OutputFacts(NamedTuple):
@@ -119,3 +122,19 @@ def _output(servo: int, use: OutputUse | None, known: _OutputFacts | None) -> Ou
         mean_us=None if mean_us is None else round(mean_us, 1),
         bearing_deg=known.bearing_deg if known else None,
     )
+
+
+def without_thrust_left(followed: VehicleAxes) -> Iterator[str]:
+    """Yield one sentence on the motors that were asked for all they have: none was left to steer with."""
+    rotors, outputs = followed.motors.rotors, followed.usage.outputs
+    if not isinstance(rotors, Rotors) or rotors.lift:
+        return
+    full = {
+        f"motor {number}": outputs[servo].at_stops_s(round(rotors.idle), round(rotors.full))[1]
+        for number, servo in enumerate(rotors.servos, 1)
+        if servo in outputs
+    }
+    short = {name: time_s for name, time_s in full.items() if time_s >= _SATURATED_S}
+    if short:
+        told = ", ".join(f"{name} for {time_s:.0f} s" for name, time_s in short.items())
+        yield f"no thrust was left: {told} at full output"

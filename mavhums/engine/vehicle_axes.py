@@ -14,7 +14,7 @@ from mavhums.core.conditions import Condition
 from mavhums.engine.events import Notice
 from mavhums.engine.motion import TRIED_AXES, contradiction, inferred, refutation, rests_on_outputs
 from mavhums.engine.motors import VehicleMotors
-from mavhums.engine.told import Known, Told
+from mavhums.engine.vehicle_setup import SetupHistory, VehicleSetup
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Indication
@@ -61,7 +61,7 @@ class VehicleAxes:
 
     Attributes
     ----------
-    told
+    setups
         The profile and the parameters, with the flight seconds from which they apply.
     surfaces, flight, monitor
         The surfaces, the flight and the monitor, as far as known.
@@ -74,15 +74,15 @@ class VehicleAxes:
     def __init__(
         self, vehicle: int, start_us: int, airframe: Airframe | None = None, *, angles: bool = False
     ) -> None:
-        self.told = Told(airframe)
-        self.surfaces = self.told.last.surfaces
+        self.setups = SetupHistory(airframe)
+        self.surfaces = self.setups.last.surfaces
         self.monitor = _monitor(vehicle, airframe.axes if airframe else None, self.surfaces)
         self.flight = Flight(self.surfaces)
         self.usage = Usage()
         self.grid = Grid(start_us)
         self.motors = VehicleMotors(vehicle)
         self._vehicle, self._angles = vehicle, angles
-        self._known = self.told.last
+        self._setup = self.setups.last
         self._answers: dict[str, str] = {}
         self._now_s, self._tries = 0, 0
         self._inferences, self._hoped_s, self._next_try_s = 0, 0, _INFER_S
@@ -92,7 +92,7 @@ class VehicleAxes:
     @property
     def parameters(self) -> Parameters | None:
         """The vehicle's parameters, as far as they apply."""
-        return self._known.parameters
+        return self._setup.parameters
 
     def feed(self, signals: Sequence[Signal], *, final: bool = False) -> Iterator[AxisEvent]:
         """Take new samples; yield the changes of condition."""
@@ -100,13 +100,13 @@ class VehicleAxes:
         seconds = self.grid.feed(signals, final=final)
         while seconds is not None:
             first = int(seconds.index[0])
-            yield from self._apply(self.told.at(first))
+            yield from self._apply(self.setups.at(first))
             yield from self._look(first)
             now, seconds = self._next(seconds)
             yield from self.motors.feed(now)
             yield from self._follow(now)
         if final:
-            yield from self._apply(self.told.last)
+            yield from self._apply(self.setups.last)
             yield from self._look(self._now_s + _RETRY_S)
 
     @property
@@ -149,16 +149,16 @@ class VehicleAxes:
         if not self._receives or flight.flown_s < _INFER_S:
             return surfaces
         if flight.has_pulses:
-            return self._known.surfaces
-        airframe = self._known.airframe
+            return self._setup.surfaces
+        airframe = self._setup.airframe
         named = of_airframe(airframe) if airframe else None
-        found = on_channels(named, self._known.parameters, flight.by_receiver)
+        found = on_channels(named, self._setup.parameters, flight.by_receiver)
         return surfaces if found is None or found == surfaces else found
 
     def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
         """Return the seconds until the surfaces may change, and the rest."""
         first = int(seconds.index[0])
-        due = self.told.next_s(first)
+        due = self.setups.next_s(first)
         ends = [] if due is None else [due]
         if self._eager() or self._doubtful():
             ends.append(first + 1)
@@ -183,19 +183,19 @@ class VehicleAxes:
             for event in events:
                 yield from self._report(event)
 
-    def _apply(self, known: Known) -> Iterator[AxisEvent]:
-        """Use what is known of the outputs from now on."""
-        if known is self._known:
+    def _apply(self, setup: VehicleSetup) -> Iterator[AxisEvent]:
+        """Judge by another setup from now on."""
+        if setup is self._setup:
             return
-        named = known.airframe is not self._known.airframe
-        self._known, self.motors.told = known, known.rotors
+        named = setup.airframe is not self._setup.airframe
+        self._setup, self.motors.by_parameters = setup, setup.rotors
         if named:
             self._answers.clear()
             self._tries = 0
-        surfaces = self._as_it_moves(known.surfaces) if known.surfaces else self.surfaces
+        surfaces = self._as_it_moves(setup.surfaces) if setup.surfaces else self.surfaces
         if self.surfaces is not None and self.surfaces.by_receiver:
             surfaces = self.surfaces
-        limits = known.airframe.axes if known.airframe else self.monitor.limits
+        limits = setup.airframe.axes if setup.airframe else self.monitor.limits
         if limits != self.monitor.limits or (surfaces is not None and self._differs(surfaces)):
             why = "a profile names its outputs" if named else "its parameters name other outputs than before"
             yield from self._adopt(surfaces, why, limits)

@@ -4,10 +4,9 @@ from mavhums.fleet.corrections import corrections_in, reassign, remove, rename, 
 from mavhums.fleet.landing import Past, against, analyse, keep, past
 from mavhums.fleet.scan import ScanOptions, scan
 from mavhums.fleet.second_pass import change_repairs
-from mavhums.flights.changes import digest
-from mavhums.flights.export import export
+from mavhums.flights.corrections import Repair, repairs_in
 from mavhums.flights.queries import status, trend, verdicts, worst
-from mavhums.flights.repairs import Repair, repairs_in
+from mavhums.flights.reports import digest, export
 
 __all__ = [
     "Past",

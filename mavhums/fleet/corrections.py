@@ -22,14 +22,15 @@ from mavhums.flights.corrections import (
     Correction,
     FoundLog,
     add_corrections,
+    aircraft_in,
     corrected_names,
     corrections_of,
     logs_named,
+    named_in,
     where_logs,
 )
-from mavhums.flights.repairs import aircraft_in, named_in
-from mavhums.flights.stores.delta import Store
-from mavhums.flights.stores.delta_tables import DATES, INSTALLED, LOGS, REMOVED, STANDINGS, schemas
+from mavhums.flights.store import Store
+from mavhums.flights.store_tables import DATES, INSTALLED, LOGS, REMOVED, STANDINGS, schemas
 
 __all__ = ["corrections_in", "reassign", "remove", "rename", "restore"]
 

@@ -29,8 +29,8 @@ from mavhums.flights.aircraft import (
 )
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.compare import StandaloneAssessment
-from mavhums.flights.corrections import corrected_names
-from mavhums.flights.history import FlightHistory
+from mavhums.flights.corrections import corrected_names, since_of
+from mavhums.flights.history import FlightHistory, is_store
 from mavhums.flights.naming import (
     BOARD_NAME,
     aircraft_in_store,
@@ -40,9 +40,7 @@ from mavhums.flights.naming import (
     whose_in,
 )
 from mavhums.flights.queries import flight, past_flights, standings
-from mavhums.flights.repairs import since_of
-from mavhums.flights.stores import is_store
-from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Store
+from mavhums.flights.store import OF_THIS_FORMAT, LogFile, Store
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import FlightCopy
 

@@ -17,7 +17,7 @@ from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, board_of
 from mavhums.flights.compare import StandaloneAssessment, packed
 from mavhums.flights.history import PastFlight, UndatedError
 from mavhums.flights.naming import aircraft_in_store
-from mavhums.flights.stores.delta import LogFile, Row
+from mavhums.flights.store import LogFile, Row
 
 __all__ = ["AGAIN", "crashed", "judge", "judge_several", "settings_of"]
 

@@ -18,11 +18,19 @@ from mavhums.fleet.sources import logs_in
 from mavhums.fleet.workers import batches, connected, count
 from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, UnnamedAircraftError
 from mavhums.flights.aircraft_table import AircraftTable
-from mavhums.flights.corrections import corrected_names, removed_files, removed_logs
+from mavhums.flights.corrections import (
+    Repairs,
+    add_repairs,
+    aircraft_in,
+    corrected_names,
+    named_in,
+    reassigned,
+    removed_files,
+    removed_logs,
+)
 from mavhums.flights.naming import held_named, names_of, remember, renamed, whose_in
-from mavhums.flights.repairs import Repairs, add_repairs, aircraft_in, named_in, reassigned
-from mavhums.flights.stores.delta import LogFile, Row, Store
-from mavhums.flights.stores.delta_tables import REMOVED
+from mavhums.flights.store import LogFile, Row, Store
+from mavhums.flights.store_tables import REMOVED
 
 if TYPE_CHECKING:
     from distributed import Client

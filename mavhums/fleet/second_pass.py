@@ -17,13 +17,21 @@ from mavhums.core.errors import MavhumsError
 from mavhums.fleet.workers import count
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.aircraft_table import Since
-from mavhums.flights.changes import store_standings
-from mavhums.flights.checkpoint import Checkpoint, Superseded, TooLateError
+from mavhums.flights.checkpoint import (
+    Checkpoint,
+    Listed,
+    Superseded,
+    TooLateError,
+    listed,
+    read_checkpoint,
+    stamp_of,
+    store_checkpoint,
+)
 from mavhums.flights.compare import compared, unpacked
+from mavhums.flights.corrections import Repair, Repairs, add_repairs, remove_repairs, repairs_in, since_of
 from mavhums.flights.history import PastFlight
-from mavhums.flights.repairs import Repair, Repairs, add_repairs, remove_repairs, repairs_in, since_of
-from mavhums.flights.stamp import Listed, listed, read_checkpoint, stamp_of, store_checkpoint
-from mavhums.flights.stores.delta import Store
+from mavhums.flights.reports import store_standings
+from mavhums.flights.store import Store
 from mavhums.results.assessment import Assessment
 
 if TYPE_CHECKING:

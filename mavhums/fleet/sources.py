@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 
 from mavhums.core.errors import MavhumsError, MissingExtraError, UnreadableLogError
 from mavhums.core.packed import ARCHIVES, COMPRESSED, members
-from mavhums.flights.stores.delta import LogFile
+from mavhums.flights.store import LogFile
 from mavhums.log.formats import SUFFIXES
 
 if TYPE_CHECKING:

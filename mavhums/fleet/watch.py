@@ -14,7 +14,7 @@ from mavhums.fleet.scan import ScanOptions, scanned
 from mavhums.fleet.sources import logs_in
 from mavhums.flights.corrections import removed_files
 from mavhums.flights.queries import standings
-from mavhums.flights.stores.delta import LogFile, Store
+from mavhums.flights.store import LogFile, Store
 from mavhums.results.standing import Standing
 
 __all__ = ["Landed", "Watch"]

@@ -8,7 +8,7 @@ from math import ceil
 from typing import TYPE_CHECKING, Any, Final
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.flights.stores.delta import LogFile
+from mavhums.flights.store import LogFile
 
 if TYPE_CHECKING:
     from distributed import Client

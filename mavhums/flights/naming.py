@@ -23,8 +23,8 @@ from mavhums.flights.aircraft import (
 )
 from mavhums.flights.aircraft_table import AircraftTable, Installed
 from mavhums.flights.corrections import corrected_names
-from mavhums.flights.stores.delta import OF_THIS_FORMAT, LogFile, Row, Store
-from mavhums.flights.stores.delta_tables import NAMING
+from mavhums.flights.store import OF_THIS_FORMAT, LogFile, Row, Store
+from mavhums.flights.store_tables import NAMING
 from mavhums.results.assessment import Assessment
 from mavhums.results.store import ForeignBoard
 

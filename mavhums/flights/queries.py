@@ -14,10 +14,10 @@ from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.compare import unpacked
+from mavhums.flights.corrections import installed_in, repairs_of, since_of
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.naming import foreign_boards
-from mavhums.flights.repairs import installed_in, repairs_of, since_of
-from mavhums.flights.stores.delta import Store
+from mavhums.flights.store import Store
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary, exit_code_of

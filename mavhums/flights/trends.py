@@ -17,10 +17,9 @@ from mavhums.core.conditions import SEVERITY, URGENCY
 from mavhums.core.statistics import NORMAL_95
 from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
 from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
-from mavhums.flights.history import FlightHistory, PastFlight, UndatedError
+from mavhums.flights.folder import read_history
+from mavhums.flights.history import EarlierFlights, FlightHistory, PastFlight, UndatedError
 from mavhums.flights.standing import Flown, growth_of, standing_of, step_of
-from mavhums.flights.stores import EarlierFlights
-from mavhums.flights.stores.folder import read_history
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import Course, course_of, last_step
@@ -65,7 +64,7 @@ def trend(
     Parameters
     ----------
     folder
-        The same as for :func:`mavhums.flights.stores.folder.read_history`.
+        The same as for :func:`mavhums.flights.folder.read_history`.
     actuators, faults
         Names to include; all if empty.
     since
@@ -95,7 +94,7 @@ def trend(
     Examples
     --------
     >>> import mavhums
-    >>> from mavhums.flights.stores.folder import keep_assessment
+    >>> from mavhums.flights.folder import keep_assessment
     >>> file = keep_assessment(mavhums.analyse("flight.tlog"), "flights")
     >>> list(mavhums.trend("flights", faults=["friction"]).columns)[9:12]
     ['estimate', 'low', 'high']

@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
+from mavhums.engine.axes import MOST_VEHICLES
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import ConditionChanged, Event, Notice
-from mavhums.engine.vehicle_limit import MOST
 from mavhums.flights.aircraft import OtherAircraftError
 from mavhums.flights.compare import FlightComparison
 from mavhums.live.alerts import Alerts
@@ -202,7 +202,7 @@ class Session:
         if self._remember and self._ticks % _REMEMBER_EVERY == 0:
             self._remember()
         # An autopilot sends named values, and much else, only where it has heard a HEARTBEAT.
-        heard = self.peers.vehicles(now_us)[:MOST] or [_GREETED]
+        heard = self.peers.vehicles(now_us)[:MOST_VEHICLES] or [_GREETED]
         for voice in filter(None, (self._greeter, self._alerts)):
             voice.mavlink2 = self._stamper.speaks_mavlink2 or not self._stamper.frames
         if self._greeter and self._greeter is not self._alerts:

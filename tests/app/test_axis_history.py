@@ -14,7 +14,7 @@ from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.cli.main import cli
 from mavhums.flights.compare import FlightComparison, compared, packed, unpacked
-from mavhums.flights.stores.folder import keep_assessment, read_history
+from mavhums.flights.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.results.assessment import Assessment

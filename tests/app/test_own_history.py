@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import mavhums
-from mavhums.flights.stores.folder import keep_assessment
+from mavhums.flights.folder import keep_assessment
 from mavhums.results.assessment import Assessment
 from mavhums_sim import Flight, Gearbox, fly
 from mavhums_sim.conditions import Condition

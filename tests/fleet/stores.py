@@ -7,7 +7,7 @@ from pathlib import Path
 from mavhums.fleet.second_pass import rows_of
 from mavhums.flights.compare import StandaloneAssessment, packed
 from mavhums.flights.history import PastFlight
-from mavhums.flights.stores.delta import Row, Store
+from mavhums.flights.store import Row, Store
 from mavhums.results.assessment import Assessment
 
 __all__ = ["row_of", "write_store"]

@@ -25,7 +25,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.fleet.second_pass import second_pass
 from mavhums.flights.corrections import logs_named
 from mavhums.flights.queries import standings
-from mavhums.flights.stores.delta import Row, Store
+from mavhums.flights.store import Row, Store
 
 DAY_S = 86_400.0
 

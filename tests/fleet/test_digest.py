@@ -13,8 +13,8 @@ import pytest
 
 from mavhums.core.errors import ExitCode
 from mavhums.fleet import digest, worst
-from mavhums.flights.changes import store_standings
-from mavhums.flights.stores.delta import Store
+from mavhums.flights.reports import store_standings
+from mavhums.flights.store import Store
 from mavhums.results.store import FleetDigest
 from mavhums.show.changes import digest_html, digest_lines
 from tests.conftest import Run

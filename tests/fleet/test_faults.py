@@ -34,8 +34,8 @@ distributed = pytest.importorskip("distributed")
 from deltalake import DeltaTable, write_deltalake  # noqa: E402
 
 from mavhums import fleet  # noqa: E402
-from mavhums.flights.stores.delta import FORMAT, Store  # noqa: E402
-from mavhums.flights.stores.delta_tables import LOGS, VERDICTS, schemas  # noqa: E402
+from mavhums.flights.store import FORMAT, Store  # noqa: E402
+from mavhums.flights.store_tables import LOGS, VERDICTS, schemas  # noqa: E402
 from tests.fleet.stores import row_of, write_store  # noqa: E402
 
 FLIGHTS = 6

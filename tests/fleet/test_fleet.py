@@ -17,7 +17,7 @@ import pytest
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.flights.stores.folder import keep_assessment
+from mavhums.flights.folder import keep_assessment
 from mavhums.results.verdict import Verdict
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
@@ -30,8 +30,8 @@ cloudpickle = pytest.importorskip("cloudpickle")
 
 from mavhums import fleet  # noqa: E402
 from mavhums.fleet.sources import logs_in  # noqa: E402
-from mavhums.flights.stores.delta import Store  # noqa: E402
-from mavhums.flights.stores.delta_tables import LOGS  # noqa: E402
+from mavhums.flights.store import Store  # noqa: E402
+from mavhums.flights.store_tables import LOGS  # noqa: E402
 
 FLIGHTS = 12
 DAY_S = 86_400.0

@@ -9,7 +9,7 @@ import pytest
 
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options
-from mavhums.flights.stores.folder import keep_assessment
+from mavhums.flights.folder import keep_assessment
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run

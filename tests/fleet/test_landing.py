@@ -25,8 +25,8 @@ pytest.importorskip("duckdb")
 from mavhums import fleet
 from mavhums.app.settings import Settings
 from mavhums.cli import page_worker
-from mavhums.flights.stores.delta import Store
-from mavhums.flights.stores.delta_tables import LOGS, Tables
+from mavhums.flights.store import Store
+from mavhums.flights.store_tables import LOGS, Tables
 
 FLIGHTS = 11
 DAY_S = 86_400.0

@@ -15,8 +15,8 @@ pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")
 
 from mavhums import fleet
-from mavhums.flights.stores import delta as stores
-from mavhums.flights.stores.delta_tables import LOGS, SETTLED, Tables
+from mavhums.flights import store as stores
+from mavhums.flights.store_tables import LOGS, SETTLED, Tables
 
 HOUR_S = 3_600.0
 LANDINGS = 70  # more than the small files that a store leaves as they are

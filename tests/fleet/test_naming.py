@@ -24,8 +24,8 @@ pytest.importorskip("duckdb")
 from mavhums import fleet
 from mavhums.cli.page_worker import answer_to
 from mavhums.core.packed import ARCHIVES, COMPRESSED
-from mavhums.flights.stores.delta import Store
-from mavhums.flights.stores.delta_tables import NAMING
+from mavhums.flights.store import Store
+from mavhums.flights.store_tables import NAMING
 
 DAY_S = 86_400.0
 OLD = 3

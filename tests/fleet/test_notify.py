@@ -21,8 +21,8 @@ from tests.flights import flown, verdict
 
 pytest.importorskip("apprise", reason="the extra 'fleet' is not installed")
 
-from mavhums.flights.changes import store_standings
-from mavhums.flights.stores.delta import Store
+from mavhums.flights.reports import store_standings
+from mavhums.flights.store import Store
 
 SECRET = "s3cret-token"
 

@@ -19,7 +19,7 @@ pytest.importorskip("moto")
 distributed = pytest.importorskip("distributed")
 
 from mavhums import fleet  # noqa: E402
-from mavhums.flights.stores.delta import Store  # noqa: E402
+from mavhums.flights.store import Store  # noqa: E402
 
 FLIGHTS = 4
 DAY_S = 86_400.0

@@ -9,7 +9,7 @@ import pytest
 
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.flights.stores.folder import keep_assessment, read_history
+from mavhums.flights.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mavhums.core.errors import MavhumsError
-from mavhums.flights.stores.folder import keep_assessment
+from mavhums.flights.folder import keep_assessment
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Indicator
 from tests.conftest import Run
@@ -22,8 +22,7 @@ pytest.importorskip("distributed")
 from mavhums import fleet
 from mavhums.flights.aircraft_table import AircraftTable, Installed
 from mavhums.flights.checkpoint import Checkpoint
-from mavhums.flights.history import PastFlight
-from mavhums.flights.repairs import (
+from mavhums.flights.corrections import (
     Repair,
     add_repairs,
     reassigned,
@@ -32,8 +31,9 @@ from mavhums.flights.repairs import (
     repairs_of,
     since_of,
 )
-from mavhums.flights.stores.delta import Store
-from mavhums.flights.stores.folder import read_history
+from mavhums.flights.folder import read_history
+from mavhums.flights.history import PastFlight
+from mavhums.flights.store import Store
 from tests.fleet.stores import row_of, write_store
 
 DATES = (

@@ -36,10 +36,13 @@ from mavhums.fleet.second_pass import (  # noqa: E402
     rows_of,
     second_pass,
 )
-from mavhums.flights.checkpoint import Superseded  # noqa: E402
-from mavhums.flights.repairs import Repair, add_repairs  # noqa: E402
-from mavhums.flights.stamp import Listed, _follow  # noqa: E402
-from mavhums.flights.stores.delta import Store  # noqa: E402
+from mavhums.flights.checkpoint import (  # noqa: E402
+    Listed,
+    Superseded,
+    _follow,
+)
+from mavhums.flights.corrections import Repair, add_repairs  # noqa: E402
+from mavhums.flights.store import Store  # noqa: E402
 from tests.fleet.stores import row_of  # noqa: E402
 
 NAME = "D-A"

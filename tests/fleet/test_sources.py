@@ -23,7 +23,7 @@ from mavhums import fleet
 from mavhums.fleet import sources
 from mavhums.fleet.rows import judge
 from mavhums.fleet.sources import at_hand, logs_in
-from mavhums.flights.stores.delta import LogFile, Store
+from mavhums.flights.store import LogFile, Store
 from mavhums.results.assessment import Assessment
 
 FLIGHTS = 3

@@ -18,7 +18,7 @@ from mavhums import fleet
 from mavhums.cli.morning import _Morning
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.watch import Watch
-from mavhums.flights.stores.delta import Store
+from mavhums.flights.store import Store
 
 SETTLE_S = 60.0
 

@@ -12,7 +12,7 @@ import mavhums
 from mavhums.core.errors import ExitCode
 from mavhums.flights.aircraft import AircraftResolver, OtherAircraftError, check_same_aircraft, latest
 from mavhums.flights.aircraft_table import AircraftTable, Installed
-from mavhums.flights.stores.folder import FlightFolder, keep_assessment, read_history
+from mavhums.flights.folder import FlightFolder, keep_assessment, read_history
 from mavhums.results.assessment import Assessment
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link

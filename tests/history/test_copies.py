@@ -16,9 +16,8 @@ from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
 from mavhums.flights.checkpoint import Checkpoint
 from mavhums.flights.duplicates import Quality, Recording, superseded_recordings
-from mavhums.flights.history import FlightHistory, PastFlight
-from mavhums.flights.stores import with_duplicate_flights
-from mavhums.flights.stores.folder import FlightFolder, keep_assessment, read_history
+from mavhums.flights.folder import FlightFolder, keep_assessment, read_history
+from mavhums.flights.history import FlightHistory, PastFlight, with_duplicate_flights
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import FlightIdentity

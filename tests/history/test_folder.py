@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from mavhums.core.errors import MavhumsError
 from mavhums.flights import flight_file as files
-from mavhums.flights.stores import folder, with_duplicate_flights
-from mavhums.flights.stores.folder import CHECKPOINT, FlightFolder, keep_assessment, read_history
+from mavhums.flights import folder
+from mavhums.flights.folder import CHECKPOINT, FlightFolder, keep_assessment, read_history
+from mavhums.flights.history import with_duplicate_flights
 from mavhums.results.verdict import OwnRecord
 from tests.flights import START, flown, identity, shown, verdict, write_wear
 

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from mavhums.core.errors import MavhumsError
+from mavhums.flights.folder import keep_assessment, read_history
 from mavhums.flights.history import REFERENCE_FLIGHTS, FlightHistory, PastFlight
-from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.results.assessment import SCHEMA, Assessment

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mavhums.core.conditions import Condition
-from mavhums.flights.changes import _kinds
 from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.reports import _kinds
 from mavhums.flights.trends import trend_report, with_standings
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import course_of

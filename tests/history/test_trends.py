@@ -22,8 +22,8 @@ from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
 from mavhums.flights.actuator_comparison import ActuatorComparison
 from mavhums.flights.compare import FlightComparison
+from mavhums.flights.folder import keep_assessment, read_history
 from mavhums.flights.history import FlightHistory, PastFlight
-from mavhums.flights.stores.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.events import ComparisonInput, ConditionChanged

@@ -10,7 +10,7 @@ import pytest
 
 import mavhums
 from mavhums.core.errors import ExitCode
-from mavhums.flights.stores.folder import keep_assessment
+from mavhums.flights.folder import keep_assessment
 from mavhums.live.session import Session
 from mavhums.live.setup import LiveOptions, prepare
 from mavhums.log.mavlink.stamping import Piece

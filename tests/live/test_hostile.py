@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 import mavhums
+from mavhums.engine.axes import MOST_VEHICLES, VehicleLimit
 from mavhums.engine.engine import Engine
-from mavhums.engine.vehicle_limit import MOST, VehicleLimit
 from mavhums.log.mavlink.decoder import MavlinkDecoder
 from mavhums.log.mavlink.stamping import Piece
 from mavhums_sim.link import EPOCH_US
@@ -90,7 +90,7 @@ def test_more_vehicles_than_can_be_judged(tmp_path: Path) -> None:
         for verdict in live.verdicts
         if verdict.subject == "actuator" and verdict.actuator != "all"
     }
-    assert judged == set(order[:MOST])
+    assert judged == set(order[:MOST_VEHICLES])
     record = rig.recorder.path.read_bytes()
     for size in (10_000, 77_777):
         engine = Engine()

@@ -259,7 +259,7 @@ def test_parameters_that_come_late_find_the_same_seconds_however_blocks_end() ->
         for first, last in ((0, late), (late, len(seconds.index))):
             for k in range(first, last, size):
                 found += motors.feed(seconds.part(k, min(k + size, last)))
-            motors.told = rotors("quad x")
+            motors.by_parameters = rotors("quad x")
         return found
 
     assert [change.actuator for change in told(1000)] == ["motor 2"]

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.flights.stores.delta_tables import (
+from mavhums.flights.store_tables import (
     COPIES,
     INSTALLED,
     LOGS,
@@ -138,7 +138,7 @@ class Store:
             lock.release()
 
     def query(self, sql: str, *values: object) -> Any:
-        """Return DuckDB's result; the names of :mod:`mavhums.flights.stores.delta_tables` name the tables.
+        """Return DuckDB's result; the names of :mod:`mavhums.flights.store_tables` name the tables.
 
         Raises
         ------

@@ -21,23 +21,23 @@ from mavhums.vehicle.parameters import Parameters, assigned_outputs
 from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums.vehicle.surfaces import Surfaces, of_parameters
 
-__all__ = ["Known", "Told", "notices"]
+__all__ = ["SetupHistory", "VehicleSetup", "setup_notices"]
 
 _APPLIES_S: Final = 10
-"""A fact applies this long after it was heard, together with what comes until then: most lists of parameters
+"""A fact applies this long after it was read, together with what comes until then: most lists of parameters
 come within, and one that takes longer is applied in parts."""
 
-_SETTLED_S: Final = 3  # the samples of earlier seconds are settled no later than this after a fact was heard
+_SETTLED_S: Final = 3  # the samples of earlier seconds are settled no later than this after a fact was read
 
 _MOST: Final = 64  # changes that are remembered, so that memory does not grow with the flight
 
 
-class Known(NamedTuple):
-    """What is known of a vehicle's outputs: its profile, its parameters, and where the two contradict."""
+class VehicleSetup(NamedTuple):
+    """The profile and the parameters of a vehicle, and where the two contradict."""
 
     airframe: Airframe | None = None
     parameters: Parameters | None = None
-    found: tuple[Contradiction, ...] = ()
+    contradictions: tuple[Contradiction, ...] = ()
 
     @property
     def surfaces(self) -> Surfaces | None:
@@ -53,22 +53,22 @@ class Known(NamedTuple):
 
     def against(self, actuator: str) -> tuple[Contradiction, ...]:
         """Return why an actuator cannot be judged by the profile: its output moves something else."""
-        return tuple(one for one in self.found if one.actuator == actuator and one.key == "servo")
+        return tuple(one for one in self.contradictions if one.actuator == actuator and one.key == "servo")
 
-    def after(self, fact: Airframe | Parameters) -> Known:
-        """Return what is known with one more fact."""
+    def after(self, fact: Airframe | Parameters) -> VehicleSetup:
+        """Return the setup with one more fact."""
         airframe, parameters = self.airframe, self.parameters
         if isinstance(fact, Airframe):
             airframe = fact
         else:
             parameters = fact
         found = contradictions(airframe, parameters) if airframe and parameters else ()
-        return Known(airframe, parameters, found)
+        return VehicleSetup(airframe, parameters, found)
 
 
-def notices(known: Known, surfaces: Surfaces | None) -> Iterator[str]:
-    """Yield what contradicts the profile, as far as no actuator's verdict tells it."""
-    others = [one for one in known.found if one.key != "servo"]
+def setup_notices(setup: VehicleSetup, surfaces: Surfaces | None) -> Iterator[str]:
+    """Yield what contradicts the profile and stands in no actuator's verdict."""
+    others = [one for one in setup.contradictions if one.key != "servo"]
     if others:
         yield f"{against_log(others)}; {remedy(others)}"
     contradicted = surfaces.contradicted if surfaces else {}
@@ -77,8 +77,10 @@ def notices(known: Known, surfaces: Surfaces | None) -> Iterator[str]:
         yield f"{', '.join(by_log)}: judged by the log's parameters, which contradict the profile"
 
 
-class Told:
-    """Keeps what is known from when on, in whatever order one block of the log brings it.
+class SetupHistory:
+    """The setups of a vehicle, each with the flight second from which it applies.
+
+    The facts of one block of the log may come in any order.
 
     Parameters
     ----------
@@ -89,26 +91,26 @@ class Told:
     def __init__(self, airframe: Airframe | None = None) -> None:
         self._keys: list[tuple[int, str]] = []
         self._facts: list[Airframe | Parameters] = []
-        self._states = [Known(airframe)]  # before the first fact, and after each
-        self._heard: object = None
+        self._states = [VehicleSetup(airframe)]  # before the first fact, and after each
+        self._last_read: object = None
 
     @property
-    def last(self) -> Known:
-        """All that is known."""
+    def last(self) -> VehicleSetup:
+        """The setup after all facts."""
         return self._states[-1]
 
-    def hear(self, second: int, parameters: Parameters) -> None:
-        """Take the parameters as they are after a flight second."""
-        said = assigned_outputs(parameters), of_parameters(parameters), rotors_of(parameters)
-        if said != self._heard:
-            self._heard = said
+    def add_parameters(self, second: int, parameters: Parameters) -> None:
+        """Add the parameters as they are after a flight second."""
+        read = assigned_outputs(parameters), of_parameters(parameters), rotors_of(parameters)
+        if read != self._last_read:
+            self._last_read = read
             self._add(second, "parameters", parameters)
 
-    def name(self, second: int, airframe: Airframe) -> None:
-        """Take the profile that the vehicle names in a flight second."""
+    def add_profile(self, second: int, airframe: Airframe) -> None:
+        """Add the profile that the vehicle names in a flight second."""
         self._add(second, "airframe", airframe)
 
-    def at(self, second: float) -> Known:
+    def at(self, second: float) -> VehicleSetup:
         """Return what applies in a flight second."""
         return self._states[bisect_right(self._times, second)]
 
@@ -119,7 +121,7 @@ class Told:
 
     def refused(self, actuator: str, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return at which flight times an actuator cannot be judged by the profile, shape (n,)."""
-        against = np.array([bool(known.against(actuator)) for known in self._states])
+        against = np.array([bool(setup.against(actuator)) for setup in self._states])
         refused: NDArray[np.bool_] = against[np.searchsorted(self._times, time_s, side="right")]
         return refused
 
@@ -128,7 +130,7 @@ class Told:
         return [from_s for from_s, _ in self._keys]
 
     def _add(self, second: int, kind: str, fact: Airframe | Parameters) -> None:
-        last = max((from_s for from_s, told in self._keys if told == kind), default=-1)
+        last = max((from_s for from_s, one in self._keys if one == kind), default=-1)
         key = (last if second + _SETTLED_S <= last else second + _APPLIES_S), kind
         k = bisect_left(self._keys, key)
         if k < len(self._keys) and self._keys[k] == key:
