@@ -16,7 +16,7 @@ from mavhums.core.arrays import Array
 from mavhums.health.estimation.equations import OWN_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.flight_sums import collector
-from mavhums.health.estimation.grams import packed, unpacked
+from mavhums.health.estimation.least_squares import packed, unpacked
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.results.verdict import OwnRecord

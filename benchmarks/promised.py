@@ -19,7 +19,7 @@ from scipy.special import ndtr
 from mavhums.core.arrays import Array
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.estimation.equations.own_scale import CURRENT
-from mavhums.health.estimation.grams import packed
+from mavhums.health.estimation.least_squares import packed
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.estimation.wear import wear
 from mavhums.health.self_baseline.comparison import _Healthy

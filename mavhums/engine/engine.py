@@ -28,6 +28,7 @@ from mavhums.engine.vehicle_setup import setup_notices
 from mavhums.health.decision.events import ActuatorRecord
 from mavhums.health.self_baseline.past import comparable
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
+from mavhums.health.verdict import with_advice
 from mavhums.health.verdict.actuator import (
     crowded_out,
     unjudged,
@@ -36,7 +37,6 @@ from mavhums.health.verdict.actuator import (
     verdict_of_actuator,
     with_refused,
 )
-from mavhums.health.verdict.advice import with_advice
 from mavhums.health.verdict.axis import named_by_telemetry, verdicts_of_axes
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.log import Decoder, Table

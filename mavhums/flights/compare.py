@@ -38,8 +38,8 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.motor.past import compare_motors
 from mavhums.health.self_baseline.past import PastSource
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
+from mavhums.health.verdict import with_advice
 from mavhums.health.verdict.actuator import against_baseline, with_refused
-from mavhums.health.verdict.advice import with_advice
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
-from mavhums.health.verdict.advice import with_advice
+from mavhums.health.verdict import with_advice
 from mavhums.health.verdict.motor import MOTORS
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.assessment import Assessment

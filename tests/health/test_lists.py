@@ -12,7 +12,7 @@ from mavhums.health.actuator.detectors import DETECTORS
 from mavhums.health.estimation import equations
 from mavhums.health.estimation.equations import EQUATIONS, OWN_EQUATIONS, STROKE_EQUATIONS, interface
 
-SHARED = {"interface", "terms"}
+SHARED = {"interface"}
 
 
 def modules(package: ModuleType) -> set[str]:

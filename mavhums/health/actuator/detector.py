@@ -14,8 +14,7 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags
-from mavhums.health.decision.limits import Levels
-from mavhums.health.estimation.fits import Estimates
+from mavhums.health.decision.limits import Estimates, Levels
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.motion import Motion
 from mavhums.health.estimation.slots import Slots

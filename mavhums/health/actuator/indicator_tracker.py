@@ -13,9 +13,16 @@ from mavhums.health.actuator.detector import Detector
 from mavhums.health.decision.conditions import Episode, Episodes, IndicatorChange
 from mavhums.health.decision.events import Decided, Estimate, FaultRecord, IndicatorStep, WindowRecord
 from mavhums.health.decision.evidence import limit_rule, suspected
-from mavhums.health.decision.limits import Decision, WindowEvaluation, bounds, half_width, shown_by, tail_of
+from mavhums.health.decision.limits import (
+    Decision,
+    Estimates,
+    WindowEvaluation,
+    bounds,
+    half_width,
+    shown_by,
+    tail_of,
+)
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.random_effects import RunningVariance
 from mavhums.results.standing import Interval

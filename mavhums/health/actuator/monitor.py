@@ -42,8 +42,8 @@ from mavhums.health.decision.events import (
 from mavhums.health.decision.evidence import concludes, in_order, ranked
 from mavhums.health.decision.limits import Panel, WindowEvaluation
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.health.estimation.equations.torque import Load
-from mavhums.health.estimation.fits import Fits
+from mavhums.health.estimation.equations import Fits
+from mavhums.health.estimation.equations.data_sheet import Load
 from mavhums.health.estimation.motion import Motion, motion, window_sums
 from mavhums.health.estimation.slots import SlotCutter, Slots, Windows, with_extra_columns
 from mavhums.health.estimation.strokes import collectors

@@ -36,7 +36,7 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.limits import tail_of
-from mavhums.health.estimation.grams import unpacked
+from mavhums.health.estimation.least_squares import unpacked
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Indicator, OwnRecord, Since, Suspect, Verdict

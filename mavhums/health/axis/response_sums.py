@@ -17,7 +17,7 @@ from mavhums.health.axis.filters import HighPass
 from mavhums.health.axis.reference import STANDARDS
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Shape
 from mavhums.health.axis.thresholds import LEAST_ROWS_PER_S, PART_S, RESPONSE_SHAPES
-from mavhums.health.estimation.grams import packed
+from mavhums.health.estimation.least_squares import packed
 from mavhums.results.verdict import OwnRecord
 from mavhums.vehicle.flight import SPEEDS, Rows
 from mavhums.vehicle.grid import RATE_HZ

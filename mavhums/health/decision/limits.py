@@ -25,11 +25,35 @@ from mavhums.health.decision.thresholds import (
     MOST_POOLED_FREEDOM,
     WINDOWS_PER_100_H,
 )
-from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.thresholds import WINDOW_SLOTS
 from mavhums.results.standing import Interval
 
 _CONDITIONS: dict[int, Condition] = {-1: "undecided", 0: "normal", 1: "degraded", 2: "emergency"}
+
+
+class Estimates(NamedTuple):
+    """Estimates of a quantity in k windows; arrays of shape (k,), NaN for windows without evidence.
+
+    Attributes
+    ----------
+    value, error
+        Estimate and standard error.
+    freedom
+        Degrees of freedom of the error.
+    """
+
+    value: Array
+    error: Array
+    freedom: Array
+
+    @classmethod
+    def of(cls, value: Array, error: Array, freedom: Array, shown: Flags) -> Estimates:
+        """Return estimates that are NaN where they are not shown."""
+        return cls(np.where(shown, value, np.nan), error, freedom)
+
+    def at(self, which: Flags | int) -> Estimates:
+        """Return a subset of the windows, or one quantity of estimates of shape (d, k)."""
+        return Estimates(*(array[which] for array in self))
 
 
 def tail_of(false_alarms: float) -> float:

@@ -11,11 +11,14 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import column
 from mavhums.core.statistics import AIR_DENSITY
-from mavhums.health.estimation.equations.interface import OwnEquation, ServoSpeed
+from mavhums.health.estimation.equations.interface import (
+    OwnEquation,
+    ServoSpeed,
+    SlotLoad,
+    friction_with_load,
+)
 from mavhums.health.estimation.equations.own_scale import CURRENT, POWER, VOLTAGE
-from mavhums.health.estimation.equations.terms import SlotLoad, friction_with_load
-from mavhums.health.estimation.grams import Groups, eliminated, packed
-from mavhums.health.estimation.least_squares import Prior, sums_of_slots
+from mavhums.health.estimation.least_squares import Groups, Prior, eliminated, packed, sums_of_slots
 from mavhums.health.estimation.motion import angle_speed, lasting
 from mavhums.health.estimation.slots import AIRSPEED, SENSED, SHAFT, Slots
 from mavhums.health.estimation.thresholds import (

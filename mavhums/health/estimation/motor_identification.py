@@ -18,8 +18,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import column
 from mavhums.core.statistics import CENTRAL_95, NORMAL_95, RAD_S_PER_REV_MIN, t_quantile, uniform_deviation
-from mavhums.health.estimation.grams import Groups, eliminated, packed, unpacked
-from mavhums.health.estimation.least_squares import sums_of_slots
+from mavhums.health.estimation.least_squares import Groups, eliminated, packed, sums_of_slots, unpacked
 from mavhums.health.estimation.slots import Slots
 from mavhums.health.estimation.thresholds import (
     LEAST_PARTS,

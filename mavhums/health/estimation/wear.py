@@ -11,7 +11,7 @@ from mavhums.core.arrays import Array
 from mavhums.health.estimation.equations import STROKE_EQUATIONS
 from mavhums.health.estimation.equations.own_scale import POWER
 from mavhums.health.estimation.flight_sums import KEPT, LINEAR, POWER_COLUMNS, QUADRATIC, WEAR
-from mavhums.health.estimation.grams import eliminated, unpacked
+from mavhums.health.estimation.least_squares import eliminated, unpacked
 from mavhums.health.estimation.thresholds import (
     LEAST_INFORMATION_SAMPLES,
     LEAST_PARTS,

@@ -1,1 +1,63 @@
-"""Verdicts: findings in words, with the reason and the remedy where nothing can be said."""
+"""Verdicts: findings in words, with the reason and the remedy where nothing can be said, and the advice.
+
+The advice follows from the gravest condition and from the parts that the suspected fault concerns.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from mavhums.core.conditions import Condition
+from mavhums.health.actuator.detectors import to_inspect
+from mavhums.health.axis.detectors import to_inspect as axis_to_inspect
+from mavhums.results.verdict import Verdict
+from mavhums.vehicle.surfaces import STEERING
+
+_BY_CONDITION: Final[dict[Condition, str]] = {
+    "normal": "nothing to do; keep the log for the trend over flights",
+    "degraded": "inspect {parts} before the next flight, and watch the trend over flights",
+    "emergency": "do not fly; inspect {parts}; repair or replace the actuator and test it on the ground",
+    "unchanged": "nothing to do; keep the log: later flights are compared with it",
+    "changed": "inspect {parts} before the next flight, and watch the trend over flights",
+    "learning": "keep the log: the baseline grows with every flight",
+    "undecided": "undecided is not healthy: check it by other means, or record what is missing",
+    "unmonitored": "unmonitored is not healthy: inspect it as before, or give it telemetry",
+}
+
+
+def with_advice(verdict: Verdict) -> Verdict:
+    """Return a verdict with the recommended action.
+
+    Examples
+    --------
+    >>> with_advice(Verdict(vehicle=1, actuator="rudder", condition="learning", worst="learning")).advice
+    'keep the log: the baseline grows with every flight'
+    """
+    if verdict.subject == "motor":
+        # Outputs alone do not tell a propeller from its motor or ESC; the ESC's speed does.
+        told = next((item.rule.rpartition(": ")[2] for item in verdict.evidence if item.kind == "speed"), "")
+        before = "motor, ESC and wiring"
+        chain = f"propeller, {before}" if not told else before if "the ESC" in told else "propeller"
+        chain = f"the {chain} of {verdict.actuator}"
+        advice = _BY_CONDITION[verdict.gravest].format(parts=chain)
+        if verdict.gravest == "emergency":
+            advice = f"do not fly; inspect {chain}; replace what failed and test it without propellers"
+        return verdict.model_copy(update={"advice": advice})
+    if verdict.actuator == STEERING:
+        steering = "its servo, linkage and supply, with the wheels off the ground"
+        driven = _BY_CONDITION[verdict.gravest].format(parts=steering).replace("flights", "drives")
+        return verdict.model_copy(update={"advice": driven.replace("do not fly", "do not drive")})
+    suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
+    # Without a suspect the latest evidence names what was found.
+    faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
+    look = axis_to_inspect if verdict.subject == "axis" else to_inspect
+    parts = next((parts for fault in faults if (parts := look(fault))), "the actuator and its wiring")
+    if verdict.consequence_of:
+        advice = f"repair what {verdict.consequence_of} control shows, then fly and judge again"
+        return verdict.model_copy(update={"advice": advice})
+    if verdict.candidates and verdict.candidates[0].because:
+        parts = f"{verdict.candidates[0].surface} first, then {parts}"
+    advice = _BY_CONDITION[verdict.gravest].format(parts=parts)
+    if verdict.subject == "axis" and verdict.gravest == "emergency":
+        advice = f"do not fly; inspect {parts}; repair and check the travel of each surface on the ground"
+    return verdict.model_copy(update={"advice": advice})

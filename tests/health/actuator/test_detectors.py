@@ -22,7 +22,8 @@ from mavhums.core.quantities import KEYS, column
 from mavhums.engine.events import Indication
 from mavhums.health.actuator.detector import Detector, DetectorInput
 from mavhums.health.actuator.detectors import detectors_for
-from mavhums.health.estimation.fits import Estimates, Fits
+from mavhums.health.decision.limits import Estimates
+from mavhums.health.estimation.equations import Fits
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.results.assessment import Assessment

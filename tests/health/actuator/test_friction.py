@@ -14,7 +14,8 @@ from mavhums.core.quantities import column
 from mavhums.health.actuator.detector import DetectorInput
 from mavhums.health.actuator.detectors.friction import FrictionDetector
 from mavhums.health.actuator.monitor import Monitor
-from mavhums.health.estimation.fits import Estimates, Fits
+from mavhums.health.decision.limits import Estimates
+from mavhums.health.estimation.equations import Fits
 from mavhums.health.estimation.motion import Motion, motion
 from mavhums.health.estimation.slots import BUS, COLUMNS, SlotCutter, Slots
 from tests.health.flown import actuator_of

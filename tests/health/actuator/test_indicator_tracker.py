@@ -18,9 +18,8 @@ from mavhums.health.actuator.indicator_tracker import IndicatorTracker, evidence
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.conditions import IndicatorChange
 from mavhums.health.decision.events import ComparisonInput, IndicatorStep
-from mavhums.health.decision.limits import Levels, Panel
+from mavhums.health.decision.limits import Estimates, Levels, Panel
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.results.verdict import Evidence, Suspect
 

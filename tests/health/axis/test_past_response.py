@@ -13,7 +13,7 @@ from mavhums.core.conditions import Condition
 from mavhums.health.axis.past_response import compare_response
 from mavhums.health.axis.response_sums import ResponseSums
 from mavhums.health.axis.thresholds import PAST_FLIGHTS, PAST_RATE_RATIO
-from mavhums.health.estimation.grams import unpacked
+from mavhums.health.estimation.least_squares import unpacked
 from mavhums.results.verdict import OwnRecord, Verdict
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from mavhums.core.conditions import Condition
-from mavhums.health.decision.limits import Decision, Levels, bounds, half_width, shown_by, tail_of
+from mavhums.health.decision.limits import Decision, Estimates, Levels, bounds, half_width, shown_by, tail_of
 from mavhums.health.decision.thresholds import CONFIRM_WINDOWS, LASTING_WINDOWS
-from mavhums.health.estimation.fits import Estimates
 
 LEVELS = Levels(0.375, 0.875)
 NOTHING, NORMAL, DEGRADED, EMERGENCY = -1, 0, 1, 2

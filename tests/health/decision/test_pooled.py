@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.health.decision.limits import PooledErrors
-from mavhums.health.estimation.fits import Estimates
+from mavhums.health.decision.limits import Estimates, PooledErrors
 from mavhums.health.estimation.random_effects import RunningVariance
 from tests.strategies import cuts
 

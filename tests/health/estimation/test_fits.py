@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
-from mavhums.health.estimation.equations.terms import load_friction_prior
-from mavhums.health.estimation.equations.torque import _prior
-from mavhums.health.estimation.fits import Fits
+from mavhums.health.estimation.equations import Fits
+from mavhums.health.estimation.equations.data_sheet import _torque_prior
+from mavhums.health.estimation.equations.interface import load_friction_prior
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
@@ -140,7 +140,7 @@ def test_a_fit_of_the_whole_flight_stays_what_it_was() -> None:
 def test_a_data_sheets_uncertainty_is_two_standard_deviations_of_the_prior() -> None:
     actuator = actuator_of()
     ema = actuator.known_ema().model_copy(update={"load_friction": 0.1, "load_friction_uncertainty": 0.04})
-    prior = _prior(actuator.model_copy(update={"ema": ema}))
+    prior = _torque_prior(actuator.model_copy(update={"ema": ema}))
     inertia = actuator.inertia_output
     assert prior.mean.tolist() == [0.0, inertia, 0.0, ema.viscous, 0.0, 0.1]
     half = [inertia * ema.inertia_uncertainty / 2, ema.viscous_uncertainty / 2, 0.02]

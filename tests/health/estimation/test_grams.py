@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mavhums.health.estimation.grams import Groups
-from mavhums.health.estimation.least_squares import row_length
+from mavhums.health.estimation.least_squares import Groups, row_length
 from mavhums.health.estimation.thresholds import WINDOW_SLOTS
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mavhums.health.estimation.flight_sums import KEPT
-from mavhums.health.estimation.grams import packed, unpacked
+from mavhums.health.estimation.least_squares import packed, unpacked
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.past import PastRecord, differences
 from mavhums.results.verdict import OwnRecord

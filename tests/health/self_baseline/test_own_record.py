@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mavhums.core.quantities import column
 from mavhums.health.estimation.equations.own_scale import CURRENT, TRACKING
 from mavhums.health.estimation.flight_sums import KEPT, OwnSums
-from mavhums.health.estimation.grams import packed, unpacked
+from mavhums.health.estimation.least_squares import packed, unpacked
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.wear import (
     Nuisances,

@@ -9,10 +9,9 @@ from mavhums.health.actuator.detectors.electrical import (
     TorqueConstantDetector,
     WindingResistanceDetector,
 )
-from mavhums.health.actuator.detectors.following import FollowingDetector
+from mavhums.health.actuator.detectors.following import FollowingDetector, JamDetector
 from mavhums.health.actuator.detectors.friction import FrictionDetector
 from mavhums.health.actuator.detectors.gear import BacklashDetector, SensorBiasDetector
-from mavhums.health.actuator.detectors.jam import JamDetector
 from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 
 DETECTORS: tuple[type[Detector], ...] = (

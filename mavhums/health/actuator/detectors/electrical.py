@@ -18,8 +18,7 @@ from mavhums.health.actuator.thresholds import (
     WIDEST_RESISTANCE_SHARE,
     WIDEST_TORQUE_CONSTANT_SHARE,
 )
-from mavhums.health.decision.limits import Levels
-from mavhums.health.estimation.fits import Estimates
+from mavhums.health.decision.limits import Estimates, Levels
 from mavhums.health.estimation.least_squares import Fit
 
 

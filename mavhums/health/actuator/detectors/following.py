@@ -1,12 +1,26 @@
-"""A shaft that moves, but not as commanded: a weak supply, motor or winding, or a gear near to jamming.
+"""A shaft that does not do what is commanded: it lags too far behind, or does not move at all.
 
-It needs the command, a sensor of the output shaft's angle, and from the data sheet the slew rate and the
-stroke; none of the motor's constants. A model follows the command as a healthy actuator would: with the lag
-of its controller, no faster than its slew rate and no farther than its stroke. What the shaft lags behind the
-model, no healthy actuator lags: friction, load and play move it by less than the limit.
+**Following** finds a shaft that moves, but not as commanded: a weak supply, motor or winding, or a gear near
+to jamming. It needs the command, a sensor of the output shaft's angle, and from the data sheet the slew rate
+and the stroke; none of the motor's constants.
+A model follows the command as a healthy actuator would: with the lag of its controller, no faster than its
+slew rate and no farther than its stroke. What the shaft lags behind the model, no healthy actuator lags:
+friction, load and play move it by less than the limit.
 
 A shaft that stands is left to the detector of jams. A second in which little is asked shows no fault and
 ends none.
+
+**Jam** finds a surface that is commanded and does not move: jammed, disconnected or without power. It needs
+the command and the output shaft's angle, and none of the actuator's constants. An angle integrated from a
+speed whose sign is derived from the command is no evidence. An angle calculated from the rotor's moves with
+the rotor, which moves through the gear's play and winds up the gear even if the shaft is jammed.
+
+A speed without its sign bounds the travel: no shaft travels farther than the integral of its speed. That a
+shaft moves to and fro does not show that it follows, so the bound shows a jam, and ends one only where it is
+twice what was commanded.
+
+Where little is commanded, the current shows a jam: a shaft that stands although the motor pushes with most of
+its torque at stall, for a second of ten altogether. The current's sign does not matter.
 """
 
 from __future__ import annotations
@@ -15,23 +29,36 @@ from math import exp
 from typing import ClassVar
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from mavhums.actuator.profile import Actuator
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import column
+from mavhums.core.statistics import DEGREES_S_PER_REV_MIN
 from mavhums.health.actuator.detector import DetectorInput, WindowDetector
 from mavhums.health.actuator.thresholds import (
     FOLLOWING_ASKED_LIMITS,
     FOLLOWING_LONGEST_GAP_S,
     FOLLOWING_SECONDS,
     FOLLOWING_STANDS_SHARE,
+    JAM_COMMAND_DEG,
+    JAM_LATEST_PARTS,
+    JAM_PARTS,
+    JAM_PARTS_PER_SLOT,
+    JAM_SHARE,
+    JAM_SPAN_S,
+    LONGEST_SPEED_STEP_S,
+    STALLED_SECONDS,
+    STALLED_SHARE,
+    SURELY_FOLLOWS_SHARE,
+    WOUND_UP_DEG,
 )
-from mavhums.health.decision.limits import Levels
-from mavhums.health.estimation.fits import Estimates
-from mavhums.health.estimation.slots import SENSED, SHAFT, Windows
+from mavhums.health.decision.limits import Estimates, Levels
+from mavhums.health.estimation.slots import MAGNITUDES, SENSED, SHAFT, Slots, Windows
+from mavhums.health.estimation.thresholds import GUARD_S
 
-_V1 = column("V1")
+_V1, _V5, _V7 = column("V1"), column("V5"), column("V7")
 
 
 class FollowingDetector(WindowDetector):
@@ -108,3 +135,140 @@ def _errors(time_s: Array, command: Array, shaft: Array, model: Array, state: Ar
             state[2] = shaft[k]
         state[0], state[1] = time_s[k], command[k]
     return error
+
+
+class JamDetector(WindowDetector):
+    """Fraction of the commanded travel that the shaft does not follow within three seconds.
+
+    If three seconds contain too little commanded travel, ten seconds are used. The last second of the command
+    does not count, because the shaft may not have followed yet. One such window is a jam: no actuator that
+    follows leaves out most of 4°, and a jam may be over before several windows agree.
+    """
+
+    fault: ClassVar[str] = "jam"
+    quantity: ClassVar[str] = "commanded travel not flown"
+    unit: ClassVar[str] = "1"
+    inspect: ClassVar[str] = "gearbox and linkage for what blocks them, and the actuator's supply"
+    span_s: ClassVar[float | None] = JAM_SPAN_S
+
+    def __init__(self, actuator: Actuator, slot_s: float = 1.0) -> None:
+        self.levels = Levels(JAM_SHARE, JAM_SHARE)
+        self._slot_s = slot_s
+        ema, supply_v = actuator.ema, actuator.known_supply_v
+        self._ratio = ema.gear_ratio if ema else np.nan
+        self._stall_a = supply_v / ema.resistance if ema and supply_v else np.nan
+        self._standing = actuator.moving_speed_rev_min if ema else np.nan
+        self._least_samples = actuator.min_rate_hz * slot_s
+        self._windows = Windows(8, max(JAM_PARTS), empty=-np.inf)
+        self._in_vain = Windows(1)
+
+    @staticmethod
+    def suits(actuator: Actuator) -> bool:
+        """Return True: no constants of the actuator are needed."""
+        return True
+
+    def feed(self, seen: DetectorInput) -> Estimates:
+        """Return the fraction; undecidable if less than 4° of travel was commanded."""
+        own, part = seen.slots.values[seen.slots.judged], self._parts(seen.slots)
+        start = np.flatnonzero(np.diff(part, prepend=part[0] - 1))
+        missed = own[:, _V1] - own[:, SHAFT]
+        extremes = np.stack(
+            [
+                np.maximum.reduceat(own[:, _V1], start),
+                -np.minimum.reduceat(own[:, _V1], start),
+                np.maximum.reduceat(own[:, SHAFT], start),
+                -np.minimum.reduceat(own[:, SHAFT], start),
+                WOUND_UP_DEG * (1.0 - np.minimum.reduceat(own[:, SENSED], start)),
+                np.add.reduceat(self._most_travel(seen.slots), start),
+                np.maximum.reduceat(missed, start),
+                -np.minimum.reduceat(missed, start),
+            ],
+            axis=1,
+        )
+        windows = self._windows.feed(part[start], extremes)
+        left_out = np.full(len(windows), np.nan)
+        # The longer span is asked only where the shorter one commands too little.
+        for parts in JAM_PARTS:
+            share = self._left_out(windows[:, -parts:])
+            left_out = np.where(np.isnan(left_out), share, left_out)
+        slot = part[start] // JAM_PARTS_PER_SLOT
+        most = np.fmax.reduceat(left_out, np.flatnonzero(np.diff(slot, prepend=slot[0] - 1)))
+        most = np.where(np.isnan(most) & self._stalls(seen.slots), 1.0, most)
+        return Estimates.of(most, np.zeros_like(most), np.ones_like(most), np.isfinite(most))
+
+    def _parts(self, slots: Slots) -> Integers:
+        """Return the part of a slot to which each judged sample belongs, counted through the flight.
+
+        A sample's slot is the one that confirms it, ``GUARD_S`` or more after it.
+        """
+        slot = np.repeat(slots.index, slots.count())
+        within = (slots.time_s[slots.judged] + GUARD_S) / self._slot_s - slot
+        part = np.clip(np.floor(within * JAM_PARTS_PER_SLOT), 0, JAM_PARTS_PER_SLOT - 1).astype(np.int64)
+        return np.asarray(slot * JAM_PARTS_PER_SLOT + part)
+
+    def _stalls(self, slots: Slots) -> Flags:
+        """Return in which windows the shaft stands while the motor pushes, for a second, shape (k,)."""
+        values, time_s = slots.values, slots.time_s
+        _, unsigned_a, unsigned_rev_min = values[:, MAGNITUDES].T
+        pushes = np.fmax(np.abs(values[:, _V5]), unsigned_a) >= STALLED_SHARE * self._stall_a
+        # A speed that is not known counts as motion: it must not show a stall.
+        moves = ~(np.fmax(np.abs(values[:, _V7]), unsigned_rev_min) < self._standing)
+        moved_s = np.concatenate([[-np.inf], time_s[moves], [np.inf]])
+        at = np.searchsorted(moved_s, time_s)
+        apart_s = np.minimum(moved_s[at] - time_s, time_s - moved_s[at - 1])
+        in_vain = (pushes & (apart_s >= GUARD_S))[slots.judged, None].astype(np.float64)
+        # By the least rate as well: a slot of few samples is not a whole second.
+        share = slots.sums(in_vain)[:, 0] / np.maximum(slots.count(), self._least_samples)
+        stalled: Flags = self._in_vain.feed(slots.index, share[:, None]).sum(axis=(1, 2)) >= STALLED_SECONDS
+        return stalled
+
+    def _most_travel(self, slots: Slots) -> Array:
+        """Return how far the shaft travelled at most since the sample before, °; NaN where unknown."""
+        speed = slots.values[:, MAGNITUDES][:, -1] * DEGREES_S_PER_REV_MIN / self._ratio
+        step_s = np.diff(slots.time_s, prepend=np.nan)
+        # The faster of two neighbours bounds the travel between them.
+        faster = np.maximum(speed, np.concatenate([[np.nan], speed[:-1]]))
+        travel: Array = np.where(step_s <= LONGEST_SPEED_STEP_S, step_s * faster, np.nan)
+        return travel[slots.judged]
+
+    def _left_out(self, windows: Array) -> Array:
+        """Return the fraction of the commanded travel not followed; NaN if too little was commanded.
+
+        NaN as well if no sample came for a second: the shaft may have moved and returned.
+        """
+        # Columns 0 and 1 are the highest and minus the lowest command; the last second may not be answered
+        # yet.
+        commanded = windows[:, :-JAM_LATEST_PARTS, :2].max(axis=1).sum(axis=1)
+        # Column 4: an angle divided from the rotor's shows the wind-up of the gear, too.
+        wound_up = windows[:, :, 4].max(axis=1)
+        # Column 5: the integral of the unsigned speed.
+        bound = np.where(np.isneginf(windows[:, :, 5]), 0.0, windows[:, :, 5]).sum(axis=1)
+        # Columns 2 and 3 are the highest and minus the lowest angle.
+        angle = windows[:, :, 2:4].max(axis=1).sum(axis=1)
+        travelled = np.where(np.isnan(angle), bound, angle) - wound_up
+        empty = np.isneginf(windows[:, :, 0])
+        # In a second without samples the shaft may have moved and returned.
+        gap = np.any(sliding_window_view(empty, JAM_PARTS_PER_SLOT, axis=1).all(axis=2), axis=1)
+        enough = np.where((commanded >= JAM_COMMAND_DEG + wound_up) & ~gap, commanded, np.nan)
+        enough[_only_approached(windows[:, :, 6:], (1.0 - JAM_SHARE) * commanded)] = np.nan
+        share: Array = 1.0 - np.maximum(travelled, 0.0) / enough
+        # To and fro in the gear also integrates to a travel: the bound shows a jam, and ends one only when
+        # far beyond.
+        proves = ~np.isnan(angle) | (share >= JAM_SHARE) | (share <= 1.0 - SURELY_FOLLOWS_SHARE)
+        return np.where(proves, share, np.nan)
+
+
+def _only_approached(missed: Array, least: Array) -> Flags:
+    """Return in which windows the command only came back to a shaft that had stayed behind it, shape (k,).
+
+    A soft controller that holds a load stays behind by degrees and lets the shaft stand while the command
+    returns: nothing asks it to move. ``missed`` holds the highest and minus the lowest of command less angle,
+    shape (k, p, 2); an error that grows by ``least`` asks for motion.
+    """
+    empty = np.isneginf(missed[:, :, 0])
+    first = missed[np.arange(len(missed)), np.argmin(empty, axis=1)]
+    whole = missed.max(axis=1)
+    grown = whole - first
+    # An error that keeps its sign grows at its own end of the two.
+    ahead, behind = whole[:, 1] < 0.0, whole[:, 0] < 0.0
+    return np.asarray((ahead & (grown[:, 0] < least)) | (behind & (grown[:, 1] < least)))

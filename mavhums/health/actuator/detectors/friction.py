@@ -24,9 +24,8 @@ from mavhums.health.actuator.thresholds import (
     MODEL_ERROR_LIMIT_SHARE,
     PER_SAMPLE_ERROR_SHARE,
 )
-from mavhums.health.decision.limits import Levels, half_width, tail_of
+from mavhums.health.decision.limits import Estimates, Levels, half_width, tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.health.estimation.fits import Estimates
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.thresholds import MOST_LOAD_FRICTION
 

@@ -10,9 +10,8 @@ import numpy as np
 from mavhums.actuator.profile import Actuator
 from mavhums.health.actuator.detector import EquationDetector, sharp
 from mavhums.health.actuator.thresholds import LEAST_FLANK_SLOTS, WIDEST_GEAR_ERROR_DEG
-from mavhums.health.decision.limits import Levels
-from mavhums.health.estimation.equations.gear import GEAR
-from mavhums.health.estimation.fits import Estimates
+from mavhums.health.decision.limits import Estimates, Levels
+from mavhums.health.estimation.equations.data_sheet import GEAR
 from mavhums.health.estimation.least_squares import Fit
 
 

@@ -1,6 +1,9 @@
-"""The torque balance at the moving output shaft (paper, section 4), and that of single samples.
+"""The equations that need the constants of a data sheet (paper, section 4).
+
+The torque balance at the moving output shaft, and that of single samples:
 
     N·k_t·V5 - V11 = (T_c + μ·|load|)·sgn(ω) + N²J·dω/dt + offset + b·ω + c·V3
+    N·k_t·V5 - V11 - b·ω = (T_c + μ·|load|)·sgn(ω) + offset + c·V3
 
 The left side is measured; k_t is from the data sheet. If V11 is not measured, the hinge moment is
 assumed proportional to the deflection; where friction grows with the load, to the sine of the angle, which
@@ -8,12 +11,26 @@ is the same for a surface and holds for an arm. The load is V11, or offset + c·
 Without a current that is evidence it follows from the voltage, V5 = (V4 - N·k_t·ω)/R. The inertia and the
 viscous drag b have priors: with stepwise commands too few samples contain the acceleration to fit it.
 
-    N·k_t·V5 - V11 - b·ω = (T_c + μ·|load|)·sgn(ω) + offset + c·V3
-
-is the balance of single samples, for motion too brief for neighbouring samples. An autopilot's small
+The balance of single samples is for motion too brief for neighbouring samples. An autopilot's small
 corrections last a tenth of a second: at 20 Hz and below, hardly any sample has neighbours in the same motion.
 It omits the gear play after a reversal, where only a part of the friction acts, and the inertial torque,
 which needs two neighbours. Both are small in the mean over a flight, but not in one window.
+
+The voltage of the stator winding, without inductance, moving or standing:
+
+    V4 = R·V5 + N·k_e·ω + offset
+
+In SI units the back-EMF constant k_e is the torque constant k_t. Telemetry without signs shows the resistance
+where the shaft stands: |V4| = R·|V5|, whichever the signs are. Because their sign is unknown, these samples
+do not show the offset. The voltage of the supply is a constant, for an ESC that measures at the bus.
+
+Backlash and wind-up of the gear, from measured angles of rotor and output shaft:
+
+    V3 - V2/N = -β/2·sgn(T) - T/k - f·sgn(ω) + bias
+
+T is the load V11, β the backlash, k the stiffness; f is the wind-up by the friction of the output bearings,
+between zero and the wind-up by the whole normal friction. With a small load that assists the motion the teeth
+may be on either flank; with a load that opposes it the flank is certain.
 """
 
 from __future__ import annotations
@@ -23,17 +40,29 @@ import numpy as np
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.quantities import column
-from mavhums.health.estimation.equations.interface import Equation
-from mavhums.health.estimation.equations.terms import SlotLoad, friction_with_load, load_friction_prior
+from mavhums.core.statistics import uniform_deviation
+from mavhums.health.estimation.equations.interface import (
+    Equation,
+    SlotLoad,
+    friction_with_load,
+    load_friction_prior,
+)
 from mavhums.health.estimation.least_squares import Prior
 from mavhums.health.estimation.motion import Motion
 from mavhums.health.estimation.slots import Slots
-from mavhums.health.estimation.thresholds import CERTAIN_DIRECTION_MOVING_SPEEDS
+from mavhums.health.estimation.thresholds import (
+    BACK_EMF_PRIOR_SHARE,
+    CERTAIN_DIRECTION_MOVING_SPEEDS,
+    LOADED_AT_STANDSTILL_A,
+    MOST_TWIST_PER_STIFFNESS,
+    RESISTANCE_PRIOR_SHARE,
+    STANDSTILL_MOVING_SPEEDS,
+)
 
-_V1, _V3, _V4, _V5, _V8, _V11 = (column(key) for key in ("V1", "V3", "V4", "V5", "V8", "V11"))
+_V1, _V2, _V3, _V4, _V5, _V8, _V11 = (column(f"V{k}") for k in (1, 2, 3, 4, 5, 8, 11))
 
 
-def _prior(actuator: Actuator) -> Prior:
+def _torque_prior(actuator: Actuator) -> Prior:
     """Return the prior of the coefficients from the data sheet."""
     ema, inertia, unknown = actuator.known_ema(), actuator.inertia_output, np.inf
     # A data sheet's uncertainty is two standard deviations.
@@ -76,7 +105,7 @@ class Load:
 
     def __init__(self, actuator: Actuator) -> None:
         self._actuator = actuator
-        prior = _prior(actuator)
+        prior = _torque_prior(actuator)
         self._slots = SlotLoad(Prior(prior.mean[:5], prior.deviation[:5]), (2, 4))
         self._sum, self._count = 0.0, 0
 
@@ -89,7 +118,7 @@ class Load:
         """Return the motion with the load at its samples; NaN where it is not known yet."""
         if self._actuator.known_ema().load_friction == 0.0:
             return motion
-        X, y, usable = _rows(self._actuator, motion)
+        X, y, usable = _torque_rows(self._actuator, motion)
         fitted = self._slots.feed(slots, np.ascontiguousarray(X[:, :5]), y, usable)
         measured = motion.values[:, _V11]
         load = np.where(np.isfinite(measured), measured, fitted)
@@ -98,7 +127,7 @@ class Load:
         return motion._replace(load=load)
 
 
-def _rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Flags]:
+def _torque_rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Flags]:
     """Return terms (n, 6), left side (n,), N·m, and the mask of usable samples (n,)."""
     y, deflection = _measured(actuator, motion)
     loaded = friction_with_load(motion.speed, motion.load)
@@ -123,7 +152,79 @@ def _sample_rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Flag
     return X, y, (np.abs(motion.speed) > least) & np.isfinite(y) & np.isfinite(X).all(axis=1)
 
 
-TORQUE = Equation("torque", ("friction", "inertia", "offset", "viscous", "hinge", "loaded"), _prior, _rows)
+TORQUE = Equation(
+    "torque", ("friction", "inertia", "offset", "viscous", "hinge", "loaded"), _torque_prior, _torque_rows
+)
 TORQUE_PER_SAMPLE = Equation(
     "torque_per_sample", ("friction", "offset", "hinge", "loaded"), _sample_prior, _sample_rows
 )
+
+
+def _voltage_prior(actuator: Actuator) -> Prior:
+    """Return a wide prior from the data sheet, because a fault may have changed the coefficients."""
+    ema = actuator.known_ema()
+    constant = ema.torque_constant * ema.gear_ratio
+    return Prior(
+        np.array([ema.resistance, constant, 0.0]),
+        np.array([ema.resistance * RESISTANCE_PRIOR_SHARE, constant * BACK_EMF_PRIOR_SHARE, np.inf]),
+    )
+
+
+def _voltage_rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Flags]:
+    """Return terms (n, 3), left side (n,), V, and the mask of usable samples (n,)."""
+    current, volts = motion.values[:, _V5], motion.values[:, _V4]
+    X = np.stack([current, motion.speed, np.ones(len(volts))], axis=1)
+    usable = np.isfinite(X).all(axis=1) & np.isfinite(volts)
+    unsigned_v, unsigned_a, rev_min = motion.magnitudes.T
+    stands = ~usable & (rev_min <= STANDSTILL_MOVING_SPEEDS * actuator.moving_speed_rev_min)
+    # The magnitude of a small current is noise, which would read as resistance.
+    stands &= unsigned_v > LOADED_AT_STANDSTILL_A * actuator.known_ema().resistance
+    X[stands] = 0.0
+    X[stands, 0] = unsigned_a[stands]
+    return X, np.where(stands, unsigned_v, volts), usable | (stands & np.isfinite(unsigned_a))
+
+
+def _supply_prior(actuator: Actuator) -> Prior:
+    return Prior(np.zeros(1), np.full(1, np.inf))
+
+
+def _supply_rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Flags]:
+    """Return terms (n, 1), left side (n,), V, and the mask of usable samples (n,)."""
+    return np.ones((len(motion.bus_v), 1)), motion.bus_v, np.isfinite(motion.bus_v)
+
+
+VOLTAGE = Equation("voltage", ("resistance", "back_emf", "offset"), _voltage_prior, _voltage_rows)
+SUPPLY = Equation("supply", ("voltage",), _supply_prior, _supply_rows)
+
+
+def _gear_prior(actuator: Actuator) -> Prior:
+    """Return the prior of backlash and wind-up: between zero and their largest plausible values.
+
+    Backlash is at most twice its limit, half of it on either flank; wind-up by friction is at most that of
+    the normal friction.
+    """
+    limits, stiffness = actuator.known_limits(), actuator.known_ema().stiffness
+    flank = _up_to(-limits.backlash_deg if limits.backlash_deg else None)
+    drag = _up_to(-np.degrees(limits.normal / stiffness) if stiffness else None)
+    # Without a bound on the twist, grave play under a small load would read as twist.
+    twist = _up_to(-MOST_TWIST_PER_STIFFNESS * np.degrees(1.0 / stiffness) if stiffness else None)
+    known = (flank, twist, drag, _up_to(None))
+    return Prior(np.array([mean for mean, _ in known]), np.array([deviation for _, deviation in known]))
+
+
+def _up_to(most: float | None) -> tuple[float, float]:
+    """Return mean and deviation for a value between zero and ``most``; None means unbounded."""
+    return (0.0, np.inf) if most is None else (most / 2, uniform_deviation(abs(most)))
+
+
+def _gear_rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Flags]:
+    """Return terms (n, 4), left side (n,), °, and the mask of usable samples (n,)."""
+    values, load = motion.values, motion.values[:, _V11]
+    angle = values[:, _V3] - values[:, _V2] / actuator.known_ema().gear_ratio
+    X = np.stack([np.sign(load), load, np.sign(motion.speed), np.ones(len(load))], axis=1)
+    # The flank is certain under a load that friction cannot hold up, or that opposes the motion.
+    flank = (np.abs(load) > actuator.known_limits().normal) | (load * motion.speed > 0)
+    return X, angle, motion.moving & motion.apart & flank & np.isfinite(angle)
+
+
+GEAR = Equation("gear", ("flank", "twist", "drag", "bias"), _gear_prior, _gear_rows)
