@@ -29,13 +29,12 @@ from mavhums.flights.aircraft import (
 )
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.compare import StandaloneAssessment
-from mavhums.flights.corrections import corrected_names, since_of
+from mavhums.flights.corrections import aircraft_in, corrected_names, since_of
 from mavhums.flights.history import FlightHistory, is_store
 from mavhums.flights.naming import (
     BOARD_NAME,
     aircraft_in_store,
     foreign_board_among,
-    names_there,
     proposed,
     whose_in,
 )
@@ -108,7 +107,7 @@ def past(store: Place, aircraft: str, moment: datetime | None = None) -> Past:
     store
         Folder or address of the store.
     aircraft
-        Its name; an aircraft that the store does not have has no flights.
+        Its name, or the one before the store renamed it; without flights if the store does not have it.
     moment
         Time of the flight to be judged, with a time zone; now if None.
 
@@ -117,7 +116,9 @@ def past(store: Place, aircraft: str, moment: datetime | None = None) -> Past:
     MavhumsError
         If the store does not exist or cannot be read.
     """
-    return _past(Store(store).opened(), aircraft, moment or datetime.now(UTC))
+    kept = Store(store).opened()
+    aircraft = corrected_names(kept).aircraft.get(aircraft, aircraft)
+    return _past(kept, aircraft, moment or datetime.now(UTC))
 
 
 def keep(
@@ -259,7 +260,7 @@ def _aircraft(
     named = aircraft_in_store(path, assessment, whose)
     if rule is not None or whose.rule in (None, BOARD):
         return named
-    if named in names_there(store):
+    if named in aircraft_in(store):
         return named
     board = board_of(assessment)
     several = proposed(store, board) if board else []

@@ -60,6 +60,14 @@ def test_a_session_is_judged_by_the_flights_in_a_store(
     assert fleet.status(store).judged == 13
 
 
+def test_a_renamed_aircraft_has_its_flights_under_either_name(store: Path) -> None:
+    before = fleet.past(store, "D-A", NOW).history
+    fleet.rename(store, "D-A", "D-B")
+    assert len(before.flights) == 12
+    assert [fleet.past(store, name, NOW).history for name in ("D-A", "D-B")] == [before, before]
+    assert fleet.past(store, "D-C", NOW).history.flights == ()
+
+
 @pytest.mark.parametrize("place", ["store", "flights"])
 @pytest.mark.slow
 def test_the_recording_is_kept_at_the_end(
