@@ -257,7 +257,7 @@ class Engine:
                 self._monitors.forget_all(said.vehicle)
                 yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
-                yield Notice(time_s, said.vehicle, f"names the airframe {said.name}, which is not known here")
+                yield Notice(time_s, said.vehicle, f"names the unknown airframe {said.name}")
         for draft in self._mappers.draft(tables):
             yield AirframeNamed(self._flight_time(draft.time_us), draft.vehicle, draft.airframe)
         for spoken in texts(tables):

@@ -28,7 +28,7 @@ from mavhums.flights.corrections import (
     removed_files,
     removed_logs,
 )
-from mavhums.flights.naming import held_named, names_of, remember, renamed, whose_in
+from mavhums.flights.naming import check_aircraft_named, names_of, remember, renamed, whose_in
 from mavhums.flights.store import LogFile, Row, Store
 from mavhums.flights.store_tables import REMOVED
 
@@ -188,7 +188,7 @@ class _Commits:
     def add(self, row: Row) -> None:
         if self._given is not None and row.flight is not None:
             try:
-                held_named(self._store, row, self._given)
+                check_aircraft_named(self._store, row, self._given)
             except UnnamedAircraftError as error:
                 self.asked[row.path] = error
                 return

@@ -32,6 +32,7 @@ from mavhums.flights.corrections import Repair, Repairs, add_repairs, remove_rep
 from mavhums.flights.history import PastFlight
 from mavhums.flights.reports import store_standings
 from mavhums.flights.store import Store
+from mavhums.flights.store_tables import COPIES, VERDICTS
 from mavhums.results.assessment import Assessment
 
 if TYPE_CHECKING:
@@ -258,8 +259,8 @@ class _SecondPass:
         if self._final:
             self._store.add_verdicts(self.aircraft, counted, copies)
         else:
-            self._store.replace_verdicts(self.aircraft, counted)
-            self._store.replace_copies(self.aircraft, copies)
+            self._store.replace(VERDICTS, self.aircraft, counted)
+            self._store.replace(COPIES, self.aircraft, copies)
         if self._store.is_shared and listed(self._store, self.aircraft) != self._listed:
             return False
         store_standings(self._store, self.aircraft)

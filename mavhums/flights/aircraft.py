@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from functools import cache
 from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -80,7 +79,7 @@ def check_aircraft_rule(rule: str | None) -> None:
         if "aircraft" in re.compile(rule).groupindex:
             return
     except re.error as error:
-        raise MavhumsError(f"--aircraft {rule}: is no regular expression: {error}", remedy) from error
+        raise MavhumsError(f"--aircraft {rule}: is not a regular expression: {error}", remedy) from error
     raise MavhumsError(f"--aircraft {rule}: has no group named aircraft", remedy)
 
 
@@ -104,7 +103,7 @@ def aircraft_of(path: str, rule: str | None) -> str:
         return rule.removeprefix(GIVEN)
     if rule == FOLDER:
         return next(folder.name for folder in Path(path).resolve().parents if not folder.is_file())
-    match = _compiled(rule).search(path)
+    match = re.search(rule, path)
     return UNKNOWN if match is None else match["aircraft"] or UNKNOWN
 
 
@@ -268,18 +267,18 @@ def check_same_aircraft(
     check_one_aircraft(history, table)
     vehicles = {one.vehicle for one in past if one.is_known}
     if any(one.is_known and one.vehicle in vehicles for one in own):
-        told = _foreign_board(own, past, table)
-        if told is None:
+        notice = _foreign_board(own, past, table)
+        if notice is None:
             return assessment
     else:
         silent = "the log" if any(one.is_known for one in past) else history.name
-        told = f"{silent} tells no board id, so that the flight is of this aircraft was not checked"
+        notice = f"{silent} reports no board id: whether the flight is of this aircraft was not checked"
     log = assessment.log
-    return assessment.model_copy(update={"log": log.model_copy(update={"notices": (*log.notices, told)})})
+    return assessment.model_copy(update={"log": log.model_copy(update={"notices": (*log.notices, notice)})})
 
 
 def _foreign_board(own: Iterable[Owner], past: Iterable[Owner], table: AircraftTable | None) -> str | None:
-    """Return what is to be said of a board that no earlier flight of an aircraft with a name has."""
+    """Return the notice on a board that no earlier flight of a named aircraft has; None without one."""
     for one in own:
         boards = {each.board for each in past if each.vehicle == one.vehicle and each.board}
         is_listed = table is not None and table.aircraft_of(one.board, one.starts[0]) == one.aircraft
@@ -321,8 +320,3 @@ def _named(owners: Iterable[Owner], table: AircraftTable | None) -> Iterator[Own
         names = {table.aircraft_of(owner.board, start) if table else None for start in owner.starts}
         for name in names:
             yield owner._replace(aircraft=name or owner.aircraft)
-
-
-@cache
-def _compiled(rule: str) -> re.Pattern[str]:
-    return re.compile(rule)

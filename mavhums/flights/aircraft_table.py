@@ -160,7 +160,7 @@ def load_aircraft_table(path: str | os.PathLike[str]) -> AircraftTable:
         problem = f"{path}: {(error.strerror or str(error)).lower()}"
         raise AircraftTableError(problem, "check the path of the aircraft table") from error
     except UnicodeDecodeError as error:
-        raise AircraftTableError(f"{path}: is no UTF-8 text", "save it as UTF-8") from error
+        raise AircraftTableError(f"{path}: is not UTF-8 text", "save it as UTF-8") from error
     entries = [*(_of_toml(path, text) if path.suffix.lower() == ".toml" else _of_csv(path, text))]
     installed: list[tuple[str, Installed]] = []
     for where, entry in entries:
@@ -169,8 +169,10 @@ def load_aircraft_table(path: str | os.PathLike[str]) -> AircraftTable:
         except ValidationError as error:
             first = error.errors(include_url=False, include_input=False)[0]
             place = ".".join(str(part) for part in first["loc"])
-            told = first["msg"].removeprefix("Value error, ")
-            raise AircraftTableError(f"{where}: {place + ': ' if place else ''}{told}", _EXAMPLE) from error
+            mistake = first["msg"].removeprefix("Value error, ")
+            raise AircraftTableError(
+                f"{where}: {place + ': ' if place else ''}{mistake}", _EXAMPLE
+            ) from error
     _check_consistent(installed)
     return AircraftTable(each for _, each in installed)
 
@@ -182,8 +184,8 @@ def _of_csv(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
         names = [name.strip() for name in rows.fieldnames or ()]
         unknown = [name for name in names if name not in known]
         if "aircraft" not in names or unknown:
-            told = f"no column {unknown[0][:40]!r} is known" if unknown else "has no column named aircraft"
-            raise AircraftTableError(f"{path}:1: {told}", _EXAMPLE)
+            problem = f"unknown column {unknown[0][:40]!r}" if unknown else "has no column named aircraft"
+            raise AircraftTableError(f"{path}:1: {problem}", _EXAMPLE)
         rows.fieldnames = names
         for row in rows:
             if None in row:
@@ -191,14 +193,16 @@ def _of_csv(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
             if any(value and value.strip() for value in row.values()):
                 yield f"{path}:{rows.line_num}", {name: value for name, value in row.items() if value}
     except csv.Error as error:
-        raise AircraftTableError(f"{path}:{rows.line_num}: is no CSV: {error}", _EXAMPLE) from error
+        raise AircraftTableError(f"{path}:{rows.line_num}: is not valid CSV: {error}", _EXAMPLE) from error
 
 
 def _of_toml(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise AircraftTableError(f"{path}: is no TOML: {error}", "write tables [[installed]]") from error
+        raise AircraftTableError(
+            f"{path}: is not valid TOML: {error}", "write tables [[installed]]"
+        ) from error
     several = content.get("installed")
     if list(content) != ["installed"] or not isinstance(several, list):
         raise AircraftTableError(
@@ -220,5 +224,5 @@ def _check_consistent(installed: Sequence[tuple[str, Installed]]) -> None:
         several.sort(key=lambda each: each[1].begins or _EVER)
         for (first, one), (second, other) in pairwise(several):
             if one.overlaps(other):
-                told = f"{second}: the {kind} is also installed by {first} at the same time"
-                raise AircraftTableError(told, "give the dates 'to' and 'from' at which it was swapped")
+                problem = f"{second}: the {kind} is also installed by {first} at the same time"
+                raise AircraftTableError(problem, "give the dates 'to' and 'from' at which it was swapped")

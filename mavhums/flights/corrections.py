@@ -18,7 +18,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import latest
 from mavhums.flights.aircraft_table import AircraftTable, Installed, Since
 from mavhums.flights.store import LogFile, Store, listed_sql
-from mavhums.flights.store_tables import CORRECTIONS, DATES, LOGS, REMOVED
+from mavhums.flights.store_tables import CORRECTIONS, DATES, INSTALLED, LOGS, REMOVED
 
 __all__ = [
     "Correction",
@@ -47,6 +47,7 @@ __all__ = [
 _COLUMNS: Final = "kind, log, sha256, before, after, who, note, at_ns"
 _LEAST_HASH: Final = 8
 _SHOWN: Final = 5
+_SHOWN_NAMES: Final = 20
 
 
 class Correction(NamedTuple):
@@ -246,8 +247,8 @@ def remove_repairs(store: Store, repairs: Repairs) -> set[str]:
         there = _stored(store)
         for repair in repairs:
             if repair not in there:
-                told = ", ".join(map(str, sorted(there, key=str))) or "none"
-                raise MavhumsError(f"{store.place}: no repair {repair}", f"the store has: {told}")
+                others = ", ".join(map(str, sorted(there, key=str))) or "none"
+                raise MavhumsError(f"{store.place}: no repair {repair}", f"the store has: {others}")
         return [repair for repair in there if repair not in repairs]
 
     if not repairs:
@@ -276,7 +277,9 @@ def aircraft_in(store: Store) -> set[str]:
 
 def named_in(store: Store) -> str:
     """Return which aircraft a store has, in words."""
-    return f"the store has: {', '.join(sorted(aircraft_in(store))) or 'none with a name'}"
+    several = sorted(aircraft_in(store))
+    more = ", …" if len(several) > _SHOWN_NAMES else ""
+    return f"the store has: {', '.join(several[:_SHOWN_NAMES]) or 'none with a name'}{more}"
 
 
 def repairs_of(store: Store, aircraft: str) -> Repairs:
@@ -333,7 +336,7 @@ def _replaced(store: Store, table: AircraftTable) -> set[str]:
         new = sorted(each.model_dump_json(by_alias=True) for each in table.of(aircraft))
         old = store.query("SELECT entry FROM installed WHERE aircraft = ? ORDER BY 1", aircraft).fetchall()
         if new != [entry for (entry,) in old]:
-            store.replace_installed(aircraft, [{"aircraft": aircraft, "entry": entry} for entry in new])
+            store.replace(INSTALLED, aircraft, [{"aircraft": aircraft, "entry": entry} for entry in new])
             touched.add(aircraft)
     return touched
 

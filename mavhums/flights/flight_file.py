@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple, Self
+from typing import Any, Final, Literal, Self
 
 from pydantic import Field, ValidationError
 from pydantic_core import from_json
@@ -16,7 +16,7 @@ from mavhums.flights.history import PastFlight
 from mavhums.results.assessment import READABLE, SCHEMA, Assessment
 from mavhums.results.verdict import OwnRecord
 
-__all__ = ["FLIGHT_SCHEMA", "Ignored", "KeptFlight", "read_flights", "reason_of"]
+__all__ = ["FLIGHT_SCHEMA", "ForeignFileError", "KeptFlight", "read_flights", "reason_of"]
 
 FLIGHT_SCHEMA: Final = "mavhums.flight/1"
 _FAMILIES: Final = tuple(each.split("/", maxsplit=1)[0] + "/" for each in (SCHEMA, FLIGHT_SCHEMA))
@@ -60,26 +60,17 @@ class KeptFlight(Frozen):
         return self.assessment.model_copy(update={"verdicts": verdicts})
 
 
-class _ForeignError(MavhumsError):
-    """A JSON file that is not an assessment."""
+class ForeignFileError(MavhumsError):
+    """A JSON file that is not a flight; it is left alone, without a loss."""
 
 
-class Ignored(NamedTuple):
-    """A file that is not a flight and is left alone, without a loss."""
-
-    problem: str
-
-
-def read_flights(path: Path) -> Iterator[PastFlight | MavhumsError | Ignored]:
+def read_flights(path: Path) -> Iterator[PastFlight | MavhumsError]:
     """Yield each assessment of a file, or the error in it."""
     try:
         written = path.stat().st_mtime
         items = _items(path)
     except OSError as error:
         yield MavhumsError(f"{path}: {reason_of(error)}", "make it readable, or take it out of the folder")
-        return
-    except _ForeignError as error:
-        yield Ignored(error.problem)
         return
     except MavhumsError as error:
         yield error
@@ -103,7 +94,7 @@ def _items(path: Path) -> list[tuple[tuple[str | int, ...], Any]]:
     content = _json(path)
     schema = content.get("schema") if isinstance(content, dict) else None
     if not isinstance(schema, str) or not schema.startswith(_FAMILIES):
-        raise _ForeignError(f"{path}: is not an assessment, and was left alone")
+        raise ForeignFileError(f"{path}: is not an assessment, and was left alone")
     if schema not in (FLIGHT_SCHEMA, *READABLE):
         expected = FLIGHT_SCHEMA if schema.startswith(_FAMILIES[1]) else SCHEMA
         raise MavhumsError(

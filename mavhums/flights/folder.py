@@ -28,7 +28,7 @@ from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import Owner
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.checkpoint import Checkpoint
-from mavhums.flights.flight_file import Ignored, KeptFlight, read_flights, reason_of
+from mavhums.flights.flight_file import ForeignFileError, KeptFlight, read_flights, reason_of
 from mavhums.flights.history import FlightHistory, PastFlight, UndatedError
 from mavhums.health.decision.baseline import Baselines
 from mavhums.health.self_baseline.past import PastRecord
@@ -126,7 +126,7 @@ def read_history(
     return replace(history, notices=tuple(notices))
 
 
-def _history(folder: Path, outcomes: Iterable[PastFlight | MavhumsError | Ignored]) -> FlightHistory:
+def _history(folder: Path, outcomes: Iterable[PastFlight | MavhumsError]) -> FlightHistory:
     flights: list[PastFlight] = []
     errors: list[MavhumsError] = []
     notices: list[str] = []
@@ -134,7 +134,7 @@ def _history(folder: Path, outcomes: Iterable[PastFlight | MavhumsError | Ignore
         for outcome in outcomes:
             if isinstance(outcome, PastFlight):
                 flights.append(outcome)
-            elif isinstance(outcome, UndatedError | Ignored):  # left alone, without a loss
+            elif isinstance(outcome, UndatedError | ForeignFileError):  # left alone, without a loss
                 notices.append(outcome.problem)
             else:
                 errors.append(outcome)
@@ -170,7 +170,7 @@ class FlightFolder:
     ) -> None:
         self._folder, self._progress = Path(folder), progress
         self._files: dict[str, _Stamp] = {}
-        self._read: dict[str, tuple[_Stamp, list[PastFlight | MavhumsError | Ignored]]] = {}
+        self._read: dict[str, tuple[_Stamp, list[PastFlight | MavhumsError]]] = {}
         self._kept = _Kept(_VERSION, (), (), (), (), (), None)
         self._checkpoint: Checkpoint | None = None
         self._look()

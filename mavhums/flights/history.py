@@ -91,7 +91,7 @@ class PastFlight:
             return cls(assessment, start, end, file, written, recordings_of(assessment))
         except (ValueError, OverflowError) as error:
             problem = (
-                f"{file or log.path}: log.start_utc: {log.start_utc[:60]!r} and the duration are no time"
+                f"{file or log.path}: log.start_utc {log.start_utc[:60]!r} and the duration give no time"
             )
             raise MavhumsError(problem, "analyse its log again") from error
 

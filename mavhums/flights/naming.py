@@ -22,8 +22,8 @@ from mavhums.flights.aircraft import (
     board_of,
 )
 from mavhums.flights.aircraft_table import AircraftTable, Installed
-from mavhums.flights.corrections import corrected_names
-from mavhums.flights.store import OF_THIS_FORMAT, LogFile, Row, Store
+from mavhums.flights.corrections import aircraft_in, corrected_names
+from mavhums.flights.store import OF_THIS_FORMAT, LogFile, Row, Store, listed_sql
 from mavhums.flights.store_tables import NAMING
 from mavhums.results.assessment import Assessment
 from mavhums.results.store import ForeignBoard
@@ -31,11 +31,10 @@ from mavhums.results.store import ForeignBoard
 __all__ = [
     "BOARD_NAME",
     "aircraft_in_store",
+    "check_aircraft_named",
     "foreign_board_among",
     "foreign_boards",
-    "held_named",
     "names_of",
-    "names_there",
     "proposed",
     "remember",
     "renamed",
@@ -66,9 +65,9 @@ def rule_of(store: Store) -> str | None:
     It is the latest that a scan was given. Versions that did not keep it are recognised by the names there:
     where one is not a board's, an unknown rule has given it, and each new log must be named.
     """
-    latest = _latest(store)
-    if latest is not None:
-        return latest[0]
+    rule, _ = _latest(store)
+    if rule is not None:
+        return rule
     named, judged = store.query(
         f"SELECT count(*) FILTER (aircraft <> '' AND NOT starts_with(aircraft, '{BOARD_NAME}')), count(*)"
         " FROM logs WHERE flight IS NOT NULL"
@@ -78,15 +77,15 @@ def rule_of(store: Store) -> str | None:
 
 def whose_in(store: Store, given: AircraftResolver) -> AircraftResolver:
     """Return the operator's knowledge of whose logs they are, with what a store remembers of it."""
-    boards = None if given.table.installed else _boards(store)
+    boards = None if given.table.installed else _latest(store)[1]
     table = AircraftTable(map(Installed.model_validate, json.loads(boards))) if boards else given.table
     names = corrected_names(store).aircraft
     if names:
-        told = (
+        renamed_boards = (
             each.model_copy(update={"aircraft": names.get(each.aircraft, each.aircraft)})
             for each in table.installed
         )
-        table = AircraftTable(told)
+        table = AircraftTable(renamed_boards)
     return AircraftResolver(given.rule or rule_of(store), table, names)
 
 
@@ -100,12 +99,12 @@ def remember(store: Store, given: AircraftResolver) -> None:
     if rule.startswith(GIVEN):
         rule = before or GIVEN
     entries = [each.model_dump(mode="json", by_alias=True) for each in given.table.installed if each.board]
-    boards = json.dumps(entries) if entries else _boards(store)
+    boards = json.dumps(entries) if entries else _latest(store)[1]
     if (rule, boards) != _latest(store):
         store.append(NAMING, [{"rule": rule, "boards": boards, "stored": time.time_ns()}])
 
 
-def held_named(store: Store, row: Row, given: AircraftResolver) -> None:
+def check_aircraft_named(store: Store, row: Row, given: AircraftResolver) -> None:
     """Refuse the name of a new log's aircraft that only a guess gives.
 
     Parameters
@@ -125,7 +124,7 @@ def held_named(store: Store, row: Row, given: AircraftResolver) -> None:
     """
     rule = given.rule or rule_of(store)
     sure = given.rule is not None or rule in (None, BOARD)
-    if row.aircraft != UNKNOWN and (sure or row.aircraft in names_there(store)):
+    if row.aircraft != UNKNOWN and (sure or row.aircraft in aircraft_in(store)):
         return
     how = {
         None: "their boards",
@@ -158,11 +157,10 @@ def names_of(store: Store, logs: Collection[str]) -> dict[str, str]:
     """Return the aircraft of those logs, by their hashes, that a store has judged: a flight is kept once."""
     if not logs:
         return {}
-    listed = ", ".join(f"'{each}'" for each in sorted(logs))
     return dict(
         store.query(
-            "SELECT sha256, arg_max(aircraft, scanned) FROM logs"
-            f" WHERE sha256 IN ({listed}) AND flight IS NOT NULL AND {OF_THIS_FORMAT} GROUP BY sha256"
+            "SELECT sha256, arg_max(aircraft, scanned) FROM logs WHERE flight IS NOT NULL"
+            f" AND sha256 IN ({listed_sql(logs)}) AND {OF_THIS_FORMAT} GROUP BY sha256"
         ).fetchall()
     )
 
@@ -193,20 +191,10 @@ def renamed(store: Store, files: Iterable[LogFile], given: AircraftResolver) -> 
     return {*changed.values(), *(before[sha256] for sha256 in changed)}
 
 
-def names_there(store: Store) -> set[str]:
-    """Return the aircraft that a store has."""
-    rows = store.query("SELECT DISTINCT aircraft FROM logs WHERE aircraft <> '' AND flight IS NOT NULL")
-    return {name for (name,) in rows.fetchall()}
-
-
-def _latest(store: Store) -> tuple[str, str | None] | None:
+def _latest(store: Store) -> tuple[str | None, str | None]:
+    """Return the rule and the boards of the last scan that had others than the one before."""
     row = store.query("SELECT rule, boards FROM naming ORDER BY stored DESC LIMIT 1").fetchone()
-    return None if row is None else (str(row[0]), row[1])
-
-
-def _boards(store: Store) -> str | None:
-    latest = _latest(store)
-    return latest[1] if latest else None
+    return row or (None, None)
 
 
 def foreign_boards(store: Store) -> list[ForeignBoard]:
@@ -253,7 +241,7 @@ def foreign_boards(store: Store) -> list[ForeignBoard]:
 
 
 def foreign_board_among(store: Store, aircraft: str, board: str | None, start_utc: str | None) -> str | None:
-    """Return what is to be said of a flight whose board its aircraft does not have; None if it has it."""
+    """Return the notice on a flight whose board is not its aircraft's; None if it is."""
     rows = store.query(
         "SELECT board, count(DISTINCT sha256) FROM logs"
         " WHERE aircraft = ? AND board IS NOT NULL AND flight IS NOT NULL GROUP BY board ORDER BY 2 DESC",

@@ -14,10 +14,10 @@ from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.compare import unpacked
-from mavhums.flights.corrections import installed_in, repairs_of, since_of
+from mavhums.flights.corrections import installed_in, named_in, repairs_of, since_of
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.naming import foreign_boards
-from mavhums.flights.store import Store
+from mavhums.flights.store import Store, listed_sql
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary, exit_code_of
@@ -292,7 +292,7 @@ def trend_of(store: Store, aircraft: str) -> TrendReport:
     with no_collection():
         flown = tuple(past_flights(store, aircraft))
         if not flown:
-            raise MavhumsError(f"{store.place}: no flight of the aircraft {aircraft!r}", _aircraft_in(store))
+            raise MavhumsError(f"{store.place}: no flight of the aircraft {aircraft!r}", named_in(store))
         since = installed_in(store, aircraft).since(aircraft, flown[-1].end)
         repaired = since_of(store, aircraft)(flown[-1].end)
         report = trend_report(FlightHistory(flown), since=since, repaired=repaired)
@@ -368,13 +368,7 @@ def _verdicts_of(store: Store, paths: Collection[str]) -> dict[tuple[str, str, i
     """Return the verdicts on some logs; literal names let DuckDB skip most of the table."""
     if not paths:
         return {}
-    named = ", ".join("'" + path.replace("'", "''") + "'" for path in sorted(paths))
     rows = store.query(
-        f"SELECT aircraft, path, vehicle, actuator, verdict FROM verdicts WHERE path IN ({named})"
+        f"SELECT aircraft, path, vehicle, actuator, verdict FROM verdicts WHERE path IN ({listed_sql(paths)})"
     ).fetchall()
     return {(*key,): Verdict.model_validate_json(verdict) for *key, verdict in rows}
-
-
-def _aircraft_in(store: Store) -> str:
-    named = store.query("SELECT DISTINCT aircraft FROM logs WHERE aircraft <> '' ORDER BY 1").fetchall()
-    return f"the store has: {', '.join(name for (name,) in named[:20]) or 'none'}"

@@ -22,7 +22,7 @@ from mavhums.health.decision.thresholds import (
 from mavhums.results.standing import ActuatorTrend, FlightsLeft, Growth, Interval, Standing, Step
 from mavhums.results.verdict import Indicator, Verdict
 
-__all__ = ["Flown", "flights_left", "growth_of", "standing_of", "step_of"]
+__all__ = ["Flown", "flights_left", "growth_of", "mirrored", "reason_of", "standing_of", "step_of"]
 
 _FARTHEST: Final = timedelta(days=36_525)
 
@@ -60,7 +60,7 @@ def growth_of(course: Course, pairs: Pairs, limits: tuple[float | None, float | 
     )
     slope = course.per_flight
     if newest.fault in LOSSES:
-        slope = Interval(estimate=-slope.estimate, low=-slope.high, high=-slope.low)
+        slope = mirrored(slope)
     return Growth(
         fault=newest.fault,
         quantity=newest.quantity,
@@ -171,7 +171,7 @@ def standing_of(flown: Sequence[Flown], trends: Iterable[ActuatorTrend], counted
         ),
         growth=min(growing, key=_soonest) if growing else None,
         step=max(steps, key=lambda one: one.flight) if steps else None,
-        reason=_reason(last.verdict, last.gravest),
+        reason=reason_of(last.verdict, last.gravest),
         flights=len(flown),
         last_utc=last.start_utc,
         log=last.flight.assessment.log.path,
@@ -234,10 +234,15 @@ def _finding(verdict: Verdict, condition: Condition) -> dict[str, Any]:
     return {"fault": named[0] if named else None}
 
 
-def _reason(verdict: Verdict, gravest: Condition) -> str | None:
+def reason_of(verdict: Verdict, gravest: Condition) -> str | None:
     """Return the rule of the gravest finding, else why nothing was decided."""
     rules = (each.rule for each in verdict.evidence if each.rule.startswith(gravest))
     return next(rules, verdict.reason)
+
+
+def mirrored(interval: Interval) -> Interval:
+    """Return an interval of the opposite sign."""
+    return Interval(estimate=-interval.estimate, low=-interval.high, high=-interval.low)
 
 
 def _soonest(growth: Growth) -> float:

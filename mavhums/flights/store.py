@@ -19,7 +19,6 @@ from typing import Any, Final, NamedTuple, TypeVar
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.flights.store_tables import (
     COPIES,
-    INSTALLED,
     LOGS,
     SETTLED,
     STANDINGS,
@@ -173,8 +172,8 @@ class Store:
     def add_logs(self, rows: Sequence[Row], table: str = LOGS) -> None:
         """Commit logs, in one transaction."""
         now = time.time_ns()
-        told = [row._asdict() | {"scanned": now + k, "format": FORMAT} for k, row in enumerate(rows)]
-        self.append(table, told)
+        stamped = [row._asdict() | {"scanned": now + k, "format": FORMAT} for k, row in enumerate(rows)]
+        self.append(table, stamped)
 
     def append(self, table: str, rows: Sequence[dict[str, object]]) -> None:
         """Commit rows, in one transaction."""
@@ -228,18 +227,10 @@ class Store:
             elif several:
                 self._write(table, several, mode="append")
 
-    def replace_verdicts(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
-        """Replace the verdicts of an aircraft, in one transaction."""
-        self._replace(VERDICTS, aircraft, rows)
-
-    def replace_copies(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
-        """Replace the names of an aircraft's logs that do not count, in one transaction."""
-        if rows or self._has(COPIES):
-            self._replace(COPIES, aircraft, rows)
-
-    def replace_installed(self, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
-        """Replace the actuators of an aircraft, in one transaction."""
-        self._replace(INSTALLED, aircraft, rows)
+    def replace(self, table: str, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
+        """Replace the rows of an aircraft in a table, in one transaction."""
+        if rows or self._has(table):
+            self._overwrite(table, rows, f"aircraft = {_quoted(aircraft)}")
 
     def rewrite(self, table: str, rows: Callable[[], Sequence[dict[str, object]]]) -> None:
         """Replace all rows of a table, in one transaction; they are computed again for each attempt."""
@@ -254,9 +245,6 @@ class Store:
         """Give the logs with these hashes to other aircraft, in one transaction."""
         if names:
             self.retried(lambda: self._changed(lambda: self._tables.rename(LOGS, names)))
-
-    def _replace(self, table: str, aircraft: str, rows: Sequence[dict[str, object]]) -> None:
-        self._overwrite(table, rows, f"aircraft = {_quoted(aircraft)}")
 
     def _overwrite(self, table: str, rows: Sequence[dict[str, object]], predicate: str) -> None:
         if not self._has(table):  # first without rows: two scans that create it must not both add theirs

@@ -19,7 +19,7 @@ from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
 from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
 from mavhums.flights.folder import read_history
 from mavhums.flights.history import EarlierFlights, FlightHistory, PastFlight, UndatedError
-from mavhums.flights.standing import Flown, growth_of, standing_of, step_of
+from mavhums.flights.standing import Flown, growth_of, mirrored, reason_of, standing_of, step_of
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import Course, course_of, last_step
@@ -194,13 +194,12 @@ def with_standings(assessment: Assessment, earlier: EarlierFlights, since: Since
 def _last_flight(flown: Flown) -> LastFlight:
     """Return the condition of a flight, with its gravest finding."""
     verdict = flown.verdict
-    rules = (each.rule for each in verdict.evidence if each.rule.startswith(flown.gravest))
     return LastFlight(
         subject=verdict.subject,
         vehicle=verdict.vehicle or 0,
         actuator=verdict.actuator,
         condition=flown.gravest,
-        reason=next(rules, verdict.reason),
+        reason=reason_of(verdict, flown.gravest),
     )
 
 
@@ -240,8 +239,7 @@ def _trend(flown: list[Flown], pairs: _Shown, baseline: Baseline | None, counted
     pairs = [(each, one) for each, one in pairs if (one.quantity, one.unit) == (newest.quantity, newest.unit)]
     latest = flown[-1].verdict
     limit, emergency = newest.limit, newest.emergency
-    falls = newest.fault in LOSSES and baseline is not None
-    if falls and baseline is not None and latest.limits is not None:
+    if newest.fault in LOSSES and baseline is not None and latest.limits is not None:
         limit = latest.limits.effectiveness_degraded * baseline.mean
         emergency = latest.limits.effectiveness_emergency * baseline.mean
     used = [(each, one) for each, one in pairs if each.flight.counts(latest.actuator, counted)]
@@ -330,7 +328,7 @@ def _fitted(numbers: Array, values: Array, errors: Array, sign: float) -> Trend 
     fitted = fit_trend(numbers, values, errors)
     if fitted is None or sign > 0:
         return fitted
-    return replace(fitted, level=_mirrored(fitted.level), per_flight=_mirrored(fitted.per_flight))
+    return replace(fitted, level=mirrored(fitted.level), per_flight=mirrored(fitted.per_flight))
 
 
 def _life(left: FlightsLeft | None) -> Interval | None:
@@ -351,10 +349,6 @@ def _why_unknown(
     if emergency is None:
         return "it grows, but has no emergency limit"
     return None if _life(growth.to_emergency) else "it grows, but may never reach its limit"
-
-
-def _mirrored(interval: Interval) -> Interval:
-    return Interval(estimate=-interval.estimate, low=-interval.high, high=-interval.low)
 
 
 def _error(one: Indicator) -> float:

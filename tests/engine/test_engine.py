@@ -238,7 +238,7 @@ def test_an_unknown_profile_is_reported() -> None:
         data += struct.pack(">Q", START_US) + bytes(v2.MAVLink_statustext_message(6, text).pack(link))
     events = engine.feed(data) + engine.finish()
     assert [e.text for e in events if isinstance(e, Notice) and not e.text.startswith("SimBoard")] == [
-        "names the airframe nonesuch, which is not known here",
+        "names the unknown airframe nonesuch",
         "hello",
     ]
 

@@ -8,6 +8,7 @@ from mavhums.fleet.second_pass import rows_of
 from mavhums.flights.compare import StandaloneAssessment, packed
 from mavhums.flights.history import PastFlight
 from mavhums.flights.store import Row, Store
+from mavhums.flights.store_tables import VERDICTS
 from mavhums.results.assessment import Assessment
 
 __all__ = ["row_of", "write_store"]
@@ -39,4 +40,4 @@ def write_store(folder: Path, flown: dict[str, list[Assessment]]) -> None:
     store = Store(folder)
     for aircraft, flights in flown.items():
         store.add_logs([row_of(flight, aircraft) for flight in flights])
-        store.replace_verdicts(aircraft, [row for flight in flights for row in rows_of(aircraft, flight)])
+        store.replace(VERDICTS, aircraft, [row for flight in flights for row in rows_of(aircraft, flight)])

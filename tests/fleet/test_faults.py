@@ -165,7 +165,7 @@ def test_verdicts_of_an_aircraft_that_several_write_first_at_once_are_there_once
     def write(place: Path) -> None:
         store = Store(place)
         row: dict[str, object] = {"aircraft": "D-A", "sha256": "0"}
-        store.retried(partial(store.replace_verdicts, "D-A", [row]))
+        store.retried(partial(store.replace, VERDICTS, "D-A", [row]))
 
     for again in range(5):
         place = tmp_path / str(again)

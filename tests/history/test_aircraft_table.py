@@ -68,7 +68,7 @@ def test_the_table_dates_boards_and_actuators(tmp_path: Path, name: str, text: s
             ":3: the actuator is also installed by",
         ),
         ("aircraft,actuator,serial\nA,rudder,1\nB,rudder,1\n", ":3: the serial number is also"),
-        ('aircraft,board\n"A,1', "is no CSV"),
+        ('aircraft,board\n"A,1', "is not valid CSV"),
     ],
 )
 def test_a_wrong_table_is_refused_with_its_line(tmp_path: Path, text: str, told: str) -> None:

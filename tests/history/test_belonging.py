@@ -83,7 +83,7 @@ def test_an_unknown_aircraft_is_accepted_with_a_notice(
 ) -> None:
     told = held(tmp_path / "folder", [of(past, 0)], of(new, 1), NONE).log.notices
     assert len(told) == 1
-    assert f"{silent} tells no board id" in told[0]
+    assert f"{silent} reports no board id" in told[0]
 
 
 def test_a_foreign_board_is_told_where_the_name_is_the_same(tmp_path: Path) -> None:
@@ -129,9 +129,9 @@ def test_analyse_refuses_another_aircrafts_flight(run: Run, logs: list[Path], tm
     (tmp_path / "nameless.tlog").write_bytes(nameless(logs[1].read_bytes()))
     accepted = run("analyse", tmp_path / "nameless.tlog", "--history", folder)
     assert accepted.code == ExitCode.OK
-    assert "The log tells no board id" in accepted.out
+    assert "The log reports no board id" in accepted.out
     named = run("analyse", tmp_path / "nameless.tlog", "--history", folder, "--aircraft", "folder")
-    assert "tells no board id" not in named.out
+    assert "reports no board id" not in named.out
 
 
 @pytest.mark.parametrize("recorded", [False, True])

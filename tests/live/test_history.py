@@ -87,7 +87,7 @@ def test_its_own_flights_are_its_history(worn_pieces: list[Piece], board: str, t
 def test_a_history_without_boards_is_accepted_with_a_notice(worn_pieces: list[Piece], tmp_path: Path) -> None:
     follows, _ = session(tmp_path, history=kept(tmp_path / "flights", None))
     assert hear(follows, worn_pieces) == len(worn_pieces)
-    assert "tells no board id" in follows.close().log.notices[-1]
+    assert "reports no board id" in follows.close().log.notices[-1]
 
 
 def test_a_table_tells_of_a_swapped_board(worn_pieces: list[Piece], board: str, tmp_path: Path) -> None:
