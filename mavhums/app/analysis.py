@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
-from mavhums.core.files import written_whole
+from mavhums.core.output import written_whole
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions

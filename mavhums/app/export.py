@@ -16,9 +16,8 @@ from mavhums.actuator.mapping import Mapped, messages_for
 from mavhums.actuator.profile import Actuator, Airframe, ProfileError, load_airframe
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.errors import MavhumsError
-from mavhums.core.files import written_whole
+from mavhums.core.output import TableWriter, writer_for, written_whole
 from mavhums.core.quantities import KEYS
-from mavhums.core.table_writers import TableWriter, writer_for
 from mavhums.health.actuator.votes import answer_samples
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log import Decoder, decode_blocks

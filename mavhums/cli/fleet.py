@@ -197,7 +197,7 @@ def worst(store: str, most: int, as_json: bool) -> None:
 def trend(store: str, aircraft: str, as_json: bool, output: Path | None) -> None:
     """Show the trend of each actuator of AIRCRAFT over its flights; exit codes as of `mavhums trend`."""
     from mavhums.cli.trend import write_trends
-    from mavhums.core.table_writers import writer_for
+    from mavhums.core.output import writer_for
     from mavhums.fleet import trend as trend_of
 
     if output is not None:

@@ -111,7 +111,7 @@ def digest(
     With --fail-on-news, instead of 0 the first that applies:
       11 a new emergency    10 a new finding, growth or step    1 a log that failed    0 none of these
     """
-    from mavhums.core.files import written_whole
+    from mavhums.core.output import written_whole
     from mavhums.fleet import digest as digest_of
     from mavhums.fleet.notify import recipients_of, send
     from mavhums.show.changes import digest_html, digest_lines

@@ -15,7 +15,7 @@ import click
 
 from mavhums.core import startup
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.core.text import printable
+from mavhums.core.output import printable
 
 __all__ = ["announce_compiling", "complain", "reading", "say", "say_json", "sound_output", "steps"]
 

@@ -148,7 +148,7 @@ def new_profile(log: Path, output: Path | None, vehicle: int | None, name: str |
     ArduPilot; PWM_MAIN_FUNCn, _MINn, _MAXn, _REV (or PWM_AUX, UAVCAN_SV) and CA_SV_CSk_TYPE of PX4.
     """
     from mavhums.actuator.draft import draft_profile
-    from mavhums.core.files import written_whole
+    from mavhums.core.output import written_whole
 
     if output is not None and output.exists():
         raise MavhumsError(f"{output}: exists already, and you may have filled it in", "name another file")
@@ -176,7 +176,7 @@ def identify_motors(logs: tuple[Path, ...], airframe: Path, output: Path | None)
     """
     from mavhums.app.identify import identify, with_motors
     from mavhums.app.settings import Options
-    from mavhums.core.files import written_whole
+    from mavhums.core.output import written_whole
 
     if output is not None and output.exists():
         raise MavhumsError(f"{output}: exists already", "name another file")

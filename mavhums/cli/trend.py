@@ -72,7 +72,7 @@ def trend(
       12 its last flight was undecided, or no flight shows the fault
       3 files of the folder could not be read    0 none of these
     """
-    from mavhums.core.table_writers import writer_for
+    from mavhums.core.output import writer_for
     from mavhums.flights.aircraft_table import load_aircraft_table
     from mavhums.flights.trends import own_trend_report
 
@@ -115,8 +115,7 @@ def _check_names_known(
 
 def write_trends(output: Path, trends: tuple[ActuatorTrend, ...]) -> None:
     """Write a row per flight and indicator to a table."""
-    from mavhums.core.files import written_whole
-    from mavhums.core.table_writers import writer_for
+    from mavhums.core.output import writer_for, written_whole
     from mavhums.results.standing import to_frame
 
     with written_whole(output) as temporary, writer_for(output)(temporary) as table:

@@ -1,17 +1,39 @@
-"""The twelve quantities V1–V12 that describe an actuator's operation (paper, section 5).
+"""The quantities V1–V12 of an actuator (paper, section 5), and their statistics over a window.
 
 Their order is the same everywhere: in arrays of shape ``(n, 12)``, in tables, in the
 ``data`` field of the instrumented tier and in model files.
 
 Signs: positive current accelerates towards positive angles; V11 is the external (hinge)
 load and is positive when it opposes motion towards positive V3.
+
+The statistics, the inputs of a network, are functions of sums over samples: a window costs the memory of its
+slots' sums, and its values depend neither on the rate of the log nor on how it was cut into blocks.
 """
 
 from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-__all__ = ["KEYS", "QUANTITIES", "Quantity", "column"]
+import numpy as np
+from numpy.typing import NDArray
+
+from mavhums.core.arrays import Array
+
+__all__ = [
+    "KEYS",
+    "MOMENTS",
+    "QUANTITIES",
+    "SUMS",
+    "WINDOW_FEATURES",
+    "WINDOW_KEYS",
+    "Quantity",
+    "Statistic",
+    "column",
+    "of_window",
+    "products",
+    "shows_something",
+    "window_features",
+]
 
 
 class Quantity(NamedTuple):
@@ -53,3 +75,173 @@ def column(key: str) -> int:
     4
     """
     return KEYS.index(key)
+
+
+MOMENTS: Final = ("1", "way", "V3", "V4", "V5", "V7", "slope", "V11", "gap", "flank")
+"""Columns of a moving sample whose products are summed: one; the sign of V7; V7 in 1000 rev/min; its slope,
+1000 rev/min a second; V3 − V2/N, °; and the sign of V5."""
+
+_PLACE = {name: k for k, name in enumerate(MOMENTS)}
+_UPPER = np.triu_indices(len(MOMENTS))
+_PAIRS = len(_UPPER[0])
+_OTHERS = ("samples", "commanded", "flown", "missed", "missed²", "V4²", "loads", "gaps", "peak")
+SUMS: Final = _PAIRS + len(_OTHERS)
+"""Number of sums of a slot: the products of the moments over its moving samples, then those of all samples;
+the last is no sum but the largest |V4|."""
+
+_VOTERS, _EACH_WAY = 20, 5
+_COMMANDED_DEG, _HELD = 5.0, 0.25
+"""A window without motion shows one thing: that the shaft stays behind a command of several degrees."""
+
+_RIDGE = 0.01
+"""Of a regressor's variance: a window that hardly excites it gives a small coefficient, not a wild one."""
+
+
+class Statistic(NamedTuple):
+    """A feature of a window, and the quantities that it needs."""
+
+    key: str
+    meaning: str
+    unit: str
+    needs: tuple[str, ...]
+
+
+_LIST: Final = (
+    Statistic("V5 way", "current: half the difference of the means forward and backward", "A", ("V5", "V7")),
+    Statistic("V5 both", "current: the middle of the means forward and backward", "A", ("V5", "V7")),
+    Statistic("V5 rms", "current", "A", ("V5",)),
+    Statistic("V5 std", "current", "A", ("V5",)),
+    Statistic("V5 work", "current, weighted by speed in its direction", "A", ("V5", "V7")),
+    Statistic(
+        "V5|V3 way",
+        "current with the sign of the speed; angle, speed and slope apart",
+        "A",
+        ("V3", "V5", "V7"),
+    ),
+    Statistic("V5|V3 rest", "what way, angle, speed and slope leave of the current", "A", ("V3", "V5", "V7")),
+    Statistic(
+        "V5|V11 way",
+        "current with the sign of the speed; load, speed and slope apart",
+        "A",
+        ("V5", "V7", "V11"),
+    ),
+    Statistic("V5|V11 load", "current for each newton metre of load", "A/(N·m)", ("V5", "V7", "V11")),
+    Statistic(
+        "V5|V11 rest", "what way, load, speed and slope leave of the current", "A", ("V5", "V7", "V11")
+    ),
+    Statistic("V11 work", "load, weighted by speed in its direction", "N·m", ("V7", "V11")),
+    Statistic("V11 rms", "load", "N·m", ("V11",)),
+    Statistic("V4 way", "voltage: half the difference of the means forward and backward", "V", ("V4", "V7")),
+    Statistic("V4 rms", "voltage, moving", "V", ("V4",)),
+    Statistic("V4|V5", "voltage for each ampere; speed apart", "Ω", ("V4", "V5", "V7")),
+    Statistic("V4|V7", "voltage for each 1000 rev/min; current apart", "V·min/1000", ("V4", "V5", "V7")),
+    Statistic("V4 rest", "what current and speed leave of the voltage", "V", ("V4", "V5", "V7")),
+    Statistic("V4 loss", "mean of voltage times current", "W", ("V4", "V5")),
+    Statistic("V7 rms", "speed", "1000 rev/min", ("V7",)),
+    Statistic("gap mean", "output shaft's angle less the rotor's through the gear", "°", ("V2", "V3")),
+    Statistic("gap std", "the same", "°", ("V2", "V3")),
+    Statistic("gap flank", "the same: part with the sign of the current", "°", ("V2", "V3", "V5")),
+    Statistic("flown", "path flown for each degree commanded", "1", ("V1", "V7")),
+    Statistic("missed mean", "command less angle", "°", ("V1", "V2", "V3")),
+    Statistic("missed std", "command less angle", "°", ("V1", "V3")),
+    Statistic("V4 all rms", "voltage, standing or moving", "V", ("V4",)),
+    Statistic("V4 peak", "largest magnitude of the voltage", "V", ("V4",)),
+)
+WINDOW_FEATURES: Final = {each.key: each for each in _LIST}
+"""The statistics by key, in the order of the columns of :func:`window_features`."""
+WINDOW_KEYS: Final = tuple(WINDOW_FEATURES)
+_NEEDING = {of: [k for k, each in enumerate(_LIST) if of in each.needs] for of in ("V2", "V11")}
+
+
+def products(moments: Array) -> Array:
+    """Return the products of samples' moments, shape (n, pairs), of shape (n, len(MOMENTS))."""
+    result: Array = moments[:, _UPPER[0]] * moments[:, _UPPER[1]]
+    return result
+
+
+def of_window(slots: Array) -> Array:
+    """Return the sums of windows, shape (k, ``SUMS``), of their slots', shape (k, slots, ``SUMS``)."""
+    return np.concatenate([slots[:, :, :-1].sum(axis=1), slots[:, :, -1:].max(axis=1)], axis=1)
+
+
+def shows_something(sums: Array) -> NDArray[np.bool_]:
+    """Return which windows can show a condition, shape (n,), of their sums, shape (n, ``SUMS``).
+
+    Those with twenty samples in motion, five of them either way; and those whose shaft stays behind a
+    command of several degrees. A standing actuator that nothing commands is not asked.
+    """
+    moving, way = sums[:, 0], sums[:, 1]
+    other = dict(zip(_OTHERS, sums[:, _PAIRS:].T, strict=True))
+    in_motion = (moving >= _VOTERS) & (moving - np.abs(way) >= 2 * _EACH_WAY)
+    held = (other["commanded"] >= _COMMANDED_DEG) & (other["flown"] < _HELD * other["commanded"])
+    return np.asarray(in_motion | held)
+
+
+def window_features(sums: Array) -> Array:
+    """Return the statistics of windows, shape (n, features), of their sums, shape (n, ``SUMS``).
+
+    NaN where a quantity is not measured; a statistic of the motion is 0 where nothing moves.
+    """
+    count = len(sums)
+    gram = np.empty((count, len(MOMENTS), len(MOMENTS)))
+    gram[:, _UPPER[0], _UPPER[1]] = gram[:, _UPPER[1], _UPPER[0]] = sums[:, :_PAIRS]
+    other = dict(zip(_OTHERS, sums[:, _PAIRS:].T, strict=True))
+    moving = gram[:, 0, 0]
+    mean = gram / np.maximum(moving, 1.0)[:, None, None]
+
+    def of(left: str, right: str = "1") -> Array:
+        return np.asarray(mean[:, _PLACE[left], _PLACE[right]])
+
+    def deviation(square: Array, first: Array) -> Array:
+        return np.sqrt(np.maximum(square - first**2, 0.0))
+
+    def ways(name: str) -> tuple[Array, Array]:
+        forward = (of(name) + of(name, "way")) / np.maximum(1 + of("way"), 1e-9)
+        backward = (of(name) - of(name, "way")) / np.maximum(1 - of("way"), 1e-9)
+        return (forward - backward) / 2, (forward + backward) / 2
+
+    def regress(target: str, *regressors: str) -> tuple[Array, Array]:
+        return _regression(mean, _PLACE[target], [_PLACE[name] for name in regressors])
+
+    speed = np.maximum(of("V7", "way"), 1e-9)
+    ampere_way, ampere_both = ways("V5")
+    by_angle, angle_rest = regress("V5", "way", "V3", "V7", "slope")
+    by_load, load_rest = regress("V5", "way", "V11", "V7", "slope")
+    voltage, voltage_rest = regress("V4", "V5", "V7")
+    gap, _ = regress("gap", "flank", "way")
+    samples = np.maximum(other["samples"], 1.0)
+    missed = other["missed"] / samples
+    columns = [
+        ampere_way, ampere_both, np.sqrt(of("V5", "V5")), deviation(of("V5", "V5"), of("V5")),
+        of("V5", "V7") / speed, by_angle[:, 0], angle_rest, by_load[:, 0], by_load[:, 1], load_rest,
+        of("V11", "V7") / speed, np.sqrt(of("V11", "V11")), ways("V4")[0], np.sqrt(of("V4", "V4")),
+        voltage[:, 0], voltage[:, 1], voltage_rest, of("V4", "V5"), np.sqrt(of("V7", "V7")),
+        of("gap"), deviation(of("gap", "gap"), of("gap")), gap[:, 0],
+        other["flown"] / np.maximum(other["commanded"], 1.0), missed,
+        deviation(other["missed²"] / samples, missed), np.sqrt(other["V4²"] / samples), other["peak"],
+    ]  # fmt: skip
+    features = np.stack(columns, axis=1)
+    # Sums over a shaft that stands are 0 also of what the log does not carry.
+    features[np.ix_(other["loads"] == 0, _NEEDING["V11"])] = np.nan
+    features[np.ix_(other["gaps"] == 0, _NEEDING["V2"])] = np.nan
+    return features
+
+
+def _regression(mean: Array, target: int, regressors: list[int]) -> tuple[Array, Array]:
+    """Return coefficients, shape (n, k), and rms of the residuals, (n,), of a ridge on centred moments."""
+    places = [*regressors, target]
+    first = mean[:, 0, :][:, places]
+    covariance = mean[:, places, :][:, :, places] - first[:, :, None] * first[:, None, :]
+    k = len(regressors)
+    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-12))
+    correlation = covariance / (scale[:, :, None] * scale[:, None, :])
+    known = np.isfinite(correlation).all(axis=(1, 2))
+    result, rest = np.full((len(mean), k), np.nan), np.full(len(mean), np.nan)
+    if known.any():
+        square = correlation[known]
+        left, right = square[:, :k, :k] + _RIDGE * np.eye(k), square[:, :k, k]
+        solved = np.linalg.solve(left, right[:, :, None])[:, :, 0]
+        result[known] = solved * scale[known][:, k:] / scale[known][:, :k]
+        explained = (solved * (2 * right - (square[:, :k, :k] @ solved[:, :, None])[:, :, 0])).sum(axis=1)
+        rest[known] = scale[known][:, k] * np.sqrt(np.maximum(square[:, k, k] - explained, 0.0))
+    return result, rest

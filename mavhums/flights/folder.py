@@ -23,7 +23,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from mavhums.core.about import __version__
 from mavhums.core.errors import MavhumsError
-from mavhums.core.files import written_whole
+from mavhums.core.output import written_whole
 from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import Owner
 from mavhums.flights.aircraft_table import Since

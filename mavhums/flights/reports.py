@@ -189,8 +189,7 @@ def export(store: str | os.PathLike[str], output: str | os.PathLike[str] | None 
     """
     import pandas as pd
 
-    from mavhums.core.files import written_whole
-    from mavhums.core.table_writers import writer_for
+    from mavhums.core.output import writer_for, written_whole
 
     kept = Store(store).opened()
     now = {

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
-from mavhums.core.quantities import KEYS
-from mavhums.core.window_features import WINDOW_KEYS
+from mavhums.core.quantities import KEYS, WINDOW_KEYS
 
 __all__ = ["ABSTAINS", "Network", "TanhNetwork", "WindowNetwork", "unit_interval", "vote"]
 
@@ -292,7 +291,7 @@ class Network(_ColumnNetwork):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WindowNetwork(_ColumnNetwork):
-    """A network whose inputs are statistics of a window (:data:`mavhums.core.window_features.WINDOW_KEYS`).
+    """A network whose inputs are statistics of a window (:data:`mavhums.core.quantities.WINDOW_KEYS`).
 
     Attributes
     ----------

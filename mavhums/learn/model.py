@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.errors import MavhumsError
-from mavhums.core.files import written_whole
+from mavhums.core.output import written_whole
 from mavhums.learn.card import Card, WindowCard
 from mavhums.learn.inference import Network, WindowNetwork
 
@@ -124,7 +124,7 @@ class Model:
         ----------
         features
             The windows' statistics, shape (n, features), as
-            :func:`mavhums.core.window_features.window_features` returns them.
+            :func:`mavhums.core.quantities.window_features` returns them.
 
         Returns
         -------

@@ -16,7 +16,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Integers
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.core.files import written_whole
+from mavhums.core.output import written_whole
 from mavhums.core.quantities import KEYS
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ from sklearn.model_selection import GroupShuffleSplit
 
 from mavhums.core.about import __version__
 from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.core.quantities import KEYS, column
-from mavhums.core.window_features import WINDOW_KEYS
+from mavhums.core.quantities import KEYS, WINDOW_KEYS, column
 from mavhums.learn._estimators import train_networks
 from mavhums.learn.card import Card, Selection
 from mavhums.learn.chain import Rounds, Scheme, Vectors, reduce_vectors, select_columns, select_features

@@ -19,7 +19,7 @@ from mavhums.app.analysis import with_aircraft_identity
 from mavhums.app.settings import Options, Settings
 from mavhums.app.warm_up import compile_rare_loops
 from mavhums.core.errors import MavhumsError
-from mavhums.core.files import written_whole
+from mavhums.core.output import written_whole
 from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions

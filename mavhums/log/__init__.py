@@ -9,7 +9,7 @@ from mavhums.core.startup import lazy_exports
 if TYPE_CHECKING:
     from mavhums.log.base.decoder import LogDecoder as LogDecoder
     from mavhums.log.base.tables import Table as Table
-    from mavhums.log.decoding import Decoder as Decoder
+    from mavhums.log.formats import Decoder as Decoder
     from mavhums.log.reader import Log as Log
     from mavhums.log.reader import decode_blocks as decode_blocks
     from mavhums.log.reader import read_blocks as read_blocks
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 # Lazy, so that the list of formats is read without numba.
 _HOMES = {
-    "Decoder": "decoding",
+    "Decoder": "formats",
     "Log": "reader",
     "LogDecoder": "base.decoder",
     "Table": "base.tables",

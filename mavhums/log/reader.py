@@ -13,7 +13,7 @@ from mavhums.core.errors import UnreadableLogError
 from mavhums.core.packed import Unpacked, opened
 from mavhums.log.base.decoder import LogDecoder, Losses
 from mavhums.log.base.tables import Table
-from mavhums.log.decoding import Decoder, refuse_foreign
+from mavhums.log.formats import Decoder, refuse_foreign
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mavhums.actuator.telemetry import TO_BE_JUDGED
-from mavhums.core.text import printable
+from mavhums.core.output import printable
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.assessment import Inspection, Judgeable, VehicleTelemetry
 from mavhums.show.digest import NOT_JUDGED

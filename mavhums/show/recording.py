@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.core.files import WholeFile
+from mavhums.core.output import WholeFile
 from mavhums.engine.events import Event
 from mavhums.results.assessment import Assessment
 

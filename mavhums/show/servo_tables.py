@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from mavhums.core.text import printable
+from mavhums.core.output import printable
 from mavhums.health.self_baseline.motor import STALL_SHARES
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import OutputUsage, VehicleUsage

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.core.files import written_whole
+from mavhums.core.output import written_whole
 
 if TYPE_CHECKING:
     import pandas as pd

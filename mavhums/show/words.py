@@ -7,7 +7,7 @@ from math import cos, radians, sin
 from typing import Final
 
 from mavhums.core.conditions import Condition
-from mavhums.core.text import printable
+from mavhums.core.output import printable
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.standing import Interval

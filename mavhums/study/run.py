@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from mavhums.core.errors import MavhumsError
-from mavhums.core.files import written_whole
+from mavhums.core.output import written_whole
 from mavhums.core.quantities import KEYS, QUANTITIES
 from mavhums.study.cyclograms import MAIN, CyclogramSamples, fly_condition
 from mavhums.study.experiment import Effort, Experiment, emergency

@@ -11,7 +11,7 @@ from sklearn.metrics import confusion_matrix
 
 from mavhums.actuator.profile import Actuator, Limits
 from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.core.window_features import (
+from mavhums.core.quantities import (
     SUMS,
     WINDOW_FEATURES,
     of_window,

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from mavhums.cli import main as cli
 from mavhums.core.errors import ExitCode
-from mavhums.core.table_writers import writer_for
+from mavhums.core.output import writer_for
 from mavhums.log.base.decoder import Losses, SequenceLoss
 from mavhums.results.assessment import Assessment
 from mavhums.show.terminal import render

@@ -15,9 +15,8 @@ from mavhums.actuator import load_airframe
 from mavhums.actuator.draft import draft_profile
 from mavhums.app.export import export_quantities
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.core.files import written_whole
+from mavhums.core.output import writer_for, written_whole
 from mavhums.core.quantities import KEYS
-from mavhums.core.table_writers import writer_for
 from mavhums.learn import default_model, save_model
 from tests.conftest import Run
 from tests.logs import heartbeat, write_log

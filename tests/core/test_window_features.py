@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.core.window_features import (
+from mavhums.core.quantities import (
     MOMENTS,
     SUMS,
     WINDOW_KEYS,

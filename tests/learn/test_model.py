@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import mavhums
-from mavhums.core.window_features import WINDOW_KEYS
+from mavhums.core.quantities import WINDOW_KEYS
 from mavhums.learn import (
     Calibration,
     Card,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mavhums.core.window_features import WINDOW_KEYS
+from mavhums.core.quantities import WINDOW_KEYS
 from mavhums.learn import LabelledWindows, Scheme, WindowNetwork, train_windows
 from mavhums.learn.evaluation import at_temperature, decides_at
 

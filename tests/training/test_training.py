@@ -11,8 +11,7 @@ import pytest
 import mavhums
 from mavhums.actuator import load_airframe
 from mavhums.core.errors import MavhumsError
-from mavhums.core.quantities import KEYS, column
-from mavhums.core.window_features import WINDOW_KEYS
+from mavhums.core.quantities import KEYS, WINDOW_KEYS, column
 from mavhums.learn import Scheme, load_model, packaged_models, save_model
 from mavhums.training.flights import TELEMETRY, fly_fleet, moving_samples, windows
 from mavhums.training.train import friction_range, train_model

@@ -10,7 +10,7 @@ import numpy as np
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.window_features import SUMS
+from mavhums.core.quantities import SUMS
 from mavhums.health.actuator.detector import DetectorInput
 from mavhums.health.actuator.detectors import detectors_for
 from mavhums.health.actuator.detectors.friction import why_no_friction

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.core.quantities import column
-from mavhums.core.window_features import WINDOW_KEYS, of_window, shows_something, window_features
+from mavhums.core.quantities import WINDOW_KEYS, column, of_window, shows_something, window_features
 from mavhums.health.actuator.thresholds import LEAST_VOTERS, LEAST_VOTERS_PER_DIRECTION, RIGID_GEAR_DEG
 from mavhums.learn import Model
 

@@ -9,9 +9,8 @@ import numpy as np
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.kernels import kernel
-from mavhums.core.quantities import KEYS, column
+from mavhums.core.quantities import KEYS, column, products
 from mavhums.core.statistics import DEGREES_S_PER_REV_MIN
-from mavhums.core.window_features import products
 from mavhums.health.estimation.slots import APART, BUS, MAGNITUDES, TURNED, Slots
 from mavhums.health.estimation.thresholds import GUARD_S, LONGEST_GAP_PERIODS
 

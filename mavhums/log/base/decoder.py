@@ -9,7 +9,6 @@ from mavhums.core.models import Contract
 from mavhums.log.base.tables import Table
 
 __all__ = [
-    "PIECE",
     "FormatPackage",
     "LogDecoder",
     "Losses",
@@ -18,9 +17,6 @@ __all__ = [
     "SequenceLoss",
     "join_tables",
 ]
-
-PIECE = 1 << 16
-"""Bytes of a log's beginning that are read at a time, until a frame or definition settles what the log is."""
 
 
 class Region(Contract):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.scanner import GUARD, SPARE, RecordBatch, load_word, store_word
 from mavhums.log.base.tables import Table
 
-__all__ = ["DefinitionTable", "GatheredTables", "RowContext"]
+__all__ = ["Definition", "DefinitionTable", "GatheredTables", "RowContext"]
 
 
 class RowContext(NamedTuple):
@@ -40,10 +41,22 @@ class GatheredTables(NamedTuple):
     counts: Integers
 
 
-class _Definition(NamedTuple):
+class Definition(NamedTuple):
+    """Definition of a message.
+
+    Attributes
+    ----------
+    name
+        Name of the message.
+    wire
+        Layout of the payload.
+    divisors
+        Divisor of a field's raw number, where the format defines one.
+    """
+
     name: str
     wire: np.dtype[np.void]
-    divisors: Mapping[str, float]
+    divisors: Mapping[str, float] = MappingProxyType({})
 
 
 class DefinitionTable:
@@ -53,13 +66,12 @@ class DefinitionTable:
     ----------
     counts_undefined
         Whether a record without a definition has a place in a table's ``frame``.
-
     """
 
     def __init__(self, *, counts_undefined: bool = False) -> None:
         self._counts_undefined = counts_undefined
         self._known = np.empty(0, dtype=np.bool_)
-        self._definitions: list[_Definition | None] = []
+        self._definitions: list[Definition | None] = []
         self._sizes: dict[Collection[str] | None, Integers] = {}
 
     def __len__(self) -> int:
@@ -70,15 +82,8 @@ class DefinitionTable:
         definition = self._definitions[number]
         return None if definition is None else definition.name
 
-    def add(self, name: str, wire: np.dtype[np.void], divisors: Mapping[str, float] | None = None) -> None:
-        """Add the next definition."""
-        self._add(_Definition(name, wire, divisors or {}))
-
-    def add_unusable(self) -> None:
-        """Add a definition that cannot be used; its records are unknown."""
-        self._add(None)
-
-    def _add(self, definition: _Definition | None) -> None:
+    def add(self, definition: Definition | None) -> None:
+        """Add the next definition; None stands for one that cannot be used: its records are unknown."""
         self._definitions.append(definition)
         self._sizes.clear()
 

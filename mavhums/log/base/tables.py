@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-__all__ = ["LOOSE_TIME", "MAVLINK1", "ODD_TIME", "PADDED", "SIGNED", "Table", "text_of"]
+__all__ = ["C_NUMBERS", "LOOSE_TIME", "MAVLINK1", "ODD_TIME", "PADDED", "SIGNED", "Table", "text_of"]
 
 MAVLINK1 = 1
 SIGNED = 2
@@ -28,6 +28,19 @@ ODD_TIME = 8
 LOOSE_TIME = 16
 """The message has no stamp, and its sender's stamped ones arrive with latencies more than 0.5 s apart."""
 
+C_NUMBERS: Final = {
+    "int8_t": "i1",
+    "uint8_t": "u1",
+    "int16_t": "<i2",
+    "uint16_t": "<u2",
+    "int32_t": "<i4",
+    "uint32_t": "<u4",
+    "int64_t": "<i8",
+    "uint64_t": "<u8",
+    "float": "<f4",
+    "double": "<f8",
+}
+"""Numpy's types of numbers under their names in C, by which MAVLink and ULog define fields."""
 
 _PARTS = ("frame", "time_us", "system", "component", "sequence", "flags", "fields")
 

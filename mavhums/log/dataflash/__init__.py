@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from mavhums.log.base.decoder import PIECE, Refusal
+from mavhums.log.base.decoder import Refusal
 from mavhums.log.dataflash.decoder import DataFlashDecoder
 from mavhums.log.dataflash.scanner import RecordScanner
+from mavhums.log.formats import pieces
 
 __all__ = ["DataFlashDecoder", "decoder", "refusal"]
 
@@ -21,8 +22,8 @@ def refusal(head: bytes) -> Refusal | None:
     scanner = RecordScanner()
     columns: list[list[bytes]] = []
     # Definitions stand first: the rest of the megabyte is scanned only where none of them has a time.
-    for place in range(0, len(head), PIECE):
-        scanner.feed(head[place : place + PIECE], final=place + PIECE >= len(head))
+    for piece, final in pieces(head):
+        scanner.feed(piece, final=final)
         columns = [body[22:].tobytes().split(b"\0")[0].split(b",") for body in scanner.bodies[1:]]
         if any(fields[0] == b"TimeUS" for fields in columns):
             return None

@@ -10,14 +10,13 @@ before counts as a step only if the next records continue from there; otherwise 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.records import DefinitionTable
+from mavhums.log.base.records import Definition, DefinitionTable
 from mavhums.log.base.scanner import WAIT, load_word
 
 __all__ = [
@@ -34,7 +33,6 @@ __all__ = [
     "MAGIC_2",
     "ODD",
     "TYPE",
-    "RecordDefinition",
     "RecordDefinitions",
     "begins",
     "define",
@@ -126,10 +124,7 @@ def _is_timed(data: Bytes, position: int) -> bool:
 
 
 @kernel
-def define(
-    data: Bytes, position: int, epoch: int, types: Records, bodies: Bytes,
-    known: int,
-) -> int:  # fmt: skip
+def define(data: Bytes, position: int, epoch: int, types: Records, bodies: Bytes, known: int) -> int:
     """Process a FMT record, and return the number of definitions, or -1 if it is damaged.
 
     A type keeps its definition until another log begins; an earlier contradiction is damage.
@@ -180,14 +175,11 @@ def time_at(data: Bytes, position: int) -> int:
 
 
 @kernel
-def _confirm(
-    data: Bytes, size: int, place: int, time_us: int, last: int, types: Records,
-    final: bool,
-) -> int:  # fmt: skip
+def _confirm(data: Bytes, place: int, time_us: int, last: int, types: Records, final: bool) -> int:
     """Judge a time by the times of the records from ``place`` on."""
     before, agreed = time_us, 0
     for _ in range(_LOOKED_AT):
-        if place + HEAD > size:
+        if place + HEAD > data.size:
             if not final:
                 return WAIT
             agreed += last < 0 or 0 < time_us - last <= GAP_US
@@ -195,7 +187,7 @@ def _confirm(
         length = int(types[data[place + 2]].length)
         if not begins(data, place) or length == 0:
             break
-        if place + length > size:
+        if place + length > data.size:
             if not final:
                 return WAIT
             break
@@ -222,16 +214,13 @@ def is_near(time_us: int, last: int) -> bool:
 
 
 @inlined
-def judge_time(
-    data: Bytes, size: int, end: int, time_us: int, last: int, types: Records,
-    final: bool,
-) -> int:  # fmt: skip
+def judge_time(data: Bytes, end: int, time_us: int, last: int, types: Records, final: bool) -> int:
     """Compare the time of a record that ends at ``end`` with ``last``, -1 if there is none."""
     if last >= 0 and is_near(time_us, last):
         return IN_ORDER
     if not 0 <= time_us < _LATEST_US:
         return ODD
-    return _confirm(data, size, end, time_us, last, types, final)
+    return _confirm(data, end, time_us, last, types, final)
 
 
 _TYPES = {
@@ -246,27 +235,8 @@ FMT_BODY += b"Type,Length,Name,Format,Columns".ljust(64, b"\0")
 """The definition that every log has from its beginning: that of definitions."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordDefinition:
-    """Definition of the records of one type.
-
-    Attributes
-    ----------
-    name
-        Name of the message.
-    wire
-        Layout of the payload.
-    divisors
-        Divisor of a field's raw number, for the type letters that define one.
-    """
-
-    name: str
-    wire: np.dtype[np.void]
-    divisors: dict[str, float]
-
-
 @lru_cache(maxsize=4096)
-def definition_of(raw: bytes) -> RecordDefinition | None:
+def definition_of(raw: bytes) -> Definition | None:
     """Return the definition in the payload of a FMT record; None if its fields lack distinct names.
 
     Logs of one firmware have the same two hundred definitions, and a stream of logs repeats them.
@@ -286,7 +256,7 @@ def definition_of(raw: bytes) -> RecordDefinition | None:
     divisors = {
         f: _DIVISORS[letter] for f, letter in zip(fields, letters, strict=True) if letter in _DIVISORS
     }
-    return RecordDefinition(name, wire, divisors)
+    return Definition(name, wire, divisors)
 
 
 class RecordDefinitions(DefinitionTable):
@@ -303,14 +273,12 @@ class RecordDefinitions(DefinitionTable):
     def __init__(self) -> None:
         super().__init__()
         self.numbers: list[int] = []
-        self._by_name: dict[str, RecordDefinition] = {}
+        self._by_name: dict[str, Definition] = {}
 
     def learn(self, bodies: Bytes) -> None:
         """Add the new definitions in ``bodies``, the payloads of the FMT records so far."""
         for body in bodies[len(self) :]:
             definition = definition_of(body.tobytes())
             self.numbers.append(int(body[0]))
-            if definition is None or self._by_name.setdefault(definition.name, definition) != definition:
-                self.add_unusable()
-            else:
-                self.add(definition.name, definition.wire, definition.divisors)
+            usable = definition and self._by_name.setdefault(definition.name, definition) == definition
+            self.add(definition if usable else None)

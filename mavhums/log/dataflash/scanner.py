@@ -80,19 +80,19 @@ Record = Any
 
 
 @kernel
-def _ends_before(data: Bytes, size: int, end: int, offset: int, in_step: bool, final: bool) -> int:
+def _ends_before(data: Bytes, end: int, offset: int, in_step: bool, final: bool) -> int:
     """Return whether a record ending at ``end`` (``offset`` in the stream) counts with no magic after it."""
-    if end == size:
+    if end == data.size:
         return YES if final else WAIT
-    if in_step and end + 2 <= size:
+    if in_step and end + 2 <= data.size:
         off = np.uint8(data[end] ^ MAGIC_1), np.uint8(data[end + 1] ^ MAGIC_2)
         if (off[0] == 0 and off[1] & (off[1] - 1) == 0) or (off[1] == 0 and off[0] & (off[0] - 1) == 0):
             return YES
     filler = data[end]
     run = 1
-    while run < _HELD and end + run < size and data[end + run] == filler:
+    while run < _HELD and end + run < data.size and data[end + run] == filler:
         run += 1
-    if end + run == size and run < _HELD:
+    if end + run == data.size and run < _HELD:
         return YES if final else WAIT
     if not in_step:
         return NO
@@ -102,18 +102,18 @@ def _ends_before(data: Bytes, size: int, end: int, offset: int, in_step: bool, f
 
 
 @inlined
-def _end_of(data: Bytes, size: int, position: int, types: Records) -> int:
+def _end_of(data: Bytes, position: int, types: Records) -> int:
     """Return the end of the record at ``position``, ``NO`` if there is none, ``WAIT`` if it is cut."""
     if data[position] != MAGIC_1:
         return NO
-    if position + HEAD > size:
+    if position + HEAD > data.size:
         return WAIT
     if data[position + 1] != MAGIC_2:
         return NO
     length = int(types[data[position + 2]].length)
     if length == 0:
         return NO
-    return position + length if position + length <= size else WAIT
+    return position + length if position + length <= data.size else WAIT
 
 
 @inlined
@@ -125,13 +125,13 @@ def _step_on(data: Bytes, position: int, state: Record) -> None:
 
 
 @inlined
-def _counts(data: Bytes, size: int, position: int, end: int, state: Record, final: bool) -> int:
-    """Return whether the bytes after a record from ``position`` to ``end`` confirm it."""
+def _counts(data: Bytes, end: int, state: Record, final: bool) -> int:
+    """Return whether the bytes after a record that ends at ``end`` confirm it."""
     if end <= NO:
         return NO if final else end
-    if end + 2 <= size and begins(data, end):
+    if end + 2 <= data.size and begins(data, end):
         return YES
-    return _ends_before(data, size, end, state.base + (end - GUARD), state.lost_step == 0, final)
+    return _ends_before(data, end, state.base + (end - GUARD), state.lost_step == 0, final)
 
 
 @kernel
@@ -152,12 +152,11 @@ def _out_of_order(state: Record, how: int, time_us: int, offset: int) -> bool:
 
 @inlined
 def _take_time(
-    data: Bytes, size: int, position: int, end: int, state: Record, types: Records,
-    final: bool,
-) -> tuple[int, int]:  # fmt: skip
+    data: Bytes, position: int, end: int, state: Record, types: Records, final: bool
+) -> tuple[int, int]:
     """Return whether a record with a time counts, and its flags; store the time."""
     time_us = time_at(data, position)
-    how = judge_time(data, size, end, time_us, state.time_us, types, final)
+    how = judge_time(data, end, time_us, state.time_us, types, final)
     if how == WAIT:
         return WAIT, 0
     if how == ODD:
@@ -198,21 +197,18 @@ def _end_region(state: Record, region: Record, offset: int) -> int:
 
 
 @kernel
-def _run_in_step(
-    data: Bytes, size: int, state: Record, types: Records, rows: Records,
-    found: int,
-) -> int:  # fmt: skip
+def _run_in_step(data: Bytes, state: Record, types: Records, rows: Records, found: int) -> int:
     """Take records from ``state.position`` on while each is in step and in order; return the number found.
 
     It takes what the rules below take, and leaves the first record that needs a closer look.
     """
     position, time_us, marked = state.position, state.time_us, state.marked
     ahead, boot = state.base - GUARD, state.boot
-    while position + HEAD <= size and begins(data, position):
+    while position + HEAD <= data.size and begins(data, position):
         number = data[position + 2]
         kind = types[number]
         end = position + kind.length
-        if kind.length == 0 or number == FMT or end + 2 > size or not begins(data, end):
+        if kind.length == 0 or number == FMT or end + 2 > data.size or not begins(data, end):
             break
         if kind.timed:
             told_us = time_at(data, position)
@@ -236,7 +232,6 @@ def _run_in_step(
 @kernel
 def scan(
     data: Bytes,
-    size: int,
     final: bool,
     carried: Records,
     types: Records,
@@ -248,9 +243,8 @@ def scan(
 
     Parameters
     ----------
-    data, size
-        ``GUARD`` bytes of any value, then the stream from offset ``carried[0].base`` on, up to ``size``;
-        eight bytes after it must be readable.
+    data
+        ``GUARD`` bytes of any value, then the stream from offset ``carried[0].base`` on.
     final
         Whether this is the end of the stream; an unfinished record is then skipped, else it waits.
     carried
@@ -268,17 +262,17 @@ def scan(
     position = GUARD
     found = 0
     ended = 0
-    while position < size:
+    while position < data.size:
         if state.skipped == 0 and state.old_from < 0:
             state.position = position
-            found = _run_in_step(data, size, state, types, rows, found)
+            found = _run_in_step(data, state, types, rows, found)
             position = state.position
-        end = _end_of(data, size, position, types)
-        counts, flags, kind = _counts(data, size, position, end, state, final), 0, 0
+        end = _end_of(data, position, types)
+        counts, flags, kind = _counts(data, end, state, final), 0, 0
         if counts == YES:
             kind = data[position + 2]
             if types[kind].timed:
-                counts, flags = _take_time(data, size, position, end, state, types, final)
+                counts, flags = _take_time(data, position, end, state, types, final)
             elif kind == FMT:
                 counts = _take_definition(data, position, state, types, bodies)
             elif state.old_from >= 0:
@@ -338,15 +332,9 @@ class RecordScanner(BlockScanner):
         joined = self._joined(block)
         data = np.frombuffer(joined, dtype=np.uint8)
         base = self.position
+        scanned = data[: data.size - SPARE]
         found, ended = scan(
-            data,
-            data.size - SPARE,
-            final,
-            self._carried,
-            self._types,
-            self._bodies,
-            self._rows,
-            self._damaged,
+            scanned, final, self._carried, self._types, self._bodies, self._rows, self._damaged
         )
         self._add_damage(self._damaged[:ended])
         position = int(self._carried["position"][0])

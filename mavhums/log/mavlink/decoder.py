@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from mavhums.log.base.decoder import Losses
-from mavhums.log.base.records import DefinitionTable, RowContext
+from mavhums.log.base.records import Definition, DefinitionTable, RowContext
 from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import Table
 from mavhums.log.mavlink.dialect import Dialect, load_dialect
@@ -73,7 +73,7 @@ class MavlinkDecoder:
         self._wanted = None if messages is None else frozenset(messages)
         self._definitions = DefinitionTable()
         for definition in self._dialect.definitions.values():
-            self._definitions.add(definition.name, definition.wire)
+            self._definitions.add(Definition(definition.name, definition.wire))
         self._intake = Intake(self._dialect)
         self._stats = StreamStats(self._dialect)
         self._clocks = _SenderClocks(self._dialect)

@@ -19,24 +19,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from mavhums.core.errors import MavhumsError
+from mavhums.log.base.tables import C_NUMBERS
 
 __all__ = ["Dialect", "DialectError", "Field", "MessageDefinition", "load_dialect"]
 
 _SHIPPED = ("ardupilotmega.xml", "development.xml")
-_KINDS = {
-    "int8_t": "i1",
-    "uint8_t": "u1",
-    "int16_t": "<i2",
-    "uint16_t": "<u2",
-    "int32_t": "<i4",
-    "uint32_t": "<u4",
-    "int64_t": "<i8",
-    "uint64_t": "<u8",
-    "float": "<f4",
-    "double": "<f8",
-}
-
-
+# What mavparse raises of a file that is no MAVLink XML, beside its own error.
 _NOT_MAVLINK = (ElementTree.ParseError, LookupError, ValueError, AttributeError, TypeError)
 
 
@@ -170,14 +158,7 @@ def _parse(path: Path) -> Any:
             return mavparse.MAVXML(str(path), mavparse.PROTOCOL_2_0)
     except OSError as error:
         raise DialectError(f"{path}: {error.strerror}", "check the path of the MAVLink XML") from error
-    except (
-        mavparse.MAVParseError,
-        ElementTree.ParseError,
-        LookupError,
-        ValueError,
-        AttributeError,
-        TypeError,
-    ) as error:
+    except (mavparse.MAVParseError, *_NOT_MAVLINK) as error:
         raise DialectError(f"{path}: not MAVLink XML ({error})", "check it with mavgen --validate") from error
 
 
@@ -201,8 +182,8 @@ def _column(field: Any) -> tuple[Any, ...]:
     if field.type == "char":
         return field.name, f"S{max(field.array_length, 1)}"
     if field.array_length:
-        return field.name, _KINDS[field.type], (field.array_length,)
-    return field.name, _KINDS[field.type]
+        return field.name, C_NUMBERS[field.type], (field.array_length,)
+    return field.name, C_NUMBERS[field.type]
 
 
 def _merge_enums(enums: dict[str, dict[int, str]], document: Any) -> None:

@@ -22,7 +22,7 @@ in which they are applied at each position:
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +82,20 @@ Record = Any
 """An element of a structured array in compiled code."""
 
 
+class _Messages(NamedTuple):
+    """The messages of a dialect, for the kernel.
+
+    ``ids`` is the row of each message id, -1 for unknown ids. By row, ``seeds`` is the crc_extra, ``largest``
+    the largest payload in bytes, and ``bad_crc`` counts bad CRCs. ``scratch`` is space for a padded frame.
+    """
+
+    ids: NDArray[np.int16]
+    seeds: Bytes
+    largest: NDArray[np.int32]
+    bad_crc: Integers
+    scratch: Bytes
+
+
 @kernel
 def _tries_until_crc_fits(
     data: Bytes, start: int, length: int, largest: int, seed: int, scratch: Bytes
@@ -113,9 +127,7 @@ def _accept(
     state: Record,
     message: int,
     flags: int,
-    seeds: Bytes,
-    largest: NDArray[np.int32],
-    scratch: Bytes,
+    messages: _Messages,
 ) -> tuple[int, int]:
     """Return whether a frame (sequence number at ``sender``, CRC at ``place``) is accepted, and its flags."""
     start = position + stamp
@@ -126,7 +138,7 @@ def _accept(
         if in_step and seed_of(crc, received) >= 0:
             return follows(data, end, stamp, final), flags
         return NO, flags
-    if finish_crc(crc, seeds[message]) == received:
+    if finish_crc(crc, messages.seeds[message]) == received:
         if in_step:
             return YES, flags
         if stamp and _has_stamp(state) and _is_near(state.time_us, stamp_at(data, position)):
@@ -135,12 +147,13 @@ def _accept(
             return YES, flags
         return follows(data, end, stamp, final), flags
     length = int(data[start + 1])
-    if not in_step or flags & MAVLINK1 or length >= largest[message]:
+    largest = messages.largest[message]
+    if not in_step or flags & MAVLINK1 or length >= largest:
         return NO, flags
     follow = follows(data, end, stamp, final)
     if follow != YES:
         return follow, flags
-    tries = _tries_until_crc_fits(data, start, length, largest[message], seeds[message], scratch)
+    tries = _tries_until_crc_fits(data, start, length, largest, messages.seeds[message], messages.scratch)
     state.trials += abs(tries)
     return (YES if tries > 0 else NO), flags | PADDED
 
@@ -222,13 +235,9 @@ def scan(
     stamp: int,
     final: bool,
     carried: Records,
-    ids: NDArray[np.int16],
-    seeds: Bytes,
-    largest: NDArray[np.int32],
-    bad_crc: Integers,
+    messages: _Messages,
     rows: Records,
     regions: Records,
-    spare: Bytes,
 ) -> tuple[int, int]:
     """Find the frames of a buffer.
 
@@ -242,14 +251,10 @@ def scan(
         Whether this is the end of the stream; an unfinished record is then skipped, else it waits.
     carried
         Shape (1,) of `STATE`, updated.
-    ids
-        Row of the definition by message id; -1 for unknown ids.
-    seeds, largest, bad_crc
-        By row: crc_extra, largest payload in bytes, and the count of bad CRCs, updated.
+    messages
+        The known messages; ``bad_crc`` is updated.
     rows, regions
         Output: the frames, and the skipped regions that end at a frame.
-    spare
-        Scratch space, shape (GUARD + 265,).
 
     Returns
     -------
@@ -269,24 +274,12 @@ def scan(
         accepted, message, number, sender, place, flags = NO, -1, 0, 0, 0, 0
         if end != NO:
             number, sender, place, flags = parts_of(data, start)
-            message = int(ids[number]) if number < ids.size else -1
+            message = int(messages.ids[number]) if number < messages.ids.size else -1
             accepted, flags = _accept(
-                data,
-                position,
-                sender,
-                place,
-                end,
-                stamp,
-                final,
-                state,
-                message,
-                flags,
-                seeds,
-                largest,
-                spare,
+                data, position, sender, place, end, stamp, final, state, message, flags, messages
             )
             if accepted == NO and message >= 0 and state.lost_step == 0:
-                bad_crc[message] += 1
+                messages.bad_crc[message] += 1
         if accepted == NO:
             position = _step_on(data, position, stamp, state)
             continue
@@ -344,12 +337,11 @@ class FrameScanner(BlockScanner):
 
     def __init__(self, dialect: Dialect, *, stamp: int = 8, mend: bool = True) -> None:
         super().__init__(ROW, STATE, shortest=8 + stamp)
-        self._ids, self._seeds, self._largest = _by_row(dialect)
-        if not mend:
-            self._largest = np.zeros_like(self._largest)
-        self.bad_crc = np.zeros(self._seeds.size, dtype=np.int64)
+        ids, seeds, largest = _by_row(dialect)
+        self.bad_crc = np.zeros(seeds.size, dtype=np.int64)
+        scratch = np.zeros(GUARD + 265, dtype=np.uint8)
+        self._messages = _Messages(ids, seeds, largest if mend else 0 * largest, self.bad_crc, scratch)
         self._stamp = stamp
-        self._scratch = np.zeros(GUARD + 265, dtype=np.uint8)
         self._carried["time_us"] = self._carried["sender"] = -1
 
     def feed(self, block: bytes, *, final: bool = False) -> RecordBatch:
@@ -358,9 +350,14 @@ class FrameScanner(BlockScanner):
         data = np.frombuffer(joined, dtype=np.uint8)
         base = self.position
         found, ended = scan(
-            data[: data.size - SPARE], self._stamp, final, self._carried, self._ids, self._seeds,
-            self._largest, self.bad_crc, self._rows, self._damaged, self._scratch,
-        )  # fmt: skip
+            data[: data.size - SPARE],
+            self._stamp,
+            final,
+            self._carried,
+            self._messages,
+            self._rows,
+            self._damaged,
+        )
         self._add_damage(self._damaged[:ended])
         position = int(self._carried["position"][0])
         self._carry(joined, position)

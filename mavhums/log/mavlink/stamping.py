@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter, OrderedDict
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -108,7 +108,7 @@ class Stamper:
     @property
     def counts(self) -> Counts:
         """Counts so far."""
-        counts = Counts(**{name: getattr(self._counts, name) for name in Counts.__slots__})
+        counts = replace(self._counts)
         for stream in self._streams.values():
             _add_losses(counts, stream)
         if self._guard:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from mavhums.log.base.decoder import PIECE, LogDecoder, Refusal
+from mavhums.log.base.decoder import LogDecoder, Refusal
+from mavhums.log.formats import pieces
 from mavhums.log.ulog.decoder import UlogDecoder
-from mavhums.log.ulog.messages import flag_bits
-from mavhums.log.ulog.scanner import HEADER, UlogScanner
+from mavhums.log.ulog.scanner import HEADER, UlogScanner, flag_bits
 
 __all__ = ["decoder", "refusal"]
 
@@ -21,17 +21,14 @@ def decoder(messages: Collection[str] | None) -> LogDecoder:
 
 def refusal(head: bytes) -> Refusal | None:
     """Return why a log that begins with ``head`` cannot be read; None if it can."""
-    if (
-        head[HEADER + 2 : HEADER + 3] == b"B"
-        and flag_bits(head[HEADER + 3 :][:40].ljust(40, b"\0")).incompatible
-    ):
+    flags = head[HEADER + 3 :][:40].ljust(40, b"\0")
+    if head[HEADER + 2 : HEADER + 3] == b"B" and flag_bits(flags)[0]:
         return Refusal("this ULog needs a newer reader (unknown incompatible flags)", "update mavhums")
     scanner = UlogScanner()
     rows = 0
     # A message and a topic settle it, usually in the first piece.
-    for place in range(0, len(head), PIECE):
-        final = place + PIECE >= len(head)
-        rows += sum(batch.rows.size for batch in scanner.feed(head[place : place + PIECE], final=final))
+    for piece, final in pieces(head):
+        rows += sum(batch.rows.size for batch in scanner.feed(piece, final=final))
         if rows and scanner.topics.layouts:
             return None
     if rows == 0:

@@ -1,18 +1,23 @@
-"""Decoder of PX4's ULog: converts blocks of bytes to tables of topics."""
+"""Decoder of PX4's ULog: converts blocks of bytes to tables.
+
+Data is converted by the layout of its topic, each other kind of message by its parser.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
-from typing import Final
+import struct
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from mavhums.core.arrays import Integers
 from mavhums.log.base.decoder import Losses, join_tables
+from mavhums.log.base.records import Definition, DefinitionTable, RowContext
 from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import Table
-from mavhums.log.ulog.layouts import Layout
-from mavhums.log.ulog.messages import Unpacker, parameter
+from mavhums.log.ulog.layouts import BASIC, Layout
 from mavhums.log.ulog.scanner import UlogScanner
 
 __all__ = ["UlogDecoder"]
@@ -24,6 +29,72 @@ _VEHICLE: Final = b"MAV_SYS_ID"
 _GPS: Final = "vehicle_gps_position"
 _YEAR_2010_US, _YEAR_2100_US = 1_262_304_000_000_000, 4_102_444_800_000_000
 _FIX_3D = 3
+
+_TEXT_BYTES: Final = 255
+_PARAMETER_ROW: Final = np.dtype([("name", "S64"), ("type", "S16"), ("value", "<f8")])
+_STRING_ROW: Final = np.dtype(
+    [("timestamp", "<u8"), ("level", "u1"), ("tag", "<u2"), ("text", f"S{_TEXT_BYTES}")]
+)
+_INFO_ROW: Final = np.dtype([("name", "S64"), ("type", "S16"), ("value", f"S{_TEXT_BYTES}")])
+_DROPOUT_ROW: Final = np.dtype([("duration_ms", "<u2")])
+
+Fields = tuple[object, ...]
+
+
+class _MessageParser(NamedTuple):
+    """The table of a message kind, and its parser."""
+
+    table: str
+    wire: np.dtype[np.void]
+    read: Callable[[bytes], Fields | None]
+
+
+def _parameter(body: bytes) -> tuple[bytes, bytes, float] | None:
+    """Return name, type and value of a parameter; None if the message is invalid."""
+    kind, name, value = _keyed(body)
+    if kind not in (b"int32_t", b"float") or len(value) != 4:
+        return None
+    return name, kind, float(np.frombuffer(value, dtype=BASIC[kind.decode()])[0])
+
+
+def _info(body: bytes) -> Fields | None:
+    kind, name, value = _keyed(body)
+    if not kind.startswith(b"char["):
+        form = np.dtype(BASIC.get(kind.decode("ascii", "replace"), "S1"))
+        if form.kind == "S" or len(value) != form.itemsize:
+            return None
+        value = str(np.frombuffer(value, dtype=form)[0]).encode()
+    return name, kind, value[:_TEXT_BYTES]
+
+
+def _string(body: bytes) -> Fields:
+    return int.from_bytes(body[1:9], "little"), body[0] - 48, 0, body[9 : 9 + _TEXT_BYTES]
+
+
+def _tagged_string(body: bytes) -> Fields:
+    tag, time_us = struct.unpack("<HQ", body[1:11])
+    return time_us, body[0] - 48, tag, body[11 : 11 + _TEXT_BYTES]
+
+
+def _dropout(body: bytes) -> Fields:
+    return (int.from_bytes(body, "little"),)
+
+
+def _keyed(body: bytes) -> tuple[bytes, bytes, bytes]:
+    """Return type, name and value of a message ``length type name value``."""
+    end = 1 + body[0]
+    kind, _, name = body[1:end].partition(b" ")
+    return kind, name, body[end:]
+
+
+_PARSERS: Final = {
+    ord("P"): _MessageParser("parameter", _PARAMETER_ROW, _parameter),
+    ord("I"): _MessageParser("info", _INFO_ROW, _info),
+    ord("L"): _MessageParser("logged_string", _STRING_ROW, _string),
+    ord("C"): _MessageParser("logged_string", _STRING_ROW, _tagged_string),
+    ord("O"): _MessageParser("dropout", _DROPOUT_ROW, _dropout),
+}
+"""By kind. Defaults of parameters (Q), and information in many parts (M), are passed over."""
 
 
 class UlogDecoder:
@@ -49,7 +120,11 @@ class UlogDecoder:
 
     def __init__(self, messages: Collection[str] | None = None) -> None:
         self._scanner = UlogScanner()
-        self._unpacker = Unpacker(None if messages is None else frozenset(messages))
+        self._wanted = None if messages is None else frozenset(messages)
+        self._definitions = DefinitionTable(counts_undefined=True)
+        self._vehicle, self._offset_us = 1, 0
+        self._others: Counter[str] = Counter()
+        self._frames = 0
         self._dated = self._settled = False
         self._held: list[RecordBatch] = []
         self._first_us: int | None = None
@@ -59,17 +134,16 @@ class UlogDecoder:
     @property
     def counts(self) -> dict[tuple[int, int, str], int]:
         """Number of intact messages by (vehicle, multi id, name), wanted or not."""
-        vehicle = self._unpacker.vehicle
-        counts = {(vehicle, 0, name): n for name, n in self._unpacker.others.items()}
+        counts = {(self._vehicle, 0, name): n for name, n in self._others.items()}
         for layout, instance in zip(*(axis.tolist() for axis in np.nonzero(self._counts)), strict=True):
             name = self._scanner.topics.layouts[layout].name
-            counts[vehicle, instance, name] = int(self._counts[layout, instance])
+            counts[self._vehicle, instance, name] = int(self._counts[layout, instance])
         return counts
 
     @property
     def vehicles(self) -> tuple[int, ...]:
         """Id of the vehicle, ``MAV_SYS_ID``; none before the first data."""
-        return (self._unpacker.vehicle,) if self._counts.any() else ()
+        return (self._vehicle,) if self._counts.any() else ()
 
     @property
     def unknown(self) -> dict[int, int]:
@@ -80,18 +154,18 @@ class UlogDecoder:
     @property
     def losses(self) -> Losses:
         """Losses so far: unreadable data, and the number of pauses of the logger."""
-        pauses = self._unpacker.others.get("dropout", 0)
+        pauses = self._others["dropout"]
         return self._scanner.losses(unknown_frames=sum(self.unknown.values()), logger_dropped=pauses)
 
     @property
     def first_time_us(self) -> int | None:
         """Time of the first data, microseconds of UTC; None before it."""
-        return None if self._first_us is None else self._first_us + self._unpacker.offset_us
+        return None if self._first_us is None else self._first_us + self._offset_us
 
     @property
     def last_time_us(self) -> int | None:
         """Time of the latest data, microseconds of UTC; None before the first."""
-        return None if self._last_us is None else self._last_us + self._unpacker.offset_us
+        return None if self._last_us is None else self._last_us + self._offset_us
 
     @property
     def undated(self) -> bool:
@@ -105,20 +179,50 @@ class UlogDecoder:
             if not self._settled:
                 self._settle(batch)
             self._account(batch)
-            if self._settled:
-                parts += self._unpack([*self._held, batch])
-                self._held.clear()
-            elif batch.rows.size:
+            if batch.rows.size:
                 self._held.append(batch)
+            if self._settled:
+                parts += self._release()
         if final:
             self._settled = True
-            parts += self._unpack(self._held)
-            self._held.clear()
+            parts += self._release()
         return join_tables(parts)
 
-    def _unpack(self, batches: Iterable[RecordBatch]) -> list[Table]:
-        layouts = self._scanner.topics.layouts
-        return [table for batch in batches for table in self._unpacker.tables(batch, layouts)]
+    def _release(self) -> list[Table]:
+        """Return the tables of the batches that waited for the date."""
+        tables = [table for batch in self._held for table in self._tables(batch)]
+        self._held.clear()
+        return tables
+
+    def _tables(self, batch: RecordBatch) -> Iterator[Table]:
+        yield from self._other_tables(batch)
+        for layout in self._scanner.topics.layouts[len(self._definitions) :]:
+            self._definitions.add(Definition(layout.name, layout.wire))
+        context = RowContext(self._frames, self._offset_us, self._vehicle)
+        yield from self._definitions.gather(batch, self._wanted, context).tables.values()
+        self._frames += batch.rows.size
+
+    def _other_tables(self, batch: RecordBatch) -> Iterator[Table]:
+        """Yield parameters, texts, information and dropouts."""
+        found: dict[str, list[tuple[int, Fields]]] = {}
+        for k in np.flatnonzero(batch.rows["kind"] != _DATA).tolist():
+            parser = _PARSERS.get(int(batch.rows["kind"][k]))
+            if parser is None:
+                continue
+            self._others[parser.table] += 1
+            if self._wanted is None or parser.table in self._wanted:
+                parsed = parser.read(batch.payload(batch.rows[k]))
+                if parsed is not None:
+                    found.setdefault(parser.table, []).append((k, parsed))
+        for table, wire in {parser.table: parser.wire for parser in _PARSERS.values()}.items():
+            if table in found:
+                places, parsed_rows = zip(*found[table], strict=True)
+                rows = batch.rows[list(places)]
+                fields = np.array(list(parsed_rows), dtype=wire)
+                frame = np.array(places, dtype=np.int64) + self._frames
+                vehicle, zeros = np.full(rows.size, self._vehicle, np.uint8), np.zeros(rows.size, np.uint8)
+                time_us = rows["time_us"] + self._offset_us
+                yield Table(table, frame, time_us, vehicle, zeros, zeros, zeros, fields)
 
     def _account(self, batch: RecordBatch) -> None:
         missing = len(self._scanner.topics.layouts) - len(self._counts)
@@ -140,16 +244,16 @@ class UlogDecoder:
         if self._first_us is None:
             before_data = np.cumsum(rows["kind"] == _DATA) == 0
             for row in rows[before_data & (rows["kind"] == _PARAMETER)]:
-                said = parameter(batch.payload(row))
-                if said is not None and said[0] == _VEHICLE and said[1] == b"int32_t":
-                    self._unpacker.vehicle = int(said[2]) & 0xFF
+                parsed = _parameter(batch.payload(row))
+                if parsed is not None and parsed[:2] == (_VEHICLE, b"int32_t"):
+                    self._vehicle = int(parsed[2]) & 0xFF
         for k, layout in enumerate(self._scanner.topics.layouts):
             if layout.name == _GPS and layout.stamp >= 0 and layout.has("time_utc_usec", "u8"):
                 there = (rows["definition"] == k) & (rows["offset"] < _HELD_BYTES) & (rows["flags"] == 0)
                 for row in rows[there]:
                     offset_us = _utc_offset(layout, batch.payload(row))
                     if offset_us is not None:
-                        self._unpacker.offset_us, self._dated, self._settled = offset_us, True, True
+                        self._offset_us, self._dated, self._settled = offset_us, True, True
                         return
         # Not the end of the block: a record that it cuts may still be a fix within the megabyte.
         self._settled = self._scanner.position >= _HELD_BYTES

@@ -15,24 +15,12 @@ from typing import Final
 import numpy as np
 
 from mavhums.core.arrays import Records
+from mavhums.log.base.tables import C_NUMBERS
 from mavhums.log.ulog.headers import TOPIC, UNKNOWN, UNUSED
 
 __all__ = ["BASIC", "Formats", "Layout", "Topics"]
 
-BASIC: Final = {
-    "int8_t": "i1",
-    "uint8_t": "u1",
-    "int16_t": "<i2",
-    "uint16_t": "<u2",
-    "int32_t": "<i4",
-    "uint32_t": "<u4",
-    "int64_t": "<i8",
-    "uint64_t": "<u8",
-    "float": "<f4",
-    "double": "<f8",
-    "bool": "u1",
-    "char": "S1",
-}
+BASIC: Final = C_NUMBERS | {"bool": "u1", "char": "S1"}
 _NAME = r"[A-Za-z_][A-Za-z0-9_\-/]*"
 _FORMAT = re.compile(rf"({_NAME}):(.*)", re.DOTALL)
 _FIELD = re.compile(rf"({_NAME})(?:\[(\d{{1,5}})\])? +([A-Za-z_][A-Za-z0-9_\-/.]*)")

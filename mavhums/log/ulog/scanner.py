@@ -10,6 +10,7 @@ subscription, so that the layout of the following messages is known.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from typing import Any
 
@@ -43,9 +44,8 @@ from mavhums.log.ulog.headers import (
     topic_of,
 )
 from mavhums.log.ulog.layouts import Topics
-from mavhums.log.ulog.messages import flag_bits
 
-__all__ = ["HEADER", "SIGNATURE", "UlogScanner"]
+__all__ = ["HEADER", "SIGNATURE", "UlogScanner", "flag_bits"]
 
 ROW = np.dtype([*RECORD, ("kind", "u1")], align=True)
 """One message: ``offset`` of its header in the stream, ``definition`` of its layout, -1 if it is no data, and
@@ -302,6 +302,21 @@ _DEFINING = np.isin(np.arange(256), np.frombuffer(b"FAR", dtype=np.uint8))
 _ANY_LENGTH = 1 << 62
 
 
+def flag_bits(body: bytes) -> tuple[bool, list[int]]:
+    """Return whether only a newer reader can read a log, and the offsets at which data was appended later.
+
+    ``body`` is that of the log's first message, at least 40 bytes.
+
+    Examples
+    --------
+    >>> flag_bits(bytes(8) + b"\\x01" + bytes(7) + (500).to_bytes(8, "little") + bytes(16))
+    (False, [500])
+    """
+    unknown = body[8] & 0xFE or any(body[9:16])
+    offsets = struct.unpack("<3Q", body[16:40]) if body[8] & 1 else ()
+    return bool(unknown), sorted(offset for offset in offsets if offset)
+
+
 class UlogScanner(BlockScanner):
     """Incremental scanner of blocks of any size.
 
@@ -355,7 +370,7 @@ class UlogScanner(BlockScanner):
         if place < HEADER:
             self._cut = place
         elif flagged and len(head) >= end + size:
-            self._boundaries = list(flag_bits(head[end : end + size]).appended)
+            _, self._boundaries = flag_bits(head[end : end + size])
             place = end + size
         self._carried["base"] = place
         return place

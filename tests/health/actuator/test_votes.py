@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.core.quantities import column
-from mavhums.core.window_features import MOMENTS, SUMS, WINDOW_KEYS, products
+from mavhums.core.quantities import MOMENTS, SUMS, WINDOW_KEYS, column, products
 from mavhums.health.actuator.votes import VoteOutcome, count_votes, outcome, window_outcomes
 
 RATIO = 300.0

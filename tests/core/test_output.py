@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from mavhums.core.errors import MavhumsError
-from mavhums.core.files import written_whole
+from mavhums.core.output import written_whole
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="FIFOs and links of POSIX")
 
