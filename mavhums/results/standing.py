@@ -40,6 +40,15 @@ class Interval(Contract):
     low: float
     high: float
 
+    @classmethod
+    def around(cls, estimate: float, half: float) -> Interval:
+        """Return the interval that extends as far to either side."""
+        return cls(estimate=estimate, low=estimate - half, high=estimate + half)
+
+    def significant(self, digits: int) -> Interval:
+        """Return the interval with so many significant digits."""
+        return Interval(**{name: float(f"{number:.{digits}g}") for name, number in self})
+
 
 class FlightsLeft(Contract):
     """Flights after the last one until a line reaches a limit, with a 95 % interval, and the dates of it.

@@ -1,6 +1,6 @@
 """The interface of detectors: one fault, the quantity that indicates it, and its limits.
 
-A detector is a module in :mod:`mavhums.health.actuator.detectors`, listed in its ``DETECTORS``. Every
+A detector is a class in :mod:`mavhums.health.actuator.detectors`, listed in its ``DETECTORS``. Every
 detector passes the same battery of checks, ``tests/health/actuator/test_detectors.py``.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -40,13 +40,17 @@ class DetectorInput:
     flight: Mapping[str, Fit]
 
 
-class Detector(Protocol):
+class Detector:
     """Detects one fault of one actuator.
+
+    Its quantity judges single windows and has no mean over a flight, unless a subclass says otherwise.
 
     Attributes
     ----------
     fault, quantity, unit
         The fault, and the quantity that indicates it.
+    inspect
+        The parts that maintenance should inspect.
     equations
         Names of the equations in :mod:`mavhums.health.estimation.equations` that it reads.
     two_sided
@@ -55,77 +59,60 @@ class Detector(Protocol):
         Time through which a fault lasts that a single estimate proves; None if several must agree.
     levels
         Limits of the quantity.
-    inspect
-        The parts that maintenance should inspect.
     """
 
     fault: ClassVar[str]
     quantity: ClassVar[str]
     unit: ClassVar[str]
     inspect: ClassVar[str]
-    equations: ClassVar[tuple[str, ...]]
-    two_sided: ClassVar[bool]
-    span_s: ClassVar[float | None]
-    levels: Levels
-
-    def __init__(self, actuator: Actuator) -> None:
-        """Create the detector for this actuator."""
-        ...
-
-    @staticmethod
-    def suits(actuator: Actuator) -> bool:
-        """Return whether the profile has the data that the detector needs."""
-        ...
-
-    def feed(self, seen: DetectorInput) -> Estimates:
-        """Return the quantity in the windows that end with each new slot."""
-        ...
-
-    def overall(self, flight: Mapping[str, Fit]) -> Estimates | None:
-        """Return the quantity over the whole flight, as one window; None if it is not defined."""
-        ...
-
-    def conclusion(self, flight: Mapping[str, Fit]) -> Estimates | None:
-        """Return the quantity that judges a finished flight; None if only windows count."""
-        ...
-
-
-class WindowDetector:
-    """A detector that judges windows by themselves: its quantity has no mean over a flight."""
-
     equations: ClassVar[tuple[str, ...]] = ()
     two_sided: ClassVar[bool] = False
     span_s: ClassVar[float | None] = None
+    levels: Levels
 
-    def overall(self, flight: Mapping[str, Fit]) -> None:
-        """Return None."""
-        return
+    def __init__(self, actuator: Actuator) -> None:
+        self.actuator = actuator
 
-    conclusion = overall
+    @classmethod
+    def suits(cls, actuator: Actuator) -> bool:
+        """Return whether the profile has the data that the detector needs."""
+        return True
+
+    def feed(self, seen: DetectorInput) -> Estimates:
+        """Return the quantity in the windows that end with each new slot."""
+        raise NotImplementedError
+
+    def overall(self, flight: Mapping[str, Fit]) -> Estimates | None:
+        """Return the quantity over the whole flight, as one window; None if it is not defined."""
+        return None
+
+    def conclusion(self, flight: Mapping[str, Fit]) -> Estimates | None:
+        """Return the quantity that judges a finished flight; None if only windows count."""
+        return self.overall(flight)
 
 
-class EquationDetector:
+class EquationDetector(Detector):
     """A detector that reads its quantity from fits of equations, for windows and whole flights alike.
 
     Attributes
     ----------
+    needs_limits
+        Whether it needs the profile's limits beside the actuator's constants.
     turned
-        Whether the rotor's speed follows from the output shaft's, as the first known speed tells. The shaft's
+        Whether the rotor's speed follows from the output shaft's, as the first known speed shows. The shaft's
         differs by what play and torsion of the gear let it move by itself.
     """
 
-    equations: ClassVar[tuple[str, ...]]
-    two_sided: ClassVar[bool] = False
-    span_s: ClassVar[float | None] = None
+    needs_limits: ClassVar[bool] = False
 
     def __init__(self, actuator: Actuator) -> None:
-        self.actuator = actuator
+        super().__init__(actuator)
         self.turned: bool | None = None
 
-    @staticmethod
-    def suits(actuator: Actuator) -> bool:
-        """Return whether the profile has the actuator's constants."""
-        return actuator.ema is not None
+    @classmethod
+    def suits(cls, actuator: Actuator) -> bool:
+        """Return whether the profile has the actuator's constants, and limits where they are needed."""
+        return not actuator.blanks if cls.needs_limits else actuator.ema is not None
 
     def feed(self, seen: DetectorInput) -> Estimates:
         """Return the quantity in the windows that end with each new slot."""
@@ -138,10 +125,6 @@ class EquationDetector:
         """Return the quantity over the whole flight."""
         return self.read(flight, flight)
 
-    def conclusion(self, flight: Mapping[str, Fit]) -> Estimates | None:
-        """Return the quantity that judges a finished flight: the one over the whole flight."""
-        return self.overall(flight)
-
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the quantity from the fits, given the fits of the flight so far."""
         raise NotImplementedError
@@ -153,7 +136,6 @@ def sharp(value: Array, error: Array, widest: float, limit: float | None) -> Fla
     ``widest`` is the largest standard error of a value within its limit. Beyond the limit the error may grow
     with the value: a grave fault blurs what it is measured by, and must not be refused for that.
     """
-    # A grave fault blurs what it is measured by, and must not be refused for that.
     size = np.abs(value) / (np.inf if limit is None else limit)
     allowed: Flags = error < widest * np.maximum(size, 1.0)
     return allowed

@@ -171,7 +171,7 @@ class IndicatorTracker:
         if not self.decision.settle(shown, start_s):
             return False
         value, printed = float(judged.value[0]), float(half_width(judged, tail=TAIL_95)[0])
-        self.concluded = Interval(estimate=value, low=value - printed, high=value + printed)
+        self.concluded = Interval.around(value, printed)
         self.latest = Estimate(value, float(judged.error[0]), float(judged.freedom[0]))
         # The whole flight began before every window: what it shows lies beside their episodes and ends none.
         self.episodes.add(Episode(self.decision.condition, start_s, end_s, float(size[0])))
@@ -193,7 +193,7 @@ class IndicatorTracker:
 
     def rule(self, condition: Condition) -> str:
         """Return the reason for the condition as text."""
-        return limit_rule(self.detector, condition, self.false_alarms)
+        return limit_rule(self.described, condition, self.false_alarms)
 
 
 def evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
@@ -206,7 +206,7 @@ def evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
             end_s=episode.end_s,
             value=episode.peak,
             limit=levels.emergency if episode.condition == "emergency" else levels.normal,
-            rule=limit_rule(detector, episode.condition, tracker.false_alarms),
+            rule=limit_rule(tracker.described, episode.condition, tracker.false_alarms),
         )
         for episode in tracker.episodes
         if detector.fault == "friction" or episode.condition != "normal"
@@ -215,7 +215,7 @@ def evidence_of(tracker: IndicatorTracker) -> list[Evidence]:
 
 def suspect_of(tracker: IndicatorTracker) -> Suspect | None:
     """Return the suspected fault, if there is one."""
-    return suspected(tracker.detector, tracker.decision.condition, tracker.latest, None)
+    return suspected(tracker.described, tracker.decision.condition, tracker.latest, None)
 
 
 def indicator_of(
@@ -234,7 +234,7 @@ def indicator_of(
         fault=tracker.detector.fault,
         quantity=tracker.detector.quantity,
         unit=tracker.detector.unit,
-        value=Interval(estimate=value, low=value - half, high=value + half),
+        value=Interval.around(value, half),
         windows=tracker.judged,
         scatter=tracker.variance.deviation,
         limit=tracker.detector.levels.normal,

@@ -23,7 +23,6 @@ from mavhums.learn import Model
 
 _V2, _V3, _V7 = column("V2"), column("V3"), column("V7")
 Counts = Integers
-_V2, _V3 = column("V2"), column("V3")
 
 
 class Classifier(Protocol):

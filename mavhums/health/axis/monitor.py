@@ -237,7 +237,7 @@ class AxisMonitor:
             state.lost = True
             if second is not None and second.left_over is not None:
                 k, half = second.left_over, NORMAL_95 * second.left_error
-                state.value = Interval(estimate=k, low=k - half, high=k + half)
+                state.value = Interval.around(k, half)
             elif second is not None:
                 state.value = second.driven
 
@@ -246,7 +246,7 @@ class AxisMonitor:
         state.mean.add(value)
         mean, count = state.mean.mean, state.mean.count
         half = NORMAL_95 * (max(state.mean.variance, error**2) / count) ** 0.5
-        state.value = Interval(estimate=mean, low=mean - half, high=mean + half)
+        state.value = Interval.around(mean, half)
 
     def _well(self, state: _AxisState) -> bool:
         """Return whether the axis is known to respond as in the reference."""

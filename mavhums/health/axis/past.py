@@ -128,7 +128,7 @@ def compare_with_earlier_flights(
 def _beside(shown: Indicator, baseline: Baseline | None) -> Indicator:
     if baseline is None:
         return shown
-    expected = Interval(**{name: float(f"{number:.5g}") for name, number in baseline.prediction()})
+    expected = baseline.prediction().significant(5)
     return shown.model_copy(update={"baseline": expected, "baseline_flights": baseline.flights})
 
 

@@ -323,7 +323,7 @@ def _indicator(scores: _Scores, usual: float, variance: float) -> Indicator:
         fault="effectiveness",
         quantity="control gain",
         unit="1",
-        value=Interval(estimate=k, low=k - half, high=k + half),
+        value=Interval.around(k, half),
         windows=max(count, 2) * WINDOW_SECONDS,
         scatter=error * (max(count, 2) * WINDOW_SECONDS) ** 0.5,
         needed_flights=PAST_FLIGHTS,

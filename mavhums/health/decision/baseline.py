@@ -76,7 +76,7 @@ class Baseline:
     def prediction(self) -> Interval:
         """Return the 95 % prediction interval of the value measured in another flight."""
         half = t_quantile(self.flights - 1, CENTRAL_95) * self.spread * (1.0 + 1.0 / self.flights) ** 0.5
-        return Interval(estimate=self.mean, low=self.mean - half, high=self.mean + half)
+        return Interval.around(self.mean, half)
 
     @classmethod
     def of(cls, indicators: Sequence[Indicator]) -> Baseline | None:

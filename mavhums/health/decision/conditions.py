@@ -83,7 +83,7 @@ class ConditionTracker:
         ]
         since_s, why, rule = min(holding, default=(change.since_s, fault, change.rule))
         # Not before the last change: conditions follow each other in time.
-        since_s = self._changed_s = max(since_s, self._changed_s)  # not before the last change
+        since_s = self._changed_s = max(since_s, self._changed_s)
         self.since_s = None if self.condition == "undecided" else since_s
         return ConditionChange(since_s, before, self.condition, rule, why)
 

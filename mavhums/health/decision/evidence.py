@@ -3,42 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Protocol
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import t_probability
 from mavhums.health.decision.baseline import Baseline, Shift, condition_with_drift
-from mavhums.health.decision.events import Estimate
-from mavhums.health.decision.limits import Levels
+from mavhums.health.decision.events import Estimate, FaultRecord
 from mavhums.health.decision.thresholds import SHOWN_SHIFT_FREEDOM
 from mavhums.results.verdict import Evidence, Suspect
 
 
-class Described(Protocol):
-    """A fault's indicator, as a detector or a record describes it."""
-
-    @property
-    def fault(self) -> str:
-        """Name of the fault."""
-
-    @property
-    def quantity(self) -> str:
-        """Name of the quantity."""
-
-    @property
-    def unit(self) -> str:
-        """Unit of the quantity."""
-
-    @property
-    def levels(self) -> Levels:
-        """Limits of the quantity."""
-
-    @property
-    def two_sided(self) -> bool:
-        """Whether the quantity is normal near zero, and not below a value."""
-
-
-def limit_rule(indicator: Described, condition: Condition, false_alarms: float) -> str:
+def limit_rule(indicator: FaultRecord, condition: Condition, false_alarms: float) -> str:
     """Return the reason for a condition according to the limits."""
     normal, emergency = (_value(indicator, level) for level in indicator.levels)
     sure = f"with {_alarms(false_alarms)}"
@@ -50,7 +24,7 @@ def limit_rule(indicator: Described, condition: Condition, false_alarms: float) 
     }[condition]
 
 
-def drift_rule(indicator: Described, baseline: Baseline, shift: Shift, false_alarms: float) -> str:
+def drift_rule(indicator: FaultRecord, baseline: Baseline, shift: Shift, false_alarms: float) -> str:
     """Return the reason for a condition according to the baseline: the shift from it."""
     return (
         f"degraded: {indicator.quantity} {_value(indicator, shift.value, '+')} from its own baseline of "
@@ -59,7 +33,7 @@ def drift_rule(indicator: Described, baseline: Baseline, shift: Shift, false_ala
     )
 
 
-def _value(indicator: Described, value: float | None, sign: str = "") -> str:
+def _value(indicator: FaultRecord, value: float | None, sign: str = "") -> str:
     if value is None:
         return "any limit"
     return f"{value:{sign}.3g}" if indicator.unit == "1" else f"{value:{sign}.3g} {indicator.unit}"
@@ -81,7 +55,7 @@ def concludes(windows: int, friction_windows: int) -> bool:
 
 
 def drift_evidence(
-    described: Described, baseline: Baseline, alarm: Shift, end_s: float, false_alarms: float
+    described: FaultRecord, baseline: Baseline, alarm: Shift, end_s: float, false_alarms: float
 ) -> Evidence:
     """Return the shift from the baseline as evidence; ``end_s`` is the end of the last window."""
     return Evidence(
@@ -95,7 +69,7 @@ def drift_evidence(
 
 
 def suspected(
-    described: Described, decided: Condition, latest: Estimate | None, alarm: Shift | None
+    described: FaultRecord, decided: Condition, latest: Estimate | None, alarm: Shift | None
 ) -> Suspect | None:
     """Return the fault, with the probability that the quantity exceeds its limit or its baseline."""
     if SEVERITY[condition_with_drift(decided, alarm)] < SEVERITY["degraded"] or latest is None:

@@ -103,8 +103,8 @@ def fit_trend(numbers: Array, values: Array, errors: Array) -> Trend | None:
     kept, line = _without_outliers(numbers, values, errors)
     t = t_quantile(line.freedom, CENTRAL_95)
     return Trend(
-        level=_interval(line.level, t * sqrt(line.covariance[0, 0])),
-        per_flight=_interval(line.slope, t * sqrt(line.covariance[1, 1])),
+        level=Interval.around(line.level, t * sqrt(line.covariance[0, 0])),
+        per_flight=Interval.around(line.slope, t * sqrt(line.covariance[1, 1])),
         between=line.between,
         flights=int(np.count_nonzero(kept)),
         left_out=tuple(int(place) for place in np.flatnonzero(~kept)),
@@ -154,7 +154,3 @@ def widening(residuals: Array) -> float:
     # Neighbours that differ more than by chance do not make the line more certain.
     alike = min(max(alike, 0.0), MOST_AUTOCORRELATION)
     return (1 + alike) / (1 - alike)
-
-
-def _interval(middle: float, half: float) -> Interval:
-    return Interval(estimate=middle, low=middle - half, high=middle + half)

@@ -19,7 +19,7 @@ from mavhums.health.estimation.equations.interface import (
 )
 from mavhums.health.estimation.equations.own_scale import CURRENT, POWER, VOLTAGE
 from mavhums.health.estimation.least_squares import Groups, Prior, eliminated, packed, sums_of_slots
-from mavhums.health.estimation.motion import angle_speed, lasting
+from mavhums.health.estimation.motion import angle_speed, central_slope, lasting
 from mavhums.health.estimation.slots import AIRSPEED, SENSED, SHAFT, Slots
 from mavhums.health.estimation.thresholds import (
     ANGLE_SPEED_S,
@@ -27,6 +27,7 @@ from mavhums.health.estimation.thresholds import (
     COARSE_SPEED_SHARE,
     LONGEST_GAP_PERIODS,
     LONGEST_INTEGRATED_STEP_S,
+    OWN_RATE_HZ,
 )
 from mavhums.results.verdict import OwnRecord
 
@@ -94,7 +95,7 @@ class OwnSums:
     def record(self) -> OwnRecord | None:
         """Return the record of the flight so far; None if it has no evidence for this equation."""
         groups = self._groups.parts()
-        if not groups or self._span <= 0.0 or self.rate_hz < self._equation.min_rate_hz:
+        if not groups or self._span <= 0.0 or self.rate_hz < OWN_RATE_HZ:
             return None
         return OwnRecord(
             equation=self._equation.name,
@@ -109,9 +110,8 @@ class OwnSums:
         """The reason for missing evidence; None if there is evidence, or if nothing is measured."""
         if not self._samples or self.record() is not None:
             return None
-        needed = self._equation.min_rate_hz
-        if self.rate_hz < needed:
-            return f"the {self._equation.quantity} needs {needed:g} Hz, and the log has less"
+        if self.rate_hz < OWN_RATE_HZ:
+            return f"the {self._equation.quantity} needs {OWN_RATE_HZ:g} Hz, and the log has less"
         return f"the servo moved too little to show its {self._equation.quantity}"
 
     @property
@@ -240,15 +240,10 @@ def terms(equation: OwnEquation, actuator: Actuator, slots: Slots, turned: Angle
         return None
     if equation.name in _BY_SPEED:
         speed = turned.fine_speed(actuator, slots, speed)
-    own, time_s = slots.judged, slots.time_s
-    span = np.full(time_s.size, np.nan)
-    acceleration = span.copy()
-    span[1:-1] = time_s[2:] - time_s[:-2]
-    acceleration[1:-1] = (speed.rad_s[2:] - speed.rad_s[:-2]) / span[1:-1]
-    longest_s = 1.0 / equation.min_rate_hz
-    moving = lasting(time_s, speed.rad_s, speed.moving_rad_s, LONGEST_GAP_PERIODS * longest_s)
+    own, longest_s = slots.judged, LONGEST_GAP_PERIODS / OWN_RATE_HZ
+    acceleration, span = central_slope(slots.time_s, speed.rad_s)
     # Central differences span two samples.
-    moving &= span < 2 * LONGEST_GAP_PERIODS * longest_s
+    moving = lasting(slots.time_s, speed.rad_s, speed.moving_rad_s, longest_s) & (span < 2 * longest_s)
     values = slots.values
     angle = turned.feed(slots, speed.rad_s[own])
     pressure = _HALF_DENSITY * np.nan_to_num(values[own, AIRSPEED]) ** 2
@@ -286,7 +281,7 @@ class PowerSums(OwnSums):
     def gap(self) -> str | None:
         """The reason for missing evidence; None if there is evidence, or if nothing is measured."""
         gap = super().gap
-        if gap is None or self._pressure or self.rate_hz < self._equation.min_rate_hz:
+        if gap is None or self._pressure or self.rate_hz < OWN_RATE_HZ:
             return gap
         return f"the {self._equation.quantity} needs the airspeed, and the log has none"
 

@@ -15,7 +15,6 @@ from mavhums.health.estimation.slots import APART, BUS, MAGNITUDES, TURNED, Slot
 from mavhums.health.estimation.thresholds import GUARD_S, LONGEST_GAP_PERIODS
 
 _LASTING_S = GUARD_S - 5e-7  # times are whole microseconds; rounding must not affect the comparison
-_V7 = column("V7")
 _V1, _V2, _V3, _V4, _V5, _V7, _V11 = (column(f"V{k}") for k in (1, 2, 3, 4, 5, 7, 11))
 
 
@@ -64,10 +63,8 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
     """Return the motion at the samples that the slots judge."""
     time_s, rev_min = slots.time_s, slots.values[:, _V7]
     speed = rev_min * actuator.rad_s(1.0)
-    span = np.full(time_s.size, np.nan)
-    acceleration, around = span.copy(), span.copy()
-    span[1:-1] = time_s[2:] - time_s[:-2]
-    acceleration[1:-1] = (speed[2:] - speed[:-2]) / span[1:-1]
+    acceleration, span = central_slope(time_s, speed)
+    around = np.full(time_s.size, np.nan)
     around[1:-1] = (speed[2:] + speed[:-2]) / 2
     longest_s = LONGEST_GAP_PERIODS / actuator.min_rate_hz
     # At a low rate differences over a gap are no acceleration.
@@ -86,6 +83,20 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
         values[:, MAGNITUDES],
         np.zeros(len(values)),
     )
+
+
+def central_slope(time_s: Array, values: Array) -> tuple[Array, Array]:
+    """Return the slope between each sample's neighbours, and their distance in time; NaN at the ends.
+
+    Examples
+    --------
+    >>> central_slope(np.array([0.0, 1.0, 4.0]), np.array([0.0, 9.0, 8.0]))
+    (array([nan,  2., nan]), array([nan,  4., nan]))
+    """
+    slope, span = np.full((2, time_s.size), np.nan)
+    span[1:-1] = time_s[2:] - time_s[:-2]
+    slope[1:-1] = (values[2:] - values[:-2]) / span[1:-1]
+    return slope, span
 
 
 def lasting(time_s: Array, speed: Array, moving_speed: float, longest_gap_s: float) -> Flags:

@@ -135,8 +135,7 @@ class Peak:
         above = PEAK_EXCEEDED_SHARE * self._total
         half = NORMAL_95 * above**0.5
         low, high = self._exceeded_by(above + half), self._exceeded_by(max(above - half, 0.0))
-        low, estimate, high = (float(f"{number:.4g}") for number in (low, self.value, high))
-        return Interval(estimate=estimate, low=low, high=high)
+        return Interval(estimate=self.value, low=low, high=high).significant(4)
 
     @property
     def _total(self) -> int:
@@ -201,8 +200,7 @@ def identified(records: Sequence[OwnRecord]) -> Identified | None:
     value = value + noise / 2.0
     half = t_quantile(count - 1, CENTRAL_95) * np.hypot(error, uniform_deviation(noise))
     resistance, back_emf, drop = (
-        Interval(estimate=float(f"{v:.6g}"), low=float(f"{v - h:.6g}"), high=float(f"{v + h:.6g}"))
-        for v, h in zip(value, half, strict=True)
+        Interval.around(v, h).significant(6) for v, h in zip(value.tolist(), half.tolist(), strict=True)
     )
     # No motor has less than nothing: the flights do not determine it.
     if resistance.low <= 0.0 or back_emf.low <= 0.0:

@@ -177,7 +177,7 @@ def _beside(verdict: Verdict, baselines: Mapping[str, Baseline]) -> Verdict:
         if one.fault not in baselines:
             return one
         known = baselines[one.fault]
-        expected = Interval(**{name: float(f"{number:.5g}") for name, number in known.prediction()})
+        expected = known.prediction().significant(5)
         return one.model_copy(update={"baseline": expected, "baseline_flights": known.flights})
 
     if not baselines or not verdict.indicators:

@@ -188,16 +188,13 @@ class _Healthy:
         known = self.nuisances
         return known.load if isinstance(known, Nuisances) and known.load_friction else None
 
-    def _row(self, record: OwnRecord) -> Array:
-        return _row(self.differences, record)
-
     def beyond(self, record: OwnRecord) -> str:
         """Return the comparative of a flight to which the reference flights would be extrapolated."""
         return next((word for known in self.differences if (word := known.beyond(record))), "")
 
     def mean(self, record: OwnRecord) -> float:
         """Return the expected value of a flight."""
-        return float(self._row(record) @ self.flights.coefficients)
+        return float(_row(self.differences, record) @ self.flights.coefficients)
 
     def rise(self, own_wear: Wear, record: OwnRecord, false_alarms: float) -> tuple[float, float, float]:
         """Return the rise, its threshold, and the rise that would be detected with 95 % probability."""
@@ -216,7 +213,7 @@ class _Healthy:
 
     def _error(self, own_wear: Wear, record: OwnRecord) -> tuple[float, float]:
         """Return the standard error of a flight's rise, and its degrees of freedom."""
-        variance = self.flights.variance_at(self._row(record))
+        variance = self.flights.variance_at(_row(self.differences, record))
         # A grave fault makes the flight as uncertain as large, and would hide itself.
         most = self.noise / information(record) ** 0.5
         own, freedom = self._own(min(own_wear.error, most), own_wear, record)
@@ -234,15 +231,15 @@ class _Healthy:
         mean = self.mean(record)
         change = own_wear.value / mean - 1.0
         own, _ = self._own(own_wear.error, own_wear, record)
-        error = (own + self.flights.variance_at(self._row(record))) ** 0.5 / abs(mean)
+        error = (own + self.flights.variance_at(_row(self.differences, record))) ** 0.5 / abs(mean)
         half = t_quantile(min(own_wear.freedom, self.flights.freedom), CENTRAL_95) * error
-        return Interval(estimate=change, low=change - half, high=change + half)
+        return Interval.around(change, half)
 
     def prediction(self, record: OwnRecord) -> Interval:
         """Return the 95 % interval of a healthy flight's value."""
-        mean, row = self.mean(record), self._row(record)
+        mean, row = self.mean(record), _row(self.differences, record)
         half = t_quantile(self.flights.freedom, CENTRAL_95) * self.flights.variance_at(row) ** 0.5
-        return Interval(estimate=mean, low=mean - half, high=mean + half)
+        return Interval.around(mean, half)
 
     def since(self, after: list[tuple[int, str, OwnRecord]], false_alarms: float) -> Onset | None:
         """Return the first of the latest consecutive flights that also show the change."""
@@ -273,5 +270,4 @@ def _still(equation: OwnEquation, flights: int) -> Comparison:
 
 
 def _interval(of: Wear) -> Interval:
-    half = t_quantile(of.freedom, CENTRAL_95) * of.error
-    return Interval(estimate=of.value, low=of.value - half, high=of.value + half)
+    return Interval.around(of.value, t_quantile(of.freedom, CENTRAL_95) * of.error)

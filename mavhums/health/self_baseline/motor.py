@@ -100,8 +100,7 @@ def _prediction(earlier: Sequence[Interval]) -> Interval | None:
     values = np.array([interval.estimate for interval in earlier])
     mean, spread = float(values.mean()), float(values.std(ddof=1)) * (1.0 + 1.0 / count) ** 0.5
     half = t_quantile(count - 1, CENTRAL_95) * spread
-    low, estimate, high = (float(f"{number:.5g}") for number in (mean - half, mean, mean + half))
-    return Interval(estimate=estimate, low=low, high=high)
+    return Interval.around(mean, half).significant(5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,8 +190,7 @@ def friction_current(records: Sequence[OwnRecord]) -> Interval | None:
     # Two flights know their scatter badly: each error goes with its own degrees of freedom.
     error, known = (stated, freedom.min()) if stated >= scattered else (scattered, count - 1.0)
     half = t_quantile(known, CENTRAL_95) * error
-    mean = float(values.mean())
-    return Interval(estimate=mean, low=mean - half, high=mean + half)
+    return Interval.around(float(values.mean()), half)
 
 
 def stall_indicators(
@@ -229,9 +227,10 @@ def _share_indicator(fault: str, quantity: str, value: Interval, parts: int) -> 
 def _share(current: Interval, per_ampere: float, error: float) -> Interval:
     common = current.estimate * error
     below, above = (hypot(end - current.estimate, common) for end in (current.low, current.high))
-    ends = (current.estimate - below, current.estimate, current.estimate + above)
-    low, estimate, high = (float(f"{per_ampere * end:.4g}") for end in ends)
-    return Interval(estimate=estimate, low=low, high=high)
+    low, estimate, high = (
+        per_ampere * end for end in (current.estimate - below, current.estimate, current.estimate + above)
+    )
+    return Interval(estimate=estimate, low=low, high=high).significant(4)
 
 
 def _half(interval: Interval) -> float:

@@ -153,10 +153,10 @@ def _indicator(equation: OwnEquation, record: OwnRecord, found: Comparison, valu
         fault=equation.fault,
         quantity=equation.quantity,
         unit=equation.unit,
-        value=_rounded(value),
+        value=value.significant(5),
         windows=windows,
         scatter=float(f"{error * windows**0.5:.4g}"),
-        baseline=found.baseline and _rounded(found.baseline),
+        baseline=found.baseline and found.baseline.significant(5),
         baseline_flights=found.flights,
         needed_flights=found.needed,
         least_rise=None if found.least_rise is None else round(found.least_rise, 4),
@@ -175,10 +175,6 @@ def _evidence(
         limit=None if found.baseline is None else float(f"{found.baseline.estimate:.5g}"),
         rule=f"{found.condition}: {text}",
     )
-
-
-def _rounded(interval: Interval) -> Interval:
-    return Interval(**{name: float(f"{number:.5g}") for name, number in interval})
 
 
 def comparison_text(equation: OwnEquation, found: Comparison) -> str:

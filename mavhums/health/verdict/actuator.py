@@ -326,15 +326,11 @@ def rounded(interval: Interval | None, decimals: int = 4) -> Interval | None:
 def _rounded_indicator(indicator: Indicator) -> Indicator:
     return indicator.model_copy(
         update={
-            "value": _significant(indicator.value),
+            "value": indicator.value.significant(5),
             "scatter": None if indicator.scatter is None else float(f"{indicator.scatter:.4g}"),
-            "baseline": None if indicator.baseline is None else _significant(indicator.baseline),
+            "baseline": indicator.baseline and indicator.baseline.significant(5),
         }
     )
-
-
-def _significant(interval: Interval) -> Interval:
-    return Interval(**{name: float(f"{number:.5g}") for name, number in interval})
 
 
 def _rounded_evidence(evidence: Evidence) -> Evidence:

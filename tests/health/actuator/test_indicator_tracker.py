@@ -37,33 +37,20 @@ class Changed(NamedTuple):
     rule: str
 
 
-class Wear:
+class Wear(Detector):
     """A detector that shows what it is told to; the quantity is normal up to 0.5."""
 
     fault = "wear"
     quantity = "wear"
     unit = "mm"
     inspect = "everything"
-    equations = ()
-    two_sided = False
-    span_s = None
 
     def __init__(self, levels: Levels | None = None, whole: Estimates | None = None) -> None:
         self.levels = levels or Levels(0.5, 1.0)
         self._whole = whole
 
-    @staticmethod
-    def suits(actuator: object) -> bool:
-        return True
-
-    def feed(self, seen: object) -> Estimates:
-        raise NotImplementedError
-
     def overall(self, flight: Mapping[str, Fit]) -> Estimates | None:
         return self._whole
-
-    def conclusion(self, flight: Mapping[str, Fit]) -> Estimates | None:
-        return self.overall(flight)
 
 
 class Bias(Wear):
@@ -116,8 +103,7 @@ class Followed(IndicatorTracker):
 def tracker(
     detector: Wear | None = None, baseline: Baseline | None = None, false_alarms: float = FALSE_ALARMS
 ) -> Followed:
-    made: Detector = detector or Wear()  # type: ignore[assignment]
-    return Followed(made, baseline, false_alarms)
+    return Followed(detector or Wear(), baseline, false_alarms)
 
 
 def follow(

@@ -126,8 +126,8 @@ class SupplySagDetector(EquationDetector):
         self.levels = Levels(actuator.limits.supply_sag_v if actuator.limits else None)
         self._supply = actuator.known_ema().supply_voltage or np.nan
 
-    @staticmethod
-    def suits(actuator: Actuator) -> bool:
+    @classmethod
+    def suits(cls, actuator: Actuator) -> bool:
         """Return whether the ESC is at the bus and the profile has the healthy supply's voltage."""
         known = actuator.ema is not None and actuator.ema.supply_voltage is not None
         return known and actuator.esc_side == "bus"

@@ -36,7 +36,7 @@ from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import column
 from mavhums.core.statistics import DEGREES_S_PER_REV_MIN
-from mavhums.health.actuator.detector import DetectorInput, WindowDetector
+from mavhums.health.actuator.detector import Detector, DetectorInput
 from mavhums.health.actuator.thresholds import (
     FOLLOWING_ASKED_LIMITS,
     FOLLOWING_LONGEST_GAP_S,
@@ -61,7 +61,7 @@ from mavhums.health.estimation.thresholds import GUARD_S
 _V1, _V5, _V7 = column("V1"), column("V5"), column("V7")
 
 
-class FollowingDetector(WindowDetector):
+class FollowingDetector(Detector):
     """Error of following: the shaft's angle minus that of the model, root mean square over a second.
 
     Of a window's ten seconds, the third largest counts.
@@ -75,6 +75,7 @@ class FollowingDetector(WindowDetector):
     )
 
     def __init__(self, actuator: Actuator) -> None:
+        super().__init__(actuator)
         limits = actuator.limits
         self.levels = Levels(limits.following_deg, limits.following_emergency_deg) if limits else Levels()
         self._limit = self.levels.normal or np.inf
@@ -83,8 +84,8 @@ class FollowingDetector(WindowDetector):
         self._state = np.full(3, np.nan)
         self._windows = Windows(1, empty=np.nan)
 
-    @staticmethod
-    def suits(actuator: Actuator) -> bool:
+    @classmethod
+    def suits(cls, actuator: Actuator) -> bool:
         """Return whether the profile has the slew rate and limits."""
         return actuator.slew_deg_s is not None and actuator.limits is not None
 
@@ -137,7 +138,7 @@ def _errors(time_s: Array, command: Array, shaft: Array, model: Array, state: Ar
     return error
 
 
-class JamDetector(WindowDetector):
+class JamDetector(Detector):
     """Fraction of the commanded travel that the shaft does not follow within three seconds.
 
     If three seconds contain too little commanded travel, ten seconds are used. The last second of the command
@@ -151,21 +152,15 @@ class JamDetector(WindowDetector):
     inspect: ClassVar[str] = "gearbox and linkage for what blocks them, and the actuator's supply"
     span_s: ClassVar[float | None] = JAM_SPAN_S
 
-    def __init__(self, actuator: Actuator, slot_s: float = 1.0) -> None:
+    def __init__(self, actuator: Actuator) -> None:
+        super().__init__(actuator)
         self.levels = Levels(JAM_SHARE, JAM_SHARE)
-        self._slot_s = slot_s
         ema, supply_v = actuator.ema, actuator.known_supply_v
         self._ratio = ema.gear_ratio if ema else np.nan
         self._stall_a = supply_v / ema.resistance if ema and supply_v else np.nan
         self._standing = actuator.moving_speed_rev_min if ema else np.nan
-        self._least_samples = actuator.min_rate_hz * slot_s
         self._windows = Windows(8, max(JAM_PARTS), empty=-np.inf)
         self._in_vain = Windows(1)
-
-    @staticmethod
-    def suits(actuator: Actuator) -> bool:
-        """Return True: no constants of the actuator are needed."""
-        return True
 
     def feed(self, seen: DetectorInput) -> Estimates:
         """Return the fraction; undecidable if less than 4° of travel was commanded."""
@@ -202,7 +197,7 @@ class JamDetector(WindowDetector):
         A sample's slot is the one that confirms it, ``GUARD_S`` or more after it.
         """
         slot = np.repeat(slots.index, slots.count())
-        within = (slots.time_s[slots.judged] + GUARD_S) / self._slot_s - slot
+        within = slots.time_s[slots.judged] + GUARD_S - slot
         part = np.clip(np.floor(within * JAM_PARTS_PER_SLOT), 0, JAM_PARTS_PER_SLOT - 1).astype(np.int64)
         return np.asarray(slot * JAM_PARTS_PER_SLOT + part)
 
@@ -218,7 +213,7 @@ class JamDetector(WindowDetector):
         apart_s = np.minimum(moved_s[at] - time_s, time_s - moved_s[at - 1])
         in_vain = (pushes & (apart_s >= GUARD_S))[slots.judged, None].astype(np.float64)
         # By the least rate as well: a slot of few samples is not a whole second.
-        share = slots.sums(in_vain)[:, 0] / np.maximum(slots.count(), self._least_samples)
+        share = slots.sums(in_vain)[:, 0] / np.maximum(slots.count(), self.actuator.min_rate_hz)
         stalled: Flags = self._in_vain.feed(slots.index, share[:, None]).sum(axis=(1, 2)) >= STALLED_SECONDS
         return stalled
 

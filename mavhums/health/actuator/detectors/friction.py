@@ -41,17 +41,13 @@ class FrictionDetector(EquationDetector):
     unit: ClassVar[str] = "N·m"
     inspect: ClassVar[str] = "gearbox, bearings and hinge line"
     equations: ClassVar[tuple[str, ...]] = ("torque", "torque_per_sample", "voltage")
+    needs_limits: ClassVar[bool] = True
 
     def __init__(self, actuator: Actuator) -> None:
         super().__init__(actuator)
         limits = actuator.known_limits()
         self.levels = Levels(limits.normal, limits.emergency)
         self._normal, self._widest = limits.normal, limits.emergency - limits.normal
-
-    @staticmethod
-    def suits(actuator: Actuator) -> bool:
-        """Return whether the profile has the actuator's constants and limits."""
-        return not actuator.blanks
 
     def overall(self, flight: Mapping[str, Fit]) -> Estimates:
         """Return the friction over the whole flight; effects outside the balance do not average out."""

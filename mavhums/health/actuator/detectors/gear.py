@@ -23,15 +23,11 @@ class BacklashDetector(EquationDetector):
     unit: ClassVar[str] = "°"
     inspect: ClassVar[str] = "gear and linkage for play"
     equations: ClassVar[tuple[str, ...]] = ("gear",)
+    needs_limits: ClassVar[bool] = True
 
     def __init__(self, actuator: Actuator) -> None:
         super().__init__(actuator)
         self.levels = Levels(actuator.known_limits().backlash_deg)
-
-    @staticmethod
-    def suits(actuator: Actuator) -> bool:
-        """Return whether the profile has the actuator's constants and limits."""
-        return not actuator.blanks
 
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the backlash; undecidable unless the load acts on both flanks."""
@@ -52,17 +48,13 @@ class SensorBiasDetector(EquationDetector):
     unit: ClassVar[str] = "°"
     inspect: ClassVar[str] = "the position sensor's mounting and calibration"
     equations: ClassVar[tuple[str, ...]] = ("gear",)
+    needs_limits: ClassVar[bool] = True
     two_sided: ClassVar[bool] = True
 
     def __init__(self, actuator: Actuator) -> None:
         super().__init__(actuator)
         self.levels = Levels(actuator.known_limits().sensor_bias_deg)
         self._play = float(GEAR.prior(actuator).deviation[GEAR.terms.index("flank")])
-
-    @staticmethod
-    def suits(actuator: Actuator) -> bool:
-        """Return whether the profile has the actuator's constants and limits."""
-        return not actuator.blanks
 
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the bias; with load on only one flank, its error includes the possible backlash."""

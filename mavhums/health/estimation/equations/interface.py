@@ -31,7 +31,12 @@ from mavhums.core.statistics import uniform_deviation
 from mavhums.health.estimation.least_squares import Prior, solve, sums_of_slots
 from mavhums.health.estimation.motion import Motion
 from mavhums.health.estimation.slots import Slots
-from mavhums.health.estimation.thresholds import LOAD_LEAST_SAMPLES, LOAD_MEMORY_SLOTS, MOST_LOAD_FRICTION
+from mavhums.health.estimation.thresholds import (
+    LOAD_LEAST_SAMPLES,
+    LOAD_MEMORY_SLOTS,
+    MOST_LOAD_FRICTION,
+    OWN_FLIGHTS,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,14 +84,12 @@ class OwnEquation:
         The parts that a maintainer should inspect.
     cause
         The possible causes of a change, as far as the data show.
-    min_rate_hz
-        Slower samples are no evidence.
-    min_flights
-        Number of flights that the baseline needs.
     left
         Returns the left side at all samples, shape (n,), NaN where it is not measured.
     speed
         Returns the speed at all samples; None if the profile rules it out.
+    min_flights
+        Number of flights that the baseline needs.
     by_activity
         Whether the wear coefficient depends on how fast the commands change: a flight is then compared with
         the baseline at its own acceleration.
@@ -101,10 +104,9 @@ class OwnEquation:
     unit: str
     inspect: str
     cause: str
-    min_rate_hz: float
-    min_flights: int
     left: Callable[[Actuator, Slots], Array]
     speed: Callable[[Actuator, Slots], ServoSpeed | None]
+    min_flights: int = OWN_FLIGHTS
     by_activity: bool = False
     blurs: bool = False
 

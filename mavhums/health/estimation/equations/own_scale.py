@@ -34,12 +34,11 @@ from mavhums.core.arrays import Array
 from mavhums.core.quantities import column
 from mavhums.core.statistics import RAD_S_PER_REV_MIN
 from mavhums.health.estimation.equations.interface import OwnEquation, ServoSpeed
+from mavhums.health.estimation.motion import central_slope
 from mavhums.health.estimation.slots import SENSED, Slots
 from mavhums.health.estimation.thresholds import (
     MOVING_ANGLE_DEG_S,
     MOVING_ROTOR_REV_MIN,
-    OWN_FLIGHTS,
-    OWN_RATE_HZ,
     TRACKING_FLIGHTS,
 )
 
@@ -79,9 +78,7 @@ def _position_error(actuator: Actuator, slots: Slots) -> Array:
 
 
 def _angle_speed(actuator: Actuator, slots: Slots) -> ServoSpeed:
-    angle, time_s = np.radians(slots.values[:, _V3]), slots.time_s
-    speed = np.full(angle.size, np.nan)
-    speed[1:-1] = (angle[2:] - angle[:-2]) / (time_s[2:] - time_s[:-2])
+    speed, _ = central_slope(slots.time_s, np.radians(slots.values[:, _V3]))
     return ServoSpeed(speed, np.radians(MOVING_ANGLE_DEG_S))
 
 
@@ -99,8 +96,6 @@ CURRENT = OwnEquation(
     unit="A",
     inspect="gearbox, bearings and hinge line",
     cause="friction",
-    min_rate_hz=OWN_RATE_HZ,
-    min_flights=OWN_FLIGHTS,
     left=_current,
     speed=_rotor_speed,
 )
@@ -112,8 +107,6 @@ VOLTAGE = OwnEquation(
     unit="V",
     inspect="gearbox, bearings and hinge line",
     cause="friction, or a warmer or worn winding: the voltage cannot tell which",
-    min_rate_hz=OWN_RATE_HZ,
-    min_flights=OWN_FLIGHTS,
     left=_voltage,
     speed=_rotor_speed,
 )
@@ -125,8 +118,6 @@ POWER = OwnEquation(
     unit="N·m",
     inspect="gearbox, bearings, hinge line and motor",
     cause="friction, or a weaker or warmer motor: the power cannot tell which",
-    min_rate_hz=OWN_RATE_HZ,
-    min_flights=OWN_FLIGHTS,
     left=_power,
     speed=_bus_speed,
 )
@@ -138,7 +129,6 @@ TRACKING = OwnEquation(
     unit="°",
     inspect="gearbox, linkage and motor, and whether the servo's settings were changed",
     cause="friction, play or winding: the log cannot tell which",
-    min_rate_hz=OWN_RATE_HZ,
     min_flights=TRACKING_FLIGHTS,
     left=_position_error,
     speed=_angle_speed,
@@ -153,8 +143,6 @@ TWO_WAYS = OwnEquation(
     unit="A",
     inspect="gearbox, bearings, screw and their lubrication",
     cause="friction, play or motor: the magnitude of a current cannot tell which",
-    min_rate_hz=OWN_RATE_HZ,
-    min_flights=OWN_FLIGHTS,
     left=_current,
     speed=_angle_speed,
 )
@@ -166,8 +154,6 @@ ROUGHNESS = OwnEquation(
     unit="°",
     inspect="gearbox, bearings, their lubrication, and the position sensor",
     cause="the motion is rough; the log cannot tell why",
-    min_rate_hz=OWN_RATE_HZ,
-    min_flights=OWN_FLIGHTS,
     left=_position_error,
     speed=_angle_speed,
 )
@@ -179,8 +165,6 @@ RIPPLE = OwnEquation(
     unit="A",
     inspect="gearbox, bearings and motor",
     cause="the current is rough; the log cannot tell why",
-    min_rate_hz=OWN_RATE_HZ,
-    min_flights=OWN_FLIGHTS,
     left=_current,
     speed=_angle_speed,
 )
