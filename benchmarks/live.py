@@ -36,7 +36,8 @@ from rich.table import Table
 
 from mavhums import Engine, EngineOptions, load_airframe, read_log
 from mavhums.learn import default_model
-from mavhums.live.session import Reception, Session
+from mavhums.live.session import Session
+from mavhums.live.status import Reception
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Piece, Stamper

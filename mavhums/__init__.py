@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from mavhums.flights.trends import trend
     from mavhums.learn.model import ModelError, load_model, models
     from mavhums.learn.precedents import PrecedentError
-    from mavhums.live.address import AddressError
+    from mavhums.live.links import AddressError
     from mavhums.log import read_log
     from mavhums.log.mavlink.dialect import DialectError
     from mavhums.log.mavlink.signing import KeyFileError
@@ -73,7 +73,7 @@ __all__ = [
 __getattr__, __dir__ = lazy_exports(
     __name__,
     {
-        "AddressError": "live.address",
+        "AddressError": "live.links",
         "AircraftTableError": "flights.aircraft_table",
         "ArchiveError": "core.packed",
         "UnnamedAircraftError": "flights.aircraft",

@@ -188,7 +188,7 @@ def _follow(
     with ExitStack() as exits:
         drawn = _drawn(shows, exits)
         session = prepare(options, drawn, vehicle_states=bool(drawn))
-        session.watch.outlets += [out.outlet, err.outlet, *(one.outlet for one in drawn)]
+        session.status.outlets += [out.outlet, err.outlet, *(one.outlet for one in drawn)]
         gc.collect()
         gc.freeze()  # objects from the start-up cost the collector 0.1 s in flight, and a second at the end
         stop.begun = True
@@ -235,7 +235,7 @@ def _write_json(
     from mavhums.live.sinks import JsonLines
 
     judging = options.judging
-    lines = JsonLines(partial(click.echo, file=console.file), session.clock.now_us, session.watch)
+    lines = JsonLines(partial(click.echo, file=console.file), session.clock.now_us, session.status)
     names = [str(link.address) for link in session.links]
     airframe, key = getattr(judging, "airframe", None), getattr(judging, "key", None)
     lines.start(names, airframe=airframe, signed_only=key is not None)
@@ -252,7 +252,7 @@ def _show_until_end(
     names = ", ".join(str(link.address) for link in session.links)
     write = partial(click.echo, file=console.file)
     if watched:
-        from mavhums.live.view import View
+        from mavhums.live.sinks import View
 
         session.sinks.append(View(console, names))
     else:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
-    from mavhums.live.address import Address
+    from mavhums.live.links import Address
     from mavhums.live.session import Session
     from mavhums.live.setup import LiveOptions, prepare
 
@@ -19,5 +19,5 @@ __all__ = ["Address", "LiveOptions", "Session", "prepare"]
 
 __getattr__, __dir__ = lazy_exports(
     __name__,
-    {"Address": "address", "LiveOptions": "setup", "Session": "session", "prepare": "setup"},
+    {"Address": "links", "LiveOptions": "setup", "Session": "session", "prepare": "setup"},
 )

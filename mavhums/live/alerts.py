@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from mavhums.core.conditions import Condition
 from mavhums.engine.events import ConditionChanged, Event
-from mavhums.live.watch import utc
+from mavhums.live.status import utc
 from mavhums.log.mavlink.signing import signing_ticks
 from mavhums.results.live import ActuatorStatus, AlertObject
 from mavhums.vehicle.surfaces import COLUMNS

@@ -1,33 +1,99 @@
-"""Links over UDP and TCP, and the clock of reception: each piece has the time at which it was received."""
+"""Links: addresses, UDP, and the clock of reception, which gives each received piece its time."""
 
 from __future__ import annotations
 
 import contextlib
-import errno
-import logging
+import ipaddress
+import re
 import socket
 import struct
 import sys
 import time
 from collections.abc import Callable, Hashable, Iterable
-from typing import Protocol
+from typing import Literal, NamedTuple, Protocol
 
-from mavhums.live.address import Address, AddressError
-from mavhums.live.outlet import Outgoing
+from mavhums.core.errors import MavhumsError
 from mavhums.log.mavlink.stamping import Piece
 
-__all__ = ["Link", "ReceiveClock", "TcpLink", "UdpLink"]
+__all__ = ["FORMS", "Address", "AddressError", "Link", "ReceiveClock", "UdpLink", "resolve"]
 
-_LOG = logging.getLogger(__name__)
+FORMS = "udpin:[HOST:]PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD]"
+_LOOPBACK = "127.0.0.1"
+_NETWORK = re.compile(r"(udpin|udpout|tcp):(?:(\[[^\]]+\]|[^:\[\]]*):)?(\d{1,5})")
+_SERIAL = re.compile(r"(?:serial:)?((?:/dev/|COM\d)[^:,]*)(?:[:,](\d+))?")
+_BAUD = 57_600
 _BUFFER = 8 << 20
 _LARGEST = 65_535
 _AT_ONCE = 4096
-_RETRY_US = 1_000_000
 # Linux constants; the socket module does not define all of them.
 _SO_TIMESTAMPNS, _SO_RXQ_OVFL, _SO_RCVBUFFORCE = 35, 40, 33
 _TIMESPEC, _COUNT = struct.Struct("@ll"), struct.Struct("@I")
 _ANCILLARY = socket.CMSG_SPACE(_TIMESPEC.size) + socket.CMSG_SPACE(_COUNT.size)
-_STEP_NS = 50_000_000  # a clock that NTP slews moves less between two looks
+_STEP_NS = 50_000_000  # a clock that NTP slews moves less between two calls
+
+
+class AddressError(MavhumsError):
+    """The address cannot be reached or bound."""
+
+
+class Address(NamedTuple):
+    """One end of a link.
+
+    Attributes
+    ----------
+    kind
+        ``udpin`` binds a port, ``udpout`` and ``tcp`` connect to one, ``serial`` opens a device.
+    host
+        Host name or address; for ``serial``, the device.
+    port
+        Port number; for ``serial``, the baud rate.
+    """
+
+    kind: Literal["udpin", "udpout", "tcp", "serial"]
+    host: str
+    port: int
+
+    @classmethod
+    def parse(cls, url: str) -> Address:
+        """Return the address in a URL; a port to bind is on the loopback unless the URL names a host.
+
+        Raises
+        ------
+        AddressError
+            If the URL has none of the accepted forms.
+
+        Examples
+        --------
+        >>> Address.parse("udpin:14550")
+        Address(kind='udpin', host='127.0.0.1', port=14550)
+        >>> str(Address.parse("/dev/ttyUSB0"))
+        'serial:/dev/ttyUSB0:57600'
+        """
+        if serial := _SERIAL.fullmatch(url):
+            return cls("serial", serial[1], int(serial[2] or _BAUD))
+        if network := _NETWORK.fullmatch(url):
+            kind, host, port = network[1], (network[2] or "").strip("[]"), int(network[3])
+            if kind == "udpin" and port <= 65_535:
+                return cls("udpin", host or _LOOPBACK, port)
+            if host and 0 < port <= 65_535:
+                return cls("tcp" if kind == "tcp" else "udpout", host, port)
+        meant = f"udpin:{url.removeprefix('udp:').removeprefix(':')}"
+        guess = f"did you mean {meant}? " if _NETWORK.fullmatch(meant) else ""
+        raise AddressError(f"{url!r} is not the address of a link", f"{guess}it must be {FORMS}")
+
+    @property
+    def exposed(self) -> bool:
+        """Whether it binds a port that other machines can reach."""
+        if self.kind != "udpin":
+            return False
+        try:
+            return not ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return self.host != "localhost"
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.kind}:{host}:{self.port}"
 
 
 def _steady_ns() -> int:
@@ -147,7 +213,7 @@ class UdpLink:
     """A local UDP port (``udpin``), or a UDP connection to a peer (``udpout``)."""
 
     def __init__(self, address: Address, clock: ReceiveClock) -> None:
-        family, target = _resolve(address, socket.SOCK_DGRAM)
+        family, target = resolve(address, socket.SOCK_DGRAM)
         self.dropped = self.unsent = self._latest_us = 0
         self._buffer = memoryview(bytearray(_LARGEST))
         self._clock, self._emptied_us = clock, clock.now_us()
@@ -224,87 +290,11 @@ class UdpLink:
         return received_ns
 
 
-class TcpLink:
-    """A connection to a TCP server, restored after a failure."""
-
-    def __init__(self, address: Address, clock: ReceiveClock) -> None:
-        self._family, self._target = _resolve(address, socket.SOCK_STREAM)
-        self.address, self.dropped, self.stamped = address, 0, False
-        self._clock, self._out = clock, Outgoing()
-        self._socket: socket.socket | None = None
-        self._connections, self._retry_us, self._told = 0, 0, False
-        self._connected = False
-
-    @property
-    def unsent(self) -> int:
-        """Frames that could not be sent."""
-        return self._out.dropped
-
-    def fileno(self) -> int:
-        """Return the connection's descriptor, -1 without a connection."""
-        return self._socket.fileno() if self._socket and self._connected else -1
-
-    def receive(self) -> list[Piece]:
-        """Return the received data; connect first if there is no connection."""
-        if self._socket is None or not self._connected:
-            self._connect()
-        if self._socket is None or not self._connected:
-            return []
-        self._out.pump(self._socket.send)
-        try:
-            data = self._socket.recv(1 << 18)
-        except BlockingIOError:
-            return []
-        except OSError as error:
-            self._lose(error.strerror or str(error))
-            return []
-        if not data:
-            self._lose("closed by the other end")
-            return []
-        return [Piece((self.address, self._connections), self._clock.now_us(), data)]
-
-    def send(self, data: bytes, heard: Iterable[Hashable]) -> None:
-        """Send to the server."""
-        if self._socket is None or not self._connected:
-            self._out.refuse()
-            return
-        self._out.offer(data)
-        self._out.pump(self._socket.send)
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._out.clear()
-        if self._socket is not None:
-            self._socket.close()
-            self._socket, self._connected = None, False
-
-    def _connect(self) -> None:
-        """Start to connect, or check whether the connection is established."""
-        if self._socket is None:
-            if self._clock.now_us() < self._retry_us:
-                return
-            self._retry_us = self._clock.now_us() + _RETRY_US
-            self._socket = socket.socket(self._family, socket.SOCK_STREAM)
-            self._socket.setblocking(False)
-        code = self._socket.connect_ex(self._target)
-        if code in (0, errno.EISCONN):
-            self._connected, self._told = True, False
-            self._connections += 1
-            _LOG.info("%s: connected", self.address)
-        elif code not in (errno.EINPROGRESS, errno.EALREADY, errno.EWOULDBLOCK):
-            self._lose(errno.errorcode.get(code, str(code)))
-
-    def _lose(self, why: str) -> None:
-        self.close()
-        if not self._told:
-            _LOG.warning("%s: no connection (%s); trying again every second", self.address, why)
-            self._told = True
-
-
 Target = tuple[str, int] | tuple[str, int, int, int]
 
 
-def _resolve(address: Address, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Target]:
+def resolve(address: Address, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Target]:
+    """Return the family and the socket address of a host."""
     try:
         found = socket.getaddrinfo(address.host, address.port, type=kind)
     except (OSError, UnicodeError) as error:

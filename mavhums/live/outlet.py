@@ -15,11 +15,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, Generic, TextIO, TypeVar
 
-__all__ = ["BoundedQueue", "Outgoing", "Outlet", "Spool"]
+__all__ = ["BoundedQueue", "Outlet", "Spool"]
 
 _LOG = logging.getLogger(__name__)
 _ROOM: Final = 4 << 20
-_STREAM_ROOM: Final = 4096  # bytes: a second of alerts; older ones say nothing about the present
 
 Item = TypeVar("Item")
 
@@ -154,7 +153,7 @@ class Outlet(Generic[Item]):
             why = (error.strerror if isinstance(error, OSError) else None) or str(error) or repr(error)
             before, self.error = self.error, why
             if before is None and self._report:
-                self._report(f"{self.name}: {why}; what it should have shown is dropped, all else goes on")
+                self._report(f"{self.name}: {why}; its output is dropped, everything else continues")
         else:
             if self.error is not None and self._report:
                 self._report(f"{self.name}: works again; {self.dropped} dropped")
@@ -236,56 +235,6 @@ class Spool(io.TextIOBase):
                 left = left[os.write(self._descriptor, left) :]
         finally:
             self._torn = bool(left) and (self._torn or len(left) < start)
-
-
-class Outgoing:
-    """Frames for a stream that may stall, a few kilobytes; when full, the oldest one not begun is dropped.
-
-    Examples
-    --------
-    >>> out, sent = Outgoing(), []
-    >>> out.offer(b"frame")
-    >>> out.pump(lambda data: sent.append(bytes(data)) or len(data))
-    >>> sent
-    [b'frame']
-    """
-
-    def __init__(self) -> None:
-        self._frames: BoundedQueue[bytes] = BoundedQueue(_STREAM_ROOM)
-        self._begun = b""
-        self._refused = 0
-
-    @property
-    def dropped(self) -> int:
-        """Number of frames that were not sent completely."""
-        return self._frames.dropped + self._refused
-
-    def offer(self, frame: bytes) -> None:
-        """Queue a frame."""
-        self._frames.put(frame, len(frame))
-
-    def refuse(self) -> None:
-        """Count a frame without a destination."""
-        self._refused += 1
-
-    def pump(self, write: Callable[[bytes], int]) -> None:
-        """Write as much as possible; ``write`` returns how many bytes it took, or raises."""
-        try:
-            while self._begun or self._frames:
-                if not self._begun:
-                    self._begun = self._frames.pop()
-                taken = write(self._begun)
-                if not taken:
-                    return
-                self._begun = self._begun[taken:]
-        except OSError:
-            return  # full or broken: the reading side detects it
-
-    def clear(self) -> None:
-        """Drop everything after the stream has ended."""
-        self._refused += bool(self._begun)
-        self._frames.clear()
-        self._begun = b""
 
 
 def _descriptor(stream: TextIO | None) -> int | None:

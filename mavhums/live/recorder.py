@@ -99,7 +99,7 @@ class TlogRecorder:
         except OSError as again:
             error = again
         if self._failure is None:
-            _LOG.error("%s: %s; the flight is judged on, but not recorded", self.path, error.strerror)
+            _LOG.error("%s: %s; the flight is judged, but not recorded", self.path, error.strerror)
         self._failure = error.strerror or str(error)
 
     def _sync_often(self) -> None:
@@ -131,7 +131,7 @@ class TlogRecorder:
         """Return how to save the written data."""
         there = Path(f"/proc/{os.getpid()}/fd/{self._file}")
         if absence != "the file was removed" or not there.exists():
-            return "; it is written on"
+            return "; writing continues"
         return f"; until this program ends, save it: cp {there} flight.tlog"
 
     def _sync(self) -> None:

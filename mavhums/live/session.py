@@ -6,7 +6,6 @@ import logging
 import select
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 from mavhums.engine.axes import MOST_VEHICLES
@@ -15,11 +14,10 @@ from mavhums.engine.events import ConditionChanged, Event, Notice
 from mavhums.flights.aircraft import OtherAircraftError
 from mavhums.flights.compare import FlightComparison
 from mavhums.live.alerts import Alerts
-from mavhums.live.links import Link, ReceiveClock
-from mavhums.live.peers import Peers
+from mavhums.live.links import Link
 from mavhums.live.recorder import TlogRecorder
-from mavhums.live.watch import Watch
-from mavhums.log.mavlink.stamping import Piece, Stamper
+from mavhums.live.status import Reception, SessionStatus
+from mavhums.log.mavlink.stamping import Piece
 from mavhums.results.assessment import Assessment
 from mavhums.results.live import AlertObject, StaleObject, StatusObject
 
@@ -56,31 +54,6 @@ class Sink(Protocol):
     def close(self, assessment: Assessment) -> None:
         """Take the verdicts of the whole session."""
         ...
-
-
-@dataclass(slots=True)
-class Reception:
-    """What a session receives by.
-
-    Attributes
-    ----------
-    stamper
-        Makes records of the received data.
-    links
-        Links to receive from.
-    clock
-        Clock of reception.
-    peers
-        The senders on the links; the stamper updates them.
-    remember
-        Called now and then and at the end, to store data for the next session; None for nothing.
-    """
-
-    stamper: Stamper
-    links: Sequence[Link] = ()
-    clock: ReceiveClock = field(default_factory=ReceiveClock)
-    peers: Peers = field(default_factory=Peers)
-    remember: Callable[[], None] | None = None
 
 
 class GroundStation(NamedTuple):
@@ -144,8 +117,8 @@ class Session:
     ) -> None:
         self.clock, self.links, self.peers = reception.clock, reception.links, reception.peers
         self.recorder, self.sinks = recorder, list(sinks)
-        self.watch = Watch(reception.stamper, self.links, recorder, self.clock.now_us(), self.peers)
-        self.watch.alert_links = [*self.links, *ground.links]
+        self.status = SessionStatus(reception, recorder)
+        self.status.alert_links = [*self.links, *ground.links]
         self._contested: dict[int, int] = {}
         self._engine, self._stamper, self._remember = engine, reception.stamper, reception.remember
         self._alerts, self._greeter, self._ground = ground
@@ -195,10 +168,10 @@ class Session:
         self._due_us = max(self._due_us + _TICK_US, now_us)
         assessment = self._engine.assessment(indicators=False)
         self._check_same_aircraft(assessment)
-        status, stale = self.watch.look(assessment, now_us)
+        state, stale = self.status.report(assessment, now_us)
         self._ticks += 1
         self.peers.forget(now_us)
-        self._warn_contested(status.link.contested, now_us)
+        self._warn_contested(state.link.contested, now_us)
         if self._remember and self._ticks % _REMEMBER_EVERY == 0:
             self._remember()
         # An autopilot sends named values, and much else, only where it has heard a HEARTBEAT.
@@ -210,12 +183,12 @@ class Session:
                 self._greeter.heartbeat(vehicle, now_us)
         if self._alerts:
             greeted = heard if self._greeter is self._alerts else ()
-            self._announce(self._alerts.tick(status.actuators, now_us, greeted))
+            self._announce(self._alerts.tick(state.actuators, now_us, greeted))
         for change in stale:
-            what = f"silent for {change.age_s:.1f} s" if change.stale else "heard again"
+            what = f"silent for {change.age_s:.1f} s" if change.stale else "received again"
             _LOG.info("vehicle %d, %s: %s", change.vehicle, change.actuator, what)
         for sink in self.sinks:
-            sink.tick(status, stale)
+            sink.tick(state, stale)
 
     def close(self) -> Assessment:
         """Judge the remaining data, close recorder, links and sinks, and return the verdicts.
@@ -283,7 +256,7 @@ class Session:
         if self.recorder:
             self.recorder.write(records, self._stamper.frames - frames_before)
         events = self._engine.feed(records)
-        self.watch.take(events, self.clock.now_us())
+        self.status.observe(events, self.clock.now_us())
         self._spread(events)
 
     def _spread(self, events: list[Event]) -> None:
@@ -306,7 +279,7 @@ class Session:
         for vehicle in vehicles:
             if now_us - self._contested.get(vehicle, 0) >= _CONTESTED_US:
                 self._contested[vehicle] = now_us
-                text = f"more than one sender speaks for vehicle {vehicle}; its verdicts mix them"
+                text = f"more than one sender transmits as vehicle {vehicle}; its verdicts mix them"
                 _LOG.warning("%s", text)
                 time_s = (now_us - (self._first_us or now_us)) / 1e6
                 notices.append(Notice(time_s, vehicle, text))
@@ -316,7 +289,7 @@ class Session:
 
     def _announce(self, alerts: Sequence[AlertObject]) -> None:
         for alert in alerts:
-            _LOG.info("said to the ground station: %s", alert.text)
+            _LOG.info("sent to the ground station: %s", alert.text)
         if alerts:
             for sink in self.sinks:
                 sink.announce(alerts)

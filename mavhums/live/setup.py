@@ -26,13 +26,12 @@ from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
 from mavhums.flights.compare import FlightComparison
 from mavhums.health.actuator.monitor import Monitor
-from mavhums.live.address import Address
 from mavhums.live.alerts import COMPONENT, Alerts, Signer
-from mavhums.live.links import Link, ReceiveClock, TcpLink, UdpLink
-from mavhums.live.peers import Peers
+from mavhums.live.links import Address, Link, ReceiveClock, UdpLink
 from mavhums.live.recorder import TlogRecorder
-from mavhums.live.serial import SerialLink
-from mavhums.live.session import GroundStation, Reception, Session, Sink
+from mavhums.live.session import GroundStation, Session, Sink
+from mavhums.live.status import Peers, Reception
+from mavhums.live.streams import SerialLink, TcpLink
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Piece, Stamper
@@ -166,7 +165,7 @@ def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: boo
             links.append(_LINKS[address.kind](address, clock))
             if address.exposed:
                 trust = "" if signed_only else ", without authentication; --key accepts only signed frames"
-                _LOG.warning("%s: not only this computer can send here%s", address, trust)
+                _LOG.warning("%s: other computers can send here, too%s", address, trust)
     except BaseException:
         for link in links:
             link.close()

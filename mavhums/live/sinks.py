@@ -1,24 +1,34 @@
-"""Where a session goes: JSON Lines, text, a Rerun viewer or recording; a thread before what may hang."""
+"""Outputs of a session: JSON Lines, text, a table on the terminal, Rerun; a thread for what may hang."""
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import fields
 from functools import partial
 from typing import TYPE_CHECKING, Final
+
+from rich import box
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
 
 from mavhums.core.about import NOTICE, __version__
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
 from mavhums.live.outlet import Outlet
 from mavhums.live.session import Sink
-from mavhums.live.watch import Watch, utc
+from mavhums.live.status import SessionStatus, utc
 from mavhums.results.assessment import RECORD, Assessment
 from mavhums.results.live import (
+    ActuatorStatus,
     AirframeObject,
     AlertObject,
     ConditionObject,
     EndObject,
+    LinkStatus,
     LiveObject,
     NoticeObject,
     StaleObject,
@@ -26,16 +36,24 @@ from mavhums.results.live import (
     StatusObject,
     WindowObject,
 )
+from mavhums.show.words import COLOURS, clock, friction, percent, printable
 
 if TYPE_CHECKING:
     from mavhums.show.live import LiveViewer
     from mavhums.show.recording import Recorder
 
-__all__ = ["JsonLines", "PlainLines", "RerunSink", "ThreadedSink"]
+__all__ = ["JsonLines", "PlainLines", "RerunSink", "ThreadedSink", "View", "draw"]
 
 _LOG = logging.getLogger(__name__)
 _SAMPLES: Final = 100_000
 """How many samples may wait: about a minute of an aircraft with 16 actuators at 100 Hz, 10 MB."""
+
+_LATEST: Final = 5
+_LINES: Final[dict[type, type[WindowObject | ConditionObject | NoticeObject]]] = {
+    Window: WindowObject,
+    ConditionChanged: ConditionObject,
+    Notice: NoticeObject,
+}
 
 Faults = dict[tuple[int, str], str]
 
@@ -134,16 +152,18 @@ class JsonLines:
         Writes a line; it must flush it.
     now_us
         The present time, microseconds of UTC.
-    watch
-        Watch of the session, for the account at its end.
+    status
+        Status of the session, for the account at its end.
     """
 
-    def __init__(self, write: Callable[[str], object], now_us: Callable[[], int], watch: Watch) -> None:
-        self._write, self._now_us, self._watch = write, now_us, watch
+    def __init__(
+        self, write: Callable[[str], object], now_us: Callable[[], int], status: SessionStatus
+    ) -> None:
+        self._write, self._now_us, self._status = write, now_us, status
 
     def start(self, links: Sequence[str], *, airframe: str | None, signed_only: bool) -> None:
         """Write the description of the session."""
-        record = self._watch.record()
+        record = self._status.record()
         self._put(
             StartObject(
                 utc=utc(self._now_us()),
@@ -160,8 +180,7 @@ class JsonLines:
         """Write events except samples."""
         now = utc(self._now_us())
         for event in events:
-            line = _object(event, faults, now)
-            if line is not None:
+            if line := _object(event, faults, now):
                 self._put(line)
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
@@ -178,16 +197,14 @@ class JsonLines:
     def close(self, assessment: Assessment) -> None:
         """Write the verdicts."""
         now_us = self._now_us()
-        link, record = self._watch.link(assessment, now_us), self._watch.record()
-        self._put(
-            EndObject(
-                utc=utc(now_us),
-                link=link,
-                record=record,
-                outputs=self._watch.outputs(),
-                assessment=assessment,
-            )
+        end = EndObject(
+            utc=utc(now_us),
+            link=self._status.link(assessment, now_us),
+            record=self._status.record(),
+            outputs=self._status.outputs(),
+            assessment=assessment,
         )
+        self._put(end)
 
     def _put(self, line: LiveObject) -> None:
         self._write(line.model_dump_json(by_alias=True, exclude={"assessment": RECORD}))
@@ -201,19 +218,16 @@ class PlainLines:
 
     def consume(self, events: Sequence[Event], faults: Faults) -> None:
         """Write changes of condition."""
-        for event in events:
-            if isinstance(event, ConditionChanged):
-                fault = faults.get((event.vehicle, event.actuator))
-                why = f" ({fault})" if fault else ""
-                self._write(
-                    f"{event.time_s:8.1f} s  vehicle {event.vehicle}, {event.actuator}: "
-                    f"{event.before} → {event.after}{why}, since {event.since_s:.1f} s"
-                )
+        for event, text in _changes(events, faults):
+            self._write(
+                f"{event.time_s:8.1f} s  vehicle {event.vehicle}, {event.actuator}: "
+                f"{text}, since {event.since_s:.1f} s"
+            )
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
         """Write which actuators stopped or resumed reporting."""
         for change in stale:
-            state = f"stale, silent for {change.age_s:.1f} s" if change.stale else "heard again"
+            state = f"stale, silent for {change.age_s:.1f} s" if change.stale else "received again"
             self._write(f"{status.uptime_s:8.1f} s  vehicle {change.vehicle}, {change.actuator}: {state}")
 
     def announce(self, alerts: Sequence[AlertObject]) -> None:
@@ -224,33 +238,144 @@ class PlainLines:
 
 
 def _object(event: Event, faults: Faults, now: str) -> LiveObject | None:
-    if isinstance(event, Window):
-        return WindowObject(
-            utc=now,
-            vehicle=event.vehicle,
-            actuator=event.actuator,
-            start_s=event.start_s,
-            end_s=event.end_s,
-            moving_fraction=round(event.moving_fraction, 4),
-            friction_nm=event.friction_nm,
-            p_emergency=event.p_emergency,
-            condition=event.condition,
-        )
-    if isinstance(event, ConditionChanged):
-        return ConditionObject(
-            utc=now,
-            vehicle=event.vehicle,
-            actuator=event.actuator,
-            time_s=event.time_s,
-            since_s=event.since_s,
-            before=event.before,
-            after=event.after,
-            fault=faults.get((event.vehicle, event.actuator)),
-            rule=event.rule,
-        )
+    """Return the line of an event, whose fields have the names of the event's."""
     if isinstance(event, AirframeNamed):
         name = event.airframe.name
         return AirframeObject(utc=now, time_s=event.time_s, vehicle=event.vehicle, airframe=name)
-    if isinstance(event, Notice):
-        return NoticeObject(utc=now, time_s=event.time_s, vehicle=event.vehicle, text=event.text)
-    return None
+    kind = _LINES.get(type(event))
+    if kind is None:
+        return None
+    values = {one.name: getattr(event, one.name) for one in fields(event) if one.name in kind.model_fields}
+    if isinstance(event, Window):
+        values["moving_fraction"] = round(event.moving_fraction, 4)
+    elif isinstance(event, ConditionChanged):
+        values["fault"] = faults.get((event.vehicle, event.actuator))
+    line: LiveObject = kind(utc=now, **values)
+    return line
+
+
+def _changes(events: Sequence[Event], faults: Faults) -> Iterator[tuple[ConditionChanged, str]]:
+    """Yield each change of condition with its text."""
+    for event in events:
+        if isinstance(event, ConditionChanged):
+            fault = faults.get((event.vehicle, event.actuator))
+            yield event, f"{event.before} → {event.after}{f' ({fault})' if fault else ''}"
+
+
+class View:
+    """Shows verdicts, rates, losses and the age of the latest data.
+
+    Parameters
+    ----------
+    console
+        The terminal.
+    title
+        The links of the session.
+    """
+
+    def __init__(self, console: Console, title: str) -> None:
+        self._title = title
+        self._latest: deque[str] = deque(maxlen=_LATEST)
+        self._live = Live(
+            Text(f"{title}: waiting for a vehicle; Ctrl-C ends", style="dim"),
+            console=console,
+            auto_refresh=False,
+            transient=True,
+        )
+        self._live.start()
+
+    def consume(self, events: Sequence[Event], faults: Faults) -> None:
+        """Remember the latest changes of condition."""
+        for event, text in _changes(events, faults):
+            self._latest.append(f"{clock(event.time_s)}  {event.actuator}: {text}")
+
+    def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
+        """Draw the state."""
+        self._live.update(draw(status, self._title, list(self._latest)), refresh=True)
+
+    def announce(self, alerts: Sequence[AlertObject]) -> None:
+        """Remember the alerts that were sent."""
+        self._latest.extend(f"sent to the ground station: {alert.text}" for alert in alerts)
+
+    def close(self, assessment: Assessment) -> None:
+        """Remove the table; the verdicts are printed in its place."""
+        self._live.stop()
+
+
+def draw(status: StatusObject, title: str, latest: Sequence[str] = ()) -> Group:
+    """Return the display of the state."""
+    head = Text(f"{title}   {clock(status.uptime_s)}", style="bold")
+    parts: list[Text | Table] = [head, _table(status.actuators)]
+    parts += [Text(printable(line)) for line in latest]
+    parts += [Text(line, style=style) for line, style in _link_lines(status.link)]
+    if status.record:
+        record = status.record
+        if record.error:
+            parts.append(
+                Text(f"NOT RECORDED: {record.error}; {record.lost_frames:,} frames lost", style="bold red")
+            )
+        else:
+            parts.append(Text(f"recording {record.path}, {record.bytes / 1e6:.1f} MB", style="dim"))
+    parts += [
+        Text(
+            f"{output.name}: {output.dropped:,} dropped{f' ({output.error})' if output.error else ''}",
+            "yellow",
+        )
+        for output in status.outputs
+    ]
+    parts.append(Text("Ctrl-C ends and prints the verdicts", style="dim"))
+    return Group(*parts)
+
+
+def _table(actuators: Sequence[ActuatorStatus]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for title in ("vehicle", "actuator", "condition", "friction, N·m", "network", "rate", "age", "late"):
+        table.add_column(title, justify="left" if title in ("actuator", "condition") else "right")
+    for status in actuators:
+        table.add_row(
+            "—" if status.vehicle is None else str(status.vehicle),
+            printable(status.actuator),
+            _condition(status),
+            friction(status.friction_nm) if status.friction_nm else "—",
+            percent(status.p_emergency) if status.p_emergency is not None else "—",
+            f"{status.rate_hz:.0f} Hz",
+            "—" if status.age_s is None else f"{status.age_s:.1f} s",
+            f"{status.late:,}",
+        )
+    return table
+
+
+def _condition(status: ActuatorStatus) -> Text:
+    red, green, blue = COLOURS[status.condition]
+    if status.stale:
+        return Text(f"STALE, was {status.held}", style=f"bold reverse rgb({red},{green},{blue})")
+    word = status.condition.upper() if status.condition in ("degraded", "emergency") else status.condition
+    fault = f": {status.suspects[0].fault}" if status.suspects else ""
+    return Text(f"{word}{fault}", style=f"bold rgb({red},{green},{blue})")
+
+
+def _link_lines(link: LinkStatus) -> list[tuple[str, str]]:
+    age = "nothing received yet" if link.age_s is None else f"last data {link.age_s:.1f} s ago"
+    rates = f"{age}; {link.frames_per_s:,.0f} frames/s, {link.bytes_per_s / 1e3:,.1f} kB/s"
+    counts = (
+        (link.missing_frames, "missing by sequence number"),
+        (link.reordered_frames, "out of order"),
+        (link.duplicated_frames, "duplicated"),
+        (link.bad_crc_frames, "with a wrong checksum"),
+        (link.bytes_skipped, "bytes outside frames"),
+        (link.unknown_frames, "of an unknown kind"),
+        (link.unsigned_frames, "unsigned"),
+        (link.bad_signatures, "wrongly signed"),
+        (link.replayed_frames, "replayed"),
+        (link.dropped_datagrams, "datagrams dropped by the kernel"),
+    )
+    lost = ", ".join(f"{count:,} {what}" for count, what in counts if count)
+    contested = [
+        (f"vehicle {vehicle}: more than one sender transmits as it", "bold yellow")
+        for vehicle in link.contested
+    ]
+    return [
+        *contested,
+        (f"{rates}; {link.frames:,} frames", "dim"),
+        (f"lost or refused: {lost or 'nothing'}", "yellow" if lost else "dim"),
+    ]

@@ -9,7 +9,7 @@ import pytest
 
 from mavhums.app.export import export_quantities
 from mavhums.core.errors import ExitCode
-from mavhums.live.address import Address, AddressError
+from mavhums.live.links import Address, AddressError
 from tests.cli.test_obstacles import QUADROTOR, sent
 from tests.conftest import Run
 from tests.logs import write_log

@@ -16,9 +16,9 @@ from mavhums.engine.options import EngineOptions
 from mavhums.learn import packaged_models
 from mavhums.live.alerts import Alerts, Signer
 from mavhums.live.links import ReceiveClock
-from mavhums.live.peers import Peers
 from mavhums.live.recorder import TlogRecorder
-from mavhums.live.session import GroundStation, Reception, Session
+from mavhums.live.session import GroundStation, Session
+from mavhums.live.status import Peers, Reception
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Piece, Stamper

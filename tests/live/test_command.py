@@ -168,11 +168,11 @@ def test_udpout_makes_itself_known(tmp_path: Path, worn_pieces: list[Piece]) -> 
 
 def test_a_port_that_others_reach_is_warned_of(run: Run, tmp_path: Path) -> None:
     outcome = run("live", "udpin:0.0.0.0:0", "--duration", "0.2")
-    assert "not only this computer can send here, without authentication; --key" in outcome.err
+    assert "other computers can send here, too, without authentication; --key" in outcome.err
     key = tmp_path / "key"
     key.write_bytes(KEY)
     outcome = run("live", "udpin:0.0.0.0:0", "--duration", "0.2", "--key", key)
-    assert "not only this computer can send here\n" in outcome.err
+    assert "other computers can send here, too\n" in outcome.err
     assert "WARNING" not in run("live", "udpin:0", "--duration", "0.2").err
 
 

@@ -1,4 +1,4 @@
-"""What links, outputs, alerts and the watch do in exact numbers, on sockets and clocks of the test."""
+"""What links, outputs, alerts and the status do in exact numbers, on sockets and clocks of the test."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from pymavlink.dialects.v20 import common as v2
 from mavhums.engine.events import ConditionChanged, Samples
 from mavhums.live import Address
 from mavhums.live.alerts import Alerts, Signer, text_of
-from mavhums.live.links import ReceiveClock, TcpLink, UdpLink
+from mavhums.live.links import ReceiveClock, UdpLink
 from mavhums.live.outlet import BoundedQueue, Spool
-from mavhums.live.peers import Peers
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.sinks import JsonLines, PlainLines, ThreadedSink
-from mavhums.live.watch import Watch
+from mavhums.live.status import Peers, Reception, SessionStatus
+from mavhums.live.streams import TcpLink
 from mavhums.log.mavlink.stamping import Counts
 from mavhums.results.live import StaleObject
 from mavhums.results.verdict import Verdict
@@ -79,10 +79,10 @@ def test_a_tcp_link_connects_loses_and_connects_again(monkeypatch: pytest.Monkey
     log = SimpleNamespace(
         **dict.fromkeys(("info", "warning"), lambda text, *given: said.append(text % given))
     )
-    monkeypatch.setattr("mavhums.live.links._LOG", log)
+    monkeypatch.setattr("mavhums.live.streams._LOG", log)
     address = Address("tcp", "127.0.0.1", 5760)
     link = TcpLink(address, ReceiveClock(lambda: now_us[0] * 1000, lambda: now_us[0] * 1000))
-    monkeypatch.setattr("mavhums.live.links.socket.socket", server)
+    monkeypatch.setattr("mavhums.live.streams.socket.socket", server)
 
     def step(*codes: int, later_us: int = 0) -> list[tuple[Any, int, bytes]]:
         now_us[0] += later_us
@@ -293,28 +293,29 @@ def samples(actuator: str, count: int) -> Samples:
     return Samples(1, actuator, np.arange(count) / 100.0, np.zeros((count, 12)))
 
 
-def watch(recorder: TlogRecorder | None = None) -> tuple[Watch, SimpleNamespace]:
+def session_status(recorder: TlogRecorder | None = None) -> tuple[SessionStatus, SimpleNamespace]:
     stamper = SimpleNamespace(counts=Counts(pieces=4, frames=100, bytes=5000, bad_crc_frames=2))
     links: list[Any] = [
         SimpleNamespace(dropped=2, unsent=0, address="udpin:1"),
         SimpleNamespace(dropped=3, unsent=4, address="tcp:h:2"),
     ]
+    clock = ReceiveClock(lambda: EPOCH_US * 1000, lambda: 0)
     fed: Any = stamper
-    return Watch(fed, links, recorder, EPOCH_US), stamper
+    return SessionStatus(Reception(fed, links, clock), recorder), stamper
 
 
-def test_the_watch_tells_ages_and_rates() -> None:
-    seen, stamper = watch()
+def test_the_status_has_ages_and_rates() -> None:
+    seen, stamper = session_status()
     both = assessed(verdict("elevator"), verdict("rudder"), verdict("roll", subject="axis"))
-    status_, stale = seen.look(both, EPOCH_US)
+    status_, stale = seen.report(both, EPOCH_US)
     assert stale == []
     assert [one.age_s for one in status_.actuators] == [None] * 3
     assert [one.stale for one in status_.actuators] == [False, False, True]
     assert status_.link.age_s is None
-    seen.take([samples("elevator", 50), samples("rudder", 10)], EPOCH_US + SECOND)
+    seen.observe([samples("elevator", 50), samples("rudder", 10)], EPOCH_US + SECOND)
     stamper.counts = Counts(pieces=9, frames=160, bytes=9000, bad_crc_frames=2)
-    seen.take([samples("elevator", 30)], EPOCH_US + 3 * SECOND // 2)
-    status_, stale = seen.look(both, EPOCH_US + 2 * SECOND)
+    seen.observe([samples("elevator", 30)], EPOCH_US + 3 * SECOND // 2)
+    status_, stale = seen.report(both, EPOCH_US + 2 * SECOND)
     assert (status_.uptime_s, stale) == (2.0, [])
     assert [(a.actuator, a.age_s, a.rate_hz, a.condition) for a in status_.actuators] == [
         ("elevator", 0.5, 40.0, "normal"),
@@ -331,8 +332,8 @@ def test_the_watch_tells_ages_and_rates() -> None:
     )
     assert (link.dropped_datagrams, link.bad_crc_frames) == (5, 2)
     assert [(o.name, o.dropped) for o in status_.outputs] == [("alerts to tcp:h:2", 4)]
-    seen.take([samples("elevator", 10)], EPOCH_US + 12 * SECOND)
-    status_, stale = seen.look(both, EPOCH_US + 12 * SECOND)
+    seen.observe([samples("elevator", 10)], EPOCH_US + 12 * SECOND)
+    status_, stale = seen.report(both, EPOCH_US + 12 * SECOND)
     assert [(s.actuator, s.stale, s.age_s) for s in stale] == [("rudder", True, 11.0)]
     assert [(a.rate_hz, a.stale, a.condition, a.held) for a in status_.actuators] == [
         (1.0, False, "normal", "normal"),
@@ -340,8 +341,8 @@ def test_the_watch_tells_ages_and_rates() -> None:
         (0.0, False, "normal", "normal"),
     ]
     assert (status_.link.frames_per_s, status_.link.bytes_per_s) == (0.0, 0.0)
-    seen.take([samples("rudder", 1)], EPOCH_US + 13 * SECOND)
-    _, stale = seen.look(both, EPOCH_US + 13 * SECOND)
+    seen.observe([samples("rudder", 1)], EPOCH_US + 13 * SECOND)
+    _, stale = seen.report(both, EPOCH_US + 13 * SECOND)
     assert [(s.actuator, s.stale, s.age_s) for s in stale] == [("rudder", False, 0.0)]
 
 
@@ -349,7 +350,9 @@ def test_the_lines_of_a_session(tmp_path: Any) -> None:
     recorder = TlogRecorder(tmp_path / "a.tlog")
     lines: list[dict[str, Any]] = []
     for kept in (None, recorder):
-        out = JsonLines(lambda line: lines.append(json.loads(line)), lambda: EPOCH_US, watch(kept)[0])
+        out = JsonLines(
+            lambda line: lines.append(json.loads(line)), lambda: EPOCH_US, session_status(kept)[0]
+        )
         out.start(["udpin:1"], airframe=None, signed_only=False)
     recorder.close()
     assert [line["record"] for line in lines] == [None, str(tmp_path / "a.tlog")]
@@ -358,15 +361,15 @@ def test_the_lines_of_a_session(tmp_path: Any) -> None:
     event = ConditionChanged(1, "rudder", 20.0, 10.0, "normal", "degraded", "rule")
     plain.consume([samples("rudder", 3), event], {(1, "rudder"): "jam"})
     plain.consume([event], {(2, "rudder"): "jam"})
-    seen, _ = watch()
-    status_, _ = seen.look(assessed(), EPOCH_US + 30 * SECOND)
+    seen, _ = session_status()
+    status_, _ = seen.report(assessed(), EPOCH_US + 30 * SECOND)
     gone = StaleObject(utc="", vehicle=1, actuator="rudder", stale=True, age_s=3.25)
     plain.tick(status_, [gone, gone.model_copy(update={"stale": False})])
     assert said == [
         "    20.0 s  vehicle 1, rudder: normal → degraded (jam), since 10.0 s",
         "    20.0 s  vehicle 1, rudder: normal → degraded, since 10.0 s",
         "    30.0 s  vehicle 1, rudder: stale, silent for 3.2 s",
-        "    30.0 s  vehicle 1, rudder: heard again",
+        "    30.0 s  vehicle 1, rudder: received again",
     ]
 
 

@@ -87,7 +87,7 @@ def test_what_fails_is_said_once_and_again_when_it_works() -> None:
     assert outlet.close(30)
     assert outlet.error is None
     assert said == [
-        "disk: No space left on device; what it should have shown is dropped, all else goes on",
+        "disk: No space left on device; its output is dropped, everything else continues",
         "disk: works again; 5 dropped",
     ]
 
@@ -156,7 +156,7 @@ def test_a_viewer_that_hangs_holds_nothing_up(rig: Rig, worn_pieces: list[Piece]
     viewer, released = Hanging(), threading.Event()
     detached = ThreadedSink(viewer, "viewer", released.set, patience_s=0.01)
     rig.session.sinks.append(detached)
-    rig.session.watch.outlets.append(detached.outlet)
+    rig.session.status.outlets.append(detached.outlet)
     rig.hear(worn_pieces)
     rig.end()
     assert not detached.finish()
@@ -277,7 +277,7 @@ def test_an_output_that_fails_ends_nothing(tmp_path: Path, worn_pieces: list[Pie
         await_bytes(recording, sum(len(piece.data) + 8 for piece in worn_pieces), process)
         process.send_signal(signal.SIGTERM)
         assert process.wait(30) == mavhums.analyse(recording).exit_code
-    assert "what it should have shown is dropped, all else goes on" in (tmp_path / "err").read_text()
+    assert "its output is dropped, everything else continues" in (tmp_path / "err").read_text()
 
 
 @pytest.mark.slow

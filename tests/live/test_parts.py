@@ -21,11 +21,10 @@ from rich.console import Console
 import mavhums.live
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Notice, Samples
 from mavhums.live import Address
-from mavhums.live.address import AddressError
+from mavhums.live.links import AddressError
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.setup import SeenSignatures
-from mavhums.live.sinks import JsonLines, PlainLines
-from mavhums.live.view import View, draw
+from mavhums.live.sinks import JsonLines, PlainLines, View, draw
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.results import live as objects
 from mavhums.results.assessment import Assessment, json_schema
@@ -127,7 +126,7 @@ def test_a_disk_that_fails_is_told_of_once(
     assert recorder.path.read_bytes() == b"kept"
     told = [record.message for record in caplog.records]
     assert len(told) == 3
-    assert told[0].endswith("No space left on device; the flight is judged on, but not recorded")
+    assert told[0].endswith("No space left on device; the flight is judged, but not recorded")
     assert told[2].endswith("written again; 6 frames are missing")
 
 
@@ -226,7 +225,7 @@ def test_the_view_shows_what_is_refused_and_not_recorded(rig: Rig, worn_pieces: 
     rig.recorder._failure, rig.recorder.lost_frames = "No space left on device", 1234
     rig.wait_until(EPOCH_US + 2_000_000)
     shown = text_of(rig)
-    assert "45 bytes of no frame" in shown
+    assert "45 bytes outside frames" in shown
     assert "missing by sequence number" in shown
     assert "NOT RECORDED: No space left on device; 1,234 frames lost" in shown
 
@@ -240,12 +239,12 @@ def test_the_view_stays_in_place_and_leaves_nothing(rig: Rig, worn_pieces: list[
     view.tick(rig.shown.statuses[-1], [])
     view.close(rig.session.close())
     assert "elevator: undecided → emergency (friction)" in screen.getvalue()
-    assert "said to the ground station: elevator EMERGENCY: friction, land now" in screen.getvalue()
+    assert "sent to the ground station: elevator EMERGENCY: friction, land now" in screen.getvalue()
 
 
 def test_lines_follow_the_schema(rig: Rig, worn_pieces: list[Piece]) -> None:
     lines: list[str] = []
-    written = JsonLines(lines.append, rig.clock.now_us, rig.session.watch)
+    written = JsonLines(lines.append, rig.clock.now_us, rig.session.status)
     written.start(["udpin:127.0.0.1:14550"], airframe=None, signed_only=False)
     rig.session.sinks.append(written)
     flown(rig, worn_pieces).wait_until(EPOCH_US + 25_000_000)
@@ -264,7 +263,7 @@ def test_lines_follow_the_schema(rig: Rig, worn_pieces: list[Piece]) -> None:
 
 def test_notices_are_told(rig: Rig) -> None:
     lines: list[str] = []
-    written = JsonLines(lines.append, rig.clock.now_us, rig.session.watch)
+    written = JsonLines(lines.append, rig.clock.now_us, rig.session.status)
     written.consume([Notice(1.0, 1, "PreArm: check")], {})
     assert json.loads(lines[0])["text"] == "PreArm: check"
 
@@ -324,7 +323,7 @@ session = prepare(LiveOptions(urls=["udpin:0"], judging=Options(airframe="paper"
 before = compiled()
 session.take([Piece(None, session.clock.now_us(), Path(sys.argv[1]).read_bytes())])
 session.tick()
-assert session.watch.link(session.close(), 1).frames > 1000
+assert session.status.link(session.close(), 1).frames > 1000
 print([kernel for kernel, count in compiled().items() if count != before.get(kernel)])
 """
 

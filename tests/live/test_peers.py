@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.app.settings import Options
-from mavhums.live.peers import Peers
 from mavhums.live.session import Session
 from mavhums.live.setup import LiveOptions, prepare
+from mavhums.live.status import Peers
 from mavhums.log.mavlink.stamping import Piece
 from tests.live.attacks import attitude
 
@@ -137,7 +137,7 @@ def test_alerts_are_not_reflected(
     reflector.drain()
     assert reflector.got <= reflector.sent
     assert other.drain() == [], "its vehicle is not judged"
-    assert session.watch.link(session._engine.assessment(), session.clock.now_us()).contested == (1,)
+    assert session.status.link(session._engine.assessment(), session.clock.now_us()).contested == (1,)
 
 
 def test_two_senders_of_one_vehicle_are_reported(
@@ -148,7 +148,7 @@ def test_two_senders_of_one_vehicle_are_reported(
         hear(session)
     for _ in range(5):
         session.tick()
-    assert caplog.text.count("more than one sender speaks for vehicle 1") == 1, "once a minute at most"
+    assert caplog.text.count("more than one sender transmits as vehicle 1") == 1, "once a minute at most"
 
 
 def test_an_address_to_which_nothing_can_be_sent_silences_nobody(session: Session) -> None:
@@ -169,7 +169,7 @@ def test_a_peer_that_has_closed_costs_only_what_is_sent_to_it() -> None:
         ground.settimeout(10)
         port = ground.getsockname()[1]
         session = prepare(LiveOptions(urls=["udpin:0"], alerts_to=f"udpout:127.0.0.1:{port}"))
-    link = session.watch.alert_links[-1]
+    link = session.status.alert_links[-1]
     send: Callable[[bytes, int], None] = session._alerts._send  # type: ignore[union-attr]
     send(bytes(v2.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3).pack(v2.MAVLink(None))), 1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground:

@@ -96,7 +96,7 @@ def test_a_session_gives_what_its_recording_gives(
     )
     assert json.dumps(verdicts(live)) == json.dumps(verdicts(replayed))
     assert session.links[0].dropped == 0
-    counts = session.watch.link(live, session.clock.now_us())
+    counts = session.status.link(live, session.clock.now_us())
     assert counts.datagrams == len(sent)
     heard = mavhums.read_log(log)
     if not heard.losses.line_ends_restored:

@@ -18,11 +18,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.live.address import Address
-from mavhums.live.links import ReceiveClock, TcpLink, UdpLink
-from mavhums.live.outlet import Outgoing
+from mavhums.live.links import Address, ReceiveClock, UdpLink
 from mavhums.live.session import Session
 from mavhums.live.setup import _open
+from mavhums.live.streams import Outgoing, TcpLink
 from mavhums.log.mavlink.stamping import Piece
 
 SECOND = 1_000_000_000
@@ -145,7 +144,7 @@ def test_a_tcp_server_that_does_not_read_stops_nothing(deaf_server: int) -> None
 
 @pytest.mark.skipif(find_spec("serial") is None, reason="no serial port package (pip install pyserial)")
 def test_a_serial_peer_that_does_not_read_stops_nothing() -> None:
-    from mavhums.live.serial import SerialLink
+    from mavhums.live.streams import SerialLink
 
     master, slave = pty.openpty()
     tty.setraw(master)
@@ -168,7 +167,7 @@ def test_a_serial_peer_that_does_not_read_stops_nothing() -> None:
 def test_a_serial_device_that_disappears_is_tried_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
     from pymavlink import mavutil
 
-    from mavhums.live.serial import SerialLink
+    from mavhums.live.streams import SerialLink
 
     class Port:
         fd: int | None = 7
@@ -285,7 +284,7 @@ def test_two_senders_of_a_vehicle_are_warned_about_once_a_minute(caplog: pytest.
     ):
         Session._warn_contested(session, vehicles, SECOND_US * second)
     assert [(one.vehicle, one.time_s) for one in told] == [(1, 0.0), (2, 30.0), (1, 60.0)]
-    assert caplog.text.count("more than one sender speaks for vehicle 1") == 2
+    assert caplog.text.count("more than one sender transmits as vehicle 1") == 2
     session._first_us = None
     Session._warn_contested(session, [3], SECOND_US * 1000)
     assert told[-1].time_s == 0.0
@@ -307,7 +306,7 @@ def test_an_address_that_is_open_to_others_is_warned_about(
     links = _open([own, open_], ReceiveClock(), signed_only=signed_only)
     assert [one.address for one in links] == [own, open_]
     [record] = caplog.records
-    assert record.getMessage().startswith(f"{open_}: not only this computer can send here")
+    assert record.getMessage().startswith(f"{open_}: other computers can send here, too")
     assert ("without authentication" in record.getMessage()) == (not signed_only)
     with pytest.raises(OSError, match="in use"):
         _open([own, open_, Address("udpin", "127.0.0.1", 1)], ReceiveClock(), signed_only=signed_only)
