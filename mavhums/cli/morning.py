@@ -29,7 +29,7 @@ from mavhums.core.errors import ExitCode, MavhumsError
 
 if TYPE_CHECKING:
     from mavhums.app.settings import Options
-    from mavhums.fleet.watch import Landed
+    from mavhums.fleet.scan import Landed
 
 __all__ = ["digest", "watch"]
 
@@ -201,7 +201,7 @@ def watch(
     """
     from mavhums.fleet import ScanOptions
     from mavhums.fleet.notify import recipients_of
-    from mavhums.fleet.watch import Watch
+    from mavhums.fleet.scan import LogWatcher
 
     recipients = recipients_of(notify) if notify else []
     scanning = ScanOptions(
@@ -210,7 +210,7 @@ def watch(
         aircraft_table=options.aircraft_table,
         workers=workers,
     )
-    watching = Watch(sources, store, scanning, settle_s=settle_s)
+    watching = LogWatcher(sources, store, scanning, settle_s=settle_s)
     morning = _Morning(digest_at) if digest_at else None
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:

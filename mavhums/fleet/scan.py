@@ -1,21 +1,20 @@
-"""Scans logs into a fleet's store: workers judge, and only this process commits."""
+"""Scans logs into a fleet's store, once or as they land: workers judge, and only this process commits."""
 
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from time import monotonic
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.rows import crashed, judge, judge_several, settings_of
+from mavhums.fleet.judging import AGAIN, Judging, connected, judge, judged_by_workers, settings_of
 from mavhums.fleet.second_pass import second_pass
 from mavhums.fleet.sources import logs_in
-from mavhums.fleet.workers import batches, connected, count
 from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, UnnamedAircraftError
 from mavhums.flights.aircraft_table import AircraftTable
 from mavhums.flights.corrections import (
@@ -29,15 +28,16 @@ from mavhums.flights.corrections import (
     removed_logs,
 )
 from mavhums.flights.naming import check_aircraft_named, names_of, remember, renamed, whose_in
+from mavhums.flights.queries import standings
 from mavhums.flights.store import LogFile, Row, Store
 from mavhums.flights.store_tables import REMOVED
+from mavhums.results.standing import Standing
 
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["ScanOptions", "Scanned", "scan", "scanned"]
+__all__ = ["Landed", "LogWatcher", "ScanOptions", "Scanned", "scan", "scanned"]
 
-_IN_FLIGHT: Final = 8
 _COMMIT_LOGS: Final = 500
 _COMMIT_S: Final = 30.0
 _ROUNDS: Final = 2  # in the second, what another scan of an object store committed in between
@@ -139,8 +139,8 @@ def scanned(
     """Scan listed logs; with ``asks``, leave out those whose aircraft is a guess, and return why, by path."""
     named = replace(options.judging, aircraft=options.aircraft, aircraft_table=options.aircraft_table)
     given = Settings.read(named).whose
-    options = replace(options, judging=replace(options.judging, history=None))
-    settings = settings_of(options.judging)
+    alone = replace(options.judging, history=None)
+    settings = settings_of(alone)
     kept = Store(store)
     with kept.locked():
         whose = whose_in(kept, given)
@@ -151,20 +151,22 @@ def scanned(
         touched = reassigned(kept, table) | renamed(kept, known, replace(whose, rule=given.rule))
         commits = _Commits(kept, touched, given if asks else None)
         remember(kept, given)
-        engine = ExitStack()
+        judging, client = Judging(alone, settings, whose), None
+        exits = ExitStack()
         try:
-            client = None
+            rows: Iterator[Row] = (judge(file, judging) for file in new)
             if new and (options.workers or options.scheduler):
-                client = engine.enter_context(connected(options.workers, options.scheduler))
-            for done, row in enumerate(_rows(client, new, options, settings, whose), 1):
+                client = exits.enter_context(connected(options.workers, options.scheduler))
+                rows = judged_by_workers(client, new, judging)
+            for done, row in enumerate(rows, 1):
                 commits.add(row)
                 if progress:
                     progress(done, len(new))
         except BaseException:
-            engine.close()
+            exits.close()
             commits.close()
             raise
-        with engine:
+        with exits:
             unknown = commits.repair(options.repairs)
             commits.close(client)
     if unknown:
@@ -243,57 +245,129 @@ class _Commits:
         self._aircraft |= {UNKNOWN} if found else set()
 
 
-def _rows(
-    client: Client | None,
-    files: Sequence[LogFile],
-    options: ScanOptions,
-    settings: str,
-    whose: AircraftResolver,
-) -> Iterator[Row]:
-    """Yield the row of each log, from this process or from workers."""
-    if client is None:
-        yield from (judge(file, options.judging, settings, whose) for file in files)
-    else:
-        yield from _judged(client, files, options, settings, whose)
+class Landed(NamedTuple):
+    """A log that has been scanned.
 
-
-def _judged(
-    client: Client, files: Sequence[LogFile], options: ScanOptions, settings: str, whose: AircraftResolver
-) -> Iterator[Row]:
-    """Yield the row of each log as it is judged.
-
-    A worker that dies loses its waiting batches. So the logs of a batch that no worker completes are tried
-    again at the end, one at a time: a log on which a worker then dies is the cause.
+    Attributes
+    ----------
+    path, aircraft
+        Of the log; the aircraft is empty if it is unknown.
+    problem, remedy
+        Why it could not be judged; None if it was.
+    conditions
+        How often the flight, compared with the earlier ones, has each condition.
+    findings
+        How the actuators stand that need somebody's attention, if this is their last flight.
     """
-    from distributed import as_completed, wait
 
-    workers = count(client)
-    waiting = batches(files, workers)
-    running: Any = as_completed()
-    pending: dict[str, tuple[LogFile, ...]] = {}
-    suspects: list[LogFile] = []
+    path: str
+    aircraft: str
+    problem: str | None
+    remedy: str | None
+    conditions: Counter[str]
+    findings: tuple[Standing, ...]
 
-    def submit(several: tuple[LogFile, ...]) -> None:
-        future = client.submit(judge_several, several, options.judging, settings, whose, pure=False)
-        pending[future.key] = several
-        running.add(future)
 
-    for several in islice(waiting, _IN_FLIGHT * workers):
-        submit(several)
-    for future in running:
-        several = pending.pop(future.key)
-        if future.status == "finished":
-            yield from future.result()
-        else:
-            suspects += several
-        future.release()
-        for following in waiting:
-            submit(following)
-            break
-    for file in suspects:
-        future = client.submit(judge_several, (file,), options.judging, settings, whose, pure=False)
-        wait([future])
-        if future.status == "finished":
-            yield from future.result()
-        else:
-            yield crashed(file, settings, whose)
+class LogWatcher:
+    """Looks for logs again and again, and scans those that are complete.
+
+    A log that somebody writes or copies changes its size or its time; it is judged when neither has changed
+    for a while, by this computer's clock, because that of a file server may differ.
+
+    Parameters
+    ----------
+    sources
+        Logs, folders or patterns, as of :func:`mavhums.fleet.scan`.
+    store
+        Folder or address of the store.
+    options
+        Options of each scan.
+    settle_s
+        Seconds for which a log must not change.
+
+    Attributes
+    ----------
+    looks
+        Number of looks that succeeded.
+    """
+
+    def __init__(
+        self,
+        sources: Iterable[str | os.PathLike[str]],
+        store: str | os.PathLike[str],
+        options: ScanOptions,
+        *,
+        settle_s: float,
+    ) -> None:
+        self.looks = 0
+        self._sources = list(sources)
+        self._store = Store(store)
+        self._options = options
+        self._settle_s = settle_s
+        named = replace(options.judging, aircraft=options.aircraft, aircraft_table=options.aircraft_table)
+        Settings.read(named)  # a mistake in an option ends the watch before it begins
+        self._settings = settings_of(options.judging)
+        self._since_s: dict[LogFile, float] = {}
+        self._done: set[LogFile] = set()
+        self._reported: set[LogFile] = set()
+
+    def look(self, now_s: float) -> list[Landed]:
+        """Scan the logs that no longer change, and return the newly judged ones.
+
+        Parameters
+        ----------
+        now_s
+            Time on a clock that never goes back.
+
+        Raises
+        ------
+        MavhumsError
+            As of :func:`mavhums.fleet.scan`; the next look tries again.
+        """
+        files = logs_in(self._sources)
+        self._done &= {*files}
+        waiting = [file for file in files if file not in self._done]
+        self._since_s = {file: self._since_s.get(file, now_s) for file in waiting}
+        ready = [file for file in waiting if now_s - self._since_s[file] >= self._settle_s]
+        landed = [*self._scan(ready)] if ready else []
+        self.looks += 1
+        return landed
+
+    def _scan(self, ready: list[LogFile]) -> Iterator[Landed]:
+        known = self._store.known(ready)
+        self._done |= {file for file in ready if known.get(file) == self._settings}
+        self._done |= removed_files(self._store) & {*ready}
+        new = [file for file in ready if file not in self._done]
+        if not new:
+            return
+        scanned(new, self._store.place, self._options)
+        known = self._store.known(new)
+        stands = standings(self._store)
+        for file in new:
+            landed = self._landed(file, stands)
+            if landed is None:  # a copy of a log that was removed
+                self._done.add(file)
+                continue
+            if known.get(file) != AGAIN:
+                self._done.add(file)
+            elif file in self._reported:  # one that could not be downloaded is tried again, and reported once
+                continue
+            else:
+                self._reported.add(file)
+            yield landed
+
+    def _landed(self, file: LogFile, stands: dict[str, tuple[Standing, ...]]) -> Landed | None:
+        row = self._store.query(
+            "SELECT aircraft, problem, remedy FROM logs WHERE path = ? ORDER BY scanned DESC LIMIT 1",
+            file.path,
+        ).fetchone()
+        if row is None:
+            return None
+        aircraft, problem, remedy = row
+        found = self._store.query(
+            "SELECT worst, count(*) FROM verdicts WHERE path = ? GROUP BY worst ORDER BY max(urgency) DESC",
+            file.path,
+        ).fetchall()
+        standing = stands.get(aircraft, ())
+        findings = tuple(one for one in standing if one.is_finding and one.log == file.path)
+        return Landed(file.path, aircraft, problem, remedy, Counter(dict(found)), findings)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.workers import count
+from mavhums.fleet.judging import count
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.checkpoint import (

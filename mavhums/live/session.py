@@ -100,6 +100,7 @@ class Session:
     Examples
     --------
     >>> from mavhums.log.mavlink.dialect import load_dialect
+    >>> from mavhums.log.mavlink.stamping import Stamper
     >>> session = Session(Engine(), Reception(Stamper(load_dialect())))
     >>> session.run(stop=lambda: True).verdicts[0].reason
     'nothing was received on any link'

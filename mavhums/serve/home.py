@@ -59,7 +59,7 @@ class Home:
         """Show what has changed."""
         self._session.touch()
         for id_ in [id_ for id_ in self._rows if id_ not in self._session.logs]:
-            self._rows.pop(id_).delete()
+            self._rows.pop(id_).item.delete()
             if self._shown and self._shown[0] == id_:
                 self._show(None)
         for log in self._session.logs.values():
@@ -94,7 +94,7 @@ class Home:
         except UnnamedAircraftError as error:
             log.kept, log.asked = error.problem, error.proposed
         except MavhumsError as error:
-            log.kept = f"not kept: {error.problem}: {error.remedy}"
+            log.kept = f"not kept: {error}"
 
     @property
     def keeps(self) -> bool:
@@ -108,7 +108,7 @@ class Home:
         if order != self._order:
             for place, id_ in enumerate(order):
                 if place >= len(self._order) or self._order[place] != id_:
-                    self._rows[id_].move(place)
+                    self._rows[id_].item.move(target_index=place)
             self._order = order
         self._list.classes(**{"add" if len(order) > _FEW else "remove": "many"})
         several = Counter(log.condition for log in logs if log.state == "done")
@@ -156,7 +156,9 @@ class Home:
         base = str(ui.context.client.request.base_url).rstrip("/")
         query = urlencode({"url": f"{base}/logs/{log.id}/flight.rrd", "hide_welcome_screen": 1, "persist": 0})
         with self._place:
-            _frame("viewer", f"/viewer/index.html?{query}", f"3-D view of {log.name}")
+            frame = ui.element("iframe").classes("frame viewer")
+            frame.props["src"] = f"/viewer/index.html?{query}"
+            frame.props["title"] = f"3-D view of {log.name}"
 
 
 class _LogItem:
@@ -166,8 +168,8 @@ class _LogItem:
         self._log = log
         self._state = ""
         self._classes = ""
-        self._item = ui.element("li").classes("log")
-        with self._item:
+        self.item = ui.element("li").classes("log")
+        with self.item:
             self._text = markup("")
             self._actions = ui.element("div").classes("actions")
         with self._actions:
@@ -177,7 +179,7 @@ class _LogItem:
             self._save = markup("Save the report", "a").classes("button").props(f'href="{save}" download')
             self._keep = _button("Keep in the store", log, lambda: home.keep(log)) if home.keeps else None
             self._remove = _button("Remove", log, lambda: home.remove(log))
-        self._asked = _Asked(self._item, log, home.keep)
+        self._asked = _Asked(self.item, log, home.keep)
 
     def update(self, shown: tuple[str, str] | None) -> bool:
         """Show the present state; return whether it has just been judged."""
@@ -188,7 +190,7 @@ class _LogItem:
         here = shown[1] if shown and shown[0] == log.id else ""
         state = {"percent": percent, "doing": doing, "size": size, "shown": here == "answer"}
         self._text.set_content(render("log.html", log=log, **state))
-        self._item.classes(**{"add" if here else "remove": "here"})
+        self.item.classes(**{"add" if here else "remove": "here"})
         self._answer.props(f"aria-pressed={'true' if here == 'answer' else 'false'}")
         self._view.props(f"aria-pressed={'true' if here.startswith('view') else 'false'}")
         if self._keep:
@@ -201,18 +203,10 @@ class _LogItem:
         for element in (self._answer, self._view, self._save):
             element.set_visibility(done)
         if done:
-            self._item.classes(log.condition)
+            self.item.classes(log.condition)
         elif log.state == "failed":
-            self._item.classes("refused")
+            self.item.classes("refused")
         return done
-
-    def move(self, place: int) -> None:
-        """Put the row at a place of its list."""
-        self._item.move(target_index=place)
-
-    def delete(self) -> None:
-        """Remove the row."""
-        self._item.delete()
 
 
 class _Asked:
@@ -251,12 +245,6 @@ def _rank(log: Dropped) -> int:
 def _button(text: str, log: Dropped, clicked: Callable[[], object]) -> ui.html:
     label = f'{text}<span class="hidden-text">: {escape(log.name)}</span>'
     return markup(label, "button").props("type=button").on("click", clicked)
-
-
-def _frame(kind: str, address: str, title: str) -> None:
-    frame = ui.element("iframe").classes(f"frame {kind}")
-    frame.props["src"] = address
-    frame.props["title"] = title
 
 
 def show_parts(shown: Mapping[str, str], curves: str) -> None:

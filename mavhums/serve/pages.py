@@ -72,7 +72,7 @@ def add_pages(sessions: Sessions, options: ServeOptions) -> None:
         try:
             session = sessions.get(request.scope[SESSION])
         except MavhumsError as error:
-            markup(render("problem.html", problem=f"{error.problem}: {error.remedy}"))
+            markup(render("problem.html", problem=str(error)))
             return
         where = (
             "nothing leaves it"
@@ -87,7 +87,7 @@ def add_pages(sessions: Sessions, options: ServeOptions) -> None:
         try:
             logs = list(sessions.get(request.scope[SESSION]).logs.values())
         except MavhumsError as error:
-            markup(render("problem.html", problem=f"{error.problem}: {error.remedy}"))
+            markup(render("problem.html", problem=str(error)))
             return
         found, others = await asyncio.to_thread(dropped_trends, logs)
         aircraft = [
@@ -116,7 +116,7 @@ def _add_fleet(fleet: Fleet, begin: Callable[[str], None]) -> None:
         try:
             lines = aircraft_lines(await asyncio.to_thread(fleet.worst, _SUBJECTS))
         except MavhumsError as error:
-            problem = f"{error.problem}: {error.remedy}"
+            problem = str(error)
         tally = Counter((line.condition, line.word) for line in lines)
         order = sorted(tally.items(), key=lambda one: -URGENCY[one[0][0]])
         more = len(lines) > _AIRCRAFT
@@ -129,7 +129,7 @@ def _add_fleet(fleet: Fleet, begin: Callable[[str], None]) -> None:
             report = await asyncio.to_thread(fleet.trend, name)
             flights = await asyncio.to_thread(fleet.flights, name)
         except MavhumsError as error:
-            markup(render("aircraft.html", name=name, problem=f"{error.problem}: {error.remedy}"))
+            markup(render("aircraft.html", name=name, problem=str(error)))
             return
         lines = flight_lines(name, flights)
         values = {
@@ -149,7 +149,7 @@ def _add_fleet(fleet: Fleet, begin: Callable[[str], None]) -> None:
         try:
             wanted = await asyncio.to_thread(fleet.flight, aircraft, log)
         except MavhumsError as error:
-            values["problem"] = f"{error.problem}: {error.remedy}"
+            values["problem"] = str(error)
             markup(render("flight.html", **values))
             return
         shown = await asyncio.to_thread(parts, wanted, Gathered(), "h1")

@@ -1,4 +1,4 @@
-"""What the browser fetches beside the page: uploads, reports, recordings, the 3-D viewer's files."""
+"""Requests beside the pages: uploads, reports, recordings, the viewer's files, and ``/api`` for programs."""
 
 from __future__ import annotations
 
@@ -6,24 +6,33 @@ import asyncio
 import csv
 import io
 import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 from urllib.parse import quote
 
+from fastapi import FastAPI, Query, Security
+from fastapi.exceptions import RequestValidationError
+from fastapi.security import HTTPBearer
+from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 
+from mavhums.core.about import EPILOG, NOTICE, __version__
 from mavhums.core.errors import MavhumsError
-from mavhums.results.standing import to_frame
+from mavhums.core.models import Contract
+from mavhums.results.assessment import SCHEMA, Assessment, without_record
+from mavhums.results.standing import TrendReport, to_frame
+from mavhums.results.store import LastFlightOf, StoreStatus
 from mavhums.serve.guard import SESSION, UPLOADS
 from mavhums.serve.options import Fleet
 from mavhums.serve.sessions import Dropped, Sessions
 from mavhums.show.viewer_program import WEB_FILES, save_web_viewer
 
 if TYPE_CHECKING:
-    from fastapi import FastAPI
+    from pydantic import BaseModel
 
-__all__ = ["add_routes"]
+__all__ = ["add_routes", "api"]
 
 _STATIC: Final = Path(__file__).parent / "static"
 # The example: mavhums-sim flight --friction elevator=0.2..1.2 --seed 11 --duration 45 --rate 10
@@ -35,11 +44,36 @@ _REPORT: Final = (
 )
 _BEFORE: Final = '<head><script src="/static/viewer.js"></script>'
 _NONE: Final = "there is nothing here; the log may have been removed at the end of its session"
+_MOST: Final = 4000
+_TRIES: Final = {"retry-after": "10", "connection": "close"}
+_LOG: Final[dict[str, Any]] = {
+    "requestBody": {
+        "required": True,
+        "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+    }
+}
+_ASK: Final = "GET /api/openapi.json describes the requests; /api/fleet needs `mavhums serve STORE`"
+_Aircraft = Annotated[str, Query(description="Name of an aircraft.")]
+
+
+class _MissingError(Exception):
+    """The session has no such log, or nothing of this kind was made of it."""
 
 
 def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> None:
     """Add the routes to an application."""
     viewer = _Viewer(sessions.folder)
+
+    @app.exception_handler(_MissingError)
+    async def missing(_: Request, error: _MissingError) -> Response:
+        return PlainTextResponse(_NONE, status_code=404)
+
+    def found(request: Request, log_id: str, part: str) -> Dropped:
+        """Return a log of the user's session of which a part was made: its report, say."""
+        log = sessions.log(request.scope[SESSION], log_id)
+        if log is None or not getattr(log, part).exists():
+            raise _MissingError
+        return log
 
     @app.post(UPLOADS)
     async def upload(request: Request) -> Response:
@@ -56,9 +90,7 @@ def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> None:
 
     @app.get("/logs/{log_id}/report")
     async def report(request: Request, log_id: str, save: bool = False) -> Response:
-        log = _found(sessions, request, log_id)
-        if log is None or not log.report.exists():
-            return PlainTextResponse(_NONE, status_code=404)
+        log = found(request, log_id, "report")
         headers = {"content-security-policy": _REPORT, "cache-control": "no-store"}
         if save:
             headers |= _saved_as(f"{Path(log.name).stem}-report.html")
@@ -66,43 +98,37 @@ def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> None:
 
     @app.get("/logs/{log_id}/assessment.json")
     async def assessment(request: Request, log_id: str) -> Response:
-        log = _found(sessions, request, log_id)
-        if log is None or not log.assessment.exists():
-            return PlainTextResponse(_NONE, status_code=404)
+        log = found(request, log_id, "assessment")
         headers = _saved_as(f"{Path(log.name).stem}.json")
         return FileResponse(log.assessment, media_type="application/json", headers=headers)
 
     @app.get("/logs/{log_id}/curves")
     async def curves(request: Request, log_id: str, save: bool = False) -> Response:
-        log = _found(sessions, request, log_id)
-        if log is None or not log.shown.exists():
-            return PlainTextResponse(_NONE, status_code=404)
-        found = json.loads(await asyncio.to_thread(log.shown.read_bytes))["curves"]
+        log = found(request, log_id, "shown")
+        content = json.loads(await asyncio.to_thread(log.shown.read_bytes))["curves"]
         if save:
             headers = _saved_as(f"{Path(log.name).stem}-curves.csv")
-            return Response(_csv(found), media_type="text/csv", headers=headers)
-        return JSONResponse(found)
+            return Response(_csv(content), media_type="text/csv", headers=headers)
+        return JSONResponse(content)
 
     @app.get("/logs/{log_id}/flight.rrd")
     async def recording(request: Request, log_id: str) -> Response:
-        log = _found(sessions, request, log_id)
-        if log is None or not log.rrd.exists():
-            return PlainTextResponse(_NONE, status_code=404)
-        return FileResponse(log.rrd, media_type="application/octet-stream")
+        return FileResponse(found(request, log_id, "rrd").rrd, media_type="application/octet-stream")
 
     @app.get("/viewer/{name}")
     async def viewer_file(name: str) -> Response:
         if name not in WEB_FILES:
-            return PlainTextResponse(_NONE, status_code=404)
+            raise _MissingError
         try:
             return FileResponse(await viewer.file(name))
         except MavhumsError as error:
-            return PlainTextResponse(f"{error.problem}: {error.remedy}", status_code=503)
+            return PlainTextResponse(str(error), status_code=503)
 
     @app.get("/static/{name}")
     async def asset(name: str) -> Response:
-        known = name in _ASSETS
-        return FileResponse(_STATIC / name) if known else PlainTextResponse(_NONE, status_code=404)
+        if name not in _ASSETS:
+            raise _MissingError
+        return FileResponse(_STATIC / name)
 
     if fleet is not None:
         _add_stored(app, sessions, fleet)
@@ -123,7 +149,7 @@ def _add_stored(app: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
         try:
             report = await asyncio.to_thread(fleet.trend, aircraft)
         except MavhumsError as error:
-            return PlainTextResponse(f"{error.problem}: {error.remedy}", status_code=404)
+            return PlainTextResponse(str(error), status_code=404)
         text = await asyncio.to_thread(lambda: to_frame(report.trends).to_csv(index=False))
         return Response(text, media_type="text/csv", headers=_saved_as(f"{aircraft}-trend.csv"))
 
@@ -146,10 +172,6 @@ def _saved_as(name: str) -> dict[str, str]:
     return {"content-disposition": f"attachment; filename*=UTF-8''{quote(name, safe='')}"}
 
 
-def _found(sessions: Sessions, request: Request, log_id: str) -> Dropped | None:
-    return sessions.log(request.scope[SESSION], log_id)
-
-
 class _Viewer:
     """The files of the 3-D viewer, taken out of its program at the first use."""
 
@@ -166,3 +188,148 @@ class _Viewer:
                 text = index.read_text(encoding="utf-8")
                 index.write_text(text.replace("<head>", _BEFORE, 1), encoding="utf-8")
         return self._folder / name
+
+
+class Problem(Contract):
+    """Why there is no answer, and what to do."""
+
+    problem: str
+    remedy: str
+
+
+class Version(Contract):
+    """Version of mavhums, schema of an assessment, the notice of results, and whether there is a store."""
+
+    mavhums: str
+    assessment: str
+    notice: str
+    store: bool
+
+
+def api(sessions: Sessions, fleet: Fleet | None) -> FastAPI:
+    """Return the application for programs, which runs behind the page's guard.
+
+    Parameters
+    ----------
+    sessions
+        They judge logs with the processes, limits and queue of the page.
+    fleet
+        The store to be queried; None without one.
+    """
+    app = FastAPI(
+        title="mavhums",
+        version=__version__,
+        description=f"Health of a UAV's actuators and control from its logs. {EPILOG}",
+        docs_url=None,  # these pages fetch their scripts from elsewhere
+        redoc_url=None,
+        responses={code: {"model": Problem} for code in ("4XX", "5XX")},
+        dependencies=[Security(HTTPBearer(auto_error=False, description="The token that serve printed."))],
+    )
+    _answer_problems(app)
+    _add_logs(app, sessions)
+
+    @app.get("/version", response_model=Version)
+    async def version() -> Version:
+        """Say which version this is."""
+        return Version(mavhums=__version__, assessment=SCHEMA, notice=NOTICE, store=fleet is not None)
+
+    if fleet is not None:
+        _add_store(app, fleet)
+    described = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            without_record(described()["components"]["schemas"])
+        return described()
+
+    app.openapi = openapi  # type: ignore[method-assign]
+    return app
+
+
+def _add_logs(app: FastAPI, sessions: Sessions) -> None:
+    @app.post("/logs", openapi_extra=_LOG, **_gives(Assessment))
+    async def logs(
+        request: Request, name: Annotated[str, Query(description="Name of the file.")] = "log"
+    ) -> Response:
+        """Judge a log, the body of the request, as `mavhums analyse --json` does; nothing of it is kept."""
+        if request.headers.get("content-type", "").startswith("multipart/"):
+            remedy = "send the bytes of the log alone: curl --data-binary @flight.tlog"
+            return _problem(415, "the body is a form", remedy)
+        if sessions.is_full:
+            return _problem(503, "too many logs at a time", "send it again in a moment", _TRIES)
+        user = f"api {request.client.host if request.client else ''}"  # behind a proxy, all are one user
+        try:
+            return _json(await sessions.assess(user, name, request.stream()))
+        except ClientDisconnect:
+            return Response(status_code=400)
+
+
+def _add_store(app: FastAPI, fleet: Fleet) -> None:
+    async def asked(question: Callable[[], Any]) -> Any:
+        try:
+            return await asyncio.to_thread(question)
+        except MavhumsError as error:
+            raise HTTPException(404, (error.problem, error.remedy)) from error  # type: ignore[arg-type]
+
+    @app.get("/fleet/status", **_gives(StoreStatus))
+    async def status() -> Response:
+        """Say what the store holds, and what failed, as `mavhums fleet status --json` does."""
+        return _json((await asked(fleet.status)).model_dump_json())
+
+    @app.get("/fleet/worst", **_gives(list[LastFlightOf]))
+    async def worst(most: Annotated[int, Query(ge=1, le=_MOST)] = 20) -> Response:
+        """List the actuators of all aircraft, the worst first, as `mavhums fleet worst --json` does."""
+        rows = await asked(lambda: fleet.worst(most))
+        return _json(f"[{','.join(row.published().to_json() for row in rows)}]")
+
+    @app.get("/fleet/trend", **_gives(TrendReport))
+    async def trend(aircraft: _Aircraft) -> Response:
+        """Return an aircraft's trends, as `mavhums fleet trend --json` does."""
+        return _json((await asked(lambda: fleet.trend(aircraft))).to_json(indent=None))
+
+    @app.get("/fleet/flights", **_gives(list[Assessment]))
+    async def flights(aircraft: _Aircraft) -> Response:
+        """List an aircraft's flights in time order, with their verdicts."""
+        flown = await asked(lambda: fleet.flights(aircraft))
+        return _json(f"[{','.join(flight.to_json(indent=None) for flight in flown)}]")
+
+    @app.get("/fleet/flight", **_gives(Assessment))
+    async def flight(
+        aircraft: _Aircraft,
+        log: Annotated[str, Query(description="SHA-256 of its log, as /api/fleet/flights has it.")],
+    ) -> Response:
+        """Return the whole assessment of a flight."""
+        return _json((await asked(lambda: fleet.flight(aircraft, log))).to_json(indent=None))
+
+
+def _answer_problems(app: FastAPI) -> None:
+    """Answer every error with problem and remedy."""
+
+    @app.exception_handler(MavhumsError)
+    async def refused(_: Request, error: MavhumsError) -> Response:
+        # the rest of a log that is refused on its way is not read
+        return _problem(422, error.problem, error.remedy, {"connection": "close"})
+
+    @app.exception_handler(RequestValidationError)
+    async def wrong(_: Request, error: RequestValidationError) -> Response:
+        problems = "; ".join(f"{one['loc'][-1]}: {one['msg'].lower()}" for one in error.errors())
+        return _problem(422, problems, _ASK)
+
+    @app.exception_handler(HTTPException)
+    async def other(_: Request, error: HTTPException) -> Response:
+        detail: Any = error.detail
+        reason = detail if isinstance(detail, tuple) else (str(detail).lower(), _ASK)
+        return _problem(error.status_code, *reason)
+
+
+def _gives(model: type[BaseModel] | Any) -> dict[str, Any]:
+    """Return how a route is described whose answer is written as JSON by its model."""
+    return {"response_model": None, "responses": {200: {"model": model}}}
+
+
+def _json(content: str | bytes) -> Response:
+    return Response(content, media_type="application/json", headers={"cache-control": "no-store"})
+
+
+def _problem(status: int, problem: str, remedy: str, headers: dict[str, str] | None = None) -> Response:
+    return JSONResponse({"problem": problem, "remedy": remedy}, status, headers)

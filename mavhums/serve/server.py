@@ -128,9 +128,8 @@ def _application(options: ServeOptions, sessions: Sessions, workers: Workers) ->
     from nicegui import app as nicegui_app
     from nicegui import ui
 
-    from mavhums.serve.api import api
     from mavhums.serve.pages import add_pages
-    from mavhums.serve.routes import add_routes
+    from mavhums.serve.routes import add_routes, api
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:

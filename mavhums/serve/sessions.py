@@ -18,7 +18,7 @@ from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
 from mavhums.serve.options import Quotas
 from mavhums.serve.uploads import is_archive, receive, safe_name
-from mavhums.serve.workers import Workers
+from mavhums.serve.workers import Job, Progress, Workers
 
 __all__ = ["Dropped", "Sessions", "UserSession"]
 
@@ -179,19 +179,16 @@ class Sessions:
         if self.is_full:
             raise MavhumsError("too many logs at a time", "wait for the answers, then send it again")
         self._passing += 1
-        session = UserSession(user, self.folder / secrets.token_hex(8))
-        log = Dropped("", session.folder / safe_name(name))
+        log = Dropped("", self.folder / secrets.token_hex(8) / safe_name(name))
         try:
             log.assessment.parent.mkdir(parents=True, mode=0o700)
             await receive(stream, log.path, self.limits)
             job = {"do": "judge", "assessment": str(log.assessment)}
-            answer = await self._run(session, log, job, lambda _: None)
-            if "problem" in answer:
-                raise MavhumsError(answer["problem"], answer["remedy"])
+            await self._complete(user, log.path, job)
             return await asyncio.to_thread(log.assessment.read_bytes)
         finally:
             self._passing -= 1
-            shutil.rmtree(session.folder, ignore_errors=True)
+            shutil.rmtree(log.path.parent, ignore_errors=True)
 
     async def curves(self, user: str, log: Path, sha256: str) -> dict[str, Any]:
         """Judge a log where it lies for its curves; return them as :func:`mavhums.show.html.parts` has them.
@@ -203,20 +200,16 @@ class Sessions:
         """
         if not await asyncio.to_thread(log.is_file):
             raise MavhumsError(f"no curves: {log} is not on this computer", "drop the log to see them")
-        session = UserSession(user, self.folder / secrets.token_hex(8))
-        made = Dropped("", session.folder / "log")
+        made = Dropped("", self.folder / secrets.token_hex(8) / "log")
         try:
             made.report.parent.mkdir(parents=True, mode=0o700)
-            job = {"log": str(log), "options": self._options}
-            answer = await self._workers.run(session.id, _judging(made) | job, lambda _: None)
-            if "problem" in answer:
-                raise MavhumsError(answer["problem"], answer["remedy"])
+            await self._complete(user, log, _judging(made))
             if json.loads(made.assessment.read_bytes())["log"]["sha256"] != sha256:
                 raise MavhumsError(f"no curves: {log} is another log by now", "drop the log to see them")
             curves: dict[str, Any] = json.loads(made.shown.read_bytes())["curves"]
             return curves
         finally:
-            shutil.rmtree(session.folder, ignore_errors=True)
+            shutil.rmtree(made.path.parent, ignore_errors=True)
 
     def record(self, session: UserSession, log: Dropped) -> None:
         """Have the Rerun recording of a log made, once."""
@@ -256,7 +249,7 @@ class Sessions:
 
         if is_archive(log.path) and await self._unpacked(session, log):
             return
-        answer = await self._run(session, log, _judging(log), progress)
+        answer = await self._run(session.id, log.path, _judging(log), progress)
         if session.logs.get(log.id) is not log:
             return
         if "brief" in answer:
@@ -270,7 +263,7 @@ class Sessions:
         room = self.limits.logs - len(session.logs) + 1
         job = {"do": "unpack", "into": str(archive.path.parent / "unpacked")}
         limits = {"most_bytes": self.limits.log_bytes, "most_logs": room}
-        answer = await self._run(session, archive, job | limits, lambda _: None)
+        answer = await self._run(session.id, archive.path, job | limits)
         if session.logs.get(archive.id) is not archive:
             return True
         if "problem" in answer:
@@ -299,14 +292,17 @@ class Sessions:
         self._begin(session, self._judge(session, log))
 
     async def _record(self, session: UserSession, log: Dropped) -> None:
-        answer = await self._run(session, log, {"do": "record", "recording": str(log.rrd)}, lambda _: None)
+        answer = await self._run(session.id, log.path, {"do": "record", "recording": str(log.rrd)})
         log.recording = "ready" if "recorded" in answer else f"{answer['problem']}: {answer['remedy']}"
 
-    async def _run(
-        self, session: UserSession, log: Dropped, job: dict[str, Any], progress: Any
-    ) -> dict[str, Any]:
-        whole = job | {"log": str(log.path), "options": self._options}
-        return await self._workers.run(session.id, whole, progress)
+    async def _complete(self, user: str, log: Path, job: Job) -> None:
+        """Run a job; raise what went wrong."""
+        answer = await self._run(user, log, job)
+        if "problem" in answer:
+            raise MavhumsError(answer["problem"], answer["remedy"])
+
+    async def _run(self, user: str, log: Path, job: Job, progress: Progress = lambda _: None) -> Job:
+        return await self._workers.run(user, job | {"log": str(log), "options": self._options}, progress)
 
     def _begin(self, session: UserSession, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.get_running_loop().create_task(work)
@@ -314,7 +310,7 @@ class Sessions:
         task.add_done_callback(session.tasks.discard)
 
 
-def _judging(log: Dropped) -> dict[str, Any]:
+def _judging(log: Dropped) -> Job:
     outputs = {"report": log.report, "shown": log.shown, "assessment": log.assessment}
     return {"do": "judge", **{name: str(path) for name, path in outputs.items()}}
 

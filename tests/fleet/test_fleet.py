@@ -295,8 +295,8 @@ class Dies(distributed.WorkerPlugin):  # type: ignore[misc, name-defined]
         self.log, self.times, self.count = name, times, count
 
     def setup(self, worker: object) -> None:
-        rows = import_module("mavhums.fleet.rows")
-        judge = rows.analyse_alone
+        judging = import_module("mavhums.fleet.judging")
+        judge = judging.analyse_alone
 
         def deadly(path: str, *given: object) -> object:
             died = len(list(self.count.iterdir()))
@@ -305,7 +305,7 @@ class Dies(distributed.WorkerPlugin):  # type: ignore[misc, name-defined]
                 os.kill(os.getpid(), 9)
             return judge(path, *given)
 
-        rows.analyse_alone = deadly  # type: ignore[attr-defined]
+        judging.analyse_alone = deadly  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow

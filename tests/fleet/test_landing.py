@@ -217,7 +217,7 @@ def test_a_repair_that_was_a_mistake_leaves_nothing(
     run: Run, kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = shutil.copytree(kept / "scanned", tmp_path / "store")
-    monkeypatch.setattr("mavhums.fleet.rows.analyse_alone", None)  # no log is opened
+    monkeypatch.setattr("mavhums.fleet.judging.analyse_alone", None)  # no log is opened
     before = fleet.verdicts(store, "D-A")
     assert run("fleet", "repairs", store).out == "no repairs\n"
     added = run("fleet", "repairs", store, "--add", "D-A/elevator=2026-01-05")

@@ -21,7 +21,7 @@ pytest.importorskip("duckdb")
 
 from mavhums import fleet
 from mavhums.fleet import sources
-from mavhums.fleet.rows import judge
+from mavhums.fleet.judging import Judging, judge
 from mavhums.fleet.sources import at_hand, logs_in
 from mavhums.flights.store import LogFile, Store
 from mavhums.results.assessment import Assessment
@@ -168,7 +168,8 @@ def test_a_forbidden_log_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
             raise OSError(f"When reading '{path}': AWS Error ACCESS_DENIED during HeadObject")
 
     monkeypatch.setattr(sources, "_filesystem", lambda _: Forbidding())
-    row = judge(LogFile("s3://bucket/D-A/1.tlog", 10, 0), Options(), "settings", AircraftResolver("folder"))
+    judging = Judging(Options(), "settings", AircraftResolver("folder"))
+    row = judge(LogFile("s3://bucket/D-A/1.tlog", 10, 0), judging)
     assert row.problem
     assert "s3://bucket/D-A/1.tlog: cannot be read: " in row.problem
     assert "ACCESS_DENIED" in row.problem

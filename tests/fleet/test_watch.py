@@ -17,7 +17,7 @@ pytest.importorskip("deltalake", reason="the extra 'fleet' is not installed")
 from mavhums import fleet
 from mavhums.cli.morning import _Morning
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.watch import Watch
+from mavhums.fleet.scan import LogWatcher
 from mavhums.flights.store import Store
 
 SETTLE_S = 60.0
@@ -39,9 +39,9 @@ def inbox(tmp_path: Path) -> Path:
     return folder
 
 
-def watching(inbox: Path, store: Path) -> Watch:
+def watching(inbox: Path, store: Path) -> LogWatcher:
     options = fleet.ScanOptions(aircraft="folder", workers=0)
-    return Watch([inbox.parent], store, options, settle_s=SETTLE_S)
+    return LogWatcher([inbox.parent], store, options, settle_s=SETTLE_S)
 
 
 def test_a_log_is_judged_once_it_stands_still_and_a_bad_one_stops_nothing(

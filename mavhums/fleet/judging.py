@@ -1,0 +1,251 @@
+"""Judges logs alone, each as a row of the store: in this process, or by Dask's workers."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import cache
+from itertools import islice
+from math import ceil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from mavhums.app.analysis import Failed, analyse_alone
+from mavhums.app.settings import Options, Settings
+from mavhums.core.about import __version__
+from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.engine.options import EngineOptions
+from mavhums.fleet.sources import UnreachedError, at_hand
+from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, board_of
+from mavhums.flights.compare import packed
+from mavhums.flights.history import PastFlight, UndatedError
+from mavhums.flights.naming import aircraft_in_store
+from mavhums.flights.store import LogFile, Row
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+__all__ = [
+    "AGAIN",
+    "Judging",
+    "batches",
+    "connected",
+    "count",
+    "judge",
+    "judge_several",
+    "judged_by_workers",
+    "settings_of",
+]
+
+AGAIN: Final = ""
+"""Settings of a log that the next scan judges again."""
+
+_IN_FLIGHT: Final = 8
+_MOST: Final = 20
+_SHARE: Final = 4
+_LARGE: Final = str(32 << 20)
+_SETTINGS: Final = {
+    # Without these, the memory of each log is returned to the system and fetched again, page by page.
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": _LARGE,
+    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": _LARGE,
+    "distributed.worker.profile.enabled": False,
+}
+
+
+class Judging(NamedTuple):
+    """How the logs of a scan are judged: the options, their hash, and what names the aircraft."""
+
+    options: Options
+    settings: str
+    whose: AircraftResolver
+
+
+def settings_of(options: Options) -> str:
+    """Return the hash of everything besides the log that a judgement depends on."""
+    resolved = Settings.read(options).engine
+    content: dict[str, Any] = {
+        "version": __version__,
+        "airframe": resolved.airframe.model_dump_json() if resolved.airframe else None,
+        "models": [model.hash for model in resolved.models],
+        "false_alarms": resolved.false_alarms,
+        "dialect": None,
+        "key": None if resolved.key is None else hashlib.sha256(resolved.key).hexdigest(),
+    }
+    if resolved.dialect is not None:
+        with Path(resolved.dialect).open("rb") as file:
+            content["dialect"] = hashlib.file_digest(file, "sha256").hexdigest()
+    if resolved.decide != "physics":  # left out, so that stores of older versions keep their hashes
+        content["decide"] = resolved.decide
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def judge_several(files: Sequence[LogFile], judging: Judging) -> list[Row]:
+    """Judge logs one by one."""
+    return [judge(file, judging) for file in files]
+
+
+def judge(file: LogFile, judging: Judging) -> Row:
+    """Judge a log alone; a log that cannot be judged gives a row with the reason."""
+    path = file.path
+    try:
+        with at_hand(file) as path:
+            alone = analyse_alone(path, _resolved(judging.options))
+    except UnreachedError as error:
+        return _failed(file, judging._replace(settings=AGAIN), error.problem, error.remedy)
+    except Exception as error:
+        failed = Failed.of(Path(path), error)
+        return _failed(file, judging, failed.problem.replace(path, file.path), failed.remedy)
+    # The path of the log, wherever its copy lay.
+    log = alone.assessment.log.model_copy(update={"path": file.path})
+    assessment = alone.assessment.model_copy(update={"log": log})
+    try:
+        start_us: int | None = round(PastFlight.of(assessment).start.timestamp() * 1e6)
+    except UndatedError:
+        start_us = None
+    return Row(
+        *file,
+        settings=judging.settings,
+        sha256=log.sha256,
+        aircraft=aircraft_in_store(file.path, assessment, judging.whose),
+        board=board_of(assessment),
+        start_us=start_us,
+        duration_s=log.duration_s,
+        losses=bool(log.losses.any),
+        flight=packed(alone._replace(assessment=assessment)),
+        problem=None,
+        remedy=None,
+    )
+
+
+def _failed(file: LogFile, judging: Judging, problem: str, remedy: str) -> Row:
+    return Row(
+        *file,
+        settings=judging.settings,
+        sha256=None,
+        aircraft=judging.whose.name(file.path, None, None) or UNKNOWN,
+        board=None,
+        start_us=None,
+        duration_s=None,
+        losses=False,
+        flight=None,
+        problem=problem,
+        remedy=remedy,
+    )
+
+
+@cache
+def _resolved(options: Options) -> EngineOptions:
+    return Settings.read(options).engine
+
+
+@contextmanager
+def connected(workers: int, scheduler: str | None) -> Iterator[Client]:
+    """Connect to a scheduler, or start one with workers on this machine.
+
+    Parameters
+    ----------
+    workers
+        Number of processes on this machine.
+    scheduler
+        Address of a scheduler that runs; None to start one.
+
+    Raises
+    ------
+    MavhumsError
+        If no scheduler answers there.
+    MissingExtraError
+        If Dask is not installed.
+    """
+    try:
+        from dask import config
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise MissingExtraError("scanning a fleet", "fleet") from error
+    with ExitStack() as stack:
+        if scheduler:
+            try:
+                client = Client(scheduler, timeout=10)
+            except (OSError, ValueError) as error:
+                problem = f"{scheduler}: no scheduler answers"
+                raise MavhumsError(problem, "start one: dask scheduler, and dask worker ADDRESS") from error
+            yield stack.enter_context(client)
+            return
+        stack.enter_context(config.set(_SETTINGS))
+        local: Any = LocalCluster(
+            n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
+        )
+        yield stack.enter_context(Client(stack.enter_context(local)))
+
+
+def count(client: Client) -> int:
+    """Return the number of tasks that run at once, at least 1."""
+    cores: dict[str, int] = client.ncores()
+    return max(sum(cores.values()), 1)
+
+
+def batches(files: Sequence[LogFile], workers: int) -> Iterator[tuple[LogFile, ...]]:
+    """Yield the logs in batches: one log first, so that progress is seen early, and small ones at the end.
+
+    Parameters
+    ----------
+    files
+        All logs.
+    workers
+        Number of workers, which should end together.
+
+    Examples
+    --------
+    >>> files = [LogFile(str(n), 0, 0) for n in range(40)]
+    >>> [len(several) for several in batches(files, 2)]
+    [1, 1, 5, 5, 4, 3, 3, 3, 2, 2, 2, 2, 1, 1, 1, 1, 1, 1, 1]
+    """
+    done = 0
+    while done < len(files):
+        share = ceil((len(files) - done) / (_SHARE * workers))
+        size = 1 if done < workers else min(share, _MOST)
+        yield tuple(files[done : done + size])
+        done += size
+
+
+def judged_by_workers(client: Client, files: Sequence[LogFile], judging: Judging) -> Iterator[Row]:
+    """Yield the row of each log as it is judged.
+
+    A worker that dies loses its waiting batches. So the logs of a batch that no worker completes are tried
+    again at the end, one at a time: a log on which a worker then dies is the cause.
+    """
+    from distributed import as_completed, wait
+
+    workers = count(client)
+    waiting = batches(files, workers)
+    running: Any = as_completed()
+    pending: dict[str, tuple[LogFile, ...]] = {}
+    suspects: list[LogFile] = []
+
+    def submit(several: tuple[LogFile, ...]) -> Any:
+        return client.submit(judge_several, several, judging, pure=False)
+
+    def go_on(most: int) -> None:
+        for several in islice(waiting, most):
+            future = submit(several)
+            pending[future.key] = several
+            running.add(future)
+
+    go_on(_IN_FLIGHT * workers)
+    for future in running:
+        several = pending.pop(future.key)
+        if future.status == "finished":
+            yield from future.result()
+        else:
+            suspects += several
+        future.release()
+        go_on(1)
+    for file in suspects:
+        future = submit((file,))
+        wait([future])
+        if future.status == "finished":
+            yield from future.result()
+        else:
+            problem = f"{file.path}: crashed the worker that judged it"
+            yield _failed(file, judging, problem, "judge it alone to see why: mavhums analyse LOG")
