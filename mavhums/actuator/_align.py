@@ -22,13 +22,7 @@ Rows = tuple[Integers, Integers, Array]
 @kernel
 def _first(values: Integers, start: int, end: int, least: int) -> int:
     """Return the first index from ``start`` on whose value is at least ``least``, else ``end``."""
-    while start < end:
-        middle = (start + end) // 2
-        if values[middle] < least:
-            start = middle + 1
-        else:
-            end = middle
-    return start
+    return start + int(np.searchsorted(values[start:end], least))
 
 
 @kernel

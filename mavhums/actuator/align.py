@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator._align import NEVER, Rows, combine, limits, take
 from mavhums.actuator.telemetry import Reading
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.vehicle.grid import HORIZON_S
 
@@ -49,10 +50,10 @@ class Aligned(NamedTuple):
         Whether the values of this source are signed.
     """
 
-    utc_us: NDArray[np.int64]
-    values: NDArray[np.float64]
+    utc_us: Integers
+    values: Array
     origin: NDArray[np.int8]
-    command_rate: NDArray[np.float64]
+    command_rate: Array
     tier: str
     signed: bool
 
@@ -89,19 +90,15 @@ class Aligner:
         self._places: dict[str, int] = {}
         self._clock, self._clock_rank = -1, (len(_CLOCK_ORDER) + 1, 0)
         self._known_from_us = NEVER
-        self._rows: Rows = (
-            np.empty(0, dtype=np.int64),
-            np.empty(0, dtype=np.int64),
-            np.empty((0, len(KEYS))),
-        )
+        none: Integers = np.empty(0, dtype=np.int64)
+        self._rows: Rows = none, none, np.empty((0, len(KEYS)))
         self._bounds = np.zeros(1, dtype=np.int64)
-        self._latest_us, self._late = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-        self._first_frame, self._rank = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+        self._latest_us, self._late, self._first_frame, self._rank = none, none, none, none
         self._gives = np.empty((0, len(KEYS)), dtype=np.bool_)
-        self._by_trust = {signed: np.empty(0, dtype=np.int64) for signed in (True, False)}
+        self._by_trust = {True: none, False: none}
         self._due = np.empty((0, 3), dtype=np.int64)  # time, frame, source
         self._latest_due_us = -NEVER
-        self._loose = np.empty(0, dtype=np.int64)  # frames
+        self._loose = none  # frames
 
     @property
     def late(self) -> int:
@@ -117,7 +114,7 @@ class Aligner:
         self,
         readings: Sequence[Reading],
         *,
-        loose: NDArray[np.int64] | None = None,
+        loose: Integers | None = None,
         final: bool = False,
     ) -> list[Aligned]:
         """Add new readings, at most one per source, and return the samples that become final.
@@ -137,10 +134,11 @@ class Aligner:
         alone = np.isin(frame, self._loose)
         self._due = self._due[limit.size :]
         self._loose = self._loose[self._loose >= self._due[:1, 1].min(initial=NEVER)]
-        starts = [0, *((clock[1:] != clock[:-1]).nonzero()[0] + 1).tolist()] if clock.size else []
+        edges = [0, *(np.flatnonzero(np.diff(clock)) + 1).tolist(), clock.size]
         return [
             self._align(time_us[a:b], limit[a:b], alone[a:b], int(clock[a]))
-            for a, b in pairwise([*starts, clock.size])
+            for a, b in pairwise(edges)
+            if b > a
         ]
 
     def _take(self, readings: Sequence[Reading]) -> None:
@@ -170,7 +168,7 @@ class Aligner:
         if len(self._due):
             self._latest_due_us = int(self._due[-1, 0])
 
-    def _sharp(self, k: int, reading: Reading, reigns: NDArray[np.int64]) -> Reading:
+    def _sharp(self, k: int, reading: Reading, reigns: Integers) -> Reading:
         """Return the reading without the values of blurred times, but where its source is the clock."""
         blurred = np.isin(reading.frame, self._loose)
         if not blurred.any():
@@ -200,9 +198,7 @@ class Aligner:
         self._by_trust = {True: by_trust[signed[by_trust]], False: by_trust}
         return k
 
-    def _align(
-        self, time_us: NDArray[np.int64], limit: NDArray[np.int64], alone: NDArray[np.bool_], place: int
-    ) -> Aligned:
+    def _align(self, time_us: Integers, limit: Integers, alone: Flags, place: int) -> Aligned:
         clock = self.sources[place]
         values, origin = self._combine(time_us, limit, signed=clock.signed)
         foreign = alone[:, None] & (origin != place)
@@ -215,9 +211,7 @@ class Aligner:
             rate = np.where(alone, np.nan, (after - before) / (_SLOPE_US * 1e-6))
         return Aligned(time_us, values, origin, rate, clock.tier, clock.signed)
 
-    def _combine(
-        self, time_us: NDArray[np.int64], limit: NDArray[np.int64], *, signed: bool
-    ) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+    def _combine(self, time_us: Integers, limit: Integers, *, signed: bool) -> tuple[Array, NDArray[np.int8]]:
         """Return the best source's value of each quantity at each time, and that source.
 
         Magnitudes and signed values are not mixed.

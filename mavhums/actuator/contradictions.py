@@ -1,4 +1,4 @@
-"""Where an airframe profile says otherwise than the log's own parameters, and which outputs then count.
+"""Where an airframe profile contradicts the log's own parameters, and which outputs then count.
 
 A profile for another aircraft mixes outputs that do not belong together, and the aircraft then seems not to
 answer them. So each axis takes its outputs from the profile only while the log's parameters do not contradict
@@ -97,24 +97,28 @@ def contradictions(airframe: Airframe, parameters: Parameters) -> tuple[Contradi
     Examples
     --------
     >>> from mavhums.actuator.profile import load_airframe
-    >>> told = Parameters(1, False, {"SERVO3_FUNCTION": 70.0})
-    >>> contradictions(load_airframe("paper"), told)[0].text
+    >>> throttle = Parameters(1, False, {"SERVO3_FUNCTION": 70.0})
+    >>> contradictions(load_airframe("paper"), throttle)[0].text
     'servo 3 is elevator in the profile and throttle in the log (SERVO3_FUNCTION = 70)'
     """
-    told = {output.servo: output for output in assigned_outputs(parameters)}
-    turned = dict(_turned(airframe, parameters, told))
+    logged = {output.servo: output for output in assigned_outputs(parameters)}
+    reversed_ = dict(_reversed(airframe, parameters, logged))
     found = []
     for actuator in airframe.actuators:
-        output = told.get(actuator.servo)
+        output = logged.get(actuator.servo)
         if output is None:
             continue
         kind = named_surface(actuator)
         if kind is not None and not _agrees(kind, output):
-            found.append(_of_function(actuator, output))
+            text = (
+                f"servo {actuator.servo} is {_named(actuator)} in the profile and {output.surface} in the log"
+            )
+            text += f" ({output.because})"
+            found.append(Contradiction(actuator.servo, actuator.name, "servo", text))
         elif output.is_surface and _exceeds(actuator, output):
             found.append(_of_range(actuator, output))
-        elif actuator.servo in turned:
-            found.append(turned[actuator.servo])
+        elif actuator.servo in reversed_:
+            found.append(reversed_[actuator.servo])
     return tuple(found)
 
 
@@ -140,11 +144,11 @@ def reconciled(airframe: Airframe, parameters: Parameters | None) -> Surfaces | 
     if neither names any.
     """
     own = of_airframe(airframe)
-    told = None if parameters is None else of_parameters(parameters)
+    by_parameters = None if parameters is None else of_parameters(parameters)
     if own is None or parameters is None:
-        return own or told
+        return own or by_parameters
     found = contradictions(airframe, parameters)
-    logged = {} if told is None else {moved.servo: moved for moved in told.moved}
+    logged = {moved.servo: moved for moved in by_parameters.moved} if by_parameters else {}
     unturned = {actuator.servo for actuator in airframe.actuators if actuator.travel_deg is None}
     moved: dict[int, Moved] = {}
     by_log, contradicted, confirmed = set(), {}, set()
@@ -155,13 +159,13 @@ def reconciled(airframe: Airframe, parameters: Parameters | None) -> Surfaces | 
         if against:
             contradicted[axis] = against_log(against)
         if against or not outputs:
-            outputs = told.of_axis(axis) if told else ()
+            outputs = by_parameters.of_axis(axis) if by_parameters else ()
             by_log |= {axis} if outputs else set()
         elif servos <= logged.keys():
             confirmed.add(axis)
             outputs = _directed(outputs, unturned, logged)
         moved |= {one.servo: one for one in outputs}
-    lift = told.lift if told else NO_LIFT
+    lift = by_parameters.lift if by_parameters else NO_LIFT
     return Surfaces(
         tuple(moved.values()), "profile", lift, frozenset(by_log), contradicted, frozenset(confirmed)
     )
@@ -170,14 +174,8 @@ def reconciled(airframe: Airframe, parameters: Parameters | None) -> Surfaces | 
 def _agrees(kind: str, output: Output) -> bool:
     if not output.is_surface:
         return False
-    tells = any(name in output.surface for name in _ALIKE)  # PX4's custom surfaces tell nothing
-    return not tells or any(name in output.surface for name in _ALIKE[kind])
-
-
-def _of_function(actuator: Actuator, output: Output) -> Contradiction:
-    name = _named(actuator)
-    text = f"servo {actuator.servo} is {name} in the profile and {output.surface} in the log"
-    return Contradiction(actuator.servo, actuator.name, "servo", f"{text} ({output.because})")
+    names = [name for name in _ALIKE if name in output.surface]  # none in PX4's custom surfaces
+    return not names or any(name in output.surface for name in _ALIKE[kind])
 
 
 def _exceeds(actuator: Actuator, output: Output) -> bool:
@@ -198,8 +196,8 @@ def _of_range(actuator: Actuator, output: Output) -> Contradiction:
     return Contradiction(actuator.servo, actuator.name, "pwm_us", text)
 
 
-def _turned(
-    airframe: Airframe, parameters: Parameters, told: dict[int, Output]
+def _reversed(
+    airframe: Airframe, parameters: Parameters, assigned: dict[int, Output]
 ) -> Iterator[tuple[int, Contradiction]]:
     """Yield the outputs whose direction beside the first of their axis is another one in the log.
 
@@ -218,7 +216,7 @@ def _turned(
             if alike == (sides[first.servo].half_us * sides[one.servo].half_us > 0):
                 continue
             ways = ("the same way", "opposite ways")[:: 1 if alike else -1]
-            by = "; ".join(told[servo].direction_by for servo in (first.servo, one.servo))
+            by = "; ".join(assigned[servo].direction_by for servo in (first.servo, one.servo))
             text = (
                 f"servos {first.servo} and {one.servo} ({_named(actuators[one.servo])}) deflect {ways[0]} in "
                 f"the profile and {ways[1]} in the log ({by})"

@@ -1,8 +1,7 @@
 """Derives quantities from others and the actuator's constants (paper, section 4).
 
 Signs of magnitudes are derived first: the sign of the speed from the command, those of current and voltage
-from the voltage equation. An ESC at the supply bus gives only the
-motor's power.
+from the voltage equation. An ESC at the supply bus gives only the motor's power.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ __all__ = ["REPORTED", "SIGNED_BY_VOLTAGE", "CurrentSigns", "Deriver"]
 _V1, _V2, _V3, _V4, _V5, _V6, _V7, _V8, _V9, _V10, _V11, _V12 = (column(f"V{k}") for k in range(1, 13))
 _AGREEMENT_SHARE = 0.5  # of the speed, by which it may differ from the command's rate in acceleration
 _AGREEMENT_DEG_S = 5.0  # the same at low speeds; wider lets the sign of another motion in
-_MAX_STEP_US = 500_000  # over which speed is integrated: beyond, nobody knows how the shaft turned
+_MAX_STEP_US = 500_000  # over which speed is integrated: over more, how the shaft turned is unknown
 
 REPORTED = ("esc", "csrv")
 """How the tiers begin whose voltage and current an ESC or the servo measures, at the motor or at the bus."""
@@ -62,11 +61,13 @@ class Deriver:
     def complete(self, aligned: Aligned) -> Array:
         """Return V1…V12 of shape (n, 12), including the derived values."""
         values = aligned.values.copy()
+        reported = aligned.tier.startswith(REPORTED)
         if self._actuator.ema is None:
-            self._leave_open(aligned)
+            if reported:
+                self._leave_open(aligned)
             self._fill(values)
             return values
-        if aligned.tier.startswith(REPORTED):
+        if reported:
             if not aligned.signed:
                 self._sign_speed(values, aligned.command_rate)
             if self._actuator.esc_side == "bus":
@@ -74,15 +75,13 @@ class Deriver:
             elif not aligned.signed:
                 self._sign_current(aligned, values)
         if aligned.tier == "csrv":
-            self._turn_back(values)
+            self._fill_rotor_speed(values)
         self._fill(values)
         self._integrate(aligned.utc_us, values)
         return values
 
     def _leave_open(self, aligned: Aligned) -> None:
         """Record which ESC readings need the EMA's constants for conversion to motor quantities."""
-        if not aligned.tier.startswith(REPORTED):
-            return
         if self._actuator.esc_side == "bus":
             self.derived |= {key: f"{{{key}}} at the bus" for key in ("V4", "V5")}
         if not aligned.signed:
@@ -116,7 +115,7 @@ class Deriver:
         values[:, [_V4, _V5]] = np.nan
         self.dropped.update(("V4", "V5"))
 
-    def _turn_back(self, values: Array) -> None:
+    def _fill_rotor_speed(self, values: Array) -> None:
         """Fill in the rotor's speed from the shaft's, the only speed that a servo reports."""
         speed = values[:, _V10] * self._actuator.known_ema().gear_ratio
         empty = np.isnan(values[:, _V7]) & np.isfinite(speed)
@@ -125,13 +124,12 @@ class Deriver:
             self.derived["V7"] = "V10·N"
 
     def _fill(self, values: Array) -> None:
-        missing: NDArray[np.bool_] = np.isnan(values)
-        incomplete: NDArray[np.bool_] = np.any(missing, axis=0)
         for target, how, rule in _RULES:
-            if not incomplete[target]:
+            missing = np.isnan(values[:, target])
+            if not missing.any():
                 continue
             result = rule(values, self._actuator.ema or _OPEN)
-            empty = missing[:, target] & np.isfinite(result)
+            empty = missing & np.isfinite(result)
             if empty.any():
                 values[empty, target] = result[empty]
                 self.derived[KEYS[target]] = how
@@ -174,7 +172,6 @@ def _integrate(utc_us: NDArray[np.int64], values: Array, ratio: float, turned: A
 SIGNED_BY_VOLTAGE = "sign from the voltage equation"
 """How a provenance ends whose magnitude the log carries and whose sign is derived here."""
 
-_V4, _V5, _V7 = column("V4"), column("V5"), column("V7")
 _STEP_V, _STEP_A = 0.01, 0.01  # of ESC_TELEMETRY; noise of voltage and current is taken to have their ratio
 
 _SURE = 2.5

@@ -7,8 +7,8 @@ Sources are read, aligned on one clock and completed: :mod:`~mavhums.actuator.te
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ MAGNITUDES = [column(key) for key in ("V4", "V5", "V7")]
 _UNCOUNTED = 20  # blocks whose origins are kept before they are counted together
 _DERIVED = {"V4": ("V6",), "V5": ("V6", "V8", "V9"), "V7": ("V2", "V3", "V9", "V10", "V12")}
 _FOLLOWS = [(column(source), [column(key) for key in derived]) for source, derived in _DERIVED.items()]
-"""What the deriver makes of a quantity, and may not outlive it."""
+"""What the deriver computes from a quantity: when that is refused, so are these."""
 _TRUST = tuple(tier.name for tier in TIERS)
 
 _MARGIN = 3.0
@@ -118,53 +118,6 @@ class Mapped:
         return replace(self, values=values, magnitudes=magnitudes)
 
 
-@dataclass(slots=True, eq=False)
-class _ActuatorMapper:
-    """Converts the readings of one actuator of one vehicle to samples."""
-
-    vehicle: int
-    actuator: Actuator
-    aligner: Aligner
-    deriver: Deriver
-    gate: Gate
-    freshness: Freshness
-    tier: str = ""
-    _used: Integers = field(default_factory=lambda: np.zeros((0, len(KEYS)), dtype=np.int64))
-    _origins: list[NDArray[np.int8]] = field(default_factory=list)
-
-    def note(self, aligned: Aligned) -> None:
-        """Record the source of each quantity."""
-        self.tier = aligned.tier
-        self._origins.append(aligned.origin)
-        if len(self._origins) > _UNCOUNTED:
-            self.used()
-
-    def refused(self, aligned: Aligned, measured: Flags) -> Flags | None:
-        """Return which values are no evidence, with those that follow from them; None if none is refused."""
-        refused = self.freshness.feed(aligned.utc_us, aligned.values)
-        if not refused.any():
-            return None
-        for source, derived in _FOLLOWS:
-            refused[:, derived] |= refused[:, [source]] & ~measured[:, derived]
-        # Without the current, the voltage equation gives a magnitude of the voltage no sign.
-        if not aligned.signed:
-            refused[:, column("V4")] |= refused[:, column("V5")]
-        return refused
-
-    def used(self) -> Integers:
-        """Return the number of values of each quantity from each source, shape (sources, 12)."""
-        missing = len(self.aligner.sources) - len(self._used)
-        if missing:
-            self._used = np.vstack([self._used, np.zeros((missing, len(KEYS)), dtype=np.int64)])
-        if self._origins:
-            origin = np.concatenate(self._origins).astype(np.int64)
-            self._origins.clear()
-            place = (origin + 1) * len(KEYS) + np.arange(len(KEYS))
-            counts = np.bincount(place.ravel(), minlength=(len(self._used) + 1) * len(KEYS))
-            self._used += counts.reshape(-1, len(KEYS))[1:]
-        return self._used
-
-
 def bounds(actuator: Actuator) -> Array:
     """Return the largest magnitude that each of V1…V12 can have, shape (12,).
 
@@ -230,6 +183,71 @@ class Gate:
         return np.where(refused, np.nan, values)
 
 
+class _ActuatorMapper:
+    """Converts the readings of one actuator of one vehicle to samples."""
+
+    def __init__(self, vehicle: int, actuator: Actuator) -> None:
+        self.vehicle, self.actuator = vehicle, actuator
+        self.aligner = Aligner(_TRUST, actuator.response_lag_s)
+        self.deriver = Deriver(actuator)
+        self.gate = Gate(actuator)
+        self.freshness = Freshness(actuator.min_rate_hz)
+        self.tier = ""
+        self._used = np.zeros((0, len(KEYS)), dtype=np.int64)
+        self._origins: list[NDArray[np.int8]] = []
+
+    def feed(self, readings: Sequence[Reading], *, loose: Integers | None, final: bool) -> Iterator[Mapped]:
+        """Yield the samples that these readings complete."""
+        admitted = [reading._replace(values=self.gate.admit(reading.values)) for reading in readings]
+        for aligned in self.aligner.feed(admitted, loose=loose, final=final):
+            self._note(aligned)
+            values = self.deriver.complete(aligned)
+            measured = aligned.origin >= 0
+            if not aligned.signed:  # a magnitude's sign is derived
+                measured[:, MAGNITUDES] = False
+            magnitudes = None if aligned.signed else aligned.values[:, MAGNITUDES]
+            at_bus = self.actuator.esc_side == "bus" and aligned.tier.startswith(REPORTED)
+            if at_bus and magnitudes is not None:
+                magnitudes[:, :2] = np.nan
+            bus_v = aligned.values[:, column("V4")] if at_bus else None
+            refused = None if at_bus else self._refused(aligned, measured)
+            yield Mapped(
+                self.vehicle, self.actuator, aligned.utc_us, values, measured, bus_v, magnitudes, refused
+            )
+
+    def _note(self, aligned: Aligned) -> None:
+        """Record the source of each quantity."""
+        self.tier = aligned.tier
+        self._origins.append(aligned.origin)
+        if len(self._origins) > _UNCOUNTED:
+            self.used()
+
+    def _refused(self, aligned: Aligned, measured: Flags) -> Flags | None:
+        """Return which values are no evidence, with those that follow from them; None if none is refused."""
+        refused = self.freshness.feed(aligned.utc_us, aligned.values)
+        if not refused.any():
+            return None
+        for source, derived in _FOLLOWS:
+            refused[:, derived] |= refused[:, [source]] & ~measured[:, derived]
+        # Without the current, the voltage equation gives a magnitude of the voltage no sign.
+        if not aligned.signed:
+            refused[:, column("V4")] |= refused[:, column("V5")]
+        return refused
+
+    def used(self) -> Integers:
+        """Return the number of values of each quantity from each source, shape (sources, 12)."""
+        missing = len(self.aligner.sources) - len(self._used)
+        if missing:
+            self._used = np.vstack([self._used, np.zeros((missing, len(KEYS)), dtype=np.int64)])
+        if self._origins:
+            origin = np.concatenate(self._origins).astype(np.int64)
+            self._origins.clear()
+            place = (origin + 1) * len(KEYS) + np.arange(len(KEYS))
+            counts = np.bincount(place.ravel(), minlength=(len(self._used) + 1) * len(KEYS))
+            self._used += counts.reshape(-1, len(KEYS))[1:]
+        return self._used
+
+
 class Mapper:
     """Maps tables of messages to samples of the profile's actuators, block after block.
 
@@ -261,45 +279,13 @@ class Mapper:
         by_track: dict[tuple[int, str], list[Reading]] = {key: [] for key in self._tracks}
         for reading in read(tables, self.airframe.actuators):
             by_track.setdefault((reading.vehicle, reading.actuator.name), []).append(reading)
-        out = []
+        out: list[Mapped] = []
         for key, readings in by_track.items():
             if not readings and not final:
                 continue  # its messages cannot complete further samples
             if key not in self._tracks:
-                actuator = readings[0].actuator
-                aligner = Aligner(_TRUST, actuator.response_lag_s)
-                self._tracks[key] = _ActuatorMapper(
-                    key[0],
-                    actuator,
-                    aligner,
-                    Deriver(actuator),
-                    Gate(actuator),
-                    Freshness(actuator.min_rate_hz),
-                )
-            track = self._tracks[key]
-            admitted = [reading._replace(values=track.gate.admit(reading.values)) for reading in readings]
-            for aligned in track.aligner.feed(admitted, loose=loose, final=final):
-                track.note(aligned)
-                values = track.deriver.complete(aligned)
-                measured = aligned.origin >= 0
-                if not aligned.signed:  # a magnitude's sign is derived
-                    measured[:, MAGNITUDES] = False
-                magnitudes = None if aligned.signed else aligned.values[:, MAGNITUDES]
-                at_bus = track.actuator.esc_side == "bus" and aligned.tier.startswith(REPORTED)
-                if at_bus and magnitudes is not None:
-                    magnitudes[:, :2] = np.nan
-                out.append(
-                    Mapped(
-                        track.vehicle,
-                        track.actuator,
-                        aligned.utc_us,
-                        values,
-                        measured,
-                        aligned.values[:, column("V4")] if at_bus else None,
-                        magnitudes,
-                        track.refused(aligned, measured) if not at_bus else None,
-                    )
-                )
+                self._tracks[key] = _ActuatorMapper(key[0], readings[0].actuator)
+            out += self._tracks[key].feed(readings, loose=loose, final=final)
         return out
 
     def serves(self, vehicle: int | None) -> bool:
@@ -348,9 +334,9 @@ class Mapper:
                 fields[key] = f"{origin.source}.{origin.fields[key]}"
         merged = {key: source for key, source in fields.items() if key not in track.deriver.dropped}
         for key, how in track.deriver.derived.items():
-            reworked = "{" in how
-            if reworked or key not in fields:
-                merged[key] = f"derived: {_fill_in(how, fields)}"
+            if "{" in how or key not in fields:  # the braces name a quantity whose field is meant
+                source = re.sub(r"\{(V\d+)\}", lambda match: fields.get(match[1], match[1]), how)
+                merged[key] = f"derived: {source}"
         for key, why in self.refused(vehicle, actuator).items():
             if key in merged:
                 merged[key] += NOT_USED.format(why)
@@ -375,8 +361,3 @@ def messages_for(actuators: Sequence[Actuator] = ()) -> frozenset[str]:
     """
     configured = {mapping.message for actuator in actuators for mapping in actuator.fields.values()}
     return frozenset(configured).union(source.message for source in SERVO_SOURCES)
-
-
-def _fill_in(how: str, fields: Mapping[str, str]) -> str:
-    """Name the sources of the quantities in braces."""
-    return re.sub(r"\{(V\d+)\}", lambda match: fields.get(match[1], match[1]), how)

@@ -367,7 +367,7 @@ def load_airframe(name_or_path: str | Path) -> Airframe:
         try:
             text = path.read_text(encoding="utf-8")
         except UnicodeDecodeError as error:
-            problem = f"{path}: this is no airframe profile but a binary file, as a log is"
+            problem = f"{path}: this is not an airframe profile but a binary file, as a log is"
             remedy = "name the profile, a TOML file, with --airframe, and the log by itself"
             raise ProfileError(problem, remedy) from error
         except OSError as error:

@@ -36,7 +36,7 @@ from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.states import TEXT_MESSAGES
 from mavhums.vehicle.usage import NAMED_MESSAGES, NamedValues
-from mavhums.vehicle.vtol import known_as, rotor_servos
+from mavhums.vehicle.vtol import refined_identity, rotor_servos
 
 __all__ = ["inspect_log"]
 
@@ -139,7 +139,7 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes:
     """Return the known data of a vehicle; ``sent`` is its richest tier, on any of its actuators."""
     vehicle = identity.vehicle
     followed, parameters = axes.vehicle(vehicle), axes.parameters(vehicle)
-    identity = known_as(identity, parameters.values)
+    identity = refined_identity(identity, parameters.values)
     airframe = mapper.airframe if mapper else None
     rows, own = [], set()
     for actuator in airframe.actuators if airframe and mapper else ():

@@ -49,7 +49,7 @@ from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, IDENTITY_MESSAGES, Identities, Identity, RecordedFlights
 from mavhums.vehicle.states import STATE_MESSAGES, TEXT_MESSAGES, VehicleStates, texts
 from mavhums.vehicle.usage import ESC_TEMPERATURE_MESSAGES, EscTemperatures
-from mavhums.vehicle.vtol import known_as, rotor_servos
+from mavhums.vehicle.vtol import refined_identity, rotor_servos
 
 __all__ = ["Engine"]
 
@@ -214,7 +214,7 @@ class Engine:
 
     def _who(self, vehicle: int) -> Identity:
         """Return the identity of a vehicle, with the kind that its parameters tell."""
-        return known_as(self._identities.of(vehicle), self._axes.parameters(vehicle).values)
+        return refined_identity(self._identities.of(vehicle), self._axes.parameters(vehicle).values)
 
     def flown_s(self) -> float:
         """Return the seconds of forward flight as fixed wings, of the vehicles for which it is known."""

@@ -111,7 +111,7 @@ class AirspeedCheck:
         """Take the mean airspeeds of a second of flight, m/s; return whether the sensor is trusted.
 
         The first minute in which the wind triangle is settled gives the usual ratio. A sensor that was never
-        alive is not doubted, for nothing relies on it.
+        alive is not doubted, since nothing relies on it.
         """
         if not triangle > _MOVING_M_S or not np.isfinite(sensed):
             return not self._doubted
@@ -120,23 +120,18 @@ class AirspeedCheck:
             return not self._doubted
         self._alive_s += 1
         ratio = float(np.log(sensed / triangle))
-        if self._offset is None:
-            self._learn(ratio, settled)
-        else:
+        if self._offset is not None:
             self._recent.append(ratio - self._offset)
             self._decide()
-        return not self._doubted
-
-    def _learn(self, ratio: float, settled: bool) -> None:
-        if settled:
+        elif settled:
             self._early.append(ratio)
-        if len(self._early) == _EARLY_S:
-            self._offset = float(np.median(self._early))
+            if len(self._early) == _EARLY_S:
+                self._offset = float(np.median(self._early))
+        return not self._doubted
 
     def _decide(self) -> None:
         changes = np.array(self._recent)
-        known = [(s, limit) for s, limit in _DOUBTED if len(changes) >= s]
-        if any(abs(changes[-s:].mean()) > limit for s, limit in known):
+        if any(len(changes) >= s and abs(changes[-s:].mean()) > limit for s, limit in _DOUBTED):
             self._doubted = True
         elif len(changes) == self._recent.maxlen and abs(changes.mean()) < _TRUSTED:
             self._doubted = False
@@ -216,7 +211,7 @@ class Airspeeds:
         time_us, speed = self._known[vehicle]
         row = np.searchsorted(time_us, utc_us, side="right") - 1
         # Before the oldest that is kept, row is -1: that would be the newest.
-        held: Array = np.where((row >= 0) & (utc_us - time_us[row] <= _STALE_US), speed[row], np.nan)
+        fresh = (row >= 0) & (utc_us - time_us[row] <= _STALE_US)
         kept = max(int(np.searchsorted(time_us, utc_us[-1] - _KEPT_US)) - 1, 0)
         self._known[vehicle] = time_us[kept:], speed[kept:]
-        return held
+        return np.where(fresh, speed[row], np.nan)

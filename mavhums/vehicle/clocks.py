@@ -1,4 +1,4 @@
-"""Puts the messages of a MAVLink log on the time axes of their vehicles, once for all that reads them."""
+"""Puts the messages of a MAVLink log on the time axes of their vehicles, once for all readers."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Clocks:
         self._routes: dict[int, int] = {}
         self._echoes: dict[tuple[str, int], tuple[NDArray[np.int64], NDArray[np.uint64]]] = {}
         self._restarts: list[tuple[int, int, int, int]] = []
-        self._told: dict[int, int] = {}
+        self._last_segment: dict[int, int] = {}
 
     def feed(
         self, tables: Mapping[str, Table], admits: Callable[[int], bool] = lambda _: True
@@ -75,16 +75,20 @@ class Clocks:
         time_us, worth = received.copy(), np.zeros(received.size, dtype=np.int64)
         for vehicle, rows in each(system[order]):
             picked = order[rows]
-            if not admits(vehicle) or not self._has_clock(vehicle, counter[picked]):
+            if not admits(vehicle):
                 continue
+            if vehicle not in self._vehicles:
+                if (counter[picked] == UNSTAMPED).all():
+                    continue
+                self._vehicles[vehicle] = VehicleClock()
             senders = component[picked].astype(np.int64)
             mapped = self._vehicles[vehicle].map(senders, counter[picked], stamp_us[picked], received[picked])
             time_us[picked], worth[picked] = mapped.time_us, mapped.worth
             for row in np.flatnonzero(mapped.segment).tolist():
-                told = (int(frame[picked[row]]), vehicle, int(mapped.segment[row]), int(mapped.time_us[row]))
-                self._restarts.append(told)
+                place = int(frame[picked[row]])
+                self._restarts.append((place, vehicle, int(mapped.segment[row]), int(mapped.time_us[row])))
         spans = {name: slice(*edges[k : k + 2]) for k, name in enumerate(names)}
-        kept = {  # messages with stamps first: they tell whether there are several routes
+        kept = {  # messages with stamps first: they show whether there are several routes
             name: self._kept(tables[name], stamps[name] is not None, time_us[span], worth[span])
             for name, span in sorted(spans.items(), key=lambda item: stamps[item[0]] is None)
         }
@@ -103,21 +107,14 @@ class Clocks:
         """
         found = []
         for _, vehicle, segment, time_us in sorted(self._restarts):
-            if segment > self._told.get(vehicle, 1):
-                self._told[vehicle] = segment
+            if segment > self._last_segment.get(vehicle, 1):
+                self._last_segment[vehicle] = segment
                 found.append((vehicle, time_us))
         self._restarts.clear()
         return found
 
-    def _has_clock(self, vehicle: int, counter: NDArray[np.int64]) -> bool:
-        if vehicle not in self._vehicles:
-            if (counter == UNSTAMPED).all():
-                return False
-            self._vehicles[vehicle] = VehicleClock()
-        return True
-
     def _kept(self, table: Table, timed: bool, time_us: NDArray[np.int64], worth: NDArray[np.int64]) -> Table:
-        """Return the table with its times, without the rows that tell nothing new."""
+        """Return the table with its times, without broken stamps and copies."""
         flags = table.flags | np.where(worth == LOOSE, LOOSE_TIME, 0).astype(np.uint8)
         table = replace(table, time_us=time_us, flags=flags)
         broken = worth == BROKEN
@@ -149,8 +146,8 @@ class Clocks:
     def _echoed(self, table: Table) -> NDArray[np.bool_]:
         """Return which messages without a stamp arrived before: same sender, sequence number and content.
 
-        Without a stamp a steady content and a sequence number of 8 bits may be a new message, too. So it is
-        asked only of senders whose stamped messages came over several routes, and for seconds.
+        Without a stamp, the same content and 8-bit sequence number may be a new message, too. So only senders
+        whose stamped messages came over several routes are checked, and only over seconds.
         """
         copied = np.zeros(len(table), dtype=np.bool_)
         if not self._routes:
@@ -161,8 +158,7 @@ class Clocks:
                 continue
             places = np.arange(len(table))[rows]
             places = places[table.frame[places] > self._routes[sender]]
-            none = np.empty(0, dtype=np.int64), codes[:0]
-            heard_us, before = self._echoes.pop((table.name, sender), none)
+            heard_us, before = self._echoes.pop((table.name, sender), (table.time_us[:0], codes[:0]))
             time_us = np.concatenate([heard_us, table.time_us[places]])
             known = np.concatenate([before, codes[places]])
             copied[places] = _repeated(known, time_us)[before.size :]

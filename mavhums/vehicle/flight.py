@@ -21,7 +21,8 @@ from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rows import PastRows, Rows
 from mavhums.vehicle.signals import all_outputs
 from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces
-from mavhums.vehicle.vtol import HOVERING_MODES, NO_LIFT
+from mavhums.vehicle.usage import BAND_US
+from mavhums.vehicle.vtol import HOVERING_MODES, LEAST_SPEED, NO_LIFT
 
 __all__ = ["GROUND", "LEAST_DRIVEN", "LEAST_SPEED", "Flight", "Rows"]
 
@@ -31,9 +32,6 @@ GROUND: Final = frozenset({_ROVER, _BOAT})
 _VTOL: Final = range(19, 26)
 _VTOL_FORWARD: Final = 4  # MAV_VTOL_STATE_FW
 _UNLED_MODES: Final = (0, 2, 3, 4, 16)  # in these, ArduPlane does not control the attitude
-LEAST_SPEED: Final = 8.0
-"""Airspeed of forward flight, m/s. Lower lets wind on the ground in, higher loses slow aircraft."""
-
 LEAST_DRIVEN: Final = {_ROVER: 0.5, _BOAT: 1.5}
 """Speed of a rover or a boat that drives forward, m/s. Lower lets the noise of a receiver that stands in; a
 boat's rudder answers to the speed through the water, from which a current of 0.4 m/s differs by a quarter."""
@@ -44,11 +42,10 @@ against the wind."""
 _AIRBORNE_S: Final = 3
 """Seconds without a break before forward flight counts: fewer let gusts on the ground in."""
 _STOPPED_BY: Final = ("vtol", "mode", "ground", "slow")
-_MOVES_US: Final = 8.0  # 1 % of the usual travel: an output that moves less demands nothing
 _FLOWN_US: Final = 50.0  # what a pilot asks for at least; a receiver's noise is some microseconds
 SPEEDS: Final = 3  # sources of a speed: sensor, wind triangle, ground
-_SPACING_S: Final = 0.001  # resolution of what is counted: a millisecond, as most stamps have
-_SPACINGS: Final = 10_000  # up to 10 s: a stream that comes more rarely is none
+_SPACING_S: Final = 0.001  # resolution of the counts of spacings: a millisecond, as most stamps have
+_SPACINGS: Final = 10_000  # up to 10 s: a rarer stream does not count as a stream
 
 
 class Flight:
@@ -76,11 +73,13 @@ class Flight:
         Whether the output that steers a rover or a boat is known.
     has_pulses
         Whether an output ever had a pulse.
+    past
+        The rows so far, without demands.
     """
 
     def __init__(self, surfaces: Surfaces | None) -> None:
-        self._past = PastRows()
-        self._know(surfaces)
+        self.past = PastRows()
+        self._use(surfaces)
         self._speed = Speed()
         self._next: int | None = None
         self._run = 0
@@ -99,26 +98,21 @@ class Flight:
 
     @property
     def on_ground(self) -> bool:
-        """Whether it is a rover or a boat: of all it does, only its steering is judged."""
+        """Whether it is a rover or a boat: only its steering is judged."""
         return bool(self.kinds & GROUND) or self.steers
 
     @property
     def by_receiver(self) -> tuple[int, ...]:
         """The receiver's channels that move in flight, from 1, if no output does: they drive the servos."""
         moved = self._most - self._least
-        if (moved[:ALL_OUTPUTS] >= _MOVES_US).any():
+        if (moved[:ALL_OUTPUTS] >= BAND_US).any():
             return ()
         return tuple((np.flatnonzero(moved[ALL_OUTPUTS:] >= _FLOWN_US) + 1).tolist())
-
-    @property
-    def past(self) -> PastRows:
-        """The rows so far, without demands."""
-        return self._past
 
     def lasted_s(self, what: str) -> float:
         """Return for how many seconds the vehicle was ``armed``, ``fast``, or why fast seconds do not count.
 
-        Fast is armed above :data:`LEAST_SPEED`. It is no forward flight for the first of these reasons: the
+        Fast is armed above :data:`LEAST_SPEED`. It is not forward flight for the first of these reasons: the
         ``vtol`` state, a hovering ``mode``, on the ``ground``, ``slow`` over ground, ``lift`` motors.
         """
         return self._rows_of[what] / RATE_HZ
@@ -137,7 +131,7 @@ class Flight:
             return None
         return 1.0 / (_SPACING_S * (int(np.searchsorted(counts, counts[-1] / 2)) + 0.5))
 
-    def _know(self, surfaces: Surfaces | None) -> None:
+    def _use(self, surfaces: Surfaces | None) -> None:
         self._lift = surfaces.lift if surfaces else NO_LIFT
         self._demands = Demands(surfaces) if surfaces else None
         self.steers = surfaces is not None and surfaces.axes == (STEERING,)
@@ -146,8 +140,8 @@ class Flight:
     def learn(self, surfaces: Surfaces | None) -> Iterator[Rows]:
         """Take other surfaces for the whole flight; yield its rows so far with their demands."""
         before = self._lift
-        self._know(surfaces)
-        for rows, pulses in self._past:
+        self._use(surfaces)
+        for rows, pulses in self.past:
             # What the rows counted under the former surfaces is taken back first.
             self._count(rows.up, rows.aloft, before.works(pulses), -1)
             flying = self._count(rows.up, rows.aloft, self._lift.works(pulses))
@@ -155,7 +149,7 @@ class Flight:
 
     def last(self, seconds: int, until_s: float = np.inf) -> tuple[Rows, Array] | None:
         """Return the last rows before a flight second without demands, and their pulses; None without any."""
-        known = self._past.last(seconds, until_s)
+        known = self.past.last(seconds, until_s)
         if known is None:
             return None
         rows, pulses = known
@@ -217,7 +211,7 @@ class Flight:
             spacing=self._spaced(flat, aloft, self._directed(pulses, aloft)),
             outputs=self._demand(pulses, flying),
         )
-        self._past.add(rows, pulses)
+        self.past.add(rows, pulses)
         return rows
 
     def _demand(self, pulses: Array, flying: Flags) -> Array:
@@ -235,15 +229,14 @@ class Flight:
         return flying
 
     def _up(self, flat: dict[str, Array], speed: Array, driven: Flags) -> Flags:
-        """Return where all but the lift motors tells of forward flight."""
+        """Return where everything but the lift motors indicates forward flight."""
         kind, autopilot, armed, mode = flat["state"].T
         self.kinds |= {int(k) for k in np.unique(kind[np.isfinite(kind)])}
         self.autopilots |= {int(k) for k in np.unique(autopilot[np.isfinite(autopilot)])}
         forward = flat["vtol"][:, 0] == _VTOL_FORWARD
-        # A quadplane reports a fixed wing: what it says of its transition then decides, where it says it.
-        wing = (kind == _FIXED_WING) | (np.isin(kind, _VTOL) & forward)
-        wing &= (flat["vtol"][:, 0] == _VTOL_FORWARD) | ~(flat["vtol"][:, 0] > 0)
-        wing |= driven
+        # A quadplane reports a fixed wing: the VTOL state then decides, where it is reported.
+        wing = driven | forward & np.isin(kind, (_FIXED_WING, *_VTOL))
+        wing |= (kind == _FIXED_WING) & ~(flat["vtol"][:, 0] > 0)
         hovering = ~driven & (autopilot == ARDUPILOT) & np.isin(mode, HOVERING_MODES)
         landed = ~driven & (flat["landed"][:, 0] == ON_GROUND)
         slow = ~driven & (flat["groundspeed"][:, 0] <= _LEAST_GROUND_SPEED_M_S)
@@ -253,12 +246,11 @@ class Flight:
         fast |= driven & ~(armed == 0) & (speed > least)
         self._rows_of.update(armed=int((armed > 0).sum()), fast=int(fast.sum()))
         self.fastest = max(self.fastest, float(np.max(speed, initial=0.0, where=(armed > 0) & (speed > 0))))
-        up = fast
+        up: Flags = fast
         for why, stopped in zip(_STOPPED_BY, (~wing, hovering, landed, slow), strict=True):
             self._rows_of[why] += int((up & stopped).sum())
             up = up & ~stopped
-        known: Flags = up
-        return known
+        return up
 
     def _lasting(self, up: Flags, fresh: bool) -> Flags:
         """Return where the vehicle has flown for seconds without a break."""
@@ -272,23 +264,23 @@ class Flight:
 
     def _directed(self, pulses: Array, aloft: Flags) -> Flags:
         """Return where an output has had a pulse, (n,); follow how far all of them move in flight."""
-        told = np.isfinite(pulses[:, :ALL_OUTPUTS]).any(axis=1)
-        told = np.logical_or.accumulate(told) | self.has_pulses
-        self.has_pulses = bool(told[-1])
+        driven = np.isfinite(pulses[:, :ALL_OUTPUTS]).any(axis=1)
+        driven = np.logical_or.accumulate(driven) | self.has_pulses
+        self.has_pulses = bool(driven[-1])
         if aloft.any():
             np.fmin(self._least, np.fmin.reduce(pulses[aloft]), out=self._least)
             np.fmax(self._most, np.fmax.reduce(pulses[aloft]), out=self._most)
-        return told
+        return driven
 
-    def _spaced(self, flat: dict[str, Array], aloft: Flags, told: Flags) -> Array:
+    def _spaced(self, flat: dict[str, Array], aloft: Flags, driven: Flags) -> Array:
         """Return the longer spacing, of what moves the servos or of the rates, (n,); count both in flight.
 
-        Until an output has a pulse, where ``told`` is false, the receiver may move the servos.
+        Until an output has a pulse, where ``driven`` is false, the receiver may move the servos.
         """
         rates = flat["rates_spacing"][:, 0]
         first, second = flat["outputs_spacing"][:, 0], flat["outputs_2_spacing"][:, 0]
         outputs = np.where(np.isfinite(first), first, second)
-        outputs = np.where(told, outputs, flat["receiver_spacing"][:, 0])
+        outputs = np.where(driven, outputs, flat["receiver_spacing"][:, 0])
         for name, spacing in (("outputs", outputs), ("rates", rates)):
             known = spacing[aloft & np.isfinite(spacing)]
             steps = np.clip(known / _SPACING_S, 0, _SPACINGS - 1).astype(np.int64)

@@ -28,7 +28,7 @@ __all__ = ["GAP_S", "HORIZON_S", "RATE_HZ", "Grid", "Order", "Received", "Second
 RATE_HZ: Final = 20
 """Rate of the grid: more costs memory and time, and streams of 10 Hz carry no more."""
 _HELD_S: Final = 5.0  # a state holds as long: heartbeats come once a second, some of them are lost
-_TELLING: Final = ("outputs", "outputs_2", "attitude", "rates", "state")
+_COUNTED: Final = ("outputs", "outputs_2", "attitude", "rates", "state")
 _CHOSEN: Final = ("attitude", "rates", "force", "demand", "airspeed", "receiver")
 """Signals that several messages carry in some format."""
 _HALF_S: Final = 0.5 / RATE_HZ
@@ -38,10 +38,11 @@ HORIZON_S: Final = 30.0
 """Longest time for which a stream is waited for: above nearly all latencies of real links, and bounded."""
 
 GAP_S: Final = 1.2
-"""Longest distance of samples between which a signal is interpolated."""
+"""Longest distance of samples between which a signal is interpolated: streams of 1 Hz stay whole, with their
+jitter; longer would invent motion between samples."""
 
 _OPENING_S: Final = 10.0  # until every stream has been heard once, whatever its latency or the backlog
-_LEAP_S: Final = 1.0  # a pause of the whole link ages no stream
+_LEAP_S: Final = 1.0  # a longer pause of the whole link does not age its streams
 _FINEST_S: Final = 1e-4  # closer samples are one: no sender can fill the memory of a horizon
 _KEPT, _LATE, _REPEATED = range(3)
 _CLOCK, _NEWEST_STAMPED, _NEWEST, _SETTLED = range(4)
@@ -219,7 +220,7 @@ class Grid:
             found[name] = held.reshape(index.size, RATE_HZ, columns)
         candidates = {name: self._candidates(name, at) for name in CONTINUOUS}
         ranks = {"attitude": self._choices["attitude"].step(index.size, candidates["attitude"])}
-        change = self._change(at, ranks["attitude"])
+        change = self._derived_rates(at, ranks["attitude"])
         candidates["rates"].append(change)
         for name in _CHOSEN[1:]:
             truth = change if name == "rates" else None
@@ -250,7 +251,7 @@ class Grid:
             for stream in self._streams(name)
         ]
 
-    def _change(self, at: Array, ranks: Integers) -> CandidateStream:
+    def _derived_rates(self, at: Array, ranks: Integers) -> CandidateStream:
         """Return the body rates by the change of the attitude over each row, where its streams are used."""
         shape = at.size // RATE_HZ, RATE_HZ
         rates, spacing = np.full((*shape, 3), np.nan), np.full(shape, np.nan)
@@ -302,7 +303,7 @@ class Grid:
 
     def _heard(self, reach: float) -> Integers:
         """Return the settled seconds that contain or adjoin a sample of the attitude or of an output."""
-        heard = [np.floor(time_s) for stream, (time_s, _) in self._kept.items() if stream.name in _TELLING]
+        heard = [np.floor(time_s) for stream, (time_s, _) in self._kept.items() if stream.name in _COUNTED]
         seconds = np.unique(np.concatenate([np.empty(0), *heard])).astype(np.int64)
         return seconds[(seconds >= self._settled) & (seconds + 1 <= reach)]
 
@@ -319,31 +320,32 @@ def _between(time_s: Array, values: Array, at: Array, *, turns: bool = False) ->
     ``turns`` tells that the values are angles, which are interpolated the shorter way round.
     """
     out = np.full((at.size, values.shape[1]), np.nan)
-    after = np.searchsorted(time_s, at, side="right")
-    inside = (after > 0) & (after < time_s.size)
-    right = after[inside]
+    inside, right = _inside(time_s, at)
     left = right - 1
     span = time_s[right] - time_s[left]
-    close = span <= GAP_S
     share = ((at[inside] - time_s[left]) / span)[:, None]
-    a, b = values[left], values[right]
-    step = b - a
+    step = values[right] - values[left]
     if turns:
         step = (step + np.pi) % (2 * np.pi) - np.pi
-    mixed = a + share * step
-    out[inside] = np.where(close[:, None], mixed, np.nan)
+    out[inside] = np.where((span <= GAP_S)[:, None], values[left] + share * step, np.nan)
     return out
 
 
+def _inside(time_s: Array, at: Array) -> tuple[Flags, Integers]:
+    """Return which times have samples on both sides, and of these the index of the sample after."""
+    after = np.searchsorted(time_s, at, side="right")
+    inside = (after > 0) & (after < time_s.size)
+    return inside, after[inside]
+
+
 def _spacing(time_s: Array, at: Array) -> Array:
-    """Return the distance between the samples around each time, shape (n, 1); NaN where they are far apart.
+    """Return the distance between the samples around each time, shape (n,); NaN where they are far apart.
 
     Of a stream that was silent for long, the next sample may or may not be known when a second settles.
     """
-    out = np.full((at.size, 1), np.nan)
-    after = np.searchsorted(time_s, at, side="right")
-    inside = (after > 0) & (after < time_s.size)
-    out[inside, 0] = time_s[after[inside]] - time_s[after[inside] - 1]
+    out = np.full(at.size, np.nan)
+    inside, right = _inside(time_s, at)
+    out[inside] = time_s[right] - time_s[right - 1]
     out[out > _HELD_S] = np.nan
     return out
 

@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -122,20 +121,16 @@ def read_parameters(
         received.feed(tables)
         if progress:
             progress(size)
-    vehicle = _choose(Path(path), vehicle, sorted(received.values))
-    return received.of(vehicle)
-
-
-def _choose(path: Path, vehicle: int | None, there: list[int]) -> int:
-    if not there:
+    path, vehicles = Path(path), sorted(received.values)
+    if not vehicles:
         remedy = "let the ground station download them while it records (a refresh of its parameter list)"
         raise MavhumsError(f"{path}: holds no parameters", remedy)
-    known = ", ".join(map(str, there))
-    if vehicle is None and len(there) > 1:
-        raise MavhumsError(f"{path}: holds the parameters of vehicles {known}", "choose one with --vehicle")
-    if vehicle is not None and vehicle not in there:
-        raise MavhumsError(f"{path}: holds no parameters of vehicle {vehicle}", f"it holds those of {known}")
-    return there[0] if vehicle is None else vehicle
+    listed = ", ".join(map(str, vehicles))
+    if vehicle is None and len(vehicles) > 1:
+        raise MavhumsError(f"{path}: holds the parameters of vehicles {listed}", "choose one with --vehicle")
+    if vehicle is not None and vehicle not in vehicles:
+        raise MavhumsError(f"{path}: holds no parameters of vehicle {vehicle}", f"it holds those of {listed}")
+    return received.of(vehicles[0] if vehicle is None else vehicle)
 
 
 def _number(bits: int, kind: int, *, is_px4: bool) -> float:
@@ -184,7 +179,7 @@ _OLD_CHANNELS = (("ROLL", 1, 4), ("PITCH", 2, 19), ("THROTTLE", 3, 70), ("YAW", 
 """Channels of ArduPlane before 3.8: name in RCMAP_*, usual channel, and the function that it has since."""
 _OLD_MIXERS = ("ELEVON_MIXING", "ELEVON_OUTPUT", "VTAIL_OUTPUT")
 OUTPUT_PARAMETERS = ("SERVO", "PWM_", "HIL_ACT", "RC", "KFF_RDDRMIX", "CRUISE_THROTTLE", *_OLD_MIXERS)
-"""Beginnings of the names of parameters that tell what an output moves."""
+"""Beginnings of the names of parameters that say what an output moves."""
 _PX4 = {
     1: "left aileron",
     2: "right aileron",
@@ -209,22 +204,15 @@ _PX4_MOTORS = range(101, 113)
 _CHANNELS = 32
 
 
-class _Bus(NamedTuple):
-    """A group of PX4 outputs: the prefix of their parameters, their first channel, and their usual range."""
-
-    prefix: str
-    first: int
-    usual: tuple[int, int, int]
-
-
 _PER_BUS = 16
 _LEAST_RANGE_US = 2  # a zero needs a pulse between the ends
 _UAVCAN_FIRST = 32
 _BUSES = (
-    _Bus("PWM_MAIN", 0, (1000, 1500, 2000)),
-    _Bus("PWM_AUX", 16, (1000, 1500, 2000)),
-    _Bus("UAVCAN_SV", _UAVCAN_FIRST, (0, 500, 1000)),
+    ("PWM_MAIN", 0, (1000, 1500, 2000)),
+    ("PWM_AUX", 16, (1000, 1500, 2000)),
+    ("UAVCAN_SV", _UAVCAN_FIRST, (0, 500, 1000)),
 )
+"""PX4's groups of outputs: prefix of their parameters, channel before the first, and usual pulses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,7 +252,7 @@ class Output:
 
 
 def assigned_outputs(parameters: Parameters) -> list[Output]:
-    """Return the outputs whose parameters tell what they move, in the order of their channels.
+    """Return the outputs whose parameters say what they move, in the order of their channels.
 
     Examples
     --------
@@ -292,7 +280,7 @@ def _ardupilot(values: Mapping[str, float]) -> Iterator[Output]:
     # ArduPlane before 3.8: the first four channels go through, and RCn_* holds what SERVOn_* holds since.
     old = "RC1_REV" in values and "KFF_RDDRMIX" in values
     if old and any(values.get(name) for name in _OLD_MIXERS):
-        return  # which of two mixed outputs is which, and its direction, is told otherwise
+        return  # other parameters say which of two mixed outputs is which, and its direction
     stem, reverse_by, reversed_is = ("RC", "REV", -1) if old else ("SERVO", "REVERSED", 1)
     through = {round(values.get(f"RCMAP_{name}", n)): one for name, n, one in _OLD_CHANNELS} if old else {}
     for n in range(1, _CHANNELS + 1):

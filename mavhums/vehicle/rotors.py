@@ -7,7 +7,7 @@ frames of SYS_AUTOSTART. Rovers and boats have FRAME_CLASS, too; MOT_SPIN_MIN be
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -20,7 +20,7 @@ from mavhums.vehicle.vtol import turns_its_motors
 __all__ = ["ROTOR_PARAMETERS", "Rotors", "rotors_of"]
 
 ROTOR_PARAMETERS: Final = ("FRAME", "MOT_", "RC3_M", "CA_", "SYS_AUTOSTART", "MAV_TYPE", "THR_MDL_FAC")
-"""First letters of the parameters that tell of motors."""
+"""Beginnings of the names of parameters that describe motors."""
 
 _QUAD, _HEXA, _OCTA = 1, 2, 3  # FRAME_CLASS
 _SIZES: Final = {_QUAD: "quad", _HEXA: "hexa", _OCTA: "octa"}
@@ -61,13 +61,18 @@ _PX4_FIRST_MOTOR: Final = 101  # PWM_MAIN_FUNCn
 _PX4_KINDS: Final = {2: _QUAD, 13: _HEXA, 14: _OCTA}  # MAV_TYPE
 _PX4_STANDARD_VTOL: Final = 2  # CA_AIRFRAME
 _PX4_PLUS: Final = (5, 7, 9)  # thousands of SYS_AUTOSTART
+_ROUNDING: Final = 1e-9  # a share below comes from sin 180°, which is not exactly 0
+_LEAST_RANGE_US: Final = 100.0  # between idle and full thrust: less is a damaged or a missing calibration
+_PULSES_US: Final = (1000.0, 2000.0)  # MOT_PWM_MIN and MOT_PWM_MAX where no parameter gives them
+_SPINS: Final = (0.15, 0.95)  # ArduPilot's defaults of MOT_SPIN_MIN and MOT_SPIN_MAX, shares of the range
+_EXPO: Final = 0.65  # ArduPilot's default of MOT_THST_EXPO
 _OVERRIDDEN: Final = 0.15
 """Share of full thrust by which an output differs from what the mixer asks of it: less is the sampling."""
 _PX4_EXPONENT: Final = 1.5
-"""Thrust by output where THR_MDL_FAC does not tell: between the propeller's 2 and the ESC's 1."""
+"""Exponent of thrust by output where THR_MDL_FAC is not given: between the propeller's 2 and the ESC's 1."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Rotors:
     """The motors of one multirotor.
 
@@ -77,9 +82,9 @@ class Rotors:
         In words, for example ``quad X``.
     servos
         Output of each motor, from 1.
-    columns
-        What a unit of each motor's thrust adds to the effort about roll, pitch and yaw, shape (motors, 3):
-        of the mixer's factors, scaled to at most 1, each by the sum of their squares.
+    shares
+        Of each motor: what a unit of its thrust adds to the effort about roll, pitch and yaw. These are the
+        mixer's factors, scaled to at most 1, each by the sum of their squares.
     bearings_deg
         Where each motor sits, clockwise from the nose, -180 to 180.
     idle, full
@@ -92,21 +97,17 @@ class Rotors:
 
     frame: str
     servos: tuple[int, ...]
-    columns: Array
-    bearings_deg: tuple[float, ...]
+    shares: tuple[tuple[float, ...], ...]
+    bearings_deg: tuple[float, ...] = field(compare=False)
     idle: float
     full: float
     curve: float | None
     lift: bool = False
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Rotors) and self._key() == other._key()
-
-    def __hash__(self) -> int:
-        return hash(self._key())
-
-    def _key(self) -> tuple[object, ...]:
-        return self.frame, self.servos, self.columns.tobytes(), self.idle, self.full, self.curve, self.lift
+    @property
+    def columns(self) -> Array:
+        """The shares, shape (motors, 3)."""
+        return np.array(self.shares)
 
     def thrusts(self, pulses: Array, mixer: Array) -> Array:
         """Return the thrust asked of each motor, a share of its full thrust, shape (n, motors).
@@ -119,9 +120,10 @@ class Rotors:
             What the mixer was asked for: roll, pitch, yaw and thrust, shape (n, 4), NaN where unknown.
         """
         sent = self._sent(pulses)
+        # ArduPilot's mixer adds half of what is asked about an axis to each motor's thrust.
         factors = self.columns / np.abs(self.columns).max(axis=0)
         asked = np.clip(mixer[:, 3:] + 0.5 * mixer[:, :3] @ factors.T, 0.0, 1.0)
-        # An output that is overridden or passed through shows no more what is asked of its motor. Where all
+        # An output that is overridden or passed through no longer shows what is asked of its motor. Where all
         # outputs but one or two follow the mixer, those are replaced; at the limits more of them differ.
         apart = sent - asked
         apart -= np.median(apart, axis=1, keepdims=True)
@@ -132,8 +134,8 @@ class Rotors:
     def _sent(self, pulses: Array) -> Array:
         x = (pulses[:, [servo - 1 for servo in self.servos]] - self.idle) / (self.full - self.idle)
         x = np.clip(x, 0.0, 1.0)
-        shares: Array = x**_PX4_EXPONENT if self.curve is None else (1 - self.curve) * x + self.curve * x**2
-        return shares
+        e = self.curve
+        return np.asarray(x**_PX4_EXPONENT if e is None else (1 - e) * x + e * x**2)
 
 
 def rotors_of(parameters: Parameters) -> Rotors | str | None:
@@ -180,16 +182,18 @@ def _of_ardupilot(values: Mapping[str, float]) -> Rotors | str | None:
         return "the parameters assign no output to some of its motors"
     low, high = (
         next((values[name] for name in names if values.get(name, 0.0) > 0.0), usual)
-        for names, usual in ((("MOT_PWM_MIN", "RC3_MIN"), 1000.0), (("MOT_PWM_MAX", "RC3_MAX"), 2000.0))
+        for names, usual in zip(
+            (("MOT_PWM_MIN", "RC3_MIN"), ("MOT_PWM_MAX", "RC3_MAX")), _PULSES_US, strict=True
+        )
     )
-    least, most = values.get("MOT_SPIN_MIN", 0.15), values.get("MOT_SPIN_MAX", 0.95)
+    least, most = values.get("MOT_SPIN_MIN", _SPINS[0]), values.get("MOT_SPIN_MAX", _SPINS[1])
     idle, full = low + least * (high - low), low + most * (high - low)
-    if not full > idle + 100.0:
+    if not full > idle + _LEAST_RANGE_US:
         return "the range of its motors' outputs (MOT_PWM_MIN, MOT_PWM_MAX) is not plausible"
     name = f"{_SIZES[int(kind)]} {_TYPES[int(type_)]}"
     servos = tuple(found[k] for k in range(len(places)))
-    bearings, curve = tuple(float(angle) for angle, _ in places), values.get("MOT_THST_EXPO", 0.65)
-    return Rotors(name, servos, _columns(_factors(places)), bearings, idle, full, curve)
+    bearings, curve = tuple(float(angle) for angle, _ in places), values.get("MOT_THST_EXPO", _EXPO)
+    return Rotors(name, servos, _shares(_factors(places)), bearings, idle, full, curve)
 
 
 def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
@@ -220,7 +224,7 @@ def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
     curve = values.get("THR_MDL_FAC", 0.0) or None
     lift = airframe == _PX4_STANDARD_VTOL
     size = f"lift {size}" if lift else size
-    return Rotors(size, servos, _columns(factors), bearings, 1000.0, 2000.0, curve, lift)
+    return Rotors(size, servos, _shares(factors), bearings, *_PULSES_US, curve, lift)
 
 
 def _px4_servos(values: Mapping[str, float], count: int) -> tuple[int, ...]:
@@ -241,8 +245,8 @@ def _factors(places: tuple[tuple[float, int], ...]) -> Array:
     return np.stack([-np.sin(angles), np.cos(angles), [float(spin) for _, spin in places]], axis=1)
 
 
-def _columns(factors: Array) -> Array:
+def _shares(factors: Array) -> tuple[tuple[float, ...], ...]:
     factors = factors / np.abs(factors).max(axis=0)
-    columns: Array = factors / (factors**2).sum(axis=0)
-    columns[np.abs(columns) < 1e-9] = 0.0
-    return columns
+    shares = factors / (factors**2).sum(axis=0)
+    shares[np.abs(shares) < _ROUNDING] = 0.0
+    return tuple(map(tuple, shares.tolist()))

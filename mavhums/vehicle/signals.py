@@ -42,7 +42,7 @@ DERIVED: Final = 99
 
 _MEMORY_S: Final = 10  # shorter follows the loss of a few messages, longer loses more after a true change
 _LESSER: Final = 1.5  # cost of streams after the preferred one: estimates are smoother, and later
-_DERIVED: Final = 2.25  # cost of what is derived from another signal
+_DERIVED: Final = _LESSER**2  # cost of the change of the attitude: an estimate, smoothed by the difference
 _BETTER: Final = 0.8  # of the cost: less than this changes the stream; nearer to 1 flickers
 
 _AGREEMENT_S: Final = 30.0  # memory of the comparison of rates, s: some turns
@@ -179,7 +179,7 @@ class Choice:
         for k in range(seconds):
             for rank, sums in products.items():
                 self._compare(rank, *sums[k])
-            self._take({rank: float(spacing[k]) for rank, spacing in spacings.items()})
+            self._choose({rank: float(spacing[k]) for rank, spacing in spacings.items()})
             chosen[k] = self._chosen
         return chosen
 
@@ -198,8 +198,8 @@ class Choice:
         if rows > 0:
             self._agreed[rank] = kept * before + product / rows, kept * power + square / rows
 
-    def _take(self, spacing: dict[int, float]) -> None:
-        # An outage of the whole link tells nothing about one of its streams.
+    def _choose(self, spacing: dict[int, float]) -> None:
+        # An outage of the whole link says nothing about one of its streams.
         if min(spacing.values(), default=self._silent_s) >= self._silent_s:
             return
         for rank, value in spacing.items():
@@ -210,7 +210,11 @@ class Choice:
             next(rank for rank, mean in means.items() if mean < self._silent_s): 1.0,
             DERIVED: _DERIVED,
         }
-        agree = {rank: _SLOPE[0] < slope < _SLOPE[1] for rank, slope in self._slopes()}
+        agree = {
+            rank: _SLOPE[0] < product / power < _SLOPE[1]
+            for rank, (product, power) in self._agreed.items()
+            if power > _AGREEMENT_S * _MOVING_RAD_S**2  # else there is too little motion to compare
+        }
         # Where no stream agrees, the attitude is wrong, as before the estimator has settled.
         wrong = {rank for rank, right in agree.items() if not right} if any(agree.values()) else set()
         costs = {
@@ -220,12 +224,6 @@ class Choice:
         best = min(costs, key=costs.__getitem__)
         if self._chosen < 0 or costs[best] < _BETTER * costs[self._chosen]:
             self._chosen = best
-
-    def _slopes(self) -> Iterator[tuple[int, float]]:
-        """Yield the slope on the truth of each stream whose motion tells it."""
-        for rank, (product, power) in self._agreed.items():
-            if power > _AGREEMENT_S * _MOVING_RAD_S**2:
-                yield rank, product / power
 
 
 def _products(values: Array, truth: Array) -> Array:

@@ -1,7 +1,7 @@
 """What keeps an ArduPlane VTOL in the air: its lift motors, which of them tilt, and how far.
 
 Quadplanes report the type of a fixed wing, and helicopters run the firmware of multirotors. Their parameters
-tell what they are: Q_ENABLE, Q_TILT_MASK for the motors that tilt, Q_TAILSIT_MOTMX for those that pull a
+say what they are: Q_ENABLE, Q_TILT_MASK for the motors that tilt, Q_TAILSIT_MOTMX for those that pull a
 tailsitter forward; FRAME_CLASS of a helicopter, whose "motors" are the servos of its rotors.
 """
 
@@ -19,18 +19,19 @@ from mavhums.vehicle.identity import Identity
 
 __all__ = [
     "HOVERING_MODES",
+    "LEAST_SPEED",
     "NO_LIFT",
     "VTOL_PARAMETERS",
     "Lift",
     "hovers",
-    "known_as",
     "lift_of",
+    "refined_identity",
     "rotor_servos",
     "turns_its_motors",
 ]
 
 VTOL_PARAMETERS: Final = ("Q_ENABLE", "Q_FRAME_", "Q_M_", "Q_T", "FRAME_CLASS")
-"""First letters of the parameters that tell what lifts."""
+"""Beginnings of the names of parameters that say what lifts."""
 
 _MOTORS: Final = {33 + k: k for k in range(8)} | {82 + k: k + 8 for k in range(4)}  # SERVOn_FUNCTION
 _TILTS: Final = (41, 45, 46, 47, 75, 76)  # SERVOn_FUNCTION of servos that tilt motors
@@ -41,15 +42,16 @@ _TAILSITTER: Final = 10  # Q_FRAME_CLASS
 _HELICOPTERS: Final = {6: 3, 11: 6, 13: 8}  # FRAME_CLASS: number of servos that move the main rotors
 _TAIL_ROTOR: Final = 3  # motor number, of the helicopter with one rotor
 
-_MOST_IDLE: Final = 0.5  # share of the range: a damaged parameter cannot hide the motors for good
+_MOST_IDLE: Final = 0.5  # share of the range: a damaged parameter cannot hide the motors permanently
 
 HOVERING_MODES: Final = (17, 18, 19, 20, 21, 22, 23, 25)
 """ArduPlane's Q modes."""
 _HELD_MODES: Final = (17, 18, 19, 20)
 """Of these, those that hold a hover: QRTL flies forward first, QAUTOTUNE and QACRO are no steady flight."""
 _MC: Final = 3  # MAV_VTOL_STATE
-_FAST_M_S: Final = 8.0
-"""Airspeed from which the surfaces answer for what the motors do: that of forward flight."""
+LEAST_SPEED: Final = 8.0
+"""Airspeed of forward flight, m/s, from which the surfaces answer for what the motors do. Lower lets wind on
+the ground in, higher loses slow aircraft."""
 
 _CARRIES: Final = 0.05
 """Share of its range above its idle speed from which a lift motor carries. A tiltrotor that cruises keeps its
@@ -108,15 +110,17 @@ class Lift:
         return _carries(self.fixed, pulses) | (_carries(self.tilting, pulses) & ~self._tilted(pulses))
 
     def _tilted(self, pulses: Array) -> Flags:
-        """Return where the motors point forward; where no tilt is known, the motors that do not tilt tell."""
+        """Return where the motors point forward.
+
+        Where no tilt is known, the motors that do not tilt decide, if there are any.
+        """
         if not self.tilts:
             return np.full(len(pulses), bool(self.fixed))
         sent = pulses[:, [tilt.servo - 1 for tilt in self.tilts]]
         up, forward = np.array([tilt[1:] for tilt in self.tilts]).T
         share = (sent - up) / (forward - up)
-        turned = (np.isnan(share) | (share >= _FORWARD)).all(axis=1)
-        told: Flags = np.where(np.isnan(share).all(axis=1), bool(self.fixed), turned)
-        return told
+        tilted = (np.isnan(share) | (share >= _FORWARD)).all(axis=1)
+        return np.where(np.isnan(share).all(axis=1), bool(self.fixed), tilted)
 
 
 def hovers(signals: Mapping[str, Array]) -> Flags:
@@ -130,7 +134,7 @@ def hovers(signals: Mapping[str, Array]) -> Flags:
     autopilot, mode = signals["state"][:, 1], signals["state"][:, 3]
     vtol = signals["vtol"][:, 0]
     held = (autopilot == ARDUPILOT) & np.isin(mode, _HELD_MODES) & ~(vtol > 0)
-    hovering: Flags = (held | (vtol == _MC)) & ~(signals["airspeed"][:, 0] > _FAST_M_S)
+    hovering: Flags = (held | (vtol == _MC)) & ~(signals["airspeed"][:, 0] > LEAST_SPEED)
     return hovering
 
 
@@ -178,12 +182,12 @@ def lift_of(values: Mapping[str, float]) -> Lift:
     )
 
 
-def known_as(identity: Identity, values: Mapping[str, float]) -> Identity:
-    """Return the identity of a vehicle with the kind that its parameters tell.
+def refined_identity(identity: Identity, values: Mapping[str, float]) -> Identity:
+    """Return the identity of a vehicle with the kind that its parameters give.
 
     Examples
     --------
-    >>> known_as(Identity(1, "fixed wing"), {"Q_ENABLE": 1.0, "Q_TILT_MASK": 5.0}).kind
+    >>> refined_identity(Identity(1, "fixed wing"), {"Q_ENABLE": 1.0, "Q_TILT_MASK": 5.0}).kind
     'tiltrotor'
     """
     if values.get("FRAME_CLASS") in _HELICOPTERS and (identity.multirotor or identity.kind is None):

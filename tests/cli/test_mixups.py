@@ -41,7 +41,7 @@ def test_a_log_is_no_profile_and_a_profile_is_no_log(run: Run, short_log: Path) 
     assert "--airframe" in given.err
     given = run("analyse", short_log, "--airframe", short_log)
     assert given.code == ExitCode.ERROR
-    assert "this is no airframe profile but a binary file, as a log is" in given.err
+    assert "this is not an airframe profile but a binary file, as a log is" in given.err
 
 
 def test_a_recording_in_no_folder_names_no_temporary_file(run: Run, short_log: Path, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.identity import Identity
-from mavhums.vehicle.vtol import known_as, lift_of, rotor_servos
+from mavhums.vehicle.vtol import lift_of, refined_identity, rotor_servos
 from tests.engine.test_axes import flown, judged, of
 from tests.engine.wired import PLANE, Wired
 
@@ -81,7 +81,7 @@ def test_parameters_tell_the_kind_and_what_lifts(
 ) -> None:
     values = parameters | {f"SERVO{5 + k}_FUNCTION": 33.0 + k for k in range(4)} | {"SERVO9_FUNCTION": 39.0}
     tail = {9} if parameters.get("Q_FRAME_CLASS") != 7.0 and lifts else set()  # a tricopter's tail servo
-    assert known_as(Identity(1, "fixed wing"), values).kind == kind
+    assert refined_identity(Identity(1, "fixed wing"), values).kind == kind
     assert lift_of(values).servos == lifts | tail
 
 

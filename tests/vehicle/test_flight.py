@@ -15,7 +15,7 @@ from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import Moved, Surfaces, of_parameters
-from mavhums.vehicle.vtol import hovers, known_as, lift_of, rotor_servos, turns_its_motors
+from mavhums.vehicle.vtol import hovers, lift_of, refined_identity, rotor_servos, turns_its_motors
 
 PLANE, COPTER, ROVER, BOAT, QUADPLANE = 1.0, 2.0, 10.0, 11.0, 22.0
 ARDUPILOT, PX4 = 3.0, 12.0
@@ -206,15 +206,15 @@ def test_kinds_that_parameters_tell() -> None:
         (quadplane | {"Q_TAILSIT_ENABLE": 0.0, "Q_FRAME_CLASS": 10.0}, "quadplane", False),
         (quadplane | {"Q_FRAME_CLASS": 10.0}, "tailsitter", True),
     ):
-        assert known_as(plane, values).kind == kind
+        assert refined_identity(plane, values).kind == kind
         assert turns_its_motors(values) == turns
     for frame, count in ((6.0, 3), (11.0, 6), (13.0, 8)):
-        assert known_as(copter, {"FRAME_CLASS": frame}) == Identity(1, "helicopter")
-        assert known_as(plane, {"FRAME_CLASS": frame}) == plane
+        assert refined_identity(copter, {"FRAME_CLASS": frame}) == Identity(1, "helicopter")
+        assert refined_identity(plane, {"FRAME_CLASS": frame}) == plane
         servos = {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 9)} | {"FRAME_CLASS": frame}
         expected = {n: f"swashplate {n}" for n in range(1, count + 1)}
         assert rotor_servos(servos) == expected | ({4: "tail rotor"} if count == 3 else {})
-    assert known_as(copter, {"FRAME_CLASS": 1.0}) == copter
+    assert refined_identity(copter, {"FRAME_CLASS": 1.0}) == copter
     assert rotor_servos({"FRAME_CLASS": 1.0, "SERVO1_FUNCTION": 33.0}) == {}
 
 
