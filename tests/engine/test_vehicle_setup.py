@@ -291,6 +291,13 @@ def test_inferred_outputs_are_looked_at_every_ten_seconds(second: int, now_s: in
         assert (axes._hoped_s, axes._next_try_s) == (100, 110)
 
 
+def test_the_end_of_the_input_is_always_a_time_to_look() -> None:
+    axes = Axes(INFERRED, flown_s=4, parted_s=3)
+    axes._now_s = 5
+    assert [*axes.feed([], final=True)] == []
+    assert len(axes.adopted) == 1
+
+
 def test_outputs_that_parted_for_two_seconds_are_still_one() -> None:
     axes = Axes(INFERRED, flown_s=100, parted_s=2)
     assert [*axes._look(0)] == []

@@ -1,0 +1,622 @@
+"""The rules over flights at their boundaries: dates, states, ranks, names and messages, each by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
+from math import inf
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from mavhums.core.conditions import Condition
+from mavhums.core.errors import ExitCode, MavhumsError
+from mavhums.flights import corrections, naming, queries
+from mavhums.flights.aircraft import (
+    AircraftResolver,
+    Owner,
+    UnnamedAircraftError,
+    aircraft_of,
+    check_aircraft_rule,
+)
+from mavhums.flights.corrections import Correction, Repair
+from mavhums.flights.duplicates import _is_dated, recordings_of, superseded_recordings
+from mavhums.flights.flight_file import _check_plausible
+from mavhums.flights.folder import keep_assessment
+from mavhums.flights.history import PastFlight
+from mavhums.flights.naming import check_aircraft_named, foreign_board_among
+from mavhums.flights.reports import _is_soon, _kinds, _silent
+from mavhums.flights.standing import Flown, _finding, flights_left, reason_of, standing_of, step_of
+from mavhums.flights.trends import _at_end, _change, _error, _highest, _life, _rank, _why_unknown
+from mavhums.results.standing import FlightsLeft, Growth, Interval, Standing, Step
+from mavhums.results.verdict import Coverage, Evidence, Verdict
+from tests.flights import START, flown, identity, shown, verdict
+from tests.history.test_copies import recording
+
+DAY = timedelta(days=1)
+
+
+def flight(number: int, day: float, judged: Verdict | None = None) -> Flown:
+    past = PastFlight.of(flown(judged or verdict(), day=day))
+    return Flown(number, past, past.start.isoformat(), judged or verdict(), (judged or verdict()).gravest)
+
+
+def left(estimate: float, low: float = 0.0, high: float | None = None) -> FlightsLeft:
+    return FlightsLeft(estimate=estimate, low=low, high=high)
+
+
+def growth(degraded: FlightsLeft | None = None, emergency: FlightsLeft | None = None) -> Growth:
+    slope = Interval(estimate=1.0, low=0.5, high=1.5)
+    return Growth(
+        fault="friction",
+        quantity="Coulomb friction",
+        unit="N·m",
+        since_flight=1,
+        since_utc="2026-03-01",
+        per_flight=slope,
+        to_degraded=degraded,
+        to_emergency=emergency,
+    )
+
+
+def step(at: int, *, fault: str = "friction", better: bool = True) -> Step:
+    day = (START + at * DAY).isoformat()
+    return Step(fault=fault, quantity=fault, unit="N·m", flight=at, at_utc=day, size=-1.0, better=better)
+
+
+def test_dates_follow_from_the_last_twenty_flights() -> None:
+    """Five flights at long intervals come first; the last twenty are half a day apart."""
+    several = [flight(k, 100.0 * k) for k in range(1, 6)]
+    several += [flight(k, 600 + 0.5 * (k - 6)) for k in range(6, 26)]
+    found = flights_left((2.0, 4.0, 8.0), several, 4.0)
+    last = START + 609.5 * DAY
+    assert found == FlightsLeft(
+        estimate=4.0,
+        low=2.0,
+        high=8.0,
+        expected_utc=(last + 2 * DAY).date().isoformat(),
+        earliest_utc=(last + 1 * DAY).date().isoformat(),
+        latest_utc=(last + 4 * DAY).date().isoformat(),
+        is_far=False,
+    )
+    far = flights_left((2.0, 4.0, inf), several, 3.9)
+    assert far is not None
+    assert (far.high, far.latest_utc, far.is_far) == (None, None, True)
+    assert flights_left((2.0, inf, inf), several, 4.0) is None
+
+
+@pytest.mark.parametrize(("ahead", "dated"), [(36_524, True), (36_525, False)])
+def test_no_date_is_told_beyond_a_hundred_years(ahead: float, dated: bool) -> None:
+    found = flights_left((ahead, ahead, ahead), [flight(1, 0), flight(2, 1)], 0.0)
+    assert found is not None
+    assert (found.expected_utc is not None) is dated
+
+
+@pytest.mark.parametrize("days", [(0.0,), (0.0, 0.0)])
+def test_flights_that_tell_no_rate_give_no_dates(days: tuple[float, ...]) -> None:
+    several = [flight(k, day) for k, day in enumerate(days, 1)]
+    found = flights_left((1.0, 2.0, 3.0), several, 9.0)
+    assert found == FlightsLeft(estimate=2.0, low=1.0, high=3.0)
+
+
+@pytest.mark.parametrize(("fault", "better"), [("friction", False), ("effectiveness", True)])
+def test_a_step_is_the_difference_of_five_flights_before_and_after(fault: str, better: bool) -> None:
+    values = [9.0, 9.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 8.0, 9.0, 10.0, 11.0, 99.0]
+    pairs = [(flight(k, k), shown(value, fault=fault)) for k, value in enumerate(values, 1)]
+    found = step_of(pairs, 7)
+    assert (found.flight, found.size, found.better) == (8, 6.0, better)
+
+
+def stands(conditions: str, steps: tuple[Step, ...] = (), grows: tuple[Growth, ...] = ()) -> Standing:
+    """Return the standing after flights: d for degraded, n for normal, u for undecided, each a day later."""
+    names: Mapping[str, Condition] = {"d": "degraded", "n": "normal", "u": "undecided", "e": "emergency"}
+    several = []
+    for k, letter in enumerate(conditions, 1):
+        condition = names[letter]
+        suspect = None if letter in "nu" else "friction"
+        judged = verdict(shown(0.2), condition=condition, suspect=suspect)
+        several.append(flight(k, k, judged))
+    trends: Any = [SimpleNamespace(fault=one.fault, step=one, growth=None) for one in steps]
+    trends += [SimpleNamespace(fault="friction", step=None, growth=one) for one in grows]
+    return standing_of(several, trends, {})
+
+
+@pytest.mark.parametrize(
+    ("conditions", "expected"),
+    [
+        ("nnn", ("normal", None, 0)),
+        ("ndnnnn", ("degraded", 2, 4)),
+        ("ndnnnnn", ("normal", None, 0)),
+        ("ndnnnndn", ("degraded", 2, 1)),  # not five in a row
+        ("ndnnnnnd", ("degraded", 8, 0)),
+        ("ndununun", ("degraded", 2, 3)),  # what was not decided neither ends it nor counts
+        ("ednn", ("emergency", 1, 3)),
+        ("ednnnn", ("degraded", 1, 4)),
+        ("u", ("undecided", None, 0)),
+    ],
+)
+def test_a_fault_ends_after_five_judged_flights_without_it(
+    conditions: str, expected: tuple[Condition, int | None, int]
+) -> None:
+    found = stands(conditions)
+    assert (found.condition, found.since_flight, found.clear_flights) == expected
+
+
+@pytest.mark.parametrize(
+    ("steps", "condition"),
+    [
+        ((step(4),), "normal"),
+        ((step(3),), "degraded"),
+        ((step(4, better=False),), "degraded"),
+        ((step(4, fault="backlash"),), "degraded"),
+        ((step(2), step(4)), "normal"),
+    ],
+)
+def test_a_step_to_the_better_after_the_fault_ends_it(steps: tuple[Step, ...], condition: str) -> None:
+    assert stands("dddnn", steps).condition == condition
+
+
+def test_only_a_step_of_the_last_twenty_flights_is_told_and_the_soonest_growth() -> None:
+    thirty = "n" * 30
+    assert stands(thirty, (step(10),)).step is None
+    assert stands(thirty, (step(11),)).step == step(11)
+    assert stands(thirty, (step(20), step(25), step(15))).step == step(25)
+    late, soon, never = growth(left(50.0)), growth(left(60.0), left(9.0)), growth()
+    assert stands(thirty, grows=(late, soon, never)).growth == soon
+    assert stands(thirty, grows=(never, late)).growth == late
+
+
+def rule(kind: str, text: str, limit: float = 0.5) -> Evidence:
+    return Evidence(kind=kind, start_s=0.0, end_s=1.0, value=0.1, limit=limit, rule=text)
+
+
+@pytest.mark.parametrize(
+    ("judged", "condition", "fault", "limit"),
+    [
+        (
+            verdict(shown(0.2), shown(0.1, fault="backlash"), suspect="backlash"),
+            "degraded",
+            "backlash",
+            0.375,
+        ),
+        (verdict(shown(0.9), suspect="friction"), "emergency", "friction", 0.875),
+        (verdict(shown(0.9, fault="backlash"), suspect="backlash"), "emergency", "backlash", 0.375),
+        (verdict(shown(0.385)), "degraded", "friction", 0.375),  # beyond the limit, without a suspect
+        (verdict(shown(0.378)), "degraded", None, None),
+        (verdict(suspect="jam"), "degraded", "jam", None),
+    ],
+)
+def test_a_finding_rests_on_the_suspect_else_on_what_lies_beyond_its_limit(
+    judged: Verdict, condition: Condition, fault: str | None, limit: float | None
+) -> None:
+    found = _finding(judged, condition)
+    assert (found["fault"], found.get("limit")) == (fault, limit)
+
+
+def test_a_finding_without_an_indicator_rests_on_its_rule() -> None:
+    rules = (rule("jam", "degraded: it stood"), rule("friction_drift", "emergency: it rose"))
+    judged = verdict(shown(0.2)).model_copy(update={"evidence": rules, "reason": "why"})
+    assert _finding(judged, "degraded") == {"fault": "jam", "limit": 0.5, "quantity": "degraded: it stood"}
+    assert _finding(judged, "emergency")["fault"] == "friction"
+    assert [reason_of(judged, each) for each in ("degraded", "emergency", "normal")] == [
+        "degraded: it stood",
+        "emergency: it rose",
+        "why",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("grows", "emergency", "flights", "after", "expected"),
+    [
+        (None, 1.0, 7, None, "7 flights show it; a trend needs 8"),
+        (None, 1.0, 7, step(3), "7 flights show it since the step at flight 3; a trend needs 8"),
+        (None, 1.0, 8, None, "no growth beyond the scatter between flights"),
+        (growth(), None, 9, None, "it grows, but has no emergency limit"),
+        (growth(None, left(3.0)), 1.0, 9, None, "it grows, but may never reach its limit"),
+        (growth(None, None), 1.0, 9, None, "it grows, but may never reach its limit"),
+        (growth(None, left(3.0, high=4.0)), 1.0, 9, None, None),
+    ],
+)
+def test_why_no_remaining_life_is_told(
+    grows: Growth | None, emergency: float | None, flights: int, after: Step | None, expected: str | None
+) -> None:
+    assert _why_unknown(grows, emergency, flights, after) == expected
+
+
+def test_numbers_of_a_trend_by_hand() -> None:
+    assert _life(left(3.0, 2.0, 4.0)) == Interval(estimate=3.0, low=2.0, high=4.0)
+    one = shown(0.3, error=0.02, windows=25)
+    assert _error(one) == pytest.approx(0.02)
+    assert _error(one.model_copy(update={"scatter": None})) == pytest.approx(0.08 / (2 * 1.96), rel=1e-4)
+    expected = Interval(estimate=0.1, low=0.05, high=0.2)
+    change = _change(one, expected)
+    assert change is not None
+    assert (change.estimate, change.low, change.high) == pytest.approx((0.2, 0.1, 0.25))
+    evidence = tuple(
+        rule(kind, "x").model_copy(update={"value": value})
+        for kind, value in (("friction", 0.2), ("friction", 0.4), ("backlash", 0.9), ("effectiveness", 0.7))
+    )
+    judged = verdict().model_copy(update={"evidence": evidence, "friction_nm": expected})
+    assert [_highest(judged, shown(0.1, fault=each)) for each in ("friction", "effectiveness", "jam")] == [
+        *(0.4, None, None)
+    ]
+    assert [_at_end(judged, shown(0.1, fault=each)) for each in ("friction", "backlash")] == [0.1, None]
+    assert _at_end(verdict(), shown(0.1)) is None
+
+
+def test_trends_are_sorted_by_condition_then_flights_left_then_nearness_to_the_limit() -> None:
+    def one(
+        condition: Condition, grows: Growth | None, value: float, *, fault: str = "friction", name: str = "a"
+    ) -> Any:
+        points = [SimpleNamespace(value=SimpleNamespace(estimate=value))]
+        limit = 0.5 if fault == "effectiveness" else 0.875
+        return SimpleNamespace(
+            condition=condition,
+            growth=grows,
+            emergency=limit,
+            fault=fault,
+            points=points,
+            vehicle=1,
+            actuator=name,
+        )
+
+    order = [
+        one("emergency", None, 0.1),
+        one("degraded", None, 0.1),
+        one("normal", growth(left(9.0, 5.0), left(20.0, 4.0)), 0.1),
+        one("normal", growth(left(9.0, 5.0)), 0.1),
+        one("normal", None, 0.8),  # 0.91 of its limit
+        one("normal", None, 0.6, fault="effectiveness"),  # 0.83: the limit lies below
+        one("normal", None, 0.7),  # 0.8
+        one("normal", None, 0.1, name="a"),
+        one("normal", None, 0.1, name="b"),
+        one("normal", None, 0.0),
+    ]
+    backwards = order[::-1]
+    assert sorted(backwards, key=_rank) == order
+
+
+def standing(
+    condition: Condition, grows: Growth | None = None, found: Step | None = None, last: str = "2026-03-01"
+) -> Standing:
+    return Standing(
+        vehicle=1,
+        actuator="elevator",
+        airframe="paper",
+        condition=condition,
+        last="normal",
+        growth=grows,
+        step=found,
+        flights=9,
+        last_utc=f"{last}T00:00:00+00:00",
+        log=None,
+    )
+
+
+SOON, LATE = growth(left(10.0)), growth(left(10.1), left(99.0))
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "kinds"),
+    [
+        (None, standing("normal"), []),
+        (None, standing("undecided"), []),
+        (None, standing("degraded"), ["new"]),
+        (standing("normal"), standing("degraded"), ["new"]),
+        (standing("undecided"), standing("degraded", SOON), ["new"]),
+        (standing("degraded"), standing("emergency"), ["worse"]),
+        (standing("degraded"), standing("changed"), []),
+        (standing("emergency"), standing("degraded"), ["eased"]),
+        (standing("degraded"), standing("normal"), ["gone"]),
+        (standing("degraded", LATE), standing("normal", LATE), ["eased"]),
+        (None, standing("normal", LATE), ["growing"]),
+        (standing("normal"), standing("normal", LATE), ["growing"]),
+        (standing("normal", LATE), standing("normal", LATE), []),
+        (standing("normal", LATE), standing("normal", SOON), ["growing"]),
+        (standing("normal", SOON), standing("normal", LATE), []),
+        (standing("normal", SOON), standing("normal"), ["gone"]),
+        (standing("degraded", SOON), standing("degraded"), []),
+        (standing("normal"), standing("normal", None, step(4)), ["step"]),
+        (standing("normal", None, step(4)), standing("normal", None, step(4)), []),
+        (standing("normal", None, step(3)), standing("degraded", None, step(4)), ["new", "step"]),
+    ],
+)
+def test_what_changed_between_two_standings(was: Standing | None, now: Standing, kinds: list[str]) -> None:
+    assert [*_kinds(was, now)] == kinds
+
+
+def test_growth_is_soon_within_ten_flights_and_an_aircraft_silent_after_more_than_its_days() -> None:
+    assert [_is_soon(each) for each in (growth(), LATE, SOON, growth(left(1.0), left(10.0)))] == [0, 0, 1, 2]
+    now = {
+        "D-B": (standing("normal", last="2026-02-01"), standing("normal", last="2026-03-01")),
+        "D-A": (standing("normal", last="2026-02-28"),),
+    }
+    until = datetime(2026, 3, 15, tzinfo=UTC)
+    assert [(one.aircraft, one.days) for one in _silent(now, until, 14.0)] == [("D-A", 15.0)]
+    assert [one.aircraft for one in _silent(now, until, 13.9)] == ["D-A", "D-B"]
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "differ"),
+    [
+        ((1, "0A", "D-A"), (1, "0B", "D-A"), False),
+        ((1, "0A", "D-A"), (1, "0A", "D-B"), True),
+        ((1, "0A", "D-A"), (2, "0B", "D-B"), False),
+        ((1, "0A", None), (1, "0B", "D-B"), True),
+        ((1, "0A", None), (1, "0A", "D-B"), False),
+        ((1, None, "D-A"), (1, "0B", None), False),
+        ((1, None, None), (1, None, None), False),
+    ],
+)
+def test_two_owners_differ_by_name_else_by_board(one: Any, other: Any, differ: bool) -> None:
+    first, second = (Owner._make((*each, (START, START))) for each in (one, other))
+    assert first.differs(second) is second.differs(first) is differ
+    assert first.is_known is (one[1:] != (None, None))
+
+
+@pytest.mark.parametrize("rule", [None, "folder", "board", "=D-EABC", "(?P<aircraft>x)"])
+def test_rules_that_identify_an_aircraft(rule: str | None) -> None:
+    check_aircraft_rule(rule)
+
+
+@pytest.mark.parametrize("rule", ["=", "(", "x", "(?P<name>x)"])
+def test_rules_that_cannot_identify_an_aircraft(rule: str) -> None:
+    with pytest.raises(MavhumsError, match="--aircraft"):
+        check_aircraft_rule(rule)
+
+
+def test_a_rule_that_does_not_match_gives_no_name(tmp_path: Path) -> None:
+    assert aircraft_of("x.tlog", "(?P<aircraft>D-[A-Z]+)") == ""
+    assert aircraft_of("x.tlog", "(?P<aircraft>D)?x") == ""
+    archive = tmp_path / "D-A" / "logs.zip"
+    archive.parent.mkdir()
+    archive.touch()
+    assert aircraft_of(f"{archive}/x.tlog", "folder") == "D-A"
+    resolver = AircraftResolver("=D-A", renamed={"D-A": "D-B"})
+    assert [resolver.name(None, None, None), AircraftResolver().name("x", "0A", None)] == ["D-B", None]
+
+
+@pytest.mark.parametrize(("apart_s", "joined"), [(30.0, True), (30.1, False)])
+def test_recordings_whose_boots_lie_half_a_minute_apart_may_be_one_flight(
+    apart_s: float, joined: bool
+) -> None:
+    two = {"a": recording(identity(boot_s=-60.0), 9), "b": recording(identity(boot_s=-60.0 + apart_s), 1)}
+    assert superseded_recordings(two) == ({"b": "a"} if joined else {})
+    end = two | {"c": recording(identity(boot_s=500.0, begin_s=900.0, end_s=950.0))}
+    assert superseded_recordings(end) == superseded_recordings(two)
+
+
+def test_the_quality_of_a_recording_is_of_its_vehicle_alone() -> None:
+    def one(actuator: str, condition: Condition, decidable: int, vehicle: int = 1) -> Verdict:
+        covered = Coverage(moving_fraction=1.0, windows=99, decidable=decidable)
+        told = {"coverage": covered, "provenance": {"V1": "x", "V5": "y"}}
+        return verdict(actuator=actuator, condition=condition, vehicle=vehicle).model_copy(update=told)
+
+    several = (
+        one("elevator", "normal", 5),
+        one("rudder", "undecided", 3),
+        one("flap", "unmonitored", 0),
+        one("all", "normal", 50),
+        one("elevator", "normal", 70, vehicle=2),
+    )
+    [found] = recordings_of(flown(*several, identities=[identity()]))
+    assert found.quality[:4] == (1, 8, 6, True)
+    assert found.quality.log == flown().log.sha256
+    assert recordings_of(flown(*several, identities=[identity(board=None)])) == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "dated"),
+    [
+        ({}, True),
+        ({"boot_utc": None}, False),
+        ({"end_utc": None, "start_utc": None}, True),
+        ({"end_utc": "yesterday"}, False),
+        ({"start_utc": "2026-03-01T09:00:00"}, False),
+    ],
+)
+def test_a_recording_needs_a_boot_time_and_time_zones(change: dict[str, str | None], dated: bool) -> None:
+    assert _is_dated(identity().model_copy(update=change)) is dated
+
+
+@pytest.mark.parametrize(
+    ("change", "vehicle", "plausible"),
+    [
+        ({"scatter": 1e12}, 255, True),
+        ({"scatter": 1.01e12}, 1, False),
+        ({"limit": -1.01e12}, 1, False),
+        ({"emergency": 1.01e12}, 1, False),
+        ({"value": Interval(estimate=0, low=-1.01e12, high=0)}, 1, False),
+        ({"value": Interval(estimate=0, low=0, high=1.01e12)}, 1, False),
+        ({"windows": 1_010_000_000_000}, 1, False),
+        ({"scatter": None, "limit": None, "emergency": None}, 0, True),
+        ({}, None, True),
+        ({}, 256, False),
+        ({}, -1, False),
+    ],
+)
+def test_which_numbers_of_a_file_are_plausible(
+    change: dict[str, Any], vehicle: int | None, plausible: bool
+) -> None:
+    judged = verdict(shown(0.2).model_copy(update=change), vehicle=vehicle)
+    if plausible:
+        _check_plausible(flown(judged), Path("x.json"))
+    else:
+        with pytest.raises(MavhumsError, match="outside the accepted range"):
+            _check_plausible(flown(judged), Path("x.json"))
+
+
+@pytest.mark.parametrize(
+    ("path", "stem"),
+    [("a/b.tlog", "b"), (None, "log"), ("._-.tlog", "log"), ("ä b!c.bin", "ä_b_c"), ("x" * 99, "x" * 60)],
+)
+def test_a_kept_flight_is_named_after_its_log_and_hash(path: str | None, stem: str, tmp_path: Path) -> None:
+    judged = flown(verdict())
+    judged = judged.model_copy(update={"log": judged.log.model_copy(update={"path": path})})
+    assert keep_assessment(judged, tmp_path).name == f"{stem}-{(judged.log.sha256 or '')[:16]}.json"
+
+
+AT = datetime(2026, 3, 1, tzinfo=UTC)
+
+
+def correction(kind: Any, before: str | None = None, after: str | None = None, **given: Any) -> Correction:
+    known: dict[str, Any] = {"log": "x.tlog", "sha256": "0", "who": "Ada", "note": None, "at": AT}
+    return Correction(kind=kind, before=before, after=after, **(known | given))
+
+
+def test_corrections_and_repairs_as_text() -> None:
+    assert [
+        str(one).removeprefix("2026-03-01 00:00 UTC, Ada: ")
+        for one in (
+            correction("remove", "D-A"),
+            correction("remove", ""),
+            correction("restore", None, "D-A"),
+            correction("restore", None, ""),
+            correction("reassign", "", "D-B"),
+            correction("rename", "D-A", "D-B", note="sold"),
+        )
+    ] == [
+        "removed x.tlog from D-A",
+        "removed x.tlog from an unknown aircraft",
+        "restored x.tlog to D-A",
+        "restored x.tlog to an unknown aircraft",
+        "reassigned x.tlog from an unknown aircraft to D-B",
+        "renamed D-A to D-B: sold",
+    ]
+    assert [
+        str(Repair(*each))
+        for each in (
+            (None, None, AT),
+            (None, "rudder", AT),
+            ("D-A", None, AT),
+            ("D-A", "rudder", AT + DAY / 2),
+        )
+    ] == ["2026-03-01", "rudder=2026-03-01", "D-A/=2026-03-01", "D-A/rudder=2026-03-01T12:00:00"]
+
+
+def test_later_corrections_of_names_follow_earlier_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    several = [
+        correction("reassign", "D-Q", "D-A", sha256="1"),
+        correction("rename", "D-A", "D-B"),
+        correction("rename", "D-B", "D-C"),
+        correction("rename", "D-X", "D-Y"),
+        correction("rename", "D-Y", "D-X"),
+        correction("reassign", "D-C", "D-Z", sha256="2"),
+        correction("remove", "D-C", None, sha256="1"),
+    ]
+    monkeypatch.setattr(corrections, "corrections_of", lambda _: several)
+    store: Any = None
+    found = corrections.corrected_names(store)
+    assert found.aircraft == {"D-A": "D-C", "D-B": "D-C", "D-Y": "D-X"}
+    assert found.logs == {"1": "D-C", "2": "D-Z"}
+
+
+def test_the_last_repair_before_a_flight_counts() -> None:
+    repairs = [Repair(None, "rudder", AT + k * DAY) for k in (2, 1, 3)]
+    table: Any = SimpleNamespace(since=lambda aircraft, moment: {"elevator": AT})
+    since = corrections._since(repairs, table, "D-A", AT + 2 * DAY)
+    assert since == {"rudder": AT + 2 * DAY, "elevator": AT}
+
+
+class Answers:
+    """A store that gives one answer to every query."""
+
+    place = "store"
+
+    def __init__(self, *rows: tuple[Any, ...]) -> None:
+        self.rows = rows
+
+    def query(self, *_: object) -> Answers:
+        return self
+
+    def fetchall(self) -> list[tuple[Any, ...]]:
+        return [*self.rows]
+
+
+@pytest.mark.parametrize(
+    ("aircraft", "given", "remembered", "accepted"),
+    [
+        ("D-A", None, "folder", True),
+        ("D-B", None, "folder", False),  # a folder that no scan has named
+        ("D-B", "folder", "folder", True),
+        ("D-B", None, "board", True),
+        ("D-B", None, None, True),
+        ("", "folder", None, False),
+        ("", None, "board", False),
+    ],
+)
+def test_no_new_log_is_named_by_a_guess(
+    aircraft: str, given: str | None, remembered: str | None, accepted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(naming, "rule_of", lambda _: remembered)
+    monkeypatch.setattr(naming, "aircraft_in", lambda _: {"D-A"})
+    monkeypatch.setattr(naming, "proposed", lambda store, board: ["D-A", "D-C"] if board else [])
+    row: Any = SimpleNamespace(aircraft=aircraft, board="0A", path="x.tlog")
+    store: Any = Answers()
+    if accepted:
+        check_aircraft_named(store, row, AircraftResolver(given))
+        return
+    with pytest.raises(UnnamedAircraftError, match="its board flew in D-A") as error:
+        check_aircraft_named(store, row, AircraftResolver(given))
+    assert (error.value.remedy, error.value.proposed) == ("name it: --aircraft '=D-A'", ("D-A", "D-C"))
+    row.board = None
+    with pytest.raises(UnnamedAircraftError) as unknown:
+        check_aircraft_named(store, row, AircraftResolver(given))
+    assert (unknown.value.remedy, unknown.value.proposed) == ("name it: --aircraft '=NAME'", ())
+
+
+@pytest.mark.parametrize(
+    ("aircraft", "board", "rows", "said"),
+    [
+        ("D-A", "0B", [("0A", 2), ("0B", 1)], "2 flights of D-A with the board 0A"),
+        ("D-A", "0B", [("0A", 1)], "1 flight of D-A with the board 0A"),
+        ("D-A", "0A", [("0A", 2), ("0B", 1)], None),
+        ("D-A", None, [("0A", 2)], None),
+        ("D-A", "0B", [], None),
+        ("board 0A", "0B", [("0A", 2)], None),
+        ("D-A", "0C", [("0A", 2)], None),  # by the operator's table it is there
+    ],
+)
+def test_a_board_of_another_aircraft_is_said(
+    aircraft: str,
+    board: str | None,
+    rows: list[tuple[str, int]],
+    said: str | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    table = SimpleNamespace(aircraft_of=lambda board, moment: "D-A" if board == "0C" else None)
+    monkeypatch.setattr(naming, "whose_in", lambda *_: SimpleNamespace(table=table))
+    store: Any = Answers(*rows)
+    found = foreign_board_among(store, aircraft, board, START.isoformat())
+    assert found == said or (said is not None and found is not None and f"compared with {said}, but" in found)
+
+
+@pytest.mark.parametrize(
+    ("rows", "failures", "code"),
+    [
+        ([], 0, ExitCode.UNDECIDED),
+        ([("normal", None)], 0, ExitCode.OK),
+        ([("normal", None)], 1, ExitCode.ERROR),
+        ([], 1, ExitCode.ERROR),
+        ([("undecided", None)], 0, ExitCode.UNDECIDED),
+        ([("undecided", None)], 1, ExitCode.ERROR),
+        ([("normal", standing("degraded"))], 1, ExitCode.DEGRADED),
+        ([("normal", standing("normal", LATE))], 1, ExitCode.DEGRADED),
+        ([("normal", standing("normal"))], 0, ExitCode.OK),
+        ([("emergency", standing("normal"))], 1, ExitCode.EMERGENCY),
+        ([("degraded", None), ("normal", None)], 0, ExitCode.DEGRADED),
+    ],
+)
+def test_the_exit_code_of_a_fleet(
+    rows: list[tuple[Condition, Standing | None]],
+    failures: int,
+    code: ExitCode,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ranked = [(("D-A", "x", 0, 1, "elevator", "normal", worst), found) for worst, found in rows]
+    monkeypatch.setattr(queries, "_ranked", lambda _: ranked)
+    monkeypatch.setattr(queries, "status", lambda _: SimpleNamespace(failures=("x",) * failures))
+    monkeypatch.setattr(queries, "Store", lambda _: SimpleNamespace(opened=lambda: None))
+    assert queries.exit_code("store") == code
