@@ -38,7 +38,7 @@ from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.standing import Interval, Standing
 from mavhums.results.verdict import Indicator, Verdict
-from mavhums.show.changes import digest_lines
+from mavhums.show.standing import digest_lines
 
 ACTUATORS = ("aileron_left", "aileron_right", "elevator", "rudder")
 DEGRADED, EMERGENCY = 0.375, 0.875

@@ -267,8 +267,8 @@ def write_report(
     >>> write_report("flight.tlog", "report.html").exit_code.name
     'EMERGENCY'
     """
+    from mavhums.show.evidence import Gathered
     from mavhums.show.html import page, parts
-    from mavhums.show.html_curves import Gathered
 
     log, target = Path(path), Path(output)
     if log.exists() and target.exists() and log.samefile(target):

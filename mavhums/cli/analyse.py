@@ -7,33 +7,14 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, Self
 
 import click
 
-from mavhums.cli.keeping import check_baseline_dates, divided, indexed_history, judged_in_store
-from mavhums.cli.options import (
-    AIRCRAFT,
-    AIRCRAFT_TABLE,
-    AIRFRAME,
-    BASELINE_FROM,
-    DECIDE,
-    DIALECT,
-    FALSE_ALARMS,
-    HISTORY,
-    JOBS,
-    JSON,
-    KEEP,
-    KEY,
-    LOG,
-    LOGS,
-    MODEL,
-    PATH,
-    gathered,
-)
+from mavhums.cli.history import check_baseline_dates, divided, indexed_history, judged_in_store
+from mavhums.cli.options import BASELINE_FROM, HISTORY, JOBS, JSON, KEEP, LOG, LOGS, PATH, Dates, judging
 from mavhums.cli.output import announce_compiling, complain, reading, say, say_json
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError, MissingExtraError
@@ -109,7 +90,7 @@ class _TablePrinter(_OutcomePrinter):
 
         from mavhums.show import render
         from mavhums.show.terminal import line_of, render_findings
-        from mavhums.show.viewer_program import viewer_command
+        from mavhums.show.viewer import viewer_command
 
         self._lines.append(line_of(log, assessment))
         title = f"=== {assessment.log.path} ==="
@@ -214,7 +195,7 @@ def _open_recordings(recordings: Sequence[Path]) -> None:
     """Open recordings in the Rerun viewer; warn if it cannot be started, for the verdicts stand."""
     import subprocess
 
-    from mavhums.show.viewer_program import viewer_program
+    from mavhums.show.viewer import viewer_program
 
     try:
         subprocess.Popen([str(viewer_program()), *map(str, recordings)])
@@ -226,17 +207,10 @@ def _open_recordings(recordings: Sequence[Path]) -> None:
 
 @click.command(short_help="Judge every actuator and control axis in logs.", epilog=EPILOG)
 @LOGS
-@AIRFRAME
-@MODEL
-@DECIDE
-@DIALECT
-@FALSE_ALARMS
+@judging()
 @HISTORY
 @KEEP
 @BASELINE_FROM
-@AIRCRAFT
-@AIRCRAFT_TABLE
-@KEY
 @JSON
 @click.option(
     "--rrd",
@@ -248,13 +222,12 @@ def _open_recordings(recordings: Sequence[Path]) -> None:
 @JOBS
 @click.option("--verbose", is_flag=True, help="Show every reason and finding, and servo usage.")
 @click.option("--open", "open_viewer", is_flag=True, help="Open the recording in the Rerun viewer.")
-@gathered
 def analyse(
     options: Options,
     logs: tuple[Path, ...],
     history: Path | str | None,
     keep: bool,
-    dates: tuple[tuple[str | None, datetime], ...],
+    dates: Dates,
     as_json: bool,
     rrd: Path | None,
     no_position: bool,
@@ -322,23 +295,15 @@ def analyse(
 @click.command(short_help="Write the verdicts on a log as one HTML file.", epilog=EPILOG)
 @LOG
 @click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="The page, as report.html.")
-@AIRFRAME
-@MODEL
-@DECIDE
-@DIALECT
-@FALSE_ALARMS
+@judging()
 @HISTORY
 @BASELINE_FROM
-@AIRCRAFT
-@AIRCRAFT_TABLE
-@KEY
-@gathered
 def report(
     options: Options,
     log: Path,
     output: Path,
     history: Path | str | None,
-    dates: tuple[tuple[str | None, datetime], ...],
+    dates: Dates,
 ) -> None:
     """Write the verdicts on LOG with their evidence as one HTML file, to mail or to file.
 

@@ -17,21 +17,8 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self, cast
 
 import click
 
-from mavhums.cli.keeping import live_judging
-from mavhums.cli.options import (
-    AIRCRAFT_TABLE,
-    AIRFRAME,
-    BASELINE_FROM,
-    DECIDE,
-    DIALECT,
-    FALSE_ALARMS,
-    HISTORY,
-    KEEP,
-    KEY,
-    MODEL,
-    PATH,
-    gathered,
-)
+from mavhums.cli.history import live_judging
+from mavhums.cli.options import BASELINE_FROM, HISTORY, KEEP, PATH, judging
 from mavhums.core.about import EPILOG
 
 if TYPE_CHECKING:
@@ -53,17 +40,11 @@ _LEVELS = ("debug", "info", "warning", "error")
 
 @click.command(short_help="Judge every actuator while it flies.", epilog=EPILOG)
 @click.argument("urls", nargs=-1, metavar="URL...")
-@AIRFRAME
-@MODEL
-@DECIDE
-@DIALECT
-@FALSE_ALARMS
+@judging(without=["aircraft"])
+@click.option("--aircraft", metavar="NAME", help="Name of the aircraft, where --history is a fleet's STORE.")
 @HISTORY
 @KEEP
 @BASELINE_FROM
-@click.option("--aircraft", metavar="NAME", help="Name of the aircraft, where --history is a fleet's STORE.")
-@AIRCRAFT_TABLE
-@KEY
 @click.option(
     "--record",
     type=PATH,
@@ -110,7 +91,6 @@ _LEVELS = ("debug", "info", "warning", "error")
     show_default=True,
     help="Which messages go to the standard error.",
 )
-@gathered
 def live(
     options: Options, duration: float | None, verbose: bool, log_level: str, as_json: bool, **given: Any
 ) -> None:
@@ -210,23 +190,22 @@ def _ended(stop: Stop, only_output: Spool | None) -> bool:
 def _drawn(shows: _Shows, exits: ExitStack) -> list[ThreadedSink]:
     """Open a viewer and a recording, if requested."""
     viewer, rrd, position = shows.viewer, shows.rrd, shows.position
-    if viewer is None and rrd is None:
-        return []
     from mavhums.live.sinks import RerunSink, ThreadedSink
     from mavhums.show import LiveViewer, Recorder
 
     name = f"live-{time.time_ns():x}"
-    held = exits.enter_context(ExitStack())
-    if viewer is None and rrd is not None:
-        recorder = held.enter_context(Recorder(rrd, recording_id=name, position=position))
-        return [ThreadedSink(RerunSink(recorder), "recording", held.close, patience_s=_RECORDING_S)]
-    live_viewer = held.enter_context(
-        LiveViewer(viewer or "window", recording_id=name, recording=rrd, position=position)
-    )
-    if viewer != "window":
-        click.echo(f"viewer: {live_viewer.url}", err=True)
     patience_s = _RECORDING_S if rrd else _PATIENCE_S
-    return [ThreadedSink(RerunSink(live_viewer), "viewer", held.close, patience_s=patience_s)]
+    drawing = exits.enter_context(ExitStack())
+    if viewer is not None:
+        live_viewer = LiveViewer(viewer, recording_id=name, recording=rrd, position=position)
+        sink = RerunSink(drawing.enter_context(live_viewer))
+        if viewer != "window":
+            click.echo(f"viewer: {live_viewer.url}", err=True)
+        return [ThreadedSink(sink, "viewer", drawing.close, patience_s=patience_s)]
+    if rrd is not None:
+        sink = RerunSink(drawing.enter_context(Recorder(rrd, recording_id=name, position=position)))
+        return [ThreadedSink(sink, "recording", drawing.close, patience_s=patience_s)]
+    return []
 
 
 def _write_json(

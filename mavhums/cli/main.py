@@ -23,7 +23,7 @@ __all__ = ["main"]
 _HOMES: Final[Mapping[str, Mapping[str, str]]] = {
     "Judge": {"analyse": "analyse", "report": "analyse", "serve": "serve", "live": "live"},
     "Look": {"inspect": "", "check": "tools", "export": "tools"},
-    "Over flights": {"trend": "trend", "fleet": "fleet"},
+    "Over flights": {"trend": "history", "fleet": "fleet"},
     "Set up": {"profile": "tools", "warm-up": "tools"},
     "Models": {"model": "tools", "train": "learn", "precedents": "learn", "study": "learn"},
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from functools import wraps
 from pathlib import Path
@@ -11,40 +11,31 @@ from typing import Any, Final
 import click
 
 __all__ = [
-    "AIRCRAFT",
     "AIRCRAFT_TABLE",
     "AIRFRAME",
     "BASELINE_FROM",
-    "DECIDE",
     "DIALECT",
-    "FALSE_ALARMS",
     "HISTORY",
     "JOBS",
     "JSON",
     "KEEP",
-    "KEY",
     "LOG",
     "LOGS",
     "MODEL",
-    "NAMED_DATE",
     "PATH",
-    "PLACE",
     "REPAIRS",
-    "gathered",
+    "STORE",
+    "Dates",
+    "judging",
+    "repair_date",
+    "utc",
 ]
 
-_JUDGED_BY: Final = (
-    "airframe",
-    "model",
-    "decide",
-    "dialect",
-    "false_alarms",
-    "aircraft",
-    "aircraft_table",
-    "key",
-)
+Dates = tuple[tuple[str | None, datetime], ...]
+"""Dates from which flights count, each with the name before it: of an actuator, or None for all."""
 
 PATH: click.Path = click.Path(path_type=Path)
+STORE = click.argument("store", metavar="STORE")
 LOG = click.argument("log", metavar="LOG", type=PATH)
 LOGS = click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=PATH)
 AIRFRAME = click.option(
@@ -58,7 +49,7 @@ MODEL = click.option(
     help="Network: a model file or a packaged name, such as paper-esc. Default: the packaged one for each"
     " telemetry.",
 )
-DECIDE = click.option(
+_DECIDE = click.option(
     "--decide",
     type=click.Choice(["physics", "network", "both"]),
     default="physics",
@@ -67,7 +58,7 @@ DECIDE = click.option(
     " limits. network: a network wherever one is for the airframe. both: the physics, and the network's"
     " disagreement is reported.",
 )
-AIRCRAFT = click.option(
+_AIRCRAFT = click.option(
     "--aircraft",
     metavar="RULE",
     help="Names the log's aircraft: 'folder' for the name of its folder, '=NAME' for this name, 'board' for"
@@ -87,13 +78,13 @@ DIALECT = click.option(
     metavar="FILE",
     help="MAVLink XML whose messages take precedence over the known ones.",
 )
-KEY = click.option(
+_KEY = click.option(
     "--key",
     type=PATH,
     metavar="FILE",
     help="Accept only frames signed (MAVLink 2) with the key in FILE: 32 bytes, or 64 hexadecimal digits.",
 )
-FALSE_ALARMS = click.option(
+_FALSE_ALARMS = click.option(
     "--false-alarms",
     type=click.FloatRange(0.001, 1000.0),
     default=1.0,
@@ -101,7 +92,7 @@ FALSE_ALARMS = click.option(
     metavar="N",
     help="Allowed false alarms per 100 hours of an actuator: fewer alarms come later, more come earlier.",
 )
-JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 
 
 class _PlaceParameter(click.ParamType["Path | str"]):
@@ -113,10 +104,9 @@ class _PlaceParameter(click.ParamType["Path | str"]):
         return str(value) if "://" in str(value) else Path(str(value))
 
 
-PLACE = _PlaceParameter()
 HISTORY = click.option(
     "--history",
-    type=PLACE,
+    type=_PlaceParameter(),
     metavar="DIR|STORE",
     help="The aircraft's earlier flights, for each actuator's own baseline: a folder of its assessments, or"
     " the store of a fleet.",
@@ -130,6 +120,12 @@ JOBS = click.option(
 KEEP = click.option("--keep", is_flag=True, help="Put the flight into the folder or the store of --history.")
 
 
+def utc(text: str) -> datetime:
+    """Return a date or a time with its zone, UTC if none is given."""
+    at = datetime.fromisoformat(text)
+    return at if at.tzinfo else at.replace(tzinfo=UTC)
+
+
 class _NamedDate(click.ParamType[tuple[str | None, datetime]]):
     """A date such as ``2026-03-01`` for every actuator, or ``rudder=2026-03-01`` for one."""
 
@@ -140,10 +136,9 @@ class _NamedDate(click.ParamType[tuple[str | None, datetime]]):
     ) -> tuple[str | None, datetime]:
         name, _, date = str(value).rpartition("=")
         try:
-            at = datetime.fromisoformat(date)
+            return name or None, utc(date)
         except ValueError:
             self.fail(f"{value!r} is not a date: write 2026-03-01, or rudder=2026-03-01", param, ctx)
-        return name or None, at if at.tzinfo else at.replace(tzinfo=UTC)
 
 
 BASELINE_FROM = click.option(
@@ -156,26 +151,52 @@ BASELINE_FROM = click.option(
     " Can be repeated.",
 )
 
-NAMED_DATE = _NamedDate()
-REPAIRS = click.option(
+
+def repair_date(*names: str, text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return an option with dates of repairs in a store."""
+    metavar = "[[AIRCRAFT/]ACTUATOR=]DATE"
+    return click.option(*names, type=_NamedDate(), multiple=True, metavar=metavar, help=text)
+
+
+REPAIRS = repair_date(
     "--baseline-from",
     "dates",
-    type=NAMED_DATE,
-    multiple=True,
-    metavar="[[AIRCRAFT/]ACTUATOR=]DATE",
-    help="Flights before that date no longer count, as after a repair: D-EABC/rudder=2026-03-01, or"
+    text="Flights before that date no longer count, as after a repair: D-EABC/rudder=2026-03-01, or"
     " D-EABC/=2026-03-01 for all its actuators. The store keeps it. Can be repeated.",
 )
 
+_JUDGING: Final = {
+    "airframe": AIRFRAME,
+    "model": MODEL,
+    "decide": _DECIDE,
+    "dialect": DIALECT,
+    "false_alarms": _FALSE_ALARMS,
+    "aircraft": _AIRCRAFT,
+    "aircraft_table": AIRCRAFT_TABLE,
+    "key": _KEY,
+}
 
-def gathered(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Gather what a command is judged by into its argument ``options``, a :class:`mavhums.Options`."""
 
-    @wraps(command)
-    def with_options(**given: Any) -> Any:
-        from mavhums.app.settings import Options
+def judging(*, without: Sequence[str] = ()) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command the options of judging, gathered into its argument ``options``.
 
-        names = [name for name in _JUDGED_BY if name in given]
-        return command(options=Options(**{name: given.pop(name) for name in names}), **given)
+    Parameters
+    ----------
+    without
+        Options that the command lacks, or has with a meaning of its own.
+    """
 
-    return with_options
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(command)
+        def with_options(**given: Any) -> Any:
+            from mavhums.app.settings import Options
+
+            names = [name for name in _JUDGING if name in given]
+            return command(options=Options(**{name: given.pop(name) for name in names}), **given)
+
+        for name, option in reversed(_JUDGING.items()):
+            if name not in without:
+                with_options = option(with_options)
+        return with_options
+
+    return decorate

@@ -28,8 +28,9 @@ def say(text: str, *, err: bool = False) -> None:
     click.echo("\n".join(printable(line) for line in text.split("\n")), err=err)
 
 
-def say_json(text: str, *, nl: bool = True) -> None:
-    r"""Print JSON; unprintable and control characters become ``\uXXXX``."""
+def say_json(content: object, *, nl: bool = True) -> None:
+    r"""Print JSON, of a content or as a text; unprintable and control characters become ``\uXXXX``."""
+    text = content if isinstance(content, str) else json.dumps(content, ensure_ascii=False)
     encoding = sys.stdout.encoding or "ascii"
 
     def escaped(match: re.Match[str]) -> str:

@@ -1,36 +1,46 @@
-"""The command ``serve``: the page in the browser."""
+"""The command ``serve``: the page in the browser; the processes that judge and keep logs for its store."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from mavhums.cli.options import AIRFRAME, DIALECT, FALSE_ALARMS, HISTORY, MODEL, PATH, gathered
+from mavhums.cli.options import HISTORY, PATH, judging
 from mavhums.cli.output import say
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import MavhumsError
+from mavhums.core.output import written_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
-    from mavhums.app.settings import Options
+    from mavhums.app.many import Outcome
+    from mavhums.app.settings import Options, Settings
     from mavhums.flights.queries import Worst
     from mavhums.results.assessment import Assessment
     from mavhums.results.standing import TrendReport
     from mavhums.results.store import StoreStatus
 
-__all__ = ["LEAST_MEMORY_MB", "serve"]
+__all__ = ["LEAST_MEMORY_MB", "against_store", "answer_to", "serve"]
 
 LEAST_MEMORY_MB = 512
 """Judging and recording a log of 4 MB beside a store takes 330 to 470 MB; with 256 MB nothing starts."""
+
+_FOLDER: Final = "kept"
+# A scan of a large folder takes as long; the log stays with its session meanwhile.
+_PATIENCE_S: Final = 3600.0
+_EVERY_S: Final = 1.0
 
 
 @click.command(short_help="Open a page in the browser: drop logs, see verdicts.", epilog=EPILOG)
@@ -75,12 +85,8 @@ LEAST_MEMORY_MB = 512
 @click.option(
     "--workers", type=click.IntRange(1, 64), default=2, show_default=True, help="Processes that judge."
 )
-@AIRFRAME
-@MODEL
-@DIALECT
-@FALSE_ALARMS
+@judging(without=["decide", "aircraft", "aircraft_table", "key"])
 @HISTORY
-@gathered
 def serve(
     options: Options,
     store: Path | None,
@@ -114,7 +120,7 @@ def serve(
         workers=workers,
     )
     fleet = None if store is None else _PageStore(store, options)
-    worker = (sys.executable, "-m", "mavhums.cli.page_worker", str(limits.memory_bytes), str(store))
+    worker = (sys.executable, "-m", "mavhums.cli.serve", str(limits.memory_bytes), str(store))
     page = ServeOptions(
         host=host,
         port=port,
@@ -178,7 +184,7 @@ class _PageStore:
         """Keep a log in the store, in a process of its own; its answer has problem and remedy."""
         options = self._options | ({"aircraft": f"={aircraft}"} if aircraft else {})
         job = {"log": str(log), "store": str(self._folder), "options": options}
-        command = [sys.executable, "-m", "mavhums.cli.page_worker", "keep"]
+        command = [sys.executable, "-m", "mavhums.cli.serve", "keep"]
         done = subprocess.run(command, input=json.dumps(job), capture_output=True, text=True, check=False)
         try:
             answer = json.loads(done.stdout)
@@ -194,3 +200,100 @@ class _PageStore:
 
             raise UnnamedAircraftError(problem, remedy, tuple(answer["proposed"]))
         raise MavhumsError(problem, remedy)
+
+
+def against_store(store: Path, log: str, settings: Settings) -> Settings:
+    """Return the settings for a log among the flights in a store; a new folder has none."""
+    from mavhums.flights.history import is_store
+
+    if not is_store(store):
+        return settings
+    from mavhums.fleet import against
+
+    return against(log, store, settings)
+
+
+def answer_to(job: dict[str, Any]) -> dict[str, Any]:
+    """Return what was done as ``told``, or ``problem``, ``remedy`` and the aircraft that are ``proposed``."""
+    from mavhums.app.analysis import Failed
+    from mavhums.flights.aircraft import UnnamedAircraftError
+
+    try:
+        return {"told": _kept(Path(job["log"]), Path(job["store"]), job["options"])}
+    except UnnamedAircraftError as error:
+        return {"problem": error.problem, "remedy": error.remedy, "proposed": list(error.proposed)}
+    except Exception as error:  # whatever it is, the page shows it and goes on
+        failed = Failed.of(Path(Path(job["log"]).name), error)
+        return {"problem": failed.problem, "remedy": failed.remedy}
+
+
+def _kept(log: Path, store: Path, options: dict[str, Any]) -> str:
+    """Copy a log beside the store's tables and judge it there; a copy that is not kept is removed."""
+    from mavhums.app.settings import Options
+    from mavhums.fleet import keep
+
+    with log.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    copy = store.absolute() / _FOLDER / digest[:16] / log.name
+    try:
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        with written_whole(copy) as temporary:
+            shutil.copyfile(log, temporary)
+    except OSError as error:
+        raise MavhumsError(f"cannot be stored: {error.strerror}", "make room in the store") from error
+    try:
+        outcome = _patiently(lambda: next(keep([copy], store, Options(**options))))
+        if outcome.error is not None:
+            raise outcome.error
+        if _lies_there(store, copy):
+            return f"kept in the store as {copy.name}; see the fleet"
+    except BaseException as error:
+        _remove(copy)
+        if isinstance(error, MavhumsError):
+            error.problem = error.problem.replace(str(copy), log.name)
+        raise
+    _remove(copy)
+    return "the store has this log already; see the fleet"
+
+
+def _patiently(work: Callable[[], Outcome]) -> Outcome:
+    """Return what work gives, as soon as no other scan writes into the store."""
+    import filelock
+
+    end_s = time.monotonic() + _PATIENCE_S
+    while True:
+        try:
+            return work()
+        except MavhumsError as error:
+            if not isinstance(error.__cause__, filelock.Timeout) or time.monotonic() > end_s:
+                raise
+        time.sleep(_EVERY_S)
+
+
+def _lies_there(store: Path, copy: Path) -> bool:
+    from mavhums.flights.store import Store
+
+    return bool(Store(store).query("SELECT 1 FROM logs WHERE path = ? LIMIT 1", str(copy)).fetchone())
+
+
+def _remove(copy: Path) -> None:
+    copy.unlink(missing_ok=True)
+    if not any(copy.parent.iterdir()):
+        copy.parent.rmdir()
+
+
+def _keep_one() -> None:
+    """Take a job from the standard input, and write its answer to the standard output."""
+    output = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # what a library prints must not be taken for the answer
+    output.write(json.dumps(answer_to(json.load(sys.stdin))))
+    output.close()
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "keep":
+        _keep_one()
+    else:
+        from mavhums.serve.worker import main
+
+        main(int(sys.argv[1]), lambda log, settings: against_store(Path(sys.argv[2]), log, settings))

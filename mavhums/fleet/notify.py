@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.results.store import FleetDigest
-from mavhums.show.changes import digest_lines, headline
+from mavhums.show.standing import digest_headline, digest_lines
 
 if TYPE_CHECKING:
     from apprise import NotifyBase
@@ -84,7 +84,7 @@ def recipients_of(urls: Iterable[str]) -> list[Recipient]:
 
 def send(digest: FleetDigest, recipients: Iterable[Recipient]) -> list[MavhumsError]:
     """Send a digest to each recipient, and return why it did not reach some."""
-    title, text = headline(digest), "\n".join(digest_lines(digest))
+    title, text = digest_headline(digest), "\n".join(digest_lines(digest))
     errors: list[MavhumsError] = []
     for one in recipients:
         reason = _posted(one.webhook, digest) if one.webhook else _sent(one.service, title, text)

@@ -39,8 +39,8 @@ from mavhums.results.live import (
 from mavhums.show.words import COLOURS, clock, friction, percent, printable
 
 if TYPE_CHECKING:
-    from mavhums.show.live import LiveViewer
     from mavhums.show.recording import Recorder
+    from mavhums.show.viewer import LiveViewer
 
 __all__ = ["JsonLines", "PlainLines", "RerunSink", "ThreadedSink", "View", "draw"]
 

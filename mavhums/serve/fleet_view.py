@@ -22,8 +22,8 @@ from mavhums.results.standing import TrendReport
 from mavhums.serve.options import LastVerdict
 from mavhums.serve.sessions import Dropped
 from mavhums.show.html import in_brief
-from mavhums.show.html_trend import TrendShown, trend_shown
 from mavhums.show.standing import mark_of, sentences
+from mavhums.show.trend import TrendShown, trend_shown
 
 __all__ = [
     "FEWEST_FLIGHTS",

@@ -39,8 +39,8 @@ from mavhums.serve.guard import SESSION, is_loopback
 from mavhums.serve.home import Home, markup, render, show_parts
 from mavhums.serve.options import Fleet, ServeOptions
 from mavhums.serve.sessions import Sessions
+from mavhums.show.evidence import Gathered
 from mavhums.show.html import parts
-from mavhums.show.html_curves import Gathered
 from mavhums.show.trend import headline
 
 __all__ = [

@@ -27,7 +27,7 @@ from mavhums.results.store import LastFlightOf, StoreStatus
 from mavhums.serve.guard import SESSION, UPLOADS
 from mavhums.serve.options import Fleet
 from mavhums.serve.sessions import Dropped, Sessions
-from mavhums.show.viewer_program import WEB_FILES, save_web_viewer
+from mavhums.show.viewer import WEB_FILES, save_web_viewer
 
 if TYPE_CHECKING:
     from pydantic import BaseModel

@@ -11,22 +11,21 @@ from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
     from mavhums.show.blueprint import layout
-    from mavhums.show.live import LiveViewer
     from mavhums.show.markdown_report import markdown
-    from mavhums.show.recording import Recorder
+    from mavhums.show.recording import Recorder, record_trend
     from mavhums.show.terminal import render
-    from mavhums.show.trend_recording import record_trend
+    from mavhums.show.viewer import LiveViewer
 
 __all__ = ["LiveViewer", "Recorder", "layout", "markdown", "record_trend", "render"]
 
 __getattr__, __dir__ = lazy_exports(
     __name__,
     {
-        "LiveViewer": "live",
+        "LiveViewer": "viewer",
         "Recorder": "recording",
         "layout": "blueprint",
         "markdown": "markdown_report",
-        "record_trend": "trend_recording",
+        "record_trend": "recording",
         "render": "terminal",
     },
 )

@@ -15,9 +15,8 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import Attitude, FlightMode, Position
-from mavhums.show._places import V_TAIL, Place, kind, places
-from mavhums.show._stream import send
-from mavhums.show._thin import Thinner
+from mavhums.show._rows import Thinner, send
+from mavhums.show.outline import V_TAIL, Place, kind, places
 from mavhums.show.words import BLUE
 
 __all__ = ["Craft", "Motor", "Surface", "Vehicle", "craft_path"]

@@ -29,7 +29,7 @@ from mavhums.health.actuator.detectors import detectors_for
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Motor, Surface, Vehicle, craft_path
-from mavhums.show._stream import send
+from mavhums.show._rows import send
 from mavhums.show._tracks import Track, path_part
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
 from mavhums.show.digest import digest, listed

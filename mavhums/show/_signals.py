@@ -15,8 +15,7 @@ import rerun as rr
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
 from mavhums.health.decision.events import Classified
-from mavhums.show._stream import send
-from mavhums.show._thin import Thinner
+from mavhums.show._rows import Thinner, send
 from mavhums.show.words import COLOURS, PALE_BLUE, SERIES, STALE_COLOUR
 
 __all__ = ["ARCHETYPE", "Classes", "Signals"]

@@ -17,8 +17,8 @@ from mavhums.health.actuator.detector import Detector
 from mavhums.results.sections import AxisLimits
 from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Motor, Surface
+from mavhums.show._rows import Times, send
 from mavhums.show._signals import Classes, Signals
-from mavhums.show._stream import Times, send
 from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW
 
 __all__ = ["STALE_S", "Track", "actuator_path", "path_part"]

@@ -12,8 +12,8 @@ from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMa
 
 from mavhums.core.conditions import Condition
 from mavhums.core.quantities import QUANTITIES
+from mavhums.show._rows import TIMELINE
 from mavhums.show._signals import ARCHETYPE
-from mavhums.show._stream import TIMELINE
 from mavhums.show.words import SERIES
 
 __all__ = ["Fault", "Lane", "Surroundings", "layout", "panels", "whole_flight"]

@@ -1,19 +1,241 @@
-"""The evidence of a flight, subject by subject: what a report and the page draw."""
+"""The evidence of a flight: curves gathered from the engine's events, and what each subject shows of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
+from mavhums.core.arrays import Array
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.engine.events import (
+    Classified,
+    ConditionChanged,
+    Event,
+    FlightMode,
+    Followed,
+    Indication,
+    Notice,
+    Position,
+    Window,
+)
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import AxisLimits
 from mavhums.results.verdict import ALL, Verdict
-from mavhums.show.html_curves import Curve, Gathered, Key
+from mavhums.show._rows import Thinner
 from mavhums.show.words import clock, name, percent
 
-__all__ = ["Evidence", "Limit", "evidence"]
+__all__ = ["CaptionedCurve", "Curve", "Gathered", "Key", "Limit", "evidence"]
+
+_POINTS: Final = 1200
+_CURVES: Final = 256
+_FIRST, _LAST = 20, 40
+_CHANGES: Final = 200  # flight modes of a vehicle, and changes of a condition
+_VEHICLES: Final = 8
+_PLACES: Final = 800
+_EARTH_M: Final = 111_195.0  # of one degree of latitude
+
+
+_Kept = TypeVar("_Kept")
+
+
+class Key(NamedTuple):
+    """Whose evidence a curve shows, and of which fault."""
+
+    vehicle: int
+    actuator: str
+    fault: str
+
+
+class Curve(NamedTuple):
+    """A fault indicator over flight time.
+
+    Attributes
+    ----------
+    time_s
+        Ends of its windows, shape (n,).
+    rows
+        Lower bound, value and upper bound of the 95 % interval, shape (n, 3).
+    demanded
+        What the value should follow, shape (n,), NaN where it is not known; None of an indicator.
+    samples
+        Times and values of single samples that the value sums up, shape (2, m); None of an indicator.
+    """
+
+    time_s: Array
+    rows: Array
+    demanded: Array | None = None
+    samples: Array | None = None
+
+
+class Gathered:
+    """Takes the engine's events and keeps what a page shows of them.
+
+    Curves keep every extreme: groups of neighbouring windows are replaced by their smallest and largest
+    values. Of very many curves the first 256 are kept, of very many texts the first 20 and the last 40.
+
+    Attributes
+    ----------
+    texts
+        Number of texts in the flight.
+    modes
+        The first 200 flight modes of each vehicle: since when, s, and the name.
+
+    Examples
+    --------
+    >>> gathered = Gathered()
+    >>> gathered.consume([Notice(1.0, 1, "ArduPlane V4.6.0")])
+    >>> [notice.text for notice in gathered.notices()]
+    ['ArduPlane V4.6.0']
+    """
+
+    def __init__(self) -> None:
+        self.texts = 0
+        self._thinners: dict[Key, Thinner] = {}
+        self._followed: dict[tuple[int, str], Thinner] = {}
+        self._samples: dict[tuple[int, str], Thinner] = {}
+        self._votes: dict[tuple[int, str], Thinner] = {}
+        self._places: dict[int, Thinner] = {}
+        self._conditions: dict[int, list[tuple[float, str, Condition]]] = {}
+        self.modes: dict[int, list[tuple[float, str]]] = {}
+        self._first: list[Notice] = []
+        self._last: list[Notice] = []
+
+    def consume(self, events: Iterable[Event]) -> None:
+        """Take what the engine reports, in its order."""
+        for event in events:
+            if isinstance(event, Indication) and event.end_s.size:
+                self._indication(event)
+            elif isinstance(event, Followed) and event.time_s.size:
+                self._follow(event)
+            elif isinstance(event, Classified | Window):
+                self._network(event)
+            elif isinstance(event, Notice):
+                self._notice(event)
+            elif isinstance(event, FlightMode):
+                _append(self.modes, event.vehicle, (event.time_s, event.mode))
+            elif isinstance(event, ConditionChanged):
+                _append(self._conditions, event.vehicle, (event.since_s, event.actuator, event.after))
+            elif isinstance(event, Position):
+                self._place(event)
+
+    def curves(self) -> dict[Key, Curve]:
+        """Return the curves, without empty ones."""
+        found = {}
+        for key, thinner in self._thinners.items():
+            time_s, rows = thinner.rows()
+            found[key] = Curve(time_s, np.sort(rows, axis=1))
+        return found
+
+    def attitudes(self) -> dict[tuple[int, str], Curve]:
+        """Return the flown and the demanded angle of each vehicle and axis, degrees."""
+        found = {}
+        for key, thinner in self._followed.items():
+            time_s, angles = thinner.rows()
+            flown = np.repeat(angles[:, 1:], 3, axis=1)
+            found[key] = Curve(time_s, flown, angles[:, 0])
+        return found
+
+    def networks(self) -> dict[tuple[int, str], Curve]:
+        """Return, by vehicle and actuator, the probability of an emergency: of windows, and of samples."""
+        found = {}
+        for key, thinner in self._samples.items():
+            samples = _known(*thinner.rows())
+            votes = _known(*self._votes[key].rows()) if key in self._votes else samples
+            if votes.size and samples.size:
+                found[key] = Curve(votes[0], np.repeat(votes[1][:, None], 3, axis=1), samples=samples)
+        return found
+
+    def tracks(self) -> dict[int, list[tuple[float, float, float, Condition]]]:
+        """Return where each vehicle was, and how: time, metres east and north of its first place, condition.
+
+        The condition is the gravest of all actuators at that time.
+        """
+        found = {}
+        for vehicle, thinner in self._places.items():
+            time_s, places = thinner.rows()
+            north, east = ((places - places[0]) * _EARTH_M).T
+            # Once around the earth is 360 degrees, also where the date line is crossed.
+            east = (east + 180 * _EARTH_M) % (360 * _EARTH_M) - 180 * _EARTH_M
+            east *= np.cos(np.radians(places[0, 0]))
+            now: dict[str, Condition] = {}
+            changes = sorted(self._conditions.get(vehicle, ()), key=lambda change: change[0])
+            track = []
+            for at_s, x, y in zip(time_s.tolist(), east.tolist(), north.tolist(), strict=True):
+                while changes and changes[0][0] <= at_s:
+                    _, actuator, now[actuator] = changes.pop(0)
+                gravest: Condition = max(now.values(), key=SEVERITY.__getitem__, default="undecided")
+                track.append((round(at_s, 1), round(x, 1), round(y, 1), gravest))
+            found[vehicle] = track
+        return found
+
+    def notices(self) -> list[Notice]:
+        """Return the texts that are kept, in their order."""
+        return [*self._first, *self._last]
+
+    def _indication(self, event: Indication) -> None:
+        key = Key(event.vehicle, event.actuator, event.fault)
+        if key not in self._thinners:
+            if len(self._thinners) == _CURVES:
+                return
+            self._thinners[key] = Thinner(3, _POINTS)
+        rows = np.column_stack([event.low, event.value, event.high])
+        known = np.isfinite(rows).all(axis=1)
+        self._thinners[key].add(event.end_s[known], rows[known])
+
+    def _network(self, event: Classified | Window) -> None:
+        if isinstance(event, Classified):
+            kept, time_s = self._samples, event.time_s
+            values = np.where(event.inside, event.p_emergency, np.nan)
+        elif event.p_emergency is not None:
+            kept, time_s = self._votes, np.array([(event.start_s + event.end_s) / 2])
+            values = np.array([event.p_emergency])
+        else:
+            return
+        key = event.vehicle, event.actuator
+        if key not in kept:
+            if len(kept) == _CURVES:
+                return
+            kept[key] = Thinner(1, _POINTS)
+        kept[key].add(time_s, values[:, None])
+
+    def _follow(self, event: Followed) -> None:
+        key = event.vehicle, event.actuator
+        if key not in self._followed:
+            if len(self._followed) == _CURVES:
+                return
+            self._followed[key] = Thinner(2, _POINTS)
+        self._followed[key].add(event.time_s, np.degrees(event.angles_rad))
+
+    def _place(self, event: Position) -> None:
+        if event.vehicle not in self._places:
+            if len(self._places) == _VEHICLES:
+                return
+            self._places[event.vehicle] = Thinner(2, _PLACES, "first")
+        self._places[event.vehicle].add(event.time_s, event.latitude_longitude_deg)
+
+    def _notice(self, event: Notice) -> None:
+        self.texts += 1
+        if len(self._first) < _FIRST:
+            self._first.append(event)
+        else:
+            self._last = [*self._last, event][-_LAST:]
+
+
+def _append(several: dict[int, list[_Kept]], vehicle: int, one: _Kept) -> None:
+    """Keep one more of a vehicle, within limits."""
+    if vehicle in several or len(several) < _VEHICLES:
+        kept = several.setdefault(vehicle, [])
+        if len(kept) < _CHANGES:
+            kept.append(one)
+
+
+def _known(time_s: Array, values: Array) -> Array:
+    """Return times and values without gaps, shape (2, m)."""
+    known = np.isfinite(values[:, 0])
+    return np.stack([time_s[known], values[known, 0]])
+
 
 _PLOTS = 24
 _ATTITUDES = {"tracking": "", "hard_over": "roll"}
@@ -32,7 +254,7 @@ class Limit(NamedTuple):
         return self.name.split()[0]
 
 
-class Evidence(NamedTuple):
+class CaptionedCurve(NamedTuple):
     """A curve with its words.
 
     Attributes
@@ -53,7 +275,7 @@ class Evidence(NamedTuple):
     since_s: float | None = None
 
 
-def evidence(assessment: Assessment, gathered: Gathered) -> Iterator[Evidence]:
+def evidence(assessment: Assessment, gathered: Gathered) -> Iterator[CaptionedCurve]:
     """Yield the evidence of each subject, the worst first: what raised an alarm, friction, effectiveness."""
     curves, attitudes, networks = gathered.curves(), gathered.attitudes(), gathered.networks()
     drawn = 0
@@ -84,14 +306,14 @@ def evidence(assessment: Assessment, gathered: Gathered) -> Iterator[Evidence]:
             bounds = "; ".join(f"{limit.name} {limit.value:.3g}" for limit in limits)
             title = f"{name(verdict, assessment)}: {what}"
             told = f"{told}; {bounds}" if bounds else told
-            yield Evidence(verdict.vehicle, title, told, curve, limits, since_s)
+            yield CaptionedCurve(verdict.vehicle, title, told, curve, limits, since_s)
         said = networks.get((verdict.vehicle, verdict.actuator))
         if said is not None and drawn < _PLOTS:
             drawn += 1
             yield _network(verdict, said, assessment)
 
 
-def _network(verdict: Verdict, said: Curve, assessment: Assessment) -> Evidence:
+def _network(verdict: Verdict, said: Curve, assessment: Assessment) -> CaptionedCurve:
     """Return the network's answer over the flight, as the paper's figures 16 to 19 show it."""
     network = verdict.network.model.name if verdict.network else "the network"
     told = "probability of an emergency; thick: ten seconds, at their middle; thin: each sample inside the"
@@ -100,10 +322,10 @@ def _network(verdict: Verdict, said: Curve, assessment: Assessment) -> Evidence:
         told += f"; it calls {percent(verdict.network.share_of_samples)} of those in motion an emergency"
     assert verdict.vehicle is not None
     title = f"{name(verdict, assessment)}: {network} on each sample"
-    return Evidence(verdict.vehicle, title, told, said, (Limit(0.5, "emergency above"),))
+    return CaptionedCurve(verdict.vehicle, title, told, said, (Limit(0.5, "emergency above"),))
 
 
-def _attitude(verdict: Verdict, axis: str, curve: Curve, assessment: Assessment) -> Evidence:
+def _attitude(verdict: Verdict, axis: str, curve: Curve, assessment: Assessment) -> CaptionedCurve:
     """Return the demanded and the flown angle about an axis, which a tracking or hard-over alarm rests on."""
     since_s = verdict.since.flight_time_s if verdict.since else None
     assert verdict.vehicle is not None
@@ -114,7 +336,7 @@ def _attitude(verdict: Verdict, axis: str, curve: Curve, assessment: Assessment)
         worst = int(np.nanargmax(apart))
         told += f"; farthest apart by {apart[worst]:.0f}° at {clock(float(curve.time_s[worst]))}"
     title = f"{name(verdict, assessment)}: demanded and flown {axis} angle, °"
-    return Evidence(verdict.vehicle, title, told, curve, since_s=since_s)
+    return CaptionedCurve(verdict.vehicle, title, told, curve, since_s=since_s)
 
 
 def _limits(verdict: Verdict, fault: str) -> tuple[str, tuple[Limit, ...]]:

@@ -12,10 +12,9 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from mavhums.show.digest import Subject, advice, digest
-from mavhums.show.evidence import evidence
-from mavhums.show.html_craft import FIXED_WING, DrawnSurface, multirotor, outline
-from mavhums.show.html_curves import Gathered
+from mavhums.show.evidence import Gathered, evidence
 from mavhums.show.html_plot import Plot, flight_charts, plot
+from mavhums.show.outline import FIXED_WING, DrawnSurface, multirotor, outline
 from mavhums.show.verdict_words import certainty, explanation, implausible
 from mavhums.show.words import COLOURS, clock, finding, join, printable
 

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
-from mavhums.show.evidence import Evidence, Limit
-from mavhums.show.html_curves import Curve, Gathered
+from mavhums.show.evidence import CaptionedCurve, Curve, Gathered, Limit
 from mavhums.show.words import clock, printable
 
 __all__ = ["Chart", "Plot", "Tick", "chart", "flight_charts", "plot"]
@@ -185,7 +184,7 @@ def _path(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
     return f"M{'L'.join(points)}"
 
 
-def flight_charts(shown: Iterable[Evidence], gathered: Gathered, duration_s: float) -> Chart:
+def flight_charts(shown: Iterable[CaptionedCurve], gathered: Gathered, duration_s: float) -> Chart:
     """Return a flight's curves, its modes by vehicle, and its track.
 
     Parameters

@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from mavhums.core.quantities import KEYS, QUANTITIES
-from mavhums.show._stream import open_stream, send
+from mavhums.show._rows import open_stream, send
 from mavhums.show.blueprint import panels, whole_flight
 from mavhums.show.words import BLUE, COLOURS, SERIES
 from mavhums.study.cyclograms import CyclogramSamples

@@ -16,7 +16,7 @@ from mavhums.fleet import digest, worst
 from mavhums.flights.reports import store_standings
 from mavhums.flights.store import Store
 from mavhums.results.store import FleetDigest
-from mavhums.show.changes import digest_html, digest_lines
+from mavhums.show.standing import digest_html, digest_lines
 from tests.conftest import Run
 from tests.fleet.stores import write_store
 from tests.flights import START, flown, shown, verdict

@@ -24,7 +24,7 @@ pytest.importorskip("duckdb")
 
 from mavhums import fleet
 from mavhums.app.settings import Settings
-from mavhums.cli import page_worker
+from mavhums.cli import serve as page_worker
 from mavhums.flights.store import Store
 from mavhums.flights.store_tables import LOGS, Tables
 
@@ -242,7 +242,7 @@ def test_the_page_judges_by_the_flights_in_its_store(kept: Path, tmp_path: Path)
     settings = Settings.read(None)
     assert page_worker.against_store(tmp_path / "store", str(log), settings) is settings
     fleet.scan(healthy, tmp_path / "store", fleet.ScanOptions(workers=0))
-    command = [sys.executable, "-m", "mavhums.cli.page_worker", str(2 << 30), str(tmp_path / "store")]
+    command = [sys.executable, "-m", "mavhums.cli.serve", str(2 << 30), str(tmp_path / "store")]
     job = {"do": "judge", "log": str(log), "report": str(tmp_path / "report.html"), "options": {}}
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as worker:
         assert worker.stdin

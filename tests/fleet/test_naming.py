@@ -22,7 +22,7 @@ pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")
 
 from mavhums import fleet
-from mavhums.cli.page_worker import answer_to
+from mavhums.cli.serve import answer_to
 from mavhums.core.packed import ARCHIVES, COMPRESSED
 from mavhums.flights.store import Store
 from mavhums.flights.store_tables import NAMING
@@ -157,7 +157,7 @@ def test_the_page_asks_whose_log_it_is_and_leaves_nothing_behind(flown: Path, st
 def test_the_page_is_told_problem_and_remedy_as_they_are(flown: Path, store: Path, tmp_path: Path) -> None:
     bad = tmp_path / "bad.tlog"
     bad.write_bytes(b"no log")
-    command = [sys.executable, "-m", "mavhums.cli.page_worker", "keep"]
+    command = [sys.executable, "-m", "mavhums.cli.serve", "keep"]
     job = json.dumps({"log": str(bad), "store": str(store), "options": {"aircraft": "=D-A"}})
     done = subprocess.run(command, input=job, capture_output=True, text=True, check=True)
     answer = json.loads(done.stdout)

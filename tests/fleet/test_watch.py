@@ -15,7 +15,7 @@ from tests.fleet_logs import moved
 pytest.importorskip("deltalake", reason="the extra 'fleet' is not installed")
 
 from mavhums import fleet
-from mavhums.cli.morning import _Morning
+from mavhums.cli.fleet_scan import _Morning
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.scan import LogWatcher
 from mavhums.flights.store import Store
@@ -79,7 +79,7 @@ def test_the_command_prints_a_line_a_log_and_ends_cleanly(
     (inbox / "0.tlog").write_bytes(data)
     (inbox / "bad.tlog").write_bytes(b"no log")
     before = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr("mavhums.cli.morning.time.sleep", lambda _: signal.raise_signal(signal.SIGTERM))
+    monkeypatch.setattr("mavhums.cli.fleet_scan.time.sleep", lambda _: signal.raise_signal(signal.SIGTERM))
     try:
         watch = ("fleet", "watch", inbox.parent, "--to", tmp_path / "store", "--aircraft", "folder")
         told = run(*watch, "--workers", "0", "--settle", "0")

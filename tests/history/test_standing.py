@@ -16,8 +16,8 @@ from mavhums.health.decision.growth import course_of
 from mavhums.results.standing import Standing
 from mavhums.results.store import Change
 from mavhums.results.verdict import Since
-from mavhums.show.changes import _said
 from mavhums.show.digest import headline
+from mavhums.show.standing import _said
 from tests.flights import START, flown, shown, verdict
 
 

@@ -7,8 +7,7 @@ import json
 import numpy as np
 
 from mavhums.engine.events import ConditionChanged, FlightMode, Position
-from mavhums.show.evidence import Evidence, Limit
-from mavhums.show.html_curves import Curve, Gathered
+from mavhums.show.evidence import CaptionedCurve, Curve, Gathered, Limit
 from mavhums.show.html_plot import chart, flight_charts
 
 HOSTILE = "AUTO\x1b[2J</script>"
@@ -43,7 +42,7 @@ def test_modes_and_track_are_of_each_vehicle() -> None:
         ]
     )
     curve = Curve(np.array([1.0, 2.0]), np.zeros((2, 3)))
-    drawn = flight_charts([Evidence(1, HOSTILE, "told", curve)], gathered, 30.0)
+    drawn = flight_charts([CaptionedCurve(1, HOSTILE, "told", curve)], gathered, 30.0)
     (one,) = drawn["charts"]
     assert "\x1b" not in one["title"]
     assert (one["vehicle"], one["since"]) == (1, None)

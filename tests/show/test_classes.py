@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from mavhums.engine.events import Classified
 from mavhums.results.assessment import Assessment
+from mavhums.show.evidence import Gathered
 from mavhums.show.html import page
-from mavhums.show.html_curves import Gathered
 from tests.show.conftest import Flight
 from tests.show.test_recording import entities, rows, scalars, static, write
 

@@ -21,11 +21,10 @@ from mavhums.engine.events import Followed, Indication, Notice
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Suspect, Verdict
-from mavhums.show.evidence import Limit
+from mavhums.show.evidence import Curve, Gathered, Key, Limit
 from mavhums.show.html import ICONS, page
-from mavhums.show.html_craft import outline
-from mavhums.show.html_curves import Curve, Gathered, Key
 from mavhums.show.html_plot import plot
+from mavhums.show.outline import outline
 from tests.conftest import REAL_LOGS
 from tests.show.chromium import Chromium, find
 

@@ -78,7 +78,7 @@ def test_who_follows_sees_the_flight_and_the_disk_has_it_too(
 def test_the_report_is_kept_up_to_date(
     tmp_path: Path, flight: Flight, assessment: Assessment, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("mavhums.show.live._EVERY_S", 0.0)
+    monkeypatch.setattr("mavhums.show.viewer._EVERY_S", 0.0)
     seen = tmp_path / "seen.rrd"
     with LiveViewer("serve", recording_id="flight") as viewer:
         follower = follow(viewer.url, seen)

@@ -14,10 +14,10 @@ from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Verdict
 from mavhums.show.digest import headline
+from mavhums.show.evidence import Gathered
 from mavhums.show.html import page
-from mavhums.show.html_craft import multirotor
-from mavhums.show.html_curves import Gathered
 from mavhums.show.markdown_report import markdown
+from mavhums.show.outline import multirotor
 from mavhums.show.servo_tables import usage
 from mavhums.show.words import place_of
 

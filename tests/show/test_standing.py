@@ -13,8 +13,8 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Verdict
 from mavhums.show import markdown, render
+from mavhums.show.evidence import Gathered
 from mavhums.show.html import in_brief, page
-from mavhums.show.html_curves import Gathered
 from mavhums.show.verdict_words import certainty, control_left
 
 New = Callable[..., Verdict]

@@ -33,10 +33,10 @@ import rerun as rr
 
 from mavhums.show import Recorder, layout
 from mavhums.show._craft import words
-from mavhums.show._places import places as placed
+from mavhums.show._rows import open_stream
 from mavhums.show._scene import Scene
-from mavhums.show._stream import open_stream
 from mavhums.show.blueprint import Fault, Lane
+from mavhums.show.outline import places as placed
 from mavhums.show.words import COLOURS
 from tests.show.test_blueprint import names
 from tests.show.test_recording import entities, rows, scalars, static, write

@@ -1,4 +1,4 @@
-"""Judges logs against a history, whether it is a folder or a fleet's store, and keeps them there."""
+"""The earlier flights of an aircraft: opened, judged against, kept; and the command ``trend`` over them."""
 
 from __future__ import annotations
 
@@ -6,29 +6,44 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Never
 
 import click
 
-from mavhums.cli.output import complain, say, steps
+from mavhums.cli.options import AIRCRAFT_TABLE, BASELINE_FROM, JSON, PATH, Dates
+from mavhums.cli.output import complain, say, say_json, steps
+from mavhums.core.about import EPILOG
 from mavhums.core.errors import ExitCode, MavhumsError
 
 if TYPE_CHECKING:
     from mavhums.app.many import Batch, Outcome
     from mavhums.app.settings import History, Options
+    from mavhums.flights.history import FlightHistory
     from mavhums.results.assessment import Assessment
+    from mavhums.results.standing import TrendReport
 
 __all__ = [
+    "TREND_TABLE",
     "Keeper",
     "check_baseline_dates",
     "divided",
+    "end_with_trends",
     "indexed_history",
     "judged_in_store",
     "live_judging",
-    "tell_losses",
+    "trend",
 ]
 
 _SHOWN_NOTICES = 5
+
+
+TREND_TABLE = click.option(
+    "-o",
+    "--output",
+    type=PATH,
+    metavar="OUT",
+    help="Also write a row per flight and indicator to a table that ends in .csv or .parquet.",
+)
 
 
 def divided(history: Path | str | None) -> tuple[Path | None, Path | str | None]:
@@ -67,11 +82,11 @@ def indexed_history(folder: Path | None, *, may_be_new: bool = False) -> History
         return FlightHistory()
     with steps("reading the flights before") as progress:
         history = FlightFolder(folder, progress=progress)
-    tell_losses(history)
+    report_losses(history)
     return history
 
 
-def tell_losses(history: History) -> None:
+def report_losses(history: History) -> None:
     """Print on standard error which files of a history could not be read, and its first notices."""
     for error in history.errors:
         complain(error)
@@ -96,7 +111,16 @@ def judged_in_store(
             outcomes = landing.keep(logs, store, options, workers=workers, progress=progress)
     else:
         outcomes = _compared(logs, store, options)
-    yield from _recorded(outcomes, store, options, batch)
+    for outcome in outcomes:
+        output = batch.recordings.get(outcome.log)
+        if output is None or outcome.assessment is None:
+            yield outcome
+            continue
+        try:
+            landing.record(outcome.log, store, options, output, position=batch.position)
+            yield outcome
+        except MavhumsError as error:
+            yield outcome._replace(error=error)
 
 
 def _compared(logs: Sequence[Path], store: Path | str, options: Options) -> Iterator[Outcome]:
@@ -108,24 +132,6 @@ def _compared(logs: Sequence[Path], store: Path | str, options: Options) -> Iter
             yield Outcome(log, landing.analyse(log, store, options), None)
         except MavhumsError as error:
             yield Outcome(log, None, error)
-
-
-def _recorded(
-    outcomes: Iterator[Outcome], store: Path | str, options: Options, batch: Batch
-) -> Iterator[Outcome]:
-    """Write the recordings of judged logs."""
-    from mavhums.fleet import landing
-
-    for outcome in outcomes:
-        output = batch.recordings.get(outcome.log)
-        if output is None or outcome.assessment is None:
-            yield outcome
-            continue
-        try:
-            landing.record(outcome.log, store, options, output, position=batch.position)
-            yield outcome
-        except MavhumsError as error:
-            yield outcome._replace(error=error)
 
 
 class Keeper:
@@ -209,3 +215,100 @@ def live_judging(options: Options, given: dict[str, Any]) -> tuple[Options, Keep
     elif history is not None and not (keep and not Path(history).exists()):
         judging = replace(judging, history=history)
     return judging, Keeper(kept, history) if keep else None
+
+
+@click.command(short_help="Show each actuator over its flights.", epilog=EPILOG)
+@click.argument("folder", metavar="DIR", type=PATH)
+@click.option(
+    "--actuator", "actuators", multiple=True, metavar="NAME", help="Only this one; can be repeated."
+)
+@click.option(
+    "--fault",
+    "faults",
+    multiple=True,
+    default=("friction", "effectiveness"),
+    show_default=True,
+    metavar="NAME",
+    help="What wears; can be repeated; 'all' for every fault that the flights show.",
+)
+@BASELINE_FROM
+@AIRCRAFT_TABLE
+@JSON
+@TREND_TABLE
+def trend(
+    folder: Path,
+    actuators: tuple[str, ...],
+    faults: tuple[str, ...],
+    dates: Dates,
+    aircraft_table: Path | None,
+    as_json: bool,
+    output: Path | None,
+) -> None:
+    """Show the trend of each actuator over the flights in DIR, and its remaining useful life (RUL).
+
+    DIR holds an aircraft's assessments, as `mavhums analyse LOG --history DIR --keep` puts them there, or
+    `mavhums analyse LOG --json`. Keep one folder for each aircraft: a folder with flights of several is
+    refused. Subfolders are not read.
+
+    The RUL is the number of flights until a straight line reaches the emergency limit, with a 95 % interval.
+    Where the flights do not support one, the reason is given. After a repair, restart the baseline
+    with --baseline-from.
+
+    \b
+    Exit codes, the first that applies:
+      2 usage    1 error    11 an actuator's last flight was an emergency
+      10 its last flight was degraded, or it has an RUL
+      12 its last flight was undecided, or no flight shows the fault
+      3 files of the folder could not be read    0 none of these
+    """
+    from mavhums.core.output import writer_for
+    from mavhums.flights.aircraft_table import load_aircraft_table
+    from mavhums.flights.folder import read_history
+    from mavhums.flights.trends import own_trend_report
+
+    if output is not None:
+        writer_for(output)
+    with steps("reading the flights before") as progress:
+        history = read_history(folder, progress=progress)
+    report_losses(history)
+    wanted = () if "all" in faults else faults
+    table = load_aircraft_table(aircraft_table) if aircraft_table else None
+    report = own_trend_report(history, table, actuators=actuators, faults=wanted, since=dict(dates))
+    _check_names_known(folder, history, [*actuators, *(name for name, _ in dates if name)], wanted)
+    end_with_trends(report, output, as_json=as_json)
+
+
+def _check_names_known(
+    folder: Path, history: FlightHistory, actuators: list[str], faults: Sequence[str]
+) -> None:
+    """Refuse misspelt names: those that occur in no flight."""
+    verdicts = [verdict for flight in history.flights for verdict in flight.assessment.verdicts]
+    known = {verdict.actuator for verdict in verdicts}
+    shown = {indicator.fault for verdict in verdicts for indicator in verdict.indicators}
+    for what, names, there in (
+        ("actuator", actuators, known),
+        ("fault", faults, shown | {"friction", "effectiveness"}),
+    ):
+        for name in names:
+            if name not in there:
+                remedy = f"the flights show: {', '.join(sorted(there)) or 'none'}"
+                raise MavhumsError(f"{folder}: no flight has the {what} {name!r}", remedy)
+
+
+def end_with_trends(report: TrendReport, output: Path | None, *, as_json: bool) -> Never:
+    """Write the trends to a table if wanted, print them, and end with their exit code."""
+    if output is not None:
+        from mavhums.core.output import writer_for, written_whole
+        from mavhums.results.standing import to_frame
+
+        with written_whole(output) as temporary, writer_for(output)(temporary) as table:
+            table.write(to_frame(report.trends))
+    if as_json:
+        say_json(report.to_json())
+    else:
+        from rich.console import Console
+
+        from mavhums.show.trend import render_trends
+
+        render_trends(report, Console())
+    raise SystemExit(report.exit_code)

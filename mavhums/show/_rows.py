@@ -1,15 +1,19 @@
-"""Thinning of the rows of a long flight for display, in bounded memory."""
+"""Rows over flight time: thinned for display in bounded memory, and written to a Rerun stream."""
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 
-__all__ = ["Thinner"]
+if TYPE_CHECKING:
+    import rerun as rr
+
+__all__ = ["APPLICATION", "TIMELINE", "Thinner", "Times", "nanoseconds", "open_stream", "send"]
 
 _BATCH = 4096
 
@@ -125,3 +129,33 @@ def _first(time: Array, values: Array, group: int) -> tuple[Array, Array]:
 
 def _ends(time: Array, group: int) -> Array:
     return time.reshape(-1, group)[:, [0, -1]].ravel()
+
+
+APPLICATION: Final = "mavhums"
+TIMELINE: Final = "flight_time"
+
+Times = NDArray[np.float64] | Sequence[float]
+
+
+def open_stream(recording_id: str) -> rr.RecordingStream:
+    """Return a stream with the flight timeline and without data of the machine that writes it."""
+    import rerun as rr
+
+    stream = rr.RecordingStream(APPLICATION, recording_id=recording_id, send_properties=False)
+    stream.set_log_tick_enabled(False)
+    stream.set_log_time_enabled(False)
+    return stream
+
+
+def nanoseconds(time_s: Times) -> NDArray[np.timedelta64]:
+    """Return flight times as Rerun's durations."""
+    rounded = np.rint(np.asarray(time_s, dtype=np.float64) * 1e9)
+    return rounded.astype(np.int64).astype("timedelta64[ns]")
+
+
+def send(stream: rr.RecordingStream, path: str, time_s: Times, content: rr.ComponentColumnList) -> None:
+    """Write rows of one entity at flight times."""
+    import rerun as rr
+
+    index = [rr.TimeColumn(TIMELINE, duration=nanoseconds(time_s))]
+    stream.send_columns(path, indexes=index, columns=content, strict=True)

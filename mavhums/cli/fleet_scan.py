@@ -1,37 +1,32 @@
-"""What an operator is told: ``fleet digest`` once a day, ``fleet watch`` as logs land."""
+"""``mavhums fleet scan``, ``watch`` and ``digest``: logs are judged into a store, and what is new is said."""
 
 from __future__ import annotations
 
 import re
 import signal
 import time
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from mavhums.cli.options import (
-    AIRCRAFT,
-    AIRCRAFT_TABLE,
-    AIRFRAME,
-    DIALECT,
-    FALSE_ALARMS,
-    JSON,
-    KEY,
-    MODEL,
-    PATH,
-    gathered,
-)
+from mavhums.cli.options import JSON, PATH, REPAIRS, STORE, Dates, judging, utc
 from mavhums.cli.output import complain, say, say_json
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import ExitCode, MavhumsError
 
 if TYPE_CHECKING:
     from mavhums.app.settings import Options
+    from mavhums.fleet import Repair
+    from mavhums.fleet.notify import Recipient
     from mavhums.fleet.scan import Landed
+    from mavhums.flights.queries import Odd, Status
+    from mavhums.results.store import FleetDigest
 
-__all__ = ["digest", "watch"]
+__all__ = ["COMMANDS", "odd_lines", "repair_of"]
 
 _UNITS: Final = {"h": "hours", "d": "days", "w": "weeks"}
 _NOTIFY = click.option(
@@ -47,6 +42,101 @@ _NOTIFY_ALWAYS = click.option(
 )
 
 
+@click.command(short_help="Judge logs that the store does not have yet.", epilog=EPILOG)
+@click.argument("sources", nargs=-1, required=True, metavar="LOGS...")
+@click.option(
+    "--to",
+    "store",
+    required=True,
+    metavar="STORE",
+    help="The store: a folder, or s3://BUCKET/NAME and the like.",
+)
+@judging(without=["decide"])
+@click.option(
+    "--workers",
+    type=click.IntRange(0, 256),
+    default=1,
+    show_default=True,
+    help="Processes on this machine; 0 judges in this one, which is soonest for the log of one landing.",
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers judge instead, tcp://….")
+@REPAIRS
+@JSON
+def scan(
+    options: Options,
+    sources: tuple[str, ...],
+    store: str,
+    workers: int,
+    scheduler: str | None,
+    dates: Dates,
+    as_json: bool,
+) -> None:
+    """Judge the LOGS that STORE does not have yet: files, folders with logs, or patterns.
+
+    Each aircraft's flights are compared with its first ones, whatever the order of arrival. A log that cannot
+    be judged does not stop the scan. After an interruption the same command resumes.
+
+    \b
+    Exit codes, the first that applies:
+      2 usage    1 a log that cannot be judged    0 all judged
+    """
+    from mavhums.fleet import ScanOptions
+    from mavhums.fleet import scan as scan_logs
+    from mavhums.flights.queries import odd_in
+
+    scanning = ScanOptions(
+        judging=options,
+        aircraft=options.aircraft,
+        aircraft_table=options.aircraft_table,
+        workers=workers,
+        scheduler=scheduler,
+        repairs=[repair_of(name, at) for name, at in dates],
+    )
+    done = scan_logs(sources, store, scanning, progress=_Progress())
+    if as_json:
+        foreign = [one.model_dump() for one in odd_in(store).foreign_boards]
+        say_json(done._asdict() | {"foreign_boards": foreign})
+    else:
+        say(f"{done.judged} logs judged, {done.failed} could not be, {done.known} were known")
+        for line in odd_lines(odd_in(store), store):
+            say(line)
+    raise SystemExit(ExitCode.ERROR if done.failed else ExitCode.OK)
+
+
+class _Progress:
+    """Prints the progress of a scan of several logs on standard error, at most once a second."""
+
+    def __init__(self) -> None:
+        self._begun_s = self._printed_s = monotonic()
+
+    def __call__(self, done: int, total: int) -> None:
+        now_s = monotonic()
+        if total == 1 or (now_s - self._printed_s < 1.0 and done < total):
+            return
+        self._printed_s = now_s
+        rate = done / max(now_s - self._begun_s, 1e-3)
+        say(f"{done} of {total} logs, {rate:.1f} a second, {(total - done) / rate:.0f} s left", err=True)
+
+
+def repair_of(name: str | None, at: datetime) -> Repair:
+    """Return the repair that ``AIRCRAFT/ACTUATOR``, ``AIRCRAFT/`` or ``ACTUATOR`` names; None names all."""
+    from mavhums.fleet import Repair
+
+    aircraft, _, actuator = (name or "").rpartition("/")
+    return Repair(aircraft or None, actuator or None, at)
+
+
+def odd_lines(found: Odd | Status, store: str) -> Iterator[str]:
+    """Yield what an operator should correct, and what was corrected."""
+    for one in found.foreign_boards:
+        whose, log = one.elsewhere or "AIRCRAFT", one.logs[0] if len(one.logs) == 1 else "LOG..."
+        remedy = f"mavhums fleet reassign {store} {log} {whose}"
+        yield f"{one}: another aircraft's log? {remedy}; a swapped board? list both in --aircraft-table"
+    if found.removed:
+        logs = "removed log stays" if found.removed == 1 else "removed logs stay"
+        yield f"{found.removed} {logs} out: mavhums fleet corrections {store}"
+
+
 class _TimeParam(click.ParamType[datetime]):
     """A time: a date, or how long ago."""
 
@@ -60,20 +150,16 @@ class _TimeParam(click.ParamType[datetime]):
         if ago:
             return datetime.now(UTC) - timedelta(**{_UNITS[ago[2]]: int(ago[1])})
         try:
-            at = datetime.fromisoformat(value)
+            return utc(value)
         except ValueError:
-            self.fail(f"{value!r} is no time: write 2026-03-01, 2026-03-01T06:00, 12h or 3d", param, ctx)
-        return at if at.tzinfo else at.replace(tzinfo=UTC)
-
-
-_SINCE = _TimeParam()
+            self.fail(f"{value!r} is not a time: write 2026-03-01, 2026-03-01T06:00, 12h or 3d", param, ctx)
 
 
 @click.command(short_help="Say what changed since yesterday.", epilog=EPILOG)
-@click.argument("store", metavar="STORE")
+@STORE
 @click.option(
     "--since",
-    type=_SINCE,
+    type=_TimeParam(),
     default="1d",
     show_default=True,
     metavar="TIME",
@@ -113,8 +199,8 @@ def digest(
     """
     from mavhums.core.output import written_whole
     from mavhums.fleet import digest as digest_of
-    from mavhums.fleet.notify import recipients_of, send
-    from mavhums.show.changes import digest_html, digest_lines
+    from mavhums.fleet.notify import recipients_of
+    from mavhums.show.standing import digest_html, digest_lines
 
     recipients = recipients_of(notify) if notify else []
     found = digest_of(store, since)
@@ -126,18 +212,15 @@ def digest(
     elif not (quiet and found.is_empty):
         for line in digest_lines(found):
             say(line)
-    unsent = send(found, recipients if notify_always or not found.is_empty else ())
-    for error in unsent:
-        complain(error)
-    code = found.exit_code if fail_on_news else ExitCode.OK
-    raise SystemExit(ExitCode.NOT_SENT if unsent else code)
+    if not _sent(found, recipients, always=notify_always):
+        raise SystemExit(ExitCode.NOT_SENT)
+    raise SystemExit(found.exit_code if fail_on_news else ExitCode.OK)
 
 
 @click.command(short_help="Judge logs as they land.", epilog=EPILOG)
 @click.argument("sources", nargs=-1, required=True, metavar="LOGS...")
 @click.option("--to", "store", required=True, metavar="STORE", help="The store, as of `fleet scan`.")
-@AIRCRAFT
-@AIRCRAFT_TABLE
+@judging(without=["decide"])
 @click.option(
     "--workers",
     type=click.IntRange(0, 256),
@@ -146,11 +229,6 @@ def digest(
     help="Processes that judge, started when logs have landed; 0 judges in this one, which is lighter, but"
     " ends with a log that crashes it.",
 )
-@AIRFRAME
-@MODEL
-@DIALECT
-@FALSE_ALARMS
-@KEY
 @click.option(
     "--settle",
     "settle_s",
@@ -177,7 +255,6 @@ def digest(
 )
 @_NOTIFY
 @_NOTIFY_ALWAYS
-@gathered
 def watch(
     options: Options,
     sources: tuple[str, ...],
@@ -200,8 +277,10 @@ def watch(
     that calls `mavhums fleet digest` sends it.
     """
     from mavhums.fleet import ScanOptions
+    from mavhums.fleet import digest as digest_of
     from mavhums.fleet.notify import recipients_of
     from mavhums.fleet.scan import LogWatcher
+    from mavhums.show.standing import digest_lines
 
     recipients = recipients_of(notify) if notify else []
     scanning = ScanOptions(
@@ -214,18 +293,21 @@ def watch(
     morning = _Morning(digest_at) if digest_at else None
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        told = ""
+        complained = ""
         while True:
             try:
                 for one in watching.look(time.monotonic()):
                     say(_line_of(one))
-                told = ""
+                complained = ""
                 if morning and (since := morning.due(datetime.now().astimezone())):
-                    _send_digest(store, since, recipients, always=notify_always)
+                    found = digest_of(store, since)
+                    for line in digest_lines(found):
+                        say(line)
+                    _sent(found, recipients, always=notify_always)
             except MavhumsError as error:
                 if watching.looks == 0:
                     raise
-                if told != (told := str(error)):
+                if complained != (complained := str(error)):
                     complain(error)
             time.sleep(every_s)
     except KeyboardInterrupt:
@@ -247,29 +329,25 @@ class _Morning:
         return today - timedelta(days=1) if last is not None and last < today <= now else None
 
 
-def _send_digest(store: str, since: datetime, recipients: list[Any], *, always: bool) -> None:
-    from mavhums.fleet import digest as digest_of
+def _sent(found: FleetDigest, recipients: Sequence[Recipient], *, always: bool) -> bool:
+    """Send a digest, an empty one only if ``always``; return whether it reached every recipient."""
     from mavhums.fleet.notify import send
-    from mavhums.show.changes import digest_lines
 
-    found = digest_of(store, since)
-    for line in digest_lines(found):
-        say(line)
-    for error in send(found, recipients if always or not found.is_empty else ()):
+    errors = send(found, recipients if always or not found.is_empty else ())
+    for error in errors:
         complain(error)
+    return not errors
 
 
 def _line_of(one: Landed) -> str:
     """Return what is said of a log that has landed."""
-    from mavhums.show.standing import sentences
-    from mavhums.show.words import condition_word
+    from mavhums.show.standing import sentence
 
     if one.problem is not None:
         return f"{one.problem}: {one.remedy}"
-    said = [
-        f"{each.actuator} "
-        + "; ".join(sentences(each)).replace(each.condition, condition_word(each.condition), 1)
-        for each in one.findings
-    ]
+    said = [f"{each.actuator} {sentence(each)}" for each in one.findings]
     counted = ", ".join(f"{count} {condition}" for condition, count in one.conditions.items())
     return f"{one.path}: {one.aircraft or 'unknown aircraft'}: {'. '.join(said) or counted}"
+
+
+COMMANDS = (scan, digest, watch)
