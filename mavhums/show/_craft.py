@@ -30,6 +30,8 @@ _STEP_S: Final = 0.04
 _THICK: Final = 0.014
 _LABELLED: Final = 8
 _ARM: Final = 0.7
+_Point = tuple[float, float, float]
+_Box = tuple[_Point, _Point, tuple[int, int, int]]  # centre, half its size, and colour
 _V1, _V3 = KEYS.index("V1"), KEYS.index("V3")
 
 
@@ -128,8 +130,7 @@ class Craft:
 
     def fit(self, actuators: Sequence[Actuator]) -> None:
         """Draw the airframe with a surface for each of a profile's actuators."""
-        body = f"{self.root}/body"
-        parts = {
+        parts: dict[str, _Box] = {
             "fuselage": ((-0.12, 0, 0), (0.75, 0.06, 0.06), _GREY),
             "nose": ((0.66, 0, -0.01), (0.07, 0.035, 0.035), _DARK),
             "wing": ((0, 0, 0.03), (0.16, 1.0, 0.016), _GREY),
@@ -139,31 +140,31 @@ class Craft:
             parts["fin"] = ((-0.77, 0, 0.2), (0.09, 0.012, 0.18), _GREY)
         if V_TAIL not in kinds:
             parts["tailplane"] = ((-0.77, 0, 0.03), (0.09, 0.4, 0.012), _GREY)
-        for name, (centre, half, colour) in parts.items():
-            box = rr.Boxes3D(centers=[centre], half_sizes=[half], colors=[colour], fill_mode="solid")
-            self._stream.log(f"{body}/{name}", box, static=True)
+        self._draw_boxes(parts)
         for actuator, place in zip(
             actuators, places([words(actuator) for actuator in actuators]), strict=True
         ):
-            path = rr.new_entity_path(
-                [*self.root.strip("/").split("/"), "body", "at", actuator.name, "surface"]
-            )
+            path = self.root + rr.new_entity_path(["body", "at", actuator.name, "surface"])
             named = len(actuators) <= _LABELLED
             self.surfaces[actuator.name] = Surface(self._stream, path, actuator, place, named=named)
 
     def fit_motors(self, bearings_deg: Mapping[str, float]) -> None:
         """Draw a multirotor with motors by their names and where they sit, clockwise from the nose."""
-        body = f"{self.root}/body"
-        for name, centre, half, colour in (
-            ("hub", (0, 0, 0), (0.2, 0.2, 0.05), _GREY),
-            ("nose", (0.26, 0, 0), (0.06, 0.04, 0.03), _DARK),
-        ):
-            box = rr.Boxes3D(centers=[centre], half_sizes=[half], colors=[colour], fill_mode="solid")
-            self._stream.log(f"{body}/{name}", box, static=True)
+        self._draw_boxes(
+            {
+                "hub": ((0, 0, 0), (0.2, 0.2, 0.05), _GREY),
+                "nose": ((0.26, 0, 0), (0.06, 0.04, 0.03), _DARK),
+            }
+        )
         radius = min(0.8 * _ARM * float(np.sin(np.pi / len(bearings_deg))), 0.4)
         for name, bearing in bearings_deg.items():
-            path = rr.new_entity_path([*self.root.strip("/").split("/"), "body", "at", name, "disc"])
+            path = self.root + rr.new_entity_path(["body", "at", name, "disc"])
             self.surfaces[name] = Motor(self._stream, path, name, bearing, radius)
+
+    def _draw_boxes(self, boxes: Mapping[str, _Box]) -> None:
+        for name, (centre, half, colour) in boxes.items():
+            box = rr.Boxes3D(centers=[centre], half_sizes=[half], colors=[colour], fill_mode="solid")
+            self._stream.log(f"{self.root}/body/{name}", box, static=True)
 
     def attitude(self, time_s: Array, roll_pitch_yaw_rad: Array) -> None:
         """Rotate the airframe; the heading is separate, so that a view can follow it."""

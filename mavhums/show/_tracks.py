@@ -187,9 +187,7 @@ class Track:
         if event.fault == "friction" or not event.end_s.size:
             return
         if event.fault not in self.faults:
-            self.faults[event.fault] = rr.new_entity_path(
-                [*self.root.strip("/").split("/"), "faults", event.fault]
-            )
+            self.faults[event.fault] = self.root + rr.new_entity_path(["faults", event.fault])
             self._stream.log(self.faults[event.fault], _interval_style(event.fault), static=True)
         rows = np.stack([event.value, event.low, event.high], axis=1)
         middle = event.end_s - _HALF_WINDOW_S
@@ -200,7 +198,7 @@ class Track:
     def followed(self, event: Followed) -> None:
         """Add the demanded and the flown angles of an axis, in degrees."""
         if self.angles is None:
-            self.angles = rr.new_entity_path([*self.root.strip("/").split("/"), "angle"])
+            self.angles = f"{self.root}/angle"
             self._stream.log(self.angles, _ANGLE_STYLE, static=True)
         rows = np.degrees(event.angles_rad)
         send(self._stream, self.angles, event.time_s, rr.Scalars.columns(scalars=rows))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import islice
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -38,6 +39,7 @@ _EARTH_M: Final = 111_195.0  # of one degree of latitude
 
 
 _Kept = TypeVar("_Kept")
+_Name = TypeVar("_Name")
 
 
 class Key(NamedTuple):
@@ -106,9 +108,13 @@ class Gathered:
         """Take what the engine reports, in its order."""
         for event in events:
             if isinstance(event, Indication) and event.end_s.size:
-                self._indication(event)
+                rows = np.column_stack([event.low, event.value, event.high])
+                known = np.isfinite(rows).all(axis=1)
+                key = Key(event.vehicle, event.actuator, event.fault)
+                _add(self._thinners, key, event.end_s[known], rows[known])
             elif isinstance(event, Followed) and event.time_s.size:
-                self._follow(event)
+                angles = np.degrees(event.angles_rad)
+                _add(self._followed, (event.vehicle, event.actuator), event.time_s, angles)
             elif isinstance(event, Classified | Window):
                 self._network(event)
             elif isinstance(event, Notice):
@@ -118,7 +124,11 @@ class Gathered:
             elif isinstance(event, ConditionChanged):
                 _append(self._conditions, event.vehicle, (event.since_s, event.actuator, event.after))
             elif isinstance(event, Position):
-                self._place(event)
+                thinner = self._places.get(event.vehicle)
+                if thinner is None and len(self._places) < _VEHICLES:
+                    thinner = self._places[event.vehicle] = Thinner(2, _PLACES, "first")
+                if thinner is not None:
+                    thinner.add(event.time_s, event.latitude_longitude_deg)
 
     def curves(self) -> dict[Key, Curve]:
         """Return the curves, without empty ones."""
@@ -174,16 +184,6 @@ class Gathered:
         """Return the texts that are kept, in their order."""
         return [*self._first, *self._last]
 
-    def _indication(self, event: Indication) -> None:
-        key = Key(event.vehicle, event.actuator, event.fault)
-        if key not in self._thinners:
-            if len(self._thinners) == _CURVES:
-                return
-            self._thinners[key] = Thinner(3, _POINTS)
-        rows = np.column_stack([event.low, event.value, event.high])
-        known = np.isfinite(rows).all(axis=1)
-        self._thinners[key].add(event.end_s[known], rows[known])
-
     def _network(self, event: Classified | Window) -> None:
         if isinstance(event, Classified):
             kept, time_s = self._samples, event.time_s
@@ -193,27 +193,7 @@ class Gathered:
             values = np.array([event.p_emergency])
         else:
             return
-        key = event.vehicle, event.actuator
-        if key not in kept:
-            if len(kept) == _CURVES:
-                return
-            kept[key] = Thinner(1, _POINTS)
-        kept[key].add(time_s, values[:, None])
-
-    def _follow(self, event: Followed) -> None:
-        key = event.vehicle, event.actuator
-        if key not in self._followed:
-            if len(self._followed) == _CURVES:
-                return
-            self._followed[key] = Thinner(2, _POINTS)
-        self._followed[key].add(event.time_s, np.degrees(event.angles_rad))
-
-    def _place(self, event: Position) -> None:
-        if event.vehicle not in self._places:
-            if len(self._places) == _VEHICLES:
-                return
-            self._places[event.vehicle] = Thinner(2, _PLACES, "first")
-        self._places[event.vehicle].add(event.time_s, event.latitude_longitude_deg)
+        _add(kept, (event.vehicle, event.actuator), time_s, values[:, None])
 
     def _notice(self, event: Notice) -> None:
         self.texts += 1
@@ -221,6 +201,14 @@ class Gathered:
             self._first.append(event)
         else:
             self._last = [*self._last, event][-_LAST:]
+
+
+def _add(kept: dict[_Name, Thinner], key: _Name, time_s: Array, rows: Array) -> None:
+    """Add rows to a curve; of very many curves the first ones are kept."""
+    if key not in kept and len(kept) < _CURVES:
+        kept[key] = Thinner(rows.shape[1], _POINTS)
+    if key in kept:
+        kept[key].add(time_s, rows)
 
 
 def _append(several: dict[int, list[_Kept]], vehicle: int, one: _Kept) -> None:
@@ -277,8 +265,11 @@ class CaptionedCurve(NamedTuple):
 
 def evidence(assessment: Assessment, gathered: Gathered) -> Iterator[CaptionedCurve]:
     """Yield the evidence of each subject, the worst first: what raised an alarm, friction, effectiveness."""
+    return islice(_all_evidence(assessment, gathered), _PLOTS)
+
+
+def _all_evidence(assessment: Assessment, gathered: Gathered) -> Iterator[CaptionedCurve]:
     curves, attitudes, networks = gathered.curves(), gathered.attitudes(), gathered.networks()
-    drawn = 0
     for verdict in assessment.ranked():
         if verdict.vehicle is None or verdict.actuator == ALL:
             continue
@@ -287,15 +278,13 @@ def evidence(assessment: Assessment, gathered: Gathered) -> Iterator[CaptionedCu
             _ATTITUDES[fault] or verdict.actuator for fault in suspects if fault in _ATTITUDES
         ):
             flown = attitudes.get((verdict.vehicle, axis))
-            if flown is not None and drawn < _PLOTS:
-                drawn += 1
+            if flown is not None:
                 yield _attitude(verdict, axis, flown, assessment)
         alarms = [item.kind.removesuffix("_drift") for item in verdict.evidence]
         for fault in dict.fromkeys((*suspects, *alarms, "friction", "effectiveness")):
             curve = curves.get(Key(verdict.vehicle, verdict.actuator, fault))
-            if curve is None or not curve.time_s.size or drawn == _PLOTS:
+            if curve is None or not curve.time_s.size:
                 continue
-            drawn += 1
             what, limits = _limits(verdict, fault)
             since_s = verdict.since.flight_time_s if verdict.since and suspects else None
             last = curve.rows[-1]
@@ -308,8 +297,7 @@ def evidence(assessment: Assessment, gathered: Gathered) -> Iterator[CaptionedCu
             told = f"{told}; {bounds}" if bounds else told
             yield CaptionedCurve(verdict.vehicle, title, told, curve, limits, since_s)
         said = networks.get((verdict.vehicle, verdict.actuator))
-        if said is not None and drawn < _PLOTS:
-            drawn += 1
+        if said is not None:
             yield _network(verdict, said, assessment)
 
 

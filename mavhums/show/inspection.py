@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 
 from rich.console import Console
 from rich.markup import escape
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -16,6 +15,7 @@ from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.assessment import Inspection, Judgeable, VehicleTelemetry
 from mavhums.show.digest import NOT_JUDGED
 from mavhums.show.servo_tables import usage
+from mavhums.show.terminal import indented
 from mavhums.show.words import join
 from mavhums.show.words import losses as told_losses
 
@@ -109,24 +109,25 @@ def _counted(inspection: Inspection) -> str:
 
 
 def _messages(inspection: Inspection, console: Console) -> None:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("sender")
-    table.add_column("message")
-    table.add_column("count", justify="right")
-    table.add_column("per second", justify="right")
+    table = _counts("sender", "message")
     for row in inspection.messages:
         table.add_row(f"{row.system}/{row.component}", row.name, f"{row.count:,}", f"{row.rate_hz:.2f}")
     console.print()
     console.print(table)
 
 
-def _named(inspection: Inspection, console: Console) -> None:
+def _counts(*headings: str) -> Table:
+    """Return a table with a count and a rate in each row."""
     table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("vehicle", justify="right")
-    table.add_column("named value")
-    table.add_column("message")
+    for heading in headings:
+        table.add_column(heading)
     table.add_column("count", justify="right")
     table.add_column("per second", justify="right")
+    return table
+
+
+def _named(inspection: Inspection, console: Console) -> None:
+    table = _counts("vehicle", "named value", "message")
     for row in inspection.named[:_MOST_NAMED]:
         name = escape(printable(row.name))
         table.add_row(str(row.system), name, row.message, f"{row.count:,}", f"{row.rate_hz:.2f}")
@@ -144,13 +145,12 @@ def _vehicle(vehicle: VehicleTelemetry, console: Console) -> None:
         highlight=False,
     )
     for line in _lines(vehicle):
-        indent = 2 + len(line) - len(line.lstrip())
-        console.print(Padding(Text(printable(line.lstrip())), (0, 0, 0, indent), expand=False))
+        console.print(indented(line.lstrip(), 2 + len(line) - len(line.lstrip())))
     if vehicle.usage and not _wingless(vehicle):
         used = usage(vehicle.usage, several=False)
-        console.print(Padding(Text(used.title), (0, 0, 0, 2), expand=False))
+        console.print(indented(used.title))
         for line in used.lines:
-            console.print(Padding(Text(printable(line)), (0, 0, 0, 4), expand=False))
+            console.print(indented(line, 4))
 
 
 def _lines(vehicle: VehicleTelemetry) -> Iterator[str]:

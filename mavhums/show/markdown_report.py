@@ -62,12 +62,9 @@ def markdown(assessment: Assessment) -> str:
         f"## {_literal(of)}: values in doubt\n\n{_literal(capital(odd))}." for of, odd in said.doubtful
     ]
     sections += map(_paragraph, (*undecided, *said.unmonitored))
-    if said.over_flights:
-        lines = "\n".join(f"- {_literal(sentence)}." for sentence in said.over_flights)
-        sections.append(f"## Over the flights\n\n{lines}")
-    if said.network:
-        lines = "\n".join(f"- {_literal(sentence)}." for sentence in said.network)
-        sections.append(f"## Physics and network\n\n{lines}")
+    for title, sentences in (("Over the flights", said.over_flights), ("Physics and network", said.network)):
+        if sentences:
+            sections.append(f"## {title}\n\n" + "\n".join(f"- {_literal(one)}." for one in sentences))
     for table in said.tables:
         rows = _rows((table.head, ("---",) * len(table.head), *(map(_literal, row) for row in table.rows)))
         sections.append(f"## {_literal(table.title)}" + (f"\n\n{rows}" if table.rows else ""))
@@ -171,7 +168,7 @@ def _indicators(found: Sequence[Indicator]) -> str:
         value = f"{_figure(item.value.estimate, item.value)} ({_span(item.value)})"
         rows.append([_literal(cell) for cell in (f"{item.quantity}{unit}", value, limit, own)])
     width = len(head) if any(item.baseline for item in found) else len(head) - 1
-    return "\n".join(f"| {' | '.join(row[:width])} |" for row in rows)
+    return _rows(row[:width] for row in rows)
 
 
 def _span(interval: Interval) -> str:
@@ -196,7 +193,7 @@ def _provenance(assessment: Assessment) -> Iterator[str]:
         names, tier = (name(verdict, assessment) for verdict in verdicts), verdicts[0].tier
         lines = [f"## Where the values of {_literal(join(names))} came from"]
         lines += [f"Telemetry tier: {_literal(tier)}."] if tier else []
-        table = ["| quantity | source |", "|---|---|"]
+        table = [("quantity", "source"), ("---", "---")]
         quantities = {one.key: f"{one.key} {one.name}, {one.unit}" for one in QUANTITIES}
         if verdicts[0].subject == "axis":
             quantities = {"V1": "command", **MEASURED}
@@ -205,8 +202,8 @@ def _provenance(assessment: Assessment) -> Iterator[str]:
         for key, quantity in quantities.items():
             sources = [source for v in verdicts if (source := v.provenance.get(key))]
             source = _literal(_as_one(sources)) if sources else "not in the log"
-            table.append(f"| {quantity} | {source} |")
-        yield "\n\n".join([*lines, "\n".join(table)])
+            table.append((quantity, source))
+        yield "\n\n".join([*lines, _rows(table)])
 
 
 def _as_one(sources: Sequence[str]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ from mavhums.show.digest import Digest, Paragraph, Subject, advice, digest
 from mavhums.show.verdict_words import explanation
 from mavhums.show.words import COLOURS, capital, condition_word, finding, join, name, printable
 
-__all__ = ["Line", "condition_text", "line_of", "render", "render_findings", "render_many"]
+__all__ = ["Line", "condition_text", "indented", "line_of", "render", "render_findings", "render_many"]
 
 _FINDINGS = 3  # with headline and table they fit a screen of 24 lines
 
@@ -43,12 +43,7 @@ def render(assessment: Assessment, console: Console, *, verbose: bool = False) -
     monitored = [one for one in said.subjects if one.verdict.gravest != "unmonitored"]
     if any(one.verdict.gravest != "undecided" or one.verdict.coverage.windows for one in monitored):
         console.print(_table(monitored, console.width))
-    for title, lines in _findings(said, verbose=verbose):
-        _print(title, lines, console)
-    for found in said.open:
-        _print_open(found, console)
-    if said.over_flights:
-        _print("Over the flights", said.over_flights, console)
+    _print_found(said, _findings(said, verbose=verbose), console)
     if said.network:
         _print("Physics and network", said.network, console)
     for table in said.tables if verbose else ():
@@ -70,10 +65,19 @@ def render_findings(assessment: Assessment, console: Console, title: str) -> Non
     findings = list(_findings(said, verbose=False))
     if findings or said.open or said.over_flights:
         console.print(Text(printable(title)), soft_wrap=True)
-    for subject, lines in findings:
-        _print(subject, lines, console)
+    _print_found(said, findings, console)
+
+
+def _print_found(said: Digest, findings: Iterable[tuple[str, list[str]]], console: Console) -> None:
+    """Print findings, what is open and why, and what is so over the flights."""
+    for title, lines in findings:
+        _print(title, lines, console)
     for found in said.open:
-        _print_open(found, console)
+        # An ordinary flight has a few, and one screen: they stand behind their names.
+        more = f" (and {found.left_out} more: --verbose)" if found.left_out else ""
+        head = (printable(f"{found.title}: {found.condition}"), "bold")
+        console.print(Text.assemble(head, printable(f": {found.why}{more}")))
+        console.print(indented(f"what to do: {found.todo}"))
     if said.over_flights:
         _print("Over the flights", said.over_flights, console)
 
@@ -84,18 +88,15 @@ def condition_text(condition: Condition) -> Text:
     return Text(condition_word(condition), style=f"bold rgb({red},{green},{blue})")
 
 
-def _print_open(found: Paragraph, console: Console) -> None:
-    """Print why verdicts are open, behind their names: an ordinary flight has a few, and one screen."""
-    more = f" (and {found.left_out} more: --verbose)" if found.left_out else ""
-    head = (printable(f"{found.title}: {found.condition}"), "bold")
-    console.print(Text.assemble(head, printable(f": {found.why}{more}")))
-    console.print(Padding(Text(printable(f"what to do: {found.todo}")), (0, 0, 0, 2), expand=False))
+def indented(line: str, left: int = 2) -> Padding:
+    """Return a line that is indented wherever it wraps."""
+    return Padding(Text(printable(line)), (0, 0, 0, left), expand=False)
 
 
 def _print(title: str, lines: Sequence[str], console: Console) -> None:
     console.print(Text(printable(title), style="bold"))
     for line in lines:
-        console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
+        console.print(indented(line))
 
 
 _COLUMNS = ("subject", "condition", "control left", "friction, N·m", "network", "since", "moving", "judged")

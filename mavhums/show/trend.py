@@ -9,7 +9,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from rich import box
 from rich.console import Console
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -27,6 +26,7 @@ from mavhums.results.standing import (
 from mavhums.show.evidence import Curve, Limit
 from mavhums.show.html_plot import Chart, chart
 from mavhums.show.standing import growth_words, left_words, sentences, since_words, soonest_words, step_words
+from mavhums.show.terminal import indented
 from mavhums.show.words import COLOURS, capital, join, printable
 
 __all__ = ["TrendShown", "render_trends", "sparkline", "trend_shown"]
@@ -43,7 +43,7 @@ def render_trends(report: TrendReport, console: Console) -> None:
         shown = [one for one in report.trends if one.fault == fault]
         console.print(_table(shown, report))
     for line in _reasons(report):
-        console.print(Padding(Text(printable(line)), (0, 0, 0, 2), expand=False))
+        console.print(indented(line))
     console.print(Text(f"{capital(report.notice)}.", style="dim"))
 
 
