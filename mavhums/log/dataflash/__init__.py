@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
 from mavhums.log.base.decoder import Refusal
 from mavhums.log.dataflash.decoder import DataFlashDecoder
 from mavhums.log.dataflash.scanner import RecordScanner
@@ -12,9 +10,7 @@ from mavhums.log.formats import pieces
 __all__ = ["DataFlashDecoder", "decoder", "refusal"]
 
 
-def decoder(messages: Collection[str] | None) -> DataFlashDecoder:
-    """Return a new decoder of the wanted message types, all if None."""
-    return DataFlashDecoder(messages)
+decoder = DataFlashDecoder
 
 
 def refusal(head: bytes) -> Refusal | None:

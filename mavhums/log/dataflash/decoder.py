@@ -113,11 +113,18 @@ class DataFlashDecoder:
     messages
         Names of the wanted message types; all if None.
 
+    Attributes
+    ----------
+    undated
+        Whether the log has no GPS time, so that times count from the vehicle's boot.
+
     Examples
     --------
     >>> DataFlashDecoder().feed(b"not a log", final=True)
     {}
     """
+
+    format = "dataflash"
 
     def __init__(self, messages: Iterable[str] | None = None) -> None:
         self._messages = None if messages is None else frozenset(messages)
@@ -132,13 +139,8 @@ class DataFlashDecoder:
         self._span: tuple[int, int] | None = None
         self._firsts: dict[int, int] = {}
         self._shift: dict[int, int] = {}
-        self._undated = False
+        self.undated = False
         self._dropped: dict[int, int] = {}
-
-    @property
-    def format(self) -> str:
-        """Name of the format."""
-        return "dataflash"
 
     @property
     def counts(self) -> dict[tuple[int, int, str], int]:
@@ -175,11 +177,6 @@ class DataFlashDecoder:
     def last_time_us(self) -> int | None:
         """Time of the latest record, microseconds of UTC; None before the first."""
         return self._span[1] if self._span else None
-
-    @property
-    def undated(self) -> bool:
-        """Whether the log has no GPS time, so that times count from the vehicle's boot."""
-        return self._undated
 
     @property
     def losses(self) -> Losses:
@@ -244,9 +241,9 @@ class DataFlashDecoder:
         if boot not in self._shift:
             offset = self._datings[boot].offset_us
             if not self._shift:
-                self._undated = offset is None
+                self.undated = offset is None
                 self._shift[boot] = offset or 0
-            elif offset is None or self._undated:
+            elif offset is None or self.undated:
                 self._shift[boot] = (self._span[1] if self._span else 0) - self._firsts.get(boot, 0)
             else:
                 self._shift[boot] = offset

@@ -62,6 +62,8 @@ class MavlinkDecoder:
     {}
     """
 
+    format = "tlog"
+
     def __init__(
         self,
         messages: Iterable[str] | None = None,
@@ -79,11 +81,6 @@ class MavlinkDecoder:
         self._clocks = _SenderClocks(self._dialect)
         self._guard = None if key is None else SignatureGuard(key)
         self._scanner: FrameScanner | None = None
-
-    @property
-    def format(self) -> str:
-        """Name of the format."""
-        return "tlog"
 
     @property
     def counts(self) -> dict[tuple[int, int, str], int]:

@@ -21,7 +21,7 @@ import numpy as np
 from mavhums.core.errors import MavhumsError
 from mavhums.log.base.tables import C_NUMBERS
 
-__all__ = ["Dialect", "DialectError", "Field", "MessageDefinition", "load_dialect"]
+__all__ = ["Dialect", "DialectError", "MessageDefinition", "load_dialect"]
 
 _SHIPPED = ("ardupilotmega.xml", "development.xml")
 # What mavparse raises of a file that is no MAVLink XML, beside its own error.
@@ -30,29 +30,6 @@ _NOT_MAVLINK = (ElementTree.ParseError, LookupError, ValueError, AttributeError,
 
 class DialectError(MavhumsError):
     """The XML of a dialect cannot be used."""
-
-
-@dataclass(frozen=True, slots=True)
-class Field:
-    """Attributes of a field in the XML, besides its type.
-
-    Attributes
-    ----------
-    units
-        Units as in the XML, for example ``cdegC``; empty if there are none.
-    enum
-        Name of the enum of its values; empty if there is none.
-    elements
-        Array length; 1 for a scalar, and the width of a char field.
-    extension
-        Whether the field is an extension, which MAVLink 1 omits.
-    """
-
-    name: str
-    units: str
-    enum: str
-    elements: int
-    extension: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +44,6 @@ class MessageDefinition:
         Size in bytes without the extension fields: the payload of MAVLink 1.
     crc_extra
         Seed by which sender and receiver agree on the definition.
-    fields
-        Fields in wire order.
     """
 
     id: int
@@ -76,15 +51,13 @@ class MessageDefinition:
     crc_extra: int
     wire: np.dtype[np.void]
     base_size: int
-    fields: tuple[Field, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dialect:
-    """Definitions by message id, ascending, and names of enum values."""
+    """Definitions by message id, ascending."""
 
     definitions: dict[int, MessageDefinition]
-    enums: dict[str, dict[int, str]]
 
 
 @cache
@@ -104,9 +77,7 @@ def load_dialect(path: Path | None = None) -> Dialect:
         If the file is missing or is not MAVLink XML.
     """
     definitions: dict[int, MessageDefinition] = {}
-    enums: dict[str, dict[int, str]] = {}
     for document in _shipped():
-        _merge_enums(enums, document)
         for definition in map(_definition, document.message):
             known = definitions.get(definition.id)
             # The larger of two has the newer extension fields; a shorter payload is filled with zeros.
@@ -114,9 +85,8 @@ def load_dialect(path: Path | None = None) -> Dialect:
                 definitions[definition.id] = definition
     if path is not None:
         for document in reversed(list(_documents(path, set()))):
-            _merge_enums(enums, document)
             definitions |= {message.id: _definition(message) for message in document.message}
-    return Dialect(dict(sorted(definitions.items())), enums)
+    return Dialect(dict(sorted(definitions.items())))
 
 
 def _shipped() -> Iterator[Any]:
@@ -163,19 +133,8 @@ def _parse(path: Path) -> Any:
 
 
 def _definition(message: Any) -> MessageDefinition:
-    base = set(message.fieldnames[: message.extensions_start])
-    fields = tuple(
-        Field(f.name, f.units.strip("[]"), f.enum, max(f.array_length, 1), f.name not in base)
-        for f in message.ordered_fields
-    )
-    return MessageDefinition(
-        message.id,
-        message.name,
-        message.crc_extra,
-        np.dtype([_column(f) for f in message.ordered_fields]),
-        message.wire_min_length,
-        fields,
-    )
+    wire = np.dtype([_column(field) for field in message.ordered_fields])
+    return MessageDefinition(message.id, message.name, message.crc_extra, wire, message.wire_min_length)
 
 
 def _column(field: Any) -> tuple[Any, ...]:
@@ -184,9 +143,3 @@ def _column(field: Any) -> tuple[Any, ...]:
     if field.array_length:
         return field.name, C_NUMBERS[field.type], (field.array_length,)
     return field.name, C_NUMBERS[field.type]
-
-
-def _merge_enums(enums: dict[str, dict[int, str]], document: Any) -> None:
-    for enum in document.enum:
-        entries = enums.setdefault(enum.name, {})
-        entries |= {e.value: e.name for e in enum.entry if not e.end_marker}

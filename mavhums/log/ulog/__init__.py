@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
-from mavhums.log.base.decoder import LogDecoder, Refusal
+from mavhums.log.base.decoder import Refusal
 from mavhums.log.formats import pieces
 from mavhums.log.ulog.decoder import UlogDecoder
 from mavhums.log.ulog.scanner import HEADER, UlogScanner, flag_bits
@@ -14,9 +12,7 @@ __all__ = ["decoder", "refusal"]
 _CUT = "copy the log again from the card, or take another one"
 
 
-def decoder(messages: Collection[str] | None) -> LogDecoder:
-    """Return a new decoder of the wanted topics, all if None."""
-    return UlogDecoder(messages)
+decoder = UlogDecoder
 
 
 def refusal(head: bytes) -> Refusal | None:

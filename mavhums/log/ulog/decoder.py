@@ -110,6 +110,11 @@ class UlogDecoder:
         Names of the wanted tables; all if None. Others are checked and counted but not
         unpacked.
 
+    Attributes
+    ----------
+    undated
+        Whether the log has no satellite time, so that times count from the vehicle's boot.
+
     Examples
     --------
     >>> UlogDecoder().feed(b"ULog", final=True)
@@ -125,7 +130,7 @@ class UlogDecoder:
         self._vehicle, self._offset_us = 1, 0
         self._others: Counter[str] = Counter()
         self._frames = 0
-        self._dated = self._settled = False
+        self.undated, self._settled = True, False
         self._held: list[RecordBatch] = []
         self._first_us: int | None = None
         self._last_us: int | None = None
@@ -166,11 +171,6 @@ class UlogDecoder:
     def last_time_us(self) -> int | None:
         """Time of the latest data, microseconds of UTC; None before the first."""
         return None if self._last_us is None else self._last_us + self._offset_us
-
-    @property
-    def undated(self) -> bool:
-        """Whether the log has no satellite time, so that times count from the vehicle's boot."""
-        return not self._dated
 
     def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:
         """Return the messages that ``block`` completes, by name; ``final`` says that nothing follows."""
@@ -253,7 +253,7 @@ class UlogDecoder:
                 for row in rows[there]:
                     offset_us = _utc_offset(layout, batch.payload(row))
                     if offset_us is not None:
-                        self._offset_us, self._dated, self._settled = offset_us, True, True
+                        self._offset_us, self.undated, self._settled = offset_us, False, True
                         return
         # Not the end of the block: a record that it cuts may still be a fix within the megabyte.
         self._settled = self._scanner.position >= _HELD_BYTES

@@ -94,16 +94,8 @@ def test_messages_of_our_own_xml_are_as_pymavlinks_generator_makes_them(
         assert_decodes(data.draw(contents(kind)), module.MAVLink(None, srcSystem=1, srcComponent=1))
 
 
-def test_units_enums_and_array_sizes_are_kept() -> None:
-    dialect = load_dialect()
-    info = {field.name: field for field in dialect.definitions[290].fields}
-    assert (info["temperature"].units, info["temperature"].elements) == ("cdegC", 4)
-    heartbeat = dialect.definitions[0]
-    state = next(field for field in heartbeat.fields if field.name == "system_status")
-    assert dialect.enums[state.enum][4] == "MAV_STATE_ACTIVE"
-    servo = dialect.definitions[36]
-    assert [f.name for f in servo.fields if f.extension] == [f"servo{k}_raw" for k in range(9, 17)]
-    assert servo.base_size == 21
+def test_the_extension_fields_do_not_count_for_mavlink_1() -> None:
+    assert load_dialect().definitions[36].base_size == 21
 
 
 OWN = """<?xml version="1.0"?>
