@@ -31,7 +31,7 @@ from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.trends import trend_report
 from mavhums.health.axis.effectiveness import new_tracker
 from mavhums.health.axis.monitor import AxisMonitor
-from mavhums.health.axis.response_sums import RESPONSE
+from mavhums.health.axis.response import RESPONSE
 from mavhums.health.decision.growth import course_of, last_step
 from mavhums.health.estimation.equations.own_scale import POWER, RIPPLE, ROUGHNESS, TWO_WAYS
 from mavhums.health.estimation.motor_identification import VoltageSums

@@ -14,7 +14,8 @@ from mavhums.actuator.profile import load_airframe
 from mavhums.core import startup
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
-from mavhums.health.axis.filters import AttitudeResponse, Lag
+from mavhums.health.axis.regressions import Lag
+from mavhums.health.axis.residuals import AttitudeResponse
 from mavhums.health.motor.evidence import COLUMNS, follow, new_state, rules_for
 from mavhums.learn import packaged_models
 from mavhums.log.mavlink.dialect import load_dialect

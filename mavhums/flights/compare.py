@@ -20,8 +20,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import AirframeNamed, Event
 from mavhums.flights.actuator_comparison import ActuatorComparison, events_of
-from mavhums.health.axis.past import compare_with_earlier_flights
-from mavhums.health.axis.past_response import compare_response
+from mavhums.health.axis.past import compare_response, compare_with_earlier_flights
 from mavhums.health.decision.baseline import (
     Baselines,
     BaselineSource,
@@ -35,11 +34,11 @@ from mavhums.health.decision.events import (
     Window,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.health.motor.past import compare_motors
 from mavhums.health.self_baseline.past import PastSource
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
 from mavhums.health.verdict import with_advice
 from mavhums.health.verdict.actuator import against_baseline, with_refused
+from mavhums.health.verdict.motor import compare_motors
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 

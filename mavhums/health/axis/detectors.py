@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import degrees, exp, nan
+from math import degrees, exp, isnan, nan
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -32,14 +32,17 @@ from mavhums.health.axis.thresholds import (
     ROLL_PERSISTENT_S,
     SHIFT_FLOOR_RAD_S,
     SHIFT_S,
+    SKID_ALONE_DEVIATIONS,
     SKID_DEVIATIONS,
     SKID_M_S2,
+    SKID_S,
+    SKID_SHARE,
+    SKIDDING_DEVIATIONS,
     SLOW_STREAM_S,
     SURE_CONFIDENCE,
     TRIM_SHIFT_DEVIATIONS,
 )
 from mavhums.results.sections import AxisLimits
-from mavhums.results.standing import Interval
 from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES, STEERING
@@ -56,7 +59,7 @@ class Alarm(NamedTuple):
     value: float
     limit: float
     rule: str
-    confidence: float
+    confidence: float = SURE_CONFIDENCE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,28 +166,22 @@ class EffectivenessDetector:
             fault, value, limit = "slow", second.slow_s, limits.lag_s
             rule = _slow(second, second.slow_s, self._axis)
         else:
+            fault, value, limit, rule = "effectiveness", left, limits.effectiveness_degraded, _share(left)
             grave = left <= limits.effectiveness_emergency
-            doubt = self._doubt(second) if grave else ""
-            condition = "emergency" if grave and not doubt else "degraded"
-            fault, value = "effectiveness", left
-            limit = (
-                limits.effectiveness_emergency if condition == "emergency" else limits.effectiveness_degraded
-            )
-            rule = (
-                f"{100 * max(left, 0.0):.0f} % of the control effectiveness of the reference is left{doubt}"
-            )
+            if grave and second.later:
+                rule += "; a slow servo explains it nearly as well"
+            elif grave and second.lost_s < EMERGENCY_S:
+                rule += f"; an emergency if {EMERGENCY_S} judged seconds show it, {second.lost_s} do"
+            elif grave:
+                condition, limit = "emergency", limits.effectiveness_emergency
         rule = f"{condition}: {rule}"
         return Alarm(
             self._axis, second.end_s, fault, condition, second.since_s, value, limit, rule, confidence
         )
 
-    def _doubt(self, second: Second) -> str:
-        """Return why a loss within the emergency's limit is none yet."""
-        if second.later:
-            return "; a slow servo explains it nearly as well"
-        if second.lost_s < EMERGENCY_S:
-            return f"; an emergency if {EMERGENCY_S} judged seconds show it, {second.lost_s} do"
-        return ""
+
+def _share(left: float) -> str:
+    return f"{100 * max(left, 0.0):.0f} % of the control effectiveness of the reference is left"
 
 
 class PooledDetector:
@@ -207,29 +204,19 @@ class PooledDetector:
 
     def feed(self, given: AxisInput) -> list[Alarm]:
         """Return the seconds in which a loss is certain."""
-        return [
-            self._alarm(second, second.driven)
-            for second in given.seconds[self._axis]
-            if second.driven is not None and second.steady and self._is_certain(second.driven)
-        ]
-
-    def _is_certain(self, kept: Interval) -> bool:
-        return kept.estimate + NORMAL_99 / NORMAL_95 * (kept.high - kept.estimate) < self._limit
-
-    def _alarm(self, second: Second, kept: Interval) -> Alarm:
-        left = f"{100 * max(kept.estimate, 0.0):.0f} % of the control effectiveness of the reference is left"
-        rule = f"degraded: {left} over the last minute"
-        return Alarm(
-            self._axis,
-            second.end_s,
-            "effectiveness",
-            "degraded",
-            second.since_s,
-            kept.estimate,
-            self._limit,
-            rule,
-            SURE_CONFIDENCE,
-        )
+        alarms = []
+        for second in given.seconds[self._axis]:
+            kept = second.driven
+            if kept is None or not second.steady:
+                continue
+            if kept.estimate + NORMAL_99 / NORMAL_95 * (kept.high - kept.estimate) >= self._limit:
+                continue
+            k, since_s, end_s = kept.estimate, second.since_s, second.end_s
+            rule = f"degraded: {_share(k)} over the last minute"
+            alarms.append(
+                Alarm(self._axis, end_s, "effectiveness", "degraded", since_s, k, self._limit, rule)
+            )
+        return alarms
 
 
 def _slow(second: Second, late_s: float, axis: str) -> str:
@@ -268,35 +255,20 @@ class TrackingDetector:
     def feed(self, given: AxisInput) -> list[Alarm]:
         """Return the seconds in which the attitude is away for certain."""
         alarms = []
-        coarse = _coarse(given.rows)
+        spacing = np.nan_to_num(given.rows.spacing).reshape(-1, RATE_HZ).mean(axis=1)
         for left in self._residual.feed(given.rows):
             # At 2 Hz a turn begins and ends between two samples, and the model answers at neither.
-            limit = self._limit * (COARSE_TIMES if coarse[left.end_s - given.rows.second - 1] else 1.0)
+            coarse = spacing[left.end_s - given.rows.second - 1] > SLOW_STREAM_S
+            limit = self._limit * (COARSE_TIMES if coarse else 1.0)
             since_s = self._persistent.feed(left.end_s, left.deviations * self._limit / limit)
             if since_s is None:
                 continue
-            away = f"{self._axis} {degrees(left.value):.0f}° away from the demanded one"
-            rule = f"emergency: {away} for {SHIFT_S} s"
+            away = f"{self._axis} {degrees(left.value):.0f}° away from the demanded one for {SHIFT_S} s"
+            rule = f"emergency: {away}"
             alarms.append(
-                Alarm(
-                    self._axis,
-                    left.end_s,
-                    "tracking",
-                    "emergency",
-                    since_s,
-                    left.deviations,
-                    limit,
-                    rule,
-                    SURE_CONFIDENCE,
-                )
+                Alarm(self._axis, left.end_s, "tracking", "emergency", since_s, left.deviations, limit, rule)
             )
         return alarms
-
-
-def _coarse(rows: Rows) -> list[bool]:
-    """Return of each second whether its samples lie too far apart to follow a turn."""
-    spacing = np.nan_to_num(rows.spacing).reshape(-1, RATE_HZ).mean(axis=1)
-    return [bool(coarse) for coarse in spacing > SLOW_STREAM_S]
 
 
 class HardOverDetector:
@@ -340,26 +312,49 @@ class HardOverDetector:
             # Rudder before aileron: a deflected rudder rolls the aircraft, too, a deflected aileron hardly
             # skids.
             axis, what = ("yaw", "a rudder") if skids else (self._axis, "an aileron or elevon")
-            what = "its steering" if steers else what
+            moves, what = ("turns", "its steering") if steers else ("rolls", what)
             way = "right" if second.shift > 0 else "left"
-            moves = "turns" if steers else "rolls"
             rule = (
                 f"emergency: {moves} {way} {degrees(abs(second.shift)):.0f}°/s more than commanded, "
                 f"as if {what} stood deflected or did not move"
             )
-            alarms.append(
-                Alarm(
-                    axis,
-                    second.end_s,
-                    "hard_over",
-                    "emergency",
-                    since_s,
-                    deviations,
-                    self._limit,
-                    rule,
-                    SURE_CONFIDENCE,
+            end_s, limit = second.end_s, self._limit
+            alarms.append(Alarm(axis, end_s, "hard_over", "emergency", since_s, deviations, limit, rule))
+        return alarms
+
+
+class Skids:
+    """Reports a skid that lasts, as with a hard-over rudder that the roll shows first.
+
+    A deflected aileron makes a short one at most.
+
+    No detector of its own: aircraft skid without a fault, too. The monitor takes these alarms beside a roll
+    or a pitch that goes astray.
+    """
+
+    def __init__(self) -> None:
+        self._run = Persistent(1.0, SKID_S)
+
+    def feed(self, given: AxisInput) -> list[Alarm]:
+        """Return the seconds in which the aircraft skids as no aileron makes it."""
+        rolls = {second.end_s: given.shift_deviations("roll", second) for second in given.seconds["roll"]}
+        alarms = []
+        for end_s, side in given.sides.items():
+            roll = rolls.get(end_s, nan)
+            # Where the roll is beyond what the regression covers, only a large skid is the rudder's.
+            limit = SKID_ALONE_DEVIATIONS if isnan(roll) else max(SKIDDING_DEVIATIONS, SKID_SHARE * roll)
+            known = abs(side.value) > SKID_M_S2
+            since_s = self._run.feed(end_s, side.deviations / limit if known else 0.0)
+            if since_s is not None:
+                way = "right" if side.value > 0 else "left"
+                rule = (
+                    f"emergency: a side force of {abs(side.value):.1f} m/s² to the {way} that no turn "
+                    "explains, as if a rudder stood deflected or did not move"
                 )
-            )
+                since_s -= SHIFT_S - 1  # its mean is over as many seconds
+                alarms.append(
+                    Alarm("yaw", end_s, "hard_over", "emergency", since_s, side.deviations, limit, rule)
+                )
         return alarms
 
 

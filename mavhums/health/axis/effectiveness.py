@@ -23,10 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
-from mavhums.health.axis.filters import Lag
-from mavhums.health.axis.mixed import MixedSums
+from mavhums.health.axis.findings import MixedSums
 from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards, constants
-from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Shape, judgeable
+from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Lag, Shape, judgeable
 from mavhums.health.axis.scores import Exclusion, Pool, Scores, Slowness, Sums, measured
 from mavhums.health.axis.thresholds import (
     DETECTED_LOSS_PER_LIMIT,

@@ -10,14 +10,12 @@ import numpy as np
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import NORMAL_95
-from mavhums.health.axis.detectors import Alarm, AxisInput, detectors
+from mavhums.health.axis.detectors import Alarm, AxisInput, Skids, detectors
 from mavhums.health.axis.effectiveness import EffectivenessTracker, new_tracker
-from mavhums.health.axis.findings import AxisFindings, origins
-from mavhums.health.axis.mixed import MixedPair
+from mavhums.health.axis.findings import AxisFindings, MixedPair, origins
 from mavhums.health.axis.reference import STANDARDS, Second
 from mavhums.health.axis.residuals import Residual, SideForce
-from mavhums.health.axis.response_sums import ResponseSums
-from mavhums.health.axis.skids import Skids
+from mavhums.health.axis.response import ResponseSums
 from mavhums.health.axis.thresholds import (
     FROM_TAKE_OFF_S,
     FULL_S,

@@ -1,67 +1,40 @@
 """Compares an axis with the same aircraft's earlier flights: a pure function of stored numbers.
 
 The reference of a flight cannot show a fault that was there from the start. Its control effectiveness, lag
-and trim are therefore compared with those of the earlier healthy flights. A difference counts if it is
-certain, given the errors and the scatter between flights, and beyond the limit of the profile.
+and trim are therefore compared with those of the earlier healthy flights. An axis without a reference is
+compared by its response, over a minute of driven flight at a time. A difference counts if it is certain,
+given the errors and the scatter between flights, and beyond the limit of the profile.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
-from typing import Final
+from datetime import datetime
+from typing import Final, NamedTuple
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import CENTRAL_95, NORMAL_95, t_probability, t_quantile
-from mavhums.health.axis.thresholds import MOST_CONFIDENCE, PAST_TESTS
-from mavhums.health.decision.baseline import Baseline
+from mavhums.core.statistics import t_probability, t_quantile
+from mavhums.health.axis.response import Stretch, stretches
+from mavhums.health.axis.thresholds import (
+    MOST_CONFIDENCE,
+    NORMAL_EFFECTIVENESS,
+    PAST_TESTS,
+    POOLED_S,
+    WINDOW_SECONDS,
+)
+from mavhums.health.decision.baseline import Baseline, ComparedIndicator, with_baselines
+from mavhums.health.decision.conditions import since
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
-from mavhums.health.estimation.random_effects import satterthwaite
-from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import Evidence, Indicator, Since, Suspect, Verdict
+from mavhums.results.verdict import Coverage, Evidence, OwnRecord, Suspect, Verdict
+
+__all__ = ["LOSSES", "compare_response", "compare_with_earlier_flights"]
 
 LOSSES: Final = ("effectiveness", "manoeuvre")
 """Faults whose indicators fall as the fault grows."""
-
-
-@dataclass(frozen=True, slots=True)
-class ComparedIndicator:
-    """An indicator beside its baseline: the difference, its standard error and its degrees of freedom."""
-
-    indicator: Indicator
-    baseline: Baseline
-    difference: float
-    error: float
-    freedom: float
-
-    @classmethod
-    def of(cls, indicator: Indicator, baseline: Baseline) -> ComparedIndicator:
-        """Return the comparison of an indicator of one flight with its baseline."""
-        value = indicator.value
-        # The interval of the report is the only form in which the error was stored.
-        own = ((value.high - value.low) / 2 / NORMAL_95) ** 2
-        between = baseline.flight_variance
-        freedom = satterthwaite(own, max(indicator.windows - 1, 1), between, baseline.certainty)
-        return cls(
-            indicator, baseline, value.estimate - baseline.mean, max(own + between, 1e-24) ** 0.5, freedom
-        )
-
-    @property
-    def ratio(self) -> float:
-        """The difference over its standard error."""
-        return self.difference / self.error
-
-    @property
-    def share(self) -> Interval:
-        """Return the quantity as a share of its baseline, with its 95 % interval."""
-        mean = self.baseline.mean
-        k = self.indicator.value.estimate / mean
-        half = t_quantile(self.freedom, CENTRAL_95) * self.error / abs(mean)
-        return Interval(estimate=round(k, 3), low=round(k - half, 3), high=round(k + half, 3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,34 +78,23 @@ def compare_with_earlier_flights(
     ]
     if not compared:
         return verdict
-    known = {one.indicator.fault: one.baseline for one in compared}
-    verdict = verdict.model_copy(
-        update={"indicators": tuple(_beside(shown, known.get(shown.fault)) for shown in verdict.indicators)}
-    )
-    seconds = max(verdict.coverage.windows, WINDOW_S)
+    verdict = with_baselines(verdict, baselines)
+    seconds = max(verdict.coverage.windows, WINDOW_SECONDS)
     # The rate is per hour: a longer flight may use more of it.
-    tail = min(tail_of(false_alarms) * seconds / WINDOW_S, MOST_FLIGHT_TAIL) / PAST_TESTS
-    seen = {item.kind for item in verdict.evidence}
-    # What the flight itself shows is told with its onset, not from the start on.
-    found = [one for one in _found(compared, verdict.limits or AxisLimits(), tail) if one.fault not in seen]
+    tail = min(tail_of(false_alarms) * seconds / WINDOW_SECONDS, MOST_FLIGHT_TAIL) / PAST_TESTS
+    # A fault that the flight itself shows keeps its onset; here it would hold from the start on.
+    shown_alone = {item.kind for item in verdict.evidence}
+    departures = _departures(compared, verdict.limits or AxisLimits(), tail)
+    found = [one for one in departures if one.fault not in shown_alone]
     if found:
-        return _judged(verdict, found, start_utc, end_s)
-    # Earlier flights tell what the log of a flight that begins in the air does not.
-    return (
-        verdict.model_copy(update={"reason": None, "remedy": None})
-        if verdict.condition == "normal"
-        else verdict
-    )
+        return _with_departures(verdict, found, start_utc, end_s)
+    if verdict.condition != "normal":
+        return verdict
+    # Earlier flights show what the log of a flight that begins in the air does not.
+    return verdict.model_copy(update={"reason": None, "remedy": None})
 
 
-def _beside(shown: Indicator, baseline: Baseline | None) -> Indicator:
-    if baseline is None:
-        return shown
-    expected = baseline.prediction().significant(5)
-    return shown.model_copy(update={"baseline": expected, "baseline_flights": baseline.flights})
-
-
-def _found(compared: list[ComparedIndicator], limits: AxisLimits, tail: float) -> Iterator[Departure]:
+def _departures(compared: list[ComparedIndicator], limits: AxisLimits, tail: float) -> Iterator[Departure]:
     """Yield the differences that are certain and beyond the limits: of the gains the most certain one."""
     lost = [one for one in compared if one.indicator.fault in LOSSES and one.baseline.mean > 0]
     losses = [loss for one in lost if (loss := loss_of(one, limits, tail))]
@@ -175,39 +137,153 @@ def _confidence(one: ComparedIndicator) -> float:
     return round(min(t_probability(one.freedom, abs(one.ratio)), MOST_CONFIDENCE), 4)
 
 
-def _judged(verdict: Verdict, found: list[Departure], start_utc: datetime, end_s: float) -> Verdict:
-    """Return a verdict with the findings; what they say holds from the reference on."""
+def _with_departures(verdict: Verdict, found: list[Departure], start_utc: datetime, end_s: float) -> Verdict:
+    """Return a verdict with departures, which hold from the reference on."""
     late_s = verdict.coverage.judged_from_s
-    # The flight's own beginning is its reference; of a late one nothing is known before it.
-    began, start_s = ("from the start on", 0.0) if late_s is None else (f"from {late_s:.0f} s on", late_s)
+    # The flight's own beginning is its reference; a late one shows nothing of what was before it.
+    when, start_s = ("from the start on", 0.0) if late_s is None else (f"from {late_s:.0f} s on", late_s)
     worst = max((one.condition for one in found), key=SEVERITY.__getitem__)
-    decided = SEVERITY[worst] >= SEVERITY[verdict.condition]
-    suspects = {one.fault: one.confidence for one in verdict.suspects} | {
-        one.fault: one.confidence for one in found
-    }
+    effectiveness = next((one.effectiveness for one in found if one.effectiveness), verdict.effectiveness)
+    changes: dict[str, object] = {"effectiveness": effectiveness}
+    if SEVERITY[worst] >= SEVERITY[verdict.condition]:
+        changes |= {"condition": worst, "since": since(start_s, start_utc), "reason": None, "remedy": None}
+    return _with_evidence(verdict, found, (start_s, end_s), when, changes)
+
+
+def _with_evidence(
+    verdict: Verdict,
+    found: list[Departure],
+    span_s: tuple[float, float],
+    when: str,
+    changes: Mapping[str, object],
+) -> Verdict:
+    """Return a verdict with departures as evidence and suspects, the worst condition and other changes."""
+    suspects = {one.fault: one.confidence for one in verdict.suspects}
+    suspects |= {one.fault: one.confidence for one in found}
     evidence = [
         Evidence(
             kind=one.fault,
-            start_s=start_s,
-            end_s=end_s,
+            start_s=span_s[0],
+            end_s=span_s[1],
             value=round(one.value, 4),
             limit=one.limit,
-            rule=f"{one.rule}, {began}",
+            rule=f"{one.rule}, {when}",
         )
         for one in found
     ]
-    effectiveness = next((one.effectiveness for one in found if one.effectiveness), verdict.effectiveness)
-    changes: dict[str, object] = {
-        "worst": max(verdict.worst, worst, key=SEVERITY.__getitem__),
-        "suspects": tuple(
-            Suspect(fault=fault, confidence=sure)
-            for fault, sure in sorted(suspects.items(), key=lambda each: -each[1])
-        ),
-        "evidence": (*evidence, *verdict.evidence),
-        "effectiveness": effectiveness,
+    return verdict.model_copy(
+        update={
+            "worst": max(verdict.worst, *(one.condition for one in found), key=SEVERITY.__getitem__),
+            "suspects": tuple(
+                Suspect(fault=fault, confidence=confidence)
+                for fault, confidence in sorted(suspects.items(), key=lambda each: -each[1])
+            ),
+            "evidence": (*evidence, *verdict.evidence),
+            **changes,
+        }
+    )
+
+
+class _JudgedStretch(NamedTuple):
+    """A stretch with its effectiveness relative to the earlier flights, and a certain loss or None."""
+
+    stretch: Stretch
+    share: Interval
+    loss: Departure | None
+
+    @property
+    def excludes_loss(self) -> bool:
+        """Whether a loss of 40 % or more is excluded with 95 %."""
+        return self.share.low > NORMAL_EFFECTIVENESS
+
+
+def compare_response(
+    verdict: Verdict,
+    past: Sequence[Sequence[OwnRecord]],
+    *,
+    others: Collection[Verdict],
+    start_utc: datetime,
+    false_alarms: float,
+) -> Verdict:
+    """Return the verdict on an axis after the comparison of its response with that of earlier flights.
+
+    Only an axis that the flight itself cannot judge is judged so.
+
+    Parameters
+    ----------
+    verdict
+        Verdict on the axis so far.
+    past
+        Records of the axis in earlier healthy flights, in the order of time.
+    others
+        Verdicts on the vehicle's other axes. Where one has a fault, what moves this axis beside its surfaces
+        is not that of healthy flights, and nothing is compared.
+    start_utc
+        Start of flight time.
+    false_alarms
+        Allowed false alarms per 100 hours of the axis.
+    """
+    if verdict.condition != "undecided" or verdict.worst != "undecided":
+        return verdict
+    if any(SEVERITY[one.worst] > SEVERITY["normal"] for one in others):
+        return verdict
+    limits = verdict.limits or AxisLimits()
+    tail = tail_of(false_alarms) * POOLED_S / WINDOW_SECONDS / PAST_TESTS
+    judged = [
+        _JudgedStretch(
+            one, one.compared.share, loss_of(one.compared, limits, tail) if one.is_driven else None
+        )
+        for one in stretches(verdict.own, past)
+    ]
+    if any(one.loss for one in judged):
+        return _with_loss(verdict, judged, start_utc)
+    if not judged or not judged[-1].excludes_loss:
+        return verdict
+    flights = judged[-1].stretch.compared.baseline.flights
+    return verdict.model_copy(
+        update={
+            "condition": "normal",
+            "worst": "normal",
+            "effectiveness": judged[-1].share,
+            "coverage": _coverage(verdict, judged),
+            "reason": f"judged by {flights} earlier flights: this one gives no reference of its own",
+            "remedy": None,
+        }
+    )
+
+
+def _with_loss(verdict: Verdict, judged: list[_JudgedStretch], start_utc: datetime) -> Verdict:
+    """Return a verdict with one finding: from the first stretch with a loss to the last one."""
+    lost = [(one, one.loss) for one in judged if one.loss]
+    gravest = min((loss for _, loss in lost), key=lambda loss: loss.value)
+    latest, loss = lost[-1]
+    start_s, end_s, last = lost[0][0].stretch.start_s, latest.stretch.end_s, judged[-1]
+    # The loss is over where the last stretch excludes one, at the effectiveness that the limit asks for.
+    is_over = last.loss is None and last.excludes_loss and last.share.estimate >= loss.limit
+    changes = {
+        "condition": "normal" if is_over else loss.condition,
+        "since": since(last.stretch.start_s if is_over else start_s, start_utc),
+        "effectiveness": last.share if is_over else latest.share,
+        "coverage": _coverage(verdict, judged),
+        "reason": None,
+        "remedy": None,
     }
-    if decided:
-        begun_utc = start_utc.astimezone(UTC) + timedelta(seconds=start_s)
-        since = Since(flight_time_s=start_s, utc=begun_utc.isoformat())
-        changes |= {"condition": worst, "since": since, "reason": None, "remedy": None}
-    return verdict.model_copy(update=changes)
+    when = f"from {start_s:.0f} s to {end_s:.0f} s"
+    return _with_evidence(verdict, [gravest], (start_s, end_s), when, changes)
+
+
+def _coverage(verdict: Verdict, judged: list[_JudgedStretch]) -> Coverage:
+    """Return the judged seconds: those of the stretches, where the flight's own are fewer."""
+    sure = [one.stretch for one in judged if one.excludes_loss]
+    seconds, excluded = sum(one.stretch.seconds for one in judged), sum(one.seconds for one in sure)
+    alone = verdict.coverage
+    windows, decidable = max(alone.windows, seconds), max(alone.decidable, seconds)
+    return alone.model_copy(
+        update={
+            "windows": windows,
+            "decidable": decidable,
+            "moving_fraction": round(decidable / windows, 4),
+            "excluded": max(alone.excluded, excluded),
+            "excluded_until_s": sure[-1].end_s if excluded > alone.excluded else alone.excluded_until_s,
+        }
+    )

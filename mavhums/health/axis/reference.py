@@ -154,7 +154,7 @@ class Second:
     steady
         Whether some gain explains these seconds, and not gusts.
     mixed
-        What tells mixed surfaces apart (:class:`~mavhums.health.axis.mixed.MixedSums`); None without them.
+        What tells mixed surfaces apart (:class:`~mavhums.health.axis.findings.MixedSums`); None without them.
     """
 
     end_s: int

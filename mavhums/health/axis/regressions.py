@@ -1,14 +1,18 @@
-"""Converts flight rows to a regression's columns, with the same lag, delay and 0.4 s mean on both sides."""
+"""Converts flight rows to a regression's columns, with the same lag, delay and 0.4 s mean on both sides.
+
+Its filters keep their state, so that the rows may be divided into any blocks.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import exp
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags
-from mavhums.health.axis.filters import Lag, Tail
+from mavhums.core.kernels import kernel
 from mavhums.health.axis.thresholds import (
     LEAST_SPEED_SHARE,
     LONGEST_SAMPLE_GAP_S,
@@ -22,6 +26,79 @@ from mavhums.vehicle.surfaces import COLUMNS, STEERING
 
 _ROLL_RAD: Final = np.radians(MOST_BANK_DEG)
 _PITCH_RAD: Final = np.radians(MOST_PITCH_DEG)
+STEP_S: Final = 1.0 / RATE_HZ
+
+
+def hold_last(values: Array, before: float) -> Array:
+    """Replace values that are not finite by the previous value; ``before`` precedes the first."""
+    rows = np.where(np.isfinite(values), np.arange(values.size), -1)
+    last = np.maximum.accumulate(rows)
+    return np.where(last < 0, before, values[np.maximum(last, 0)])
+
+
+@kernel
+def _smoothed(values: Array, share: float, before: float) -> Array:
+    """Return ``y[k] = y[k-1] + share · (values[k] - y[k-1])``, whose ``y[-1]`` is ``before``."""
+    out = np.empty_like(values)
+    for k in range(values.size):
+        before += share * (values[k] - before)
+        out[k] = before
+    return out
+
+
+class Lag:
+    """A first-order lag with the time constant ``tau_s``; at zero the output is the input."""
+
+    def __init__(self, tau_s: float) -> None:
+        self._share = 1.0 - exp(-STEP_S / tau_s) if tau_s > 0 else 1.0
+        self._last: float | None = None
+        self._value = 0.0
+
+    def feed(self, values: Array) -> Array:
+        """Return the lagged values, shape (n,); missing values are replaced by the last one."""
+        if self._last is None:
+            finite = values[np.isfinite(values)]
+            self._last = self._value = float(finite[0]) if finite.size else 0.0
+        filled = hold_last(values, self._last)
+        self._last = float(filled[-1])
+        out = _smoothed(filled, self._share, self._value)
+        self._value = float(out[-1])
+        return out
+
+
+class HighPass:
+    """A high-pass filter: subtracts the mean over the last ``memory_s``."""
+
+    def __init__(self, memory_s: float) -> None:
+        self._share = 1.0 - exp(-STEP_S / memory_s)
+        self._slow = 0.0
+
+    def feed(self, values: Array) -> Array:
+        """Return values (n,) without their slow part."""
+        slow = _smoothed(np.ascontiguousarray(values), self._share, self._slow)
+        self._slow = float(slow[-1])
+        return np.asarray(values - slow)
+
+
+class Tail:
+    """Buffers the last rows of columns, for delays and moving means.
+
+    Parameters
+    ----------
+    columns
+        Number m of columns.
+    rows
+        Number of past rows that are needed.
+    """
+
+    def __init__(self, columns: int, rows: int) -> None:
+        self._kept = np.full((rows, columns), np.nan)
+
+    def feed(self, values: Array) -> Array:
+        """Return the buffered rows followed by these, shape (rows + n, m)."""
+        joined = np.concatenate([self._kept, values])
+        self._kept = joined[len(joined) - len(self._kept) :]
+        return joined
 
 
 class Shape(NamedTuple):
@@ -233,10 +310,6 @@ class PitchForm(Form):
     def answer(self, rows: Rows) -> Array:
         """Return the pitch rate; its rate of change is the response."""
         return rows.pitch_rate
-
-    def unexplained(self, answered: float, driven: float) -> float:
-        """Return the part of a mean response, without the nuisances', that the gain's does not explain."""
-        return answered - driven
 
     def possible(self, others: Array) -> bool:
         """Return whether pitching is damped: else the autopilot's feedback was found, not the aircraft."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
+from math import exp
 from typing import Final, Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags
-from mavhums.health.axis.filters import AttitudeResponse, Tail
+from mavhums.core.kernels import kernel
+from mavhums.health.axis.regressions import STEP_S, Tail, hold_last
 from mavhums.health.axis.thresholds import (
     FASTEST_ROLL_DEG_S,
     LEAST_ROWS_PER_S,
@@ -33,6 +35,63 @@ from mavhums.vehicle.grid import RATE_HZ
 _FREE: Final = 1e9  # no prior
 _ROLLS_RAD_S: Final = float(np.radians(FASTEST_ROLL_DEG_S))
 _NOSE_LOW_RAD: Final = float(np.radians(NOSE_LOW_DEG))
+
+
+@kernel
+def _followed(values: Array, coefficients: Array, state: Array) -> Array:
+    """Return the second-order recursion b1, b2, a1, a2 over values; the state is updated."""
+    b1, b2, a1, a2 = coefficients
+    out = np.empty_like(values)
+    for k in range(values.size):
+        y = state[0]
+        out[k] = y
+        state[0] = state[1] + b1 * values[k] - a1 * y
+        state[1] = b2 * values[k] - a2 * y
+    return out
+
+
+@kernel
+def _slewed(values: Array, step: float, before: float) -> Array:
+    """Return values that change by at most ``step`` from one to the next, after ``before``."""
+    out = np.empty_like(values)
+    for k in range(values.size):
+        before += min(max(values[k] - before, -step), step)
+        out[k] = before
+    return out
+
+
+class AttitudeResponse:
+    """The response of a controlled attitude: second order, ``omega`` rad/s, critically damped.
+
+    Parameters
+    ----------
+    omega
+        Natural frequency, rad/s.
+    rate
+        Fastest change that is expected of the aircraft, rad/s.
+    """
+
+    def __init__(self, omega: float, rate: float = np.inf) -> None:
+        self._step = rate * STEP_S
+        step = omega * STEP_S
+        e = exp(-step)
+        self._coefficients = np.array([1 - e * (1 + step), e**2 + e * (step - 1), -2 * e, e**2])
+        self._last: float | None = None
+        self._slewed = 0.0
+        self._state = np.zeros(2)
+
+    def feed(self, values: Array) -> Array:
+        """Return the expected attitude, shape (n,)."""
+        if self._last is None:
+            finite = values[np.isfinite(values)]
+            self._last = self._slewed = float(finite[0]) if finite.size else 0.0
+            _, b2, _, a2 = self._coefficients
+            self._state = np.array([1.0, b2 - a2]) * self._last
+        filled = hold_last(values, self._last)
+        self._last = float(filled[-1])
+        slewed = _slewed(filled, self._step, self._slewed)
+        self._slewed = float(slewed[-1])
+        return _followed(slewed, self._coefficients, self._state)
 
 
 class ResidualModel(Protocol):

@@ -10,9 +10,8 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Integers
 from mavhums.core.statistics import NORMAL_95
-from mavhums.health.axis.filters import HighPass
 from mavhums.health.axis.reference import Reference
-from mavhums.health.axis.regressions import Columns
+from mavhums.health.axis.regressions import Columns, HighPass
 from mavhums.health.axis.thresholds import (
     DOUBTFUL_S,
     EXTRA_LAGS_S,

@@ -16,7 +16,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import CENTRAL_95, t_quantile
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95, t_quantile
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import (
     AXIS_SCATTER_SHARE,
@@ -30,7 +30,7 @@ from mavhums.health.decision.thresholds import (
 from mavhums.health.estimation.random_effects import population, satterthwaite
 from mavhums.health.estimation.thresholds import NATURAL_SCATTER_SHARE, WINDOW_SLOTS
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import Indicator
+from mavhums.results.verdict import Indicator, Verdict
 
 _FREEDOM = WINDOW_SLOTS - 1.0
 
@@ -111,6 +111,42 @@ class Baseline:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class ComparedIndicator:
+    """An indicator beside its baseline: the difference, its standard error and its degrees of freedom."""
+
+    indicator: Indicator
+    baseline: Baseline
+    difference: float
+    error: float
+    freedom: float
+
+    @classmethod
+    def of(cls, indicator: Indicator, baseline: Baseline) -> ComparedIndicator:
+        """Return the comparison of an indicator of one flight with its baseline."""
+        value = indicator.value
+        # The interval of the report is the only form in which the error was stored.
+        own = ((value.high - value.low) / 2 / NORMAL_95) ** 2
+        between = baseline.flight_variance
+        freedom = satterthwaite(own, max(indicator.windows - 1, 1), between, baseline.certainty)
+        return cls(
+            indicator, baseline, value.estimate - baseline.mean, max(own + between, 1e-24) ** 0.5, freedom
+        )
+
+    @property
+    def ratio(self) -> float:
+        """The difference over its standard error."""
+        return self.difference / self.error
+
+    @property
+    def share(self) -> Interval:
+        """Return the quantity as a share of its baseline, with its 95 % interval."""
+        mean = self.baseline.mean
+        k = self.indicator.value.estimate / mean
+        half = t_quantile(self.freedom, CENTRAL_95) * self.error / abs(mean)
+        return Interval(estimate=round(k, 3), low=round(k - half, 3), high=round(k + half, 3))
+
+
 def _design(values: Array, errors: Array, fault: str) -> Array:
     """Return a column of ones, and the growth where the flights grow: the baseline is the level before it.
 
@@ -138,6 +174,19 @@ Baselines = Mapping[tuple[int, str, str], Baseline]
 
 BaselineSource = Baselines | Callable[[str | None, datetime | None], Baselines]
 """Baselines, or a function of airframe and start of the flight (None if unknown) that returns them."""
+
+
+def with_baselines(verdict: Verdict, baselines: Mapping[str, Baseline]) -> Verdict:
+    """Return a verdict whose indicators show their baselines, which are by fault."""
+
+    def shown(one: Indicator) -> Indicator:
+        if one.fault not in baselines:
+            return one
+        known = baselines[one.fault]
+        expected = known.prediction().significant(5)
+        return one.model_copy(update={"baseline": expected, "baseline_flights": known.flights})
+
+    return verdict.model_copy(update={"indicators": tuple(map(shown, verdict.indicators))})
 
 
 def of_subject(baselines: Baselines, subject: tuple[int, str]) -> dict[str, Baseline]:

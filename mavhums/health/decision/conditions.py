@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from typing import NamedTuple
 
 import numpy as np
 
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.results.verdict import Since
 
 _MOST_EPISODES = 100  # bounds the memory: of an actuator that alternates the first and the last stay
 
@@ -160,3 +162,11 @@ class Episodes:
                 self._episodes[-1].peak = max(self._episodes[-1].peak, self._open_peak)
         if agrees:
             self._open_peak = -np.inf
+
+
+def since(since_s: float | None, start_utc: datetime) -> Since | None:
+    """Return an onset in flight time with its date; None if there is none."""
+    if since_s is None:
+        return None
+    utc = start_utc + timedelta(seconds=since_s)
+    return Since(flight_time_s=round(since_s, 3), utc=utc.astimezone(UTC).isoformat())

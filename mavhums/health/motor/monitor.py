@@ -11,17 +11,21 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.statistics import NORMAL_95
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor import evidence
-from mavhums.health.motor.past import Trims
 from mavhums.health.motor.speeds import EscSpeeds, SpeedCause, SpeedsBesideThrust
 from mavhums.health.motor.thresholds import (
+    BETWEEN_FLIGHTS,
     EMERGENCY_LOSS,
+    LEAST_TRIM_BLOCKS,
+    NEEDED_FLIGHTS,
     PRESSED_DEG,
     PRESSED_RAD_S,
     PRESSED_S,
     RELEASED_S,
     SLOW_HZ,
+    TRIM_BLOCK_S,
     WINDOWS_S,
 )
 from mavhums.results.standing import Interval
@@ -32,7 +36,12 @@ from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.signals import DERIVED, all_outputs
 from mavhums.vehicle.vtol import hovers
 
-__all__ = ["Loss", "MotorFindings", "MotorMonitor", "condition_of"]
+__all__ = ["TRIM", "TRIM_YAW", "Loss", "MotorFindings", "MotorMonitor", "Trims", "condition_of"]
+
+TRIM: Final = "trim"
+"""Fault of the indicator: thrust that a motor gives more than its share, by that share."""
+TRIM_YAW: Final = "trim_yaw"
+"""The part of it about yaw, which a shifted weight does not change."""
 
 _ANOTHER_S: Final = 10.0
 """A second motor named within this time of the first: more than one lost thrust, or neither is certain."""
@@ -95,6 +104,64 @@ class MotorFindings:
     bound: tuple[float, ...]
     trims: tuple[tuple[Indicator, ...], ...]
     cause: SpeedCause | None = None
+
+
+class Trims:
+    """Sums up the trim of one flight in constant memory.
+
+    Parameters
+    ----------
+    columns
+        Effort about roll, pitch and yaw by each motor's thrust, shape (motors, 3).
+    """
+
+    def __init__(self, columns: Array) -> None:
+        self._columns = columns
+        self._block: list[Array] = []
+        self._blocks = 0
+        self._mean, self._squares = np.zeros(3), np.zeros(3)
+
+    def add(self, thrusts: Array, flown: Flags) -> None:
+        """Take whole seconds: thrusts, shape (n, motors), and in which rows it flew upright."""
+        seconds = thrusts.reshape(-1, RATE_HZ, thrusts.shape[1]).mean(axis=1)
+        # Second by second, so that the sums do not depend on how the log was cut.
+        for second in np.flatnonzero(flown.reshape(-1, RATE_HZ).all(axis=1)).tolist():
+            self._block.append(seconds[second])
+            if len(self._block) == TRIM_BLOCK_S:
+                asked = np.mean(self._block, axis=0)
+                self._block.clear()
+                self._blocks += 1
+                effort = asked @ self._columns / asked.mean()
+                off = effort - self._mean
+                self._mean = self._mean + off / self._blocks
+                self._squares = self._squares + off * (effort - self._mean)
+
+    def of_motor(self, motor: int) -> tuple[Indicator, ...]:
+        """Return the indicators of a motor, from 0; none of a flight that is too short."""
+        if self._blocks < LEAST_TRIM_BLOCKS:
+            return ()
+        column = self._columns[motor]
+        weights = column / BETWEEN_FLIGHTS**2
+        weights = weights / (weights @ column)
+        turns = np.array([0.0, 0.0, np.sign(column[2])])
+        return (
+            self._indicator(TRIM, "thrust beyond its share", weights),
+            self._indicator(TRIM_YAW, "effort about yaw towards it", turns),
+        )
+
+    def _indicator(self, fault: str, quantity: str, weights: Array) -> Indicator:
+        value = float(weights @ self._mean)
+        scatter = float(np.sqrt(weights**2 @ self._squares / (self._blocks - 1)))
+        half = NORMAL_95 * scatter / self._blocks**0.5
+        return Indicator(
+            fault=fault,
+            quantity=quantity,
+            unit="1",
+            value=Interval(estimate=round(value, 5), low=round(value - half, 5), high=round(value + half, 5)),
+            windows=self._blocks,
+            scatter=round(scatter, 5),
+            needed_flights=NEEDED_FLIGHTS,
+        )
 
 
 class MotorMonitor:

@@ -132,3 +132,23 @@ EMERGENCY_LOSS: Final = 0.5
 
 WINDOWS: Final[Integers] = np.array([4, 8, 16, 28, 60, 160, 500], dtype=np.int64)
 """The windows in rows of 0.05 s."""
+
+BETWEEN_FLIGHTS: Final[Array] = np.array([0.03, 0.05, 0.012])
+"""Standard deviation between a quad's flights of its effort about roll, pitch and yaw, by the thrust of one
+motor: six flights of one aircraft with whole propellers."""
+NEEDED_FLIGHTS: Final = 3
+"""The scatter between flights is known from others, so the mean is all that the own ones must give."""
+TRIM_BLOCK_S: Final = 10
+LEAST_TRIM_BLOCKS: Final = 3
+"""Blocks as long as gusts last, whose mean is the trim; fewer show no scatter. By hand."""
+TRIM_SCATTER_PER_MOTOR: Final = 0.011
+"""Scatter of a motor's trim between flights, by the number of motors: that of the efforts, along the columns
+of quads, hexas and octas."""
+TRIM_SCATTER_WORTH: Final = 6.0
+"""Flights that this is worth beside the aircraft's own."""
+LEAST_TRIM_CHANGE: Final = 0.15
+"""Least change of a motor's thrust that is reported: a battery moved by a centimetre makes 0.1."""
+YAW_SHIFT: Final = 3.0
+"""Standard deviations between flights from which the effort about yaw shows that no weight moved."""
+MOST_TRIM_CONFIDENCE: Final = 0.99
+"""A Student's t of few flights claims more than they show."""

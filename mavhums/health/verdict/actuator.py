@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -14,11 +14,12 @@ from mavhums.actuator.telemetry import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
 from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums.health.actuator.thresholds import IMPLAUSIBLE_SHARE
+from mavhums.health.decision.conditions import since
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.obstacles import WEAR_UNSEEN, obstacle
 from mavhums.results.sections import NetworkAnswer
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import ALL, Coverage, Evidence, Indicator, Since, Suspect, Verdict
+from mavhums.results.verdict import ALL, Coverage, Evidence, Indicator, Suspect, Verdict
 from mavhums.vehicle.formats import remedy as to_record
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import Surfaces
@@ -306,14 +307,6 @@ def _silence(last_s: float, end_s: float, condition: Condition) -> tuple[str, st
 def rounded_suspects(suspects: tuple[Suspect, ...]) -> tuple[Suspect, ...]:
     """Return suspects with the decimals that are shown."""
     return tuple(Suspect(fault=s.fault, confidence=round(s.confidence, 4)) for s in suspects)
-
-
-def since(since_s: float | None, start_utc: datetime) -> Since | None:
-    """Return an onset in flight time with its date; None if there is none."""
-    if since_s is None:
-        return None
-    utc = start_utc + timedelta(seconds=since_s)
-    return Since(flight_time_s=round(since_s, 3), utc=utc.astimezone(UTC).isoformat())
 
 
 def rounded(interval: Interval | None, decimals: int = 4) -> Interval | None:

@@ -20,8 +20,9 @@ from mavhums.health.axis.thresholds import (
     SINGLED_OUT,
     WINDOW_DEVIATION,
 )
+from mavhums.health.decision.conditions import since
 from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.health.verdict.actuator import rounded, rounded_suspects, since
+from mavhums.health.verdict.actuator import rounded, rounded_suspects
 from mavhums.health.verdict.obstacles import why_undecided
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Candidate, Indicator, OwnRecord, Verdict

@@ -1,18 +1,38 @@
-"""Converts the findings about a multirotor's motors to verdicts, or to a reason and a remedy."""
+"""Converts the findings about a multirotor's motors to verdicts, or to a reason and a remedy.
+
+A flight alone cannot show a motor or a propeller that was worn from the start. A trim that changed against
+the earlier flights is therefore reported with its causes: a worn propeller or motor, or a weight that sits
+elsewhere, unless yaw tells them apart. An imbalance alone is no evidence: whole propellers, a battery beside
+the middle and a motor's tolerance make one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
 from math import ceil, exp
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple
 
-from mavhums.core.conditions import Condition
-from mavhums.health.motor.monitor import Loss, MotorFindings, condition_of
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.statistics import t_probability, t_quantile
+from mavhums.health.decision.baseline import Baseline, with_baselines
+from mavhums.health.decision.conditions import since
+from mavhums.health.decision.thresholds import MOST_FLIGHT_TAIL
+from mavhums.health.motor.monitor import TRIM, TRIM_YAW, Loss, MotorFindings, condition_of
 from mavhums.health.motor.speeds import SpeedCause
-from mavhums.health.motor.thresholds import JUDGED_S, MOST_BANK_DEG, MOST_EXCLUDED, STEP_EXCLUDED
-from mavhums.health.verdict.actuator import since
+from mavhums.health.motor.thresholds import (
+    BETWEEN_FLIGHTS,
+    JUDGED_S,
+    LEAST_TRIM_CHANGE,
+    MOST_BANK_DEG,
+    MOST_EXCLUDED,
+    MOST_TRIM_CONFIDENCE,
+    STEP_EXCLUDED,
+    TRIM_SCATTER_PER_MOTOR,
+    TRIM_SCATTER_WORTH,
+    YAW_SHIFT,
+)
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
@@ -20,7 +40,7 @@ from mavhums.vehicle.formats import remedy
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.rotors import Rotors
 
-__all__ = ["MOTORS", "unjudged_motors", "verdicts_of_motors"]
+__all__ = ["MOTORS", "compare_motors", "unjudged_motors", "verdicts_of_motors"]
 
 MOTORS: Final = "motors"
 """Stands for the motor where a verdict is on all of a vehicle's."""
@@ -195,3 +215,102 @@ def _coverage(findings: MotorFindings) -> Coverage:
 
 def _origin(findings: MotorFindings, motor: int) -> dict[str, str]:
     return {"V1": f"output {findings.rotors.servos[motor - 1]}, by the log's parameters"}
+
+
+class _TrimShift(NamedTuple):
+    """A motor's trim beside that of earlier flights."""
+
+    verdict: Verdict
+    value: float
+    ratio: float
+    freedom: float
+    flights: int
+    yaw: float
+
+
+def compare_motors(
+    verdicts: Sequence[Verdict],
+    baselines: Callable[[Verdict], Mapping[str, Baseline]],
+    *,
+    start_utc: datetime,
+    end_s: float,
+) -> list[Verdict]:
+    """Return all verdicts of a flight, those on motors after the comparison with earlier flights.
+
+    Parameters
+    ----------
+    verdicts
+        Of all vehicles and kinds.
+    baselines
+        Returns the baselines of a motor's indicators, by fault.
+    start_utc, end_s
+        Start of flight time, and the end of the log in flight time.
+    """
+    compared = list(verdicts)
+    for vehicle in {verdict.vehicle for verdict in verdicts if verdict.subject == "motor"}:
+        places = [k for k, v in enumerate(compared) if v.subject == "motor" and v.vehicle == vehicle]
+        changes: dict[int, _TrimShift] = {}
+        for k in places:
+            known = baselines(compared[k])
+            compared[k] = with_baselines(compared[k], known)
+            change = _change(compared[k], known, len(places))
+            if change is not None:
+                changes[k] = change
+        if not changes:
+            continue
+        # A motor that carries more unloads the opposite one: the largest is the cause.
+        most = max(changes, key=lambda k: changes[k].value)
+        one = changes[most]
+        if one.value >= LEAST_TRIM_CHANGE and one.ratio > t_quantile(
+            one.freedom, 1.0 - MOST_FLIGHT_TAIL / len(places)
+        ):
+            compared[most] = _judged(one, start_utc, end_s)
+    return compared
+
+
+def _change(verdict: Verdict, baselines: Mapping[str, Baseline], motors: int) -> _TrimShift | None:
+    shown = {one.fault: one.value.estimate for one in verdict.indicators}
+    if TRIM not in shown or not {TRIM, TRIM_YAW} <= baselines.keys():
+        return None
+    trim, yaw = baselines[TRIM], baselines[TRIM_YAW]
+    beside = 1.0 + 1.0 / trim.flights
+    own = trim.flights - 1.0
+    usual = (TRIM_SCATTER_PER_MOTOR * motors) ** 2
+    variance = (TRIM_SCATTER_WORTH * usual + own * trim.spread**2) / (TRIM_SCATTER_WORTH + own) * beside
+    value = shown[TRIM] - trim.mean
+    turned = (shown[TRIM_YAW] - yaw.mean) / (float(BETWEEN_FLIGHTS[2]) * beside**0.5)
+    return _TrimShift(verdict, value, value / variance**0.5, TRIM_SCATTER_WORTH + own, trim.flights, turned)
+
+
+def _judged(one: _TrimShift, start_utc: datetime, end_s: float) -> Verdict:
+    verdict = one.verdict
+    if SEVERITY[verdict.condition] > SEVERITY["normal"]:
+        return verdict  # a fault that the flight itself shows keeps its onset
+    cause = "a worn propeller or motor"
+    if one.yaw < YAW_SHIFT:
+        cause += ", or a weight that sits elsewhere (yaw does not tell which)"
+    rule = (
+        f"degraded: is asked for {100 * one.value:.0f} % more thrust beside the others than in "
+        f"{one.flights} earlier flights, from the start on: {cause}"
+    )
+    confidence = min(t_probability(one.freedom, one.ratio), MOST_TRIM_CONFIDENCE)
+    return verdict.model_copy(
+        update={
+            "condition": "degraded",
+            "worst": "degraded",
+            "reason": None,
+            "remedy": None,
+            "since": since(0.0, start_utc),
+            "suspects": (Suspect(fault="thrust", confidence=round(confidence, 4)),),
+            "evidence": (
+                Evidence(
+                    kind="thrust",
+                    start_s=0.0,
+                    end_s=end_s,
+                    value=round(one.value, 4),
+                    limit=LEAST_TRIM_CHANGE,
+                    rule=rule,
+                ),
+            ),
+        }
+    )

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from mavhums.health.axis.findings import origins
-from mavhums.health.axis.mixed import MixedPair
+from mavhums.health.axis.findings import MixedPair, origins
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import MASKED_S, MIXED_RECENT_S, MIXED_WEIGHT
 from mavhums.results.verdict import Evidence

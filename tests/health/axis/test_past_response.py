@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from mavhums.core.conditions import Condition
-from mavhums.health.axis.past_response import compare_response
-from mavhums.health.axis.response_sums import ResponseSums
+from mavhums.health.axis.past import compare_response
+from mavhums.health.axis.response import ResponseSums
 from mavhums.health.axis.thresholds import PAST_FLIGHTS, PAST_RATE_RATIO
 from mavhums.health.estimation.least_squares import unpacked
 from mavhums.results.verdict import OwnRecord, Verdict

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from mavhums.core.arrays import Array
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.motor.past import TRIM, Trims, compare_motors
+from mavhums.health.motor.monitor import TRIM, Trims
+from mavhums.health.verdict.motor import compare_motors
 from mavhums.results.verdict import Coverage, Verdict
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.parameters import Parameters
