@@ -1,0 +1,152 @@
+"""The episodes of an axis, what it shows of them, and what it looks back on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mavhums.core.conditions import Condition
+from mavhums.health.axis.detectors import Alarm
+from mavhums.health.axis.monitor import _MOST_EPISODES, AxisMonitor, _AxisState
+from mavhums.health.axis.reference import Second
+from mavhums.health.axis.thresholds import FROM_TAKE_OFF_S, JUDGED_ERROR, MASKED_S
+from mavhums.health.decision.events import Indication
+from mavhums.results.standing import Interval
+from mavhums.vehicle.grid import RATE_HZ
+from tests.health.axis.flights import rows, steady
+
+
+def alarm(end_s: int, fault: str = "tracking", condition: Condition = "degraded", since_s: int = 0) -> Alarm:
+    since_s, rule = since_s or end_s - 1, f"{condition} at {end_s}"
+    return Alarm("roll", end_s, fault, condition, since_s, 0.5, 0.4, rule, 0.9)
+
+
+def episodes(*alarms: Alarm) -> list[tuple[str, int, int, str]]:
+    monitor, state = AxisMonitor(1), _AxisState()
+    for one in alarms:
+        monitor._extend(state, one)
+    return [(one.fault, one.since_s, one.end_s, one.rule) for one in state.episodes]
+
+
+def test_alarms_of_one_fault_are_one_episode_until_a_pause() -> None:
+    last = 10 + 2 * MASKED_S
+    assert episodes(alarm(10), alarm(last)) == [("tracking", 9, last, f"degraded at {last}")]
+    assert [one[2] for one in episodes(alarm(10), alarm(last + 1))] == [10, last + 1]
+    assert [one[0] for one in episodes(alarm(10), alarm(11, "slow"))] == ["tracking", "slow"]
+
+
+def test_an_episode_keeps_the_reason_of_its_worst_moment() -> None:
+    grave = alarm(11, condition="emergency")
+    assert episodes(alarm(10), grave, alarm(12)) == [("tracking", 9, 12, "emergency at 11")]
+    assert episodes(alarm(10), grave, alarm(12, condition="emergency"))[0][3] == "emergency at 12"
+
+
+def test_an_alarm_extends_one_of_the_latest_episodes() -> None:
+    faults = ["a", "b", "c", "d"]
+    begun = [alarm(k, fault) for k, fault in enumerate(faults, 10)]
+    assert len(episodes(*begun, alarm(20, "b"))) == 4
+    assert len(episodes(*begun, alarm(20, "a"))) == 5
+
+
+def test_what_first_looks_like_a_loss_is_the_beginning_of_a_lag() -> None:
+    lag = alarm(15, "slow", since_s=5)
+    assert episodes(alarm(10, "effectiveness", since_s=5), lag) == [("slow", 5, 15, "degraded at 15")]
+    for other in (
+        alarm(10, "effectiveness", since_s=6),
+        alarm(10, "effectiveness", "emergency", since_s=5),
+        alarm(10, "hard_over", since_s=5),
+    ):
+        assert [one[0] for one in episodes(other, lag)] == [other.fault, "slow"]
+
+
+def test_many_episodes_keep_the_first_and_the_last_ones() -> None:
+    apart = 2 * MASKED_S + 2
+    found = episodes(*(alarm(apart * k) for k in range(1, _MOST_EPISODES + 2)))
+    assert len(found) == _MOST_EPISODES
+    kept = [end_s // apart for _, _, end_s, _ in found]
+    assert kept == [k for k in range(1, _MOST_EPISODES + 2) if k != _MOST_EPISODES // 2 + 1]
+
+
+@pytest.mark.parametrize(("missing", "known"), [(0, True), (1, False)])
+def test_ten_seconds_on_the_ground_show_a_take_off(missing: int, known: bool) -> None:
+    """Rows without a speed do not count, nor do those after the first one in flight."""
+    made = steady(FROM_TAKE_OFF_S + 4)
+    made["speed"][: RATE_HZ + missing] = np.nan
+    flown = rows(made)
+    flown.flying[: (FROM_TAKE_OFF_S + 1) * RATE_HZ] = False
+    flown.flying[-RATE_HZ:] = False
+    for block in (1, 5, 14):
+        monitor = AxisMonitor(1)
+        for begin in range(0, flown.seconds, block):
+            list(monitor.feed(flown.cut(begin, min(begin + block, flown.seconds))))
+        assert monitor.findings("roll").from_take_off is known
+
+
+def second(value: float | None, error: float = 0.1, **changes: Any) -> Second:
+    given = {"slow_s": None, "later": False, "shift": None, "left_over": None, "left_error": 0.0, "lost_s": 0}
+    return Second(7, value, error, 0.0, 0, **{**given, **changes})
+
+
+def test_the_effectiveness_is_shown_where_it_is_known_well_enough() -> None:
+    monitor = AxisMonitor(1)
+    seconds = [second(0.9), second(None), second(0.8, JUDGED_ERROR), second(0.7, JUDGED_ERROR + 0.01)]
+    [found] = monitor._indications({"roll": seconds, "pitch": [second(None)]})
+    assert isinstance(found, Indication)
+    assert found.actuator == "roll"
+    assert found.value.tolist() == [0.9, 0.8]
+    assert found.low == pytest.approx([0.9 - 0.196, 0.8 - 1.96 * JUDGED_ERROR], abs=1e-4)
+    assert found.high == pytest.approx([0.9 + 0.196, 0.8 + 1.96 * JUDGED_ERROR], abs=1e-4)
+
+
+def test_the_mean_of_windows_has_the_larger_of_its_errors() -> None:
+    monitor, state = AxisMonitor(1), _AxisState()
+    monitor._average(state, 0.9, 0.2)
+    assert state.value is not None
+    assert (state.value.estimate, state.value.low) == pytest.approx((0.9, 0.9 - 0.392), abs=1e-4)
+    monitor._average(state, 0.1, 0.2)  # a variance of 0.32 is larger than 0.2²
+    half = 1.96 * (0.32 / 2) ** 0.5
+    assert state.value.low == pytest.approx(0.5 - half, abs=1e-4)
+    assert state.value.high == pytest.approx(0.5 + half, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("fault", "rule", "left", "driven", "value"),
+    [
+        ("effectiveness", "degraded at 7", 0.5, None, 0.5),
+        ("effectiveness", "degraded at 7", None, Interval(estimate=0.4, low=0.3, high=0.5), 0.4),
+        ("tracking", "degraded at 7", 0.5, None, None),
+        ("effectiveness", "of another second", 0.5, None, None),
+    ],
+)
+def test_the_value_of_a_loss_is_that_of_the_second_that_its_reason_names(
+    fault: str, rule: str, left: float | None, driven: Interval | None, value: float | None
+) -> None:
+    monitor, state = AxisMonitor(1), _AxisState(value=Interval(estimate=1.0, low=0.9, high=1.1))
+    found = alarm(7, fault)
+    state.episodes.append(found._replace(rule=rule))
+    monitor._measure(state, [found], second(0.9, left_over=left, left_error=0.05, driven=driven), fresh=True)
+    assert state.lost is (value is not None)
+    assert (state.value.estimate if state.value else None) == value
+    if left is not None and value is not None and state.value:
+        assert state.value.high - left == pytest.approx(0.098, abs=1e-4)
+    kept = state.value
+    monitor._measure(state, [alarm(7, "slow")], None, fresh=False)
+    assert state.value == kept
+
+
+def test_a_reference_that_ends_while_a_fault_stands_shows_nothing_of_it() -> None:
+    monitor = AxisMonitor(1)
+    gain: Any = monitor._gains["roll"]
+    state = monitor._axes["roll"]
+    for condition, since_s, end_s, holds in (
+        ("degraded", 50, 51, True),
+        ("degraded", 50, 50, False),
+        ("emergency", None, 51, False),
+        ("normal", 50, 51, False),
+        ("degraded", 50, None, False),
+    ):
+        state.condition, state.since_s = condition, since_s  # type: ignore[assignment]
+        gain.reference = None if end_s is None else type("Reference", (), {"end_s": end_s})()
+        assert monitor._may_hold_fault("roll") is holds

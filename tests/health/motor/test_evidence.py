@@ -1,0 +1,166 @@
+"""Which rows of a multirotor's flight are judged: take-off, dips, leans, landings and gaps, row by row."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mavhums.core.arrays import Array
+from mavhums.health.motor import evidence as e
+from mavhums.health.motor import thresholds as t
+from mavhums.vehicle.grid import RATE_HZ
+from tests.health.motor.test_hypotheses import QUAD
+
+HOVER = 0.4
+AIRBORNE, SETTLED, LANDED, GRACE, UPRIGHT = (
+    round(seconds * RATE_HZ)
+    for seconds in (t.AIRBORNE_S, t.SETTLED_S, t.LANDED_S, t.BANK_GRACE_S, t.UPRIGHT_S)
+)
+
+
+class Craft:
+    """A quad whose rows come one by one."""
+
+    def __init__(self) -> None:
+        self.state, self.rules = e.new_state(4), e.rules_for(4)
+
+    def fly(self, rows: int, mean: float = HOVER, **how: Any) -> Array:
+        """Fly rows alike; return what they show."""
+        effort = how.get("effort", np.zeros(3)) @ np.linalg.pinv(QUAD)
+        found = np.zeros((rows, e.COLUMNS))
+        e.follow(
+            np.tile(mean + effort, (rows, 1)),
+            np.tile(how.get("rates", np.zeros(3)), (rows, 1)),
+            np.full(rows, how.get("upright", 1.0)),
+            np.full(rows, how.get("grounded", False)),
+            np.full(rows, how.get("slow", False)),
+            QUAD,
+            self.rules,
+            self.state,
+            found,
+        )
+        return found
+
+    def count(self, which: int) -> int:
+        return int(self.state.counts[which])
+
+
+def flown(rows: int, mean: float = HOVER, **how: Any) -> Craft:
+    craft = Craft()
+    craft.fly(1)  # its thrust answers in the next row
+    craft.fly(rows, mean, **how)
+    return craft
+
+
+def test_windows_are_judged_once_it_has_settled_in_the_air() -> None:
+    craft = Craft()
+    found = craft.fly(1 + SETTLED + 50)
+    assert (craft.count(e.ALOFT), craft.count(e.FLOWN)) == (SETTLED + 50, SETTLED + 50)
+    assert craft.count(e.JUDGED) == 50
+    assert np.flatnonzero(found[:, 7]).tolist() == [*range(SETTLED + 1, SETTLED + 51)]
+    assert not found[:, :7].any()
+
+
+@pytest.mark.parametrize(("mean", "aloft"), [(0.07, 0), (0.09, 100)])
+def test_an_idle_motor_is_on_the_ground(mean: float, aloft: int) -> None:
+    craft = Craft()
+    craft.fly(1, mean)
+    craft.fly(100, mean)
+    # What hovers at a tenth or less is held against a tenth.
+    assert craft.count(e.ALOFT) == aloft
+
+
+def test_it_lands_where_it_says_so_or_where_the_thrust_stays_below_half() -> None:
+    craft = flown(200)
+    craft.fly(2, grounded=True)
+    assert craft.count(e.ALOFT) == 0
+    assert craft.count(e.FLOWN) == 200
+    assert np.isnan(craft.state.now[:4]).all()
+    for share, rows, lands in ((0.49, LANDED + 1, True), (0.49, LANDED, False), (0.51, LANDED + 1, False)):
+        craft = flown(200)
+        craft.fly(rows + 1, share * HOVER)
+        assert craft.count(e.ALOFT) == (0 if lands else 201 + rows)
+
+
+def test_a_dip_is_not_judged_and_a_long_one_parts_the_windows() -> None:
+    for share, dips in ((t.LEAST_THRUST - 0.01, True), (t.LEAST_THRUST + 0.01, False)):
+        craft = flown(SETTLED + 100)
+        before = craft.count(e.JUDGED)
+        craft.fly(1, share * HOVER)
+        found = craft.fly(10, share * HOVER)
+        assert (craft.count(e.JUDGED) == before + 1) is dips
+        assert (not found[:, 7].any()) is dips
+        craft.fly(LANDED + 5, share * HOVER)
+        assert (craft.count(2) == 0) is dips, "the row counter of whole windows"
+        assert craft.count(e.ALOFT) == SETTLED + 100 + 1 + 10 + LANDED + 5
+
+
+@pytest.mark.parametrize(("rows", "dead"), [(GRACE, 0), (GRACE + 1, UPRIGHT)])
+def test_a_lean_is_judged_for_a_moment_and_then_only_after_a_while(rows: int, dead: int) -> None:
+    bank = np.cos(np.radians(t.MOST_BANK_DEG))
+    craft = flown(SETTLED + 100)
+    craft.fly(rows, upright=bank + 0.001)
+    assert craft.count(e.TIPPED) == 0
+    craft.fly(rows, upright=bank - 0.001)
+    assert craft.count(e.TIPPED) == rows
+    craft.fly(10, upright=0.7)
+    found = craft.fly(UPRIGHT + 20)
+    shown = np.flatnonzero(found[:, 7])
+    assert shown[0] == max(dead - 1, 0)
+    assert len(shown) == UPRIGHT + 20 - shown[0]
+
+
+@pytest.mark.parametrize("missing", ["upright", "rates", "mean"])
+def test_a_gap_parts_the_windows(missing: str) -> None:
+    craft = flown(SETTLED + 100)
+    judged, aloft = craft.count(e.JUDGED), craft.count(e.ALOFT)
+    how: dict[str, Any] = {missing: np.full(3, np.nan) if missing == "rates" else np.nan}
+    craft.fly(1, **how)
+    assert craft.count(e.ALOFT) == aloft
+    # Rows after it: one more without the thrust before it, and a window of 1.4 s that bounds the losses.
+    rows = round(1.4 * RATE_HZ) + (missing == "mean")
+    craft.fly(rows)
+    assert craft.count(e.JUDGED) == judged
+    craft.fly(1)
+    assert craft.count(e.JUDGED) == judged + 1
+
+
+def test_the_trim_is_the_mean_of_the_effort_after_the_take_off() -> None:
+    effort, half = np.array([0.04, -0.02, 0.01]), AIRBORNE // 2
+    craft = Craft()
+    craft.fly(1, effort=np.ones(3))
+    craft.fly(half, effort=np.ones(3))
+    assert np.isnan(craft.state.now[:3]).all()
+    craft.fly(1, effort=effort)
+    for k in range(1, 30):
+        craft.fly(1, 0.4 + 0.01 * k, effort=k * effort)
+    # The first row still has the effort before; the mean is over the rows since half of the take-off.
+    rows = [np.ones(3), *(max(k, 1) * effort for k in range(29))]
+    assert craft.state.now[:3] == pytest.approx(np.mean(rows, axis=0))
+    assert craft.state.now[3] == pytest.approx(np.mean([0.4, *(0.4 + 0.01 * k for k in range(29))]))
+
+
+def test_the_effort_of_a_turn_is_learned_less_and_forgotten_slowly() -> None:
+    long, effort = round(t.REFERENCE_S * RATE_HZ), np.array([0.04, -0.02, 0.01])
+    for rate, weight in ((0.0, 1.0), (t.TURN, 0.5), (3.0 * t.TURN, 0.1)):
+        craft = flown(long + AIRBORNE)
+        craft.fly(1, effort=effort)
+        craft.fly(1, rates=np.array([0.0, 0.0, rate]))
+        assert craft.state.now[:3] == pytest.approx(effort * np.array([1.0, 1.0, weight]) / long)
+
+
+def test_the_rules_are_those_of_the_number_of_rotors() -> None:
+    quad, more = e.rules_for(4), e.rules_for(6)
+    assert (quad.odds is t.ODDS_QUAD, more.odds is t.ODDS_MORE) == (True, True)
+    assert (quad.slow_odds, more.slow_odds) == (t.SLOW_ODDS_QUAD, t.SLOW_ODDS_MORE)
+    assert (quad.least is t.LEAST_LOSS_QUAD, more.least is t.LEAST_LOSS_MORE) == (True, True)
+    assert t.WINDOWS.tolist() == [round(seconds * RATE_HZ) for seconds in t.WINDOWS_S]
+    per_window = (t.ODDS_QUAD, t.ODDS_MORE, t.LEAST_LOSS_QUAD, t.LEAST_LOSS_MORE, t.HELD_S, t.NOISE_SD)
+    for table in per_window:
+        steps = np.diff(table, axis=0)
+        # A longer window is quieter, shows less of a loss, and must hold longer.
+        assert (steps >= 0).all() if table is t.HELD_S else (steps[2:] <= 0).all()
+        assert (table > 0).all()
+    assert ((t.LEAST_LOSS_QUAD < 0.5) & (t.LEAST_LOSS_MORE < 0.5)).all(), "half of the thrust is always told"

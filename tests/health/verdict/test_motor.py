@@ -1,0 +1,211 @@
+"""From what a flight shows of its motors to verdicts, and beside the flights before it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from math import exp
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import t
+
+from mavhums.core.conditions import Condition
+from mavhums.health.decision.baseline import Baseline
+from mavhums.health.motor.monitor import TRIM, TRIM_YAW, Loss, MotorFindings, Trims, condition_of
+from mavhums.health.motor.speeds import SpeedCause
+from mavhums.health.motor.thresholds import (
+    BETWEEN_FLIGHTS,
+    LEAST_TRIM_CHANGE,
+    TRIM_SCATTER_PER_MOTOR,
+    TRIM_SCATTER_WORTH,
+    YAW_SHIFT,
+)
+from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage, Indicator, Verdict
+from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.rotors import Rotors
+from tests.health.motor.test_past import COLUMNS, QUAD
+
+START = datetime(2026, 3, 1, 9, tzinfo=UTC)
+assert isinstance(QUAD, Rotors)
+LOSS = Loss(2, 41.239, 40.123, Interval(estimate=0.4, low=0.3, high=0.6), 3.0)
+FINDINGS = MotorFindings(QUAD, None, (), 90.0, 60.0, False, (0.1, 0.31, 0.2, 0.0), ((), (), (), ()))
+
+
+def verdicts(findings: MotorFindings | None, rotors: Any = QUAD, *, lacks: str = "") -> list[Verdict]:
+    flight: Any = SimpleNamespace(heard={"outputs", "attitude", "rates"} - {lacks}, autopilots={3})
+    return [*verdicts_of_motors(1, findings, rotors, flight, START)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "lacks", "reason"),
+    [
+        ({}, "outputs", "the log lacks the outputs of its motors"),
+        ({}, "attitude", "the log lacks the attitude"),
+        ({}, "rates", "the log lacks the body rates"),
+        ({"several": (1, 3), "loss": LOSS}, "", "more than one motor seems to have lost thrust (1 and 3)"),
+        ({"tipped": True}, "", "it leaned more than 60° before any motor stood out"),
+        ({"judged_s": 29.9}, "", "30 s of flight could be judged, 30 are needed"),
+        ({"judged_s": 12.0, "rotors": replace(QUAD, lift=True)}, "", "12 s of hover could be judged"),
+    ],
+)
+def test_why_no_motor_is_judged(changes: dict[str, Any], lacks: str, reason: str) -> None:
+    [found] = verdicts(replace(FINDINGS, **changes), lacks=lacks)
+    assert (found.actuator, found.condition, found.worst) == ("motors", "undecided", "undecided")
+    assert (found.reason or "").startswith(reason)
+    assert found.remedy
+
+
+@pytest.mark.parametrize(
+    ("rotors", "reason"),
+    [(None, "nothing in the log tells which motor sits where"), ("a tricopter", "a tricopter")],
+)
+def test_motors_that_are_not_known(rotors: str | None, reason: str) -> None:
+    [found] = verdicts(None, rotors)
+    assert (found.condition, found.reason) == ("undecided", reason)
+
+
+def test_a_loss_is_one_verdict_on_its_motor() -> None:
+    cause = SpeedCause(0.80049, 40.5, 49.5, "its speed lags")
+    [found] = verdicts(replace(FINDINGS, loss=LOSS, tipped=True, judged_s=1.0, cause=cause))
+    assert (found.actuator, found.condition, found.worst) == ("motor 2", "degraded", "degraded")
+    assert found.effectiveness == Interval(estimate=0.6, low=0.4, high=0.7)
+    assert found.suspects[0].confidence == round(1.0 / (1.0 + exp(-3.0)), 3)
+    assert found.since is not None
+    assert found.since.flight_time_s == 40.123
+    loss, speed = found.evidence
+    assert (loss.start_s, loss.end_s, loss.value) == (40.12, 41.24, 0.4)
+    assert loss.rule == "degraded: lost 40 % of its thrust (30 to 60 %)"
+    assert (speed.start_s, speed.end_s, speed.value, speed.rule) == (40.5, 49.5, 0.8, "its speed lags")
+    assert (found.coverage.windows, found.coverage.decidable) == (90, 1)
+    assert found.coverage.moving_fraction == pytest.approx(1 / 90, abs=5e-5)
+    assert found.provenance["V1"].startswith("output 2,")
+    [sure] = verdicts(replace(FINDINGS, loss=replace(LOSS, odds=700.0)))
+    assert sure.suspects[0].confidence == 1.0
+    assert len(sure.evidence) == 1
+
+
+@pytest.mark.parametrize(("share", "condition"), [(0.499, "degraded"), (0.5, "emergency")])
+def test_half_of_the_thrust_is_an_emergency(share: float, condition: Condition) -> None:
+    assert condition_of(Interval(estimate=share, low=0.1, high=0.9)) == condition
+
+
+@pytest.mark.parametrize(
+    ("bound", "condition", "reason"),
+    [
+        (0.31, "normal", "no motor lost 40 % or more"),
+        (0.29, "normal", "no motor lost 30 % or more"),
+        (0.59, "normal", "no motor lost 60 % or more"),
+        (0.75, "undecided", "no motor stands out, but a loss of 70 % would not have been certain"),
+    ],
+)
+def test_a_flight_without_a_loss_says_which_one_it_excludes(
+    bound: float, condition: Condition, reason: str
+) -> None:
+    shown = tuple((indicator(TRIM, float(k)),) for k in range(4))
+    found = verdicts(replace(FINDINGS, bound=(0.1, bound, 0.2, 0.0), trims=shown))
+    assert [one.actuator for one in found] == [f"motor {k}" for k in range(1, 5)]
+    assert {one.condition for one in found} == {condition}
+    assert all(reason in (one.reason or "") for one in found)
+    assert [one.indicators[0].value.estimate for one in found] == [0.0, 1.0, 2.0, 3.0]
+    assert [one.provenance["V1"][:8] for one in found] == [f"output {k}" for k in range(1, 5)]
+
+
+def indicator(fault: str, value: float) -> Indicator:
+    return Indicator(
+        fault=fault, quantity="", unit="1", value=Interval(estimate=value, low=value, high=value), windows=9
+    )
+
+
+def test_a_trim_is_the_mean_of_blocks_along_the_column_of_the_motor() -> None:
+    """Ten seconds a block; along the column the effort that varies least between flights weighs most."""
+    trims, rng = Trims(COLUMNS), np.random.default_rng(1)
+    efforts = []
+    for _ in range(4):
+        thrusts = 0.4 + rng.normal(0.0, 0.02, (10 * RATE_HZ, 4))
+        flown = np.ones(len(thrusts), dtype=bool)
+        trims.add(thrusts, flown)
+        asked = thrusts.mean(axis=0)
+        efforts.append(asked @ COLUMNS / asked.mean())
+        if len(efforts) == 2:
+            assert trims.of_motor(0) == ()
+            flown[RATE_HZ - 1 :: RATE_HZ] = False
+            trims.add(thrusts, flown)  # no second of it is flown upright throughout
+    for motor, column in enumerate(COLUMNS):
+        weights = column / BETWEEN_FLIGHTS**2
+        weights /= weights @ column
+        whole, turns = trims.of_motor(motor)
+        yaw = np.array(efforts)[:, 2] * np.sign(column[2])
+        for shown, along in ((whole, np.array(efforts) @ weights), (turns, yaw)):
+            assert shown.value.estimate == pytest.approx(along.mean(), abs=1e-5)
+            assert shown.windows == 4
+        deviation = (weights**2 @ np.array(efforts).var(axis=0, ddof=1)) ** 0.5
+        assert whole.scatter == pytest.approx(deviation, abs=1e-5)
+        assert whole.value.high - whole.value.estimate == pytest.approx(1.96 * deviation / 2.0, abs=2e-5)
+        assert whole.value.estimate - whole.value.low == pytest.approx(1.96 * deviation / 2.0, abs=2e-5)
+
+
+FLIGHTS = 5
+
+
+def compared(
+    trims: list[float], yaw: float = 0.0, *, spread: float = 0.03, condition: Condition = "normal"
+) -> list[Verdict]:
+    flown = [
+        Verdict(
+            subject="motor",
+            vehicle=1,
+            actuator=f"motor {k}",
+            condition=condition,
+            worst=condition,
+            coverage=Coverage(moving_fraction=1.0, windows=100, decidable=100),
+            indicators=(indicator(TRIM, 0.05 + value), indicator(TRIM_YAW, 0.01 + yaw)),
+            reason="as it was",
+        )
+        for k, value in enumerate(trims, 1)
+    ]
+    known = {
+        TRIM: Baseline(mean=0.05, error=0.01, flights=FLIGHTS, between=0.02, spread=spread),
+        TRIM_YAW: Baseline(mean=0.01, error=0.01, flights=FLIGHTS, between=0.02, spread=0.01),
+    }
+    return compare_motors(flown, lambda _: known, start_utc=START, end_s=100.0)
+
+
+def test_the_motor_with_the_largest_change_is_worn_if_it_is_certain() -> None:
+    """The scatter between flights is that of others, worth six flights, and the aircraft's own."""
+    freedom = TRIM_SCATTER_WORTH + FLIGHTS - 1
+    usual = (4 * TRIM_SCATTER_PER_MOTOR) ** 2
+    for spread in (0.03, 0.2):
+        variance = (TRIM_SCATTER_WORTH * usual + (FLIGHTS - 1) * spread**2) / freedom * (1 + 1 / FLIGHTS)
+        least = max(float(t.ppf(1.0 - 0.01 / 4, freedom)) * variance**0.5, LEAST_TRIM_CHANGE)
+        for share, worn in ((1.001, True), (0.999, False)):
+            found = compared([0.0, share * least, 0.5 * least, -2.0 * least], spread=spread)
+            expected = ["normal", "degraded" if worn else "normal", "normal", "normal"]
+            assert [one.condition for one in found] == expected
+            assert all(one.indicators[0].baseline_flights == FLIGHTS for one in found)
+    worn_one = compared([0.0, 0.4, 0.1, 0.0])[1]
+    [evidence] = worn_one.evidence
+    assert (evidence.value, evidence.limit, evidence.start_s, evidence.end_s) == (0.4, 0.15, 0.0, 100.0)
+    assert evidence.rule.startswith("degraded: is asked for 40 % more thrust beside the others than in 5 ")
+    assert (worn_one.worst, worn_one.reason, worn_one.suspects[0].fault) == ("degraded", None, "thrust")
+    assert worn_one.suspects[0].confidence == 0.99
+    assert worn_one.since is not None
+    assert worn_one.since.utc == START.isoformat()
+
+
+@pytest.mark.parametrize(("deviations", "weight"), [(0.99, True), (1.01, False)])
+def test_only_yaw_tells_a_motor_from_a_weight(deviations: float, weight: bool) -> None:
+    yaw = deviations * YAW_SHIFT * float(BETWEEN_FLIGHTS[2]) * (1.0 + 1.0 / FLIGHTS) ** 0.5
+    [evidence] = compared([0.4, 0.0, 0.0, 0.0], yaw)[0].evidence
+    assert ("a weight that sits elsewhere" in evidence.rule) is weight
+
+
+def test_a_loss_in_flight_keeps_its_verdict() -> None:
+    found = compared([0.4, 0.0, 0.0, 0.0], condition="degraded")
+    assert [one.evidence for one in found] == [()] * 4
+    assert found[0].reason == "as it was"
+    assert compare_motors(found, lambda _: {}, start_utc=START, end_s=9.0) == found
