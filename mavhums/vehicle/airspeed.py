@@ -40,7 +40,6 @@ _DOUBTED: Final = ((5, 0.20), (10, 0.15), (30, 0.10))
 these go the gusts of moderate turbulence, not a sensor that reads 20 % wrong (closed-loop flights)."""
 _TRUSTED: Final = 0.08  # over the longest of them: below the limit, so that trust does not flicker
 
-_FIRST: Final = (np.array([-(1 << 62)], dtype=np.int64), np.array([np.nan]))
 _STALE_US: Final = 3_000_000  # an older report is not the airspeed of now
 _KEPT_US: Final = 60_000_000  # samples of actuators come late by less
 
@@ -200,7 +199,7 @@ class Airspeeds:
         for report in reports(tables, "sensed airspeed"):
             speed = report.values[:, 0]
             for vehicle, rows in each(report.table.system, np.isfinite(speed) & (speed >= 0.0)):
-                before_us, before = self._known.get(vehicle, _FIRST)
+                before_us, before = self._known.get(vehicle, (report.table.time_us[:0], speed[:0]))
                 time_us = np.concatenate([before_us, report.table.time_us[rows]])
                 self._known[vehicle] = np.maximum.accumulate(time_us), np.concatenate([before, speed[rows]])
 

@@ -41,10 +41,11 @@ _FORGET_US: Final = 10_000_000.0  # time constant with which a greater spread is
 
 _SENDERS: Final = 16  # components with clocks of their own; only a forger has more, and each costs memory
 _NEVER_US: Final = 2**62
+# What is kept of a sender, by column; the last six have two columns each, one per counter.
 _SEGMENT, _NEWEST, _HEARD, _OFFSET, _PRIMARY, _LAST_STAMP, _LAST_HEARD, _PERIODS, _SPREAD, _SINCE = range(10)
-_DELTA, _ASTRAY, _KNOWN, _AGREED, _STAMP, _AT = 10, 12, 14, 16, 18, 20  # two columns each, one per counter
-_PERIOD: Final = 22
-_COLUMNS: Final = 23
+_PERIOD: Final = 10
+_DELTA, _ASTRAY, _KNOWN, _AGREED, _STAMP, _AT = range(11, 23, 2)
+_COLUMNS: Final = _AT + 2
 
 
 class MappedTimes(NamedTuple):

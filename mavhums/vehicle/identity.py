@@ -91,9 +91,9 @@ PERIPHERALS: Final = {
     41: "GPS receiver",
     42: "winch",
     44: "illuminator",
-    48: "generic peripheral",
+    48: "gripper",
 }
-"""MAV_TYPEs of what is no vehicle, in words."""
+"""MAV_TYPEs of what is not a vehicle, in words."""
 
 _FIRMWARE = re.compile(
     r"((?:Ardu(?:Plane|Copter|Rover|Sub)|APM:(?:Plane|Copter|Rover|Sub)|Blimp|PX4) V?\d+(?:\.\d+){1,2}\S*)"

@@ -30,11 +30,12 @@ BAND_US: Final = 8
 """Movement that counts: 1 % of the usual travel of 800 µs, above the dead band of a usual servo."""
 
 HELD_S: Final = 2.0
-"""Longest time for which a sample of an output, or a state, is taken to hold."""
+"""Longest time for which a sample of an output, or a state, is taken to hold: one of those that come once a
+second may be lost; longer would count gaps of the link as use."""
 
 _OFF: Final = -1
 _LEAST_US, _GREATEST_US = 800, 2200  # each µs is counted, in bounded memory; pulses beyond count as the ends
-_STOP: Final = 0.01  # share of the calibrated range: within it an output is at its end
+_STOP: Final = 0.01  # share of the calibrated range: so near to an end an output is at its stop
 _HELD_US: Final = round(HELD_S * 1e6)
 
 
@@ -99,7 +100,7 @@ class Usage:
         self._travelled, self._reversals = np.zeros((2, OUTPUTS), dtype=np.int64)
         self._turn, self._last = np.full((2, OUTPUTS), _OFF, dtype=np.int64)
         self._direction = np.zeros(OUTPUTS, dtype=np.int64)
-        self._time = np.full(1, np.iinfo(np.int64).min // 2)
+        self._time = np.zeros(1, dtype=np.int64)
         self._armed = np.nan
         self._armed_at_us: int | None = None
         self._armed_us = 0
@@ -184,13 +185,12 @@ def _followed(
     """Add samples to the sums: pulses of shape (n, outputs), -1 where an output is off."""
     for k in range(pulses.shape[0]):
         passed = min(time_us[k] - last_time[0], _HELD_US)
-        fresh = time_us[k] - last_time[0] > 1 << 60
         last_time[0] = time_us[k]
         for j in range(pulses.shape[1]):
             pulse, before = pulses[k, j], last[j]
             last[j] = pulse
-            # A pulse holds until the next sample, but not over a gap: nobody knows what was sent in it.
-            if before != _OFF and not fresh and counts[k] and passed > 0:
+            # A pulse holds until the next sample, but not over a gap: what was sent in it is unknown.
+            if before != _OFF and counts[k] and passed > 0:
                 held[j, before - _LEAST_US] += passed
             if pulse == _OFF:
                 continue

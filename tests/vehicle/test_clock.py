@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.clock import BOOT, BROKEN, SOUND, UNSTAMPED, USEC, MappedTimes, VehicleClock
-from mavhums.vehicle.clocks import Clocks
+from mavhums.vehicle.clocks import Clocks, _forget_oldest, _repeated
 
 Times = NDArray[np.int64]
 START_US = 1_700_000_000_000_000
@@ -73,6 +73,53 @@ def test_a_reboot_starts_a_segment_after_three_stamps() -> None:
     assert mapped.segment.tolist() == [0, 0, 0, 0, 2, 0]
     assert mapped.worth.tolist() == [SOUND, SOUND, BROKEN, BROKEN, SOUND, SOUND]
     assert mapped.time_us[[0, 1, 4, 5]].tolist() == received[[0, 1, 4, 5]].tolist()
+
+
+@pytest.mark.parametrize(
+    ("jump_us", "worth"),
+    [(30_000_000, SOUND), (30_000_001, BROKEN), (-30_000_000, SOUND), (-30_000_001, BROKEN)],
+)
+def test_a_stamp_more_than_30_s_from_what_has_passed_is_broken(jump_us: int, worth: int) -> None:
+    sent = array([100_000_000, 102_000_000 + jump_us])
+    received = START_US + array(
+        [0, 2_000_000 if jump_us > 0 else 0]
+    )  # ahead of what passed, behind the newest
+    sent[1] -= 0 if jump_us > 0 else 2_000_000
+    assert follow(sent, received).worth.tolist() == [SOUND, worth]
+
+
+@pytest.mark.parametrize("bad", [BOOT, USEC])
+@pytest.mark.parametrize("count", [1, 2, 6])
+def test_a_counter_that_is_set_breaks_two_stamps_and_no_clock(bad: int, count: int) -> None:
+    """The other counter runs on, so that nothing rebooted; the third stamp in a row is taken."""
+    kinds = np.tile([BOOT, USEC], 10)
+    true = 100_000_000 + 10_000 * np.arange(20)
+    sent = true.copy()
+    wrong = np.flatnonzero(kinds == bad)[4 : 4 + count]
+    sent[wrong] += 200_000_000
+    mapped = follow(sent, START_US + true, kinds)
+    assert np.flatnonzero(mapped.worth == BROKEN).tolist() == wrong[:2].tolist()
+    assert not mapped.segment.any()
+    sound = mapped.worth == SOUND
+    assert np.array_equal(mapped.time_us[sound], START_US + true[sound])
+
+
+@pytest.mark.parametrize("silence_us", [0, 60_000_000, 6_000_000_000])
+def test_a_counter_of_32_bits_goes_on_after_its_last_number(silence_us: int) -> None:
+    true = 2**32 - 25_000 + np.array([0, 10_000, 20_000, silence_us + 30_000, silence_us + 40_000])
+    mapped = follow(true % 2**32, START_US + true, USEC)
+    assert np.array_equal(mapped.time_us - mapped.time_us[0], true - true[0])
+    assert not mapped.segment.any()
+    assert (mapped.worth == SOUND).all()
+
+
+def test_components_after_the_sixteenth_are_on_the_first_ones_clock() -> None:
+    components = np.repeat(np.arange(1, 19), 2)
+    sent = np.where(np.arange(36) % 2, 8_000_000, 5_000_000)
+    received = np.full(36, START_US)
+    mapped = VehicleClock().map(components, np.full(36, BOOT), sent, received).time_us - START_US
+    assert mapped[:32].tolist() == [0, 3_000_000] * 16
+    assert mapped[32:].tolist() == [3_000_000] * 4
 
 
 def test_one_damaged_time_stamp_starts_no_segment() -> None:
@@ -136,8 +183,31 @@ def test_the_time_of_now_is_the_senders_newest_and_what_passed_since_it_came() -
     """Of two components, the one that shows less; a time of before shows no less than the newest."""
     clock = VehicleClock()
     follow(array([5_000_000, 6_000_000]), START_US + array([0, 3_000_000]), clock=clock)
-    shown = [clock.at_us(START_US + us) - START_US for us in (3_000_000, 3_250_000, 9_000_000, 2_000_000)]
-    assert shown == [1_000_000, 1_250_000, 7_000_000, 1_000_000]
+    asked = [START_US + us for us in (3_000_000, 3_250_000, 9_000_000, 2_000_000)]
+    shown = [1_000_000, 1_250_000, 7_000_000, 1_000_000]
+    assert [clock.at_us(us) - START_US for us in asked] == shown
+    one = array([1])
+    clock.map(2 * one, BOOT * one, one, START_US + 2_500_000 * one)  # shows what has been received: 2 s more
+    assert [clock.at_us(us) - START_US for us in asked] == shown
+
+
+def test_a_code_repeats_within_the_memory_of_messages_and_of_seconds() -> None:
+    codes = np.array([5, 6, 5, 5], dtype=np.uint64)
+    assert _repeated(codes).tolist() == [False, False, True, True]
+    times = array([0, 0, 5_000_000, 10_000_001])
+    assert _repeated(codes, times).tolist() == [False, False, True, False]
+    for apart, again in ((4096, True), (4097, False)):
+        codes = np.arange(1, apart + 2, dtype=np.uint64)
+        codes[-1] = codes[0]
+        assert _repeated(codes)[-1] == again
+        assert not _repeated(codes)[:-1].any()
+    streams: dict[tuple[str, int], object] = {("A", k): k for k in range(1024)}
+    _forget_oldest(streams)
+    assert len(streams) == 1024
+    streams["A", 1024] = 0
+    _forget_oldest(streams)
+    assert ("A", 0) not in streams
+    assert len(streams) == 1024
 
 
 def table(name: str, sent_ms: list[int], *, sequence: list[int], received_us: list[int]) -> Table:
@@ -160,6 +230,18 @@ def test_each_component_has_a_clock_of_its_own() -> None:
     mapped = clocks.feed({"ATTITUDE": both})["ATTITUDE"]
     assert not clocks.broken
     assert (mapped.time_us - START_US).tolist() == [0, 50_000, 100_000, 150_000, 200_000, 250_000]
+
+
+def test_a_reboot_of_several_components_is_one_jump() -> None:
+    """The first of them in the log shows it."""
+    sent = [100_000] * 2 + [10, 10, 20, 20, 30, 30]
+    both = table("ATTITUDE", sent, sequence=[1] * 8, received_us=[1000 * k for k in range(8)])
+    both.component[1::2] = 100
+    clocks = Clocks()
+    clocks.feed({"ATTITUDE": both})
+    assert clocks.jumps() == [(1, START_US + 6000)]
+    assert clocks.jumps() == []
+    assert clocks.broken == {(1, "ATTITUDE"): 4}
 
 
 def test_what_arrives_over_several_routes_is_one_message() -> None:

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.log import Decoder, Table
 from mavhums.vehicle.formats import reports
-from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities
+from mavhums.vehicle.identity import IDENTITY_MESSAGES, PERIPHERALS, Identities, in_words
 from tests.log.ulog import writer
 from tests.logs import write_log
 
@@ -39,6 +39,35 @@ def test_one_heartbeat_names_the_vehicle(tmp_path: Path) -> None:
     found = identities(path)
     assert found.vehicles == (7,)
     assert str(found.of(7)) == "fixed wing, PX4"
+
+
+UNNAMED = {"GENERIC", "SPACECRAFT_ORBITER", "GROUND_QUADRUPED", "ENUM_END"}
+SYNONYMS = {
+    "GCS": "station",
+    "ONBOARD_CONTROLLER": "companion",
+    "ADSB": "ADS-B",
+    "ODID": "ID",
+    "LOG": "logger",
+}
+SYNONYMS["OSD"] = "on-screen"
+BEAT = np.dtype([(name, "u4") for name in ("type", "autopilot", "base_mode", "custom_mode")])
+
+
+def test_kinds_are_those_of_mavlink() -> None:
+    """A word of ours is part of the name in MAVLink; a multirotor is what has rotors and no wing."""
+    for kind, entry in v2.enums["MAV_TYPE"].items():
+        name = entry.name.removeprefix("MAV_TYPE_")
+        article, _, words = in_words(kind).partition(" ")
+        assert (words == f"vehicle of MAV_TYPE {kind}") == (name in UNNAMED), name
+        alike = any(word.upper() in name for word in words.split())
+        assert name in UNNAMED or alike or SYNONYMS.get(name, "-") in words, name
+        assert (article == "an") == (words[0] in "aeioAEIO"), words
+        row = np.array([(kind, 3, 0, 0)], dtype=BEAT)
+        one, found = np.ones(1, dtype=np.uint8), Identities()
+        frame = one.astype(np.int64)
+        found.feed({"HEARTBEAT": Table("HEARTBEAT", frame, frame, one, one, one, one, row)})
+        assert found.vehicles == (() if kind in PERIPHERALS else (1,))
+        assert found.of(1).multirotor == ("ROTOR" in name and "VTOL" not in name), name
 
 
 @pytest.mark.parametrize(("kind", "autopilot"), [(6, 8), (6, 0), (26, 8), (18, 3), (27, 0), (2, 8)])

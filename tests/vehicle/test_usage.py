@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from mavhums.log import Table
 from mavhums.vehicle.facts import OUTPUTS, Signal
-from mavhums.vehicle.usage import BAND_US, Usage
+from mavhums.vehicle.usage import BAND_US, EscTemperatures, OutputUse, Usage
 
 STEP_US = 100_000
 
@@ -129,3 +130,29 @@ def test_armed_time_is_exact_however_the_log_is_cut() -> None:
             usage.feed([whole._replace(frame=frame, time_us=time_us, values=values)])
         assert usage.armed_s == 2.5
     assert used(state([0.0, 0.0])).armed_s == 0.0
+
+
+@pytest.mark.parametrize(("low", "high", "near"), [(1100, 1900, 8), (1500, 1520, 1), (1450, 1600, 2)])
+def test_a_stop_is_within_a_hundredth_of_the_range(low: int, high: int, near: int) -> None:
+    """Each microsecond from 800 to 2200 was held for a second: a stop counts a second per µs."""
+    use = OutputUse(800, 2200, 0, 0, np.full(1401, 1_000_000))
+    assert use.at_stops_s(low, high) == (low + near - 800 + 1, 2200 - (high - near) + 1)
+    assert use.at_stops_s(0, 9000) == (0.0, 0.0)
+    assert (use.held_s, use.mean_us) == (1401.0, 1500.0)
+    assert OutputUse(1500, 1500, 0, 0, np.zeros(1401, dtype=np.int64)).mean_us is None
+
+
+@pytest.mark.parametrize(("degrees", "median"), [([20] * 9, None), ([20] * 10, 20), ([20] * 5 + [30] * 5, 20),
+    ([20] * 4 + [30] * 6, 30), ([255] * 10, 255), ([20] * 10 + [0] * 30, 20)])  # fmt: skip
+def test_a_temperature_is_the_median_of_ten_readings_or_more(
+    degrees: list[int], median: float | None
+) -> None:
+    rows = np.array([([one, 0, 0, 7],) for one in degrees], dtype=[("temperature", "u1", 4)])
+    byte, frame = np.ones(len(rows), dtype=np.uint8), np.arange(len(rows))
+    escs = EscTemperatures()
+    for half in (slice(0, 3), slice(3, None)):
+        table = Table("ESC_TELEMETRY_5_TO_8", frame, frame, byte, byte, byte, byte, rows).select(frame[half])
+        escs.feed({table.name: table})
+    assert escs.median(1, 4) == median
+    assert escs.median(1, 7) == (None if len(degrees) < 10 else 7)
+    assert escs.median(1, 0) is escs.median(2, 4) is escs.median(1, None) is None
