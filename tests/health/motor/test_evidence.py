@@ -10,8 +10,11 @@ import pytest
 from mavhums.core.arrays import Array
 from mavhums.health.motor import evidence as e
 from mavhums.health.motor import thresholds as t
+from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.rotors import Rotors
 from tests.health.motor.test_hypotheses import QUAD
+from tests.health.motor.test_past import QUAD as QUADCOPTER
 
 HOVER = 0.4
 AIRBORNE, SETTLED, LANDED, GRACE, UPRIGHT = (
@@ -151,6 +154,26 @@ def test_the_effort_of_a_turn_is_learned_less_and_forgotten_slowly() -> None:
         assert craft.state.now[:3] == pytest.approx(effort * np.array([1.0, 1.0, weight]) / long)
 
 
+@pytest.mark.parametrize(
+    ("off_deg", "rate", "rows", "pressed"),
+    [(10.1, 0.149, 20, True), (9.9, 0.149, 20, False), (10.1, 0.151, 20, False), (10.1, 0.149, 19, False)],
+)
+@pytest.mark.parametrize("block", [1, 7, 140])
+def test_what_holds_the_craft_for_a_second_hides_the_motors_for_three(
+    off_deg: float, rate: float, rows: int, pressed: bool, block: int
+) -> None:
+    assert isinstance(QUADCOPTER, Rotors)
+    monitor, n, begun = MotorMonitor(1, QUADCOPTER), 140, 10
+    attitude, rates = np.zeros((n, 3)), np.zeros((n, 3))
+    attitude[begun : begun + rows, 1] = -np.radians(off_deg)
+    rates[:, 2] = -rate
+    flat = {"attitude": attitude, "demand": np.zeros((n, 2)), "rates": rates}
+    parts = ({name: one[k : k + block] for name, one in flat.items()} for k in range(0, n, block))
+    found = np.flatnonzero(np.concatenate([monitor._held(part) for part in parts]))
+    last = begun + rows - 1
+    assert found.tolist() == ([*range(last, last + round(t.RELEASED_S * RATE_HZ) + 1)] if pressed else [])
+
+
 def test_the_rules_are_those_of_the_number_of_rotors() -> None:
     quad, more = e.rules_for(4), e.rules_for(6)
     assert (quad.odds is t.ODDS_QUAD, more.odds is t.ODDS_MORE) == (True, True)
@@ -163,4 +186,5 @@ def test_the_rules_are_those_of_the_number_of_rotors() -> None:
         # A longer window is quieter, shows less of a loss, and must hold longer.
         assert (steps >= 0).all() if table is t.HELD_S else (steps[2:] <= 0).all()
         assert (table > 0).all()
+    assert (t.AIR[0] > t.AIR_BESIDE).all(), "beside a motor's loss the air asks for less than alone"
     assert ((t.LEAST_LOSS_QUAD < 0.5) & (t.LEAST_LOSS_MORE < 0.5)).all(), "half of the thrust is always told"

@@ -32,6 +32,9 @@ def cause(left: float, *, thrust: float = 0.36, sags: float = 1.0, from_s: int =
         (0.25, 0.36, "its speed collapsed: the ESC"),
         (0.25, 0.95, "its speed collapsed at full output: desynchronisation"),
         (0.8, 0.36, "its speed lags its output (80 % of what its output gave before)"),
+        (0.93, 0.36, "its speed lags its output"),
+        # Speeds that agree by chance are no better than those of other motors: 0.945 may be 0.954.
+        (0.945, 0.36, "its speed follows its output"),
         (1.0, 0.36, "its speed follows its output (100 % of what its output gave before)"),
     ],
 )
