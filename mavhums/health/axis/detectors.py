@@ -283,7 +283,7 @@ class HardOverDetector:
     limits
         Limits of the profile.
     axis
-        ``roll``, or ``steering`` for the yaw rate of a rover or a boat, whose side force tells nothing else.
+        ``roll``, or ``steering`` for the yaw rate of a rover or a boat, whose side force shows nothing else.
     """
 
     inspect: ClassVar[Mapping[str, str]] = {

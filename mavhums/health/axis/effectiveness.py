@@ -26,7 +26,7 @@ from mavhums.core.arrays import Array
 from mavhums.health.axis.findings import MixedSums
 from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards, constants
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Lag, Shape, judgeable
-from mavhums.health.axis.scores import Exclusion, Pool, Scores, Slowness, Sums, measured
+from mavhums.health.axis.scores import LossExclusion, Pool, Scores, ServoLag, Sums, measured
 from mavhums.health.axis.thresholds import (
     DETECTED_LOSS_PER_LIMIT,
     DRIVEN_SHARE,
@@ -197,9 +197,9 @@ class EffectivenessTracker:
         self._since = reference.end_s
         self._window: deque[Array] = deque(maxlen=WINDOW_SECONDS)
         self._recent: deque[Array] = deque(maxlen=LOSS_SECONDS)
-        self._slowness = Slowness()
+        self._servo_lag = ServoLag()
         self._left: deque[tuple[Array, int]] = deque(maxlen=SHIFT_S)
-        self._exclusion, self._driven = Exclusion(reference), Pool(reference, POOLED_S)
+        self._exclusion, self._driven = LossExclusion(reference), Pool(reference, POOLED_S)
         self._mixed: MixedSums | None = None
         if self._coupled is not None:
             self._mixed = MixedSums(reference, self._form.axis, self._coupled, self._standards.memory_s)
@@ -276,10 +276,10 @@ class EffectivenessTracker:
         if self._cusum == 0.0:
             self._since = end_s
             self._recent.clear()
-            self._slowness = Slowness()
-        slow_s, later = self._slowness.feed(self._recent, reference.gain)
+            self._servo_lag = ServoLag()
+        slow_s, later = self._servo_lag.feed(self._recent, reference.gain)
         # At the lag that explains most: a slow servo's share in time is no loss.
-        at_lag = [sums[self._slowness.lag] for sums in self._recent]
+        at_lag = [sums[self._servo_lag.lag] for sums in self._recent]
         left_over, left_error = _measured(at_lag, reference)
         return Second(
             end_s,
@@ -301,7 +301,7 @@ class EffectivenessTracker:
         count = sum(rows for _, rows in self._left)
         if count < SHIFT_S * LEAST_ROWS_PER_S:
             return None
-        answered, driven = np.sum([left[self._slowness.lag] for left, _ in self._left], axis=0) / count
+        answered, driven = np.sum([left[self._servo_lag.lag] for left, _ in self._left], axis=0) / count
         return self._form.unexplained(float(answered), float(driven))
 
     def _informs(self, reference: Reference) -> bool:
@@ -375,7 +375,7 @@ def _late(demands: Array, shape: Shape) -> Array:
 
 
 def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float | None, float]:
-    """Return the effectiveness over some seconds and its standard error; None if they do not tell it."""
+    """Return the effectiveness over some seconds and its standard error; None if they do not show it."""
     if len(seconds) == 0:
         return None, np.inf
     drive2, cross, _ = np.array(seconds)[::-1].T

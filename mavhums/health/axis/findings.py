@@ -60,7 +60,7 @@ class AxisFindings:
         Whether the flight is known from its take-off on.
     shares
         Of two mixed surfaces that move the axis, the probability that it is the ``left``, the ``right`` or
-        ``both``; empty where nothing tells.
+        ``both``; empty where the evidence does not decide.
     response
         Sums of the flight, for the comparison with other flights; None without any.
     """
@@ -126,7 +126,7 @@ def origins(faulty: Mapping[str, Sequence[Evidence]], mixed: Collection[str]) ->
 
 # Shares of (own demand, other demand) in half of the reference's gain that a surface without effect takes
 # away. Of both, the own demand's gain falls and nothing couples.
-_TAKEN: Final[Mapping[str, Array]] = {
+_LOST_SHARES: Final[Mapping[str, Array]] = {
     "left": np.array([0.5, 0.5]),
     "right": np.array([0.5, -0.5]),
     "both": np.array([1.0, 0.0]),
@@ -218,7 +218,7 @@ class MixedPair:
         dd, dc, cc, *score = self._total
         information = np.array([[dd, dc], [dc, cc]])
         logs = {}
-        for name, taken in _TAKEN.items():
+        for name, taken in _LOST_SHARES.items():
             size = float(taken @ information @ taken)
             total = float(taken @ score)
             lost = min(max(total / size, 0.0), 1.0) if size > 0 else 0.0

@@ -74,7 +74,7 @@ class AxisMonitor:
     axes
         Roll, pitch and yaw, or the steering of a rover or a boat.
     mixed
-        Of axes that two mixed surfaces move, the other one that these move, where it tells them apart.
+        By axis that two mixed surfaces move, the other one, if its command distinguishes them.
     """
 
     def __init__(
@@ -99,11 +99,11 @@ class AxisMonitor:
 
     def feed(self, rows: Rows) -> Iterator[ConditionChanged | Indication]:
         """Process rows; yield the effectiveness of each axis, then the changes of condition in time order."""
-        self._look_back(rows)
+        self._count_ground_rows(rows)
         seconds = {axis: gain.feed(rows) for axis, gain in self._gains.items()}
         for response in self._responses.values():
             response.feed(rows)
-        # The side force of a rover or a boat tells nothing of its steering.
+        # The side force of a rover or a boat says nothing about its steering.
         sides = {left.end_s: left for left in self._side.feed(rows)} if "yaw" in self.axes else {}
         seen = AxisInput(rows, seconds, self._gains, sides)
         skids = {one.end_s: one for one in self._skids.feed(seen)} if sides else {}
@@ -130,7 +130,7 @@ class AxisMonitor:
                 if found or second is not None:
                     yield from self._take(axis, second, found, end_s)
 
-    def _look_back(self, rows: Rows) -> None:
+    def _count_ground_rows(self, rows: Rows) -> None:
         """Count the seconds before the first one of flight."""
         if not self._flew:
             self._flew = bool(rows.flying.any())
@@ -175,7 +175,7 @@ class AxisMonitor:
             self._measure(state, found, second, fresh=fresh)
             fault, rule = worst.fault, worst.rule
             finding = f"control {100 * max(worst.value, 0.0):.0f}%" if fault == "effectiveness" else fault
-        elif second is not None and self._well(state):
+        elif second is not None and self._is_healthy(state):
             if before != "normal":
                 state.condition, state.since_s = "normal", end_s if before != "undecided" else None
                 state.lost = False
@@ -246,7 +246,7 @@ class AxisMonitor:
         half = NORMAL_95 * (max(state.mean.variance, error**2) / count) ** 0.5
         state.value = Interval.around(mean, half)
 
-    def _well(self, state: _AxisState) -> bool:
+    def _is_healthy(self, state: _AxisState) -> bool:
         """Return whether the axis is known to respond as in the reference."""
         if SEVERITY[state.condition] > SEVERITY["normal"]:
             # An axis is well again only when the gain itself is back, not when evidence runs out.
@@ -276,7 +276,7 @@ class AxisMonitor:
             episodes[same] = kept._replace(since_s=earlier.since_s, end_s=one.end_s)
             return
         if len(episodes) == _MOST_EPISODES:
-            # Memory stays bounded; the first and the last ones tell most.
+            # Memory stays bounded; the first and the last ones show most.
             del episodes[_MOST_EPISODES // 2]
         episodes.append(one)
 

@@ -154,7 +154,8 @@ class Second:
     steady
         Whether some gain explains these seconds, and not gusts.
     mixed
-        What tells mixed surfaces apart (:class:`~mavhums.health.axis.findings.MixedSums`); None without them.
+        Evidence that distinguishes mixed surfaces; None without them
+        (:class:`~mavhums.health.axis.findings.MixedSums`).
     """
 
     end_s: int

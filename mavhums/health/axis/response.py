@@ -231,7 +231,7 @@ class _Scores(NamedTuple):
 
     @classmethod
     def of(cls, parts: _Parts, others: Array) -> _Scores:
-        grams = parts.grams[parts.grams[:, 0, 0] > 0.0]  # a part that nothing drove tells no gain
+        grams = parts.grams[parts.grams[:, 0, 0] > 0.0]  # a part without a demand shows no gain
         return cls(grams[:, 0, 0], grams[:, 0, -1] - grams[:, 0, 1:-1] @ others)
 
     def gain(self) -> float:

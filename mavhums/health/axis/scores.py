@@ -33,7 +33,7 @@ from mavhums.results.standing import Interval
 from mavhums.vehicle.grid import RATE_HZ
 
 __all__ = [
-    "Exclusion",
+    "LossExclusion",
     "Pool",
     "measured",
 ]
@@ -83,7 +83,7 @@ class Scores:
         return Sums(drive2, cross, answer2, total, left, good.reshape(shape).sum(axis=1))
 
 
-class Slowness:
+class ServoLag:
     """Follows one suspected loss.
 
     Attributes
@@ -142,7 +142,7 @@ def measured(drive2: Array, cross: Array, reference: Reference) -> tuple[Array, 
     Returns
     -------
     tuple
-        Two arrays of shape (n,); the error is infinite where the seconds do not tell the effectiveness.
+        Two arrays of shape (n,); the error is infinite where the seconds do not show the effectiveness.
     """
     n = np.arange(1.0, len(drive2) + 1.0)
     total = drive2.cumsum()
@@ -191,7 +191,7 @@ class Pool:
         return bool(unexplained <= most * self._reference.gain**2)
 
     def fewest(self) -> tuple[int, Interval] | None:
-        """Return how many of the last seconds tell the effectiveness well, and its interval over them."""
+        """Return how many of the last seconds show the effectiveness well, and its interval over them."""
         drive2, cross, _ = np.array(self._seconds)[::-1].T if self._seconds else np.zeros((3, 0))
         k, error = measured(drive2, cross, self._reference)
         # They are chosen by their error alone: chosen by its value, they would be the luckiest of many.
@@ -202,11 +202,11 @@ class Pool:
         return n, _interval(k[n - 1], error[n - 1])
 
     def whole(self) -> Interval | None:
-        """Return the effectiveness over all seconds with its 95 % interval; None if they do not tell it."""
+        """Return the effectiveness over all seconds with its 95 % interval; None if they do not show it."""
         drive2, cross, _ = np.array(self._seconds)[::-1].T if self._seconds else np.zeros((3, 0))
         k, error = measured(drive2, cross, self._reference)
-        told = len(k) >= WINDOW_SECONDS and error[-1] <= POOLED_ERROR
-        return _interval(k[-1], error[-1]) if told else None
+        is_known = len(k) >= WINDOW_SECONDS and error[-1] <= POOLED_ERROR
+        return _interval(k[-1], error[-1]) if is_known else None
 
 
 def _interval(value: float, error: float) -> Interval:
@@ -214,7 +214,7 @@ def _interval(value: float, error: float) -> Interval:
     return Interval(estimate=float(value), low=float(value) - half, high=float(value) + half)
 
 
-class Exclusion:
+class LossExclusion:
     """Counts the seconds over which a loss of 40 % or more is excluded with 95 %.
 
     The seconds of the reference count, too, over at most 20 of its 45: a mean over all of them would be that
@@ -236,9 +236,9 @@ class Exclusion:
         """Take a second; return over how many seconds a loss is excluded by now, and was not before."""
         self._waiting += 1
         self._pool.add(drive2, cross)
-        told = self._pool.fewest()
-        if told is None or told[1].low <= NORMAL_EFFECTIVENESS:
+        pooled = self._pool.fewest()
+        if pooled is None or pooled[1].low <= NORMAL_EFFECTIVENESS:
             return 0
-        new = min(self._waiting, told[0])
+        new = min(self._waiting, pooled[0])
         self._waiting = 0
         return new

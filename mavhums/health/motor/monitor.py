@@ -82,7 +82,7 @@ class MotorFindings:
     loss
         The motor that lost thrust; None if none did.
     several
-        Motors between which the evidence does not tell; empty if there is no doubt.
+        Motors between which the evidence does not decide; empty without doubt.
     flown_s, judged_s
         Seconds in the air, and those that were judged.
     tipped
@@ -92,7 +92,7 @@ class MotorFindings:
     trims
         By motor, what later flights are compared with.
     cause
-        What the speed of the motor that lost thrust tells of the cause; None if nothing.
+        What the speed of the motor that lost thrust says about the cause; None if nothing.
     """
 
     rotors: Rotors
@@ -203,7 +203,7 @@ class MotorMonitor:
     def _rows(self, first: int, flat: dict[str, Array]) -> Iterator[ConditionChanged]:
         spacing = flat["outputs_spacing"][:, 0]
         upright = np.cos(flat["attitude"][:, 0]) * np.cos(flat["attitude"][:, 1])
-        upright = np.where(self._held(flat), np.nan, upright)
+        upright = np.where(self._is_obstructed(flat), np.nan, upright)
         thrusts = self.rotors.thrusts(all_outputs(flat), flat["mixer"])
         # Beside a hover a quadplane's surfaces and its forward motor answer for what its lift motors do.
         elsewhere = ~hovers(flat) if self.rotors.lift else np.zeros(len(thrusts), dtype=bool)
@@ -225,8 +225,8 @@ class MotorMonitor:
         flown = (thrusts.mean(axis=1) > _TURNS) & (upright > _LEANS)
         self._speeds.add(first, thrusts, flown, self._loss.time_s if self._loss else None)
 
-    def _held(self, flat: dict[str, Array]) -> Flags:
-        """Return where an obstacle holds the craft, or did shortly before, shape (n,)."""
+    def _is_obstructed(self, flat: dict[str, Array]) -> Flags:
+        """Return in which rows an obstacle holds the craft, or did so shortly before, shape (n,)."""
         off = np.abs(flat["attitude"][:, :2] - flat["demand"]).max(axis=1)
         still = np.abs(flat["rates"]).max(axis=1) < PRESSED_RAD_S
         rows = np.arange(len(off))

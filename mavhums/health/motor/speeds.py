@@ -1,4 +1,4 @@
-"""What the speed of a motor's ESC tells of a loss of thrust: whether the speed or the propeller lost it.
+"""What the speed of a motor's ESC says about a loss of thrust: a slow motor, or a propeller without effect.
 
 By motor, speed over the square root of the thrust asked is nearly constant. A motor whose speed falls behind
 has a fault before its propeller: in the ESC, the motor or its supply. One whose speed follows has lost its
@@ -35,7 +35,7 @@ _FULL: Final = 0.9  # share of full thrust
 
 
 class SpeedCause(NamedTuple):
-    """What a motor's speed tells of its loss: by that of before, where, and the cause in words."""
+    """What a motor's speed says about its loss: its ratio to the speed before, when, and the cause."""
 
     ratio: float
     start_s: float
@@ -122,7 +122,7 @@ class SpeedsBesideThrust:
         self._heard.forget(first, last)
 
     def cause(self, motor: int, since_s: float) -> SpeedCause | None:
-        """Return what its speed tells of the loss of a motor, from 0; None where it tells nothing."""
+        """Return what the speed of a motor, from 0, says about its loss; None where it says nothing."""
         sums, after = self._sums, []
         for one in sorted(self._asked):
             if (one + 1) * _BIN_S <= since_s:

@@ -68,10 +68,9 @@ def verdicts_of_axes(
     for axis in monitor.axes:
         findings = monitor.findings(axis)
         verdict = verdict_of_axis(vehicle, findings, surfaces, flight, start_utc, grid)
-        told = SEVERITY[verdict.worst] > SEVERITY["normal"] and surfaces is not None
         if axis in origins:
             verdict = verdict.model_copy(update={"consequence_of": origins[axis]})
-        elif told and surfaces is not None:
+        elif SEVERITY[verdict.worst] > SEVERITY["normal"] and surfaces is not None:
             verdict = verdict.model_copy(update={"candidates": _candidates(findings, surfaces)})
         yield verdict
 
@@ -80,13 +79,13 @@ def _candidates(findings: AxisFindings, surfaces: Surfaces) -> tuple[Candidate, 
     """Return the surfaces that explain a finding; of two mixed ones the one that fits, if only one does."""
     moved = surfaces.of_axis(findings.axis)
     shares = {one.servo: findings.shares.get(one.side, 0.0) for one in moved}
-    told = max(shares.values(), default=0.0) >= SINGLED_OUT and len(moved) == len(findings.shares) - 1
+    is_certain = max(shares.values(), default=0.0) >= SINGLED_OUT and len(moved) == len(findings.shares) - 1
     found = [
         Candidate(
             surface=surfaces.what(one),
             servo=one.number,
-            probability=min(round(shares[one.servo], 2), _SUREST) if told else None,
-            because="the demand about one axis moves the aircraft about the other" if told else None,
+            probability=min(round(shares[one.servo], 2), _SUREST) if is_certain else None,
+            because="the demand about one axis moves the aircraft about the other" if is_certain else None,
         )
         for one in moved
     ]
@@ -119,7 +118,7 @@ def verdict_of_axis(
     start_utc: datetime,
     grid: Grid,
 ) -> Verdict:
-    """Return the verdict on one axis of a vehicle that flew; the grid tells which messages were used."""
+    """Return the verdict on one axis of a vehicle that flew; the grid knows which messages were used."""
     reason, remedy, received = None, None, grid.received()
     if findings.condition == "undecided":
         reason, remedy = why_undecided(findings, surfaces, flight, received)

@@ -57,7 +57,7 @@ def test_an_axis_is_well_when_its_gain_is_known_to_be_back(
     state.condition, state.judged, state.full = condition, judged, full
     state.value = None if low is None else interval(low)
     state.doubt = interval(0.5) if doubted else None
-    assert AxisMonitor(1)._well(state) == well
+    assert AxisMonitor(1)._is_healthy(state) == well
 
 
 @pytest.mark.parametrize(("low", "doubted"), [(0.001, False), (0.0, True), (-0.1, True)])

@@ -12,7 +12,7 @@ from mavhums.health.axis.detectors import AxisInput, PooledDetector
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.reference import Reference, Second
 from mavhums.health.axis.regressions import Basis, Shape
-from mavhums.health.axis.scores import Exclusion, Pool, measured
+from mavhums.health.axis.scores import LossExclusion, Pool, measured
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage
@@ -45,7 +45,7 @@ def test_pooled_seconds_are_a_regression_through_the_origin(sums: Array, n: int)
 
 
 def test_each_second_is_excluded_once() -> None:
-    exclusion = Exclusion(REFERENCE)
+    exclusion = LossExclusion(REFERENCE)
     assert exclusion.begin([(1.0, GAIN)] * 45) == 45
     # The seconds of the reference do not speak for those after it.
     assert [exclusion.feed(1.0, GAIN) for _ in range(12)] == [0] * 9 + [10, 1, 1]

@@ -11,7 +11,7 @@ from scipy.stats import norm
 from mavhums.health.axis.effectiveness import EffectivenessTracker, _late, _ratio, new_tracker
 from mavhums.health.axis.reference import STANDARDS, constants
 from mavhums.health.axis.regressions import FORMS, Columns, Shape
-from mavhums.health.axis.scores import Pool, Scores, Slowness
+from mavhums.health.axis.scores import Pool, Scores, ServoLag
 from mavhums.health.axis.thresholds import (
     EXTRA_LAGS_S,
     LONGEST_REFERENCE_S,
@@ -53,8 +53,8 @@ def by_lag(*lags: tuple[float, float]) -> Array:
 def test_a_lag_is_a_slow_servo_where_it_explains_much_more_and_leaves_the_gain() -> None:
     loss = (0.5, 0.4)
 
-    def slow(share: float, gain: float, count: int = 7, after: Slowness | None = None) -> Any:
-        return (after or Slowness()).feed([by_lag(loss, (0.3, 1.0), (share, gain))] * count, GAIN)
+    def slow(share: float, gain: float, count: int = 7, after: ServoLag | None = None) -> Any:
+        return (after or ServoLag()).feed([by_lag(loss, (0.3, 1.0), (share, gain))] * count, GAIN)
 
     second = EXTRA_LAGS_S[1]
     assert slow(0.9, 1.0, count=6) == (None, False), "a single manoeuvre shows no lag"
@@ -65,11 +65,11 @@ def test_a_lag_is_a_slow_servo_where_it_explains_much_more_and_leaves_the_gain()
     assert slow(0.66, 0.76) == (second, True)
     assert slow(0.66, 0.74) == (None, True)
     for share, gain, stays in ((0.56, 0.61, True), (0.56, 0.59, False), (0.54, 1.0, False)):
-        slowness = Slowness()
+        slowness = ServoLag()
         slow(0.66, 0.76, after=slowness)
         assert slow(share, gain, after=slowness) == (second if stays else None, share > 0.55)
         assert slowness.lag == 2, "the lag that explained more so far"
-    none = Slowness()
+    none = ServoLag()
     slow(0.54, 1.0, after=none)
     assert none.lag == 0
 
@@ -77,7 +77,7 @@ def test_a_lag_is_a_slow_servo_where_it_explains_much_more_and_leaves_the_gain()
 def test_a_lag_under_which_nothing_was_driven_explains_nothing() -> None:
     still = by_lag((0.5, 0.4))
     still[1] = 0.0
-    assert Slowness().feed([still] * 7, GAIN) == (None, False)
+    assert ServoLag().feed([still] * 7, GAIN) == (None, False)
 
 
 def test_a_second_weighs_the_loss_by_its_likelihood() -> None:

@@ -169,7 +169,7 @@ def test_what_holds_the_craft_for_a_second_hides_the_motors_for_three(
     rates[:, 2] = -rate
     flat = {"attitude": attitude, "demand": np.zeros((n, 2)), "rates": rates}
     parts = ({name: one[k : k + block] for name, one in flat.items()} for k in range(0, n, block))
-    found = np.flatnonzero(np.concatenate([monitor._held(part) for part in parts]))
+    found = np.flatnonzero(np.concatenate([monitor._is_obstructed(part) for part in parts]))
     last = begun + rows - 1
     assert found.tolist() == ([*range(last, last + round(t.RELEASED_S * RATE_HZ) + 1)] if pressed else [])
 
