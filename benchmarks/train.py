@@ -21,9 +21,8 @@ from sklearn.preprocessing import MinMaxScaler
 
 from mavhums.core.quantities import KEYS
 from mavhums.learn import TanhNetworkEnsemble, exhaustive_search, genetic_search, network_objective
-from mavhums.study.cyclograms import MAIN, fly_condition
+from mavhums.study.cyclograms import MAIN, SELECTED, TEST_NM, TRAINING_NM, fly_condition
 from mavhums.study.experiment import samples
-from mavhums.study.published import SELECTED, TEST_NM, TRAINING_NM
 from mavhums.study.report import markdown_table
 
 HIDDEN = tuple(range(4, 17))

@@ -165,7 +165,7 @@ def add_precedent(
     """Add the actuators of LOG, in a condition that an inspection has established, to the base DIR."""
     from mavhums.actuator.profile import load_airframe
     from mavhums.learn import PrecedentBase
-    from mavhums.training.precedents import add_log
+    from mavhums.training.flights import add_log
 
     with reading(log) as progress:
         added = add_log(

@@ -1,4 +1,4 @@
-"""The paper's way on recordings of a real rig: its selection and networks, split in five ways.
+"""The paper's method on recordings of a real rig: its selection and networks, split in five ways.
 
 What a split leaves together decides the figure. Sequences of one run are alike, runs of one load share an
 assembly and a load, and each condition was built once: only the splits that leave runs and loads out say what
@@ -27,10 +27,9 @@ from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.past import PastRecord
 from mavhums.learn import LabelledWindows, Scheme
 from mavhums.learn.training import ClassesResult, train_classes
-from mavhums.study.findings import Progress
-from mavhums.study.report import markdown_table
+from mavhums.study.report import render
 from mavhums.study.rig import CONSTANTS, FEATURES, HEALTHY, Constants, Run, examples, read_rig, stage
-from mavhums.study.run import Folder
+from mavhums.study.run import Folder, Progress
 
 __all__ = ["Size", "rate", "strokes_table", "write_real_study"]
 
@@ -297,74 +296,22 @@ def write_real_study(
     answers, stages = _answers(table, runs, size, seed, progress)
     found, strokes = accuracies(table, answers), strokes_table(runs)
     confusions = {split: confusion(table, answers, split) for split in (RUNS, LOADS, LATER, STAGES)}
-    outcome = _StudyResult(table, repeated, found, confusions, strokes, stages, quick)
-    out.text("report.md", _report(outcome))
+    counts = table.groupby("condition").agg(runs=("place", "nunique"), sequences=("place", "size"))
+    text = render(
+        "rig.md.jinja",
+        table=table,
+        counts=counts.reset_index(),
+        repeated=repeated,
+        quick=quick,
+        accuracies=found,
+        confusions=confusions,
+        strokes=strokes,
+        stages=stages,
+    )
+    out.text("report.md", text)
     out.table("accuracies.csv", found)
     out.table("strokes.csv", strokes)
     for split, one in confusions.items():
         if len(one):
             out.table(f"confusion-{split.replace(' ', '-')}.csv", one)
     return out.written
-
-
-@dataclass(frozen=True, eq=False)
-class _StudyResult:
-    """What the report tells: the sequences, repeated runs, tables, and the stages of a selection."""
-
-    table: pd.DataFrame
-    repeated: Sequence[str]
-    accuracies: pd.DataFrame
-    confusions: dict[str, pd.DataFrame]
-    strokes: pd.DataFrame
-    stages: Sequence[str]
-    quick: bool
-
-
-def _report(outcome: _StudyResult) -> str:
-    table = outcome.table
-    counts = table.groupby("condition").agg(runs=("place", "nunique"), sequences=("place", "size"))
-    lines = [
-        "# The paper's way on recordings of a real rig",
-        "",
-        f"{len(table)} sequences of {table['place'].nunique()} runs in {len(counts)} conditions at "
-        f"{table['load'].nunique()} loads. Real bench: one assembly of each condition.",
-        f"Left out because they repeat another run: {'; '.join(outcome.repeated) or 'none'}.",
-        *(["", "Quick: a preview, whose figures should not be quoted."] if outcome.quick else []),
-        "",
-        markdown_table(counts.reset_index()),
-        "",
-        "## Accuracy",
-        "",
-        "Published accuracies near 100 % are of the first kind: sequences of one run stand on both sides.",
-        "A run's additive constant, and the level of each stroke where a rig is zeroed anew, tell runs and",
-        "not faults. A run is right if most of its sequences are. Intervals (Wilson) count runs as",
-        "independent, and those of one assembly are not: they are too narrow.",
-        "",
-        markdown_table(outcome.accuracies, 1),
-        "",
-        "## Confusion of the networks, %",
-    ]
-    for split, one in outcome.confusions.items():
-        if len(one):
-            lines += [
-                "",
-                f"{split[0].upper()}{split[1:]}; the run's constant taken off.",
-                "",
-                markdown_table(one),
-            ]
-    lines += [
-        "",
-        "## Indicators of strokes",
-        "",
-        "Runs called changed against the healthy ones, a healthy run without itself. No fault was learned.",
-        "",
-        markdown_table(outcome.strokes, 0),
-        "",
-        "## Selection",
-        "",
-        "Of the first fold with a load left out, the run's constant taken off:",
-        "",
-        *(f"    {line}" for line in outcome.stages),
-        "",
-    ]
-    return "\n".join(lines)

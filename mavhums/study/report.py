@@ -1,30 +1,62 @@
-"""The study's report in Markdown: the paper's results beside ours, and the causes of differences."""
+"""The reports of the studies in Markdown, and the paper's as a Rerun recording.
+
+The recording shows the result, the outputs of figures 16 to 19, and the quantities of figures 3 to 14.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from itertools import compress
+from pathlib import Path
 
+import numpy as np
 import pandas as pd
+import rerun as rr
+import rerun.blueprint as rrb
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from mavhums.core.quantities import KEYS
-from mavhums.learn import Scheme
-from mavhums.study.cyclograms import MAIN, TAKEOFF
-from mavhums.study.experiment import Experiment
-from mavhums.study.findings import Findings, differences, first_table
-from mavhums.study.published import (
+from mavhums.core.quantities import KEYS, QUANTITIES
+from mavhums.learn import Scheme, SubsetSearch
+from mavhums.show._rows import open_stream, send
+from mavhums.show.blueprint import panels, whole_flight
+from mavhums.show.words import BLUE, COLOURS, SERIES
+from mavhums.study.cyclograms import (
+    BEST_12,
+    BEST_SELECTED,
     CONDITIONS,
+    FIGURES_16_TO_19,
+    MAIN,
     SELECTED,
     TABLE_4,
     TABLE_5,
+    TAKEOFF,
     TRAINING_NM,
-    PublishedNetwork,
+    CyclogramSamples,
 )
-from mavhums.study.tables import FEWER_NETWORKS, LOAD_FRICTION
+from mavhums.study.experiment import Experiment, emergency, held_decision
+from mavhums.study.tables import FEWER_NETWORKS, LOAD_FRICTION, TWO, Findings
 
-__all__ = ["markdown_table", "report"]
+__all__ = ["markdown_table", "record_study", "render", "report"]
 
 _HELD_GOAL = 99.9
 _MOVES = 0.9
+
+
+def render(template: str, **results: object) -> str:
+    """Return a report: one of the package's templates, filled with results.
+
+    A template writes a table by the filter ``table``, see :func:`markdown_table`.
+    """
+    made = Environment(
+        loader=PackageLoader("mavhums.study"),
+        autoescape=False,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    made.filters |= {"table": markdown_table, "chosen": compress}
+    return made.get_template(template).render(results)
 
 
 def report(findings: Findings, seconds: float) -> str:
@@ -37,177 +69,106 @@ def report(findings: Findings, seconds: float) -> str:
     seconds
         Computing time, s.
     """
-    return (
-        "\n\n".join(
+    outputs = findings.main[2].flights[["friction_nm", "role", "per_sample", "held"]].copy()
+    outputs["friction_nm"] = [f"{friction:.3f}" for friction in outputs["friction_nm"]]
+    return render(
+        "paper.md.jinja",
+        found=findings,
+        effort=findings.effort,
+        seconds=seconds,
+        main=MAIN,
+        takeoff=TAKEOFF,
+        all_keys=KEYS,
+        selected=SELECTED,
+        two_inputs=TWO,
+        best_12=BEST_12,
+        best_selected=BEST_SELECTED,
+        load_friction=LOAD_FRICTION,
+        fewer_networks=FEWER_NETWORKS,
+        comparison=pd.concat([_comparison(findings, name) for name in (TAKEOFF, MAIN)]),
+        split=pd.DataFrame(
+            {
+                "T_c, N·m": [f"{friction:.3f}" for friction in CONDITIONS],
+                "sample": ["training" if friction in TRAINING_NM else "test" for friction in CONDITIONS],
+                "class": [
+                    "normal (0, 1)" if friction < 0.5 else "emergency (1, 0)" for friction in CONDITIONS
+                ],
+            }
+        ),
+        filters=_filters(findings),
+        groups_by_cyclogram=pd.DataFrame(
             [
-                _opening(findings, seconds),
-                _conditions(findings),
-                _figure_15(findings),
-                _figure_1(findings),
-                _tables_4_and_5(findings),
-                _cyclograms(findings),
-                *((_wrappers(findings), _thinning(findings)) if findings.subsets else ()),
-                _outputs(findings),
-                _load_friction(findings),
+                {
+                    "cyclogram": name,
+                    "groups": _groups(found.multiple.groups),
+                    "selected": ", ".join(found.multiple.selected),
+                }
+                for name, found in findings.groupings.items()
             ]
-        )
-        + "\n"
+        ),
+        best=[_best(experiment) for experiment in findings.main],
+        summary=pd.DataFrame([_summary(experiment) for experiment in findings.main]),
+        motion=_motion(findings),
+        outputs=outputs,
+        named=_named,
+        rank=_rank,
     )
 
 
-def _opening(findings: Findings, seconds: float) -> str:
-    effort = findings.effort
-    parts = [first_table(findings, name) for name in (TAKEOFF, MAIN)]
-    return f"""# The paper's study, repeated
+def _comparison(findings: Findings, cyclogram: str) -> pd.DataFrame:
+    """Return a row for each set of inputs on one cyclogram."""
+    chosen = findings.groupings[cyclogram]
+    names = {
+        TWO: "two",
+        chosen.pairs.selected: "selected in pairs",
+        SELECTED: "the paper's",
+        chosen.multiple.selected: "selected by Algorithm 1",
+        KEYS: "all",
+    }
+    rows = []
+    for found in findings.experiments[cyclogram]:
+        paper = BEST_12 if found.inputs == KEYS else BEST_SELECTED
+        rows.append(
+            {
+                "cyclogram": cyclogram,
+                "inputs": f"{names[found.inputs]}: {_named(found.inputs)}",
+                "paper, best of 50 by test, %": paper,
+                f"ours, best of {len(found.table)} by test, %": found.best_test,
+                "reaches the paper's": "yes" if found.best_test >= paper else "no",
+                "ours, chosen without test data, %": found.without_test_data,
+            }
+        )
+    return pd.DataFrame(rows)
 
-S. Bazhenov, A. Skryabin, G. Veresnikov: *The Development of Algorithms for EMA Fault Early Detection
-System*. Everything here is simulated; it is not an airworthiness decision.
 
-`mavhums study paper`, seed {findings.seed}, {effort.networks} networks per experiment, {effort.iterations}
-iterations of L-BFGS with weight decay 1e-4, {"every sample" if effort.every == 1 else "some samples"} of the
-training flights. Computed in {seconds:.0f} s.
-{"" if effort.networks >= 50 else "**A quick run: a preview, whose numbers should not be quoted.**"}
-
-{markdown_table(pd.concat(parts, ignore_index=True))}
-
-The paper chose its best networks on the test set. For ours the table gives both choices; "chosen without
-test data" is the network with the smallest training loss. "{TAKEOFF}" is the paper's cyclogram as far as its
-figures show it; "{MAIN}" is ours.
-
-{differences(findings)}"""
+def _named(inputs: tuple[str, ...]) -> str:
+    return ", ".join(inputs) if inputs != KEYS else "V1–V12"
 
 
-def _figure_1(findings: Findings) -> str:
-    parts = [
-        "## Figure 1: the whole scheme",
-        "The stages of `mavhums train`, from the two training flights to one network. The wrapper and"
-        " the choice of the network see blocks of time held out of those flights; no stage sees a "
-        "test flight.",
+def _filters(findings: Findings) -> pd.DataFrame:
+    multiple, pairs = findings.groupings[MAIN]
+    rows = [
+        ("paper", "4 groups (a picture)", SELECTED),
+        (
+            f"Algorithm 1, m = {Scheme().order}, R² ≥ {Scheme().r2}",
+            _groups(multiple.groups),
+            multiple.selected,
+        ),
+        ("pairs, degree 2, R² ≥ 0.9", _groups(pairs.groups), pairs.selected),
     ]
-    for name, found in findings.figure_1.items():
-        stages = "\n".join(found.stages)
-        parts.append(
-            f"### {name}\n\n```\n{stages}\n```\n\nThe network on {' '.join(found.inputs)} classifies "
-            f"{found.test:.2f} % of the test samples right."
-        )
-    return "\n\n".join(parts)
-
-
-def _conditions(findings: Findings) -> str:
-    split = pd.DataFrame(
-        {
-            "T_c, N·m": [f"{friction:.3f}" for friction in CONDITIONS],
-            "sample": ["training" if friction in TRAINING_NM else "test" for friction in CONDITIONS],
-            "class": ["normal (0, 1)" if friction < 0.5 else "emergency (1, 0)" for friction in CONDITIONS],
-        }
+    return pd.DataFrame(
+        [{"filter": name, "groups": groups, "selected": ", ".join(kept)} for name, groups, kept in rows]
     )
-    own, mixed = findings.leaks
-    return f"""## The actuator and the conditions
-
-Table 1, and the characteristics of the simulated actuator:
-
-{markdown_table(findings.table_1, 3)}
-
-The split. The paper's second table 1 lists 1.025 N·m as a test condition, but its text trains on it; only
-the split below gives 20,000 training and 60,000 test samples. Each flight is entirely in one set.
-
-{markdown_table(split)}
-
-All eight conditions use the same command at the same sample times, so the command cannot reveal the class:
-Cramér's V of V1 and class is {own.cramers_v:.3f}{" (**leak**)" if own.leaks else ""}. The same check on
-classes flown with different cyclograms gives {mixed.cramers_v:.3f} and
-{"warns" if mixed.leaks else "does not warn"}.
-
-Figures 3 to 14: V1–V12 at T_c = 0.225 N·m, cyclogram "{MAIN}".
-
-![Figures 3 to 14](figures-3-14.png)"""
-
-
-def _figure_15(findings: Findings) -> str:
-    found = findings.groupings[MAIN]
-    filters = pd.DataFrame(
-        [
-            {"filter": "paper", "groups": "4 groups (a picture)", "selected": ", ".join(SELECTED)},
-            {
-                "filter": f"Algorithm 1, m = {Scheme().order}, R² ≥ {Scheme().r2}",
-                "groups": _groups(found.algorithm_1),
-                "selected": ", ".join(found.selected),
-            },
-            {
-                "filter": "pairs, degree 2, R² ≥ 0.9",
-                "groups": _groups(found.pairwise),
-                "selected": ", ".join(found.pairwise_selected),
-            },
-        ]
-    )
-    others = pd.DataFrame(
-        [
-            {"cyclogram": name, "groups": _groups(other.algorithm_1), "selected": ", ".join(other.selected)}
-            for name, other in findings.groupings.items()
-        ]
-    )
-    models = "\n".join(f"- `{text}` (R² {r2:.5f})" for text, r2 in found.expressions)
-    return f"""## Figure 15: chi-square and groups
-
-{markdown_table(findings.chi_square, 1)}
-
-Agreement: V2 = V3, V5 = V8 and V7 = V10 exactly, because each pair is the same signal in different units; V4,
-V5, V6 and V8 rank far above V7 and V10, which rank above V12 and V11.
-Unavoidable differences: with two classes the statistic cannot exceed the number of samples, so 41,807 needs
-more than the 20,000 training samples. A command that is the same for both classes scores exactly 0, so 40,590
-for V1 needs commands that differ between the classes. The paper's data therefore probably reveal the class in
-the command, and in V2 and V3, which follow it. Ours do not; V1, V2 and V3 alone carry almost no information.
-V9 ranks higher here: in the paper it ranks after V4, V5, V6 and V8.
-
-The paper's p-levels by degrees of freedom (dof): the p-level of V12 agrees with 11 dof (12 bins), that of V11
-with none of those tried.
-
-{markdown_table(findings.p_levels, 6)}
-
-### Groups of interdependent quantities
-
-{markdown_table(filters)}
-
-Algorithm 1 by cyclogram:
-
-{markdown_table(others)}
-
-The models by which Algorithm 1 excludes quantities, in order of exclusion (the smallest set of regressors
-that reaches the threshold; terms below a thousandth of the target's standard deviation are omitted):
-
-{models}"""
 
 
 def _groups(groups: tuple[tuple[str, ...], ...]) -> str:
     return " ".join("{" + ", ".join(group) + "}" for group in groups)
 
 
-def _tables_4_and_5(findings: Findings) -> str:
-    twelve = findings.main[0]
-    parts = [
-        "## Tables 4 and 5: fifty networks",
-        "The five best networks by test accuracy (the paper's convention). Accuracies in %.",
-    ]
-    for experiment in findings.main:
-        published = TABLE_4 if experiment.inputs == KEYS else TABLE_5 if experiment.inputs == SELECTED else ()
-        parts += [
-            f"### {len(experiment.inputs)} inputs: {', '.join(experiment.inputs)}",
-            _best(experiment, published),
-        ]
-    summary = pd.DataFrame([_summary(experiment) for experiment in findings.main])
-    parts += ["### All networks", markdown_table(summary)]
-    for experiment in findings.main[1:]:
-        iterations = experiment.table["iterations"].mean() / twelve.table["iterations"].mean()
-        parts.append(
-            f"Training {len(experiment.inputs)} inputs ({', '.join(experiment.inputs)}) took "
-            f"{experiment.seconds / twelve.seconds:.2f} times the processor time of 12 inputs and "
-            f"{iterations:.2f} times the iterations."
-        )
-    return "\n\n".join(parts)
-
-
-def _best(experiment: Experiment, published: tuple[PublishedNetwork, ...]) -> str:
-    best = experiment.best_five
+def _best(experiment: Experiment) -> pd.DataFrame:
+    """Return the five networks with the best test accuracy beside those that the paper published."""
+    best = experiment.table.sort_values("test", ascending=False).head(5)
+    published = {KEYS: TABLE_4, SELECTED: TABLE_5}.get(experiment.inputs, ())
     columns: dict[str, list[object]] = {}
     if published:
         ranked = sorted(published, key=lambda row: -row.test)[: len(best)]
@@ -221,30 +182,32 @@ def _best(experiment: Experiment, published: tuple[PublishedNetwork, ...]) -> st
         "training ": best["training"].tolist(),
         "test ": best["test"].tolist(),
     }
-    return markdown_table(pd.DataFrame(columns))
+    return pd.DataFrame(columns)
 
 
 def _summary(experiment: Experiment) -> dict[str, object]:
     test = experiment.table["test"]
     return {
         "inputs": " ".join(experiment.inputs),
-        "best by test": float(test.max()),
+        "best by test": experiment.best_test,
         "chosen without test data": experiment.without_test_data,
         "median": float(test.median()),
         "worst": float(test.min()),
         "mean of all networks": experiment.ensemble_test,
         "their spread (sd of P)": f"{experiment.ensemble_spread:.4f}",
         "training, processor s": round(experiment.seconds, 1),
-        "iterations": round(float(experiment.table["iterations"].mean())),
+        "iterations": round(experiment.iterations),
     }
 
 
-def _cyclograms(findings: Findings) -> str:
+def _motion(findings: Findings) -> pd.DataFrame:
+    """Return the accuracies of each experiment beside the share of the time in which the actuator moves."""
     rows = []
     for name, experiments in findings.experiments.items():
         moving = float(findings.moving["mean"][findings.moving["cyclogram"] == name].iloc[0])
         for experiment in experiments:
             held, voted = experiment.test_mean("held"), experiment.test_mean("voted")
+            reached = "yes" if held >= _HELD_GOAL else "no"
             rows.append(
                 {
                     "cyclogram": name,
@@ -255,97 +218,16 @@ def _cyclograms(findings: Findings) -> str:
                     "voted": voted,
                     "worst flight, held": float(experiment.flights["held"].min()),
                     "before motion": int(experiment.flights["before_motion"].max()),
-                    f"held ≥ {_HELD_GOAL}": _verdict(moving, held),
+                    f"held ≥ {_HELD_GOAL}": "moves too little" if moving < _MOVES else reached,
                 }
             )
-    table = pd.DataFrame(rows)
-    return f"""## Four cyclograms: accuracy and motion
-
-A stationary actuator gives no evidence of friction, so motion limits the accuracy of a decision per sample.
-*Held*: during standstill the last decision at 1 °/s or more is held, causally; samples before the first
-motion are not counted, and the table gives their largest number per flight. *Voted*: the majority of the
-last 100 moving samples. Test flights, network chosen without test data, %.
-
-{markdown_table(table)}
-
-Moving fraction of each flight:
-
-{markdown_table(findings.moving, 3)}
-
-![Accuracy against moving fraction](accuracy-against-moving-fraction.png)"""
+    return pd.DataFrame(rows)
 
 
-def _verdict(moving: float, held: float) -> str:
-    if moving < _MOVES:
-        return "moves too little"
-    return "yes" if held >= _HELD_GOAL else "no"
-
-
-def _wrappers(findings: Findings) -> str:
-    parts = [
-        "## Subset search",
-        "Validation uses blocks of time held out of the training flights. Test accuracy is given only for "
-        "comparison; no choice uses it.",
-    ]
-    for keys, (table, search, genetic) in findings.subsets.items():
-        parts.append(f"### {len(search.scores)} subsets of {', '.join(keys) if keys != KEYS else 'V1–V12'}")
-        best = ", ".join(key for key, used in zip(keys, search.best, strict=True) if used)
-        parts += [f"Best by validation: {best} ({100 * search.score:.2f} %).", markdown_table(table)]
-        if genetic is not None:
-            rank = {
-                subset.tobytes(): score for subset, score in zip(search.subsets, search.scores, strict=True)
-            }
-            for name, inputs in (
-                ("the paper's", SELECTED),
-                ("Algorithm 1's", findings.groupings[MAIN].selected),
-            ):
-                mask = pd.Index(keys).isin(inputs)
-                score = rank[mask.tobytes()]
-                place = 1 + int((search.scores > score).sum())
-                parts.append(f"{name.capitalize()} {', '.join(inputs)}: {100 * score:.2f} %, rank {place}.")
-            parts.append(
-                f"The genetic algorithm, on the same table, found {100 * genetic.score:.2f} % in "
-                f"{len(genetic.scores)} evaluations of {len(search.scores)}."
-            )
-    return "\n\n".join(parts)
-
-
-def _thinning(findings: Findings) -> str:
-    return f"""## Redundant vectors
-
-Networks on {", ".join(SELECTED)}, trained on thinned precedents: the median test accuracy of ten networks, %;
-mean and standard deviation over five seeds. The reference is random thinning to the same size.
-
-{markdown_table(findings.thinning)}"""
-
-
-def _outputs(findings: Findings) -> str:
-    theirs = findings.main[2]
-    table = theirs.flights[["friction_nm", "role", "per_sample", "held"]].copy()
-    table["friction_nm"] = [f"{friction:.3f}" for friction in table["friction_nm"]]
-    return f"""## Figures 16 to 19: the network over the cyclogram
-
-Inputs {", ".join(theirs.inputs)}, network chosen without test data. As in the paper, accuracy is lowest for
-the conditions nearest to the limits, 0.375 and 0.875 N·m.
-
-![Figures 16 to 19](figures-16-19.png)
-
-{markdown_table(table)}"""
-
-
-def _load_friction(findings: Findings) -> str:
-    own, loaded = findings.groupings[MAIN], findings.load_grouping
-    networks = min(findings.effort.networks, FEWER_NETWORKS)
-    return f"""## Friction that grows with the load
-
-The paper's friction does not depend on the load. A real servo's does: T_f = T_c + μ·|load|, μ about
-{LOAD_FRICTION:g} on a bench. The same flights with that μ; {networks} networks a row, the one with the
-smallest training loss, test flights, %.
-
-{markdown_table(findings.load_friction)}
-
-On "{MAIN}" Algorithm 1 selects {", ".join(loaded.selected)} at μ {LOAD_FRICTION:g}, and
-{", ".join(own.selected)} at μ 0."""
+def _rank(search: SubsetSearch, keys: tuple[str, ...], inputs: tuple[str, ...]) -> tuple[float, int]:
+    """Return the score of a subset, and its rank among all, from 1."""
+    score = search.scores[(search.subsets == np.isin(keys, inputs)).all(axis=1)][0]
+    return score, 1 + int((search.scores > score).sum())
 
 
 def markdown_table(table: pd.DataFrame, digits: int = 2) -> str:
@@ -368,3 +250,129 @@ def markdown_table(table: pd.DataFrame, digits: int = 2) -> str:
 
 def _row(cells: Iterable[object]) -> str:
     return f"| {' | '.join(str(cell) for cell in cells)} |"
+
+
+_STATES = {state: COLOURS[state] for state in ("normal", "emergency")}
+
+
+def record_study(
+    path: Path, report: str, flights: Sequence[CyclogramSamples], experiments: Sequence[Experiment]
+) -> None:
+    """Write the recording of the main cyclogram.
+
+    Parameters
+    ----------
+    path
+        The ``.rrd`` file.
+    report
+        Markdown.
+    flights
+        Samples of all conditions.
+    experiments
+        Experiments on the same cyclogram, each with its network's output at every condition.
+    """
+    with open_stream("study-paper") as stream:
+        stream.save(path, default_blueprint=_blueprint(flights, experiments))
+        stream.send_recording_name("the paper's study")
+        stream.log("report", rr.TextDocument(report, media_type="text/markdown"), static=True)
+        for flown in flights:
+            for place, key in enumerate(KEYS):
+                entity = f"{_root(flown)}/{key}"
+                stream.log(entity, rr.SeriesLines(names=key, colors=BLUE, widths=1.0), static=True)
+                send(stream, entity, flown.time_s, rr.Scalars.columns(scalars=flown.values[:, place]))
+            for number, experiment in enumerate(experiments):
+                _log_output(stream, flown, experiment, SERIES[number % len(SERIES)])
+
+
+def _log_output(
+    stream: rr.RecordingStream, flown: CyclogramSamples, experiment: Experiment, colour: tuple[int, int, int]
+) -> None:
+    inputs = f"{len(experiment.inputs)}_inputs_{'_'.join(experiment.inputs)}"
+    entity = f"{_root(flown)}/output/{inputs}"
+    probability = experiment.outputs[flown.friction_nm]
+    names = f"P(emergency), {_short(experiment)}"
+    stream.log(entity, rr.SeriesLines(names=names, colors=colour, widths=1.0), static=True)
+    send(stream, entity, flown.time_s, rr.Scalars.columns(scalars=probability))
+    decision, decided = held_decision(probability > 0.5, flown.moving)
+    changes = np.flatnonzero(decided & (np.diff(decision, prepend=not decision[0]) | ~np.roll(decided, 1)))
+    held = _lane(flown, experiment)
+    states = rr.StateConfiguration(
+        values=list(_STATES), labels=list(_STATES), colors=[(*rgb, 255) for rgb in _STATES.values()]
+    )
+    stream.log(held, states, static=True)
+    found = ["emergency" if decision[k] else "normal" for k in changes]
+    send(stream, held, flown.time_s[changes], rr.StateChange.columns(state=found))
+
+
+def _blueprint(flights: Sequence[CyclogramSamples], experiments: Sequence[Experiment]) -> rrb.Blueprint:
+    left: list[rrb.View | rrb.Container] = []
+    if experiments:
+        lanes = [_lane(flown, experiment) for experiment in experiments for flown in _shown(flights)]
+        title = "Network's decision, by inputs and friction: above 0.375 N·m it should be an emergency"
+        left.append(rrb.StateTimelineView(origin="/", contents=lanes, name=title, time_view=whole_flight()))
+    tabs = [_quantities(flown) for flown in sorted(flights, key=lambda flown: flown.friction_nm)]
+    if experiments:
+        tabs.insert(0, _outputs(flights))
+    left.append(rrb.Tabs(*tabs, active_tab=0))
+    share = min(0.08 + 0.042 * len(_shown(flights)) * len(experiments), 0.45)
+    report = rrb.TextDocumentView(origin="report", name="Report")
+    shares = [share, 1 - share] if experiments else None
+    return rrb.Blueprint(
+        rrb.Horizontal(rrb.Vertical(*left, row_shares=shares), report, column_shares=[2, 1]),
+        *panels(),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _outputs(flights: Sequence[CyclogramSamples]) -> rrb.Container:
+    """Return figures 16 to 19."""
+    figures = {friction: f"Fig. {number}: " for number, friction in FIGURES_16_TO_19.items()}
+    shown = _shown(flights)
+    plots = [
+        rrb.TimeSeriesView(
+            origin=f"{_root(flown)}/output",
+            name=f"{figures.get(flown.friction_nm, '')}{_condition(flown)}",
+            axis_x=whole_flight(),
+            axis_y=rrb.ScalarAxis(range=(-0.05, 1.05)),
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=flown is shown[0]),
+        )
+        for flown in shown
+    ]
+    return rrb.Grid(*plots, grid_columns=2, name="Network outputs: figures 16 to 19")
+
+
+def _quantities(flown: CyclogramSamples) -> rrb.Container:
+    """Return figures 3 to 14 of one condition."""
+    plots = [
+        rrb.TimeSeriesView(
+            origin=f"{_root(flown)}/{quantity.key}",
+            name=f"Fig. {3 + place}: {quantity.key} {quantity.name}, {quantity.unit}",
+            axis_x=whole_flight(),
+            plot_legend=rrb.PlotLegend(visible=False),
+        )
+        for place, quantity in enumerate(QUANTITIES)
+    ]
+    return rrb.Grid(*plots, grid_columns=3, name=_condition(flown))
+
+
+def _shown(flights: Sequence[CyclogramSamples]) -> list[CyclogramSamples]:
+    """Return those flights of figures 16 to 19 that exist, in order of friction."""
+    shown = [flown for flown in flights if flown.friction_nm in FIGURES_16_TO_19.values()]
+    return sorted(shown or flights[:4], key=lambda flown: flown.friction_nm)
+
+
+def _condition(flown: CyclogramSamples) -> str:
+    return f"{flown.friction_nm:.3f} N·m, {'emergency' if emergency(flown) else 'normal'}"
+
+
+def _root(flown: CyclogramSamples) -> str:
+    return f"friction_{round(1000 * flown.friction_nm):04d}"
+
+
+def _lane(flown: CyclogramSamples, experiment: Experiment) -> str:
+    return f"/decision/{_short(experiment).replace(' ', '_')}/{flown.friction_nm:.3f}"
+
+
+def _short(experiment: Experiment) -> str:
+    return "all twelve" if len(experiment.inputs) == len(KEYS) else " ".join(experiment.inputs)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
@@ -14,14 +16,149 @@ from matplotlib.figure import Figure
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import written_whole
 from mavhums.core.quantities import KEYS, QUANTITIES
-from mavhums.study.cyclograms import MAIN, CyclogramSamples, fly_condition
-from mavhums.study.experiment import Effort, Experiment, emergency
-from mavhums.study.findings import Findings, Progress, find
-from mavhums.study.published import FIGURES_16_TO_19
-from mavhums.study.recording import record_study
-from mavhums.study.report import report
+from mavhums.learn import CommandLeak, CommandLeakWarning, Scheme, check_command, train_network
+from mavhums.study.cyclograms import (
+    CONDITIONS,
+    CYCLOGRAMS,
+    FIGURES_16_TO_19,
+    MAIN,
+    SELECTED,
+    TAKEOFF,
+    TEST_NM,
+    TRAINING_NM,
+    CyclogramSamples,
+    fly_condition,
+)
+from mavhums.study.experiment import Effort, Experiment, emergency, run_experiment, samples, takeoff_bound
+from mavhums.study.report import record_study, report
+from mavhums.study.tables import (
+    LOAD_FRICTION,
+    TWO,
+    FigureOne,
+    Findings,
+    chi_square_table,
+    grouping,
+    load_friction_table,
+    p_level_table,
+    subset_table,
+    table_1,
+    thinning_table,
+)
 
-__all__ = ["Folder", "write_study"]
+__all__ = ["Folder", "Progress", "find", "write_study"]
+
+Progress = Callable[[int, int], None]
+
+_BOTH = (MAIN, TAKEOFF)
+
+
+def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Findings:
+    """Compute the study.
+
+    Parameters
+    ----------
+    effort
+        Size of the computations.
+    seed
+        Seed of the networks and of random draws; the flights are fixed.
+    progress
+        Called with the number of steps done and the total.
+    """
+    training = {name: fly_condition(name, TRAINING_NM) for name in CYCLOGRAMS}
+    test = fly_condition(MAIN, TEST_NM)
+    groupings = {name: grouping(flights) for name, flights in training.items()}
+    plan = [
+        (name, inputs)
+        for name, found in groupings.items()
+        for inputs in dict.fromkeys(
+            (
+                KEYS,
+                found.multiple.selected,
+                SELECTED,
+                *((found.pairs.selected,) if name == MAIN else ()),
+                *((TWO,) if name in _BOTH else ()),
+            )
+        )
+    ]
+    wanted = (SELECTED, groupings[MAIN].multiple.selected, KEYS)
+    searched = list(dict.fromkeys(wanted)) if effort.subset_samples else []
+    steps = len(plan) + len(searched) + len(_BOTH) + 2
+    done = 0
+
+    def step() -> None:
+        nonlocal done
+        done += 1
+        if progress:
+            progress(done, steps)
+
+    run_experiment(MAIN, KEYS, replace(Effort.quick(), networks=2, iterations=2), seed=seed)  # warms up
+    experiments: dict[str, list[Experiment]] = {name: [] for name in CYCLOGRAMS}
+    for name, inputs in plan:
+        experiments[name].append(run_experiment(name, inputs, effort, seed=seed))
+        step()
+    figure_1 = {}
+    for name in _BOTH:
+        figure_1[name] = _figure_1(name, effort, seed=seed)
+        step()
+    subsets = {}
+    for keys in searched:
+        subsets[keys] = subset_table(training[MAIN], test, keys, effort, seed=seed)
+        step()
+    thinning = thinning_table(training[MAIN], test, effort, seed=seed)
+    step()
+    loaded = load_friction_table(effort, seed=seed)
+    step()
+    return Findings(
+        effort=effort,
+        seed=seed,
+        table_1=table_1(),
+        chi_square=chi_square_table(training[MAIN], fly_condition(MAIN, CONDITIONS)),
+        p_levels=p_level_table(),
+        groupings=groupings,
+        experiments=experiments,
+        figure_1=figure_1,
+        bound=takeoff_bound(effort) if effort.takeoffs else None,
+        subsets=subsets,
+        thinning=thinning,
+        leaks=_leaks(training),
+        moving=_moving(),
+        load_friction=loaded,
+        load_selection=grouping(fly_condition(MAIN, TRAINING_NM, LOAD_FRICTION)).multiple,
+    )
+
+
+def _figure_1(cyclogram: str, effort: Effort, *, seed: int) -> FigureOne:
+    values, classes, numbers = samples(fly_condition(cyclogram, TRAINING_NM), effort.every)
+    stages: list[str] = []
+    scheme = Scheme(networks=effort.networks)
+    result = train_network(values, classes, numbers, seed=seed, scheme=scheme, tell=stages.append)
+    tested, truth, _ = samples(fly_condition(cyclogram, TEST_NM))
+    right = (result.network.p_emergency(tested) > 0.5) == truth
+    return FigureOne(tuple(stages), result.network.keys, 100 * float(right.mean()))
+
+
+def _leaks(training: dict[str, list[CyclogramSamples]]) -> tuple[CommandLeak, CommandLeak]:
+    """Check the study's own data, and classes flown with different cyclograms, for a command leak."""
+    other = next(name for name in training if name != MAIN)
+    mixed = [training[MAIN][0], training[other][1]]
+    found = []
+    for flights in (training[MAIN], mixed):
+        values, classes, numbers = samples(flights)
+        with warnings.catch_warnings():
+            # These data leak on purpose, and the report states it.
+            warnings.simplefilter("ignore", CommandLeakWarning)
+            found.append(check_command(values[:, 0], classes, numbers))
+    return found[0], found[1]
+
+
+def _moving() -> pd.DataFrame:
+    rows = {
+        name: {f"{flown.friction_nm:.3f}": flown.moving_fraction for flown in fly_condition(name, CONDITIONS)}
+        for name in CYCLOGRAMS
+    }
+    table = pd.DataFrame(rows).T.rename_axis("cyclogram").reset_index()
+    table["mean"] = table.drop(columns="cyclogram").mean(axis=1)
+    return table
 
 
 def _quantities_figure(flown: CyclogramSamples) -> Figure:

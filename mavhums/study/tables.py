@@ -1,9 +1,9 @@
-"""The study's tables: the actuator (table 1), figure 15, groups of features, subset search, thinning."""
+"""The results of the study: table 1, figure 15, groups of features, subset search, thinning; all together."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -13,7 +13,9 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.quantities import KEYS, column
 from mavhums.learn import (
     ChiSquareRanking,
+    CommandLeak,
     Scheme,
+    Selection,
     SubsetSearch,
     TanhNetworkEnsemble,
     VectorThinning,
@@ -24,15 +26,27 @@ from mavhums.learn import (
 )
 from mavhums.learn.evaluation import hold_out
 from mavhums.learn.subsets import Objective
-from mavhums.study.cyclograms import MAIN, TAKEOFF, CyclogramSamples, fly_condition
-from mavhums.study.experiment import Effort, emergency, run_experiment, samples
-from mavhums.study.published import CHI_SQUARE, P_LEVELS, SELECTED, TABLE_1, TEST_NM
+from mavhums.study.cyclograms import (
+    CHI_SQUARE,
+    MAIN,
+    P_LEVELS,
+    SELECTED,
+    TABLE_1,
+    TAKEOFF,
+    TEST_NM,
+    CyclogramSamples,
+    fly_condition,
+)
+from mavhums.study.experiment import Bound, Effort, Experiment, emergency, run_experiment, samples
 from mavhums_sim.ema import DataSheet, EmaParameters
 from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 
 __all__ = [
     "FEWER_NETWORKS",
     "LOAD_FRICTION",
+    "TWO",
+    "FigureOne",
+    "Findings",
     "Grouping",
     "chi_square_table",
     "grouping",
@@ -44,6 +58,9 @@ __all__ = [
 ]
 
 _HEALTHY_NM = 0.225
+
+TWO = ("V5", "V11")
+"""The current and the load: what the torque balance needs besides the direction of motion."""
 
 
 def table_1() -> pd.DataFrame:
@@ -81,37 +98,20 @@ _PAIRS = 0.9
 _FEW = 5
 """With up to this many quantities, each subset's network is trained with full effort."""
 
-Groups = tuple[tuple[str, ...], ...]
 
+class Grouping(NamedTuple):
+    """Selected quantities and groups of interdependent ones, by Algorithm 1 and by the filter of pairs."""
 
-@dataclass(frozen=True)
-class Grouping:
-    """Groups of interdependent quantities and the selected quantities, by both filters.
-
-    Attributes
-    ----------
-    expressions
-        For each quantity that Algorithm 1 excludes: the model with the fewest regressors, and its R².
-    """
-
-    algorithm_1: Groups
-    selected: tuple[str, ...]
-    pairwise: Groups
-    pairwise_selected: tuple[str, ...]
-    expressions: tuple[tuple[str, float], ...]
+    multiple: Selection
+    pairs: Selection
 
 
 def grouping(flights: list[CyclogramSamples]) -> Grouping:
     """Run Algorithm 1 and the pairwise filter on the flights' samples."""
     values, classes, _ = samples(flights)
-    multiple = select_features(values, classes)
-    pairs = select_features(values, classes, scheme=Scheme(select="pairwise", r2=_PAIRS))
     return Grouping(
-        multiple.groups,
-        multiple.selected,
-        pairs.groups,
-        pairs.selected,
-        tuple((each.expression, each.r2) for each in multiple.excluded),
+        select_features(values, classes),
+        select_features(values, classes, scheme=Scheme(select="pairwise", r2=_PAIRS)),
     )
 
 
@@ -284,3 +284,68 @@ def load_friction_table(effort: Effort, *, seed: int) -> pd.DataFrame:
                 alarms = [one for one, flown in zip(said, flights, strict=True) if not emergency(flown)]
                 rows.append(row | {f"normal called emergency at μ {tested:g}": 100 * float(np.mean(alarms))})
     return pd.DataFrame(rows)
+
+
+@dataclass(frozen=True)
+class FigureOne:
+    """The scheme of figure 1, run from the training flights of one cyclogram to a network.
+
+    Attributes
+    ----------
+    stages
+        A line for each stage.
+    inputs
+        Of the network that was chosen.
+    test
+        Its accuracy on the test flights, %, which no stage saw.
+    """
+
+    stages: tuple[str, ...]
+    inputs: tuple[str, ...]
+    test: float
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """All results in the report.
+
+    Attributes
+    ----------
+    groupings
+        Feature groups, by cyclogram.
+    experiments
+        Experiments, by cyclogram. The inputs on the main one: all 12, Algorithm 1's, the paper's,
+        the pairwise filter's; on the others the first three of these.
+    subsets
+        Subset searches, by the quantities searched: best rows, exhaustive search, and genetic
+        search or None.
+    leaks
+        Leak of the command in the study's own data, and in classes flown with different cyclograms.
+    load_friction, load_selection
+        Networks on an actuator whose friction grows with the load, and the quantities selected for it.
+    """
+
+    effort: Effort
+    seed: int
+    table_1: pd.DataFrame
+    chi_square: pd.DataFrame
+    p_levels: pd.DataFrame
+    groupings: dict[str, Grouping]
+    experiments: dict[str, list[Experiment]]
+    figure_1: dict[str, FigureOne]
+    bound: Bound | None
+    subsets: dict[tuple[str, ...], tuple[pd.DataFrame, SubsetSearch, SubsetSearch | None]]
+    thinning: pd.DataFrame
+    leaks: tuple[CommandLeak, CommandLeak]
+    moving: pd.DataFrame
+    load_friction: pd.DataFrame
+    load_selection: Selection
+
+    @property
+    def main(self) -> list[Experiment]:
+        """The experiments on the main cyclogram."""
+        return self.experiments[MAIN]
+
+    def experiment(self, cyclogram: str, inputs: tuple[str, ...]) -> Experiment:
+        """Return the experiment on these inputs."""
+        return next(each for each in self.experiments[cyclogram] if each.inputs == inputs)

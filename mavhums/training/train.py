@@ -30,12 +30,12 @@ from mavhums.training.flights import (
     TELEMETRY,
     ActuatorFlight,
     Telemetry,
+    flown_samples,
     fly_fleet,
     friction_range,
     moving_samples,
     windows,
 )
-from mavhums.training.precedents import flown_samples
 from mavhums.training.windows import flight_counts, train_window_network
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.manoeuvres import CYCLOGRAMS

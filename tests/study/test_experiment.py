@@ -4,9 +4,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from mavhums.study.cyclograms import CYCLOGRAMS, MAIN, fly_condition
+from mavhums.study.cyclograms import (
+    CONDITIONS,
+    CYCLOGRAMS,
+    MAIN,
+    TABLE_4,
+    TABLE_5,
+    TEST_NM,
+    TRAINING_NM,
+    fly_condition,
+)
 from mavhums.study.experiment import held_decision
-from mavhums.study.published import CONDITIONS, TABLE_4, TABLE_5, TEST_NM, TRAINING_NM
 
 
 def test_the_decision_in_motion_is_kept_through_standstill() -> None:

@@ -14,7 +14,7 @@ from mavhums.cli.main import cli
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS
 from mavhums.learn import PrecedentBase, load_model
-from mavhums.training.precedents import flown_samples
+from mavhums.training.flights import flown_samples
 from mavhums_sim import Flight, fly, write_tlog
 
 
