@@ -107,6 +107,7 @@ class Limits(Contract):
 
     normal: _Positive
     emergency: _Positive
+    # 0.1 is 26 K of warming of copper: less would call a warm winding degraded.
     resistance_gain: _Positive = 0.1
     torque_constant_loss: _Positive = 0.1
     backlash_deg: _Positive | None = None
@@ -225,9 +226,11 @@ class Actuator(Contract):
     supply_voltage: _Positive | None = None
     travel_deg: tuple[_Finite, _Finite] | None = None
     pwm_us: tuple[_Pulse, _Pulse, _Pulse]
+    # Lower takes noise of the angle for motion; higher loses the samples of slow commands.
     moving_speed_deg_s: _Positive = 1.0
     response_lag_s: Annotated[float, Field(ge=0.04, le=1.0)] = 0.05
     slew_deg_s: _Positive | None = None
+    # Lower lets registers that are refreshed once a second count as evidence.
     min_rate_hz: _Positive = 5.0
     ema: Ema | None = None
     limits: Limits | None = None

@@ -72,6 +72,47 @@ def test_inferred_outputs_give_one_demand_whatever_their_travel(monkeypatch: pyt
     assert rest[700:] == pytest.approx(whole[700:], abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("changes", "roll", "pitch"),
+    [
+        ({}, {4, 5, 6}, ()),
+        ({"roll": 0.61}, {4, 5, 6}, ()),
+        ({"roll": 0.59}, None, ()),
+        ({"second": 0.79}, {4, 5, 6}, ()),  # it leaves 0.21, twice as much as the 0.1 of the best
+        ({"second": 0.81}, None, ()),
+        ({"mixed": 0.39}, {4, 5, 6}, ()),
+        ({"mixed": 0.41}, None, ()),
+        ({"pitch": 0.36}, {4, 5, 6}, {8}),
+        ({"pitch": 0.34}, {4, 5, 6}, ()),
+        ({"pitch": 0.5, "other pitch": 0.24}, {4, 5, 6}, {8}),
+        ({"pitch": 0.5, "other pitch": 0.26}, {4, 5, 6}, ()),
+    ],
+)
+def test_an_inference_is_the_only_one_that_the_flight_allows(
+    changes: dict[str, float], roll: set[int] | None, pitch: set[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Servos 4 to 6 move as one; servos 8 and 9 by themselves, servo 10 too little."""
+    shares = {"roll": 0.9, "second": 0.0, "mixed": 0.0, "pitch": 0.0, "other pitch": 0.0} | changes
+    flight, sent = flown()
+    time_s = np.arange(len(sent)) / 20
+    own = {8: 300 * np.sin(0.7 * time_s), 9: 300 * np.sin(1.9 * time_s), 10: 12 * np.sin(time_s)}
+    for servo, moved in own.items():
+        sent[:, servo - 1] = 1500 + moved
+
+    def explained(axis: str, _: Rows, demand: Array, others: Array) -> tuple[float, float]:
+        which = next((servo for servo in own if abs(np.corrcoef(own[servo], demand)[0, 1]) > 0.99), 0)
+        assert which != 10, "its standard deviation is below 10 µs"
+        names = {"roll": {0: "roll", 8: "second", 9: ""}, "pitch": {0: "", 8: "pitch", 9: "other pitch"}}
+        return shares.get(names[axis][which], 0.0), shares["mixed"] if others.shape[1] else 0.0
+
+    monkeypatch.setattr(motion, "explained_by", explained)
+    found = inferred(flight, sent)
+    assert (found is None) == (roll is None)
+    if found is not None:
+        assert {one.servo for one in found.of_axis("roll")} == roll
+        assert {one.servo for one in found.of_axis("pitch")} == set(pitch)
+
+
 def table(*systems: int, name: str = "A", first: int = 0, step: int = 1) -> dict[str, Table]:
     n = len(systems)
     byte = np.zeros(n, dtype=np.uint8)

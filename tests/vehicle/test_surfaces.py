@@ -7,7 +7,7 @@ import pytest
 
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.parameters import Parameters, control_surfaces
-from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Moved, Surfaces, of_parameters
+from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Moved, Surfaces, of_parameters, on_channels
 from tests.health.axis.flights import Array
 
 
@@ -121,3 +121,56 @@ def test_each_function_moves_its_axes_by_what_was_asked(
     assert demand[:, 0] == pytest.approx(sign * asked[:, 0], abs=1e-9)
     assert demand[:, 1] == pytest.approx(asked[:, 1], abs=1e-9)
     assert surfaces.lift.servos == {n for n, function in functions.items() if 33 <= function <= 36}
+
+
+def test_what_steers_a_rover_by_its_parameters() -> None:
+    """ArduPilot: ground steering, with CRUISE_THROTTLE. PX4: the first servo of an Ackermann frame."""
+    rover = {"CRUISE_THROTTLE": 50.0, "SERVO3_FUNCTION": 26.0, "SERVO4_FUNCTION": 4.0}
+    frame = {"CA_AIRFRAME": 5.0, "PWM_MAIN_FUNC2": 201.0, "PWM_MAIN_FUNC3": 202.0}
+    for values, px4, moved in (
+        (rover, False, Moved(3, STEERING, 1500, 400.0)),
+        (rover | {"SERVO3_REVERSED": 1.0}, False, Moved(3, STEERING, 1500, -400.0)),
+        (frame, True, Moved(2, STEERING, 1500, 500.0)),
+        (frame | {"PWM_MAIN_REV": 2.0}, True, Moved(2, STEERING, 1500, -500.0)),
+    ):
+        assert of_parameters(Parameters(1, px4, values)) == Surfaces((moved,), "parameters")
+    for values, px4 in (
+        ({name: value for name, value in rover.items() if name != "CRUISE_THROTTLE"}, False),
+        (frame | {"CA_AIRFRAME": 6.0}, True),
+        ({"CA_AIRFRAME": 5.0, "UAVCAN_SV_FUNC1": 201.0}, True),  # output 33 is not a pulse
+    ):
+        found = of_parameters(Parameters(1, px4, values))
+        assert found is None or found.axes == AXES
+
+
+def test_channels_of_a_receiver_that_drives_the_servos() -> None:
+    """Of the profile, servo n is channel n; else the map of channels, which PX4 has none of by default."""
+    profile = Surfaces((Moved(1, "aileron", 1480.0, 300.0), Moved(2, "elevator", 1500.0, 400.0)), "profile")
+    found = on_channels(profile, Parameters(1, False, {"RCMAP_ROLL": 3.0}), [1, 3])
+    assert found == Surfaces((Moved(33, "aileron", 1480.0, 300.0),), "profile")
+    assert found.by_receiver
+    assert found.moved[0].number == 1
+    for values, px4, servos in (
+        ({}, False, [33, 34, 36]),
+        ({"RCMAP_YAW": 3.0}, False, [33, 34, 35]),
+        ({}, True, []),
+        ({"RC_MAP_PITCH": 4.0}, True, [36]),
+    ):
+        channels = on_channels(None, Parameters(1, px4, values), range(1, 17))
+        assert [one.servo for one in channels.moved] == servos if channels else not servos
+    assert on_channels(None, None, [1, 2, 3, 4]) is None
+    assert on_channels(profile, None, [3]) is None
+
+
+def test_names_of_an_axis_surfaces() -> None:
+    sides = Moved(1, "left aileron", 1500, 400), Moved(12, "right aileron", 1500, -400)
+    plain = Moved(1, "aileron", 1500, 400), Moved(12, "aileron", 1500, 400)
+    for moved, origin, brief, names in (
+        (sides, "parameters", "aileron L/R", ("left aileron (servo 1)", "right aileron (servo 12)")),
+        (plain, "profile", "aileron 1/12", ("aileron (servo 1)", "aileron (servo 12)")),
+        (plain[:1], "profile", "aileron", ("aileron (servo 1)",)),
+        (plain, "inferred", "servo 1/12", ("servo 1 (moves with roll)", "servo 12 (moves with roll)")),
+    ):
+        known = Surfaces(moved, origin)
+        assert (known.brief("roll"), known.names("roll"), known.brief("pitch")) == (brief, names, "")
+    assert sides[1].range_us == sides[0].range_us == (1100, 1500, 1900)
