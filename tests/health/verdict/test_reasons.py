@@ -13,9 +13,10 @@ from pymavlink.dialects.v20 import common as v2
 from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
 from mavhums.actuator.telemetry import TIERS
 from mavhums.health.axis.findings import AxisFindings
-from mavhums.health.axis.reference import STANDARDS
+from mavhums.health.axis.reference import STANDARDS, Constant, Reference
+from mavhums.health.axis.regressions import Basis, Shape
 from mavhums.health.verdict.actuator import _absurd, _why_undecided
-from mavhums.health.verdict.axis import _candidates, named_by_telemetry
+from mavhums.health.verdict.axis import _candidates, indicators, named_by_telemetry
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
@@ -410,3 +411,36 @@ def test_the_candidate_whose_servo_alone_shows_a_fault_comes_first(
         assert list(found.candidates) == both
     [found] = named_by_telemetry([verdict("roll", "degraded", *both)], servos, None)
     assert list(found.candidates) == both
+
+
+@pytest.mark.parametrize(
+    ("condition", "windows", "kept", "share", "error"),
+    [
+        # Without a window after it the reference alone counts: 4.5 windows of its own error.
+        ("normal", 0, None, 1.0, 0.02),
+        # The mean of those 4.5 windows and of nine others, each of which scatters by a tenth.
+        ("normal", 9, 0.7, (4.5 + 9 * 0.7) / 13.5, ((4.5 * 0.02) ** 2 + 9 * 0.1**2) ** 0.5 / 13.5),
+        ("undecided", 9, 0.7, (4.5 + 9 * 0.7) / 13.5, ((4.5 * 0.02) ** 2 + 9 * 0.1**2) ** 0.5 / 13.5),
+        ("degraded", 9, 0.7, 0.7, 0.05),
+        ("emergency", 0, 0.4, 0.4, 0.05),
+    ],
+)
+@pytest.mark.parametrize(("axis", "power"), [("roll", 1), ("steering", 1), ("pitch", 2), ("yaw", 2)])
+def test_the_gain_is_that_of_the_present_condition(
+    condition: Any, windows: int, kept: float | None, share: float, error: float, axis: str, power: int
+) -> None:
+    value = kept and Interval.around(kept, 0.05 * 1.96)
+    known = {"hard_over": Constant(0.1, 0.02)}
+    reference = Reference(
+        Basis(16.0, 0.0), Shape(3, 0.1), -4.0, [], 0.01, 0.02, 0.9, 0.1, 1.0, 0, 45, known  # type: ignore[arg-type]
+    )  # fmt: skip
+    one = findings(axis, condition=condition, windows=windows, effectiveness=value, reference=reference)
+    gain, lag, trim = indicators(one)
+    scale = 4.0 / 16.0**power
+    assert gain.value.estimate == pytest.approx(scale * share, rel=1e-4)
+    assert gain.value.high - gain.value.low == pytest.approx(2 * 1.96 * scale * error, rel=2e-3)
+    assert gain.scatter == pytest.approx(scale * error * 45**0.5, rel=1e-3)
+    assert (lag.value.estimate, lag.windows, lag.unit) == (0.25, 45, "s")
+    assert (trim.fault, trim.quantity, trim.value.estimate) == ("hard_over", "trim", 0.1)
+    assert trim.value.low == pytest.approx(0.1 - 1.96 * 0.02, abs=1e-4)
+    assert [*indicators(replace(one, reference=None))] == []
