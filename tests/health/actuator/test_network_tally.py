@@ -1,0 +1,96 @@
+"""What a network says over a flight: counts, the first emergency, and a condition by runs of windows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mavhums.health.actuator.detector import sharp
+from mavhums.health.actuator.network_tally import NetworkTally
+from mavhums.health.actuator.votes import VoteOutcome
+
+GRAVE, SOUND, EVEN = VoteOutcome(0.8, 0), VoteOutcome(0.3, 0), VoteOutcome(0.5, 0)
+
+
+def fed(tally: NetworkTally, *said: VoteOutcome | None) -> list[tuple[int, str, float]]:
+    """Feed windows of 10 s that end a second after one another; return each change."""
+    ends = [10.0 + k for k in range(len(said))]
+    return [(k, change.condition, change.since_s) for k, change in tally.feed(said, ends)]
+
+
+def test_twenty_windows_in_a_row_decide_and_abstentions_do_not_count() -> None:
+    assert fed(NetworkTally(1, 10.0), *[GRAVE] * 19) == []
+    assert fed(NetworkTally(1, 10.0), *[GRAVE] * 20) == [(19, "emergency", 0.0)]
+    tally = NetworkTally(1, 10.0, recorded=True)
+    assert fed(tally, *[EVEN, None] * 20) == [(38, "normal", 0.0)]
+    assert tally.windows == 20
+    assert [one.condition for one in tally.record().decided] == ["normal"]
+    assert NetworkTally(1, 10.0).record().decided == ()
+
+
+def test_a_change_counts_from_the_middle_of_its_first_window_and_the_worst_stays() -> None:
+    tally = NetworkTally(1, 10.0)
+    assert tally.tallied() is None
+    changes = fed(tally, *[SOUND] * 20, *[GRAVE] * 20, *[SOUND] * 20)
+    assert changes == [(19, "normal", 0.0), (39, "emergency", 25.0), (59, "normal", 45.0)]
+    found = tally.tallied()
+    assert found is not None
+    assert (found.windows, found.first_emergency_s, found.condition) == (60, 25.0, "emergency")
+    assert found.p_emergency == 0.3
+    assert [(one.start_s, one.end_s, one.value) for one in tally.evidence()] == [
+        (0.0, 25.0, 0.3),
+        (25.0, 45.0, 0.8),
+        (45.0, 69.0, 0.3),
+    ]
+    assert tally.evidence()[1].rule == (
+        "emergency: the network's probability of an emergency above 0.5 in 20 windows in a row"
+    )
+    assert " up to 0.5 in" in tally.evidence()[0].rule
+    assert not tally.record().decided, "kept only where it is asked for"
+
+
+def test_friction_is_suspected_while_an_emergency_is_held() -> None:
+    tally = NetworkTally(1, 10.0)
+    assert tally.suspect() is None
+    fed(tally, *[GRAVE] * 20)
+    suspect = tally.suspect()
+    assert suspect is not None
+    assert (suspect.fault, suspect.confidence) == ("friction", 1.0)
+
+
+def test_the_network_with_most_votes_answers_for_its_share_of_samples() -> None:
+    """Columns: network, moving, voters backward and forward, emergencies backward and forward."""
+    tally = NetworkTally(2, 10.0)
+    tally.count(np.array([[0, 9, 2, 2, 1, 0], [1, 9, 5, 3, 2, 4], [-1, 9, 0, 0, 0, 0], [1, 9, 1, 1, 0, 0]]))
+    tally.count(np.array([[0, 9, 2, 3, 0, 0]]))
+    fed(tally, GRAVE)
+    found = tally.tallied()
+    assert found is not None
+    assert (found.network, found.share_of_samples) == (1, 0.6)
+
+
+def test_why_a_network_decides_nothing() -> None:
+    tally = NetworkTally(1, 10.0)
+    assert tally.why_undecided()[0].startswith("the network decides, and no window has enough samples")
+    fed(tally, GRAVE, SOUND)
+    assert tally.why_undecided() == (
+        "the network decides: it answers in 2 windows, and fewer than 20 in a row agree",
+        "analyse a longer flight",
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "limit", "expected"),
+    [
+        (0.1, 0.049, 0.2, True),
+        (0.1, 0.05, 0.2, False),
+        (0.4, 0.099, 0.2, True),  # twice the limit allows twice the error
+        (-0.4, 0.099, 0.2, True),
+        (0.4, 0.101, 0.2, False),
+        (9.0, 0.051, None, False),
+    ],
+)
+def test_beyond_its_limit_a_quantity_may_be_less_certain(
+    value: float, error: float, limit: float | None, expected: bool
+) -> None:
+    assert sharp(np.array([value]), np.array([error]), 0.05, limit).tolist() == [expected]

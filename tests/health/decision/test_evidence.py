@@ -1,0 +1,114 @@
+"""Conditions of an actuator from its indicators, and their reasons, suspects and order."""
+
+from __future__ import annotations
+
+import pytest
+from scipy import stats
+
+from mavhums.core.conditions import Condition
+from mavhums.health.decision.baseline import Baseline, Shift, condition_with_drift, onset_with_drift
+from mavhums.health.decision.conditions import ConditionTracker, IndicatorChange
+from mavhums.health.decision.events import Estimate, FaultRecord
+from mavhums.health.decision.evidence import concludes, drift_evidence, limit_rule, suspected
+from mavhums.health.decision.limits import Levels
+
+PLAY = FaultRecord("backlash", "backlash", "°", Levels(0.15), two_sided=False)
+LOSS = FaultRecord("torque_constant", "torque constant lost", "1", Levels(0.08, 0.2), two_sided=True)
+SHIFT = Shift(value=0.03, error=0.01, ratio=1.2, since_s=40.0)
+
+
+def test_the_reason_names_the_limit_with_its_unit_and_the_rate() -> None:
+    assert limit_rule(PLAY, "degraded", 1.0) == (
+        "degraded: backlash reliably above 0.15 °, with ≤ 1 false alarm per 100 h"
+    )
+    assert limit_rule(LOSS, "emergency", 0.5) == (
+        "emergency: interval of torque constant lost reaches 0.2, with ≤ 0.5 false alarms per 100 h"
+    )
+    assert limit_rule(PLAY, "emergency", 2.0).split(" reaches ")[1].startswith("any limit,")
+    assert limit_rule(LOSS, "normal", 1.0).startswith("normal: torque constant lost not reliably above 0.08,")
+
+
+@pytest.mark.parametrize(("end_s", "until_s"), [(70.0, 70.0), (30.0, 40.0)])
+def test_a_drift_is_evidence_from_its_beginning_on(end_s: float, until_s: float) -> None:
+    baseline = Baseline(mean=0.1, error=0.001, flights=12, between=0.002, spread=0.003)
+    found = drift_evidence(PLAY, baseline, SHIFT, end_s, 1.0)
+    assert (found.kind, found.start_s, found.end_s) == ("backlash_drift", 40.0, until_s)
+    assert (found.value, found.limit) == (pytest.approx(0.13), 0.1)
+    assert found.rule == (
+        "degraded: backlash +0.03 ° from its own baseline of 0.1 ° over 12 flights, "
+        "with ≤ 1 false alarm per 100 h"
+    )
+
+
+@pytest.mark.parametrize(
+    ("record", "decided", "latest", "alarm", "confidence"),
+    [
+        (PLAY, "normal", Estimate(0.2, 0.02, 9.0), None, None),
+        (PLAY, "degraded", None, None, None),
+        (PLAY, "degraded", Estimate(0.2, 0.02, 9.0), None, stats.t.cdf(2.5, 9)),
+        (PLAY, "degraded", Estimate(-0.2, 0.02, 9.0), None, stats.t.cdf(-17.5, 9)),
+        (LOSS, "emergency", Estimate(-0.1, 0.02, 4.0), None, stats.t.cdf(1.0, 4)),
+        (PLAY, "degraded", Estimate(0.2, 0.0, 1.0), None, 1.0),
+        (PLAY, "normal", Estimate(0.1, 0.02, 9.0), SHIFT, stats.t.cdf(3.0, 10)),
+        (PLAY, "degraded", Estimate(0.2, 0.01, 9.0), SHIFT, stats.t.cdf(5.0, 9)),
+        (PLAY, "degraded", Estimate(0.16, 0.02, 9.0), SHIFT._replace(value=-0.03), stats.t.cdf(3.0, 10)),
+    ],
+)
+def test_the_confidence_is_the_larger_of_limit_and_baseline(
+    record: FaultRecord,
+    decided: Condition,
+    latest: Estimate | None,
+    alarm: Shift | None,
+    confidence: float | None,
+) -> None:
+    found = suspected(record, decided, latest, alarm)
+    assert (found and found.confidence) == (confidence and pytest.approx(confidence, abs=1e-12))
+
+
+@pytest.mark.parametrize(
+    ("decided", "alarm", "condition", "since_s"),
+    [
+        ("normal", None, "normal", 50.0),
+        ("normal", SHIFT, "degraded", 40.0),
+        ("undecided", SHIFT, "degraded", 40.0),
+        ("degraded", SHIFT, "degraded", 40.0),
+        ("degraded", SHIFT._replace(since_s=60.0), "degraded", 50.0),
+        ("emergency", SHIFT, "emergency", 50.0),
+    ],
+)
+def test_a_drift_degrades_and_dates_back(
+    decided: Condition, alarm: Shift | None, condition: Condition, since_s: float
+) -> None:
+    assert condition_with_drift(decided, alarm) == condition
+    assert onset_with_drift(decided, 50.0, alarm) == since_s
+    assert onset_with_drift("undecided", None, None) is None
+
+
+@pytest.mark.parametrize(
+    ("windows", "friction", "expected"), [(0, 0, False), (1, 0, True), (0, 1, True), (2, 3, True)]
+)
+def test_a_flight_concludes_where_any_window_was_judged(windows: int, friction: int, expected: bool) -> None:
+    assert concludes(windows, friction) == expected
+
+
+def test_only_friction_makes_normal_and_onsets_follow_each_other() -> None:
+    tracker = ConditionTracker()
+    assert tracker.take("backlash", IndicatorChange("normal", 1.0, "play")) is None
+    assert tracker.condition == "undecided"
+    found = tracker.take("friction", IndicatorChange("normal", 5.0, "friction"))
+    assert found is not None
+    # The play was normal before; the friction decides.
+    assert (found.after, found.since_s, found.fault) == ("normal", 5.0, "friction")
+    found = tracker.take("backlash", IndicatorChange("degraded", 2.0, "play"))
+    assert found is not None
+    assert (found.since_s, found.rule, tracker.since_s) == (5.0, "play", 5.0)
+    assert tracker.take("jam", IndicatorChange("degraded", 9.0, "jam")) is None
+    assert not tracker.jammed
+    found = tracker.take("jam", IndicatorChange("emergency", 12.0, "jam"))
+    assert found is not None
+    assert (tracker.jammed, found.before, tracker.worst) == (True, "degraded", "emergency")
+    found = tracker.take("jam", IndicatorChange("normal", 20.0, "jam"))
+    assert found is not None
+    # What remains is the play, which is as old as it was; not before the jam's own onset.
+    assert (found.after, found.fault, found.since_s) == ("degraded", "backlash", 12.0)
+    assert (tracker.condition, tracker.worst) == ("degraded", "emergency")
