@@ -25,7 +25,7 @@ FAST, SLOW = 2.0, 1.0
 
 
 def moving(time_s: list[float], speed: list[float], gap_s: float = 0.5) -> list[bool]:
-    return lasting(np.array(time_s), np.array(speed), SLOW, gap_s).tolist()
+    return [bool(one) for one in lasting(np.array(time_s), np.array(speed), SLOW, gap_s)]
 
 
 def test_a_sample_counts_in_a_motion_that_lasts_on_either_side() -> None:
@@ -71,7 +71,7 @@ def test_the_speed_of_an_angle_is_the_slope_over_the_time_on_either_side() -> No
 def test_motion_is_that_of_the_output_shaft_at_the_judged_samples() -> None:
     """At 60 rev/min of the rotor the paper's output shaft turns by 60/300 rev/min."""
     actuator = load_airframe("paper").actuators[0]
-    time_s = 0.1 * np.arange(6)
+    time_s = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
     values = np.full((6, 12), np.nan)
     values[:, column("V7")] = [60.0, 60.0, 66.0, 66.0, 66.0, 66.0]
     slots = Slots(np.array([0]), np.array([0]), slice(1, 5), time_s, with_extra_columns(values))
