@@ -77,7 +77,7 @@ def motion_of(
         ({"V4": 12.0, "V5": 0.3, "V3": 0.0}, 0.3, 0.0),
     ],
 )
-def test_the_torque_is_that_of_the_best_source(values: dict[str, float], torque: float, angle: float) -> None:
+def test_the_torque_is_that_of_the_best_source(values: dict[str, Any], torque: float, angle: float) -> None:
     X, y, usable = TORQUE.rows(actuator_of(), motion_of(1, **values))
     assert y == pytest.approx([torque])
     assert X[0] == pytest.approx([1.0, 7.0, 1.0, 3.0, np.radians(angle), 0.0])
