@@ -7,7 +7,7 @@ NAMED_VALUE_FLOAT each second. An episode is an uninterrupted time in one condit
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib import import_module
 from typing import Any, Final
 
@@ -18,7 +18,7 @@ from mavhums.log.mavlink.signing import signing_ticks
 from mavhums.results.live import ActuatorStatus, AlertObject
 from mavhums.vehicle.surfaces import COLUMNS
 
-__all__ = ["COMPONENT", "Alerts", "Signer", "health_name", "text_of"]
+__all__ = ["COMPONENT", "Alerts", "Signer", "fault_of", "health_name", "text_of"]
 
 COMPONENT = 194
 """MAV_COMP_ID_ONBOARD_COMPUTER4: the least used of the numbers for onboard computers."""
@@ -44,7 +44,7 @@ _HEALTH: Final[dict[Condition, float]] = {
 def text_of(actuator: str, condition: Condition, fault: str) -> str:
     """Return actuator, finding and action in at most fifty characters of ASCII.
 
-    A finding about an axis says by itself how grave it is.
+    A finding about an axis already includes its severity.
 
     Examples
     --------
@@ -65,6 +65,11 @@ def text_of(actuator: str, condition: Condition, fault: str) -> str:
     rest = f" {condition.upper()}: , {_ACTIONS[condition][-1]}"
     finding = finding[: max(TEXT_LENGTH - len(rest) - len(name), 8)]
     return f"{name[: TEXT_LENGTH - len(rest) - len(finding)]}{rest.replace(': ', f': {finding}', 1)}"
+
+
+def fault_of(event: ConditionChanged) -> str | None:
+    """Return the finding or the fault of a change to a condition that asks for an alert; else None."""
+    return event.finding or event.fault if event.after in _SEVERITY else None
 
 
 def health_name(number: int, actuator: str) -> str:
@@ -125,23 +130,18 @@ class Alerts:
         self._send = send
         self._component, self._signer = component, signer
         self._start_us = start_us
-        self._voices: dict[tuple[int, bool], Any] = {}
-        self._held: dict[tuple[int, str], tuple[Condition, str]] = {}
-        self._told: dict[tuple[int, str, Condition], int] = {}
+        self._encoders: dict[tuple[int, bool], Any] = {}
+        self._pending: dict[tuple[int, str], tuple[Condition, str]] = {}
+        self._sent_us: dict[tuple[int, str, Condition], int] = {}
 
-    def take(
-        self, events: Iterable[Event], faults: Mapping[tuple[int, str], str], now_us: int
-    ) -> list[AlertObject]:
-        """Send the episodes that begin; return the alerts that were sent.
-
-        ``faults`` names the suspected fault of each actuator.
-        """
+    def observe(self, events: Iterable[Event], now_us: int) -> list[AlertObject]:
+        """Send the episodes that begin; return the alerts that were sent."""
         for event in events:
             if isinstance(event, ConditionChanged):
                 key = (event.vehicle, event.actuator)
-                self._held.pop(key, None)
-                if event.after in _SEVERITY:
-                    self._held[key] = (event.after, faults.get(key, "friction"))
+                self._pending.pop(key, None)
+                if fault := fault_of(event):
+                    self._pending[key] = (event.after, fault)
         return list(self._announce(now_us))
 
     def tick(
@@ -161,36 +161,36 @@ class Alerts:
                 value = _HEALTH.get(status.condition, math.nan)
                 boot_ms = (now_us - self._start_us) // 1000 % 2**32
                 name = health_name(number, status.actuator).encode()
-                self._say(vehicle, "named_value_float", now_us, boot_ms, name, value)
+                self._transmit(vehicle, "named_value_float", now_us, boot_ms, name, value)
         return list(self._announce(now_us))
 
     def heartbeat(self, vehicle: int, now_us: int) -> None:
         """Send a HEARTBEAT as an onboard controller."""
-        self._say(vehicle, "heartbeat", now_us, _ONBOARD_CONTROLLER, _NO_AUTOPILOT, 0, 0, _ACTIVE)
+        self._transmit(vehicle, "heartbeat", now_us, _ONBOARD_CONTROLLER, _NO_AUTOPILOT, 0, 0, _ACTIVE)
 
     def _announce(self, now_us: int) -> Iterator[AlertObject]:
         """Send pending alerts; repeat the same alert after half a minute at the earliest."""
-        for (vehicle, actuator), (condition, fault) in list(self._held.items()):
-            told_us = self._told.get((vehicle, actuator, condition))
-            if told_us is not None and now_us - told_us < _REPEAT_US:
+        for (vehicle, actuator), (condition, fault) in list(self._pending.items()):
+            sent_us = self._sent_us.get((vehicle, actuator, condition))
+            if sent_us is not None and now_us - sent_us < _REPEAT_US:
                 continue
-            del self._held[vehicle, actuator]
-            self._told[vehicle, actuator, condition] = now_us
+            del self._pending[vehicle, actuator]
+            self._sent_us[vehicle, actuator, condition] = now_us
             text = text_of(actuator, condition, fault)
-            self._say(vehicle, "statustext", now_us, _SEVERITY[condition], text.encode())
+            self._transmit(vehicle, "statustext", now_us, _SEVERITY[condition], text.encode())
             yield AlertObject(utc=utc(now_us), vehicle=vehicle, severity=_SEVERITY[condition], text=text)
 
-    def _say(self, vehicle: int, message: str, now_us: int, *fields: Any) -> None:
+    def _transmit(self, vehicle: int, message: str, now_us: int, *fields: Any) -> None:
         mavlink2 = self.mavlink2 or self._signer is not None
-        voice = self._voices.get((vehicle, mavlink2))
-        if voice is None:
+        encoder = self._encoders.get((vehicle, mavlink2))
+        if encoder is None:
             dialect = import_module(f"pymavlink.dialects.{'v20' if mavlink2 else 'v10'}.common")
-            voice = self._voices[vehicle, mavlink2] = dialect.MAVLink(None, vehicle, self._component)
+            encoder = self._encoders[vehicle, mavlink2] = dialect.MAVLink(None, vehicle, self._component)
             if self._signer is not None:
-                voice.signing.secret_key = self._signer.key
-                voice.signing.sign_outgoing = True
-                voice.signing.link_id = self._component
+                encoder.signing.secret_key = self._signer.key
+                encoder.signing.sign_outgoing = True
+                encoder.signing.link_id = self._component
         if self._signer is not None:
-            voice.signing.timestamp = self._signer.ticks(now_us)
-        self._send(bytes(getattr(voice, f"{message}_encode")(*fields).pack(voice)), vehicle)
-        voice.seq = (voice.seq + 1) % 256
+            encoder.signing.timestamp = self._signer.ticks(now_us)
+        self._send(bytes(getattr(encoder, f"{message}_encode")(*fields).pack(encoder)), vehicle)
+        encoder.seq = (encoder.seq + 1) % 256

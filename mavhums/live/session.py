@@ -33,14 +33,14 @@ _MANY = 100
 _CONTESTED_US = 60_000_000
 _REMEMBER_EVERY = 10
 _PENDING = 1 << 13
-_GREETED = 1  # the vehicle that a greeting speaks for: ArduPilot's default system id
+_DEFAULT_VEHICLE = 1  # ArduPilot's default system id, announced to before a vehicle is heard
 
 
 class Sink(Protocol):
     """A display or output of a session."""
 
-    def consume(self, events: Sequence[Event], faults: dict[tuple[int, str], str]) -> None:
-        """Take events as they come; ``faults`` names the suspected fault of each actuator."""
+    def consume(self, events: Sequence[Event]) -> None:
+        """Take events as they come."""
         ...
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
@@ -64,7 +64,7 @@ class GroundStation(NamedTuple):
     alerts
         Sends what is found; None for none.
     greeter
-        Announces us once a second on the links, also if it is the same as ``alerts``; None for none.
+        Sends a heartbeat each second over the links; may be the same as ``alerts``; None for none.
     links
         Links that send alerts and receive nothing.
     """
@@ -125,7 +125,7 @@ class Session:
         self._alerts, self._greeter, self._ground = ground
         self._identify = identify
         self._identified: set[tuple[int, str | None]] = set()
-        self._ticks = 0
+        self._ticks = self._frames = 0
         self._busy = False
         self._latest_us = 0
         self._due_us = self.clock.now_us()
@@ -160,8 +160,7 @@ class Session:
             pieces = [piece._replace(time_us=max(piece.time_us, self._latest_us)) for piece in pieces]
         if pieces:
             self._latest_us = pieces[-1].time_us
-            before = self._stamper.frames
-            self._record(self._stamper.feed(pieces), before)
+            self._record(self._stamper.feed(pieces))
 
     def tick(self) -> None:
         """Show the state; send the heartbeat and the actuators' health to the ground station."""
@@ -176,15 +175,15 @@ class Session:
         if self._remember and self._ticks % _REMEMBER_EVERY == 0:
             self._remember()
         # An autopilot sends named values, and much else, only where it has heard a HEARTBEAT.
-        heard = self.peers.vehicles(now_us)[:MOST_VEHICLES] or [_GREETED]
-        for voice in filter(None, (self._greeter, self._alerts)):
-            voice.mavlink2 = self._stamper.speaks_mavlink2 or not self._stamper.frames
+        heard = self.peers.vehicles(now_us)[:MOST_VEHICLES] or [_DEFAULT_VEHICLE]
+        for sender in filter(None, (self._greeter, self._alerts)):
+            sender.mavlink2 = self._stamper.speaks_mavlink2 or not self._stamper.frames
         if self._greeter and self._greeter is not self._alerts:
             for vehicle in heard:
                 self._greeter.heartbeat(vehicle, now_us)
         if self._alerts:
-            greeted = heard if self._greeter is self._alerts else ()
-            self._announce(self._alerts.tick(state.actuators, now_us, greeted))
+            announced = heard if self._greeter is self._alerts else ()
+            self._announce(self._alerts.tick(state.actuators, now_us, announced))
         for change in stale:
             what = f"silent for {change.age_s:.1f} s" if change.stale else "received again"
             _LOG.info("vehicle %d, %s: %s", change.vehicle, change.actuator, what)
@@ -200,15 +199,14 @@ class Session:
             If the history is of another aircraft; the last notice of the sinks' assessment says so.
         """
         now_us = max(self.clock.now_us(), self._latest_us)
-        before = self._stamper.frames
-        self._record(self._stamper.close(now_us), before)
-        self._spread(self._engine.finish())
+        self._record(self._stamper.close(now_us))
+        self._publish(self._engine.finish())
         if self.recorder:
             self.recorder.close()
         if self._remember:
             self._remember()
         path = str(self.recorder.path) if self.recorder else ", ".join(str(k.address) for k in self.links)
-        assessment, refusal = self._identity(self._heard(self._engine.assessment(path or None)))
+        assessment, refusal = self._identity(self._with_reason(self._engine.assessment(path or None)))
         for link in (*self.links, *self._ground):
             link.close()
         for sink in self.sinks:
@@ -232,8 +230,8 @@ class Session:
             log = assessment.log.model_copy(update={"notices": (*assessment.log.notices, error.problem)})
             return assessment.model_copy(update={"log": log}), error
 
-    def _heard(self, assessment: Assessment) -> Assessment:
-        """State why no frame was accepted: there is no log that could lack a vehicle."""
+    def _with_reason(self, assessment: Assessment) -> Assessment:
+        """Return an assessment that says why no frame was accepted, if none was."""
         counts = self._stamper.counts
         if counts.frames:
             return assessment
@@ -249,30 +247,30 @@ class Session:
         verdicts = [v.model_copy(update={"reason": reason, "remedy": remedy}) for v in assessment.verdicts]
         return assessment.model_copy(update={"verdicts": tuple(verdicts)})
 
-    def _record(self, records: bytes, frames_before: int) -> None:
+    def _record(self, records: bytes) -> None:
+        """Pass records to the recorder and the engine."""
         if not records:
             return
+        frames, self._frames = self._stamper.frames - self._frames, self._stamper.frames
         if self._first_us is None:
             self._first_us = int.from_bytes(records[:8], "big")
         if self.recorder:
-            self.recorder.write(records, self._stamper.frames - frames_before)
+            self.recorder.write(records, frames)
         events = self._engine.feed(records)
         self.status.observe(events, self.clock.now_us())
-        self._spread(events)
+        self._publish(events)
 
-    def _spread(self, events: list[Event]) -> None:
+    def _publish(self, events: list[Event]) -> None:
         """Pass events to the alerts and the sinks."""
-        now_us = self.clock.now_us()
-        faults = self._faults(events)
         for event in events:
             if isinstance(event, ConditionChanged):
                 _LOG.info("%s: %s → %s: %s", event.actuator, event.before, event.after, event.rule)
             elif isinstance(event, Notice):
                 _LOG.info("vehicle %s: %r", event.vehicle, event.text)
         for sink in self.sinks:
-            sink.consume(events, faults)
+            sink.consume(events)
         if self._alerts:
-            self._announce(self._alerts.take(events, faults, now_us))
+            self._announce(self._alerts.observe(events, self.clock.now_us()))
 
     def _warn_contested(self, vehicles: Sequence[int], now_us: int) -> None:
         """Warn about vehicles with more than one sender, at most once a minute for each vehicle."""
@@ -286,7 +284,7 @@ class Session:
                 notices.append(Notice(time_s, vehicle, text))
         if notices:
             for sink in self.sinks:
-                sink.consume(notices, {})
+                sink.consume(notices)
 
     def _announce(self, alerts: Sequence[AlertObject]) -> None:
         for alert in alerts:
@@ -294,26 +292,6 @@ class Session:
         if alerts:
             for sink in self.sinks:
                 sink.announce(alerts)
-
-    def _faults(self, events: Sequence[Event]) -> dict[tuple[int, str], str]:
-        """Return the faults of actuators that have just become worse, from the event or the verdict."""
-        worse = [
-            e for e in events if isinstance(e, ConditionChanged) and e.after in ("degraded", "emergency")
-        ]
-        if not worse:
-            return {}
-        suspects = {
-            (verdict.vehicle, verdict.actuator): max(verdict.suspects, key=lambda s: s.confidence).fault
-            for verdict in self._engine.assessment(indicators=False).verdicts
-            if verdict.suspects
-        }
-        found = {}
-        for event in worse:
-            key = (event.vehicle, event.actuator)
-            fault = event.finding or event.fault or suspects.get(key)
-            if fault:
-                found[key] = fault
-        return found
 
     def _wait(self, pending: Sequence[Piece]) -> None:
         """Wait until data arrive, or until pending work is due.

@@ -18,6 +18,7 @@ from rich.text import Text
 
 from mavhums.core.about import NOTICE, __version__
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
+from mavhums.live.alerts import fault_of
 from mavhums.live.outlet import Outlet
 from mavhums.live.session import Sink
 from mavhums.live.status import SessionStatus, utc
@@ -55,8 +56,6 @@ _LINES: Final[dict[type, type[WindowObject | ConditionObject | NoticeObject]]] =
     Notice: NoticeObject,
 }
 
-Faults = dict[tuple[int, str], str]
-
 
 class ThreadedSink:
     """Passes everything to a sink in its own thread; drops items that wait too long.
@@ -79,10 +78,10 @@ class ThreadedSink:
         self.outlet: Outlet[Callable[[], object]] = Outlet(name, lambda call: call(), room=_SAMPLES)
         self._sink, self._release, self._patience_s = sink, release, patience_s
 
-    def consume(self, events: Sequence[Event], faults: Faults) -> None:
+    def consume(self, events: Sequence[Event]) -> None:
         """Pass events to the sink."""
         samples = sum(event.time_s.size for event in events if isinstance(event, Samples))
-        self.outlet.put(partial(self._sink.consume, events, faults), 1 + samples)
+        self.outlet.put(partial(self._sink.consume, events), 1 + samples)
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
         """Pass the state to the sink."""
@@ -116,7 +115,7 @@ class RerunSink:
         self._drawing = drawing
         self._failed = False
 
-    def consume(self, events: Sequence[Event], faults: Faults) -> None:
+    def consume(self, events: Sequence[Event]) -> None:
         """Draw events."""
         self._try(lambda: self._drawing.consume(events))
 
@@ -176,11 +175,11 @@ class JsonLines:
             )
         )
 
-    def consume(self, events: Sequence[Event], faults: Faults) -> None:
+    def consume(self, events: Sequence[Event]) -> None:
         """Write events except samples."""
         now = utc(self._now_us())
         for event in events:
-            if line := _object(event, faults, now):
+            if line := _object(event, now):
                 self._put(line)
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
@@ -216,9 +215,9 @@ class PlainLines:
     def __init__(self, write: Callable[[str], object]) -> None:
         self._write = write
 
-    def consume(self, events: Sequence[Event], faults: Faults) -> None:
+    def consume(self, events: Sequence[Event]) -> None:
         """Write changes of condition."""
-        for event, text in _changes(events, faults):
+        for event, text in _changes(events):
             self._write(
                 f"{event.time_s:8.1f} s  vehicle {event.vehicle}, {event.actuator}: "
                 f"{text}, since {event.since_s:.1f} s"
@@ -237,7 +236,7 @@ class PlainLines:
         """Write nothing: the verdicts are printed at the end."""
 
 
-def _object(event: Event, faults: Faults, now: str) -> LiveObject | None:
+def _object(event: Event, now: str) -> LiveObject | None:
     """Return the line of an event, whose fields have the names of the event's."""
     if isinstance(event, AirframeNamed):
         name = event.airframe.name
@@ -249,16 +248,16 @@ def _object(event: Event, faults: Faults, now: str) -> LiveObject | None:
     if isinstance(event, Window):
         values["moving_fraction"] = round(event.moving_fraction, 4)
     elif isinstance(event, ConditionChanged):
-        values["fault"] = faults.get((event.vehicle, event.actuator))
+        values["fault"] = fault_of(event)
     line: LiveObject = kind(utc=now, **values)
     return line
 
 
-def _changes(events: Sequence[Event], faults: Faults) -> Iterator[tuple[ConditionChanged, str]]:
+def _changes(events: Sequence[Event]) -> Iterator[tuple[ConditionChanged, str]]:
     """Yield each change of condition with its text."""
     for event in events:
         if isinstance(event, ConditionChanged):
-            fault = faults.get((event.vehicle, event.actuator))
+            fault = fault_of(event)
             yield event, f"{event.before} → {event.after}{f' ({fault})' if fault else ''}"
 
 
@@ -284,9 +283,9 @@ class View:
         )
         self._live.start()
 
-    def consume(self, events: Sequence[Event], faults: Faults) -> None:
+    def consume(self, events: Sequence[Event]) -> None:
         """Remember the latest changes of condition."""
-        for event, text in _changes(events, faults):
+        for event, text in _changes(events):
             self._latest.append(f"{clock(event.time_s)}  {event.actuator}: {text}")
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:

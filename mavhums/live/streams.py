@@ -137,8 +137,9 @@ class TcpLink(_StreamLink):
         """Return the received data; connect first if there is no connection."""
         if not self._connected:
             self._connect()
-        if self._socket is None or not self._connected:
+        if not self._connected:
             return []
+        assert self._socket
         self._out.pump(self._write)
         try:
             data = self._socket.recv(1 << 18)

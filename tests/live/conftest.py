@@ -42,7 +42,7 @@ class Shown:
         self.alerts: list[AlertObject] = []
         self.closed: list[Assessment] = []
 
-    def consume(self, events: Sequence[Event], faults: dict[tuple[int, str], str]) -> None:
+    def consume(self, events: Sequence[Event]) -> None:
         self.events += events
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:

@@ -21,8 +21,8 @@ from mavhums_sim.link import EPOCH_US
 SECOND = 1_000_000
 
 
-def changed(after: Condition, before: Condition = "normal", actuator: str = "elevator") -> ConditionChanged:
-    return ConditionChanged(3, actuator, 20.0, 10.0, before, after, "rule")
+def changed(after: Condition, before: Condition = "normal", fault: str = "friction") -> ConditionChanged:
+    return ConditionChanged(3, "elevator", 20.0, 10.0, before, after, "rule", fault)
 
 
 def status(actuator: str, condition: Condition, vehicle: int = 3) -> ActuatorStatus:
@@ -85,11 +85,11 @@ def test_names_of_health_are_told_apart() -> None:
 def test_an_episode_is_told_once() -> None:
     ground = Ground()
     alerts = Alerts(ground.hear)
-    told = alerts.take([changed("degraded", "undecided")], {(3, "elevator"): "backlash"}, EPOCH_US)
+    told = alerts.observe([changed("degraded", "undecided", "backlash")], EPOCH_US)
     assert [alert.text for alert in told] == ["elevator DEGRADED: backlash, inspect after landing"]
     for k in range(100):
         assert alerts.tick([status("elevator", "degraded")], EPOCH_US + k * SECOND) == []
-    told = alerts.take([changed("emergency", "degraded")], {}, EPOCH_US + 100 * SECOND)
+    told = alerts.observe([changed("emergency", "degraded")], EPOCH_US + 100 * SECOND)
     assert [alert.text for alert in told] == ["elevator EMERGENCY: friction, land now"]
     texts = [message for message in ground.heard() if message.get_type() == "STATUSTEXT"]
     assert [(message.text, message.severity) for message in texts] == [
@@ -104,14 +104,14 @@ def test_flapping_is_told_every_half_minute_at_most() -> None:
     told = 0
     for k in range(0, 300, 5):
         condition: Condition = "normal" if k % 10 else "degraded"
-        told += len(alerts.take([changed(condition)], {}, EPOCH_US + k * SECOND))
+        told += len(alerts.observe([changed(condition)], EPOCH_US + k * SECOND))
     assert told == 10
 
 
 def test_what_came_too_soon_is_told_when_it_lasts() -> None:
     alerts = Alerts(lambda frame, vehicle: None)
-    assert alerts.take([changed("degraded")], {}, EPOCH_US)
-    assert not alerts.take([changed("normal"), changed("degraded")], {}, EPOCH_US + 5 * SECOND)
+    assert alerts.observe([changed("degraded")], EPOCH_US)
+    assert not alerts.observe([changed("normal"), changed("degraded")], EPOCH_US + 5 * SECOND)
     assert not alerts.tick([], EPOCH_US + 20 * SECOND)
     assert len(alerts.tick([], EPOCH_US + 30 * SECOND)) == 1
     assert not alerts.tick([], EPOCH_US + 90 * SECOND)
@@ -119,7 +119,7 @@ def test_what_came_too_soon_is_told_when_it_lasts() -> None:
 
 def test_normal_is_no_alert() -> None:
     alerts = Alerts(lambda frame, vehicle: None)
-    assert not alerts.take([changed("normal", "undecided"), changed("undecided")], {}, EPOCH_US)
+    assert not alerts.observe([changed("normal", "undecided"), changed("undecided")], EPOCH_US)
 
 
 def test_each_second_there_is_a_heartbeat_and_the_health_of_each() -> None:

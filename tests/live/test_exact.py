@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import json
 import os
 import socket
@@ -14,19 +15,22 @@ from typing import Any
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common as v2
+from rich.console import Console
 
-from mavhums.engine.events import ConditionChanged, Samples
+from mavhums.core.errors import MavhumsError
+from mavhums.engine.events import AirframeNamed, ConditionChanged, Notice, Samples, Window
 from mavhums.live import Address
 from mavhums.live.alerts import Alerts, Signer, text_of
 from mavhums.live.links import ReceiveClock, UdpLink
 from mavhums.live.outlet import BoundedQueue, Spool
 from mavhums.live.recorder import TlogRecorder
-from mavhums.live.sinks import JsonLines, PlainLines, ThreadedSink
-from mavhums.live.status import Peers, Reception, SessionStatus
+from mavhums.live.sinks import JsonLines, PlainLines, RerunSink, ThreadedSink, draw
+from mavhums.live.status import Peers, Reception, SessionStatus, utc
 from mavhums.live.streams import TcpLink
 from mavhums.log.mavlink.stamping import Counts
-from mavhums.results.live import StaleObject
-from mavhums.results.verdict import Verdict
+from mavhums.results.live import LinkStatus, OutputStatus, RecordStatus, StaleObject, StatusObject
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Suspect, Verdict
 from mavhums_sim.link import EPOCH_US
 from tests.live.test_alerts import Ground, status
 
@@ -358,16 +362,17 @@ def test_the_lines_of_a_session(tmp_path: Any) -> None:
     assert [line["record"] for line in lines] == [None, str(tmp_path / "a.tlog")]
     said: list[str] = []
     plain = PlainLines(said.append)
-    event = ConditionChanged(1, "rudder", 20.0, 10.0, "normal", "degraded", "rule")
-    plain.consume([samples("rudder", 3), event], {(1, "rudder"): "jam"})
-    plain.consume([event], {(2, "rudder"): "jam"})
+    event = ConditionChanged(1, "rudder", 20.0, 10.0, "normal", "degraded", "rule", "jam")
+    well = ConditionChanged(1, "rudder", 25.0, 11.0, "degraded", "normal", "rule")
+    plain.consume([samples("rudder", 3), event])
+    plain.consume([well])
     seen, _ = session_status()
     status_, _ = seen.report(assessed(), EPOCH_US + 30 * SECOND)
     gone = StaleObject(utc="", vehicle=1, actuator="rudder", stale=True, age_s=3.25)
     plain.tick(status_, [gone, gone.model_copy(update={"stale": False})])
     assert said == [
         "    20.0 s  vehicle 1, rudder: normal → degraded (jam), since 10.0 s",
-        "    20.0 s  vehicle 1, rudder: normal → degraded, since 10.0 s",
+        "    25.0 s  vehicle 1, rudder: degraded → normal, since 11.0 s",
         "    30.0 s  vehicle 1, rudder: stale, silent for 3.2 s",
         "    30.0 s  vehicle 1, rudder: received again",
     ]
@@ -375,12 +380,167 @@ def test_the_lines_of_a_session(tmp_path: Any) -> None:
 
 def test_what_waits_for_a_viewer_weighs_its_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     weights: list[int] = []
-    sink: Any = SimpleNamespace(consume=lambda events, faults: None)
+    sink: Any = SimpleNamespace(consume=lambda events: None)
     threaded = ThreadedSink(sink, "viewer", lambda: None)
     put: Callable[..., None] = lambda item, weight=1: weights.append(weight)  # noqa: E731
     monkeypatch.setattr(threaded.outlet, "put", put)
-    threaded.consume([samples("a", 30), samples("b", 12)], {})
-    threaded.consume([], {})
+    threaded.consume([samples("a", 30), samples("b", 12)])
+    threaded.consume([])
     assert weights == [43, 1]
     monkeypatch.undo()
     assert threaded.finish()
+
+
+def test_an_event_is_a_line_with_its_fields() -> None:
+    lines: list[dict[str, Any]] = []
+    out = JsonLines(lambda line: lines.append(json.loads(line)), lambda: EPOCH_US, session_status()[0])
+    profile: Any = SimpleNamespace(name="paper")
+    out.consume(
+        [
+            samples("rudder", 3),
+            AirframeNamed(1.5, 7, profile),
+            Window(1, "rudder", 10.0, 20.0, 0.123456, None, 0.25, "normal"),
+            ConditionChanged(1, "rudder", 20.0, 10.0, "normal", "degraded", "rule", "jam"),
+            ConditionChanged(1, "rudder", 30.0, 25.0, "degraded", "normal", "rule", "jam"),
+            Notice(4.0, None, "PreArm"),
+        ]
+    )
+    assert {line.pop("utc") for line in lines} == {utc(EPOCH_US)}
+    rudder = {"vehicle": 1, "actuator": "rudder"}
+    window = {"start_s": 10.0, "end_s": 20.0, "moving_fraction": 0.1235, "friction_nm": None}
+    worse = {"time_s": 20.0, "since_s": 10.0, "before": "normal", "after": "degraded", "fault": "jam"}
+    well = {"time_s": 30.0, "since_s": 25.0, "before": "degraded", "after": "normal", "fault": None}
+    assert lines == [
+        {"event": "airframe", "time_s": 1.5, "vehicle": 7, "airframe": "paper"},
+        {"event": "window", **rudder, **window, "p_emergency": 0.25, "condition": "normal"},
+        {"event": "condition", **rudder, **worse, "rule": "rule"},
+        {"event": "condition", **rudder, **well, "rule": "rule"},
+        {"event": "notice", "time_s": 4.0, "vehicle": None, "text": "PreArm"},
+    ]
+
+
+def test_a_viewer_that_stops_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:
+    class Drawing:
+        """A drawing that fails from its second call on."""
+
+        calls = 0
+
+        def consume(self, events: object) -> None:
+            self.calls += 1
+            if self.calls > 1:
+                raise RuntimeError("the viewer is gone")
+
+    state: Any = None
+    recording: Any = Drawing()
+    sink = RerunSink(recording)
+    sink.tick(state, [])
+    sink.consume([])
+    assert caplog.messages == []
+    for _ in range(2):
+        sink.consume([])
+    assert recording.calls == 3, "it is tried again"
+    recording.trouble = "the viewer has crashed"
+    sink.tick(state, [])
+    assert caplog.messages == ["nothing is drawn any more: the viewer is gone"]
+    caplog.clear()
+    watched: Any = SimpleNamespace(trouble="")
+    sink = RerunSink(watched)
+    sink.tick(state, [])
+    watched.trouble = "the viewer has crashed"
+    for _ in range(2):
+        sink.tick(state, [])
+    assert caplog.messages == ["the viewer has crashed"]
+
+
+def test_the_table_on_the_terminal_has_a_row_for_each_actuator() -> None:
+    first = status("rudder", "emergency").model_copy(
+        update={
+            "friction_nm": Interval(estimate=0.5, low=0.4, high=0.6),
+            "p_emergency": 0.25,
+            "rate_hz": 49.6,
+            "age_s": 0.26,
+            "late": 1234,
+            "suspects": (Suspect(fault="jam", confidence=0.5), Suspect(fault="wear", confidence=0.1)),
+        }
+    )
+    second = status("roll", "undecided").model_copy(
+        update={"vehicle": None, "age_s": None, "stale": True, "held": "normal"}
+    )
+    link = session_status()[0].link(assessed(), EPOCH_US).model_copy(update={"contested": (4,), "age_s": 1.5})
+    state = StatusObject(
+        utc="", uptime_s=61.0, actuators=(first, second), link=link, record=None,
+        outputs=(OutputStatus(name="viewer", dropped=1234, error=None),),
+    )  # fmt: skip
+
+    def shown(state: StatusObject, *latest: str) -> list[str]:
+        console = Console(file=io.StringIO(), width=130)
+        console.print(draw(state, "udpin:14550", latest))
+        text = console.file.getvalue()  # type: ignore[attr-defined]
+        return [" ".join(line.split()) for line in text.splitlines() if line.strip()]
+
+    lines = shown(state, "1:00 latest")
+    assert "3 rudder EMERGENCY: jam 0.500 (0.400–0.600) 25 % 50 Hz 0.3 s 1,234" in lines
+    assert "— roll STALE, was normal — — 100 Hz — 0" in lines
+    assert lines[-6:] == [
+        "1:00 latest",
+        "vehicle 4: more than one sender transmits as it",
+        "last data 1.5 s ago; 100 frames/s, 5.0 kB/s; 100 frames",
+        "lost or refused: 6 missing by sequence number, 4 out of order, 2 duplicated, "
+        "2 with a wrong checksum, 5 datagrams dropped by the kernel",
+        "viewer: 1,234 dropped",
+        "Ctrl-C ends and prints the verdicts",
+    ]
+    nothing: dict[str, Any] = dict.fromkeys(LinkStatus.model_fields, 0)
+    quiet = LinkStatus(**nothing | {"age_s": None, "contested": ()})
+    record = RecordStatus(path="a.tlog", bytes=1_250_000, lost_frames=0, error=None)
+    broken = record.model_copy(update={"error": "disk full", "lost_frames": 1234})
+    lossy = (OutputStatus(name="viewer", dropped=1, error="hangs"),)
+    calm = state.model_copy(update={"link": quiet, "record": record, "outputs": lossy})
+    lines = shown(calm)
+    assert "nothing received yet; 0 frames/s, 0.0 kB/s; 0 frames" in lines
+    assert "lost or refused: nothing" in lines
+    assert "recording a.tlog, 1.2 MB" in lines
+    assert "viewer: 1 dropped (hangs)" in lines
+    assert "NOT RECORDED: disk full; 1,234 frames lost" in shown(calm.model_copy(update={"record": broken}))
+
+
+def test_a_recorder_writes_all_or_takes_back_what_it_wrote(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = TlogRecorder(tmp_path / "a.tlog")
+    write, takes = os.write, [2, 1]
+
+    def partly(file: int, data: bytes) -> int:
+        if not takes:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(file, data[: takes.pop(0)])
+
+    recorder.write(b"first", 2)
+    recorder.write(b"", 9)
+    with monkeypatch.context() as full:
+        full.setattr(os, "write", partly)
+        recorder.write(b"second", 3)
+    assert (recorder.path.read_bytes(), recorder.bytes, recorder.lost_frames) == (b"first", 5, 3)
+    assert recorder.error == "No space left on device"
+    takes = [2, 9]
+    with monkeypatch.context() as slow:
+        slow.setattr(os, "write", partly)
+        recorder.write(b"third", 1)
+    recorder.close()
+    assert (recorder.path.read_bytes(), recorder.bytes, recorder.lost_frames) == (b"firstthird", 10, 3)
+    assert recorder.error is None
+    with pytest.raises(MavhumsError, match="exists already"):
+        TlogRecorder(tmp_path / "a.tlog")
+
+
+def test_a_clock_that_was_set_is_read_by_its_former_setting_where_the_present_one_is_impossible() -> None:
+    wall, steady = [1000 * SECOND * 1000], [0]
+    clock = ReceiveClock(lambda: wall[0], lambda: steady[0])
+    start_us = clock.now_us()
+    steady[0] += SECOND * 1000
+    wall[0] += 101 * SECOND * 1000  # set 100 s ahead
+    before, after = (1000 * SECOND + SECOND // 2) * 1000, wall[0] - SECOND // 4 * 1000
+    assert clock.at_us([before, after], start_us) == [start_us + SECOND // 2, start_us + 3 * SECOND // 4]
+    assert clock.at_us([before - SECOND * 1000], start_us) == [start_us], "by both, before the start"
+    wall[0] += 50_000_000  # as NTP slews it: no setting
+    assert clock.at_us([before], start_us) == [start_us + SECOND // 2]

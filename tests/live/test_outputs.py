@@ -142,7 +142,7 @@ class Hanging:
     def __init__(self) -> None:
         self.gate = Gate()
 
-    def consume(self, events: object, faults: object) -> None:
+    def consume(self, events: object) -> None:
         self.gate.take(events)
 
     def tick(self, status: object, stale: object) -> None: ...

@@ -234,7 +234,7 @@ def test_the_view_stays_in_place_and_leaves_nothing(rig: Rig, worn_pieces: list[
     screen = io.StringIO()
     view = View(Console(file=screen, force_terminal=True, width=100), "udpin:14550")
     flown(rig, worn_pieces)
-    view.consume(rig.shown.events, {(1, "elevator"): "friction"})
+    view.consume(rig.shown.events)
     view.announce(rig.shown.alerts)
     view.tick(rig.shown.statuses[-1], [])
     view.close(rig.session.close())
@@ -264,7 +264,7 @@ def test_lines_follow_the_schema(rig: Rig, worn_pieces: list[Piece]) -> None:
 def test_notices_are_told(rig: Rig) -> None:
     lines: list[str] = []
     written = JsonLines(lines.append, rig.clock.now_us, rig.session.status)
-    written.consume([Notice(1.0, 1, "PreArm: check")], {})
+    written.consume([Notice(1.0, 1, "PreArm: check")])
     assert json.loads(lines[0])["text"] == "PreArm: check"
 
 

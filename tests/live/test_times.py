@@ -149,6 +149,8 @@ def test_a_serial_peer_that_does_not_read_stops_nothing() -> None:
     master, slave = pty.openpty()
     tty.setraw(master)
     link = SerialLink(Address("serial", os.ttyname(slave), 57_600), ReceiveClock())
+    link.send(b"first", [])
+    assert os.read(master, 5) == b"first"
     for _ in itertools.takewhile(lambda _: not link.unsent, range(10_000)):
         link.send(bytes(40), [])
     assert link.unsent > 0
@@ -272,7 +274,7 @@ def test_a_session_waits_until_something_is_due_and_no_longer(
 
 def test_two_senders_of_a_vehicle_are_warned_about_once_a_minute(caplog: pytest.LogCaptureFixture) -> None:
     told: list[Any] = []
-    sink = SimpleNamespace(consume=lambda notices, faults: told.extend(notices))
+    sink = SimpleNamespace(consume=told.extend)
     session: Any = SimpleNamespace(_contested={}, _first_us=SECOND_US * 1000, sinks=[sink])
     for vehicles, second in (
         ([1], 1000),

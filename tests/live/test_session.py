@@ -1,0 +1,319 @@
+"""What a session does with its parts: when it takes pieces, what it sends and to whom, how it ends."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import mavhums
+from mavhums.core.conditions import Condition
+from mavhums.engine.engine import Engine
+from mavhums.engine.events import ConditionChanged, Notice
+from mavhums.live import Address
+from mavhums.live.alerts import fault_of
+from mavhums.live.session import GroundStation, Session
+from mavhums.live.status import Peers, Reception
+from mavhums.log.mavlink.stamping import Counts, Piece
+from mavhums.results.assessment import Assessment
+from mavhums.results.live import AlertObject
+from tests.flights import identity
+from tests.live.conftest import Shown
+
+SECOND = 1_000_000
+START = 1_000 * SECOND
+WORSE = ConditionChanged(1, "rudder", 20.0, 10.0, "normal", "degraded", "rule")
+
+
+class Parts:
+    """A session of parts that note what they get; time goes on by ``step_us`` at each wait."""
+
+    def __init__(self, *, same: bool = False, links: int = 1, recorded: bool = True, **more: Any) -> None:
+        self.now_us, self.step_us = START, 20_000
+        self.calls: list[Any] = []
+        self.received: list[list[Piece]] = []
+        self.events: list[Any] = []
+        self.assessed: Assessment = Engine().assessment()
+        self.stamper = SimpleNamespace(
+            counts=Counts(), frames=0, speaks_mavlink2=False, feed=self.feed, close=self.end
+        )
+        self.links = [self.link(k) for k in range(links)]
+        self.heartbeats: list[int] = []
+        greeter, alerts = self.sender("greeter"), self.sender("alerts")
+        self.greeter, self.alerts = greeter, greeter if same else alerts
+        self.peers, self.shown = Peers(), Shown()
+        recorder = SimpleNamespace(
+            path="live.tlog", bytes=0, lost_frames=0, error=None, close=self.note("recorder closed"),
+            write=lambda records, frames: self.calls.append((len(records), frames)),
+        )  # fmt: skip
+        engine = SimpleNamespace(
+            feed=self.judge, finish=list, assessment=lambda path=None, indicators=True: self.judged(path)
+        )
+        clock: Any = SimpleNamespace(now_us=lambda: self.now_us)
+        parts: Any = (self.stamper, self.links, clock, self.peers, self.note("remembered"))
+        given: Any = (self.alerts, self.greeter, [self.link("ground")])
+        any_engine: Any = engine
+        any_recorder: Any = recorder if recorded else None
+        self.session = Session(
+            any_engine,
+            Reception(*parts),
+            GroundStation(*given),
+            recorder=any_recorder,
+            sinks=[self.shown],
+            **more,
+        )
+        self.session._wait = self.wait  # type: ignore[method-assign]
+
+    def note(self, what: Any) -> Callable[[], None]:
+        return lambda: self.calls.append(what)
+
+    def link(self, name: object) -> Any:
+        def receive() -> list[Piece]:
+            return self.received.pop(0) if self.received else []
+
+        address = Address("udpin", "127.0.0.1", 14550)
+        return SimpleNamespace(address=address, dropped=0, unsent=0, receive=receive, close=self.note(name))
+
+    def sender(self, name: str) -> Any:
+        def tick(actuators: object, now_us: int, announced: Any) -> list[AlertObject]:
+            self.heartbeats += announced
+            return [AlertObject(utc="", vehicle=1, severity=4, text=f"from {name}")]
+
+        def observe(events: object, now_us: int) -> list[AlertObject]:
+            self.calls.append({"observed": events})
+            return []
+
+        def heartbeat(vehicle: int, now_us: int) -> None:
+            self.heartbeats.append(vehicle)
+
+        return SimpleNamespace(mavlink2=None, tick=tick, observe=observe, heartbeat=heartbeat)
+
+    def wait(self, pending: object) -> None:
+        self.now_us += self.step_us
+
+    def feed(self, pieces: list[Piece]) -> bytes:
+        self.calls.append([(piece.time_us - START, piece.data) for piece in pieces])
+        self.stamper.frames += len(pieces)
+        return b"".join(piece.time_us.to_bytes(8, "big") + piece.data for piece in pieces)
+
+    def end(self, now_us: int) -> bytes:
+        self.calls.append(("stamper closed", now_us - START))
+        return b""
+
+    def judge(self, records: bytes) -> list[Any]:
+        return self.events
+
+    def judged(self, path: str | None) -> Assessment:
+        log = self.assessed.log.model_copy(update={"path": path})
+        return self.assessed.model_copy(update={"log": log})
+
+    def run(self, rounds: int) -> Assessment:
+        left = iter(range(rounds))
+        return self.session.run(lambda: next(left, None) is None)
+
+
+def piece(late_us: int, data: bytes = b"x") -> Piece:
+    return Piece("vehicle", START + late_us, data)
+
+
+def taken(parts: Parts) -> list[Any]:
+    return [call for call in parts.calls if isinstance(call, list)]
+
+
+def test_pieces_are_taken_together_when_the_first_is_a_tenth_of_a_second_old() -> None:
+    parts = Parts(links=2)
+    parts.received = [[piece(20_000)], [piece(15_000)], [piece(40_000)]]
+    parts.run(5)
+    # At 100 ms the first piece received, of 20 ms, is 80 ms old; the end takes what waits.
+    assert taken(parts) == [[(15_000, b"x"), (20_000, b"x"), (40_000, b"x")]]
+    parts = Parts()
+    parts.received = [[piece(20_000)], [], [], [], [], [piece(120_000)]]
+    parts.run(7)
+    assert taken(parts) == [[(20_000, b"x"), (120_000, b"x")]], "both at 120 ms, nothing at the end"
+    assert parts.session._busy is False
+
+
+@pytest.mark.parametrize(
+    ("number", "busy", "at_once"),
+    [(100, False, False), (101, True, False), (8192, True, False), (8193, True, True)],
+)
+def test_many_pieces_make_a_session_busy_and_too_many_are_taken_at_once(
+    number: int, busy: bool, at_once: bool
+) -> None:
+    parts = Parts()
+    parts.received = [[piece(20_000)] * number]
+    seen: list[Any] = []
+
+    def stop() -> bool:
+        seen.append((parts.session._busy, len(taken(parts))))
+        return len(seen) == 2
+
+    parts.session.run(stop)
+    assert seen[1] == (busy, int(at_once))
+
+
+def test_time_never_goes_back_in_a_recording() -> None:
+    parts = Parts()
+    parts.session.take([piece(9, b"b"), piece(5, b"a")])
+    parts.session.take([])
+    parts.session.take([piece(8, b"c"), piece(10, b"d")])
+    parts.session.take([piece(10, b"e")])
+    assert taken(parts) == [[(5, b"a"), (9, b"b")], [(9, b"c"), (10, b"d")], [(10, b"e")]]
+    assert [call for call in parts.calls if isinstance(call, tuple)] == [(18, 2), (18, 2), (9, 1)]
+    assert parts.session._first_us == START + 5
+
+
+def test_the_state_is_shown_each_second_without_catching_up() -> None:
+    parts = Parts()
+    parts.session.tick()
+    assert parts.session._due_us == START + SECOND
+    parts.now_us = START + 5 * SECOND // 2
+    parts.session.tick()
+    assert parts.session._due_us == START + 5 * SECOND // 2
+    parts.session._due_us = START + 3 * SECOND
+    parts.step_us = SECOND // 4
+    parts.run(3)
+    assert [status.uptime_s for status in parts.shown.statuses] == [0.0, 2.5, 3.0]
+    for _ in range(8):
+        parts.session.tick()
+    assert parts.calls.count("remembered") == 2, "at the tenth tick, and at the end"
+
+
+@pytest.mark.parametrize("same", [False, True])
+def test_a_heartbeat_goes_to_each_vehicle_that_is_heard(same: bool) -> None:
+    parts = Parts(same=same)
+    parts.session.tick()
+    assert parts.heartbeats == [1], "ArduPilot's default, while no vehicle is heard"
+    assert parts.greeter.mavlink2 is parts.alerts.mavlink2 is True, "as long as nobody has spoken"
+    assert [alert.text for alert in parts.shown.alerts] == ["from greeter" if same else "from alerts"]
+    parts.peers.hear("vehicle", range(40, 100), 10, START)
+    parts.stamper.frames = 1
+    parts.session.tick()
+    assert parts.heartbeats[1:] == list(range(40, 72)), "not for more than are judged"
+    assert parts.greeter.mavlink2 is parts.alerts.mavlink2 is False
+    parts.stamper.speaks_mavlink2 = True
+    parts.session.tick()
+    assert parts.alerts.mavlink2 is True
+    parts.now_us += 10 * SECOND + 1
+    parts.session.tick()
+    assert len(parts.peers) == 0
+
+
+def test_the_end_closes_everything_once() -> None:
+    parts = Parts(links=2)
+    parts.session.take([piece(3 * SECOND)])
+    parts.calls.clear()
+    found = parts.session.close()
+    assert parts.calls == [
+        ("stamper closed", 3 * SECOND),
+        {"observed": []},
+        "recorder closed",
+        "remembered",
+        0,
+        1,
+        "ground",
+    ]
+    assert parts.shown.closed == [found]
+    assert found.log.path == "live.tlog"
+    parts = Parts(links=2, recorded=False)
+    address = "udpin:127.0.0.1:14550"
+    assert parts.session.close().log.path == f"{address}, {address}"
+    assert Parts(links=0, recorded=False).session.close().log.path is None
+
+
+def test_an_error_ends_a_session_with_its_verdicts() -> None:
+    parts = Parts()
+
+    def fail() -> bool:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        parts.session.run(fail)
+    assert len(parts.shown.closed) == 1
+
+
+@pytest.mark.parametrize(
+    ("counts", "reason", "remedy"),
+    [
+        ({}, "nothing was received on udpin:127.0.0.1:14550", "send the vehicle's telemetry there"),
+        (
+            {"bytes": 1234},
+            "no MAVLink frame in the 1,234 bytes that were received on udpin",
+            "check what sends",
+        ),
+        *(
+            ({"bytes": 9, name: 1}, "no new frame signed with the key in the 9 bytes", "sign with this key")
+            for name in ("unsigned_frames", "bad_signatures", "replayed_frames")
+        ),
+        ({"frames": 1, "bytes": 9}, None, None),
+    ],
+)
+def test_why_nothing_is_judged_is_said(
+    counts: dict[str, int], reason: str | None, remedy: str | None
+) -> None:
+    parts = Parts()
+    before = parts.assessed.verdicts[0]
+    parts.stamper.counts = Counts(**counts)
+    (found,) = parts.session.close().verdicts
+    if reason is None or remedy is None:
+        assert found == before
+    else:
+        assert str(found.reason).startswith(reason)
+        assert str(found.remedy).startswith(remedy)
+
+
+def test_events_go_to_the_log_the_sinks_and_the_alerts(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    parts = Parts()
+    parts.events = [WORSE, Notice(1.0, 1, "PreArm")]
+    parts.session.take([piece(0)])
+    assert parts.shown.events == parts.events
+    assert parts.calls[-1] == {"observed": parts.events}
+    assert caplog.messages == ["rudder: normal → degraded: rule", "vehicle 1: 'PreArm'"]
+    parts.session._alerts = None
+    parts.session.take([piece(1)])
+    assert len(parts.shown.events) == 4
+
+
+@pytest.mark.parametrize(
+    ("after", "finding", "fault"),
+    [
+        ("degraded", "control 5%", "control 5%"),
+        ("emergency", "", "jam"),
+        ("normal", "control 5%", None),
+        ("changed", "", None),
+    ],
+)
+def test_the_fault_of_a_change_is_its_finding_else_its_cause(
+    after: Condition, finding: str, fault: str | None
+) -> None:
+    assert fault_of(replace(WORSE, after=after, fault="jam", finding=finding)) == fault
+
+
+def test_an_aircraft_is_checked_when_a_board_becomes_known() -> None:
+    checked: list[int] = []
+
+    def identify(assessment: Assessment) -> Assessment:
+        checked.append(len(assessment.log.flight))
+        if checked[-1] == 2:
+            raise mavhums.OtherAircraftError("another aircraft", "name its own history")
+        return assessment
+
+    parts = Parts(identify=identify)
+    for flights in ((), (), ("0A",), ("0A",)):
+        log = parts.assessed.log.model_copy(update={"flight": tuple(identity(board=one) for one in flights)})
+        parts.assessed = parts.assessed.model_copy(update={"log": log})
+        parts.session.tick()
+    assert checked == [1]
+    log = log.model_copy(update={"flight": (identity(), identity(board="0B")), "notices": ("first",)})
+    parts.assessed = parts.assessed.model_copy(update={"log": log})
+    with pytest.raises(mavhums.OtherAircraftError):
+        parts.session.tick()
+    with pytest.raises(mavhums.OtherAircraftError, match="another aircraft"):
+        parts.session.close()
+    assert parts.shown.closed[0].log.notices == ("first", "another aircraft")
+    assert {0, "ground"} <= {call for call in parts.calls if isinstance(call, int | str)}
