@@ -22,7 +22,7 @@ from mavhums.engine.events import AirframeNamed, ConditionChanged, Notice, Sampl
 from mavhums.live import Address
 from mavhums.live.alerts import Alerts, Signer, text_of
 from mavhums.live.links import ReceiveClock, UdpLink
-from mavhums.live.outlet import BoundedQueue, Spool
+from mavhums.live.outlet import BoundedQueue, Outlet, Spool
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.sinks import JsonLines, PlainLines, RerunSink, ThreadedSink, draw
 from mavhums.live.status import Peers, Reception, SessionStatus, utc
@@ -225,6 +225,7 @@ def test_a_queue_drops_the_oldest_beyond_its_room() -> None:
     queue.put("e", 10)
     assert (queue.dropped, queue.pop(), bool(queue)) == (2, "e", False)
     queue.put("huge", 11)
+    assert queue.dropped == 2, "an item alone may exceed the room"
     queue.put("f", 1)
     assert (queue.dropped, queue.pop()) == (3, "f")
     for item in ("g", "h"):
@@ -473,7 +474,7 @@ def test_the_table_on_the_terminal_has_a_row_for_each_actuator() -> None:
     )  # fmt: skip
 
     def shown(state: StatusObject, *latest: str) -> list[str]:
-        console = Console(file=io.StringIO(), width=130)
+        console = Console(file=io.StringIO(), width=200)
         console.print(draw(state, "udpin:14550", latest))
         text = console.file.getvalue()  # type: ignore[attr-defined]
         return [" ".join(line.split()) for line in text.splitlines() if line.strip()]
@@ -544,3 +545,75 @@ def test_a_clock_that_was_set_is_read_by_its_former_setting_where_the_present_on
     assert clock.at_us([before - SECOND * 1000], start_us) == [start_us], "by both, before the start"
     wall[0] += 50_000_000  # as NTP slews it: no setting
     assert clock.at_us([before], start_us) == [start_us + SECOND // 2]
+
+
+@pytest.mark.parametrize(
+    ("error", "why", "gone"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "No space left on device", False),
+        (OSError("no number"), "no number", False),
+        (ValueError("bad text"), "bad text", False),
+        (ValueError(), "ValueError()", False),
+        (BrokenPipeError(errno.EPIPE, "Broken pipe"), "Broken pipe", True),
+    ],
+)
+def test_an_outlet_says_why_an_item_failed(error: Exception, why: str, gone: bool) -> None:
+    failing = [True]
+
+    def take(item: object) -> None:
+        if failing[0]:
+            raise error
+
+    said: list[str] = []
+    outlet: Outlet[object] = Outlet("disk", take, report=said.append)
+    outlet._hand_over(None)
+    outlet._hand_over(None)
+    assert (outlet.error, outlet.gone, outlet.dropped) == (why, gone, 2)
+    failing[0] = False
+    outlet._hand_over(None)
+    outlet._hand_over(None)
+    assert (outlet.error, outlet.gone, outlet.dropped) == (None, gone, 2)
+    lost = f"disk: {why}; its output is dropped, everything else continues"
+    assert said == [lost, "disk: works again; 2 dropped"]
+    assert outlet.close(30)
+    outlet.put(None)
+    outlet.put(None)
+    assert outlet.dropped == 4, "refused after the end"
+
+
+def test_data_are_stale_after_three_seconds_and_not_at_three() -> None:
+    seen, _ = session_status()
+    both = assessed(verdict("elevator"), verdict("roll", subject="axis"), verdict("all"), verdict("rudder"))
+    seen.observe([samples("elevator", 1)], EPOCH_US)
+    for later_us, stale in ((3 * SECOND, False), (3 * SECOND + 1, True)):
+        state, changes = seen.report(both, EPOCH_US + later_us)
+        assert [one.stale for one in state.actuators] == [stale, stale, stale, False]
+        assert len(changes) == stale
+    assert seen.report(both, EPOCH_US + 9 * SECOND)[1] == [], "a change is reported once"
+
+
+def test_a_recording_and_lost_outputs_are_in_the_state(tmp_path: Any) -> None:
+    recorder = TlogRecorder(tmp_path / "a.tlog")
+    recorder.write(b"12345", 2)
+    recorder.close()
+    seen, _ = session_status(recorder)
+    lossy: Any = SimpleNamespace(name="viewer", dropped=2, error="hangs")
+    sound: Any = SimpleNamespace(name="other", dropped=0, error=None)
+    seen.outlets += [sound, lossy]
+    state, _ = seen.report(assessed(), EPOCH_US)
+    path = str(tmp_path / "a.tlog")
+    assert state.record == RecordStatus(path=path, bytes=5, lost_frames=0, error=None)
+    assert [(one.name, one.dropped, one.error) for one in state.outputs] == [
+        ("viewer", 2, "hangs"),
+        ("alerts to tcp:h:2", 4, None),
+    ]
+
+
+def test_time_stamps_of_signatures_grow() -> None:
+    """MAVLink counts tens of microseconds since 2015-01-01, 1,420,070,400 s of UTC."""
+    newest = [0]
+    signer = Signer(bytes(32), lambda: newest[0])
+    now_us = 1_420_070_400 * SECOND + 1_000
+    assert [signer.ticks(now_us), signer.ticks(now_us), signer.ticks(now_us + 90)] == [100, 101, 109]
+    newest[0] = 500
+    assert [signer.ticks(now_us), signer.ticks(now_us)] == [501, 502]

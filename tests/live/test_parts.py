@@ -54,6 +54,10 @@ def test_the_room_shows_what_it_says() -> None:
         ("serial:/dev/ttyACM0:115200", "serial:/dev/ttyACM0:115200", False),
         ("/dev/ttyUSB0,921600", "serial:/dev/ttyUSB0:921600", False),
         ("COM3", "serial:COM3:57600", False),
+        ("udpin:0", "udpin:127.0.0.1:0", False),
+        ("udpin:65535", "udpin:127.0.0.1:65535", False),
+        ("tcp:host:1", "tcp:host:1", False),
+        ("udpout:host:65535", "udpout:host:65535", False),
     ],
 )
 def test_addresses_mean_what_they_say(url: str, meant: str, exposed: bool) -> None:
@@ -72,9 +76,20 @@ def test_any_text_is_an_address_or_a_clear_error(text: str) -> None:
     assert Address.parse(str(address)) == address
 
 
+@pytest.mark.parametrize("url", ["udpin:65536", "tcp:host:65536", "udpout:host:0", "tcp:5760", "udpout::1"])
+def test_an_address_without_a_host_or_port_is_refused(url: str) -> None:
+    with pytest.raises(AddressError):
+        Address.parse(url)
+
+
 def test_the_error_names_the_forms() -> None:
-    with pytest.raises(AddressError, match=r"udpin:\[HOST:\]PORT"):
-        Address.parse("14550")
+    for url in ("14550", ":14550", "udp:14550"):
+        with pytest.raises(AddressError) as refused:
+            Address.parse(url)
+        assert refused.value.remedy.startswith("did you mean udpin:14550? it must be udpin:[HOST:]PORT")
+    with pytest.raises(AddressError) as refused:
+        Address.parse("nonsense")
+    assert refused.value.remedy.startswith("it must be udpin:[HOST:]PORT")
 
 
 def test_the_recorder_names_its_file_after_the_start(tmp_path: Path) -> None:
@@ -164,8 +179,18 @@ def test_a_file_that_vanishes_in_flight_is_noticed(
 def test_what_was_seen_is_remembered(tmp_path: Path) -> None:
     key = tmp_path / "key"
     assert SeenSignatures(key).load() == {}
-    SeenSignatures(key).save({(0, 1, 1): 5, (3, 2, 1): 7})
-    assert SeenSignatures(key).load() == {(0, 1, 1): 5, (3, 2, 1): 7}
+    kept, file = SeenSignatures(key), tmp_path / "key.seen"
+    kept.save({(0, 1, 1): 5, (3, 2, 1): 7})
+    again = SeenSignatures(key)
+    latest = again.load()
+    assert latest == {(0, 1, 1): 5, (3, 2, 1): 7}
+    file.unlink()
+    for seen in (kept, again):
+        seen.save(latest)
+        assert not file.exists(), "nothing new is not written"
+    latest[0, 1, 1] = 6
+    again.save(latest)
+    assert SeenSignatures(key).load() == latest
 
 
 @pytest.mark.parametrize("content", ["", "7", "[]", '{"0/1": 5}', '{"0/1/1": "x"}', '{"0/1/1": null}'])

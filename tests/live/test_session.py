@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +18,7 @@ from mavhums.engine.events import ConditionChanged, Notice
 from mavhums.live import Address
 from mavhums.live.alerts import fault_of
 from mavhums.live.session import GroundStation, Session
+from mavhums.live.setup import LiveOptions, SeenSignatures, _send, prepare
 from mavhums.live.status import Peers, Reception
 from mavhums.log.mavlink.stamping import Counts, Piece
 from mavhums.results.assessment import Assessment
@@ -317,3 +319,74 @@ def test_an_aircraft_is_checked_when_a_board_becomes_known() -> None:
         parts.session.close()
     assert parts.shown.closed[0].log.notices == ("first", "another aircraft")
     assert {0, "ground"} <= {call for call in parts.calls if isinstance(call, int | str)}
+
+
+@pytest.mark.parametrize(
+    ("given", "alerts", "greeter", "ground"),
+    [
+        ({}, False, True, False),
+        ({"silent": True}, False, False, False),
+        ({"alerts": True}, True, True, False),
+        ({"alerts": True, "silent": True}, True, False, False),
+        ({"alerts_to": "udpout:10.0.0.1:14550"}, True, True, True),
+    ],
+)
+def test_what_is_sent_and_where(
+    given: dict[str, Any], alerts: bool, greeter: bool, ground: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[bool] = []
+
+    def open_links(addresses: list[Address], clock: object, *, signed_only: bool) -> list[Any]:
+        opened.append(signed_only)
+        return [SimpleNamespace(address=one, unsent=0, dropped=0) for one in addresses]
+
+    monkeypatch.setattr("mavhums.live.setup._warm_up", lambda engine: None)
+    monkeypatch.setattr("mavhums.live.setup._open", open_links)
+    for key in (None, bytes(32)):
+        session = prepare(LiveOptions(urls=["udpin:1", "udpin:2"], judging=mavhums.Options(key=key), **given))
+        assert (session._alerts is not None, session._greeter is not None) == (alerts, greeter)
+        assert (session._alerts is session._greeter) == (alerts == greeter and not ground)
+        assert [link.address.port for link in session.links] == [1, 2]
+        assert [str(link.address) for link in session._ground] == [str(given.get("alerts_to"))] * ground
+        assert [link.address.port for link in session.status.alert_links] == [1, 2] + [14550] * ground
+        assert opened == [key is not None] * (1 + ground)
+        assert session._remember is None
+        for sender in filter(None, (session._alerts, session._greeter)):
+            assert sender._component == 194
+            assert (sender._signer is None) == (key is None)
+        opened.clear()
+
+
+def test_accepted_signatures_are_kept_beside_the_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mavhums.live.setup._warm_up", lambda engine: None)
+    key = tmp_path / "key"
+    key.write_bytes(bytes(32))
+    SeenSignatures(key).save({(0, 1, 1): 5})
+    session = prepare(LiveOptions(urls=["udpin:0"], judging=mavhums.Options(key=key)))
+    guard = session._stamper._guard
+    assert guard is not None
+    assert guard.latest == {(0, 1, 1): 5}
+    guard._now.latest[0, 1, 1] = 6
+    session.close()
+    assert SeenSignatures(key).load() == {(0, 1, 1): 6}
+
+
+@pytest.mark.parametrize(("heard", "sent"), [(36, False), (37, True)])
+def test_a_frame_and_its_headers_cost_what_was_heard(heard: int, sent: bool) -> None:
+    """IPv4 and UDP add 28 bytes to a frame of nine."""
+    parts = Parts()
+    parts.peers.hear("vehicle", {1}, heard, START)
+    parts.peers.hear("other", {2}, 1000, START)
+    got: list[Any] = []
+    udp, tcp = parts.links[0], parts.link("tcp")
+    tcp.address = Address("tcp", "host", 1)
+    udp.send = tcp.send = lambda frame, to: got.append((frame, to))
+    clock: Any = SimpleNamespace(now_us=lambda: START)
+    stamper: Any = None
+    reception = Reception(stamper, [udp], clock, parts.peers)
+    _send(reception, [tcp], b"x" * 9, 1)
+    assert got == [(b"x" * 9, [])], "a stream costs no peer anything"
+    _send(reception, [tcp, udp], b"x" * 9, 1)
+    assert got[1:] == [(b"x" * 9, ["vehicle"] * sent)] * 2
+    _send(reception, [udp], b"x" * 9, 1)
+    assert got[3:] == [(b"x" * 9, [])], "it has no more credit"
