@@ -269,7 +269,7 @@ def test_why_nothing_is_judged_is_said(
 
 
 def test_events_go_to_the_log_the_sinks_and_the_alerts(caplog: pytest.LogCaptureFixture) -> None:
-    caplog.set_level(logging.INFO)
+    caplog.set_level(logging.INFO, logger="mavhums")
     parts = Parts()
     parts.events = [WORSE, Notice(1.0, 1, "PreArm")]
     parts.session.take([piece(0)])
