@@ -24,7 +24,8 @@ from _closed_loop import TURBULENCE
 
 from mavhums import Options
 from mavhums.app.analysis import analyse_alone
-from mavhums.flights.compare import StandaloneAssessment, compared
+from mavhums.engine.events import StandaloneAssessment
+from mavhums.flights.compare import compared
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.results.verdict import Verdict
 from mavhums_sim.closed_loop import Air, ClosedLoop, SurfaceFault, fly_closed_loop

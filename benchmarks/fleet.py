@@ -33,8 +33,8 @@ import psutil
 from mavhums import Options, analyse, analyse_many, fleet
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.many import Batch
+from mavhums.engine.events import StandaloneAssessment
 from mavhums.fleet.second_pass import rows_of, second_pass
-from mavhums.flights.compare import StandaloneAssessment
 from mavhums.flights.folder import FlightFolder, keep_assessment, read_history
 from mavhums.flights.queries import exit_code
 from mavhums.flights.store import Store

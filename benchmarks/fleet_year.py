@@ -27,7 +27,8 @@ from pathlib import Path
 import numpy as np
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.flights.compare import StandaloneAssessment, packed
+from mavhums.engine.events import StandaloneAssessment
+from mavhums.flights.compare import packed
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.queries import STANDINGS_OF
 from mavhums.flights.reports import digest

@@ -22,7 +22,7 @@ import numpy as np
 from _fleet import MODES
 
 import mavhums
-from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
 from mavhums.results.verdict import Verdict
 from mavhums.study.real import rate

@@ -21,13 +21,13 @@ from _own_flights import BLANK, TIERS, Row, Task, flown, scattered
 from scipy.stats import chi2
 
 from mavhums.core.arrays import Array
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.motor_identification import VoltageSums, identified
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.wear import Law, learned, shows, wear
 from mavhums.health.self_baseline.comparison import Comparison, compare
 from mavhums.health.self_baseline.motor import constant_lost
-from mavhums.health.self_baseline.past import PastRecord
 from mavhums.results.verdict import OwnRecord
 from mavhums_sim import FlightRecord
 

@@ -14,9 +14,9 @@ from dataclasses import replace
 from _fleet import MODES
 from _own_flights import TIERS, Task, flown
 
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.wear import shows
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.health.self_baseline.past import PastRecord
 
 NAMES = ("position, 50 Hz", "position, 25 Hz")
 LOST_V = (0.0, 14.0, 18.0, 20.0, 22.0, 24.0)

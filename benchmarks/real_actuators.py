@@ -37,7 +37,7 @@ import mavhums
 from mavhums.actuator.profile import Ema
 from mavhums.app.identify import identify
 from mavhums.core.errors import MavhumsError
-from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
 from mavhums.results.verdict import Indicator, Verdict
 from mavhums.study.real import rate

@@ -20,9 +20,10 @@ from _flown_faults import Fault, Flight, read_labels
 
 from mavhums import Options
 from mavhums.app.analysis import analyse_alone
-from mavhums.flights.compare import StandaloneAssessment, compared
+from mavhums.engine.events import StandaloneAssessment
+from mavhums.flights.compare import compared
 from mavhums.flights.history import is_healthy
-from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.results.verdict import Verdict
 
 GRAVE = ("degraded", "emergency")

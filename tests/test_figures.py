@@ -26,12 +26,14 @@ from pydantic import TypeAdapter
 from mavhums.app.settings import Options
 from mavhums.core.conditions import Condition
 from mavhums.engine.engine import Engine
-from mavhums.flights.compare import StandaloneAssessment, compared, packed
+from mavhums.engine.events import StandaloneAssessment
+from mavhums.flights.compare import compared, packed
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.trends import trend_report
 from mavhums.health.axis.effectiveness import new_tracker
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.response import RESPONSE
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.decision.growth import course_of, last_step
 from mavhums.health.estimation.equations.own_scale import POWER, RIPPLE, ROUGHNESS, TWO_WAYS
 from mavhums.health.estimation.motor_identification import VoltageSums
@@ -39,7 +41,6 @@ from mavhums.health.estimation.random_effects import scattering_share, variance_
 from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.motor import motor_indicators
-from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
 from mavhums.log import read_blocks
 from mavhums.results.standing import Interval

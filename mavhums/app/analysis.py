@@ -15,16 +15,16 @@ from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import written_whole
 from mavhums.engine.engine import Engine
-from mavhums.engine.events import Event
+from mavhums.engine.events import Event, StandaloneAssessment
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_same_aircraft, latest
-from mavhums.flights.compare import FlightComparison, StandaloneAssessment, compared
 from mavhums.flights.history import FlightHistory, with_duplicate_flights
 from mavhums.log import Decoder, read_blocks
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
 
 if TYPE_CHECKING:
     from mavhums.flights.aircraft_table import Since
+    from mavhums.flights.compare import FlightComparison
     from mavhums.results.assessment import Assessment
 
 __all__ = [
@@ -310,14 +310,21 @@ def compared_with_own(flight: StandaloneAssessment, settings: Settings) -> Asses
     """
     assessment = with_aircraft_identity(flight.assessment, settings)
     since = latest(settings.since, settings.whose.since(assessment))
+    if not _has_flights(settings):
+        return assessment
+    from mavhums.flights.compare import compared
+
     beside = compared(flight._replace(assessment=assessment), *settings.earlier(since))
     return _over_flights(beside, settings, since)
 
 
+def _has_flights(settings: Settings) -> bool:
+    """Whether there may be earlier flights to compare with."""
+    return not isinstance(settings.history, FlightHistory) or bool(settings.history.flights)
+
+
 def _over_flights(assessment: Assessment, settings: Settings, since: Since) -> Assessment:
-    """Return the assessment with how each actuator stands over its flights, where there are earlier ones."""
-    if isinstance(settings.history, FlightHistory) and not settings.history.flights:
-        return assessment
+    """Return the assessment with how each actuator stands over its earlier flights."""
     from mavhums.flights.trends import with_standings
 
     return with_standings(assessment, settings.history, since)
@@ -340,9 +347,15 @@ def _judged_with(
 ) -> Assessment:
     """Compare while judging, so that the consumers see what the earlier flights change."""
     options, since = settings.engine, latest(settings.since, _swaps(path, settings))
-    engine = FlightComparison(Engine(options), *settings.earlier(since), options.false_alarms)
-    digest = _fed(path, engine, options.dialect, consumers, progress)
-    assessment = with_aircraft_identity(engine.assessment(str(path), digest), settings)
+    engine = Engine(options)
+    if not _has_flights(settings):
+        digest = _fed(path, engine, options.dialect, consumers, progress)
+        return with_aircraft_identity(engine.assessment(str(path), digest), settings)
+    from mavhums.flights.compare import FlightComparison
+
+    comparison = FlightComparison(engine, *settings.earlier(since), options.false_alarms)
+    digest = _fed(path, comparison, options.dialect, consumers, progress)
+    assessment = with_aircraft_identity(comparison.assessment(str(path), digest), settings)
     return _over_flights(assessment, settings, since)
 
 

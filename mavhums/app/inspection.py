@@ -20,7 +20,6 @@ from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes, VehicleLimit
 from mavhums.engine.usage import vehicle_usage
 from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
 from mavhums.health.verdict.axis import verdicts_of_axes
-from mavhums.health.verdict.motor import MOTORS
 from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, obstacle, why_not_at_all
 from mavhums.log import Decoder, decode_blocks
 from mavhums.results.assessment import (
@@ -31,7 +30,7 @@ from mavhums.results.assessment import (
     NamedRate,
     VehicleTelemetry,
 )
-from mavhums.results.verdict import ALL, Verdict
+from mavhums.results.verdict import ALL, MOTORS, Verdict
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.states import TEXT_MESSAGES

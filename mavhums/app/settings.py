@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.core.errors import MavhumsError
@@ -14,12 +15,13 @@ from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import AircraftResolver, check_aircraft_rule
 from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
 from mavhums.flights.history import EarlierFlights, FlightHistory, is_store
-from mavhums.health.decision.baseline import BaselineSource
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.health.self_baseline.past import PastSource
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key
 from mavhums.results.sections import Decide
+
+if TYPE_CHECKING:
+    from mavhums.health.decision.baseline import BaselineSource, PastSource
 
 __all__ = ["History", "Options", "Settings"]
 

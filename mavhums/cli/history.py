@@ -75,11 +75,12 @@ def check_baseline_dates(dates: Sequence[Any], history: Path | str | None) -> No
 
 def indexed_history(folder: Path | None, *, may_be_new: bool = False) -> History:
     """Open a folder of flights by its index; print on standard error which files could not be read."""
-    from mavhums.flights.folder import FlightFolder
     from mavhums.flights.history import FlightHistory
 
     if folder is None or (may_be_new and not folder.exists()):
         return FlightHistory()
+    from mavhums.flights.folder import FlightFolder
+
     with steps("reading the flights before") as progress:
         history = FlightFolder(folder, progress=progress)
     report_losses(history)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +11,12 @@ from numpy.typing import NDArray
 from mavhums.actuator.mapping import Mapped
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.options import EngineOptions
-from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
-from mavhums.health.actuator.votes import answer_samples
 from mavhums.health.decision.events import ActuatorRecord, Classified
-from mavhums.learn import Model
 from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer
+
+if TYPE_CHECKING:
+    from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
+    from mavhums.learn import Model
 
 __all__ = ["Key", "Monitors", "classified", "network_answer", "summary_of"]
 
@@ -64,6 +66,8 @@ class Monitors:
         """Return the monitor of an actuator that sends."""
         key = (mapped.vehicle, mapped.actuator.name)
         if key not in self._monitors:
+            from mavhums.health.actuator.monitor import Monitor  # most logs have no telemetry of servos
+
             self.profiles[key] = airframe.name
             self._monitors[key] = Monitor(
                 mapped.vehicle,
@@ -128,6 +132,8 @@ def classified(
         Networks for the airframe; the one with the most inputs comes first.
     """
     if serving:
+        from mavhums.health.actuator.votes import answer_samples
+
         ema = mapped.actuator.ema
         answers = answer_samples(serving, mapped.values[rows], ema.gear_ratio if ema else None)
         yield Classified(mapped.vehicle, mapped.actuator.name, time_s[rows], *answers)

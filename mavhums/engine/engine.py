@@ -26,8 +26,6 @@ from mavhums.engine.options import EngineOptions
 from mavhums.engine.usage import vehicle_usage, without_thrust_left
 from mavhums.engine.vehicle_setup import setup_notices
 from mavhums.health.decision.events import ActuatorRecord
-from mavhums.health.self_baseline.past import comparable
-from mavhums.health.self_baseline.verdict import compare_with_own_flights
 from mavhums.health.verdict import with_advice
 from mavhums.health.verdict.actuator import (
     crowded_out,
@@ -354,6 +352,10 @@ class Engine:
             if monitor is None or own is None or not tier_named(own).judged:
                 yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
                 continue
+            # What judges an actuator is loaded with the first telemetry: most logs have none.
+            from mavhums.health.self_baseline.past import comparable
+            from mavhums.health.self_baseline.verdict import compare_with_own_flights
+
             findings = monitor.findings(
                 indicators=indicators, temperature_c=self._temperatures.median(vehicle, actuator.esc)
             )

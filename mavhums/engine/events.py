@@ -5,10 +5,13 @@ Times are flight times: seconds since the log's first frame.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from mavhums.actuator.mapping import AirframeNamed, Samples
 from mavhums.health.decision.events import (
+    ActuatorRecord,
     Classified,
     ComparisonInput,
     ConditionChanged,
@@ -16,6 +19,8 @@ from mavhums.health.decision.events import (
     Indication,
     Window,
 )
+from mavhums.health.decision.thresholds import FALSE_ALARMS
+from mavhums.results.assessment import Assessment
 from mavhums.vehicle.states import Attitude, FlightMode, Followed, Position
 
 __all__ = [
@@ -31,7 +36,9 @@ __all__ = [
     "Indication",
     "Notice",
     "Position",
+    "Records",
     "Samples",
+    "StandaloneAssessment",
     "Window",
 ]
 
@@ -60,3 +67,27 @@ Event = (
     | ComparisonInput
     | Forgotten
 )
+
+Records = Mapping[tuple[int, str], ActuatorRecord]
+"""What a flight leaves of each actuator, by vehicle and actuator."""
+
+
+class StandaloneAssessment(NamedTuple):
+    """A flight judged by itself.
+
+    Attributes
+    ----------
+    assessment
+        The assessment without any baseline.
+    records
+        Records of the actuators, by vehicle and actuator.
+    profiles
+        Name of the profile by which each actuator was judged.
+    false_alarms
+        Accepted number of false alarms in 100 hours of an actuator or an axis.
+    """
+
+    assessment: Assessment
+    records: Records
+    profiles: Mapping[tuple[int, str], str]
+    false_alarms: float = FALSE_ALARMS

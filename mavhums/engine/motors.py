@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from math import inf
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mavhums.health.decision.events import ConditionChanged
-from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.verdict.axis import unjudged_axes
-from mavhums.health.verdict.motor import verdicts_of_motors
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, Obstacle
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle.flight import Flight
@@ -19,6 +17,9 @@ from mavhums.vehicle.grid import Received, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.surfaces import STEERING
+
+if TYPE_CHECKING:
+    from mavhums.health.motor.monitor import MotorMonitor
 
 __all__ = ["VehicleMotors", "beside_motors"]
 
@@ -62,6 +63,8 @@ class VehicleMotors:
         """Take settled seconds; yield the changes of condition."""
         rotors = self.by_parameters
         if isinstance(rotors, Rotors) and (self._monitor is None or rotors != self._monitor.rotors):
+            from mavhums.health.motor.monitor import MotorMonitor  # most vehicles have wings
+
             self._monitor = MotorMonitor(self._vehicle, rotors, self.speeds)
             for earlier in self._early:
                 yield from self._monitor.feed(earlier)
@@ -93,6 +96,8 @@ class VehicleMotors:
             yield unjudged_axes(identity.vehicle, *why, STEERING if flight.on_ground else "axes")
         if not lift and (why is None or why.remedy != NO_WINGS or not identity.multirotor):
             return
+        from mavhums.health.verdict.motor import verdicts_of_motors
+
         findings = self._monitor.findings() if self._monitor else None
         yield from verdicts_of_motors(identity.vehicle, findings, self.rotors, flight, start_utc, received)
 

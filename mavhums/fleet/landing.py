@@ -15,6 +15,7 @@ from mavhums.app.analysis import analyse_alone, compared_with_own
 from mavhums.app.many import Outcome
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
+from mavhums.engine.events import StandaloneAssessment
 from mavhums.fleet.scan import ScanOptions, scanned
 from mavhums.fleet.sources import logs_in
 from mavhums.flights.aircraft import (
@@ -28,7 +29,6 @@ from mavhums.flights.aircraft import (
     latest,
 )
 from mavhums.flights.aircraft_table import Since
-from mavhums.flights.compare import StandaloneAssessment
 from mavhums.flights.corrections import aircraft_in, corrected_names, since_of
 from mavhums.flights.history import FlightHistory, is_store
 from mavhums.flights.naming import (

@@ -29,8 +29,7 @@ from mavhums.flights.duplicates import Recording
 from mavhums.flights.history import FlightHistory, PastFlight, is_healthy, kept_records
 from mavhums.flights.store import FORMAT, OF_THIS_FORMAT, Store
 from mavhums.flights.store_tables import SETTLED
-from mavhums.health.decision.baseline import Baselines
-from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import CLOCKS_APART_S

@@ -18,12 +18,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.engine import Engine
-from mavhums.engine.events import AirframeNamed, Event
+from mavhums.engine.events import AirframeNamed, Event, StandaloneAssessment
 from mavhums.flights.actuator_comparison import ActuatorComparison, events_of
 from mavhums.health.axis.past import compare_response, compare_with_earlier_flights
 from mavhums.health.decision.baseline import (
     Baselines,
     BaselineSource,
+    PastSource,
     of_subject,
 )
 from mavhums.health.decision.events import (
@@ -34,7 +35,6 @@ from mavhums.health.decision.events import (
     Window,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.health.self_baseline.past import PastSource
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
 from mavhums.health.verdict import with_advice
 from mavhums.health.verdict.actuator import against_baseline, with_refused
@@ -44,38 +44,12 @@ from mavhums.results.verdict import Verdict
 
 __all__ = [
     "FlightComparison",
-    "Records",
-    "StandaloneAssessment",
     "compared",
     "packed",
     "unpacked",
 ]
 
-Records = Mapping[tuple[int, str], ActuatorRecord]
-"""What a flight leaves of each actuator, by vehicle and actuator."""
-
 _LARGEST = 256 << 20
-
-
-class StandaloneAssessment(NamedTuple):
-    """A flight judged by itself.
-
-    Attributes
-    ----------
-    assessment
-        The assessment without any baseline.
-    records
-        Records of the actuators, by vehicle and actuator.
-    profiles
-        Name of the profile by which each actuator was judged.
-    false_alarms
-        Accepted number of false alarms in 100 hours of an actuator or an axis.
-    """
-
-    assessment: Assessment
-    records: Records
-    profiles: Mapping[tuple[int, str], str]
-    false_alarms: float = FALSE_ALARMS
 
 
 def compared(

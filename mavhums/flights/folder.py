@@ -30,8 +30,7 @@ from mavhums.flights.aircraft_table import Since
 from mavhums.flights.checkpoint import Checkpoint
 from mavhums.flights.flight_file import ForeignFileError, KeptFlight, read_flights, reason_of
 from mavhums.flights.history import FlightHistory, PastFlight, UndatedError
-from mavhums.health.decision.baseline import Baselines
-from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.results.assessment import RECORD, Assessment
 
 __all__ = ["CHECKPOINT", "FlightFolder", "keep_assessment", "read_history"]

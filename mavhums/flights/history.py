@@ -17,8 +17,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import Owner, owners_of
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.duplicates import Recording, recordings_of, superseded_recordings
-from mavhums.health.decision.baseline import Baseline, Baselines
-from mavhums.health.self_baseline.past import PastRecord
+from mavhums.health.decision.baseline import Baseline, Baselines, PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import FlightCopy

@@ -15,6 +15,8 @@ from mavhums.results.standing import Interval
 __all__ = [
     "ALL",
     "MEASURED",
+    "MOTORS",
+    "STALL_SHARES",
     "Candidate",
     "Coverage",
     "Evidence",
@@ -34,6 +36,12 @@ MEASURED: Final[Mapping[str, str]] = {
 
 ALL = "all"
 """Stands for the actuator where a verdict is on all of a vehicle's."""
+
+MOTORS = "motors"
+"""Stands for the motor where a verdict is on all of a vehicle's."""
+
+STALL_SHARES = ("friction_of_stall", "torque_of_stall")
+"""Indicators of an actuator's friction and load, each as a share of its motor's torque at stall."""
 
 
 class Suspect(Contract):

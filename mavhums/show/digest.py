@@ -7,11 +7,10 @@ from typing import Final, NamedTuple
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.health.verdict import with_advice
-from mavhums.health.verdict.motor import MOTORS
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Standing
-from mavhums.results.verdict import ALL, Verdict
+from mavhums.results.verdict import ALL, MOTORS, Verdict
 from mavhums.show.servo_tables import ServoTable, reserve, usage
 from mavhums.show.standing import sentences, since_words, soonest_words
 from mavhums.show.verdict_words import (

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from mavhums.core.output import printable
-from mavhums.health.self_baseline.motor import STALL_SHARES
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import OutputUsage, VehicleUsage
+from mavhums.results.verdict import STALL_SHARES
 from mavhums.show.words import clock, join, name, percent, place_of
 
 __all__ = ["ServoTable", "reserve", "usage"]

@@ -22,9 +22,9 @@ from sklearn.metrics import confusion_matrix
 from sklearn.model_selection import StratifiedKFold
 
 from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations import STROKE_EQUATIONS
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.health.self_baseline.past import PastRecord
 from mavhums.learn import LabelledWindows, Scheme
 from mavhums.learn.training import ClassesResult, train_classes
 from mavhums.study.report import render

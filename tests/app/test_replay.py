@@ -21,11 +21,12 @@ from mavhums.engine.events import (
     ConditionChanged,
     Event,
     Forgotten,
+    StandaloneAssessment,
     Window,
 )
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.actuator_comparison import ActuatorComparison
-from mavhums.flights.compare import FlightComparison, StandaloneAssessment, compared, packed, unpacked
+from mavhums.flights.compare import FlightComparison, compared, packed, unpacked
 from mavhums.health.decision.baseline import Baseline, Baselines
 from mavhums.health.decision.events import Estimate, FaultRecord, IndicatorStep
 from mavhums.health.decision.limits import Levels

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from mavhums.engine.events import StandaloneAssessment
 from mavhums.fleet.second_pass import rows_of
-from mavhums.flights.compare import StandaloneAssessment, packed
+from mavhums.flights.compare import packed
 from mavhums.flights.history import PastFlight
 from mavhums.flights.store import Row, Store
 from mavhums.flights.store_tables import VERDICTS

@@ -16,8 +16,9 @@ import pytest
 
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
+from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.aircraft_table import Since
-from mavhums.flights.compare import StandaloneAssessment, compared, packed
+from mavhums.flights.compare import compared, packed
 from mavhums.flights.history import FlightHistory
 from mavhums_sim import Flight, fly, write_tlog
 from tests.flights import identity

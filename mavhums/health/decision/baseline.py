@@ -30,7 +30,7 @@ from mavhums.health.decision.thresholds import (
 from mavhums.health.estimation.random_effects import population, satterthwaite
 from mavhums.health.estimation.thresholds import NATURAL_SCATTER_SHARE, WINDOW_SLOTS
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import Indicator, Verdict
+from mavhums.results.verdict import Indicator, OwnRecord, Verdict
 
 _FREEDOM = WINDOW_SLOTS - 1.0
 
@@ -313,3 +313,25 @@ class _SeparateWindow(NamedTuple):
     error: float
     freedom: float
     start_s: float
+
+
+class PastRecord(NamedTuple):
+    """The records of the own-scale equations of an earlier flight.
+
+    Attributes
+    ----------
+    records
+        One record for each equation.
+    date
+        Date of its start, as in the report.
+    healthy
+        Whether it has no findings and can be part of a baseline.
+    """
+
+    records: tuple[OwnRecord, ...]
+    date: str
+    healthy: bool
+
+
+PastSource = Callable[[str | None, datetime | None], Mapping[tuple[int, str], Sequence[PastRecord]]]
+"""What gives the flights before by vehicle and actuator, of an airframe and the time when a flight begins."""

@@ -12,6 +12,7 @@ import numpy as np
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import Condition
 from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED, t_probability, t_quantile
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
 from mavhums.health.estimation.equations.interface import OwnEquation
@@ -31,7 +32,7 @@ from mavhums.health.estimation.wear import (
     learned,
     wear,
 )
-from mavhums.health.self_baseline.past import Difference, PastRecord, compared, differences
+from mavhums.health.self_baseline.past import Difference, compared, differences
 from mavhums.health.self_baseline.thresholds import (
     BLURRED_TIMES,
     SHOWN_FLIGHTS,

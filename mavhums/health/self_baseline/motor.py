@@ -14,11 +14,12 @@ from math import hypot
 import numpy as np
 
 from mavhums.core.statistics import CENTRAL_95, t_quantile
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import CURRENT
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
 from mavhums.health.estimation.wear import _learned_linear, _linear_wear
 from mavhums.health.self_baseline.comparison import Comparison
-from mavhums.health.self_baseline.past import PastRecord, record_of
+from mavhums.health.self_baseline.past import record_of
 from mavhums.health.self_baseline.thresholds import (
     LEAST_CONSTANT_LOSS_SHARE,
     MOTOR_FLIGHTS,
@@ -27,13 +28,12 @@ from mavhums.health.self_baseline.thresholds import (
     STALL_BIAS_SHARE,
 )
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import Indicator, OwnRecord
+from mavhums.results.verdict import STALL_SHARES, Indicator, OwnRecord
 
 _RESISTANCE, _BACK_EMF = "winding_own", "back_emf_own"
 MOTOR_FAULTS = (_RESISTANCE, _BACK_EMF)
 """Names of the indicators."""
-_FRICTION, _TORQUE = "friction_of_stall", "torque_of_stall"
-STALL_SHARES = (_FRICTION, _TORQUE)
+_FRICTION, _TORQUE = STALL_SHARES
 """Names of the indicators."""
 
 

@@ -5,13 +5,12 @@ Warmth, activity and load differ from flight to flight without a fault.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
-from typing import NamedTuple
 
 import numpy as np
 
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.flight_sums import KEPT
@@ -30,28 +29,6 @@ from mavhums.results.verdict import OwnRecord
 
 _ACCELERATION = KEPT.index("acceleration")
 _Of = Callable[[OwnRecord], float | None]
-
-
-class PastRecord(NamedTuple):
-    """The records of the own-scale equations of an earlier flight.
-
-    Attributes
-    ----------
-    records
-        One record for each equation.
-    date
-        Date of its start, as in the report.
-    healthy
-        Whether it has no findings and can be part of a baseline.
-    """
-
-    records: tuple[OwnRecord, ...]
-    date: str
-    healthy: bool
-
-
-PastSource = Callable[[str | None, datetime | None], Mapping[tuple[int, str], Sequence[PastRecord]]]
-"""What gives the flights before by vehicle and actuator, of an airframe and the time when a flight begins."""
 
 
 def record_of(records: Sequence[OwnRecord], name: str) -> OwnRecord | None:

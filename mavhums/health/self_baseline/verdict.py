@@ -7,6 +7,7 @@ from math import inf
 
 from mavhums.core.conditions import Condition
 from mavhums.core.statistics import ERRORS_95
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
@@ -15,16 +16,15 @@ from mavhums.health.estimation.wear import mean_load, shows
 from mavhums.health.self_baseline.comparison import Comparison, compare
 from mavhums.health.self_baseline.motor import (
     MOTOR_FAULTS,
-    STALL_SHARES,
     constant_lost,
     motor_indicators,
     motor_of,
     stall_indicators,
 )
-from mavhums.health.self_baseline.past import PastRecord, record_of
+from mavhums.health.self_baseline.past import record_of
 from mavhums.health.self_baseline.thresholds import CHANGED_CONFIDENCE, USEFUL_RISE
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import Evidence, Indicator, OwnRecord, Suspect, Verdict
+from mavhums.results.verdict import STALL_SHARES, Evidence, Indicator, OwnRecord, Suspect, Verdict
 
 _OPEN: tuple[Condition, ...] = ("undecided", "learning", "unchanged", "changed")
 _CONSTANT = "torque_constant"

@@ -8,8 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 from mavhums.core.conditions import Condition
-from mavhums.health.actuator.detectors import to_inspect
-from mavhums.health.axis.detectors import to_inspect as axis_to_inspect
+from mavhums.health.axis import detectors as axis_detectors
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle.surfaces import STEERING
 
@@ -50,8 +49,7 @@ def with_advice(verdict: Verdict) -> Verdict:
     suspects = sorted(verdict.suspects, key=lambda suspect: -suspect.confidence)
     # Without a suspect the latest evidence names what was found.
     faults = [suspect.fault for suspect in suspects] or [item.kind for item in reversed(verdict.evidence)]
-    look = axis_to_inspect if verdict.subject == "axis" else to_inspect
-    parts = next((parts for fault in faults if (parts := look(fault))), "the actuator and its wiring")
+    parts = next(filter(None, (_parts(verdict, fault) for fault in faults)), "the actuator and its wiring")
     if verdict.consequence_of:
         advice = f"repair what {verdict.consequence_of} control shows, then fly and judge again"
         return verdict.model_copy(update={"advice": advice})
@@ -61,3 +59,12 @@ def with_advice(verdict: Verdict) -> Verdict:
     if verdict.subject == "axis" and verdict.gravest == "emergency":
         advice = f"do not fly; inspect {parts}; repair and check the travel of each surface on the ground"
     return verdict.model_copy(update={"advice": advice})
+
+
+def _parts(verdict: Verdict, fault: str) -> str | None:
+    """Return what to inspect for a fault of an axis or an actuator."""
+    if verdict.subject == "axis":
+        return axis_detectors.to_inspect(fault)
+    from mavhums.health.actuator.detectors import to_inspect  # most logs have no telemetry of servos
+
+    return to_inspect(fault)

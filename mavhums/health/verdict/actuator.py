@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from datetime import datetime
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
 from mavhums.actuator.freshness import not_used
 from mavhums.actuator.profile import FILL_IN, Actuator
 from mavhums.actuator.telemetry import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
-from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums.health.actuator.thresholds import IMPLAUSIBLE_SHARE
 from mavhums.health.decision.conditions import since
 from mavhums.health.estimation.thresholds import WINDOW_S
@@ -23,6 +22,9 @@ from mavhums.results.verdict import ALL, Coverage, Evidence, Indicator, Suspect,
 from mavhums.vehicle.formats import remedy as to_record
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import Surfaces
+
+if TYPE_CHECKING:
+    from mavhums.health.actuator.monitor import ActuatorFindings
 
 
 class BaselineFindings(NamedTuple):

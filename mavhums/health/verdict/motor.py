@@ -34,16 +34,14 @@ from mavhums.health.motor.thresholds import (
     YAW_SHIFT,
 )
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import Coverage, Evidence, Suspect, Verdict
+from mavhums.results.verdict import MOTORS, Coverage, Evidence, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.formats import remedy
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.rotors import Rotors
 
-__all__ = ["MOTORS", "compare_motors", "unjudged_motors", "verdicts_of_motors"]
+__all__ = ["compare_motors", "unjudged_motors", "verdicts_of_motors"]
 
-MOTORS: Final = "motors"
-"""Stands for the motor where a verdict is on all of a vehicle's."""
 _PARAMETERS: Final = (
     "nothing in the log tells which motor sits where",
     "record the parameters, too (refresh the ground station's list, or use the on-board log)",

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.least_squares import packed, unpacked
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.health.self_baseline.past import PastRecord, differences
+from mavhums.health.self_baseline.past import differences
 from mavhums.results.verdict import OwnRecord
 from tests.health.self_baseline.servo import EQUATION, Servo, left
 

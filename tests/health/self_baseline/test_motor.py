@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mavhums.core.quantities import column
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.self_baseline.motor import MOTOR_FAULTS, _prediction, friction_current, motor_indicators
-from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import OwnRecord, Verdict

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import TRACKING
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.random_effects import CommonError, population, scattering_share
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS, USEFUL_RISE
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, comparison_text
 from mavhums.results.verdict import OwnRecord, Verdict

@@ -7,11 +7,11 @@ import pytest
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.quantities import column
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import POWER
 from mavhums.health.estimation.flight_sums import POWER_COLUMNS, collector
 from mavhums.health.estimation.wear import _learned_power, _power_wear, _shows_power
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.health.self_baseline.past import PastRecord
 from mavhums.health.self_baseline.verdict import comparison_text
 from mavhums.results.verdict import OwnRecord
 from tests.health.self_baseline.servo import Array, Servo, blank, collected

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mavhums.core.quantities import column
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import TRACKING
 from mavhums.health.estimation.flight_sums import OwnSums
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.health.self_baseline.past import PastRecord
 from mavhums.results.verdict import OwnRecord
 from mavhums_sim.conditions import Condition
 from tests.health.flown import flown

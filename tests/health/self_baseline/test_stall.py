@@ -15,7 +15,6 @@ from mavhums.health.estimation.equations.own_scale import POWER
 from mavhums.health.estimation.flight_sums import collector
 from mavhums.health.estimation.motor_identification import RESOLUTION, Peak, VoltageSums, identified
 from mavhums.health.self_baseline.motor import (
-    STALL_SHARES,
     friction_current,
     lacking,
     shares,
@@ -23,7 +22,7 @@ from mavhums.health.self_baseline.motor import (
 )
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import OwnRecord, Verdict
+from mavhums.results.verdict import STALL_SHARES, OwnRecord, Verdict
 from tests.health.self_baseline.servo import NOISE_V, Array, Servo, blank, collected, left
 
 SUPPLY_V = 27.0

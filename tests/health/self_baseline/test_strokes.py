@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import column
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import RIPPLE, ROUGHNESS, TWO_WAYS
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.strokes import StrokeSums
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.health.self_baseline.past import PastRecord
 from mavhums.results.verdict import OwnRecord
 from tests.health.self_baseline.servo import blank
 
