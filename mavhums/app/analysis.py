@@ -27,19 +27,6 @@ if TYPE_CHECKING:
     from mavhums.flights.compare import FlightComparison
     from mavhums.results.assessment import Assessment
 
-__all__ = [
-    "Failed",
-    "Judged",
-    "Outputs",
-    "analyse",
-    "analyse_alone",
-    "compared_with_own",
-    "judge",
-    "record",
-    "with_aircraft_identity",
-    "write_report",
-]
-
 _BLOCK: Final = 1 << 22  # one or two minutes of flight; a block costs little more than a second
 _LONGEST_REASON: Final = 200  # characters of an unexpected error; some quote a whole file
 
@@ -313,21 +300,15 @@ def compared_with_own(flight: StandaloneAssessment, settings: Settings) -> Asses
     if not _has_flights(settings):
         return assessment
     from mavhums.flights.compare import compared
+    from mavhums.flights.trends import with_standings
 
     beside = compared(flight._replace(assessment=assessment), *settings.earlier(since))
-    return _over_flights(beside, settings, since)
+    return with_standings(beside, settings.history, since)
 
 
 def _has_flights(settings: Settings) -> bool:
     """Whether there may be earlier flights to compare with."""
     return not isinstance(settings.history, FlightHistory) or bool(settings.history.flights)
-
-
-def _over_flights(assessment: Assessment, settings: Settings, since: Since) -> Assessment:
-    """Return the assessment with how each actuator stands over its earlier flights."""
-    from mavhums.flights.trends import with_standings
-
-    return with_standings(assessment, settings.history, since)
 
 
 def with_aircraft_identity(assessment: Assessment, settings: Settings) -> Assessment:
@@ -352,11 +333,12 @@ def _judged_with(
         digest = _fed(path, engine, options.dialect, consumers, progress)
         return with_aircraft_identity(engine.assessment(str(path), digest), settings)
     from mavhums.flights.compare import FlightComparison
+    from mavhums.flights.trends import with_standings
 
     comparison = FlightComparison(engine, *settings.earlier(since), options.false_alarms)
     digest = _fed(path, comparison, options.dialect, consumers, progress)
     assessment = with_aircraft_identity(comparison.assessment(str(path), digest), settings)
-    return _over_flights(assessment, settings, since)
+    return with_standings(assessment, settings.history, since)
 
 
 def _fed(

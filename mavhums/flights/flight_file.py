@@ -16,7 +16,7 @@ from mavhums.flights.history import PastFlight
 from mavhums.results.assessment import READABLE, SCHEMA, Assessment
 from mavhums.results.verdict import OwnRecord
 
-__all__ = ["FLIGHT_SCHEMA", "ForeignFileError", "KeptFlight", "read_flights", "reason_of"]
+__all__ = ["FLIGHT_SCHEMA", "KeptFlight", "read_flights", "reason_of"]
 
 FLIGHT_SCHEMA: Final = "mavhums.flight/1"
 _FAMILIES: Final = tuple(each.split("/", maxsplit=1)[0] + "/" for each in (SCHEMA, FLIGHT_SCHEMA))
@@ -60,7 +60,7 @@ class KeptFlight(Frozen):
         return self.assessment.model_copy(update={"verdicts": verdicts})
 
 
-class ForeignFileError(MavhumsError):
+class _ForeignFileError(MavhumsError):
     """A JSON file that is not a flight; it is left alone, without a loss."""
 
 
@@ -94,7 +94,7 @@ def _items(path: Path) -> list[tuple[tuple[str | int, ...], Any]]:
     content = _json(path)
     schema = content.get("schema") if isinstance(content, dict) else None
     if not isinstance(schema, str) or not schema.startswith(_FAMILIES):
-        raise ForeignFileError(f"{path}: is not an assessment, and was left alone")
+        raise _ForeignFileError(f"{path}: is not an assessment, and was left alone")
     if schema not in (FLIGHT_SCHEMA, *READABLE):
         expected = FLIGHT_SCHEMA if schema.startswith(_FAMILIES[1]) else SCHEMA
         raise MavhumsError(

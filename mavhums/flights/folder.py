@@ -28,7 +28,7 @@ from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import Owner
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.checkpoint import Checkpoint
-from mavhums.flights.flight_file import ForeignFileError, KeptFlight, read_flights, reason_of
+from mavhums.flights.flight_file import KeptFlight, _ForeignFileError, read_flights, reason_of
 from mavhums.flights.history import FlightHistory, PastFlight, UndatedError
 from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.results.assessment import RECORD, Assessment
@@ -133,7 +133,7 @@ def _history(folder: Path, outcomes: Iterable[PastFlight | MavhumsError]) -> Fli
         for outcome in outcomes:
             if isinstance(outcome, PastFlight):
                 flights.append(outcome)
-            elif isinstance(outcome, UndatedError | ForeignFileError):  # left alone, without a loss
+            elif isinstance(outcome, UndatedError | _ForeignFileError):  # left alone, without a loss
                 notices.append(outcome.problem)
             else:
                 errors.append(outcome)

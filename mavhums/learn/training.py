@@ -333,8 +333,7 @@ def train_windows(
         If torch, or pygad for the genetic search, is not installed.
     """
     columns = [WINDOW_KEYS.index(key) for key in keys]
-    finite: Flags = np.asarray(np.isfinite(windows.features[:, columns]).all(axis=1))
-    whole = windows.part(finite)
+    whole = windows.part(np.isfinite(windows.features[:, columns]).all(axis=1))
     part = LabelledWindows(whole.features[:, columns], whole.classes, whole.flights)
     found = train_classes(part, classes=classes, names=keys, seed=seed, scheme=scheme, tell=tell)
     network = WindowNetwork(keys=found.inputs, **found.network.tensors)
@@ -363,9 +362,8 @@ def train_classes(
     """Do the same with any finite features, shape (n, k), of these ``names``."""
     scheme = scheme or Scheme()
     split = GroupShuffleSplit(1, test_size=_HELD_OUT, random_state=seed)
-    offered, checked = (
-        examples.part(rows) for rows in next(split.split(examples.features, groups=examples.flights))
-    )
+    halves = next(split.split(examples.features, groups=examples.flights))
+    offered, checked = map(examples.part, halves)
     ranking = ChiSquareRanking(strategy="quantile")
     selection = select_columns(offered.features, offered.classes, names, replace(scheme, order=1), ranking)
     kept = [list(names).index(name) for name in selection.selected]
