@@ -333,7 +333,7 @@ def train_windows(
         If torch, or pygad for the genetic search, is not installed.
     """
     columns = [WINDOW_KEYS.index(key) for key in keys]
-    whole = windows.part(np.isfinite(windows.features[:, columns]).all(axis=1))
+    whole = windows.part(np.asarray(np.isfinite(windows.features[:, columns]).all(axis=1)))
     part = LabelledWindows(whole.features[:, columns], whole.classes, whole.flights)
     found = train_classes(part, classes=classes, names=keys, seed=seed, scheme=scheme, tell=tell)
     network = WindowNetwork(keys=found.inputs, **found.network.tensors)
