@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from mavhums.actuator import load_airframe
-from mavhums.engine import motors
 from mavhums.engine.actuators import network_answer
 from mavhums.engine.axes import with_drops
 from mavhums.engine.motors import VehicleMotors, beside_motors
@@ -128,7 +127,7 @@ def test_motors_are_kept_for_the_first_twenty_seconds_until_parameters_come(
             fed.append(seconds.index.tolist())
             return []
 
-    monkeypatch.setattr(motors, "MotorMonitor", Monitor)
+    monkeypatch.setattr("mavhums.health.motor.monitor.MotorMonitor", Monitor)
     several, forgotten = VehicleMotors(1), []
     monkeypatch.setattr(several.speeds, "forget", lambda *given: forgotten.append(given))
     for first, last in ((100, 110), (110, 130), (130, 140)):
@@ -168,7 +167,8 @@ def test_which_verdicts_a_vehicle_with_motors_has(
     told: list[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(motors, "verdicts_of_motors", lambda *_: iter([verdict(actuator="motors")]))
+    ours = "mavhums.health.verdict.motor.verdicts_of_motors"
+    monkeypatch.setattr(ours, lambda *_: iter([verdict(actuator="motors")]))
     several = VehicleMotors(1)
     several.by_parameters = by_parameters
     identity: Any = SimpleNamespace(vehicle=1, multirotor=multirotor)
