@@ -80,7 +80,7 @@ def t_quantile(freedom: float | Array, probability: float | Array) -> float | Ar
     >>> round(t_quantile(9, CENTRAL_95), 3)
     2.262
     """
-    # scipy.special costs a fifth of the start of a program; many logs are judged without it.
+    # Importing scipy.special costs 0.2 s of processor time; many logs are judged without it.
     from scipy.special import stdtrit
 
     return _plain(stdtrit(freedom, probability))
