@@ -10,6 +10,9 @@ EXTRAS := arrow,fleet,serial,serve,sim,viewer,zstd
 # Only Linux has CUDA builds; there the CPU build has a version of its own.
 TORCH := $(shell grep ^torch== constraints.txt)$(if $(filter Linux,$(shell uname -s)),+cpu)
 
+# Tests start hundreds of programs, and where byte code is not kept, each of them compiles its modules again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test test-all test-lowest lock lint model docs pictures clean
 
 demo: .venv/.demo
