@@ -10,11 +10,9 @@ from functools import partial
 import numpy as np
 from _fleet import MODES, SURFACES, Judged, Task, added, baselines_of, flight, fly_all, judge
 
-from mavhums.flights.history import REFERENCE_FLIGHTS
+from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums_sim import FlightRecord
 from mavhums_sim.conditions import Condition
-
-__all__ = ["alarms", "conditions", "early", "growth"]
 
 Rows = Iterator[str]
 

@@ -18,8 +18,6 @@ from mavhums.core.arrays import Array
 from mavhums_sim import FlightRecord, write_tlog
 from mavhums_sim.rates import Rates
 
-__all__ = ["flights", "friction", "windows"]
-
 Rows = Iterator[str]
 
 MIDDLE = 0.625

@@ -27,22 +27,6 @@ from mavhums_sim.flight import ActuatorRecord
 from mavhums_sim.individuals import Individual
 from mavhums_sim.replay import replay
 
-__all__ = [
-    "ACTUATORS",
-    "MODES",
-    "SURFACES",
-    "Judged",
-    "Task",
-    "added",
-    "at_all_frictions",
-    "baselines_of",
-    "flight",
-    "fly_all",
-    "judge",
-    "quantities",
-    "replayed",
-]
-
 T = TypeVar("T")
 
 PAPER = EmaParameters.from_data_sheet().two_masses()

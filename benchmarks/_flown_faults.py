@@ -17,8 +17,6 @@ from mavhums.engine.options import EngineOptions
 from mavhums.log import read_blocks, read_log
 from mavhums.results.verdict import Verdict
 
-__all__ = ["CONFOUNDERS", "Fault", "Flight", "Outcome", "judge", "judge_bytes", "read_labels", "summary"]
-
 ALARMS = ("degraded", "emergency")
 CONFOUNDERS = ("engine", "airspeed", "wind", "gps")
 AFTER_S = 30.0

@@ -14,8 +14,6 @@ from _flown_faults import CONFOUNDERS, Fault, Flight, judge_bytes
 
 from mavhums.log import Decoder
 
-__all__ = ["Alarm", "Result", "results"]
-
 
 @dataclass(frozen=True, slots=True)
 class Alarm:

@@ -25,8 +25,6 @@ from mavhums_sim.flight import ActuatorRecord
 from mavhums_sim.motion import simulate
 from mavhums_sim.sensors import ELECTRONICS_A, SensorNoise
 
-__all__ = ["BLANK", "TIERS", "Row", "Task", "flown", "scattered"]
-
 Bridge = Literal["feeds back", "burns"]
 
 BLANK = {

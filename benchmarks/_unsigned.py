@@ -27,8 +27,6 @@ from mavhums_sim.manoeuvres import CYCLOGRAMS
 from mavhums_sim.rates import Rates
 from mavhums_sim.sensors import SensorNoise
 
-__all__ = ["unsigned"]
-
 MODES = ("cruise", "turns", "landing", "gusts", "preflight")
 RATES_HZ = (10.0, 25.0, 50.0, 100.0)
 FRICTION_NM = (0.2, 0.25, 0.35, 0.45, 0.6, 0.75, 0.875, 0.9, 0.95, 1.0, 1.05, 1.1)

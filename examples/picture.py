@@ -13,8 +13,6 @@ import sys
 import time
 from pathlib import Path
 
-__all__ = ["alike", "draw", "save"]
-
 
 def draw(source: str | Path, *, settle_s: float = 0.0, patience_s: float = 120.0) -> bytes:
     """Return what the viewer shows on opening a recording, as a PNG of 1920 × 1080.

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from PIL import Image
     from rerun.experimental import ViewerClient
 
-__all__ = ["main"]
-
 WIDTH = 900
 VIEWS = (
     ("Condition of every axis and actuator", "1200x1000"),

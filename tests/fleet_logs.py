@@ -9,8 +9,6 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-__all__ = ["joined", "moved", "nameless"]
-
 
 def records(data: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield time and frame of each record of an undamaged log of MAVLink 2 frames."""

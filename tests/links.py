@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-__all__ = ["Mishap", "records", "rewritten"]
-
 _MAVLINK2 = 0xFD
 _SIGNED = 1
 

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
 
-__all__ = ["NEVER", "Rows", "combine", "limits", "take"]
-
 NEVER = 2**62
 
 Rows = tuple[Integers, Integers, Array]

@@ -24,8 +24,6 @@ from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.vehicle.grid import HORIZON_S
 
-__all__ = ["Aligned", "Aligner", "Origin"]
-
 _HORIZON_US = round(HORIZON_S * 1e6)
 _OPENING_US = 10_000_000  # in which each type is heard once, whatever its latency or the backlog of the link
 _MAX_SPAN_US = 2_000_000  # between neighbours that are interpolated: a longer gap hides whole motions

@@ -17,16 +17,6 @@ from mavhums.vehicle.parameters import Output, Parameters, assigned_outputs
 from mavhums.vehicle.surfaces import AXES, KINDS, Moved, Surfaces, of_parameters
 from mavhums.vehicle.vtol import NO_LIFT
 
-__all__ = [
-    "Contradiction",
-    "against_log",
-    "contradictions",
-    "named_surface",
-    "of_airframe",
-    "reconciled",
-    "remedy",
-]
-
 _OTHERS: Final = ("spoiler", "flap", "airbrake")  # named by autopilots, of no axis
 
 _ALIKE: Final = {

@@ -19,8 +19,6 @@ from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
 from mavhums.core.statistics import DEGREES_S_PER_REV_MIN, RAD_S_PER_REV_MIN
 
-__all__ = ["REPORTED", "SIGNED_BY_VOLTAGE", "CurrentSigns", "Deriver"]
-
 _V1, _V2, _V3, _V4, _V5, _V6, _V7, _V8, _V9, _V10, _V11, _V12 = (column(f"V{k}") for k in range(1, 13))
 _AGREEMENT_SHARE = 0.5  # of the speed, by which it may differ from the command's rate in acceleration
 _AGREEMENT_DEG_S = 5.0  # the same at low speeds; wider lets the sign of another motion in

@@ -34,8 +34,6 @@ from mavhums.vehicle.parameters import (
     read_parameters,
 )
 
-__all__ = ["DRAFTED", "Draft", "Drafts", "Guess", "draft_profile", "guesses_for"]
-
 DRAFTED: Final = "drafted"
 """Name of a profile that nobody has named: the same for every flight, so that these can be compared."""
 

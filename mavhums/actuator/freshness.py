@@ -21,8 +21,6 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
 
-__all__ = ["NOT_USED", "Freshness", "not_used", "refreshed"]
-
 NOT_USED: Final = " (not used: {})"
 """What the provenance of a quantity that is no evidence ends with."""
 

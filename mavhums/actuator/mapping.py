@@ -24,8 +24,6 @@ from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.formats import SERVO_SOURCES
 
-__all__ = ["AirframeNamed", "Gate", "Mapped", "Mapper", "Samples", "bounds", "messages_for"]
-
 MAGNITUDES = [column(key) for key in ("V4", "V5", "V7")]
 """Columns of the quantities that some sources give without their sign."""
 _UNCOUNTED = 20  # blocks whose origins are kept before they are counted together

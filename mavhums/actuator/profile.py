@@ -17,17 +17,6 @@ from mavhums.core.models import Contract, Frozen
 from mavhums.core.quantities import KEYS
 from mavhums.results.sections import AxisLimits
 
-__all__ = [
-    "Actuator",
-    "Airframe",
-    "Ema",
-    "IdentifiedMotor",
-    "Limits",
-    "ProfileError",
-    "load_airframe",
-    "packaged_airframes",
-]
-
 _LARGEST = 1e9  # squares and products of such numbers stay finite
 _SMALLEST = 1e-12  # and their quotients, too
 _Finite = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST, allow_inf_nan=False)]

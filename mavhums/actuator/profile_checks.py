@@ -22,18 +22,6 @@ if TYPE_CHECKING:
     from pydantic import ValidationError
     from pydantic_core import ErrorDetails
 
-__all__ = [
-    "MULTI_ID",
-    "FieldMistake",
-    "Place",
-    "explain_syntax",
-    "explain_values",
-    "field_mistake",
-    "line_of",
-    "lines",
-    "wire_mistake",
-]
-
 Place = tuple[str | int, ...]
 
 MULTI_ID = "multi_id"

@@ -21,18 +21,6 @@ from mavhums.log import Table
 from mavhums.vehicle.facts import FIRST_UAVCAN_OUTPUT, ServoIds
 from mavhums.vehicle.formats import SERVO_SOURCES, each, remedy, servo_readings
 
-__all__ = [
-    "TIERS",
-    "TO_BE_JUDGED",
-    "Reading",
-    "Tier",
-    "best_tier",
-    "in_columns",
-    "read",
-    "tier_named",
-    "tiers_by_content",
-]
-
 TO_BE_JUDGED = remedy("servo telemetry")
 """How to record a log from which health can be judged."""
 

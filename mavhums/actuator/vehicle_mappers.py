@@ -21,8 +21,6 @@ from mavhums.vehicle.states import texts
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Announcement", "History", "VehicleMappers", "actuators", "announcements"]
-
 _TEXT: Final = re.compile(r"mavhums airframe=([A-Za-z0-9_.-]{1,40})")
 
 

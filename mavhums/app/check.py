@@ -28,8 +28,6 @@ from mavhums.vehicle.facts import ON_GROUND
 from mavhums.vehicle.signals import SIGNAL_MESSAGES, SignalReader
 from mavhums.vehicle.states import TEXT_MESSAGES
 
-__all__ = ["Sweep", "check_log"]
-
 LEAST_STROKES: Final = 2
 """Strokes that make a sweep: one out, one back."""
 LEAST_SHARE: Final = 0.95

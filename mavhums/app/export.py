@@ -25,8 +25,6 @@ from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.formats import message_of
 from mavhums.vehicle.states import TEXT_MESSAGES
 
-__all__ = ["export_messages", "export_quantities"]
-
 Progress = Callable[[int], None] | None
 _RANGE_US = (1000, 1500, 2000)
 _NAMELESS = Airframe(

@@ -19,8 +19,6 @@ from mavhums.health.self_baseline.motor import Shares, friction_current, lacking
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import OwnRecord
 
-__all__ = ["MotorIdentification", "identify", "with_motors"]
-
 _BLOCK = re.compile(r"(?m)^\[\[actuators\]\][^\n]*\n(?:(?!^\[\[actuators\]\]).*\n?)*")
 _BEFORE = re.compile(r"(?ms)^\[actuators\.identified\][^\n]*\n(?:(?!^\[)[^\n]*\n?)*")
 _OWN_NAME = re.compile(r"(?m)^name\s*=\s*(\"(?:[^\"\\]|\\.)*\"|'[^']*')")

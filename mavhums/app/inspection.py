@@ -16,8 +16,9 @@ from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
 from mavhums.actuator.telemetry import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.quantities import KEYS
-from mavhums.engine.axes import SIGNAL_MESSAGES, Axes, VehicleAxes, VehicleLimit, with_drops
+from mavhums.engine.axes import Axes, VehicleLimit, with_drops
 from mavhums.engine.usage import vehicle_usage
+from mavhums.engine.vehicle_axes import VehicleAxes
 from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
 from mavhums.health.verdict.axis import verdicts_of_axes
 from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, obstacle, why_not_at_all
@@ -33,11 +34,10 @@ from mavhums.results.assessment import (
 from mavhums.results.verdict import ALL, MOTORS, Verdict
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
+from mavhums.vehicle.signals import SIGNAL_MESSAGES
 from mavhums.vehicle.states import TEXT_MESSAGES
 from mavhums.vehicle.usage import NAMED_MESSAGES, NamedValues
 from mavhums.vehicle.vtol import refined_identity, rotor_servos
-
-__all__ = ["inspect_log"]
 
 _UNDATED: Final = datetime(1970, 1, 1, tzinfo=UTC)
 

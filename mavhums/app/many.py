@@ -16,8 +16,6 @@ from mavhums.core.errors import MavhumsError
 from mavhums.flights.history import FlightHistory
 from mavhums.results.assessment import Assessment
 
-__all__ = ["Batch", "Outcome", "analyse_many"]
-
 _WORTH_BYTES: Final = 64 << 20  # fewer are judged in the time that processes need to start
 
 Progress = Callable[[Path], AbstractContextManager[Callable[[int], None] | None]]

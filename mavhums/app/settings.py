@@ -23,8 +23,6 @@ from mavhums.results.sections import Decide
 if TYPE_CHECKING:
     from mavhums.health.decision.baseline import BaselineSource, PastSource
 
-__all__ = ["History", "Options", "Settings"]
-
 History = EarlierFlights
 """The earlier flights: all of them in memory, or a folder of which only the new ones are read."""
 

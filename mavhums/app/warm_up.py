@@ -21,8 +21,6 @@ from mavhums.learn import packaged_models
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.stamping import Piece, Stamper
 
-__all__ = ["compile_rare_loops", "warm_up"]
-
 _RATE_HZ = 20
 _DURATION_S = 25
 _CODES = str.maketrans({"Q": "Q", "n": "4s", "N": "16s", "Z": "64s"})  # field types, as struct has them

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from mavhums.results.assessment import Assessment
     from mavhums.show.terminal import Line
 
-__all__ = ["analyse", "report"]
-
 
 class _OutcomePrinter(ABC):
     """Prints each outcome; a context, so that the output is complete even after an interruption."""

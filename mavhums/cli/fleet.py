@@ -17,8 +17,6 @@ from mavhums.cli.output import say, say_json
 if TYPE_CHECKING:
     from mavhums.flights.queries import Worst
 
-__all__ = ["fleet"]
-
 _SHOWN = 20
 _LOGS = click.argument("logs", nargs=-1, required=True, metavar="LOG...")
 _NOTE = click.option("--note", metavar="TEXT", help="Why, for `mavhums fleet corrections`.")

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from mavhums.flights.queries import Odd, Status
     from mavhums.results.store import FleetDigest
 
-__all__ = ["COMMANDS", "odd_lines", "repair_of"]
-
 _UNITS: Final = {"h": "hours", "d": "days", "w": "weeks"}
 _NOTIFY = click.option(
     "--notify",

@@ -22,18 +22,6 @@ if TYPE_CHECKING:
     from mavhums.results.assessment import Assessment
     from mavhums.results.standing import TrendReport
 
-__all__ = [
-    "TREND_TABLE",
-    "Keeper",
-    "check_baseline_dates",
-    "divided",
-    "end_with_trends",
-    "indexed_history",
-    "judged_in_store",
-    "live_judging",
-    "trend",
-]
-
 _SHOWN_NOTICES = 5
 
 

@@ -16,8 +16,6 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.packed import opened
 from mavhums.log.formats import SIGNATURES
 
-__all__ = ["HEAD", "is_log", "main"]
-
 _NOT_OURS: Final = 66
 _AIRFRAME: Final = "MAVHUMS_AIRFRAME"
 

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from mavhums.learn.chain import Select
     from mavhums.learn.precedents import Label
 
-__all__ = ["precedents", "study", "train"]
-
 _BASE = click.option(
     "-d",
     "--dir",

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from mavhums.live.sinks import ThreadedSink
     from mavhums.results.assessment import Assessment
 
-__all__ = ["Stop", "live"]
-
 _LOG = logging.getLogger(__name__)
 _PATIENCE_S, _RECORDING_S = 0.5, 10.0  # for readers that stall, and for finishing a recording
 _LEVELS = ("debug", "info", "warning", "error")

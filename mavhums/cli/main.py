@@ -18,8 +18,6 @@ from mavhums.core.about import __version__
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.startup import collect_seldom
 
-__all__ = ["main"]
-
 _HOMES: Final[Mapping[str, Mapping[str, str]]] = {
     "Judge": {"analyse": "analyse", "report": "analyse", "serve": "serve", "live": "live"},
     "Look": {"inspect": "", "check": "tools", "export": "tools"},

@@ -10,27 +10,6 @@ from typing import Any, Final
 
 import click
 
-__all__ = [
-    "AIRCRAFT_TABLE",
-    "AIRFRAME",
-    "BASELINE_FROM",
-    "DIALECT",
-    "HISTORY",
-    "JOBS",
-    "JSON",
-    "KEEP",
-    "LOG",
-    "LOGS",
-    "MODEL",
-    "PATH",
-    "REPAIRS",
-    "STORE",
-    "Dates",
-    "judging",
-    "repair_date",
-    "utc",
-]
-
 Dates = tuple[tuple[str | None, datetime], ...]
 """Dates from which flights count, each with the name before it: of an actuator, or None for all."""
 

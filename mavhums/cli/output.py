@@ -17,8 +17,6 @@ from mavhums.core import startup
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.output import printable
 
-__all__ = ["announce_compiling", "complain", "reading", "say", "say_json", "sound_output", "steps"]
-
 _BEYOND_ASCII = re.compile(r"[^\x00-\x7e]")
 _TOLD = (ExitCode.EMERGENCY, ExitCode.DEGRADED)
 

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from mavhums.results.standing import TrendReport
     from mavhums.results.store import StoreStatus
 
-__all__ = ["LEAST_MEMORY_MB", "against_store", "answer_to", "serve"]
-
 LEAST_MEMORY_MB = 512
 """Judging and recording a log of 4 MB beside a store takes 330 to 470 MB; with 256 MB nothing starts."""
 

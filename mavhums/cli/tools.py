@@ -11,8 +11,6 @@ from mavhums.cli.options import AIRFRAME, DIALECT, JSON, LOG, MODEL, PATH
 from mavhums.cli.output import reading, say, say_json
 from mavhums.core.errors import ExitCode, MavhumsError
 
-__all__ = ["check", "export", "model", "profile", "warm_up"]
-
 _TO_FILL_IN = "travel_deg, [actuators.ema] and [actuators.limits] of each actuator"
 
 

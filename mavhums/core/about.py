@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["EPILOG", "NOTICE", "__version__"]
-
 __version__ = "0.2.0.dev0"
 
 

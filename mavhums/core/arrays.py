@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "Bytes", "Flags", "Integers", "Records"]
-
 Array = NDArray[np.float64]
 """Numbers; NaN where they are not known."""
 

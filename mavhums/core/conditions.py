@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
-__all__ = ["SEVERITY", "URGENCY", "Condition"]
-
 Condition = Literal[
     "normal", "unchanged", "unmonitored", "learning", "undecided", "changed", "degraded", "emergency"
 ]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Final
 
-__all__ = ["GRAVEST_FIRST", "ExitCode", "MavhumsError", "MissingExtraError", "UnreadableLogError"]
-
 
 class ExitCode(IntEnum):
     """Exit codes of ``mavhums analyse``; if several apply, the first in this order is used.

@@ -14,8 +14,6 @@ from numba.core import event
 
 from mavhums.core import startup
 
-__all__ = ["inlined", "kernel"]
-
 Function = TypeVar("Function", bound=Callable[..., object])
 
 

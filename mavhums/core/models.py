@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict
 
-__all__ = ["Contract", "Frozen"]
-
 
 class Frozen(BaseModel):
     """An immutable object that rejects unknown fields."""

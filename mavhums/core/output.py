@@ -22,8 +22,6 @@ from mavhums.core.errors import MavhumsError, MissingExtraError
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["TableWriter", "WholeFile", "no_formula", "printable", "writer_for", "written_whole"]
-
 
 class WholeFile:
     """A temporary file that replaces its target when it is complete.

@@ -21,8 +21,6 @@ from typing import IO, Any, Final, cast
 
 from mavhums.core.errors import MissingExtraError, UnreadableLogError
 
-__all__ = ["ARCHIVES", "COMPRESSED", "ArchiveError", "Unpacked", "members", "opened"]
-
 COMPRESSED: Final = (".gz", ".xz", ".bz2", ".zst")
 """Suffixes of the compressed files that are read; the page and a fleet's scan offer the same."""
 

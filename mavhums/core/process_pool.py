@@ -19,8 +19,6 @@ from threading import Thread, current_thread, main_thread
 from types import FrameType
 from typing import Any, Final, NamedTuple, TypeVar
 
-__all__ = ["Lost", "in_processes"]
-
 _AHEAD: Final = 3  # items in work for each process, so that a slow item idles no other process
 # A wait without end misses a Ctrl-C that comes just before it begins: Python looks at signals between waits.
 _WAIT_S: Final = 0.2

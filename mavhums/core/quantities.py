@@ -19,22 +19,6 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 
-__all__ = [
-    "KEYS",
-    "MOMENTS",
-    "QUANTITIES",
-    "SUMS",
-    "WINDOW_FEATURES",
-    "WINDOW_KEYS",
-    "Quantity",
-    "Statistic",
-    "column",
-    "of_window",
-    "products",
-    "shows_something",
-    "window_features",
-]
-
 
 class Quantity(NamedTuple):
     """One controlled parameter of the actuator."""

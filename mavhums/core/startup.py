@@ -15,8 +15,6 @@ from typing import Any
 
 from mavhums.core.errors import MissingExtraError
 
-__all__ = ["collect_seldom", "lazy_exports", "no_collection", "notify_of_compilation", "on_compile"]
-
 _listeners: list[Callable[[], None]] = []
 
 

@@ -7,22 +7,6 @@ from typing import Any, Final, TypeVar, cast, overload
 
 from mavhums.core.arrays import Array
 
-__all__ = [
-    "AIR_DENSITY",
-    "CENTRAL_95",
-    "DEGREES_S_PER_REV_MIN",
-    "ERRORS_95",
-    "NORMAL_95",
-    "NORMAL_95_ONE_SIDED",
-    "NORMAL_99",
-    "RAD_S_PER_REV_MIN",
-    "STANDARD_GRAVITY",
-    "TAIL_95",
-    "t_probability",
-    "t_quantile",
-    "uniform_deviation",
-]
-
 NORMAL_95: Final = 1.96
 """Half the width of a normal distribution's central 95 % interval, in standard deviations."""
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
     from mavhums.learn import Model
 
-__all__ = ["Key", "Monitors", "classified", "network_answer", "summary_of"]
-
 Key = tuple[int, str]
 """A vehicle and the name of one of its actuators."""
 

@@ -21,10 +21,8 @@ from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.parameters import OUTPUT_PARAMETERS, Parameters, ReceivedParameters
 from mavhums.vehicle.rotors import ROTOR_PARAMETERS
-from mavhums.vehicle.signals import SIGNAL_MESSAGES, SignalReader
+from mavhums.vehicle.signals import SignalReader
 from mavhums.vehicle.vtol import VTOL_PARAMETERS
-
-__all__ = ["MOST_VEHICLES", "SIGNAL_MESSAGES", "Axes", "VehicleAxes", "VehicleLimit", "with_drops"]
 
 _FUNCTIONS: Final = (*OUTPUT_PARAMETERS, *VTOL_PARAMETERS, *ROTOR_PARAMETERS)
 

@@ -19,7 +19,7 @@ from mavhums.actuator.mapping import Mapped, Mapper, messages_for
 from mavhums.actuator.telemetry import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.engine.actuators import Monitors, classified, network_answer, summary_of
-from mavhums.engine.axes import MOST_VEHICLES, SIGNAL_MESSAGES, Axes, VehicleLimit, with_drops
+from mavhums.engine.axes import MOST_VEHICLES, Axes, VehicleLimit, with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Forgotten, Notice, Samples
 from mavhums.engine.motors import beside_motors
 from mavhums.engine.options import EngineOptions
@@ -45,12 +45,10 @@ from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, IDENTITY_MESSAGES, Identities, Identity, RecordedFlights
+from mavhums.vehicle.signals import SIGNAL_MESSAGES
 from mavhums.vehicle.states import STATE_MESSAGES, TEXT_MESSAGES, VehicleStates, texts
 from mavhums.vehicle.usage import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.vtol import refined_identity, rotor_servos
-
-__all__ = ["Engine"]
-
 
 _SILENT_LOOKS: Final = 30
 """How often a silent vehicle is shown as it was: 255 that said something once cost 4 % of a core else."""

@@ -30,11 +30,9 @@ from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.facts import OUTPUTS
-from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import ALIKE_US, AXES, Moved, Surfaces
-
-__all__ = ["TRIED_AXES", "contradiction", "inferred", "refutation", "rests_on_outputs"]
 
 TRIED_AXES: Final = ("roll", "pitch")  # a rudder mostly moves with the ailerons
 

@@ -21,8 +21,6 @@ from mavhums.vehicle.surfaces import STEERING
 if TYPE_CHECKING:
     from mavhums.health.motor.monitor import MotorMonitor
 
-__all__ = ["VehicleMotors", "beside_motors"]
-
 _EARLY_S: Final = 20
 """Seconds kept until the parameters apply: they apply from where they stand in the log, and a log that
 begins in the air, or a link that sends them on request, has them some seconds late."""

@@ -14,8 +14,6 @@ from mavhums.results.sections import Decide
 if TYPE_CHECKING:
     from mavhums.learn import Model
 
-__all__ = ["EngineOptions"]
-
 
 @dataclass(frozen=True, slots=True)
 class EngineOptions:

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from mavhums.actuator.contradictions import contradictions
 from mavhums.actuator.profile import Airframe
-from mavhums.engine.axes import VehicleAxes
+from mavhums.engine.vehicle_axes import VehicleAxes
 from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.identity import Identity
@@ -15,8 +15,6 @@ from mavhums.vehicle.parameters import Parameters, control_surfaces
 from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.surfaces import STEERING, Surfaces
 from mavhums.vehicle.usage import OutputUse
-
-__all__ = ["vehicle_usage", "without_thrust_left"]
 
 _SATURATED_S: Final = 1.0
 """At full output in sum: shorter is a gust or a hard stop, as any flight has them."""

@@ -20,14 +20,13 @@ from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.facts import ALL_OUTPUTS, Signal
-from mavhums.vehicle.flight import Flight, Rows
+from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
 from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.states import Followed
 from mavhums.vehicle.surfaces import STEERING, Demands, Surfaces, on_channels
 from mavhums.vehicle.usage import Usage
-
-__all__ = ["AxisEvent", "VehicleAxes"]
 
 AxisEvent = ConditionChanged | Indication | Followed | Notice
 _SHOWN_EVERY: Final = 5  # rows: four angles a second

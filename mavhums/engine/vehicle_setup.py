@@ -21,8 +21,6 @@ from mavhums.vehicle.parameters import Parameters, assigned_outputs
 from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums.vehicle.surfaces import Surfaces, of_parameters
 
-__all__ = ["SetupHistory", "VehicleSetup", "setup_notices"]
-
 _APPLIES_S: Final = 10
 """A fact applies this long after it was read, together with what comes until then: most lists of parameters
 come within, and one that takes longer is applied in parts."""

@@ -32,8 +32,6 @@ from mavhums.flights.corrections import (
 from mavhums.flights.store import Store
 from mavhums.flights.store_tables import DATES, INSTALLED, LOGS, REMOVED, STANDINGS, schemas
 
-__all__ = ["corrections_in", "reassign", "remove", "rename", "restore"]
-
 Place = str | os.PathLike[str]
 _Kind = Literal["remove", "restore", "reassign", "rename"]
 

@@ -27,18 +27,6 @@ from mavhums.flights.store import LogFile, Row
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = [
-    "AGAIN",
-    "Judging",
-    "batches",
-    "connected",
-    "count",
-    "judge",
-    "judge_several",
-    "judged_by_workers",
-    "settings_of",
-]
-
 AGAIN: Final = ""
 """Settings of a log that the next scan judges again."""
 

@@ -43,8 +43,6 @@ from mavhums.flights.store import OF_THIS_FORMAT, LogFile, Store
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import FlightCopy
 
-__all__ = ["Past", "against", "analyse", "keep", "past", "record"]
-
 Place = str | os.PathLike[str]
 
 

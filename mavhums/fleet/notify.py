@@ -17,8 +17,6 @@ from mavhums.show.standing import digest_headline, digest_lines
 if TYPE_CHECKING:
     from apprise import NotifyBase
 
-__all__ = ["Recipient", "recipients_of", "send"]
-
 _EXAMPLE: Final = (
     "write mailtos://USER:PASSWORD@HOST?from=A&to=B, https://HOST/PATH, or @FILE with such lines"
 )

@@ -36,8 +36,6 @@ from mavhums.results.standing import Standing
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["Landed", "LogWatcher", "ScanOptions", "Scanned", "scan", "scanned"]
-
 _COMMIT_LOGS: Final = 500
 _COMMIT_S: Final = 30.0
 _ROUNDS: Final = 2  # in the second, what another scan of an object store committed in between

@@ -38,8 +38,6 @@ from mavhums.results.assessment import Assessment
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["Compared", "FlightSpan", "change_repairs", "compare_part", "rows_of", "second_pass"]
-
 _PART_FLIGHTS: Final = 200
 _PART_BYTES: Final = 4 << 20
 _AT_ONCE: Final = 2

@@ -26,8 +26,6 @@ from mavhums.log.formats import SUFFIXES
 if TYPE_CHECKING:
     from pyarrow.fs import FileInfo, FileSystem
 
-__all__ = ["UnreachedError", "at_hand", "logs_in"]
-
 _PACKED: Final = "|".join(map(re.escape, COMPRESSED))
 _LOG: Final = re.compile(rf".+({'|'.join(map(re.escape, SUFFIXES))})({_PACKED})?", re.IGNORECASE)
 _ARCHIVE: Final = re.compile(rf".+({'|'.join(map(re.escape, ARCHIVES))})", re.IGNORECASE)

@@ -39,8 +39,6 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.verdict.actuator import BaselineFindings
 from mavhums.results.verdict import Evidence, Suspect
 
-__all__ = ["ActuatorComparison", "IndicatorComparison", "events_of"]
-
 
 class ActuatorComparison:
     """Compares one actuator with its own baselines: a fold over the events of a flight alone.

@@ -14,26 +14,6 @@ from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft_table import AircraftTable, Since
 from mavhums.results.assessment import Assessment
 
-__all__ = [
-    "BOARD",
-    "FOLDER",
-    "GIVEN",
-    "UNKNOWN",
-    "AircraftResolver",
-    "OtherAircraftError",
-    "Owned",
-    "Owner",
-    "UnnamedAircraftError",
-    "aircraft_of",
-    "board_of",
-    "check_aircraft_rule",
-    "check_one_aircraft",
-    "check_same_aircraft",
-    "latest",
-    "owners_of",
-    "swaps_of",
-]
-
 BOARD = "board"
 """The rule that the board's id in the log names the aircraft."""
 

@@ -27,8 +27,6 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from mavhums.core.errors import MavhumsError
 from mavhums.core.models import Frozen
 
-__all__ = ["AircraftTable", "AircraftTableError", "Installed", "Since", "load_aircraft_table"]
-
 Since = Mapping[str | None, datetime]
 """Dates from which flights count, by actuator, for example after a repair; None applies to all others."""
 

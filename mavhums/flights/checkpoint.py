@@ -34,17 +34,6 @@ from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import CLOCKS_APART_S
 
-__all__ = [
-    "Checkpoint",
-    "Listed",
-    "Superseded",
-    "TooLateError",
-    "listed",
-    "read_checkpoint",
-    "stamp_of",
-    "store_checkpoint",
-]
-
 # A flight that ended so long before the next one began has no further recording: twice, because a recording
 # may be as far from the one before it as that one is from the first.
 _ENDED: Final = timedelta(seconds=2 * CLOCKS_APART_S)

@@ -42,13 +42,6 @@ from mavhums.health.verdict.motor import compare_motors
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 
-__all__ = [
-    "FlightComparison",
-    "compared",
-    "packed",
-    "unpacked",
-]
-
 _LARGEST = 256 << 20
 
 

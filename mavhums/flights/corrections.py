@@ -20,30 +20,6 @@ from mavhums.flights.aircraft_table import AircraftTable, Installed, Since
 from mavhums.flights.store import LogFile, Store, listed_sql
 from mavhums.flights.store_tables import CORRECTIONS, DATES, INSTALLED, LOGS, REMOVED
 
-__all__ = [
-    "Correction",
-    "FoundLog",
-    "Names",
-    "Repair",
-    "Repairs",
-    "add_corrections",
-    "add_repairs",
-    "aircraft_in",
-    "corrected_names",
-    "corrections_of",
-    "installed_in",
-    "logs_named",
-    "named_in",
-    "reassigned",
-    "remove_repairs",
-    "removed_files",
-    "removed_logs",
-    "repairs_in",
-    "repairs_of",
-    "since_of",
-    "where_logs",
-]
-
 _COLUMNS: Final = "kind, log, sha256, before, after, who, note, at_ns"
 _LEAST_HASH: Final = 8
 _SHOWN: Final = 5

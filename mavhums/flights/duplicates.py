@@ -17,8 +17,6 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
 from mavhums.results.verdict import ALL
 
-__all__ = ["Quality", "Recording", "recordings_of", "superseded_recordings"]
-
 Key = TypeVar("Key", bound=Hashable)
 
 

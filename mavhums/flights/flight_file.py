@@ -16,8 +16,6 @@ from mavhums.flights.history import PastFlight
 from mavhums.results.assessment import READABLE, SCHEMA, Assessment
 from mavhums.results.verdict import OwnRecord
 
-__all__ = ["FLIGHT_SCHEMA", "KeptFlight", "read_flights", "reason_of"]
-
 FLIGHT_SCHEMA: Final = "mavhums.flight/1"
 _FAMILIES: Final = tuple(each.split("/", maxsplit=1)[0] + "/" for each in (SCHEMA, FLIGHT_SCHEMA))
 _LARGEST_FILE: Final = 256 << 20

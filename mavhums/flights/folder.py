@@ -33,8 +33,6 @@ from mavhums.flights.history import FlightHistory, PastFlight, UndatedError
 from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.results.assessment import RECORD, Assessment
 
-__all__ = ["CHECKPOINT", "FlightFolder", "keep_assessment", "read_history"]
-
 CHECKPOINT: Final = ".mavhums-checkpoint"
 """Name of the file with the checkpoint, beside the flights."""
 

@@ -23,19 +23,6 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.sections import FlightCopy
 from mavhums.results.verdict import Indicator, OwnRecord, Verdict
 
-__all__ = [
-    "REFERENCE_FLIGHTS",
-    "EarlierFlights",
-    "FlightHistory",
-    "PastFlight",
-    "UndatedError",
-    "is_healthy",
-    "is_store",
-    "kept_records",
-    "superseded",
-    "with_duplicate_flights",
-]
-
 _SOUND = ("normal", "unchanged", "learning")
 
 

@@ -28,20 +28,6 @@ from mavhums.flights.store_tables import NAMING
 from mavhums.results.assessment import Assessment
 from mavhums.results.store import ForeignBoard
 
-__all__ = [
-    "BOARD_NAME",
-    "aircraft_in_store",
-    "check_aircraft_named",
-    "foreign_board_among",
-    "foreign_boards",
-    "names_of",
-    "proposed",
-    "remember",
-    "renamed",
-    "rule_of",
-    "whose_in",
-]
-
 BOARD_NAME: Final = "board "
 """Begins the name of an aircraft that only its board identifies."""
 

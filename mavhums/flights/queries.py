@@ -32,24 +32,6 @@ from mavhums.results.store import (
 )
 from mavhums.results.verdict import Verdict
 
-__all__ = [
-    "Odd",
-    "Status",
-    "Worst",
-    "actuators_in",
-    "exit_code",
-    "flight",
-    "flights",
-    "odd_in",
-    "past_flights",
-    "standings",
-    "status",
-    "trend",
-    "trend_of",
-    "verdicts",
-    "worst",
-]
-
 STANDINGS_OF: Final = TypeAdapter(tuple[Standing, ...])
 _COLUMNS = "aircraft, path, start_us, vehicle, actuator, condition, worst"
 _LAST = f"""

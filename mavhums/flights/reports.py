@@ -27,8 +27,6 @@ from mavhums.results.verdict import Verdict
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["SILENT_DAYS", "digest", "export", "store_standings"]
-
 SILENT_DAYS: Final = 14.0
 """Days without a flight after which an aircraft is said to be silent; by hand."""
 

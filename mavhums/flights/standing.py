@@ -22,8 +22,6 @@ from mavhums.health.decision.thresholds import (
 from mavhums.results.standing import ActuatorTrend, FlightsLeft, Growth, Interval, Standing, Step
 from mavhums.results.verdict import Indicator, Verdict
 
-__all__ = ["Flown", "flights_left", "growth_of", "mirrored", "reason_of", "standing_of", "step_of"]
-
 _FARTHEST: Final = timedelta(days=36_525)
 
 

@@ -27,8 +27,6 @@ from mavhums.flights.store_tables import (
     schemas,
 )
 
-__all__ = ["FORMAT", "OF_THIS_FORMAT", "LogFile", "Row", "Store", "listed_sql"]
-
 FORMAT: Final = 1
 """Version of the stored flights; those of another version are not read, and their logs are judged again."""
 

@@ -19,21 +19,6 @@ if TYPE_CHECKING:
     from deltalake import DeltaTable, WriterProperties
     from duckdb import DuckDBPyConnection
 
-__all__ = [
-    "COPIES",
-    "CORRECTIONS",
-    "DATES",
-    "INSTALLED",
-    "LOGS",
-    "NAMING",
-    "REMOVED",
-    "SETTLED",
-    "STANDINGS",
-    "VERDICTS",
-    "Tables",
-    "schemas",
-]
-
 LOGS: Final = "logs"
 VERDICTS: Final = "verdicts"
 COPIES: Final = "copies"

@@ -43,8 +43,6 @@ from mavhums.results.verdict import ALL, Indicator, Verdict
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["own_trend_report", "trend", "trend_report", "with_standings"]
-
 _POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
 
 

@@ -20,15 +20,6 @@ if TYPE_CHECKING:
     from mavhums.learn.batched import Samples
     from mavhums.learn.trainer import Trained
 
-__all__ = [
-    "LabelledEstimator",
-    "SupportSelector",
-    "check_choice",
-    "check_positive_integers",
-    "train_networks",
-    "two_classes",
-]
-
 
 def check_positive_integers(estimator: object, *names: str) -> None:
     """Raise ``ValueError`` unless these parameters are integers of at least 1."""
@@ -79,7 +70,8 @@ def train_networks(
         If torch is not installed.
     """
     try:
-        from mavhums.learn.trainer import NetworkBatch, train_batch
+        from mavhums.learn.batched import NetworkBatch
+        from mavhums.learn.trainer import train_batch
     except ModuleNotFoundError as error:
         raise MissingExtraError("training", "train") from error
     if subsets is None:

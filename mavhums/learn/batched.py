@@ -18,8 +18,6 @@ import torch
 from mavhums.core.arrays import Array, Flags
 from mavhums.learn.inference import TanhNetwork
 
-__all__ = ["BatchLoss", "Data", "NetworkBatch", "Samples"]
-
 _BLOCK = 1 << 19
 """Number of hidden activations computed at once; they fit into the processor's cache."""
 

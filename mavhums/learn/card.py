@@ -11,18 +11,6 @@ from pydantic import AfterValidator, Field, JsonValue
 
 from mavhums.core.models import Contract
 
-__all__ = [
-    "CLASSES",
-    "FORMAT",
-    "Calibration",
-    "Card",
-    "ExcludedQuantity",
-    "Selection",
-    "Thinned",
-    "WindowCard",
-    "Wrapped",
-]
-
 
 class ExcludedQuantity(Contract):
     """A quantity that Algorithm 1 explains by others.

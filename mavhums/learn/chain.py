@@ -28,17 +28,6 @@ from mavhums.learn.subsets import (
     subset_training,
 )
 
-__all__ = [
-    "FUNCTIONS",
-    "SELECTIONS",
-    "Rounds",
-    "Scheme",
-    "Vectors",
-    "reduce_vectors",
-    "select_columns",
-    "select_features",
-]
-
 Select = Literal["algorithm-1", "pairwise", "exhaustive", "genetic", "none"]
 SELECTIONS: tuple[Select, ...] = get_args(Select)
 

@@ -14,18 +14,6 @@ from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.learn.card import Calibration
 from mavhums.learn.inference import WindowNetwork
 
-__all__ = [
-    "CommandLeak",
-    "CommandLeakWarning",
-    "at_temperature",
-    "brier_score",
-    "calibrate",
-    "check_command",
-    "decides_at",
-    "expected_calibration_error",
-    "hold_out",
-]
-
 _HELD_OUT = 0.25
 _BLOCKS = 12
 

@@ -14,8 +14,6 @@ from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, WINDOW_KEYS
 
-__all__ = ["ABSTAINS", "Network", "TanhNetwork", "WindowNetwork", "unit_interval", "vote"]
-
 
 def unit_interval(values: Array, minimum: Array, maximum: Array) -> Array:
     """Map each feature's minimum to 0 and its maximum to 1; values beyond them are not clipped.

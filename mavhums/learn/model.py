@@ -21,17 +21,6 @@ from mavhums.core.output import written_whole
 from mavhums.learn.card import Card, WindowCard
 from mavhums.learn.inference import Network, WindowNetwork
 
-__all__ = [
-    "Answers",
-    "Model",
-    "ModelError",
-    "default_model",
-    "load_model",
-    "models",
-    "packaged_models",
-    "save_model",
-]
-
 _CARD_KEY = "mavhums.card"
 _PACKAGED = ("paper-instrumented", "paper-without-load", "paper-esc")
 _LARGEST = 16 * 2**20

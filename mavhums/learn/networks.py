@@ -23,8 +23,6 @@ from mavhums.learn._estimators import (
 )
 from mavhums.learn.inference import TanhNetwork
 
-__all__ = ["TanhNetworkClassifier", "TanhNetworkEnsemble"]
-
 
 class _Networks(ClassifierMixin, LabelledEstimator):
     """A classifier of two classes by networks; ``fit`` stores the classes in ``classes_``."""

@@ -22,8 +22,6 @@ from mavhums.core.quantities import KEYS
 if TYPE_CHECKING:
     from pyarrow import Schema
 
-__all__ = ["Label", "Origin", "Precedent", "PrecedentBase", "PrecedentError", "Provenance"]
-
 Label = Literal["normal", "emergency"]
 Origin = Literal["flown", "simulated"]
 

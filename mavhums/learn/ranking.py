@@ -20,8 +20,6 @@ from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.learn._estimators import LabelledEstimator, check_choice, check_positive_integers
 from mavhums.learn.inference import unit_interval
 
-__all__ = ["ChiSquareRanking", "VectorThinning"]
-
 
 class ChiSquareRanking(SelectorMixin, LabelledEstimator):
     """Rank features by Pearson's chi-square between their bins and the classes.

@@ -25,8 +25,6 @@ from mavhums.learn.regression import (
     solve_least_squares,
 )
 
-__all__ = ["Dependence", "PairwiseRedundancyFilter", "RegressionRedundancyFilter"]
-
 
 @dataclass(frozen=True, eq=False)
 class Dependence:

@@ -16,16 +16,6 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from mavhums.core.arrays import Array
 from mavhums.learn._estimators import check_positive_integers
 
-__all__ = [
-    "IDENTITY",
-    "Elementary",
-    "NonlinearRegression",
-    "basis_count",
-    "basis_products",
-    "basis_values",
-    "solve_least_squares",
-]
-
 Elementary = Mapping[str, Callable[[Array], Array]]
 """Elementary functions b_j by their notation, in which ``{}`` is the feature: ``"sin({})"``."""
 

@@ -27,17 +27,6 @@ if TYPE_CHECKING:
     from mavhums.learn.batched import Samples
     from mavhums.learn.trainer import Trained
 
-__all__ = [
-    "NetworkSubsetSelector",
-    "Objective",
-    "SubsetSearch",
-    "all_subsets",
-    "exhaustive_search",
-    "genetic_search",
-    "network_objective",
-    "subset_training",
-]
-
 Objective = Callable[[Flags], Array]
 """Function of non-empty subsets, shape (s, k), that returns their scores, shape (s,)."""
 

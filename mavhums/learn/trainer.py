@@ -15,8 +15,6 @@ from mavhums.core.arrays import Array, Integers
 from mavhums.learn.batched import BatchLoss, Data, NetworkBatch, Samples
 from mavhums.learn.inference import TanhNetwork, unit_interval
 
-__all__ = ["NetworkBatch", "Solution", "Trained", "lbfgs", "one_thread", "train_batch"]
-
 _MEMORY = 12
 _HALVINGS = 12
 _DESCENT = 1e-4

@@ -23,17 +23,6 @@ from mavhums.learn.inference import Network, TanhNetwork, WindowNetwork
 from mavhums.learn.networks import TanhNetworkEnsemble
 from mavhums.learn.ranking import ChiSquareRanking
 
-__all__ = [
-    "ClassesResult",
-    "LabelledWindows",
-    "NetworkScore",
-    "TrainingResult",
-    "WindowResult",
-    "train_classes",
-    "train_network",
-    "train_windows",
-]
-
 _ITERATIONS = 300
 
 

@@ -18,8 +18,6 @@ from mavhums.log.mavlink.signing import signing_ticks
 from mavhums.results.live import ActuatorStatus, AlertObject
 from mavhums.vehicle.surfaces import COLUMNS
 
-__all__ = ["COMPONENT", "Alerts", "Signer", "fault_of", "health_name", "text_of"]
-
 COMPONENT = 194
 """MAV_COMP_ID_ONBOARD_COMPUTER4: the least used of the numbers for onboard computers."""
 

@@ -15,8 +15,6 @@ from typing import Literal, NamedTuple, Protocol
 from mavhums.core.errors import MavhumsError
 from mavhums.log.mavlink.stamping import Piece
 
-__all__ = ["FORMS", "Address", "AddressError", "Link", "ReceiveClock", "UdpLink", "resolve"]
-
 FORMS = "udpin:[HOST:]PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD]"
 _LOOPBACK = "127.0.0.1"
 _NETWORK = re.compile(r"(udpin|udpout|tcp):(?:(\[[^\]]+\]|[^:\[\]]*):)?(\d{1,5})")

@@ -15,8 +15,6 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, Generic, TextIO, TypeVar
 
-__all__ = ["BoundedQueue", "Outlet", "Spool"]
-
 _LOG = logging.getLogger(__name__)
 _ROOM: Final = 4 << 20
 

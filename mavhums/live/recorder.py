@@ -10,8 +10,6 @@ from pathlib import Path
 
 from mavhums.core.errors import MavhumsError
 
-__all__ = ["TlogRecorder"]
-
 _LOG = logging.getLogger(__name__)
 _SYNC_S = 1.0
 _CLOSE_S = 1.0

@@ -21,8 +21,6 @@ from mavhums.log.mavlink.stamping import Piece
 from mavhums.results.assessment import Assessment
 from mavhums.results.live import AlertObject, StaleObject, StatusObject
 
-__all__ = ["BLOCK_S", "Session", "Sink"]
-
 _LOG = logging.getLogger(__name__)
 BLOCK_S = 0.1
 """How long pieces are collected before the engine takes them."""

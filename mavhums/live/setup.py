@@ -36,8 +36,6 @@ from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Piece, Stamper
 
-__all__ = ["LiveOptions", "SeenSignatures", "prepare"]
-
 _LOG = logging.getLogger(__name__)
 _HEADERS = 28  # bytes of a datagram's IPv4 and UDP headers
 _SERVO_OUTPUT_RAW = bytes.fromhex("fe150001012401000000dc05dc05dc05dc050000000000000000007188")

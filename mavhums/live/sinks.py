@@ -17,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mavhums.core.about import NOTICE, __version__
+from mavhums.core.output import printable
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
 from mavhums.live.alerts import fault_of
 from mavhums.live.outlet import Outlet
@@ -37,13 +38,11 @@ from mavhums.results.live import (
     StatusObject,
     WindowObject,
 )
-from mavhums.show.words import COLOURS, clock, friction, percent, printable
+from mavhums.show.words import COLOURS, clock, friction, percent
 
 if TYPE_CHECKING:
     from mavhums.show.recording import Recorder
     from mavhums.show.viewer import LiveViewer
-
-__all__ = ["JsonLines", "PlainLines", "RerunSink", "ThreadedSink", "View", "draw"]
 
 _LOG = logging.getLogger(__name__)
 _SAMPLES: Final = 100_000

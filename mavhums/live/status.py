@@ -24,8 +24,6 @@ from mavhums.results.live import (
 )
 from mavhums.results.verdict import ALL, Verdict
 
-__all__ = ["STALE_S", "Peers", "Reception", "SessionStatus", "utc"]
-
 STALE_S = 3.0
 """Seconds without data after which an actuator is stale."""
 

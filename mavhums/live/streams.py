@@ -17,8 +17,6 @@ from mavhums.live.links import Address, AddressError, ReceiveClock, resolve
 from mavhums.live.outlet import BoundedQueue
 from mavhums.log.mavlink.stamping import Piece
 
-__all__ = ["Outgoing", "SerialLink", "TcpLink"]
-
 _LOG = logging.getLogger(__name__)
 _RETRY_US: Final = 1_000_000
 _AT_ONCE: Final = 1 << 16

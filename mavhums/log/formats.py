@@ -20,18 +20,6 @@ if TYPE_CHECKING:
     from mavhums.log.base.decoder import FormatPackage, LogDecoder, Losses
     from mavhums.log.base.tables import Table
 
-__all__ = [
-    "FORMATS",
-    "MAVLINK",
-    "SIGNATURES",
-    "SUFFIXES",
-    "Decoder",
-    "Format",
-    "format_of",
-    "pieces",
-    "refuse_foreign",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Format:

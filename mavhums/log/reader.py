@@ -18,8 +18,6 @@ from mavhums.log.formats import Decoder, refuse_foreign
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Decoded", "Log", "decode_blocks", "read_blocks", "read_log"]
-
 _BLOCK = 1 << 20
 _HEAD = 1 << 20  # bytes in which a log must show what it is
 

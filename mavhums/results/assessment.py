@@ -26,24 +26,6 @@ from mavhums.results.verdict import MEASURED, Verdict
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "READABLE",
-    "RECORD",
-    "SCHEMA",
-    "ActuatorTelemetry",
-    "Assessment",
-    "Inspection",
-    "Judgeable",
-    "LogSummary",
-    "MessageRate",
-    "NamedRate",
-    "VehicleTelemetry",
-    "exit_code_of",
-    "json_schema",
-    "published_schema",
-    "without_record",
-]
-
 SCHEMA = "mavhums.assessment/2"
 READABLE = ("mavhums.assessment/1", SCHEMA)
 """Versions whose objects are still read: version 2 adds fields; ``network`` replaces one number."""

@@ -17,24 +17,6 @@ from mavhums.results.assessment import Assessment, published_schema
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Suspect
 
-__all__ = [
-    "SCHEMA",
-    "ActuatorStatus",
-    "AirframeObject",
-    "AlertObject",
-    "ConditionObject",
-    "EndObject",
-    "LinkStatus",
-    "LiveObject",
-    "NoticeObject",
-    "OutputStatus",
-    "RecordStatus",
-    "StaleObject",
-    "StartObject",
-    "StatusObject",
-    "WindowObject",
-]
-
 SCHEMA = "mavhums.live/1"
 
 

@@ -10,19 +10,6 @@ from pydantic import Field, model_validator
 from mavhums.core.conditions import Condition
 from mavhums.core.models import Contract
 
-__all__ = [
-    "CLOCKS_APART_S",
-    "DECIDE",
-    "AxisLimits",
-    "Decide",
-    "FlightCopy",
-    "FlightIdentity",
-    "ModelSummary",
-    "NetworkAnswer",
-    "OutputUsage",
-    "VehicleUsage",
-]
-
 
 class OutputUsage(Contract):
     """How far and how often one servo output was commanded.

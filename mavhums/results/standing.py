@@ -18,20 +18,6 @@ from mavhums.core.models import Contract
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "ActuatorTrend",
-    "FlightPoint",
-    "FlightsLeft",
-    "Growth",
-    "Interval",
-    "LastFlight",
-    "RepairDate",
-    "Standing",
-    "Step",
-    "TrendReport",
-    "to_frame",
-]
-
 
 class Interval(Contract):
     """An estimate with its 95 % interval."""

@@ -13,18 +13,6 @@ from mavhums.core.models import Contract
 from mavhums.results.standing import Standing
 from mavhums.results.verdict import Verdict
 
-__all__ = [
-    "Change",
-    "FailedLog",
-    "FleetDigest",
-    "ForeignBoard",
-    "LastFlightOf",
-    "SilentAircraft",
-    "StoreCopy",
-    "StoreGrowth",
-    "StoreStatus",
-]
-
 
 class LastFlightOf(Contract):
     """An actuator or axis in its aircraft's last flight; ``aircraft`` is None where it is unknown.

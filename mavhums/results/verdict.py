@@ -12,21 +12,6 @@ from mavhums.core.models import Contract
 from mavhums.results.sections import AxisLimits, NetworkAnswer
 from mavhums.results.standing import Interval
 
-__all__ = [
-    "ALL",
-    "MEASURED",
-    "MOTORS",
-    "STALL_SHARES",
-    "Candidate",
-    "Coverage",
-    "Evidence",
-    "Indicator",
-    "OwnRecord",
-    "Since",
-    "Suspect",
-    "Verdict",
-]
-
 MEASURED: Final[Mapping[str, str]] = {
     "rates": "body rates",
     "force": "acceleration",

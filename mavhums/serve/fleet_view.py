@@ -25,18 +25,6 @@ from mavhums.show.html import in_brief
 from mavhums.show.standing import mark_of, sentences
 from mavhums.show.trend import TrendShown, trend_shown
 
-__all__ = [
-    "FEWEST_FLIGHTS",
-    "ActuatorShown",
-    "AircraftLine",
-    "AircraftTrend",
-    "FlightLine",
-    "aircraft_lines",
-    "dropped_trends",
-    "flight_lines",
-    "trends_shown",
-]
-
 FEWEST_FLIGHTS: Final = 3
 """Of one aircraft: two points are no trend."""
 

@@ -14,18 +14,6 @@ from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
 from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
-__all__ = [
-    "API",
-    "HEADER_S",
-    "MOST",
-    "MOST_OF_ADDRESS",
-    "SESSION",
-    "UPLOADS",
-    "Guard",
-    "held_connections",
-    "is_loopback",
-]
-
 SESSION: Final = "mavhums.session"
 """Key of the session's id in the scope of a request."""
 

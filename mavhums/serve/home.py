@@ -21,8 +21,6 @@ from mavhums.serve.options import Fleet
 from mavhums.serve.sessions import Dropped, Sessions, UserSession
 from mavhums.show.html import environment
 
-__all__ = ["Home", "markup", "render", "show_parts"]
-
 _EVERY_S: Final = 0.2
 _FEW: Final = 3  # logs with all their buttons, above an answer
 _Keep = Callable[[Dropped, str], Awaitable[None]]

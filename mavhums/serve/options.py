@@ -13,8 +13,6 @@ from mavhums.results.standing import Standing, TrendReport
 from mavhums.results.store import LastFlightOf, StoreStatus
 from mavhums.results.verdict import Verdict
 
-__all__ = ["Fleet", "LastVerdict", "Quotas", "ServeOptions"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quotas:

@@ -43,12 +43,6 @@ from mavhums.show.evidence import Gathered
 from mavhums.show.html import parts
 from mavhums.show.trend import headline
 
-__all__ = [
-    "LiveFile",
-    "Seen",
-    "add_pages",
-]
-
 _SUBJECTS: Final = 4000
 _AIRCRAFT: Final = 300
 _PATIENCE_S: Final = 120.0

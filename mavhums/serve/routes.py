@@ -32,8 +32,6 @@ from mavhums.show.viewer import WEB_FILES, save_web_viewer
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-__all__ = ["add_routes", "api"]
-
 _STATIC: Final = Path(__file__).parent / "static"
 # The example: mavhums-sim flight --friction elevator=0.2..1.2 --seed 11 --duration 45 --rate 10
 # --tier instrumented

@@ -19,8 +19,6 @@ from mavhums.serve.workers import Workers
 if TYPE_CHECKING:
     from fastapi import FastAPI
 
-__all__ = ["serve"]
-
 _WAITING: Final = 200
 _LANGUAGE: Final = "en-US"
 

@@ -20,9 +20,6 @@ from mavhums.serve.options import Quotas
 from mavhums.serve.uploads import is_archive, receive, safe_name
 from mavhums.serve.workers import Job, Progress, Workers
 
-__all__ = ["Dropped", "Sessions", "UserSession"]
-
-
 State = Literal["arriving", "waiting", "judging", "done", "failed"]
 
 

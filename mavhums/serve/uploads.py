@@ -14,8 +14,6 @@ from mavhums.core.packed import COMPRESSED, members
 from mavhums.log.reader import read_blocks
 from mavhums.serve.options import Quotas
 
-__all__ = ["ArchiveContent", "check_size", "is_archive", "receive", "safe_name", "take_logs"]
-
 _MOST_BYTES: Final = 150
 _SEPARATORS: Final = re.compile(r"[/\\]")
 _SPARE: Final = 256 << 20

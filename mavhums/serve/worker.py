@@ -22,8 +22,6 @@ from mavhums.core.packed import ArchiveError
 from mavhums.serve.uploads import take_logs
 from mavhums.show.html import in_brief
 
-__all__ = ["main"]
-
 _TOLD_S: Final = 0.1
 _FILES: Final = 256
 

@@ -15,8 +15,6 @@ from typing import Any, Final
 
 from mavhums.serve.options import Quotas
 
-__all__ = ["Job", "Progress", "Workers"]
-
 _START_S: Final = 300.0  # the first start after an installation compiles
 _JOBS: Final = 100
 _FRUGAL: Final = {

@@ -19,8 +19,6 @@ from mavhums.show._rows import Thinner, send
 from mavhums.show.outline import V_TAIL, Place, kind, places
 from mavhums.show.words import BLUE
 
-__all__ = ["Craft", "Motor", "Surface", "Vehicle", "craft_path"]
-
 _SHADES: Final = ((74, 86, 130), (104, 84, 128), (70, 108, 128), (96, 96, 112))
 _CAPACITY: Final = 8192
 _PATH_EVERY_S: Final = 5.0

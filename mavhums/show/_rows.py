@@ -13,8 +13,6 @@ from mavhums.core.arrays import Array
 if TYPE_CHECKING:
     import rerun as rr
 
-__all__ = ["APPLICATION", "TIMELINE", "Thinner", "Times", "nanoseconds", "open_stream", "send"]
-
 _BATCH = 4096
 
 

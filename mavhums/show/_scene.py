@@ -36,8 +36,6 @@ from mavhums.show.digest import digest, listed
 from mavhums.show.markdown_report import live_markdown, markdown
 from mavhums.show.words import clock, name
 
-__all__ = ["Scene"]
-
 _LEVELS: Final[dict[str, str]] = {"degraded": "WARN", "emergency": "ERROR"}
 _TEXTS_PER_CHUNK: Final = 4096
 

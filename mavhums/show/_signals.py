@@ -18,8 +18,6 @@ from mavhums.health.decision.events import Classified
 from mavhums.show._rows import Thinner, send
 from mavhums.show.words import COLOURS, PALE_BLUE, SERIES, STALE_COLOUR
 
-__all__ = ["ARCHETYPE", "Classes", "Signals"]
-
 ARCHETYPE: Final = "mavhums"
 
 _CAPACITY: Final = 32768

@@ -21,8 +21,6 @@ from mavhums.show._rows import Times, send
 from mavhums.show._signals import Classes, Signals
 from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW
 
-__all__ = ["STALE_S", "Track", "actuator_path", "path_part"]
-
 STALE_S: Final = 3.0
 """An actuator without data for longer than this is stale: its condition is no longer shown as current."""
 

@@ -16,8 +16,6 @@ from mavhums.show._rows import TIMELINE
 from mavhums.show._signals import ARCHETYPE
 from mavhums.show.words import SERIES
 
-__all__ = ["Fault", "Lane", "Surroundings", "layout", "panels", "whole_flight"]
-
 _PLOTS: Final = (
     ("angle", ("V1", "V3")),
     ("supply current", ("V5",)),

@@ -9,8 +9,6 @@ from rich.table import Table
 from mavhums.core.quantities import QUANTITIES
 from mavhums.learn import Calibration, Card, Model, WindowCard
 
-__all__ = ["render_card"]
-
 
 def render_card(model: Model, console: Console) -> None:
     """Print a model's purpose, training, metrics, and what each stage of the selection kept and dropped."""

@@ -24,8 +24,6 @@ from mavhums.show.verdict_words import (
 )
 from mavhums.show.words import capital, clock, friction, join, losses, name, percent, whose
 
-__all__ = ["NOT_JUDGED", "Digest", "Paragraph", "Subject", "advice", "digest", "headline", "listed"]
-
 NOT_JUDGED: Final = "not judged (mavhums judges fixed wings, multirotors, and servos with telemetry)"
 """What is said of a vehicle with neither wings nor rotors that are judged, after its kind."""
 

@@ -27,8 +27,6 @@ from mavhums.results.verdict import ALL, Verdict
 from mavhums.show._rows import Thinner
 from mavhums.show.words import clock, name, percent
 
-__all__ = ["CaptionedCurve", "Curve", "Gathered", "Key", "Limit", "evidence"]
-
 _POINTS: Final = 1200
 _CURVES: Final = 256
 _FIRST, _LAST = 20, 40

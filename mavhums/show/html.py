@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from mavhums.core.about import __version__
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from mavhums.show.digest import Subject, advice, digest
@@ -16,12 +17,10 @@ from mavhums.show.evidence import Gathered, evidence
 from mavhums.show.html_plot import Plot, flight_charts, plot
 from mavhums.show.outline import FIXED_WING, DrawnSurface, multirotor, outline
 from mavhums.show.verdict_words import certainty, explanation, implausible
-from mavhums.show.words import COLOURS, clock, finding, join, printable
+from mavhums.show.words import COLOURS, clock, finding, join
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-
-__all__ = ["Brief", "environment", "in_brief", "page", "parts"]
 
 _ROWS, _FINDINGS, _LIKE = 200, 8, 6
 _VEHICLES, _OUTPUTS = 8, 32

@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
+from mavhums.core.output import printable
 from mavhums.show.evidence import CaptionedCurve, Curve, Gathered, Limit
-from mavhums.show.words import clock, printable
-
-__all__ = ["Chart", "Plot", "Tick", "chart", "flight_charts", "plot"]
+from mavhums.show.words import clock
 
 _DIGITS: Final = 4  # significant ones: more cannot be seen, and double what is sent
 _LETTERS: Final = 600

@@ -19,8 +19,6 @@ from mavhums.show.terminal import indented
 from mavhums.show.words import join
 from mavhums.show.words import losses as told_losses
 
-__all__ = ["render_inspection"]
-
 _MOST_NAMED = 100
 _NAMED_SUBJECTS = 3
 _NOTHING_REPORTED = (PROPELLERS_ONLY, TO_BE_JUDGED)

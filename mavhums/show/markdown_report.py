@@ -8,6 +8,7 @@ from math import floor, log10
 from typing import Final
 
 from mavhums.core.about import NOTICE
+from mavhums.core.output import printable
 from mavhums.core.quantities import QUANTITIES
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
@@ -23,10 +24,7 @@ from mavhums.show.words import (
     join,
     name,
     percent,
-    printable,
 )
-
-__all__ = ["live_markdown", "markdown"]
 
 _LIVE_COLUMNS: Final = ("actuator", "condition", "friction, N·m", "network", "since")
 _COLUMNS: Final = ("condition", "control left", "friction, N·m", "network", "since")

@@ -12,8 +12,6 @@ from mavhums.results.sections import OutputUsage
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.show.words import join
 
-__all__ = ["FIXED_WING", "V_TAIL", "DrawnSurface", "Place", "kind", "multirotor", "outline", "places"]
-
 
 class Place(NamedTuple):
     """Hinge position of a surface: x forward, y left, z up; the half-span is 1.

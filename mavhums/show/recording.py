@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from mavhums.show._scene import Scene
 
-__all__ = ["PipedRecorder", "Recorder", "check_viewer", "draw", "end", "record_trend"]
-
 _FOOTER, _FOOTER_SIZE = b"RRF2FOOT", 12
 _WRITTEN_S = 60.0
 

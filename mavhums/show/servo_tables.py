@@ -11,8 +11,6 @@ from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.results.verdict import STALL_SHARES
 from mavhums.show.words import clock, join, name, percent, place_of
 
-__all__ = ["ServoTable", "reserve", "usage"]
-
 _FRICTION, _TORQUE = STALL_SHARES
 
 

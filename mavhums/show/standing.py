@@ -7,24 +7,10 @@ from collections.abc import Iterator
 from math import ceil, floor
 
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.output import printable
 from mavhums.results.standing import FlightsLeft, Growth, Standing, Step
 from mavhums.results.store import Change, FleetDigest
-from mavhums.show.words import capital, condition_word, join, printable
-
-__all__ = [
-    "digest_headline",
-    "digest_html",
-    "digest_lines",
-    "growth_words",
-    "left_words",
-    "mark_of",
-    "sentence",
-    "sentences",
-    "since_words",
-    "soonest_words",
-    "step_words",
-    "value_words",
-]
+from mavhums.show.words import capital, condition_word, join
 
 
 def sentences(standing: Standing) -> list[str]:

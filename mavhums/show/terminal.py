@@ -15,13 +15,12 @@ from rich.text import Text
 from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError
+from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.show.digest import Digest, Paragraph, Subject, advice, digest
 from mavhums.show.verdict_words import explanation
-from mavhums.show.words import COLOURS, capital, condition_word, finding, join, name, printable
-
-__all__ = ["Line", "condition_text", "indented", "line_of", "render", "render_findings", "render_many"]
+from mavhums.show.words import COLOURS, capital, condition_word, finding, join, name
 
 _FINDINGS = 3  # with headline and table they fit a screen of 24 lines
 

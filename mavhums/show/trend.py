@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.core.output import printable
 from mavhums.health.axis.past import LOSSES
 from mavhums.results.standing import (
     ActuatorTrend,
@@ -27,9 +28,7 @@ from mavhums.show.evidence import Curve, Limit
 from mavhums.show.html_plot import Chart, chart
 from mavhums.show.standing import growth_words, left_words, sentences, since_words, soonest_words, step_words
 from mavhums.show.terminal import indented
-from mavhums.show.words import COLOURS, capital, join, printable
-
-__all__ = ["TrendShown", "render_trends", "sparkline", "trend_shown"]
+from mavhums.show.words import COLOURS, capital, join
 
 _BARS = "▁▂▃▄▅▆▇█"
 _CELLS = 8

@@ -9,18 +9,6 @@ from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS, NORMAL_S
 from mavhums.results.verdict import Candidate, Evidence, Verdict
 from mavhums.show.words import clock, effectiveness, friction, percent
 
-__all__ = [
-    "certainty",
-    "control_left",
-    "course",
-    "culprits",
-    "explanation",
-    "implausible",
-    "judged",
-    "network_cell",
-    "network_sentence",
-]
-
 _WIDEST: Final = 1.0
 """A 95 % interval wider than the whole control effectiveness says nothing about it."""
 

@@ -21,8 +21,6 @@ from mavhums.engine.events import Event
 from mavhums.results.assessment import Assessment
 from mavhums.show.recording import Recorder, draw, end
 
-__all__ = ["WEB_FILES", "LiveViewer", "save_web_viewer", "viewer_command", "viewer_program"]
-
 WEB_FILES: Final = ("index.html", "re_viewer.js", "re_viewer_bg.wasm", "favicon.ico")
 """The files that a browser needs to show a recording."""
 

@@ -7,35 +7,10 @@ from math import cos, radians, sin
 from typing import Final
 
 from mavhums.core.conditions import Condition
-from mavhums.core.output import printable
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import ALL, Evidence, Verdict
-
-__all__ = [
-    "BLUE",
-    "COLOURS",
-    "PALE_BLUE",
-    "SERIES",
-    "STALE",
-    "STALE_COLOUR",
-    "YELLOW",
-    "capital",
-    "clock",
-    "condition_word",
-    "effectiveness",
-    "finding",
-    "friction",
-    "join",
-    "link_loss",
-    "losses",
-    "name",
-    "percent",
-    "place_of",
-    "printable",
-    "whose",
-]
 
 COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
     "normal": (0, 158, 115),

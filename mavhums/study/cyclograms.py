@@ -20,28 +20,6 @@ from mavhums_sim.ema import EmaParameters
 from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 from mavhums_sim.sensors import SensorNoise, sample_times, sense
 
-__all__ = [
-    "BEST_12",
-    "BEST_SELECTED",
-    "CHI_SQUARE",
-    "CONDITIONS",
-    "CYCLOGRAMS",
-    "FIGURES_16_TO_19",
-    "MAIN",
-    "P_LEVELS",
-    "SELECTED",
-    "TABLE_1",
-    "TABLE_4",
-    "TABLE_5",
-    "TAKEOFF",
-    "TEST_NM",
-    "TRAINING_NM",
-    "CyclogramSamples",
-    "PublishedNetwork",
-    "fly_condition",
-    "fly_takeoff",
-]
-
 TABLE_1: Final = {
     "nominal torque, N·m": 3.5,
     "stall torque, N·m": 5.0,

@@ -21,17 +21,6 @@ from mavhums.study.cyclograms import (
     fly_takeoff,
 )
 
-__all__ = [
-    "Bound",
-    "Effort",
-    "Experiment",
-    "emergency",
-    "held_decision",
-    "run_experiment",
-    "samples",
-    "takeoff_bound",
-]
-
 _EMERGENCY_NM = 0.5
 _VOTES = 100
 

@@ -31,8 +31,6 @@ from mavhums.study.report import render
 from mavhums.study.rig import CONSTANTS, FEATURES, HEALTHY, Constants, Run, examples, read_rig, stage
 from mavhums.study.run import Folder, Progress
 
-__all__ = ["Size", "rate", "strokes_table", "write_real_study"]
-
 MIXED, RUNS, LOADS, LATER, STAGES = (
     "sequences mixed",
     "whole runs kept together",

@@ -36,8 +36,6 @@ from mavhums.study.cyclograms import (
 from mavhums.study.experiment import Experiment, emergency, held_decision
 from mavhums.study.tables import FEWER_NETWORKS, LOAD_FRICTION, TWO, Findings
 
-__all__ = ["markdown_table", "record_study", "render", "report"]
-
 _HELD_GOAL = 99.9
 _MOVES = 0.9
 

@@ -31,8 +31,6 @@ from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.strokes import StrokeSums
 from mavhums.results.verdict import OwnRecord
 
-__all__ = ["COLUMNS", "CONSTANTS", "FEATURES", "HEALTHY", "Constants", "Run", "examples", "read_rig", "stage"]
-
 COLUMNS: Final = ("load", "run", "sequence", "time", "set_point", "position", "position_error", "current")
 HEALTHY: Final = "normal"
 

@@ -45,8 +45,6 @@ from mavhums.study.tables import (
     thinning_table,
 )
 
-__all__ = ["Folder", "Progress", "find", "write_study"]
-
 Progress = Callable[[int, int], None]
 
 _BOTH = (MAIN, TAKEOFF)

@@ -41,22 +41,6 @@ from mavhums.study.experiment import Bound, Effort, Experiment, emergency, run_e
 from mavhums_sim.ema import DataSheet, EmaParameters
 from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 
-__all__ = [
-    "FEWER_NETWORKS",
-    "LOAD_FRICTION",
-    "TWO",
-    "FigureOne",
-    "Findings",
-    "Grouping",
-    "chi_square_table",
-    "grouping",
-    "load_friction_table",
-    "p_level_table",
-    "subset_table",
-    "table_1",
-    "thinning_table",
-]
-
 _HEALTHY_NM = 0.225
 
 TWO = ("V5", "V11")

@@ -34,20 +34,6 @@ from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.flight import ActuatorRecord, Flight, fly
 
-__all__ = [
-    "TELEMETRY",
-    "ActuatorFlight",
-    "Telemetry",
-    "add_log",
-    "flown_samples",
-    "fly_fleet",
-    "friction_range",
-    "moving_samples",
-    "parameters_of",
-    "reported",
-    "windows",
-]
-
 _HEALTHY_PER_LIMIT = 0.225 / 0.375
 _EMERGENCY_PER_LIMIT = 1.025 / 0.875
 _SLOPE_S = 0.04

@@ -40,8 +40,6 @@ from mavhums.training.windows import flight_counts, train_window_network
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 
-__all__ = ["friction_range", "train_model"]
-
 _EVERY = 20
 _RATES_HZ = (100.0, 50.0, 25.0, 10.0)
 _WORKING = 20  # moving samples of a window in which a network is asked at all

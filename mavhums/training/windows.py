@@ -37,8 +37,6 @@ from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.flight import ActuatorRecord, Flight, fly
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 
-__all__ = ["FlownWindows", "classes_of", "fly_windows", "keys_of", "measure", "train_window_network"]
-
 SEVERITIES = {
     "winding_resistance": ("resistance", 0.2, 2.0),
     "torque_constant": ("torque_constant", 0.15, 0.5),

@@ -18,8 +18,6 @@ from mavhums.log import Table
 from mavhums.vehicle.formats import each, messages_of, reports
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["AIRSPEED_MESSAGES", "AirspeedCheck", "Airspeeds", "Speed", "WindTriangle"]
-
 AIRSPEED_MESSAGES: Final = messages_of("sensed airspeed")
 
 _MEMORY_S: Final = 60.0

@@ -14,8 +14,6 @@ import numpy as np
 from mavhums.core.arrays import Integers
 from mavhums.core.kernels import kernel
 
-__all__ = ["BOOT", "BROKEN", "LOOSE", "SOUND", "UNSTAMPED", "USEC", "MappedTimes", "VehicleClock"]
-
 UNSTAMPED: Final = -1
 BOOT: Final = 0
 USEC: Final = 1

@@ -16,8 +16,6 @@ from mavhums.vehicle.clock import BOOT, BROKEN, LOOSE, UNSTAMPED, USEC, VehicleC
 from mavhums.vehicle.formats import each
 from mavhums.vehicle.formats.mavlink import STAMPS, stamp_of
 
-__all__ = ["Clocks", "on_clocks"]
-
 _COUNTERS: Final = dict(zip(STAMPS, ((BOOT, 1000), (USEC, 1)), strict=True))  # counter, and its unit in µs
 _LAPS_US: Final = {BOOT: 2**52, USEC: 2**32}  # a 64-bit stamp may be damaged beyond what can be added up
 _REMEMBERED: Final = 4096  # messages of one type and sender: 40 s at 100 Hz

@@ -14,25 +14,6 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 
-__all__ = [
-    "ALL_OUTPUTS",
-    "ARDUPILOT",
-    "CONTINUOUS",
-    "FIRST_UAVCAN_OUTPUT",
-    "IN_AIR",
-    "NO_AUTOPILOT",
-    "ON_GROUND",
-    "OUTPUTS",
-    "PULSES",
-    "PX4",
-    "REPORTS",
-    "SIGNALS",
-    "STEPPED",
-    "ServoIds",
-    "ServoReading",
-    "Signal",
-]
-
 ARDUPILOT: Final = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
 NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station
 PX4: Final = 12  # MAV_AUTOPILOT_PX4

@@ -24,8 +24,6 @@ from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces
 from mavhums.vehicle.usage import BAND_US
 from mavhums.vehicle.vtol import HOVERING_MODES, LEAST_SPEED, NO_LIFT
 
-__all__ = ["GROUND", "LEAST_DRIVEN", "LEAST_SPEED", "Flight", "Rows"]
-
 _FIXED_WING: Final = 1
 _ROVER, _BOAT = 10, 11
 GROUND: Final = frozenset({_ROVER, _BOAT})

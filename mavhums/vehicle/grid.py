@@ -23,8 +23,6 @@ from mavhums.core.kernels import kernel
 from mavhums.vehicle.facts import CONTINUOUS, STEPPED, Signal
 from mavhums.vehicle.signals import DERIVED, CandidateStream, Choice, body_rates
 
-__all__ = ["GAP_S", "HORIZON_S", "RATE_HZ", "Grid", "Order", "Received", "Seconds"]
-
 RATE_HZ: Final = 20
 """Rate of the grid: more costs memory and time, and streams of 10 Hz carry no more."""
 _HELD_S: Final = 5.0  # a state holds as long: heartbeats come once a second, some of them are lost

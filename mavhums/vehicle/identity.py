@@ -23,17 +23,6 @@ from mavhums.vehicle.formats import messages_of, reports
 from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.states import kind_named, texts
 
-__all__ = [
-    "FLIGHT_MESSAGES",
-    "IDENTITY_MESSAGES",
-    "PERIPHERALS",
-    "FlightIds",
-    "Identities",
-    "Identity",
-    "RecordedFlights",
-    "in_words",
-]
-
 IDENTITY_MESSAGES: Final = messages_of("autopilot", "autopilot name", "board", "firmware", "text")
 """What :class:`Identities` reads."""
 

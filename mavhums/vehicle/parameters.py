@@ -25,17 +25,6 @@ from mavhums.vehicle.facts import PX4
 from mavhums.vehicle.formats import messages_of, reports
 from mavhums.vehicle.formats.base import Report
 
-__all__ = [
-    "OUTPUT_PARAMETERS",
-    "PARAMETER_MESSAGES",
-    "Output",
-    "Parameters",
-    "ReceivedParameters",
-    "assigned_outputs",
-    "control_surfaces",
-    "read_parameters",
-]
-
 PARAMETER_MESSAGES = messages_of("autopilot", "parameter")
 """What :class:`ReceivedParameters` reads."""
 

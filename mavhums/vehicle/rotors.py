@@ -17,8 +17,6 @@ from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.vtol import turns_its_motors
 
-__all__ = ["ROTOR_PARAMETERS", "Rotors", "rotors_of"]
-
 ROTOR_PARAMETERS: Final = ("FRAME", "MOT_", "RC3_M", "CA_", "SYS_AUTOSTART", "MAV_TYPE", "THR_MDL_FAC")
 """Beginnings of the names of parameters that describe motors."""
 

@@ -15,8 +15,6 @@ from mavhums.vehicle.facts import PULSES
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES, COLUMNS
 
-__all__ = ["PastRows", "Rows"]
-
 _KEPT_S: Final = 1200  # 4 kB each; most flights of small aircraft are shorter
 
 

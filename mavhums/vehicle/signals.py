@@ -24,16 +24,6 @@ from mavhums.vehicle.formats import each, messages_of, reports
 from mavhums.vehicle.formats.base import Report, Source, wide
 from mavhums.vehicle.states import kind_named, texts
 
-__all__ = [
-    "DERIVED",
-    "SIGNAL_MESSAGES",
-    "CandidateStream",
-    "Choice",
-    "SignalReader",
-    "all_outputs",
-    "body_rates",
-]
-
 SIGNAL_MESSAGES: Final = messages_of(*SIGNALS, "armed", "mode", "text", "parameter")
 """Messages of any format that carry signals, or what they depend on."""
 

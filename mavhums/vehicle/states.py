@@ -17,20 +17,6 @@ from mavhums.log import Table
 from mavhums.vehicle.formats import each, messages_of, reports
 from mavhums.vehicle.formats.base import FormatModule
 
-__all__ = [
-    "STATE_MESSAGES",
-    "TEXT_MESSAGES",
-    "Attitude",
-    "FlightMode",
-    "Followed",
-    "ModeChanges",
-    "Position",
-    "Text",
-    "VehicleStates",
-    "kind_named",
-    "texts",
-]
-
 TEXT_MESSAGES: Final = messages_of("text")
 """Messages that carry texts."""
 

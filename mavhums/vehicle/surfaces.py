@@ -18,20 +18,6 @@ from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.parameters import Parameters, assigned_outputs, control_surfaces
 from mavhums.vehicle.vtol import NO_LIFT, Lift, lift_of
 
-__all__ = [
-    "ALIKE_US",
-    "AXES",
-    "COLUMNS",
-    "KINDS",
-    "STEERING",
-    "Demands",
-    "Moved",
-    "Surfaces",
-    "of_parameters",
-    "on_channels",
-    "steers_by_wheels",
-]
-
 AXES: Final = ("roll", "pitch", "yaw")
 STEERING: Final = "steering"
 """The only axis of a rover or a boat, and what its servo moves: it turns the vehicle about yaw."""

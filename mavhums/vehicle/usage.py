@@ -15,17 +15,6 @@ from mavhums.log.base.tables import text_of
 from mavhums.vehicle.facts import OUTPUTS, Signal
 from mavhums.vehicle.formats import each, messages_of, reports
 
-__all__ = [
-    "BAND_US",
-    "ESC_TEMPERATURE_MESSAGES",
-    "HELD_S",
-    "NAMED_MESSAGES",
-    "EscTemperatures",
-    "NamedValues",
-    "OutputUse",
-    "Usage",
-]
-
 BAND_US: Final = 8
 """Movement that counts: 1 % of the usual travel of 800 µs, above the dead band of a usual servo."""
 

@@ -17,19 +17,6 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.vehicle.facts import ALL_OUTPUTS, ARDUPILOT
 from mavhums.vehicle.identity import Identity
 
-__all__ = [
-    "HOVERING_MODES",
-    "LEAST_SPEED",
-    "NO_LIFT",
-    "VTOL_PARAMETERS",
-    "Lift",
-    "hovers",
-    "lift_of",
-    "refined_identity",
-    "rotor_servos",
-    "turns_its_motors",
-]
-
 VTOL_PARAMETERS: Final = ("Q_ENABLE", "Q_FRAME_", "Q_M_", "Q_T", "FRAME_CLASS")
 """Beginnings of the names of parameters that say what lifts."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "Integers", "Records"]
-
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Records = NDArray[np.void]

@@ -14,16 +14,6 @@ import numpy as np
 
 from mavhums_sim._arrays import Array
 
-__all__ = [
-    "Constants",
-    "Course",
-    "State",
-    "advance_one_mass",
-    "advance_two_masses",
-    "integrate_one_mass",
-    "integrate_two_masses",
-]
-
 
 class Constants(NamedTuple):
     """Constants of a flight; :class:`mavhums_sim.ema.EmaParameters` describes them and their units."""

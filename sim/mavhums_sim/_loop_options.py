@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from mavhums_sim.closed_loop import Air, ClosedLoop, Confounder, SurfaceFault
     from mavhums_sim.closed_loop.reports import Streams
 
-__all__ = ["plan_loop", "with_loop_options"]
-
 _NUMBER = r"\d+(?:\.\d+)?"
 _TIMES = rf"(@(?P<at>{_NUMBER})(\.\.(?P<until>{_NUMBER}))?)?"
 

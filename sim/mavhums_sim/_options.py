@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from mavhums_sim.flight import Flight
     from mavhums_sim.link import Link
 
-__all__ = ["DURATION", "SEED", "given", "plan_flight", "with_flight_options"]
-
 DURATION = click.option(
     "--duration",
     default=100.0,

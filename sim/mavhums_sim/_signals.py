@@ -6,8 +6,6 @@ import numpy as np
 
 from mavhums_sim._arrays import Array
 
-__all__ = ["gusts", "held", "ramp"]
-
 
 def ramp(x: Array, start: float, end: float) -> Array:
     """Rise smoothly from 0 at ``start`` to 1 at ``end``."""

@@ -20,8 +20,6 @@ from mavhums_sim.flight import Flight, FlightRecord, fly
 from mavhums_sim.link import LAST_DAY, Link
 from mavhums_sim.telemetry import write_tlog
 
-__all__ = ["CAMPAIGNS", "PAPER_FRICTION_NM", "consume", "paper_campaign", "run_campaign", "write_truth"]
-
 PAPER_FRICTION_NM = (0.225, 0.275, 0.325, 0.375, 0.875, 0.925, 0.975, 1.025)
 _SURFACE = "elevator"
 _JOURNAL = "truth.jsonl"

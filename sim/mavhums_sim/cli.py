@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from mavhums_sim.flight import Flight, FlightRecord
     from mavhums_sim.link import Link
 
-__all__ = ["main"]
-
 Flown = TypeVar("Flown")
 
 

@@ -11,8 +11,6 @@ import numpy as np
 from mavhums_sim._arrays import Array
 from mavhums_sim.motion import Degradation
 
-__all__ = ["FAULTS", "Condition", "Fault", "degrade"]
-
 
 @dataclass(frozen=True, slots=True)
 class Fault:

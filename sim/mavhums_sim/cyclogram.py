@@ -15,9 +15,6 @@ from mavhums_sim._arrays import Array
 from mavhums_sim._signals import gusts, ramp
 from mavhums_sim.motion import CONTROL_PERIOD_S
 
-__all__ = ["SURFACES", "Cyclogram", "takeoff"]
-
-
 SURFACES = ("aileron_left", "aileron_right", "elevator", "rudder")
 
 

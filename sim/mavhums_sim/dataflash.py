@@ -21,8 +21,6 @@ from mavhums_sim.sensors import sample_times
 from mavhums_sim.telemetry import board, parameters
 from mavhums_sim.tiers import servo_pulses
 
-__all__ = ["ON_BOARD_TIERS", "Kind", "gps", "records", "write_dataflash", "write_records"]
-
 ON_BOARD_TIERS = ("csrv", "esc-unsigned", "named", "pwm")
 """Tiers that an on-board log can carry."""
 

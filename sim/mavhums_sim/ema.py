@@ -17,8 +17,6 @@ from typing import Literal
 
 from mavhums_sim._integrate import Constants
 
-__all__ = ["DataSheet", "EmaParameters", "FrictionMethod", "Gearbox"]
-
 FrictionMethod = Literal["impulse", "karnopp"]
 
 _KARNOPP_BAND = 0.005

@@ -11,9 +11,6 @@ from mavhums_sim._arrays import Array
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.motion import simulate
 
-__all__ = ["EnergyBalance", "energy_balance"]
-
-
 _STEP_S = 1e-5
 _COULOMB = 0.225
 

@@ -7,8 +7,6 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-__all__ = ["EscStatus"]
-
 
 class EscStatus(mavlink.MAVLink_message):  # type: ignore[misc, unused-ignore]
     """Speed in rev/min, voltage in V and current in A of ESCs ``index`` … ``index + 3``, signed."""

@@ -17,17 +17,6 @@ from mavhums_sim.motion import CONTROL_PERIOD_S, Motion, simulate
 from mavhums_sim.rates import Rates
 from mavhums_sim.sensors import EscSide, Registers, SensorNoise, sample_times, sense, sense_esc
 
-__all__ = [
-    "HEALTHY_FRICTION_NM",
-    "HINGE_PER_DEFLECTION",
-    "HINGE_PER_INCIDENCE",
-    "ActuatorRecord",
-    "Flight",
-    "FlightRecord",
-    "fly",
-    "record_actuator",
-]
-
 HEALTHY_FRICTION_NM = 0.225
 _AIR_DENSITY = 1.225
 HINGE_PER_DEFLECTION = 0.016  # c_δ, m³/rad: about 2 N·m at 20° and 24 m/s

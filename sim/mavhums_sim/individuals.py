@@ -8,8 +8,6 @@ import numpy as np
 
 from mavhums_sim.ema import EmaParameters
 
-__all__ = ["Individual"]
-
 _WITHIN = 2.5  # standard deviations: the tolerance of quality control
 
 

@@ -11,8 +11,6 @@ import numpy as np
 from pymavlink.dialects.v10 import ardupilotmega as mavlink1
 from pymavlink.dialects.v20 import ardupilotmega as mavlink2
 
-__all__ = ["BOOT_US", "EPOCH_US", "LAST_DAY", "Frame", "Link", "transmit"]
-
 EPOCH_US = 1_767_258_000_000_000  # 2026-01-01 09:00:00 UTC
 LAST_DAY = 36_525  # flights begin within a hundred years
 BOOT_US = 30_000_000  # the vehicle has run for half a minute when the log starts

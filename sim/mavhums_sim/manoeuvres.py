@@ -15,9 +15,6 @@ from mavhums_sim._signals import gusts, held, ramp
 from mavhums_sim.cyclogram import SURFACES, Cyclogram, takeoff
 from mavhums_sim.motion import CONTROL_PERIOD_S
 
-__all__ = ["CYCLOGRAMS", "DEAD_BAND_DEG", "cruise", "gusty", "landing", "preflight", "turns"]
-
-
 DEAD_BAND_DEG = 0.4
 """Default step of the commands: an autopilot's. One of a servo pulse (1 µs) is 0.12°; 0 is smooth."""
 

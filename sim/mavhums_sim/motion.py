@@ -11,8 +11,6 @@ from mavhums_sim._arrays import Array
 from mavhums_sim._integrate import Course, integrate_one_mass, integrate_two_masses
 from mavhums_sim.ema import EmaParameters
 
-__all__ = ["CONTROL_PERIOD_S", "MOVING_RAD_S", "STEP_S", "Degradation", "Motion", "simulate"]
-
 CONTROL_PERIOD_S = 1e-3
 STEP_S = 1e-4
 MOVING_RAD_S = radians(0.1)  # slower motion is the controller's final creep into friction

@@ -14,17 +14,6 @@ from numpy.typing import NDArray
 
 from mavhums_sim._arrays import Integers
 
-__all__ = [
-    "KINDS",
-    "begin_later",
-    "move_parameters",
-    "patch_parameters",
-    "perturb",
-    "repeat_parameters",
-    "through_radio",
-    "without_parameters",
-]
-
 _STAMP = 8
 _PARAM_VALUE = 22
 _LONGEST_PIECE = 4096

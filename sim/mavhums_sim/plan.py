@@ -17,8 +17,6 @@ from mavhums_sim.flight import Flight
 from mavhums_sim.link import Link
 from mavhums_sim.rates import Rates
 
-__all__ = ["Plan", "load_plan"]
-
 Tier = Literal["instrumented", "esc-signed", "esc-unsigned", "named", "pwm"]
 
 

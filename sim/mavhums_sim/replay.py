@@ -20,8 +20,6 @@ from mavhums_sim._arrays import Array
 from mavhums_sim.cyclogram import SURFACES, Cyclogram
 from mavhums_sim.motion import CONTROL_PERIOD_S
 
-__all__ = ["Replay", "replay"]
-
 Between = Literal["linear", "hold"]
 _NAMES = {  # SERVOn_FUNCTION of ArduPilot: the nth such output drives the nth surface named
     4: ("aileron_left", "aileron_right"),

@@ -21,8 +21,6 @@ from mavhums_sim.closed_loop.encode import encode
 from mavhums_sim.closed_loop.tables import Table, boot_ms, boot_us, text_rows, whole
 from mavhums_sim.link import Link
 
-__all__ = ["PARAMETERS", "Driven", "Rover", "SteeringFault", "draw_rover", "drive", "encoded", "write_tlog"]
-
 Array = NDArray[np.float64]
 LOGGED_HZ: Final = 50
 _STEPS: Final = 2  # per logged sample

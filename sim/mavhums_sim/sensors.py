@@ -15,8 +15,6 @@ from mavhums_sim._arrays import Array
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.motion import Motion
 
-__all__ = ["ELECTRONICS_A", "EscSide", "Registers", "SensorNoise", "sample_times", "sense", "sense_esc"]
-
 EscSide = Literal["motor", "bus"]
 ELECTRONICS_A = 0.05  # bus current of the electronics of one actuator
 

@@ -11,8 +11,6 @@ from pymavlink import mavutil
 
 from mavhums_sim.link import Frame
 
-__all__ = ["connect", "stream"]
-
 _URL = re.compile(r"(udpout|udpbcast|tcp|tcpin):[^:\s]+:\d{1,5}")
 
 

@@ -17,22 +17,9 @@ from mavhums_sim._arrays import Array
 from mavhums_sim._files import written_whole
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.flight import ActuatorRecord, Flight, FlightRecord
-from mavhums_sim.link import BOOT_US, EPOCH_US, Frame, Link, transmit
+from mavhums_sim.link import BOOT_US, Frame, Link, transmit
 from mavhums_sim.sensors import ELECTRONICS_A, sample_times
 from mavhums_sim.tiers import Stream, actuator_streams
-
-__all__ = [
-    "BOARD",
-    "EPOCH_US",
-    "MESSAGES",
-    "battery",
-    "board",
-    "in_order",
-    "messages",
-    "parameters",
-    "write_frames",
-    "write_tlog",
-]
 
 BOARD = "SimBoard 4D415648 554D5353 494D0001"
 """Type and unique id of the autopilot's board in an aircraft whose actuators are the data sheet's."""

@@ -30,8 +30,6 @@ from mavhums_sim.flight import ActuatorRecord, FlightRecord
 from mavhums_sim.link import BOOT_US
 from mavhums_sim.sensors import sample_times
 
-__all__ = ["TIERS", "Stream", "actuator_streams", "servo_pulses"]
-
 _PWM_TRIM, _PWM_PER_DEGREE = 1500.0, 500.0 / 60.0
 
 Message = Any

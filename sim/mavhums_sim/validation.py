@@ -17,9 +17,6 @@ from mavhums_sim.ema import DataSheet, EmaParameters, Gearbox
 from mavhums_sim.energy import energy_balance
 from mavhums_sim.motion import Degradation, Motion, simulate
 
-__all__ = ["CHECKS", "Check", "validate"]
-
-
 _COULOMB = 0.225
 _ONE = EmaParameters.from_data_sheet()
 _TWO = _ONE.two_masses()

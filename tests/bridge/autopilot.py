@@ -15,8 +15,6 @@ from typing import Any, NamedTuple
 from lupa import lua53
 from pymavlink.dialects.v20 import ardupilotmega
 
-__all__ = ["SCRIPT", "Autopilot", "Sent", "Telemetry"]
-
 SCRIPT = Path(__file__).parents[2] / "bridge" / "servo_bridge.lua"
 _NAME_LENGTH = 10
 

@@ -13,7 +13,7 @@ from mavhums.engine.axes import MOST_VEHICLES, VehicleLimit
 from mavhums.engine.motion import _alike, _alone, inferred
 from mavhums.log import Table
 from mavhums.vehicle.facts import OUTPUTS
-from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import Demands, Moved
 from tests.health.axis.flights import Array, excited, rows, steady
 

@@ -12,8 +12,6 @@ from mavhums.flights.store import Row, Store
 from mavhums.flights.store_tables import VERDICTS
 from mavhums.results.assessment import Assessment
 
-__all__ = ["row_of", "write_store"]
-
 
 def row_of(assessment: Assessment, aircraft: str, flight: StandaloneAssessment | None = None) -> Row:
     """Return a log's row, as a worker gives it; without the flight's records if it is not given."""

@@ -16,9 +16,10 @@ from rich.console import Console
 
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.folder import keep_assessment, read_history
-from mavhums.flights.history import REFERENCE_FLIGHTS, FlightHistory, PastFlight
+from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
+from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.assessment import SCHEMA, Assessment
 from mavhums.results.standing import to_frame
 from mavhums.show.trend import render_trends

@@ -27,8 +27,6 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from tests.live.programs import ENVIRONMENT, free_port, mavhums
 
-__all__ = ["ATTACKS", "Attack", "Cost", "endure"]
-
 HERE: Final = "127.0.0.1"
 _QUIET_S: Final = 5.0
 

@@ -15,8 +15,6 @@ from typing import Any, NamedTuple
 
 from tests.show.chromium import Chromium, find
 
-__all__ = ["BROWSER", "Browser", "Served", "served", "violations"]
-
 BROWSER = find()
 _PATIENCE_S = 240.0  # a browser that draws without a GPU beside other work
 

@@ -12,8 +12,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-__all__ = ["Chromium"]
-
 _FLAGS = (
     "--headless=new",
     "--no-sandbox",

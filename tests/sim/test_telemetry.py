@@ -15,7 +15,8 @@ from pymavlink import mavutil
 from mavhums_sim import FlightRecord, write_tlog
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.flight import Flight, fly
-from mavhums_sim.telemetry import EPOCH_US, MESSAGES, messages
+from mavhums_sim.link import EPOCH_US
+from mavhums_sim.telemetry import MESSAGES, messages
 
 BOOT_S = 30.0
 Read = dict[str, list[Any]]

@@ -13,8 +13,8 @@ from mavhums.actuator import load_airframe
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, WINDOW_KEYS, column
 from mavhums.learn import Scheme, load_model, packaged_models, save_model
-from mavhums.training.flights import TELEMETRY, fly_fleet, moving_samples, windows
-from mavhums.training.train import friction_range, train_model
+from mavhums.training.flights import TELEMETRY, fly_fleet, friction_range, moving_samples, windows
+from mavhums.training.train import train_model
 from mavhums.training.windows import classes_of, fly_windows, keys_of
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.conditions import Condition

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from mavhums.log import Table
 from mavhums.vehicle.facts import Signal
-from mavhums.vehicle.flight import Flight, Rows
+from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Grid
 from mavhums.vehicle.parameters import Parameters, control_surfaces
+from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.signals import SignalReader
 from mavhums.vehicle.surfaces import of_parameters
 

@@ -43,8 +43,8 @@ from mavhums.health.axis.thresholds import (
     TRIM_SHIFT_DEVIATIONS,
 )
 from mavhums.results.sections import AxisLimits
-from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES, STEERING
 
 

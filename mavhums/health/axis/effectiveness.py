@@ -50,8 +50,8 @@ from mavhums.health.axis.thresholds import (
     WINDOW_SECONDS,
 )
 from mavhums.results.sections import AxisLimits
-from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES
 
 _FORGET: Final = exp(-1.0 / FORGET_S)  # per second

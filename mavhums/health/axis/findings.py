@@ -29,10 +29,8 @@ from mavhums.health.axis.thresholds import (
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Suspect
-from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
-
-__all__ = ["AxisFindings", "MixedPair", "MixedSums", "origins"]
+from mavhums.vehicle.rows import Rows
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,8 +31,8 @@ from mavhums.health.estimation.random_effects import RunningVariance
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Suspect
-from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES
 
 _MOST_EPISODES: Final = 100  # kept for the evidence

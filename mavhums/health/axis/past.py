@@ -31,8 +31,6 @@ from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, OwnRecord, Suspect, Verdict
 
-__all__ = ["LOSSES", "compare_response", "compare_with_earlier_flights"]
-
 LOSSES: Final = ("effectiveness", "manoeuvre")
 """Faults whose indicators fall as the fault grows."""
 

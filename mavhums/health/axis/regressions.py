@@ -20,8 +20,8 @@ from mavhums.health.axis.thresholds import (
     MOST_BANK_DEG,
     MOST_PITCH_DEG,
 )
-from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import COLUMNS, STEERING
 
 _ROLL_RAD: Final = np.radians(MOST_BANK_DEG)

@@ -29,8 +29,8 @@ from mavhums.health.axis.thresholds import (
     SLOW_FLIGHT_SHARE,
     USUAL_SPEED_S,
 )
-from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.rows import Rows
 
 _FREE: Final = 1e9  # no prior
 _ROLLS_RAD_S: Final = float(np.radians(FASTEST_ROLL_DEG_S))

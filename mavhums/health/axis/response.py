@@ -38,10 +38,9 @@ from mavhums.health.decision.baseline import Baseline, ComparedIndicator
 from mavhums.health.estimation.least_squares import packed, unpacked
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator, OwnRecord
-from mavhums.vehicle.flight import SPEEDS, Rows
+from mavhums.vehicle.flight import SPEEDS
 from mavhums.vehicle.grid import RATE_HZ
-
-__all__ = ["RESPONSE", "Response", "ResponseSums", "Stretch", "stretches"]
+from mavhums.vehicle.rows import Rows
 
 RESPONSE: Final = "response"
 """Name of the equation in a record."""

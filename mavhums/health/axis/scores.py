@@ -32,12 +32,6 @@ from mavhums.health.axis.thresholds import (
 from mavhums.results.standing import Interval
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = [
-    "LossExclusion",
-    "Pool",
-    "measured",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Sums:

@@ -47,8 +47,6 @@ from mavhums.health.decision.trend import widening
 from mavhums.health.estimation.random_effects import variance_between
 from mavhums.results.standing import Interval
 
-__all__ = ["Course", "course_of", "last_step"]
-
 _MOST_FLIGHTS = 1e6  # the search for a crossing ends there: no aircraft flies more
 _LOW, _MIDDLE, _HIGH = 0.025, 0.5, 0.975
 _TO_DEVIATION = 1.4826 / sqrt(2.0)  # median absolute difference of neighbours → standard deviation

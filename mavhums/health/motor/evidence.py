@@ -28,19 +28,6 @@ from mavhums.health.motor.hypotheses import (
 )
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = [
-    "ALOFT",
-    "COLUMNS",
-    "FLOWN",
-    "JUDGED",
-    "TIPPED",
-    "Rules",
-    "State",
-    "follow",
-    "new_state",
-    "rules_for",
-]
-
 COLUMNS: Final = 8
 """Of the result: motor from 1, or 0; window; log Bayes factor; share lost, its 95 % interval; another motor
 with which it fits much better, from 1, or 0; whether it flew upright, for longer than its take-off."""

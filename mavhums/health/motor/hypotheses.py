@@ -12,19 +12,6 @@ import numpy as np
 from mavhums.core.arrays import Array, Integers
 from mavhums.core.kernels import kernel
 
-__all__ = [
-    "LOSSES",
-    "Rules",
-    "bound_losses",
-    "density",
-    "det",
-    "is_payload",
-    "of_motor",
-    "of_others",
-    "pair",
-    "quantiles",
-]
-
 LOSSES: Final = 20
 """Steps of the share that a motor may have lost."""
 _PAIRED: Final = 10  # the same of each of two

@@ -36,8 +36,6 @@ from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.signals import DERIVED, all_outputs
 from mavhums.vehicle.vtol import hovers
 
-__all__ = ["TRIM", "TRIM_YAW", "Loss", "MotorFindings", "MotorMonitor", "Trims", "condition_of"]
-
 TRIM: Final = "trim"
 """Fault of the indicator: thrust that a motor gives more than its share, by that share."""
 TRIM_YAW: Final = "trim_yaw"

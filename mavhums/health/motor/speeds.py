@@ -17,8 +17,6 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import NORMAL_95
 from mavhums.vehicle.grid import RATE_HZ
 
-__all__ = ["EscSpeeds", "SpeedCause", "SpeedsBesideThrust"]
-
 _BIN_S: Final = 0.5  # a quad without a motor is in the air for a second or two
 _BIN_ROWS: Final = round(_BIN_S * RATE_HZ)
 _KEPT_BINS: Final = 120

@@ -40,8 +40,6 @@ from mavhums.vehicle.formats import remedy
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.rotors import Rotors
 
-__all__ = ["compare_motors", "unjudged_motors", "verdicts_of_motors"]
-
 _PARAMETERS: Final = (
     "nothing in the log tells which motor sits where",
     "record the parameters, too (refresh the ground station's list, or use the on-board log)",

@@ -20,12 +20,13 @@ from mavhums.health.axis.thresholds import (
     NORMAL_S,
     REFERENCE_S,
 )
-from mavhums.vehicle.flight import GROUND, LEAST_DRIVEN, LEAST_SPEED, Flight
+from mavhums.vehicle.flight import GROUND, LEAST_DRIVEN, Flight
 from mavhums.vehicle.formats import messages_of, remedy
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import PERIPHERALS, Identity, in_words
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import STEERING, Surfaces, steers_by_wheels
+from mavhums.vehicle.vtol import LEAST_SPEED
 
 NO_WINGS = "its servos can be judged if they report current or speed: name a profile with --airframe"
 """Remedy for a vehicle that no control surface turns in flight."""

@@ -8,16 +8,6 @@ from typing import NamedTuple, Protocol
 from mavhums.core.models import Contract
 from mavhums.log.base.tables import Table
 
-__all__ = [
-    "FormatPackage",
-    "LogDecoder",
-    "Losses",
-    "Refusal",
-    "Region",
-    "SequenceLoss",
-    "join_tables",
-]
-
 
 class Region(Contract):
     """Damaged bytes between two frames: where they begin in the log, and how many they are."""

@@ -13,8 +13,6 @@ from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.scanner import GUARD, SPARE, RecordBatch, load_word, store_word
 from mavhums.log.base.tables import Table
 
-__all__ = ["Definition", "DefinitionTable", "GatheredTables", "RowContext"]
-
 
 class RowContext(NamedTuple):
     """Context of a batch's rows.

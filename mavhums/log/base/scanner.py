@@ -14,21 +14,6 @@ from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.core.kernels import inlined
 from mavhums.log.base.decoder import Losses, Region
 
-__all__ = [
-    "GUARD",
-    "NO",
-    "RECORD",
-    "REGION",
-    "SPARE",
-    "WAIT",
-    "YES",
-    "BlockScanner",
-    "RecordBatch",
-    "ScanTotals",
-    "load_word",
-    "store_word",
-]
-
 YES, NO, WAIT = 1, 0, -1
 """A kernel's answers; ``WAIT`` means that it lies in bytes to come."""
 

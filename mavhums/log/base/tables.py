@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-__all__ = ["C_NUMBERS", "LOOSE_TIME", "MAVLINK1", "ODD_TIME", "PADDED", "SIGNED", "Table", "text_of"]
-
 MAVLINK1 = 1
 SIGNED = 2
 """The frame has a signature, which was not verified."""

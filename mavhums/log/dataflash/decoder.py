@@ -18,8 +18,6 @@ from mavhums.log.base.tables import ODD_TIME, Table
 from mavhums.log.dataflash.layout import RecordDefinitions
 from mavhums.log.dataflash.scanner import RecordScanner
 
-__all__ = ["DataFlashDecoder"]
-
 DATING_MESSAGES: Final = frozenset({"PARM", "GPS"})
 """Messages with the vehicle's id and the date."""
 

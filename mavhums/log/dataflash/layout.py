@@ -19,29 +19,6 @@ from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.records import Definition, DefinitionTable
 from mavhums.log.base.scanner import WAIT, load_word
 
-__all__ = [
-    "BACK",
-    "BODY",
-    "DEFINITIONS",
-    "FMT",
-    "FMT_BODY",
-    "FMT_SIZE",
-    "GAP_US",
-    "HEAD",
-    "IN_ORDER",
-    "MAGIC_1",
-    "MAGIC_2",
-    "ODD",
-    "TYPE",
-    "RecordDefinitions",
-    "begins",
-    "define",
-    "definition_of",
-    "is_near",
-    "judge_time",
-    "time_at",
-]
-
 MAGIC_1, MAGIC_2 = 0xA3, 0x95
 HEAD = 3
 FMT, FMT_SIZE = 128, 89

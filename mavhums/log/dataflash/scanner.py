@@ -45,8 +45,6 @@ from mavhums.log.dataflash.layout import (
     time_at,
 )
 
-__all__ = ["RecordScanner"]
-
 ROW = np.dtype([*RECORD, ("boot", "i4")], align=True)
 """One record: ``time_us`` since boot, -1 before the first time; ``boot`` counts the logs in the stream."""
 

@@ -18,8 +18,6 @@ from mavhums.log.mavlink.scanner import FrameScanner
 from mavhums.log.mavlink.sequence import StreamStats
 from mavhums.log.mavlink.signing import SignatureGuard, frame_sizes
 
-__all__ = ["VEHICLE_MESSAGES", "Intake", "MavlinkDecoder", "vehicles_of"]
-
 VEHICLE_MESSAGES = frozenset(
     {
         "ACTUATOR_OUTPUT_STATUS",

@@ -21,8 +21,6 @@ import numpy as np
 from mavhums.core.errors import MavhumsError
 from mavhums.log.base.tables import C_NUMBERS
 
-__all__ = ["Dialect", "DialectError", "MessageDefinition", "load_dialect"]
-
 _SHIPPED = ("ardupilotmega.xml", "development.xml")
 # What mavparse raises of a file that is no MAVLink XML, beside its own error.
 _NOT_MAVLINK = (ElementTree.ParseError, LookupError, ValueError, AttributeError, TypeError)

@@ -23,26 +23,6 @@ from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.scanner import NO, WAIT, YES, load_word
 from mavhums.log.base.tables import MAVLINK1, SIGNED
 
-__all__ = [
-    "DAY_US",
-    "HEAD_V1",
-    "HEAD_V2",
-    "MAGIC_V1",
-    "MAGIC_V2",
-    "SIGNATURE",
-    "STAMP",
-    "crc_of",
-    "finish_crc",
-    "follows",
-    "frame_end",
-    "judge_time",
-    "parts_of",
-    "plausible",
-    "seed_of",
-    "stamp_at",
-    "time_without_stamp",
-]
-
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
 HEAD_V1, HEAD_V2 = 6, 10
 _CRC = 2

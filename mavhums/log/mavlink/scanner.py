@@ -49,8 +49,6 @@ from mavhums.log.mavlink.frames import (
     time_without_stamp,
 )
 
-__all__ = ["ROW", "FrameScanner"]
-
 ROW = np.dtype([*RECORD, ("id", "i4"), ("crc", "u2")], align=True)
 """One frame: ``id`` of its message, and its ``crc``; the definition of an unknown message is -1."""
 

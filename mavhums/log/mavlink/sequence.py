@@ -21,8 +21,6 @@ from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.decoder import SequenceLoss
 from mavhums.log.mavlink.dialect import Dialect
 
-__all__ = ["StreamStats"]
-
 _LINKS = 4
 _AHEAD = 32
 _BEHIND = 128

@@ -20,8 +20,6 @@ from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import MAVLINK1, SIGNED
 from mavhums.log.mavlink.frames import HEAD_V1, HEAD_V2, SIGNATURE
 
-__all__ = ["TICKS_PER_MINUTE", "KeyFileError", "SignatureGuard", "frame_sizes", "load_key", "signing_ticks"]
-
 TICKS_PER_MINUTE = 60 * 100_000
 """Ticks of a signature's time stamp in a minute; a tick is 10 µs."""
 

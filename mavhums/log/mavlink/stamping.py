@@ -23,8 +23,6 @@ from mavhums.log.mavlink.dialect import Dialect
 from mavhums.log.mavlink.scanner import FrameScanner
 from mavhums.log.mavlink.signing import SignatureGuard, frame_sizes
 
-__all__ = ["Counts", "Piece", "Stamper"]
-
 _SENDERS = 64
 _STAMP = 8
 
@@ -71,7 +69,8 @@ class _SenderFrames(NamedTuple):
 class Hear(Protocol):
     """Callback for accepted frames: the sender, its systems, bytes, and time, microseconds of UTC."""
 
-    def __call__(self, sender: Hashable, systems: set[int], size: int, time_us: int, /) -> None: ...
+    def __call__(self, sender: Hashable, systems: set[int], size: int, time_us: int, /) -> None:
+        """Take the frame's particulars."""
 
 
 class Stamper:

@@ -20,8 +20,6 @@ from mavhums.log.base.tables import Table
 from mavhums.log.ulog.layouts import BASIC, Layout
 from mavhums.log.ulog.scanner import UlogScanner
 
-__all__ = ["UlogDecoder"]
-
 _INSTANCES = 256
 _HELD_BYTES = 1 << 20  # bytes that may wait for a fix; without one in them the log has no date
 _DATA, _PARAMETER = b"DP"

@@ -13,20 +13,6 @@ from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.scanner import NO, WAIT, YES
 
-__all__ = [
-    "BODY",
-    "TOPIC",
-    "UNKNOWN",
-    "UNUSED",
-    "follows",
-    "header_fits",
-    "kind_of",
-    "landing",
-    "looks_sound",
-    "size_of",
-    "topic_of",
-]
-
 UNUSED, UNKNOWN = -1, -2
 
 TOPIC = np.dtype(

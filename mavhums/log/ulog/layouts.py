@@ -18,8 +18,6 @@ from mavhums.core.arrays import Records
 from mavhums.log.base.tables import C_NUMBERS
 from mavhums.log.ulog.headers import TOPIC, UNKNOWN, UNUSED
 
-__all__ = ["BASIC", "Formats", "Layout", "Topics"]
-
 BASIC: Final = C_NUMBERS | {"bool": "u1", "char": "S1"}
 _NAME = r"[A-Za-z_][A-Za-z0-9_\-/]*"
 _FORMAT = re.compile(rf"({_NAME}):(.*)", re.DOTALL)

@@ -45,8 +45,6 @@ from mavhums.log.ulog.headers import (
 )
 from mavhums.log.ulog.layouts import Topics
 
-__all__ = ["HEADER", "SIGNATURE", "UlogScanner", "flag_bits"]
-
 ROW = np.dtype([*RECORD, ("kind", "u1")], align=True)
 """One message: ``offset`` of its header in the stream, ``definition`` of its layout, -1 if it is no data, and
 its ``kind``. The payload of data begins after the message id; ``component`` is the multi id."""

@@ -15,30 +15,6 @@ from mavhums.log import Table
 from mavhums.log.base.tables import text_of
 from mavhums.vehicle.facts import ALL_OUTPUTS, ServoIds
 
-__all__ = [
-    "ANY",
-    "TEXT",
-    "FormatModule",
-    "Report",
-    "Rows",
-    "ServoPart",
-    "ServoSource",
-    "Source",
-    "Split",
-    "angles_of",
-    "columns",
-    "each",
-    "ema_parts",
-    "holds",
-    "is_ema",
-    "is_named",
-    "named_parts",
-    "plain",
-    "pulses",
-    "records_of_parameters",
-    "wide",
-]
-
 TEXT: Final = 0
 """The width of a field of text, in ``Source.fields``."""
 

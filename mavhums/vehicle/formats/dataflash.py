@@ -33,8 +33,6 @@ from mavhums.vehicle.formats.base import (
     records_of_parameters,
 )
 
-__all__ = ["AUTOPILOT", "NAME", "REMEDIES", "SERVO_SOURCES", "SOURCES", "is_stamped", "mode_name"]
-
 _FIX: Final = 3  # GPS_STATUS of a three-dimensional fix: before it, speed and course are noise
 _REAL32: Final = 9  # MAV_PARAM_TYPE
 

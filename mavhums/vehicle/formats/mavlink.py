@@ -37,18 +37,6 @@ from mavhums.vehicle.formats.base import (
     wide,
 )
 
-__all__ = [
-    "AUTOPILOT",
-    "NAME",
-    "REMEDIES",
-    "SERVO_SOURCES",
-    "SOURCES",
-    "STAMPS",
-    "is_stamped",
-    "mode_name",
-    "stamp_of",
-]
-
 STAMPS: Final = ("time_boot_ms", "time_usec")
 """Fields with the time of the sender's clock; the first in a message counts."""
 

@@ -30,8 +30,6 @@ from mavhums.vehicle.formats.base import (
     wide,
 )
 
-__all__ = ["AUTOPILOT", "NAME", "REMEDIES", "SERVO_SOURCES", "SOURCES", "is_stamped", "mode_name"]
-
 _ARMED: Final = 2  # vehicle_status.ARMING_STATE_ARMED
 _INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
 _VERSION_DIGITS: Final = 10  # of 2³²: a longer text is no version

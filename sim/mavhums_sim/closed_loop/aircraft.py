@@ -15,8 +15,6 @@ import numpy as np
 
 from mavhums_sim._arrays import Array
 
-__all__ = ["FRAME_S", "STATES", "Air", "Aircraft", "Dispersion", "Trim"]
-
 FRAME_S = 0.01
 _FOOT, _POUND, _POUND_FOOT, _KNOT = 0.3048, 4.4482216152605, 1.3558179483314, 0.5144444
 _TUSTIN = 4

@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 
 from mavhums_sim._arrays import Array
 
-__all__ = ["CLIMB", "HEADING", "LOITER", "STICKS", "TRACK", "Autopilot", "attitude", "guide"]
-
 CLIMB, TRACK, LOITER, HEADING, STICKS = range(5)
 GRAVITY = 9.80665
 PERIOD_S = 0.02

@@ -20,9 +20,6 @@ from mavhums_sim.flight import (
 from mavhums_sim.individuals import Individual
 from mavhums_sim.motion import CONTROL_PERIOD_S, STEP_S, Degradation, Motion
 
-__all__ = ["Emas"]
-
-
 _PERIODS = 10  # of control in a frame
 _STEPS = round(CONTROL_PERIOD_S / STEP_S)
 

@@ -13,8 +13,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from mavhums_sim.closed_loop.tables import Table
 from mavhums_sim.link import Link
 
-__all__ = ["encode"]
-
 _KINDS = {kind.msgname: kind for kind in mavlink.mavlink_map.values()}
 _STAMP, _HEADER, _CRC = 8, 10, 2
 

@@ -21,8 +21,6 @@ from mavhums_sim.cyclogram import Cyclogram
 from mavhums_sim.flight import FlightRecord
 from mavhums_sim.motion import CONTROL_PERIOD_S
 
-__all__ = ["FlownLoop", "fly_closed_loop"]
-
 _LAUNCH_HEIGHT_M, _LAUNCH_SPEED = 8.0, 23.0
 _LOWEST_M = 1.0
 _AIR_DENSITY = 1.225

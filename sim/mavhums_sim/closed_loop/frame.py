@@ -13,9 +13,6 @@ from mavhums_sim.closed_loop.aircraft import FRAME_S, STATES
 from mavhums_sim.closed_loop.autopilot import CLIMB, STICKS, TRACK, attitude, guide
 from mavhums_sim.closed_loop.surfaces import fail, follow, play
 
-__all__ = ["COLUMNS", "ERRORS", "MEMORY", "VEHICLE", "advance"]
-
-
 MEMORY = np.dtype(
     [
         (name, "f8")

@@ -18,8 +18,6 @@ from mavhums_sim.sensors import sample_times
 from mavhums_sim.telemetry import battery, in_order, write_frames
 from mavhums_sim.tiers import Stream, actuator_streams
 
-__all__ = ["loop_messages", "write_loop"]
-
 
 def loop_messages(flown: FlownLoop, streams: Streams | None = None) -> Iterator[tuple[float, Any]]:
     """Yield (time in s, message) of a flight in sending order."""

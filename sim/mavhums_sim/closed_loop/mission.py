@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from mavhums_sim._arrays import Array
 from mavhums_sim.closed_loop.autopilot import CLIMB, HEADING, LOITER, STICKS, TRACK
 
-__all__ = ["LEG", "PHASES", "Mission", "plan", "sticks"]
-
 PHASES = ("climb", "cruise", "turns", "heading", "manual", "approach")
 
 LEG = np.dtype(

@@ -13,9 +13,6 @@ from mavhums_sim.closed_loop.flight import FlownLoop
 from mavhums_sim.closed_loop.surfaces import LAYOUTS
 from mavhums_sim.closed_loop.tables import Table, whole
 
-__all__ = ["Outputs"]
-
-
 _INTEGER, _REAL = 6, 9
 _CHANNELS = 8
 

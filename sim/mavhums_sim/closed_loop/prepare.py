@@ -14,9 +14,6 @@ from mavhums_sim.closed_loop.frame import ERRORS, VEHICLE
 from mavhums_sim.closed_loop.scenario import ClosedLoop, Confounder
 from mavhums_sim.closed_loop.surfaces import FAULT, LAYOUTS, SERVO, Servo
 
-__all__ = ["Gust", "fault_rows", "measurement_errors", "servo_rows", "vehicle_row", "wander"]
-
-
 _CRUISE, _CRUISE_HEIGHT_M = 25.0, 100.0
 _GUST_FRAMES, _GUST_S = 10, 3.0
 _WHITE = {"roll": 0.0, "pitch": 0.0, "p": 0.004, "q": 0.004, "r": 0.004, "airspeed": 0.25}

@@ -18,9 +18,6 @@ from mavhums_sim.closed_loop.tables import Columns, Table, boot_ms, boot_us, tex
 from mavhums_sim.link import BOOT_US, EPOCH_US
 from mavhums_sim.sensors import sample_times
 
-__all__ = ["ARDUPLANE_MODES", "PX4_MODES", "Streams", "report"]
-
-
 ARDUPLANE_MODES = dict(zip(PHASES, (10, 10, 12, 7, 5, 10), strict=True))
 PX4_MODES = dict(
     zip(PHASES, (0x02040000, 0x04040000, 0x03040000, 0x00030000, 0x00070000, 0x06040000), strict=True)

@@ -11,8 +11,6 @@ from mavhums_sim.closed_loop.mission import Mission
 from mavhums_sim.closed_loop.surfaces import LAYOUTS, SurfaceFault
 from mavhums_sim.flight import Flight
 
-__all__ = ["CONFOUNDERS", "ClosedLoop", "Confounder"]
-
 Flavour = Literal["ardupilot", "px4"]
 
 CONFOUNDERS = {

@@ -11,9 +11,6 @@ import numpy as np
 
 from mavhums_sim._arrays import Array
 
-__all__ = ["FAULT", "KINDS", "LAYOUTS", "SERVO", "Layout", "Servo", "SurfaceFault", "fail", "follow"]
-
-
 FREEZE, FLOAT, GAIN, SLOW, RATE, BIAS, BACKLASH = range(1, 8)
 KINDS = {
     "freeze": FREEZE,

@@ -13,8 +13,6 @@ from mavhums_sim._arrays import Array
 from mavhums_sim.link import BOOT_US
 from mavhums_sim.tiers import Stream
 
-__all__ = ["Columns", "Table", "boot_ms", "boot_us", "text_rows", "whole"]
-
 Columns = dict[str, Any]
 
 _CLASSES = {kind.msgname: kind for kind in mavlink.mavlink_map.values()}

@@ -13,8 +13,6 @@ from mavhums_sim.closed_loop.reports import ARDUPLANE_MODES, PX4_MODES
 from mavhums_sim.closed_loop.surfaces import LAYOUTS
 from mavhums_sim.link import BOOT_US
 
-__all__ = ["truth"]
-
 _BOOT_S = BOOT_US / 1e6
 
 

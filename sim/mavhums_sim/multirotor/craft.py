@@ -8,8 +8,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FRAMES", "Craft", "Event", "Frame", "Plan", "draw_craft", "draw_plan"]
-
 Array = NDArray[np.float64]
 _G: Final = 9.80665
 

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from mavhums_sim.multirotor.craft import Craft, Plan
 
-__all__ = ["LOGGED_HZ", "Flown", "fly"]
-
 Array = NDArray[np.float64]
 LOGGED_HZ: Final = 100
 _STEPS: Final = 2  # per logged sample

@@ -16,8 +16,6 @@ from mavhums_sim.dataflash import gps, records, write_records
 from mavhums_sim.link import EPOCH_US, Link
 from mavhums_sim.multirotor.flight import LOGGED_HZ, Flown
 
-__all__ = ["PARAMETERS", "Rates", "pulses", "report", "sampled", "write_dataflash", "write_tlog"]
-
 Array = NDArray[np.float64]
 
 PARAMETERS: Final = {

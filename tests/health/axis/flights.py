@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.decision.events import ConditionChanged
-from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.rows import Rows
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mavhums.health.axis.effectiveness import new_tracker
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.residuals import Residual, RollTracking
-from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import SPEED, Array, changes_of, excited, rolling, rows, steady, turning
 
 

@@ -12,7 +12,7 @@ from mavhums.health.axis.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.verdict.axis import indicators
 from mavhums.results.verdict import Verdict
-from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import changes_of, excited, rows, steady
 
 QUIET_S = 220

@@ -11,7 +11,7 @@ from mavhums.health.axis.findings import MixedPair, origins
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import MASKED_S, MIXED_RECENT_S, MIXED_WEIGHT
 from mavhums.results.verdict import Evidence
-from mavhums.vehicle.flight import Rows
+from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import Array, changes_of, excited, rolling, rows, steady
 from tests.health.axis.test_detectors import controlled
 

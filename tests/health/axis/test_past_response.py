@@ -15,8 +15,8 @@ from mavhums.health.axis.response import ResponseSums
 from mavhums.health.axis.thresholds import PAST_FLIGHTS, PAST_RATE_RATIO
 from mavhums.health.estimation.least_squares import unpacked
 from mavhums.results.verdict import OwnRecord, Verdict
-from mavhums.vehicle.flight import Rows
 from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import SPEED, excited, rows, steady
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)

@@ -145,6 +145,8 @@ def test_windows_without_samples_are_regular() -> None:
     assert not fit.spread.any()
     assert np.isfinite(fit.coefficients).all()
     assert np.isfinite(fit.errors).all()
+    assert fit.coefficients.tolist() == [[0.0] * 3] * 2
+    assert np.isfinite(fit.corrected("a", noisy="b")).all(), "a coefficient of zero divides nothing"
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.05, 0.1, 0.2])

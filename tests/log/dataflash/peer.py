@@ -10,8 +10,6 @@ from pymavlink.DFReader import DFReader_binary
 
 from mavhums.log import Table
 
-__all__ = ["by_dfreader", "differing_columns"]
-
 
 def by_dfreader(path: Path) -> dict[str, tuple[list[str], list[list[Any]]]]:
     """Return field names and rows by message."""
