@@ -55,6 +55,7 @@ def test_the_demonstration_judges_every_actuator_right(
     assert starts[2] == pytest.approx(83.9, abs=6.0)
 
 
+@pytest.mark.slow
 def test_the_class_of_each_sample_is_drawn(
     growing_log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -99,6 +99,7 @@ def test_a_gap_is_not_bridged() -> None:
     assert np.isnan(align([[current, command]])[1][1:, 0]).all()
 
 
+@pytest.mark.slow
 @given(st.data())
 @settings(max_examples=300, deadline=None)
 def test_where_blocks_end_does_not_matter(data: st.DataObject) -> None:

@@ -61,6 +61,7 @@ def test_a_jam_is_found_without_a_profile(unnamed: Path) -> None:
     assert "guessed" not in notice, "CSRV names what it sends"
 
 
+@pytest.mark.slow
 def test_the_draft_does_not_depend_on_the_blocks(unnamed: Path) -> None:
     content = unnamed.read_bytes()
     whole = judged(content, len(content)).to_json()

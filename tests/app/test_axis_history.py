@@ -150,6 +150,7 @@ def test_trend_shows_the_axes(folder: Path) -> None:
     assert "control gain, rad/m" in table.output
 
 
+@pytest.mark.slow
 def test_the_remaining_life_of_a_declining_gain_is_told(tmp_path: Path) -> None:
     for day, share in enumerate((1.0, 1.01, 0.99, 1.0, 1.0, 0.97, 0.94, 0.91, 0.88, 0.85, 0.82, 0.8)):
         path = log(tmp_path, day, gain=2.2 * share)

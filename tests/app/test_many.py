@@ -67,6 +67,7 @@ def test_several_processes_say_the_same_in_the_same_order(logs: list[Path], tmp_
     assert len(kept[0]) == 11
 
 
+@pytest.mark.slow
 def test_an_error_hides_no_emergency_and_the_json_has_both(
     run: Run, logs: list[Path], growing_log: Path
 ) -> None:
@@ -81,6 +82,7 @@ def test_an_error_hides_no_emergency_and_the_json_has_both(
     assert told[0].out == json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
+@pytest.mark.slow
 def test_each_table_is_under_its_logs_name(run: Run, logs: list[Path]) -> None:
     outcome = run("analyse", *logs[:3], "--jobs", "2", "--verbose")
     names = [line for line in outcome.out.splitlines() if line.startswith("===")]
@@ -231,6 +233,7 @@ def test_ctrl_c_ends_the_program_silently(program: str, tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (130, "")
 
 
+@pytest.mark.slow
 def test_the_processes_end_with_a_command_that_is_killed(stuck: subprocess.Popen[str]) -> None:
     children = psutil.Process(stuck.pid).children(recursive=True)
     assert children

@@ -130,6 +130,7 @@ def test_replayed_verdicts_are_those_of_the_drift_followed_in_flight(
     assert judged_later(logs[kind], options, baselines) == in_flight(logs[kind], options, baselines)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_the_network_decided_no_baseline_of_the_friction_overrules(
     logs: dict[str, Path], alone: dict[str, StandaloneAssessment], kind: str

@@ -224,6 +224,7 @@ def test_older_firmware_is_refused_in_one_line() -> None:
     assert max(len(text) for _, text in old.texts) <= 100
 
 
+@pytest.mark.slow
 def test_mavhums_reads_the_quantities_that_the_servos_had(growing: FlightRecord, growing_log: Path) -> None:
     histories = actuators(read_log(growing_log), load_airframe(PROFILE))
     assert set(histories) == set(SERVOS.values())

@@ -195,6 +195,7 @@ def test_a_cut_or_damaged_stream_is_told(compress: Any, tmp_path: Path) -> None:
             drain(file)
 
 
+@pytest.mark.slow
 def test_an_xz_stream_that_wants_much_memory_is_refused(tmp_path: Path) -> None:
     filters = [{"id": lzma.FILTER_LZMA2, "preset": 1, "dict_size": 1 << 29}]
     (tmp_path / "greedy.xz").write_bytes(lzma.compress(LOG, filters=filters))

@@ -103,6 +103,7 @@ def test_a_lost_aileron_is_found_without_any_configuration() -> None:
     assert 90 < alarm.time_s < 112
 
 
+@pytest.mark.slow
 def test_the_verdicts_on_axes_do_not_depend_on_the_blocks() -> None:
     content = flown()
     whole, changes = judged(content)

@@ -56,6 +56,7 @@ def test_an_on_board_log_tells_the_worn_servo_from_the_sound_ones() -> None:
     assert friction.low < 1.0 < friction.high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("log", sorted(CARRIED.glob("*.tlog")), ids=lambda path: path.name)
 def test_the_blocks_change_nothing(log: Path) -> None:
     content, engines = log.read_bytes(), (mavhums.Engine(), mavhums.Engine())

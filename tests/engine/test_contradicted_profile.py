@@ -78,6 +78,7 @@ def test_what_the_parameters_contradict_is_judged_by_them(kind: str) -> None:
     assert assessment.exit_code is ExitCode.UNDECIDED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FORMATS)
 @pytest.mark.parametrize("told_s", [30.0, 80.0, 130.0, 168.0])
 def test_parameters_that_arrive_late_contradict_as_well(kind: str, told_s: float) -> None:
@@ -181,14 +182,15 @@ def test_a_surface_lost_before_take_off_is_not_laid_on_a_profile_that_the_parame
 WHOLE: dict[str, tuple[dict[str, Verdict], list[Event], Assessment]] = {}
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=6, deadline=None)
 @pytest.mark.parametrize(
     "flight",
     [
         Wired(seconds=130, told_s=97.3, texts=NAMED),
-        pytest.param(Wired(seconds=130, parameters={}), marks=pytest.mark.slow),
-        pytest.param(Wired(seconds=150, coordinated_s=100.0, told_s=120.4), marks=pytest.mark.slow),
+        Wired(seconds=130, parameters={}),
+        Wired(seconds=150, coordinated_s=100.0, told_s=120.4),
     ],
     ids=["late", "motion", "withdrawn"],
 )
@@ -275,6 +277,7 @@ def test_a_live_session_says_no_alarm_and_agrees_with_its_recording(tmp_path: Pa
     assert WRONG in str(status.reason)
 
 
+@pytest.mark.slow
 def test_a_fleet_keeps_no_alarm_of_a_contradicted_profile(run: Run, tmp_path: Path) -> None:
     pytest.importorskip("deltalake")
     pytest.importorskip("duckdb")

@@ -88,6 +88,7 @@ def test_the_verdicts_do_not_depend_on_the_blocks(
     assert judge(blocks(content, places), models=models).to_json() == short_verdicts
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=4, deadline=None)
 def test_neither_the_networks_decision_nor_its_samples_depend_on_the_blocks(
@@ -243,6 +244,7 @@ def test_an_unknown_profile_is_reported() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_what_the_telemetry_leaves_out_is_named(growing_record: FlightRecord) -> None:
     only_commands = [
         data
@@ -452,6 +454,7 @@ def test_a_tier_that_cannot_tell_says_so(every_tier: FlightRecord, tiers: tuple[
         assert verdict.remedy
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=8, deadline=None)
 def test_blocks_do_not_matter_when_every_tier_speaks(

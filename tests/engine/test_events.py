@@ -117,6 +117,7 @@ def test_no_event_depends_on_the_blocks(data: st.DataObject, content: bytes, who
     assert canonical(follow(blocks(content, data.draw(cuts(len(content)))))) == whole
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [4096, 1 << 22])
 def test_a_jump_of_the_clock_is_told_where_it_is(content: bytes, size: int) -> None:
     parts = [content[k : k + size] for k in range(0, len(content), size)]

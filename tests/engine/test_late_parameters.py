@@ -68,6 +68,7 @@ def renamed(content: bytes, time_s: float, **functions: int) -> bytes:
     return content[:at] + sent + content[at:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FLIGHTS)
 @given(share=st.floats(0.02, 0.99), seed=st.integers(0, 99))
 @settings(max_examples=4)

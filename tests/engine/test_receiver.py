@@ -38,6 +38,7 @@ def test_the_receivers_channels_are_the_command(
     assert by_receiver.provenance["V1"].startswith("the receiver's channels")
 
 
+@pytest.mark.slow
 def test_it_does_not_depend_on_the_blocks() -> None:
     flight = Wired(idle_us=0, until_s=95.3, left=0.4)
     assert roll(flight, "tlog") == roll(flight, "tlog", 1_000)

@@ -199,6 +199,7 @@ def test_a_scan_brings_nothing_back_and_says_so(run: Run, logs: Path, tmp_path: 
     assert {row.aircraft for row in fleet.worst(store)} == {"D-X"}
 
 
+@pytest.mark.slow
 def test_a_board_that_is_not_the_aircrafts_is_told(run: Run, logs: Path, tmp_path: Path) -> None:
     store = tmp_path / "store"
     scan = ("fleet", "scan", logs, "--to", store, "--aircraft", "folder", "--workers", "0")
@@ -226,6 +227,7 @@ def test_a_board_that_is_not_the_aircrafts_is_told(run: Run, logs: Path, tmp_pat
     assert "another aircraft's log" not in run("analyse", logs / "D-A" / "2.tlog", "--history", store).out
 
 
+@pytest.mark.slow
 def test_a_whole_path_comes_before_a_folder_and_a_folder_before_the_end_of_a_path(tmp_path: Path) -> None:
     names = ("/a/x", "/b/a/x", "/b/a/x.tlog/y", "/c/z")
     write_store(tmp_path, {"D-A": [flown(verdict(), day=k, name=name) for k, name in enumerate(names)]})

@@ -54,6 +54,7 @@ def between(store: Path, first: float, last: float) -> FleetDigest:
     return digest(store, START + timedelta(days=first), START + timedelta(days=last))
 
 
+@pytest.mark.slow
 def test_growth_is_told_when_it_becomes_certain_and_a_finding_when_it_is_one(store: Path) -> None:
     (grows,) = between(store, 6, 25).changes
     assert (grows.kind, grows.aircraft, grows.now.condition) == ("growing", "D-G", "normal")

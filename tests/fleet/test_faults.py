@@ -90,7 +90,8 @@ def files_up_to(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-@pytest.mark.parametrize("size", [pytest.param(100, marks=pytest.mark.slow), 4_000])
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [100, 4_000])
 def test_a_full_disk_is_told_and_the_scan_resumes(
     logs: Path, options: fleet.ScanOptions, expected: list[str], tmp_path: Path, size: int
 ) -> None:
@@ -148,6 +149,7 @@ def test_one_broken_log_of_a_hundred_stops_nothing(
     assert len(fleet.verdicts(tmp_path / "store", "D-A")) == 4 * 99
 
 
+@pytest.mark.slow
 def test_many_small_commits_are_compacted_and_say_the_same(tmp_path: Path) -> None:
     flights = [flown(verdict(shown(0.2 + day / 1000)), day=day) for day in range(70)]
     store = Store(tmp_path)
@@ -199,6 +201,7 @@ def test_an_older_versions_store_is_opened_and_extended(
         assert names == set(schemas()[table].names)
 
 
+@pytest.mark.slow
 def test_a_newer_versions_columns_are_kept(
     logs: Path, options: fleet.ScanOptions, expected: list[str], tmp_path: Path
 ) -> None:
@@ -213,6 +216,7 @@ def test_a_newer_versions_columns_are_kept(
     assert sorted(newest, key=str) == [None] * (FLIGHTS - 3) + ["x"] * 3
 
 
+@pytest.mark.slow
 def test_flights_in_another_format_are_judged_again(
     logs: Path, options: fleet.ScanOptions, expected: list[str], tmp_path: Path
 ) -> None:
@@ -226,6 +230,7 @@ def test_flights_in_another_format_are_judged_again(
     assert told(tmp_path) == expected
 
 
+@pytest.mark.slow
 def test_a_restored_backup_goes_on(
     logs: Path, options: fleet.ScanOptions, expected: list[str], tmp_path: Path
 ) -> None:

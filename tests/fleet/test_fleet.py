@@ -107,6 +107,7 @@ def in_order(told: dict[str, list[str]]) -> dict[str, list[str]]:
     return {log: sorted(several) for log, several in told.items()}
 
 
+@pytest.mark.slow
 def test_a_fleet_says_what_one_command_after_each_landing_says(
     scanned: Path, one_by_one: dict[str, list[str]]
 ) -> None:
@@ -131,6 +132,7 @@ def test_the_order_of_arrival_does_not_matter(
     assert verdicts_of(tmp_path / "store") == in_order(one_by_one)
 
 
+@pytest.mark.slow
 def test_a_second_scan_judges_nothing_and_another_rate_judges_all(
     logs: Path, options: fleet.ScanOptions, tmp_path: Path
 ) -> None:
@@ -187,6 +189,7 @@ def test_the_board_names_an_aircraft_where_no_rule_does(
     assert fleet.worst(tmp_path)[0].aircraft.startswith("board 4D4156")
 
 
+@pytest.mark.slow
 def test_an_interrupted_scan_keeps_what_it_has_and_resumes(
     logs: Path, options: fleet.ScanOptions, one_by_one: dict[str, list[str]], tmp_path: Path
 ) -> None:
@@ -202,6 +205,7 @@ def test_an_interrupted_scan_keeps_what_it_has_and_resumes(
     assert verdicts_of(tmp_path) == expected
 
 
+@pytest.mark.slow
 def test_what_was_committed_without_verdicts_gets_them_with_the_next_scan(
     logs: Path, options: fleet.ScanOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -91,6 +91,7 @@ def test_a_log_is_judged_by_the_flights_in_a_store(run: Run, kept: Path, store: 
     assert page.code == ExitCode.DEGRADED
 
 
+@pytest.mark.slow
 def test_a_log_is_kept_as_a_scan_keeps_it(run: Run, kept: Path, store: Path) -> None:
     log, before = kept / "D-A" / "landed.tlog", Tables(str(store)).opened(LOGS).version()
     command = ("analyse", log, "--history", store, "--keep", "--aircraft", "folder", "--json")
@@ -103,6 +104,7 @@ def test_a_log_is_kept_as_a_scan_keeps_it(run: Run, kept: Path, store: Path) -> 
     assert fleet.scan([log], store, fleet.ScanOptions(workers=0)) == (0, 0, 1)
 
 
+@pytest.mark.slow
 def test_several_logs_are_kept_and_a_bad_one_stops_nothing(run: Run, kept: Path, store: Path) -> None:
     bad, missing = store.parent / "bad.tlog", store.parent / "missing.tlog"
     bad.write_bytes(b"no log")
@@ -127,6 +129,7 @@ def test_several_logs_are_kept_and_a_bad_one_stops_nothing(run: Run, kept: Path,
     assert len(fleet.status(store).failures) == 1
 
 
+@pytest.mark.slow
 def test_the_second_recording_of_a_flight_is_told(run: Run, kept: Path, store: Path) -> None:
     log, copy = kept / "D-A" / "landed.tlog", store.parent / "other.tlog"
     copy.write_bytes(log.read_bytes()[: log.stat().st_size * 9 // 10])
@@ -213,6 +216,7 @@ def test_a_store_keeps_repairs_itself(run: Run, kept: Path) -> None:
     assert "a store names logs" in run("analyse", "-", "--history", kept / "store").err
 
 
+@pytest.mark.slow
 def test_a_repair_that_was_a_mistake_leaves_nothing(
     run: Run, kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

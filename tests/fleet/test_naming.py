@@ -60,6 +60,7 @@ def names(store: Path) -> dict[str, int]:
     return dict(rows)
 
 
+@pytest.mark.slow
 def test_a_scan_goes_on_by_the_rule_of_the_store(flown: Path, store: Path, tmp_path: Path) -> None:
     log = tmp_path / "D-B" / "0.tlog"
     log.parent.mkdir()
@@ -68,6 +69,7 @@ def test_a_scan_goes_on_by_the_rule_of_the_store(flown: Path, store: Path, tmp_p
     assert names(store) == {"D-A": OLD, "D-B": 1}
 
 
+@pytest.mark.slow
 def test_a_kept_log_that_the_rule_cannot_name_is_asked_for(run: Run, flown: Path, store: Path) -> None:
     log = flown / "Downloads" / "new.tlog"
     keep = ("analyse", log, "--history", store, "--keep", "--json")
@@ -106,6 +108,7 @@ def test_a_log_is_compared_with_the_flights_of_its_board(run: Run, flown: Path, 
     assert not options.history.flights
 
 
+@pytest.mark.slow
 def test_a_rule_that_is_given_names_known_logs_again(flown: Path, tmp_path: Path) -> None:
     store = tmp_path / "store"
     logs = flown / "D-A"
@@ -122,6 +125,7 @@ def test_a_rule_without_a_name_for_a_log_makes_no_phantom(flown: Path, tmp_path:
     assert names(tmp_path / "store") == {"D-A": OLD, "": 1}
 
 
+@pytest.mark.slow
 def test_the_boards_of_a_table_are_remembered(flown: Path, tmp_path: Path) -> None:
     board = fleet.analyse(flown / "D-A" / "0.tlog", flown / "store").log.flight[0].board
     table = tmp_path / "table.csv"
@@ -139,6 +143,7 @@ def test_a_store_of_an_earlier_version_is_told_by_its_names(run: Run, flown: Pat
     assert names(store) == {"D-A": OLD}
 
 
+@pytest.mark.slow
 def test_the_page_asks_whose_log_it_is_and_leaves_nothing_behind(flown: Path, store: Path) -> None:
     job = {"log": str(flown / "Downloads" / "new.tlog"), "store": str(store), "options": {}}
     answer = answer_to(job)
@@ -167,6 +172,7 @@ def test_the_page_is_told_problem_and_remedy_as_they_are(flown: Path, store: Pat
     assert done.stderr == ""
 
 
+@pytest.mark.slow
 def test_packed_logs_are_scanned_and_those_that_cannot_be_are_told(flown: Path, tmp_path: Path) -> None:
     data = {day: (flown / "D-A" / f"{day}.tlog").read_bytes() for day in range(OLD)}
     logs = tmp_path / "logs" / "D-P"

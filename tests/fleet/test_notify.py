@@ -89,6 +89,7 @@ def webhook() -> Iterator[str]:
         yield f"http://127.0.0.1:{port}"
 
 
+@pytest.mark.slow
 def test_a_webhook_gets_the_contract_and_a_mailbox_the_text(run: Run, store: Path, webhook: str) -> None:
     Mailbox.got.clear()
     with served(socketserver.ThreadingTCPServer(("127.0.0.1", 0), Mailbox)) as port:

@@ -130,6 +130,7 @@ def sequential(
     return rows, {key: paths[taken] for key, taken in history.superseded_recordings().items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_in_any_parts_the_verdicts_are_those_of_the_whole_history(
     kinds: list[StandaloneAssessment], seed: int
@@ -229,6 +230,7 @@ def test_a_landing_judges_its_flight_only_and_what_changes_the_past_all(
     )
 
 
+@pytest.mark.slow
 def test_own_scale_flights_are_judged_with_all_that_were_kept(
     kinds: list[StandaloneAssessment], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

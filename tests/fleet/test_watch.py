@@ -44,6 +44,7 @@ def watching(inbox: Path, store: Path) -> LogWatcher:
     return LogWatcher([inbox.parent], store, options, settle_s=SETTLE_S)
 
 
+@pytest.mark.slow
 def test_a_log_is_judged_once_it_stands_still_and_a_bad_one_stops_nothing(
     inbox: Path, tmp_path: Path, data: bytes
 ) -> None:

@@ -134,6 +134,7 @@ def test_analyse_refuses_another_aircrafts_flight(run: Run, logs: list[Path], tm
     assert "reports no board id" not in named.out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("recorded", [False, True])
 def test_a_swapped_actuator_begins_a_baseline_of_its_own(
     logs: list[Path], tmp_path: Path, recorded: bool

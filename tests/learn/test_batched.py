@@ -31,6 +31,7 @@ def networks(of: BatchLoss, weights: torch.Tensor) -> list[TanhNetwork]:
     return of.networks(weights, MOONS.min(axis=0), MOONS.max(axis=0))
 
 
+@pytest.mark.slow
 @TARGETS
 def test_the_gradient_is_that_of_the_loss(target: NDArray[np.bool_]) -> None:
     of = problem(target=target)
@@ -77,6 +78,7 @@ def test_a_feature_that_is_masked_out_has_no_say() -> None:
     assert [len(network.b1) for network in networks(of, of.initial())] == [3, 7, 5]
 
 
+@pytest.mark.slow
 @TARGETS
 def test_lbfgs_reaches_what_torch_reaches(target: NDArray[np.bool_]) -> None:
     of = problem(target=target)

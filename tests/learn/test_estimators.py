@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+import pytest
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from mavhums.learn import (
@@ -31,6 +32,7 @@ ESTIMATORS = [
 ]
 
 
+@pytest.mark.slow
 @parametrize_with_checks(ESTIMATORS)  # type: ignore[untyped-decorator]
 def test_follows_the_conventions_of_scikit_learn(estimator: Any, check: Callable[[Any], None]) -> None:
     check(estimator)

@@ -150,6 +150,7 @@ def test_among_equals_the_smallest_network_is_chosen() -> None:
     assert result.chosen.hidden == 2
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_result(flights: Flights) -> None:
     data = flights(0.2, 0.4, 0.6, 1.0)
     first, second = train_network(*data, **FEW), train_network(*data, **FEW)
@@ -281,6 +282,7 @@ def test_a_quantity_with_gaps_is_named(flights: Flights) -> None:
     assert "V9" not in train_network(values, emergency, numbers, **FEW, keys=keys).network.keys
 
 
+@pytest.mark.slow
 def test_weights_move_the_boundary_and_must_be_positive(flights: Callable[..., Any]) -> None:
     values, emergency, numbers = flights(0.2, 0.25, 0.9, 1.0)
     one: dict[str, Any] = {"seed": 0, "scheme": replace(PAIRS, networks=1)}

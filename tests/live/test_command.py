@@ -225,6 +225,7 @@ def test_nothing_heard_is_undecided(run: Run) -> None:
     assert "in this log" not in outcome.out
 
 
+@pytest.mark.slow
 def test_a_pipe_that_closes_ends_what_has_no_other_purpose() -> None:
     arguments = command("live", "udpin:0", "--json", "--duration", "60")
     begin = time.monotonic()

@@ -33,6 +33,7 @@ def test_a_sound_link_gives_what_the_log_gives(rig: Rig, worn_pieces: list[Piece
     assert (counts.frames, counts.bytes_skipped, counts.bad_crc_frames) == (len(worn_pieces), 0, 0)
 
 
+@pytest.mark.slow
 def test_a_third_of_the_frames_is_lost(rig: Rig, worn: FlightRecord, worn_pieces: list[Piece]) -> None:
     kept = pieces(worn, Link(loss=0.3, burst=3.0))
     rig.hear(kept)
@@ -42,6 +43,7 @@ def test_a_third_of_the_frames_is_lost(rig: Rig, worn: FlightRecord, worn_pieces
     assert missing == pytest.approx(len(worn_pieces) - len(kept), rel=0.03)
 
 
+@pytest.mark.slow
 def test_frames_overtake_others(rig: Rig, worn: FlightRecord) -> None:
     rig.hear(pieces(worn, Link(late=0.05, late_s=0.05)))
     live = rig.end()
@@ -50,6 +52,7 @@ def test_frames_overtake_others(rig: Rig, worn: FlightRecord) -> None:
     assert of(live, "elevator").coverage.late > 20
 
 
+@pytest.mark.slow
 def test_every_frame_comes_twice(rig: Rig, worn_pieces: list[Piece]) -> None:
     twice = [copy for piece in worn_pieces for copy in (piece, piece._replace(time_us=piece.time_us + 300))]
     rig.hear(twice)
@@ -59,6 +62,7 @@ def test_every_frame_comes_twice(rig: Rig, worn_pieces: list[Piece]) -> None:
     assert rig.stamper.frames == 2 * len(worn_pieces)
 
 
+@pytest.mark.slow
 def test_garbage_before_after_and_between(rig: Rig, worn_pieces: list[Piece]) -> None:
     dice = random.Random(5)
     spoilt, added = [], 0
@@ -77,6 +81,7 @@ def test_garbage_before_after_and_between(rig: Rig, worn_pieces: list[Piece]) ->
     assert counts.bytes_skipped >= added
 
 
+@pytest.mark.slow
 def test_datagrams_hold_several_frames_and_halves(rig: Rig, worn_pieces: list[Piece]) -> None:
     """The vehicle's bytes as a stream, cut anywhere."""
     dice = random.Random(6)
@@ -93,6 +98,7 @@ def test_datagrams_hold_several_frames_and_halves(rig: Rig, worn_pieces: list[Pi
     assert rig.stamper.counts.bytes_skipped == 0
 
 
+@pytest.mark.slow
 def test_halves_whose_other_half_is_lost(rig: Rig, worn_pieces: list[Piece]) -> None:
     dice = random.Random(7)
     halved = [
@@ -107,6 +113,7 @@ def test_halves_whose_other_half_is_lost(rig: Rig, worn_pieces: list[Piece]) -> 
     assert counts.bytes_skipped > 0
 
 
+@pytest.mark.slow
 def test_pieces_of_two_senders_are_not_joined(rig: Rig, worn_pieces: list[Piece]) -> None:
     """Every frame comes in two halves, and another sender's halves come in between."""
     both: list[Piece] = []
@@ -131,6 +138,7 @@ def readdressed(record: FlightRecord, system: int, start_s: float, sender: str) 
     return out
 
 
+@pytest.mark.slow
 def test_another_vehicle_joins(rig: Rig, worn: FlightRecord, worn_pieces: list[Piece]) -> None:
     rig.hear(worn_pieces + readdressed(worn, 9, 8.0, "vehicle"))
     live = rig.end()
@@ -140,6 +148,7 @@ def test_another_vehicle_joins(rig: Rig, worn: FlightRecord, worn_pieces: list[P
     assert sorted(alert.vehicle for alert in elevators) == [1, 9]
 
 
+@pytest.mark.slow
 def test_the_vehicle_reboots(rig: Rig, worn: FlightRecord) -> None:
     rig.hear(pieces(worn, Link(reboot_at_s=14.0, outage_s=2.0)))
     live = rig.end()
@@ -151,6 +160,7 @@ def test_the_vehicle_reboots(rig: Rig, worn: FlightRecord) -> None:
     assert elevator.since.flight_time_s < 14.0, "the history goes on"
 
 
+@pytest.mark.slow
 def test_the_vehicles_clock_is_set(rig: Rig, worn: FlightRecord) -> None:
     """An hour ahead from the twelfth second on, as GPS sets it."""
     link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
@@ -164,6 +174,7 @@ def test_the_vehicles_clock_is_set(rig: Rig, worn: FlightRecord) -> None:
     assert any(isinstance(event, Notice) and "clock jumped" in event.text for event in rig.shown.events)
 
 
+@pytest.mark.slow
 def test_this_computers_clock_is_set(rig: Rig, worn_pieces: list[Piece]) -> None:
     """Six years ahead, as NTP sets a computer without a battery; the kernel stamps with that clock."""
     middle = len(worn_pieces) // 2
@@ -177,6 +188,7 @@ def test_this_computers_clock_is_set(rig: Rig, worn_pieces: list[Piece]) -> None
     assert live.log.duration_s == pytest.approx(30.0, abs=0.5)
 
 
+@pytest.mark.slow
 def test_ten_seconds_of_silence(rig: Rig, worn_pieces: list[Piece]) -> None:
     before = [piece for piece in worn_pieces if piece.time_us < EPOCH_US + 18_000_000]
     after = [piece._replace(time_us=piece.time_us + 10_000_000) for piece in worn_pieces[len(before) :]]
@@ -229,6 +241,7 @@ def test_the_disk_is_full_while_recording(
     assert sum(log.counts.values()) == len(worn_pieces) - rig.recorder.lost_frames
 
 
+@pytest.mark.slow
 def test_a_forged_frame_changes_nothing(make_rig: MakeRig, worn: FlightRecord) -> None:
     """Signed with another key, from a time to come, it must neither count nor block the true sender."""
     rig = make_rig(key=KEY)
@@ -307,6 +320,7 @@ def test_a_burst_of_noise(rig: Rig, worn_pieces: list[Piece], senders: int) -> N
     assert len(rig.stamper._streams) == 0
 
 
+@pytest.mark.slow
 def test_noise_at_the_vehicles_own_address(rig: Rig, worn_pieces: list[Piece]) -> None:
     dice = random.Random(9)
     noise = [Piece("vehicle", EPOCH_US + 8_000_000 + 50 * k, dice.randbytes(60)) for k in range(20_000)]

@@ -74,6 +74,7 @@ def test_the_board_of_another_aircraft_ends_the_session(worn_pieces: list[Piece]
     assert not recorded.losses.any
 
 
+@pytest.mark.slow
 def test_its_own_flights_are_its_history(worn_pieces: list[Piece], board: str, tmp_path: Path) -> None:
     folder = kept(tmp_path / "flights", board)
     follows, _ = session(tmp_path, history=folder)

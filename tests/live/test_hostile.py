@@ -20,6 +20,7 @@ from tests.live.attacks import ATTACKS, attitude, endure, flown, heartbeat, name
 from tests.live.conftest import RIGHT, Rig, conditions
 
 
+@pytest.mark.slow
 def test_a_burst_of_spoofed_senders_leaves_nothing(rig: Rig, worn_pieces: list[Piece]) -> None:
     """A heartbeat from each of 4,080 senders within a second, in mid-flight, each from its own port."""
     burst = [

@@ -152,6 +152,7 @@ class Hanging:
     def close(self, assessment: object) -> None: ...
 
 
+@pytest.mark.slow
 def test_a_viewer_that_hangs_holds_nothing_up(rig: Rig, worn_pieces: list[Piece]) -> None:
     viewer, released = Hanging(), threading.Event()
     detached = ThreadedSink(viewer, "viewer", released.set, patience_s=0.01)

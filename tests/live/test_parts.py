@@ -255,6 +255,7 @@ def test_the_view_shows_what_is_refused_and_not_recorded(rig: Rig, worn_pieces: 
     assert "NOT RECORDED: No space left on device; 1,234 frames lost" in shown
 
 
+@pytest.mark.slow
 def test_the_view_stays_in_place_and_leaves_nothing(rig: Rig, worn_pieces: list[Piece]) -> None:
     screen = io.StringIO()
     view = View(Console(file=screen, force_terminal=True, width=100), "udpin:14550")
@@ -312,6 +313,7 @@ class Failing:
         raise RuntimeError("the viewer is gone")
 
 
+@pytest.mark.slow
 def test_a_viewer_that_fails_ends_nothing(
     rig: Rig, worn_pieces: list[Piece], caplog: pytest.LogCaptureFixture
 ) -> None:

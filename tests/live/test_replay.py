@@ -127,13 +127,11 @@ class _Flown:
 
 
 FLOWN = _Flown()
-ALONE = [pytest.param((tier,), marks=pytest.mark.slow) for tier in TIERS]
 
 
-@pytest.mark.parametrize("tiers", [*ALONE, tuple(TIERS)], ids="+".join)
-@pytest.mark.parametrize(
-    "signed", [pytest.param(False, marks=pytest.mark.slow), True], ids=["unsigned", "signed"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("tiers", [*((tier,) for tier in TIERS), tuple(TIERS)], ids="+".join)
+@pytest.mark.parametrize("signed", [False, True], ids=["unsigned", "signed"])
 def test_each_session_is_its_recording(tiers: tuple[str, ...], signed: bool, tmp_path: Path) -> None:
     """The second session knows of the first, its recording does not, and both judge alike."""
     latest: dict[tuple[int, int, int], int] = {}
@@ -147,6 +145,7 @@ def test_each_session_is_its_recording(tiers: tuple[str, ...], signed: bool, tmp
         latest = rig.guard.latest if rig.guard else {}
 
 
+@pytest.mark.slow
 @given(
     day=st.sampled_from([0, 1]),
     older_s=st.integers(0, 300),

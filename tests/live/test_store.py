@@ -60,6 +60,7 @@ def test_a_session_is_judged_by_the_flights_in_a_store(
     assert fleet.status(store).judged == 13
 
 
+@pytest.mark.slow
 def test_a_renamed_aircraft_has_its_flights_under_either_name(store: Path) -> None:
     before = fleet.past(store, "D-A", NOW).history
     fleet.rename(store, "D-A", "D-B")

@@ -49,6 +49,7 @@ def ask(workers: Workers, do: str, user: str = "a", **more: Any) -> Awaitable[di
     return workers.run(user, {"do": do, **more}, lambda _: None)
 
 
+@pytest.mark.slow
 def test_a_crash_and_a_hang_end_only_their_own_log() -> None:
     async def use(workers: Workers) -> None:
         crashed, hung, fine = await asyncio.gather(

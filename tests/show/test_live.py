@@ -75,6 +75,7 @@ def test_who_follows_sees_the_flight_and_the_disk_has_it_too(
     assert entities(kept) == entities(recorded)
 
 
+@pytest.mark.slow
 def test_the_report_is_kept_up_to_date(
     tmp_path: Path, flight: Flight, assessment: Assessment, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -55,6 +55,7 @@ def test_every_file_is_there_and_none_is_left_half_written(searched: Path) -> No
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_report_holds_every_table_and_figure_of_the_paper(folder: Path) -> None:
     text = (folder / "report.md").read_text(encoding="utf-8")
     for part in (
@@ -70,6 +71,7 @@ def test_the_report_holds_every_table_and_figure_of_the_paper(folder: Path) -> N
         assert figure in text
 
 
+@pytest.mark.slow
 def test_the_networks_are_tested_on_flights_that_they_never_saw(folder: Path) -> None:
     flights = pd.read_csv(folder / "flights.csv")
     main = flights[flights["inputs"] == " ".join(KEYS)].groupby("cyclogram")
@@ -86,6 +88,7 @@ def test_the_networks_are_tested_on_flights_that_they_never_saw(folder: Path) ->
         }
 
 
+@pytest.mark.slow
 def test_the_choice_without_test_data_is_the_smallest_training_loss(folder: Path) -> None:
     networks = pd.read_csv(folder / "networks.csv")
     for _, part in networks.groupby(["cyclogram", "inputs"]):
@@ -93,6 +96,7 @@ def test_the_choice_without_test_data_is_the_smallest_training_loss(folder: Path
         assert part["loss"].to_numpy()[part["chosen"].to_numpy()].tolist() == [part["loss"].min()]
 
 
+@pytest.mark.slow
 def test_linear_pairs_score_alike_and_the_command_scores_nothing(folder: Path) -> None:
     table = pd.read_csv(folder / "figure-15-chi-square.csv").set_index("quantity")
     for one, other in (("V2", "V3"), ("V5", "V8"), ("V7", "V10")):
@@ -101,11 +105,13 @@ def test_linear_pairs_score_alike_and_the_command_scores_nothing(folder: Path) -
     assert table["training 12 width"].max() <= 20_000
 
 
+@pytest.mark.slow
 def test_the_simulated_actuator_is_that_of_table_1(folder: Path) -> None:
     table = pd.read_csv(folder / "table-1.csv")
     np.testing.assert_allclose(table["simulated"], table["paper"], rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_friction_that_grows_with_the_load_is_beside_the_paper_s(folder: Path) -> None:
     """More friction under load than any normal training flight had looks like an emergency."""
     table = pd.read_csv(folder / "load-friction.csv")
@@ -133,6 +139,7 @@ def test_all_subsets_are_scored(searched: Path) -> None:
     assert subsets["validation"].between(0, 100).all()
 
 
+@pytest.mark.slow
 def test_the_recording_holds_the_quantities_and_the_outputs_of_figures_16_to_19(folder: Path) -> None:
     entities = {chunk.entity_path for chunk in RrdReader(folder / "study.rrd").stream().to_chunks()}
     for friction in ("0225", "0375", "0875", "1025"):
@@ -142,6 +149,7 @@ def test_the_recording_holds_the_quantities_and_the_outputs_of_figures_16_to_19(
     assert "/report" in entities
 
 
+@pytest.mark.slow
 def test_a_folder_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     outcome = CliRunner().invoke(cli, ["study", "paper", "-o", str(tmp_path / "file"), "--quick"])

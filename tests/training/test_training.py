@@ -178,6 +178,7 @@ def test_packaged_models_say_how_they_were_made() -> None:
     assert load_model(Path(mavhums.__file__).parent / "learn/models/paper-esc.safetensors").keys
 
 
+@pytest.mark.slow
 def test_every_condition_flies_the_same_command_and_shows_what_it_is() -> None:
     """Twelve actuators a cyclogram: those that the simulator makes of a fault are told by one statistic."""
     telemetry = TELEMETRY["instrumented"]
@@ -206,6 +207,7 @@ def test_telemetry_without_two_angles_asks_for_no_play_and_no_bias() -> None:
     assert "V11 rms" not in keys_of(TELEMETRY["without-load"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tier", ["instrumented", "esc"])
 def test_a_winding_of_twice_its_resistance_is_no_emergency_by_friction(tier: str) -> None:
     """The votes of an ESC's samples took some of these windows for one."""

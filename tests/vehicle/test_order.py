@@ -52,6 +52,7 @@ def even(hz: float, seconds: float, begin: float = 0.0) -> Array:
     return begin + np.arange(round(hz * seconds)) / hz
 
 
+@pytest.mark.slow
 @given(
     st.fixed_dictionaries({name: st.floats(0.0, 5.0) for name in ("outputs", "rates", "attitude")}),
     st.integers(0, 50),

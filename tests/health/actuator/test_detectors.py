@@ -173,6 +173,7 @@ def test_healthy_individuals_alarm_no_detector(
 ABSURD = st.sampled_from([np.nan, np.inf, -np.inf, 1e308, -1e308, 1e12, 1e9, 9.9e8, -9.9e8, 1e-308, 0.0])
 
 
+@pytest.mark.slow
 @given(
     kinds=st.lists(
         st.tuples(st.integers(0, 12), ABSURD, st.integers(0, 999), st.integers(1, 1000)), max_size=12

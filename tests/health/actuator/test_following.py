@@ -40,6 +40,7 @@ def flight(slew_deg_s: float, amplitude_deg: float, period_s: float) -> Telemetr
     return Telemetry(time_s, values)
 
 
+@pytest.mark.slow
 @given(amplitude_deg=st.floats(0.0, 60.0), period_s=st.floats(0.7, 20.0), slew=st.floats(100.0, 400.0))
 @settings(max_examples=15, deadline=None)
 def test_no_command_makes_a_healthy_servo_fall_behind(

@@ -226,6 +226,7 @@ def test_nothing_is_judged_outside_forward_flight(blind: str) -> None:
     assert not changes_of(monitor, Rows(0, True, **arrays))
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(st.lists(st.integers(1, 119), max_size=6))
 def test_the_pieces_do_not_matter(cuts: list[int]) -> None:

@@ -161,6 +161,7 @@ def test_a_rarer_alarm_takes_more_evidence() -> None:
     assert seldom < often
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heavy", [False, True])
 @pytest.mark.parametrize("unlike", [False, True])
 def test_false_alarms_are_as_rare_as_promised(heavy: bool, unlike: bool) -> None:

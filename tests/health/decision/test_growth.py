@@ -47,6 +47,7 @@ def test_growth_is_certain_before_its_limit_whenever_it_begins(begin: int, fligh
     assert np.median([one.since for one in found]) == pytest.approx(begin, abs=6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scatter", [0.03, 0.1])
 def test_no_growth_is_found_at_any_of_many_looks(scatter: float) -> None:
     for seed in range(6):

@@ -131,6 +131,7 @@ def test_a_healthy_flight_is_told_what_it_excludes(tmp_path: Path) -> None:
     assert len(digest(assessment).open) == 1  # said once for all motors
 
 
+@pytest.mark.slow
 def test_nothing_depends_on_how_the_log_is_cut(tmp_path: Path) -> None:
     data = log(tmp_path / "f.tlog", "quad +", 0.5, seed=5).read_bytes()
 

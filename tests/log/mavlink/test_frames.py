@@ -79,6 +79,7 @@ def assert_cuts_do_not_matter(data: bytes, places: Iterable[int]) -> None:
     assert decoder.last_time_us == reference_decoder.last_time_us
 
 
+@pytest.mark.slow
 @given(records(), st.data())
 @settings(max_examples=80, deadline=None)
 def test_where_blocks_end_does_not_matter(log: list[Record], data: st.DataObject) -> None:
@@ -100,6 +101,7 @@ def test_blocks_of_one_byte_are_as_good_as_the_whole(log: list[Record], form: st
     assert_cuts_do_not_matter(data, range(1, len(data)))
 
 
+@pytest.mark.slow
 @given(records(min_size=2), st.binary(min_size=1, max_size=60), st.data())
 @settings(max_examples=80, deadline=None)
 def test_noise_between_records_costs_nothing_but_itself(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -120,6 +121,7 @@ def test_any_number_of_unknown_ids_fills_no_memory() -> None:
     assert sum(stats.unknown.values()) == 10_000
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.integers(2, 40), st.sets(st.integers(1, 8999), max_size=5))
 @settings(max_examples=15, deadline=None)
 def test_any_number_of_senders_fills_no_memory_and_none_is_uncounted(
