@@ -30,7 +30,7 @@ test-all: .venv/.ready
 	$(BIN)/coverage report --fail-under=95
 
 # The site is part of it: its strict build finds dead links and fields without a description.
-lint: .venv/.ready docs
+lint: .venv/.lint docs
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -43,7 +43,7 @@ model: .venv/.ready
 	done
 
 # The documentation as a site, to be read without a network: open site/index.html.
-docs: .venv/.ready
+docs: .venv/.lint
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # The pictures of recordings in README and docs; needs the Debian packages mesa-vulkan-drivers and
@@ -69,6 +69,10 @@ clean:
 		echo "PyTorch's CPU build ($(TORCH)) is not on your package index: the tests of training are left out." \
 			"To run them: rm .venv/.ready; make test TORCH_INDEX=URL, with the CPU index that pytorch.org names."
 	touch $@ .venv/.demo
+
+.venv/.lint: .venv/.ready
+	$(BIN)/python $(PIP) -e '.[lint]'
+	touch $@
 
 # The tests in an environment with the lowest versions that pyproject.toml allows.
 test-lowest: .venv-lowest/.ready

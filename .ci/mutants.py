@@ -4,19 +4,21 @@
     python .ci/mutants.py map tests/*/                        which test executes which line: once, minutes
     python .ci/mutants.py sample 1 300 vehicle health > m1    300 places of these rooms, drawn with seed 1
     python .ci/mutants.py judge m1 > judged                   add a verdict to each, and print the survivors
+    python .ci/mutants.py table judged                       how many survive, by room
 
 A line of these files is one mutant: path, line, old text, new text, and later its verdict. Spared are
 annotations, error texts, and compiled kernels with their constants, for which each mutant would have to be
-compiled; a place counts once, however many mutants it has.
+compiled; a place counts once, however many mutants it has. A sample outlives renamed modules.
 """
 
 from __future__ import annotations
 
 import ast
 import collections
+import contextlib
 import functools
+import importlib
 import json
-import math
 import os
 import random
 import re
@@ -37,13 +39,18 @@ STATE = Path(os.environ.get("MUTANTS", ROOT / "build" / "mutants"))
 ROOMS = ("vehicle", "health", "flights", "engine", "live")
 FOLDERS = {"history": "flights"}  # folders of tests that have another name than their room
 COMPILED = {"kernel", "inlined"}
-SPARED = {
-    "cache",
-    "lru_cache",
-    "override",
-    "final",
-    "dataclass",
-}  # decorators whose absence changes no result
+LOADED = [
+    "hypothesis",
+    "numba",
+    "pandas",
+    "pytest",
+    "rich.progress",
+    "scipy.optimize",
+    "scipy.stats",
+    "mavhums_sim",
+]
+# Decorators whose absence changes no result.
+SPARED = {"cache", "lru_cache", "override", "final", "dataclass"}
 BITS = {"BitOr", "BitAnd", "BitXor", "RShift", "LShift"}
 NEAR_S, MOST_S, MOST = 20.0, 50.0, 200  # of tests of whole logs or of the same room, of all; tests of each
 MOST_WALL_S = 600.0
@@ -67,25 +74,25 @@ def make_map(folders: list[str]) -> None:
     (STATE / "rc").write_text(f"[run]\nparallel = true\nsource =\n{source}\n")
     for folder in folders:
         to = STATE / "map" / "-".join(Path(folder).parts[-2:])
-        command = ["pytest", "-q", "-m", "not slow", "--cov", f"--cov-config={STATE / 'rc'}", "--cov-report="]
-        command += ["--cov-context=test", f"--junitxml={to}.xml", "-o", "junit_family=xunit1", folder]
-        subprocess.run(
-            [sys.executable, "-m", *command],
-            cwd=ROOT,
-            env={**os.environ, "COVERAGE_FILE": str(to)},
-            check=False,
-        )
+        command = ["pytest", "-q", f"--timeout={NEAR_S:.0f}", "--cov", f"--cov-config={STATE / 'rc'}"]
+        command += [
+            "--cov-report=",
+            "--cov-context=test",
+            f"--junitxml={to}.xml",
+            "-o",
+            "junit_family=xunit1",
+            folder,
+        ]
+        environment = {**os.environ, "COVERAGE_FILE": str(to)}
+        subprocess.run([sys.executable, "-m", *command], cwd=ROOT, env=environment, check=False)
 
 
 @functools.cache
 def durations() -> dict[str, float]:
     """Return the seconds of each test that passed."""
     cases = [case for path in (STATE / "map").glob("*.xml") for case in ET.parse(path).iter("testcase")]
-    return {
-        f"{case.get('file')}::{case.get('name')}": float(case.get("time", 1))
-        for case in cases
-        if not len(case)
-    }
+    passed = [case.attrib for case in cases if not len(case)]
+    return {f"{case['file']}::{case['name']}": float(case.get("time", 1)) for case in passed}
 
 
 @functools.cache
@@ -181,9 +188,8 @@ def chosen(path: str, line: int) -> list[str]:
     def near(test: str) -> int:
         parts = [FOLDERS.get(part, part) for part in Path(test.partition("::")[0]).parts]
         alike = [a == b for a, b in zip(parts[1:-1], Path(path).parts[1:-1], strict=False)]
-        return (
-            sum(alike) + (Path(path).stem in parts[-1]) + 9 * (len(parts) == 2)
-        )  # the figures of whole logs
+        # The figures of whole logs stand beside the folders of tests.
+        return sum(alike) + (Path(path).stem in parts[-1]) + 9 * (len(parts) == 2)
 
     seconds, taken, total = durations(), [], 0.0
     tests = sorted(covering(path, line) & seconds.keys(), key=lambda test: (-near(test), seconds[test], test))
@@ -207,9 +213,9 @@ def named_in_kernels() -> set[str]:
     for path in (ROOT / "mavhums").rglob("*.py"):
         if COMPILED & set(re.findall(r"^@(\w+)", path.read_text(encoding="utf-8"), re.MULTILINE)):
             for node in ast.walk(parsed(str(path.relative_to(ROOT)))):
-                if isinstance(node, ast.FunctionDef) and COMPILED & {
-                    ast.unparse(d) for d in node.decorator_list
-                }:
+                if isinstance(node, ast.FunctionDef) and COMPILED & set(
+                    map(ast.unparse, node.decorator_list)
+                ):
                     names |= {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
                     names |= {each.attr for each in ast.walk(node) if isinstance(each, ast.Attribute)}
     return {name for name in names if name.isupper()}  # constants, not what is local
@@ -220,17 +226,14 @@ def spared(tree: ast.Module) -> Iterator[ast.AST]:
     kernels = named_in_kernels()
     for node in ast.walk(tree):
         match node:
-            case ast.FunctionDef() if COMPILED & {ast.unparse(each) for each in node.decorator_list}:
+            case ast.FunctionDef() if COMPILED & set(map(ast.unparse, node.decorator_list)):
                 yield node
                 yield from node.decorator_list
             case ast.keyword(arg="strict"):
                 yield node.value
             case ast.FunctionDef() | ast.ClassDef():
-                yield from (
-                    each
-                    for each in node.decorator_list
-                    if SPARED & set(re.findall(r"\w+", ast.unparse(each)))
-                )
+                named = [(each, set(re.findall(r"\w+", ast.unparse(each)))) for each in node.decorator_list]
+                yield from (each for each, names in named if SPARED & names)
                 yield from filter(None, [getattr(node, "returns", None)])
             case ast.AnnAssign() if ast.unparse(node.target) in kernels:
                 yield node
@@ -282,10 +285,10 @@ def mutants_of(path: str) -> list[tuple[tuple[int, int], list[tuple[str, int]]]]
 def draw(seed: int, number: int, rooms: list[str]) -> None:
     """Print a random sample of mutants."""
     from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
 
-    paths = sorted(
-        str(path.relative_to(ROOT)) for room in rooms for path in (ROOT / "mavhums" / room).rglob("*.py")
-    )
+    files = (path for room in rooms for path in (ROOT / "mavhums" / room).rglob("*.py"))
+    paths = sorted(str(path.relative_to(ROOT)) for path in files)
     places = [(path, *place) for path in paths for place in mutants_of(path)]
     print(f"{len(places)} places in {len(paths)} modules", file=sys.stderr)
     chance = random.Random(seed)
@@ -293,17 +296,15 @@ def draw(seed: int, number: int, rooms: list[str]) -> None:
     for path, _, variants in places:
         name, occurrence = chance.choice(variants)
         before = (ROOT / path).read_text(encoding="utf-8")
-        after = mutate_code(before, __import__("cosmic_ray.plugins").plugins.get_operator(name)(), occurrence)
+        after = mutate_code(before, get_operator(name)(), occurrence)
         try:
             if after is None or ast.dump(ast.parse(after)) == ast.dump(parsed(path)):
                 continue
         except SyntaxError:
             continue
         old, new = before.splitlines(), after.splitlines()
-        first = next(i for i, pair in enumerate(zip(old, new, strict=False)) if pair[0] != pair[1])
-        tail = 0
-        while tail < min(len(old), len(new)) - first - 1 and old[-1 - tail] == new[-1 - tail]:
-            tail += 1
+        first = len(os.path.commonprefix([old, new]))  # noqa: RUF071
+        tail = len(os.path.commonprefix([old[:first:-1], new[:first:-1]]))  # noqa: RUF071
         texts = ["\n".join(lines[first : len(lines) - tail]) for lines in (old, new)]
         print(json.dumps({"path": path, "line": first + 1, "old": texts[0], "new": texts[1]}), flush=True)
         number -= 1
@@ -311,15 +312,28 @@ def draw(seed: int, number: int, rooms: list[str]) -> None:
             return
 
 
+def located(mutant: dict[str, Any]) -> bool:
+    """Let a mutant name the place where its text stands now: the module may be renamed since the sample."""
+    old = mutant["old"].splitlines()
+
+    def places(path: Path) -> list[int]:
+        lines = [text for _, text in numbered(path)]
+        return [i for i in range(1, len(lines) + 1) if lines[i - 1 : i - 1 + len(old)] == old]
+
+    path = ROOT / mutant["path"]
+    if path.exists() and (here := places(path)):
+        mutant["line"] = min(here, key=lambda line: abs(line - mutant["line"]))
+        return True
+    others = [(other, line) for other in (ROOT / "mavhums").rglob("*.py") for line in places(other)]
+    if len(others) == 1:
+        mutant |= {"path": str(others[0][0].relative_to(ROOT)), "line": others[0][1]}
+    return len(others) == 1
+
+
 def start(mutant: dict[str, Any], tests: list[str], folder: str) -> int:
     """Run the tests on the mutant in a fork, which has loaded what does not change."""
-    lines = (ROOT / mutant["path"]).read_text(encoding="utf-8").splitlines()
-    old = mutant["old"].splitlines()
-    at = min(
-        (i for i in range(len(lines)) if lines[i : i + len(old)] == old),
-        key=lambda i: abs(i + 1 - mutant["line"]),
-    )
-    lines[at : at + len(old)] = mutant["new"].splitlines()
+    lines, at = [text for _, text in numbered(ROOT / mutant["path"])], mutant["line"] - 1
+    lines[at : at + len(mutant["old"].splitlines())] = mutant["new"].splitlines()
     if pid := os.fork():
         return pid
     try:
@@ -344,14 +358,10 @@ def run(text: str, path: str, tests: list[str], folder: str) -> None:
     import hypothesis
     import pytest
 
-    hypothesis.settings.register_profile(
-        "mutants",
-        deadline=None,
-        derandomize=True,
-        database=None,
-        phases=(hypothesis.Phase.explicit, hypothesis.Phase.generate),
-        suppress_health_check=list(hypothesis.HealthCheck),
-    )
+    quick: dict[str, Any] = {"deadline": None, "derandomize": True, "database": None}
+    quick |= {"phases": (hypothesis.Phase.explicit, hypothesis.Phase.generate)}
+    quick |= {"suppress_health_check": list(hypothesis.HealthCheck)}
+    hypothesis.settings.register_profile("mutants", **quick)
     order = {test: i for i, test in enumerate(tests)}
 
     class Choice:
@@ -376,16 +386,8 @@ def judge(mutants: list[dict[str, Any]], jobs: int = 2) -> None:
     """Print each mutant with its verdict: killed, survived, timeout, or untested."""
     os.chdir(ROOT)
     sys.path[:0] = [str(ROOT), str(ROOT / "sim")]
-    import hypothesis  # noqa: F401
-    import numba  # noqa: F401
-    import pandas  # noqa: F401
-    import pytest  # noqa: F401
-    import rich.progress  # noqa: F401
-    import scipy.optimize
-    import scipy.stats  # noqa: F401
-
-    import mavhums_sim  # noqa: F401
-
+    for name in LOADED:
+        importlib.import_module(name)
     waiting, running = collections.deque(mutants), {}
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "sitecustomize.py").write_text(HOOK)
@@ -394,8 +396,9 @@ def judge(mutants: list[dict[str, Any]], jobs: int = 2) -> None:
             while waiting and len(running) < jobs:
                 mutant = waiting.popleft()
                 blank = len(mutant["old"]) - len(mutant["old"].lstrip("\n"))
-                tests = chosen(mutant["path"], mutant["line"] + blank)
-                mutant |= {"tests": len(tests), "verdict": "untested", "s": 0.0}
+                found = located(mutant)
+                tests = chosen(mutant["path"], mutant["line"] + blank) if found else []
+                mutant |= {"tests": len(tests), "verdict": "untested" if found else "gone", "s": 0.0}
                 if tests:
                     running[start(mutant, tests, folder)] = mutant, time.monotonic()
                 else:
@@ -406,7 +409,7 @@ def judge(mutants: list[dict[str, Any]], jobs: int = 2) -> None:
                 took = time.monotonic() - since
                 if not ended and took < MOST_WALL_S:
                     continue
-                with __import__("contextlib").suppress(ProcessLookupError):
+                with contextlib.suppress(ProcessLookupError):
                     os.killpg(pid, signal.SIGKILL)
                 if not ended:
                     os.waitpid(pid, 0)
@@ -415,26 +418,22 @@ def judge(mutants: list[dict[str, Any]], jobs: int = 2) -> None:
                 mutant["verdict"] = named.get(code, "timeout" if code < 0 else f"error {code}")
                 log = Path(f"{folder}/{pid}.log").read_text(errors="replace")
                 by = re.findall(r"^(?:FAILED|ERROR) (\S+)", log, re.MULTILINE)
-                mutant |= {
-                    "s": round(took, 1),
-                    "by": by[0] if by else log[-300:] if code > 0 else "",
-                }
+                mutant |= {"s": round(took, 1), "by": by[0] if by else log[-300:] if code > 0 else ""}
                 del running[pid]
                 print(json.dumps(mutant), flush=True)
 
 
 def table(mutants: list[dict[str, Any]]) -> None:
     """Print the verdicts by room, with Wilson's 95 % interval of the share that survives."""
+    from scipy.stats import binomtest
+
     for room in (*ROOMS, "all"):
-        counts = collections.Counter(
-            m["verdict"] for m in mutants if room in (m["path"].split("/")[1], "all")
-        )
-        n, alive = sum(counts.values()), counts["survived"] + counts["untested"]
+        mine = [mutant for mutant in mutants if room in (mutant["path"].split("/")[1], "all")]
+        counts = collections.Counter(mutant["verdict"] for mutant in mine)
+        n, alive = len(mine) - counts["gone"], counts["survived"] + counts["untested"]
         if n:
-            centre, z2 = alive / n, 1.96**2
-            half = 1.96 * math.sqrt(centre * (1 - centre) / n + z2 / (4 * n * n))
-            low, high = ((centre + z2 / (2 * n) + side * half) / (1 + z2 / n) for side in (-1, 1))
-            print(f"{room:8} {n:4} {dict(counts)}: {centre:.1%} survive ({low:.1%} to {high:.1%})")
+            low, high = binomtest(alive, n).proportion_ci(method="wilson")
+            print(f"{room:8} {n:4} {dict(counts)}: {alive / n:.1%} survive ({low:.1%} to {high:.1%})")
 
 
 if __name__ == "__main__":

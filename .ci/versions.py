@@ -17,9 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 BOUND = re.compile(r"(?P<name>[\w.-]+)(?:\[[^]]*\])?(?:>=|~=)(?P<version>[\d.]+)")
 CUDA = ("nvidia-", "cuda-", "triton")
-# Linters and the site run with the pins only.
-TYPED = ("import-linter", "mkdocs-click", "mkdocs-material", "mkdocstrings", "mypy", "ruff")
-TYPED += ("pandas-stubs", "scipy-stubs", "types-jsonschema")
+PINNED = "lint"  # what runs with the pins only
 
 
 def locked() -> Iterator[str]:
@@ -32,7 +30,7 @@ def locked() -> Iterator[str]:
         pin for pin in (ROOT / "constraints.txt").read_text().splitlines() if pin.startswith("torch==")
     )
     command = [sys.executable, "-m", "pip", "install", "--quiet", "--dry-run", "--ignore-installed"]
-    command += ["--report", "-", f"{ROOT}[all,dev]", torch]
+    command += ["--report", "-", f"{ROOT}[all,dev,lint]", torch]
     report = subprocess.run(command, stdout=subprocess.PIPE, check=True).stdout
     for package in json.loads(report)["install"]:
         name, version = package["metadata"]["name"], package["metadata"]["version"]
@@ -43,10 +41,9 @@ def locked() -> Iterator[str]:
 def lowest() -> Iterator[str]:
     """Yield the lower bound of each direct dependency."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    extras = project["optional-dependencies"].values()
-    for requirement in (*project["dependencies"], *(one for extra in extras for one in extra)):
-        bound = BOUND.match(requirement)
-        if bound and bound["name"] not in TYPED:
+    extras = (needed for extra, needed in project["optional-dependencies"].items() if extra != PINNED)
+    for requirement in (*project["dependencies"], *(one for needed in extras for one in needed)):
+        if bound := BOUND.match(requirement):
             yield f"{bound['name'].lower()}=={bound['version']}"
 
 

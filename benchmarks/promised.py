@@ -22,7 +22,7 @@ from mavhums.health.estimation.equations.own_scale import CURRENT
 from mavhums.health.estimation.least_squares import packed
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.estimation.wear import wear
-from mavhums.health.self_baseline.comparison import _Healthy
+from mavhums.health.self_baseline.comparison import _ReferenceFlights
 from mavhums.results.verdict import OwnRecord
 
 PARTS, SAMPLES, SECONDS, JUDGED = 16, 400.0, 180.0, 4
@@ -88,7 +88,7 @@ def rate(kind: Flights, before: int, draws: int) -> tuple[float, float]:
         parts = true[:, None] + recurring - recurring.mean()
         parts = parts + own[:, None] * PARTS**0.5 * rng.standard_normal((count, PARTS))
         records = [record(row) for row in parts]
-        healthy = _Healthy.of(CURRENT, tuple(records[:before]), False)
+        healthy = _ReferenceFlights.of(CURRENT, tuple(records[:before]), False)
         assert healthy is not None
         for one, error in zip(records[before:], own[before:], strict=True):
             shown = wear(one, healthy.nuisances)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mavhums.actuator.mapping import Mapped, Mapper, messages_for
+from mavhums.actuator.mapping import MappedSamples, Mapper, messages_for
 from mavhums.actuator.profile import Actuator, Airframe, Ema, Limits, load_airframe, packaged_airframes
 from mavhums.actuator.vehicle_mappers import History, actuators
 
@@ -12,7 +12,7 @@ __all__ = [
     "Ema",
     "History",
     "Limits",
-    "Mapped",
+    "MappedSamples",
     "Mapper",
     "actuators",
     "load_airframe",

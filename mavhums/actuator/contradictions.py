@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.parameters import Output, Parameters, assigned_outputs
-from mavhums.vehicle.surfaces import AXES, KINDS, Moved, Surfaces, of_parameters
+from mavhums.vehicle.surfaces import AXES, KINDS, SurfaceOutput, Surfaces, of_parameters
 from mavhums.vehicle.vtol import NO_LIFT
 
 _OTHERS: Final = ("spoiler", "flap", "airbrake")  # named by autopilots, of no axis
@@ -77,7 +77,7 @@ def of_airframe(airframe: Airframe) -> Surfaces | None:
         low, zero, high = actuator.pwm_us
         turned = actuator.travel_deg is not None and actuator.travel_deg[0] > actuator.travel_deg[1]
         half = (low - high) / 2 if turned else (high - low) / 2
-        found.append(Moved(actuator.servo, f"{side} {kind}".strip(), zero, half))
+        found.append(SurfaceOutput(actuator.servo, f"{side} {kind}".strip(), zero, half))
     return Surfaces(tuple(found), "profile") if found else None
 
 
@@ -140,7 +140,7 @@ def reconciled(airframe: Airframe, parameters: Parameters | None) -> Surfaces | 
     found = contradictions(airframe, parameters)
     logged = {moved.servo: moved for moved in by_parameters.moved} if by_parameters else {}
     unturned = {actuator.servo for actuator in airframe.actuators if actuator.travel_deg is None}
-    moved: dict[int, Moved] = {}
+    moved: dict[int, SurfaceOutput] = {}
     by_log, contradicted, confirmed = set(), {}, set()
     for axis in AXES:
         outputs = own.of_axis(axis)
@@ -214,14 +214,16 @@ def _reversed(
             yield one.servo, Contradiction(one.servo, actuators[one.servo].name, "travel_deg", text)
 
 
-def _directed(outputs: tuple[Moved, ...], unturned: set[int], logged: dict[int, Moved]) -> tuple[Moved, ...]:
+def _directed(
+    outputs: tuple[SurfaceOutput, ...], unturned: set[int], logged: dict[int, SurfaceOutput]
+) -> tuple[SurfaceOutput, ...]:
     """Return the outputs with the log's directions beside the first, where the profile has no ``travel_deg``.
 
     The first keeps its direction, so that the axis has one sign with and without parameters.
     """
     first = outputs[0]
 
-    def directed(one: Moved) -> Moved:
+    def directed(one: SurfaceOutput) -> SurfaceOutput:
         alike = logged[first.servo].half_us * logged[one.servo].half_us > 0
         if one.servo not in unturned or alike == (first.half_us * one.half_us > 0):
             return one

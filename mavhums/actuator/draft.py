@@ -140,7 +140,7 @@ def _section(name: str, output: Output, named: Collection[str]) -> str:
     )
 
 
-def _field(guess: Guess) -> str:
+def _field(guess: QuantityGuess) -> str:
     """Write a mapping of a quantity to a named value."""
     scale = "" if guess.scale == 1.0 else f", scale = {guess.scale!r}"
     [message] = messages_of("script value")
@@ -177,7 +177,7 @@ def _text(text: str) -> str:
     return json.dumps(_plain(text), ensure_ascii=False)
 
 
-class Guess(NamedTuple):
+class QuantityGuess(NamedTuple):
     """A quantity that a named value seems to be: value · ``scale`` in the quantity's unit."""
 
     key: str
@@ -196,7 +196,7 @@ _MEANINGS: Final[dict[str, tuple[str, float, str]]] = {
 }
 
 
-def guesses_for(servo: int, names: Collection[str]) -> Iterator[Guess]:
+def guesses_for(servo: int, names: Collection[str]) -> Iterator[QuantityGuess]:
     """Yield the quantities of a servo output among named values, in the order of V1–V12.
 
     Examples
@@ -208,7 +208,7 @@ def guesses_for(servo: int, names: Collection[str]) -> Iterator[Guess]:
     own = {match[2]: name for name, match in parts.items() if int(match[1]) == servo}
     for suffix, (key, scale, taken_for) in _MEANINGS.items():
         if suffix in own:
-            yield Guess(key, own[suffix], scale, taken_for)
+            yield QuantityGuess(key, own[suffix], scale, taken_for)
 
 
 Places = tuple[Integers, Integers]

@@ -79,7 +79,7 @@ class AirframeNamed:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mapped:
+class MappedSamples:
     """New samples of one actuator.
 
     Attributes
@@ -106,7 +106,7 @@ class Mapped:
     magnitudes: Array | None = None
     refused: Flags | None = None
 
-    def evidence(self) -> Mapped:
+    def evidence(self) -> MappedSamples:
         """Return the samples without the values that are no evidence."""
         if self.refused is None:
             return self
@@ -194,7 +194,9 @@ class _ActuatorMapper:
         self._used = np.zeros((0, len(KEYS)), dtype=np.int64)
         self._origins: list[NDArray[np.int8]] = []
 
-    def feed(self, readings: Sequence[Reading], *, loose: Integers | None, final: bool) -> Iterator[Mapped]:
+    def feed(
+        self, readings: Sequence[Reading], *, loose: Integers | None, final: bool
+    ) -> Iterator[MappedSamples]:
         """Yield the samples that these readings complete."""
         admitted = [reading._replace(values=self.gate.admit(reading.values)) for reading in readings]
         for aligned in self.aligner.feed(admitted, loose=loose, final=final):
@@ -209,7 +211,7 @@ class _ActuatorMapper:
                 magnitudes[:, :2] = np.nan
             bus_v = aligned.values[:, column("V4")] if at_bus else None
             refused = None if at_bus else self._refused(aligned, measured)
-            yield Mapped(
+            yield MappedSamples(
                 self.vehicle, self.actuator, aligned.utc_us, values, measured, bus_v, magnitudes, refused
             )
 
@@ -265,7 +267,7 @@ class Mapper:
         self._from_frame = from_frame
         self._tracks: dict[tuple[int, str], _ActuatorMapper] = {}
 
-    def feed(self, tables: Mapping[str, Table], *, final: bool = False) -> list[Mapped]:
+    def feed(self, tables: Mapping[str, Table], *, final: bool = False) -> list[MappedSamples]:
         """Return the samples that these messages complete, in time order for each actuator.
 
         Their times are those of their senders' clocks, see :class:`mavhums.vehicle.clocks.Clocks`. ``final``
@@ -277,7 +279,7 @@ class Mapper:
         by_track: dict[tuple[int, str], list[Reading]] = {key: [] for key in self._tracks}
         for reading in read(tables, self.airframe.actuators):
             by_track.setdefault((reading.vehicle, reading.actuator.name), []).append(reading)
-        out: list[Mapped] = []
+        out: list[MappedSamples] = []
         for key, readings in by_track.items():
             if not readings and not final:
                 continue  # its messages cannot complete further samples

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from mavhums.actuator.draft import Draft, Drafts
-from mavhums.actuator.mapping import Mapped, Mapper
+from mavhums.actuator.mapping import MappedSamples, Mapper
 from mavhums.actuator.profile import Airframe, ProfileError, load_airframe, packaged_airframes
 from mavhums.actuator.telemetry import Tier, best_tier, tiers_by_content
 from mavhums.core.quantities import KEYS
@@ -110,7 +110,9 @@ class VehicleMappers:
     def _mapper_of(self, draft: Draft) -> Mapper:
         return next(mapper for mapper in self._mappers if mapper.airframe is draft.airframe)
 
-    def feed(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[tuple[Mapper, Mapped]]:
+    def feed(
+        self, tables: Mapping[str, Table], *, final: bool = False
+    ) -> Iterator[tuple[Mapper, MappedSamples]]:
         """Yield the samples that these messages complete; ``final`` marks the end of the log."""
         mappers = self._mappers
         if len(mappers) > 1 and not final:
@@ -187,14 +189,14 @@ def actuators(
     mapped = mapper.feed(on_clocks(log.tables), final=True)
     if vehicle is None:
         vehicle = min((part.vehicle for part in mapped), default=0)
-    parts: dict[str, list[Mapped]] = {}
+    parts: dict[str, list[MappedSamples]] = {}
     for part in mapped:
         if part.vehicle == vehicle:
             parts.setdefault(part.actuator.name, []).append(part)
     return {name: _history(mapper, several) for name, several in parts.items()}
 
 
-def _history(mapper: Mapper, parts: list[Mapped]) -> History:
+def _history(mapper: Mapper, parts: list[MappedSamples]) -> History:
     import pandas as pd
 
     utc_us = np.concatenate([part.utc_us for part in parts])

@@ -254,13 +254,13 @@ def write_report(
     >>> write_report("flight.tlog", "report.html").exit_code.name
     'EMERGENCY'
     """
-    from mavhums.show.evidence import Gathered
+    from mavhums.show.evidence import EvidenceCollector
     from mavhums.show.html import page, parts
 
     log, target = Path(path), Path(output)
     if log.exists() and target.exists() and log.samefile(target):
         raise MavhumsError(f"{target}: is the log itself", "name another file with -o")
-    gathered = Gathered()
+    gathered = EvidenceCollector()
     with written_whole(target) as temporary:
         # the curves are drawn from the demanded and flown angles, which are among the vehicle's states
         settings = Settings.read(options).with_vehicle_states()

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from mavhums.actuator.mapping import Mapped, messages_for
+from mavhums.actuator.mapping import MappedSamples, messages_for
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.arrays import Array, Flags, Integers
@@ -195,7 +195,9 @@ def check_log(
     return found
 
 
-def _feed(track: tuple[SlotCutter, Strokes], mapped: Mapped, standing: _Standing, first_us: int) -> None:
+def _feed(
+    track: tuple[SlotCutter, Strokes], mapped: MappedSamples, standing: _Standing, first_us: int
+) -> None:
     rows = standing.on_ground(mapped.vehicle, mapped.utc_us)
     if not rows.any():
         return

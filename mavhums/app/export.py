@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from mavhums.actuator.mapping import Mapped, messages_for
+from mavhums.actuator.mapping import MappedSamples, messages_for
 from mavhums.actuator.profile import Actuator, Airframe, ProfileError, load_airframe
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.errors import MavhumsError
@@ -123,7 +123,7 @@ class _SampleClassifier:
         self._answered = False
         self._carried: set[str] = set()
 
-    def columns(self, mapped: Mapped, airframe: str) -> dict[str, Any]:
+    def columns(self, mapped: MappedSamples, airframe: str) -> dict[str, Any]:
         """Return the columns that hold the answers on these samples."""
         serving = [model for model in self._models if model.card.airframe == airframe]
         ema = mapped.actuator.ema
@@ -268,7 +268,7 @@ def export_messages(
     return {files[name.upper()]: writers[name.upper()].rows for name in names}
 
 
-def _rows(mapped: Mapped, first_time_us: int, *, named: bool) -> pd.DataFrame:
+def _rows(mapped: MappedSamples, first_time_us: int, *, named: bool) -> pd.DataFrame:
     frame = pd.DataFrame(mapped.values, columns=list(KEYS))
     frame.insert(0, "vehicle", mapped.vehicle)
     frame.insert(1, "actuator" if named else "output", mapped.actuator.name)

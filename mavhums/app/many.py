@@ -133,13 +133,13 @@ def _by_processes(
     logs: Sequence[Path], settings: Settings, jobs: int, batch: Batch
 ) -> Generator[Judged | Failed]:
     """Yield each log judged without the earlier flights, which only this process has."""
-    from mavhums.core.process_pool import Lost, in_processes  # one log needs no pool
+    from mavhums.core.process_pool import LostItem, in_processes  # one log needs no pool
 
     alone = partial(_without_cause, replace(settings, history=FlightHistory()))
     flights = in_processes(alone, logs, jobs, prepare=batch.prepare, preload=["mavhums.app.many"])
     with closing(flights):
         for log, judged in zip(logs, flights, strict=True):
-            yield Failed.crashed(log) if isinstance(judged, Lost) else judged
+            yield Failed.crashed(log) if isinstance(judged, LostItem) else judged
 
 
 def _without_cause(settings: Settings, log: Path) -> Judged | Failed:

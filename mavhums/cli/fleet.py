@@ -15,7 +15,7 @@ from mavhums.cli.options import JSON, PATH, STORE, Dates, repair_date
 from mavhums.cli.output import say, say_json
 
 if TYPE_CHECKING:
-    from mavhums.flights.queries import Worst
+    from mavhums.flights.queries import WorstActuator
 
 _SHOWN = 20
 _LOGS = click.argument("logs", nargs=-1, required=True, metavar="LOG...")
@@ -161,7 +161,7 @@ def export(store: str, output: Path) -> None:
     say(f"{output}: {len(export_to(store, output))} verdicts")
 
 
-def _words(row: Worst) -> str:
+def _words(row: WorstActuator) -> str:
     from mavhums.show.standing import sentence
     from mavhums.show.words import condition_word
 

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from mavhums.app.settings import Options
     from mavhums.fleet import Repair
     from mavhums.fleet.notify import Recipient
-    from mavhums.fleet.scan import Landed
-    from mavhums.flights.queries import Odd, Status
+    from mavhums.fleet.scan import ScannedFlight
+    from mavhums.flights.queries import OperatorTasks, Status
     from mavhums.results.store import FleetDigest
 
 _UNITS: Final = {"h": "hours", "d": "days", "w": "weeks"}
@@ -124,7 +124,7 @@ def repair_of(name: str | None, at: datetime) -> Repair:
     return Repair(aircraft or None, actuator or None, at)
 
 
-def odd_lines(found: Odd | Status, store: str) -> Iterator[str]:
+def odd_lines(found: OperatorTasks | Status, store: str) -> Iterator[str]:
     """Yield what an operator should correct, and what was corrected."""
     for one in found.foreign_boards:
         whose, log = one.elsewhere or "AIRCRAFT", one.logs[0] if len(one.logs) == 1 else "LOG..."
@@ -288,7 +288,7 @@ def watch(
         workers=workers,
     )
     watching = LogWatcher(sources, store, scanning, settle_s=settle_s)
-    morning = _Morning(digest_at) if digest_at else None
+    morning = _DailyTimer(digest_at) if digest_at else None
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         complained = ""
@@ -313,7 +313,7 @@ def watch(
         raise SystemExit(ExitCode.OK) from None
 
 
-class _Morning:
+class _DailyTimer:
     """Tells once a day that it is time for the digest."""
 
     def __init__(self, at: datetime) -> None:
@@ -337,7 +337,7 @@ def _sent(found: FleetDigest, recipients: Sequence[Recipient], *, always: bool) 
     return not errors
 
 
-def _line_of(one: Landed) -> str:
+def _line_of(one: ScannedFlight) -> str:
     """Return what is said of a log that has landed."""
     from mavhums.show.standing import sentence
 

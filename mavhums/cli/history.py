@@ -123,7 +123,7 @@ def _compared(logs: Sequence[Path], store: Path | str, options: Options) -> Iter
             yield Outcome(log, None, error)
 
 
-class Keeper:
+class SessionKeeper:
     """Puts the recording of a live session among the earlier flights.
 
     Parameters
@@ -163,7 +163,7 @@ class Keeper:
         return code
 
 
-def live_judging(options: Options, given: dict[str, Any]) -> tuple[Options, Keeper | None]:
+def live_judging(options: Options, given: dict[str, Any]) -> tuple[Options, SessionKeeper | None]:
     """Take the history and what is kept out of what was ``given`` to ``live``.
 
     Returns
@@ -203,7 +203,7 @@ def live_judging(options: Options, given: dict[str, Any]) -> tuple[Options, Keep
         judging = replace(judging, history=flown.history, since=since)
     elif history is not None and not (keep and not Path(history).exists()):
         judging = replace(judging, history=history)
-    return judging, Keeper(kept, history) if keep else None
+    return judging, SessionKeeper(kept, history) if keep else None
 
 
 @click.command(short_help="Show each actuator over its flights.", epilog=EPILOG)

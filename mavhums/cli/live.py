@@ -125,9 +125,9 @@ def live(
     from mavhums.live.setup import LiveOptions
 
     out, err = Spool(sys.stdout, "standard output"), Spool(sys.stderr, "standard error", report=None)
-    shows = _Shows(given.pop("viewer"), given.pop("rrd"), not given.pop("no_position"), as_json)
+    shows = _Outputs(given.pop("viewer"), given.pop("rrd"), not given.pop("no_position"), as_json)
     wanted = LiveOptions(judging=judging, **given)
-    with Stop(duration) as stop:
+    with StopSignal(duration) as stop:
         try:
             assessment, shown = _follow(wanted, shows, level, stop, (out, err))
         finally:
@@ -141,7 +141,7 @@ def live(
     raise SystemExit(code)
 
 
-class _Shows(NamedTuple):
+class _Outputs(NamedTuple):
     """What the user sees of a session: a viewer, a recording, and JSON or text."""
 
     viewer: str | None
@@ -151,7 +151,7 @@ class _Shows(NamedTuple):
 
 
 def _follow(
-    options: LiveOptions, shows: _Shows, level: str, stop: Stop, outputs: tuple[Spool, Spool]
+    options: LiveOptions, shows: _Outputs, level: str, stop: StopSignal, outputs: tuple[Spool, Spool]
 ) -> tuple[Assessment, bool]:
     """Run a session with its displays; return its verdicts, and whether every viewer received its end."""
     from rich.console import Console
@@ -180,12 +180,12 @@ def _follow(
     return assessment, all(taken)
 
 
-def _ended(stop: Stop, only_output: Spool | None) -> bool:
+def _ended(stop: StopSignal, only_output: Spool | None) -> bool:
     """Return whether to stop; a session that only its standard output shows ends with its reader."""
     return stop() or (only_output is not None and only_output.outlet.gone)
 
 
-def _drawn(shows: _Shows, exits: ExitStack) -> list[ThreadedSink]:
+def _drawn(shows: _Outputs, exits: ExitStack) -> list[ThreadedSink]:
     """Open a viewer and a recording, if requested."""
     viewer, rrd, position = shows.viewer, shows.rrd, shows.position
     from mavhums.live.sinks import RerunSink, ThreadedSink
@@ -255,7 +255,7 @@ def _log(level: str, err: Spool, console: Console | None) -> None:
     logger.setLevel(level.upper())
 
 
-class Stop:
+class StopSignal:
     """Returns whether to stop: after a time, at Ctrl-C, SIGTERM or SIGHUP; a second signal aborts.
 
     Until ``begun``, there is nothing to end in order, and a signal ends the program at once. SIGHUP stays

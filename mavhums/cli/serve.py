@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from mavhums.app.many import Outcome
     from mavhums.app.settings import Options, Settings
-    from mavhums.flights.queries import Worst
+    from mavhums.flights.queries import WorstActuator
     from mavhums.results.assessment import Assessment
     from mavhums.results.standing import TrendReport
     from mavhums.results.store import StoreStatus
@@ -158,7 +158,7 @@ class _PageStore:
 
         return status(self._folder).published()
 
-    def worst(self, most: int) -> Sequence[Worst]:
+    def worst(self, most: int) -> Sequence[WorstActuator]:
         from mavhums.fleet import worst
 
         return worst(self._folder, most=most)

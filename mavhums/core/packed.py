@@ -39,7 +39,7 @@ _ZSTD_WINDOW: Final = 1 << 27
 _MEMBERS_NAMED: Final = 10
 
 
-class Unpacked:
+class SequentialFile:
     """A file that is read sequentially.
 
     Attributes
@@ -53,7 +53,7 @@ class Unpacked:
 
     def __init__(self, path: Path, file: IO[bytes]) -> None:
         self._path = path
-        self._packed = _Counted(file)
+        self._packed = _CountingReader(file)
         self._source: Any = file if hasattr(file, "peek") else io.BufferedReader(cast(Any, file))
         self._plain = True
         self._size = 0
@@ -87,7 +87,7 @@ class Unpacked:
                 return
             if self._plain:
                 self._plain = False
-                self._packed = _Counted(self._source)
+                self._packed = _CountingReader(self._source)
                 self._source = io.BufferedReader(self._packed)
             self._source = io.BufferedReader(cast(Any, unpacker(self._source)))
 
@@ -123,7 +123,7 @@ def members(path: Path) -> list[zipfile.ZipInfo]:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Unpacked]:
+def opened(path: Path) -> Iterator[SequentialFile]:
     """Open a file, one compressed with gzip, xz, bzip2 or Zstandard, or a member of a zip archive.
 
     Parameters
@@ -146,7 +146,7 @@ def opened(path: Path) -> Iterator[Unpacked]:
     standard = str(path) == "-"
     with ExitStack() as stack:
         raw = sys.stdin.buffer if standard else stack.enter_context(file.open("rb"))
-        unpacked = Unpacked(path, raw)
+        unpacked = SequentialFile(path, raw)
         if not standard and unpacked.is_archive():
             with _translated(path):
                 archive = stack.enter_context(zipfile.ZipFile(raw))
@@ -157,7 +157,7 @@ def opened(path: Path) -> Iterator[Unpacked]:
         yield unpacked
 
 
-class _Counted(io.RawIOBase):
+class _CountingReader(io.RawIOBase):
     """Counts the bytes read from a file."""
 
     def __init__(self, file: IO[bytes]) -> None:

@@ -27,7 +27,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-class Lost(NamedTuple):
+class LostItem(NamedTuple):
     """Stands for the result of an item on which its process died, or on which it took too long."""
 
     hung: bool = False
@@ -41,7 +41,7 @@ def in_processes(
     prepare: Callable[[], None] | None = None,
     preload: Sequence[str] = (),
     item_s: float | None = None,
-) -> Generator[Result | Lost]:
+) -> Generator[Result | LostItem]:
     """Yield the function's result for each item, in order; only a few items are worked on ahead.
 
     The first item runs alone, because its process may compile the kernels for all others. An item on which a
@@ -80,9 +80,9 @@ def in_processes(
                 except ProcessExpired:
                     yield _result(pool.submit(item))
             except ProcessExpired:
-                yield Lost()
+                yield LostItem()
             except TimeoutError:
-                yield Lost(hung=True)
+                yield LostItem(hung=True)
             most = jobs * _AHEAD
     finally:
         pool.end()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.actuator.mapping import Mapped
+from mavhums.actuator.mapping import MappedSamples
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.options import EngineOptions
 from mavhums.health.decision.events import ActuatorRecord, Classified
@@ -60,7 +60,7 @@ class Monitors:
         for key in [key for key in self._monitors if key[0] == vehicle]:
             del self._monitors[key]
 
-    def of(self, airframe: Airframe, mapped: Mapped) -> Monitor:
+    def of(self, airframe: Airframe, mapped: MappedSamples) -> Monitor:
         """Return the monitor of an actuator that sends."""
         key = (mapped.vehicle, mapped.actuator.name)
         if key not in self._monitors:
@@ -114,7 +114,7 @@ def network_answer(
 
 
 def classified(
-    mapped: Mapped, time_s: NDArray[np.float64], rows: slice, serving: Sequence[Model]
+    mapped: MappedSamples, time_s: NDArray[np.float64], rows: slice, serving: Sequence[Model]
 ) -> Iterator[Classified]:
     """Yield what the networks say of each of these samples, if any serves the actuator.
 

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from mavhums.actuator.contradictions import against_log, remedy
-from mavhums.actuator.mapping import Mapped, Mapper, messages_for
+from mavhums.actuator.mapping import MappedSamples, Mapper, messages_for
 from mavhums.actuator.telemetry import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.engine.actuators import Monitors, classified, network_answer, summary_of
@@ -55,7 +55,7 @@ _SILENT_LOOKS: Final = 30
 
 
 @dataclass(slots=True)
-class _Look:
+class _VehicleReview:
     """What is known of a vehicle after so many messages, and how often it may be shown again."""
 
     heard: int
@@ -101,7 +101,7 @@ class Engine:
         self._decide = options.decide
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._monitors = Monitors(options)
-        self._looks: dict[int | None, _Look] = {}
+        self._looks: dict[int | None, _VehicleReview] = {}
 
     def feed(self, block: bytes) -> list[Event]:
         """Take the next bytes and return the events that they cause."""
@@ -155,7 +155,9 @@ class Engine:
             usage=tuple(look.usage for look in looks if look.usage is not None),
         )
 
-    def _look(self, vehicle: int | None, told: dict[tuple[int, int, str], int], indicators: bool) -> _Look:
+    def _look(
+        self, vehicle: int | None, told: dict[tuple[int, int, str], int], indicators: bool
+    ) -> _VehicleReview:
         """Return what is known of a vehicle; between whole assessments, of one that is silent as it was."""
         heard = sum(told.values())
         kept = self._looks.get(vehicle)
@@ -163,7 +165,9 @@ class Engine:
             kept.again -= 1
             return kept
         verdicts = tuple(self._of_vehicle(vehicle, self._mappers.tier(vehicle, told), indicators))
-        look = _Look(heard, verdicts, None if vehicle is None else self._usage(vehicle), _SILENT_LOOKS)
+        look = _VehicleReview(
+            heard, verdicts, None if vehicle is None else self._usage(vehicle), _SILENT_LOOKS
+        )
         if vehicle is not None and not indicators:
             self._looks[vehicle] = look
         return look
@@ -260,7 +264,7 @@ class Engine:
             if spoken.text and not spoken.text.startswith("mavhums airframe="):
                 yield Notice(self._flight_time(spoken.time_us), spoken.vehicle, spoken.text)
 
-    def _judge(self, mapper: Mapper, mapped: Mapped) -> Iterator[Event]:
+    def _judge(self, mapper: Mapper, mapped: MappedSamples) -> Iterator[Event]:
         actuator = mapped.actuator
         time_s = (mapped.utc_us - (self._decoder.first_time_us or 0)) / 1e6
         yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)

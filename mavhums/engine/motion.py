@@ -32,7 +32,7 @@ from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
-from mavhums.vehicle.surfaces import ALIKE_US, AXES, Moved, Surfaces
+from mavhums.vehicle.surfaces import ALIKE_US, AXES, SurfaceOutput, Surfaces
 
 TRIED_AXES: Final = ("roll", "pitch")  # a rudder mostly moves with the ailerons
 
@@ -68,7 +68,7 @@ def _explained(rows: Rows, axis: str, demand: Array) -> float:
     return 0.0 if found is None else found.explained
 
 
-def contradiction(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved]) -> str | None:
+def contradiction(rows: Rows, pulses: Array, axis: str, outputs: Sequence[SurfaceOutput]) -> str | None:
     """Return which of a profile's outputs do not move an axis; an empty text if all do, None if not clear.
 
     Parameters
@@ -99,7 +99,9 @@ def contradiction(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved]
     return _contradiction_text(axis, wrong, sorted(movers)) if wrong else ""
 
 
-def refutation(rows: Rows, pulses: Array, axis: str, outputs: Sequence[Moved], limits: AxisLimits) -> str:
+def refutation(
+    rows: Rows, pulses: Array, axis: str, outputs: Sequence[SurfaceOutput], limits: AxisLimits
+) -> str:
     """Return which outputs move an axis by which the profile's raise an alarm; an empty text if none does.
 
     The alarm must come from these very rows, the last ones before it: only then does it say anything that
@@ -142,7 +144,7 @@ def rests_on_outputs(event: object) -> TypeGuard[ConditionChanged]:
     return SEVERITY[event.after] > SEVERITY["normal"]
 
 
-def _alone(pulses: Array, k: int, outputs: Sequence[Moved]) -> Array:
+def _alone(pulses: Array, k: int, outputs: Sequence[SurfaceOutput]) -> Array:
     """Return an output alone as a demand; NaN while it stands and another one of its group moves.
 
     An output that is overridden no longer shows the demand, and it may be its surface that has failed.
@@ -243,5 +245,5 @@ def _carried(demand: Array, others: Array) -> bool:
     return float(left @ left) <= (1.0 - _DOUBLE) * float(demand @ demand)
 
 
-def _moved(k: int, surface: str, pulses: Array, flying: Flags, slope: float) -> Moved:
-    return Moved(k + 1, surface, float(np.median(pulses[flying, k])), slope * _HALF_US)
+def _moved(k: int, surface: str, pulses: Array, flying: Flags, slope: float) -> SurfaceOutput:
+    return SurfaceOutput(k + 1, surface, float(np.median(pulses[flying, k])), slope * _HALF_US)

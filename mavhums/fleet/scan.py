@@ -243,7 +243,7 @@ class _Commits:
         self._aircraft |= {UNKNOWN} if found else set()
 
 
-class Landed(NamedTuple):
+class ScannedFlight(NamedTuple):
     """A log that has been scanned.
 
     Attributes
@@ -309,7 +309,7 @@ class LogWatcher:
         self._done: set[LogFile] = set()
         self._reported: set[LogFile] = set()
 
-    def look(self, now_s: float) -> list[Landed]:
+    def look(self, now_s: float) -> list[ScannedFlight]:
         """Scan the logs that no longer change, and return the newly judged ones.
 
         Parameters
@@ -331,7 +331,7 @@ class LogWatcher:
         self.looks += 1
         return landed
 
-    def _scan(self, ready: list[LogFile]) -> Iterator[Landed]:
+    def _scan(self, ready: list[LogFile]) -> Iterator[ScannedFlight]:
         known = self._store.known(ready)
         self._done |= {file for file in ready if known.get(file) == self._settings}
         self._done |= removed_files(self._store) & {*ready}
@@ -354,7 +354,7 @@ class LogWatcher:
                 self._reported.add(file)
             yield landed
 
-    def _landed(self, file: LogFile, stands: dict[str, tuple[Standing, ...]]) -> Landed | None:
+    def _landed(self, file: LogFile, stands: dict[str, tuple[Standing, ...]]) -> ScannedFlight | None:
         row = self._store.query(
             "SELECT aircraft, problem, remedy FROM logs WHERE path = ? ORDER BY scanned DESC LIMIT 1",
             file.path,
@@ -368,4 +368,4 @@ class LogWatcher:
         ).fetchall()
         standing = stands.get(aircraft, ())
         findings = tuple(one for one in standing if one.is_finding and one.log == file.path)
-        return Landed(file.path, aircraft, problem, remedy, Counter(dict(found)), findings)
+        return ScannedFlight(file.path, aircraft, problem, remedy, Counter(dict(found)), findings)

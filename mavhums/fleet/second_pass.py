@@ -19,7 +19,7 @@ from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.checkpoint import (
     Checkpoint,
-    Listed,
+    FlightEntry,
     Superseded,
     TooLateError,
     listed,
@@ -73,7 +73,7 @@ class FlightSpan(NamedTuple):
     whole: bool = False
 
 
-class Compared(NamedTuple):
+class PartResult(NamedTuple):
     """The result of a part.
 
     Attributes
@@ -92,7 +92,7 @@ class Compared(NamedTuple):
     checkpoint: bytes
 
 
-def compare_part(part: FlightSpan) -> Compared | None:
+def compare_part(part: FlightSpan) -> PartResult | None:
     """Return the verdicts of a part; None if they need more of the earlier flights than was kept."""
     if part.checkpoint is None:
         checkpoint = Checkpoint(part.since, whole=part.whole)
@@ -111,7 +111,7 @@ def compare_part(part: FlightSpan) -> Compared | None:
                 checkpoint.add(PastFlight.of(assessment))
     except TooLateError:
         return None
-    return Compared(rows, checkpoint.superseded, checkpoint.open_superseded(), checkpoint.packed())
+    return PartResult(rows, checkpoint.superseded, checkpoint.open_superseded(), checkpoint.packed())
 
 
 def rows_of(aircraft: str, assessment: Assessment) -> Iterator[dict[str, object]]:
@@ -239,7 +239,7 @@ class _SecondPass:
         """Return the part to be judged next."""
         return FlightSpan(self.aircraft, self._next, self._since, self._checkpoint, self._final, self._whole)
 
-    def take(self, result: Compared | None) -> None:
+    def take(self, result: PartResult | None) -> None:
         """Take the result of the part; where it needed more than was kept, begin with the first flight."""
         if result is None:
             self._final, whole = False, not self._final
@@ -266,7 +266,7 @@ class _SecondPass:
         store_checkpoint(self._store, self.aircraft, self._listed, self._stamp, small)
         return True
 
-    def _begin(self, known: bytes | None, new: list[Listed], *, whole: bool) -> None:
+    def _begin(self, known: bytes | None, new: list[FlightEntry], *, whole: bool) -> None:
         self._checkpoint = known
         self._whole = whole
         self._rows = []
@@ -276,7 +276,7 @@ class _SecondPass:
         self._waiting = self._flights(new)
         self._next = next(self._waiting, [])
 
-    def _flights(self, new: list[Listed]) -> Iterator[list[bytes]]:
+    def _flights(self, new: list[FlightEntry]) -> Iterator[list[bytes]]:
         """Yield the flights, in time order, in parts."""
         part: list[bytes] = []
         size = 0

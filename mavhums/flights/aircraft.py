@@ -158,7 +158,7 @@ class OtherAircraftError(MavhumsError):
     """A flight is of another aircraft than the history."""
 
 
-class Owner(NamedTuple):
+class KnownAircraft(NamedTuple):
     """What is known of the aircraft of a vehicle's flights.
 
     Attributes
@@ -183,7 +183,7 @@ class Owner(NamedTuple):
         """Whether anything identifies the aircraft."""
         return bool(self.board or self.aircraft)
 
-    def differs(self, other: Owner) -> bool:
+    def differs(self, other: KnownAircraft) -> bool:
         """Return whether the two are known to be different aircraft."""
         if self.vehicle != other.vehicle:
             return False
@@ -195,25 +195,25 @@ class Owner(NamedTuple):
         return self.aircraft or f"the aircraft with the board {self.board}"
 
 
-class Owned(Protocol):
+class AircraftFlights(Protocol):
     """Earlier flights, as :class:`mavhums.flights.history.FlightHistory` has them."""
 
     @property
     def name(self) -> str:
         """What the history is called in messages."""
 
-    def owners(self) -> list[Owner]:
+    def owners(self) -> list[KnownAircraft]:
         """Return what is known of the aircraft of its flights."""
 
 
-def owners_of(assessment: Assessment, start: datetime) -> Iterator[Owner]:
+def owners_of(assessment: Assessment, start: datetime) -> Iterator[KnownAircraft]:
     """Yield what an assessment says of the aircraft of each vehicle."""
     for flight in assessment.log.flight:
-        yield Owner(flight.vehicle, flight.board, flight.aircraft, (start, start))
+        yield KnownAircraft(flight.vehicle, flight.board, flight.aircraft, (start, start))
 
 
 def check_same_aircraft(
-    assessment: Assessment, history: Owned, table: AircraftTable | None = None
+    assessment: Assessment, history: AircraftFlights, table: AircraftTable | None = None
 ) -> Assessment:
     """Return the assessment, with a notice if it cannot be told whether the history is of its aircraft.
 
@@ -257,7 +257,9 @@ def check_same_aircraft(
     return assessment.model_copy(update={"log": log.model_copy(update={"notices": (*log.notices, notice)})})
 
 
-def _foreign_board(own: Iterable[Owner], past: Iterable[Owner], table: AircraftTable | None) -> str | None:
+def _foreign_board(
+    own: Iterable[KnownAircraft], past: Iterable[KnownAircraft], table: AircraftTable | None
+) -> str | None:
     """Return the notice on a board that no earlier flight of a named aircraft has; None without one."""
     for one in own:
         boards = {each.board for each in past if each.vehicle == one.vehicle and each.board}
@@ -271,7 +273,7 @@ def _foreign_board(own: Iterable[Owner], past: Iterable[Owner], table: AircraftT
     return None
 
 
-def check_one_aircraft(history: Owned, table: AircraftTable | None = None) -> None:
+def check_one_aircraft(history: AircraftFlights, table: AircraftTable | None = None) -> None:
     """Refuse a history of several aircraft; the parameters are those of :func:`check_same_aircraft`.
 
     Raises
@@ -288,13 +290,15 @@ def check_one_aircraft(history: Owned, table: AircraftTable | None = None) -> No
             )
 
 
-def swaps_of(history: Owned, table: AircraftTable, moment: datetime) -> Mapping[str | None, datetime]:
+def swaps_of(
+    history: AircraftFlights, table: AircraftTable, moment: datetime
+) -> Mapping[str | None, datetime]:
     """Return the last time up to a moment at which each actuator of the history's aircraft was swapped."""
     names = {owner.aircraft for owner in _named(history.owners(), table)} - {None}
     return table.since(names.pop(), moment) if len(names) == 1 else {}
 
 
-def _named(owners: Iterable[Owner], table: AircraftTable | None) -> Iterator[Owner]:
+def _named(owners: Iterable[KnownAircraft], table: AircraftTable | None) -> Iterator[KnownAircraft]:
     """Yield owners with the table's names at the start of their first and of their last flight."""
     for owner in owners:
         names = {table.aircraft_of(owner.board, start) if table else None for start in owner.starts}

@@ -39,7 +39,7 @@ class AircraftTableError(MavhumsError):
     """An aircraft table that is unreadable or contradicts itself."""
 
 
-class Installed(Frozen):
+class Installation(Frozen):
     """A board or an actuator in an aircraft, for some time.
 
     Attributes
@@ -89,7 +89,7 @@ class Installed(Frozen):
         """Return whether it is installed at this time; on the date ``to`` it is not any more."""
         return (self.begins is None or self.begins <= moment) and (self.ends is None or moment < self.ends)
 
-    def overlaps(self, other: Installed) -> bool:
+    def overlaps(self, other: Installation) -> bool:
         """Return whether the two are installed at a common time."""
         after = self.ends is not None and other.begins is not None and self.ends <= other.begins
         before = other.ends is not None and self.begins is not None and other.ends <= self.begins
@@ -107,15 +107,15 @@ class AircraftTable:
     Examples
     --------
     >>> given = {"aircraft": "D-EABC", "board": "0A", "to": "2026-03-01"}
-    >>> table = AircraftTable([Installed.model_validate(given)])
+    >>> table = AircraftTable([Installation.model_validate(given)])
     >>> [table.aircraft_of("0a", datetime(2026, month, 1, tzinfo=UTC)) for month in (2, 3)]
     ['D-EABC', None]
     """
 
-    def __init__(self, installed: Iterable[Installed] = ()) -> None:
-        self.installed: tuple[Installed, ...] = tuple(installed)
-        self._boards: dict[str, list[Installed]] = defaultdict(list)
-        self._actuators: dict[str, list[Installed]] = defaultdict(list)
+    def __init__(self, installed: Iterable[Installation] = ()) -> None:
+        self.installed: tuple[Installation, ...] = tuple(installed)
+        self._boards: dict[str, list[Installation]] = defaultdict(list)
+        self._actuators: dict[str, list[Installation]] = defaultdict(list)
         for each in self.installed:
             if each.board is not None:
                 self._boards[each.board.upper()].append(each)
@@ -136,7 +136,7 @@ class AircraftTable:
                     dates[each.actuator] = max(swapped, dates.get(each.actuator, swapped))
         return dates
 
-    def of(self, aircraft: str) -> tuple[Installed, ...]:
+    def of(self, aircraft: str) -> tuple[Installation, ...]:
         """Return the actuators of an aircraft."""
         return tuple(self._actuators.get(aircraft, ()))
 
@@ -160,10 +160,10 @@ def load_aircraft_table(path: str | os.PathLike[str]) -> AircraftTable:
     except UnicodeDecodeError as error:
         raise AircraftTableError(f"{path}: is not UTF-8 text", "save it as UTF-8") from error
     entries = [*(_of_toml(path, text) if path.suffix.lower() == ".toml" else _of_csv(path, text))]
-    installed: list[tuple[str, Installed]] = []
+    installed: list[tuple[str, Installation]] = []
     for where, entry in entries:
         try:
-            installed.append((where, Installed.model_validate(entry)))
+            installed.append((where, Installation.model_validate(entry)))
         except ValidationError as error:
             first = error.errors(include_url=False, include_input=False)[0]
             place = ".".join(str(part) for part in first["loc"])
@@ -209,9 +209,9 @@ def _of_toml(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
     yield from ((f"{path}: installed[{number}]", entry) for number, entry in enumerate(several, 1))
 
 
-def _check_consistent(installed: Sequence[tuple[str, Installed]]) -> None:
+def _check_consistent(installed: Sequence[tuple[str, Installation]]) -> None:
     """Refuse entries of which only one can be true."""
-    places: dict[tuple[str, ...], list[tuple[str, Installed]]] = defaultdict(list)
+    places: dict[tuple[str, ...], list[tuple[str, Installation]]] = defaultdict(list)
     for where, each in installed:
         if each.board is not None:
             places["board", each.board.upper()].append((where, each))

@@ -275,7 +275,7 @@ _VERSION: Final = 1
 _MOST_NEW: Final = 1_000
 
 
-class Listed(NamedTuple):
+class FlightEntry(NamedTuple):
     """A flight of an aircraft: its log, the time of its latest judgement, its start and its path."""
 
     sha256: str
@@ -284,14 +284,14 @@ class Listed(NamedTuple):
     path: str
 
 
-def listed(store: Store, aircraft: str) -> list[Listed]:
+def listed(store: Store, aircraft: str) -> list[FlightEntry]:
     """Return an aircraft's flights in time order, each log once; those without a date are last."""
     rows = store.query(
         "SELECT sha256, max(scanned), min(start_us), min(path) FROM logs WHERE aircraft = ?"
         f" AND sha256 IS NOT NULL AND {OF_THIS_FORMAT} GROUP BY sha256 ORDER BY min(start_us), min(path)",
         aircraft,
     ).fetchall()
-    return [Listed(*row) for row in rows]
+    return [FlightEntry(*row) for row in rows]
 
 
 def stamp_of(store: Store, aircraft: str) -> str:
@@ -303,8 +303,8 @@ def stamp_of(store: Store, aircraft: str) -> str:
 
 
 def read_checkpoint(
-    store: Store, aircraft: str, flights: Sequence[Listed], stamp: str
-) -> tuple[bytes, list[Listed]] | None:
+    store: Store, aircraft: str, flights: Sequence[FlightEntry], stamp: str
+) -> tuple[bytes, list[FlightEntry]] | None:
     """Return what is known of the settled flights, and the new ones; None if all must be judged again.
 
     Parameters
@@ -334,7 +334,7 @@ def read_checkpoint(
 
 
 def store_checkpoint(
-    store: Store, aircraft: str, flights: Sequence[Listed], stamp: str, known: bytes | None
+    store: Store, aircraft: str, flights: Sequence[FlightEntry], stamp: str, known: bytes | None
 ) -> None:
     """Commit what is known of an aircraft's flights; None if the next one shall be judged with all."""
     row: dict[str, object] = {
@@ -347,7 +347,7 @@ def store_checkpoint(
     store.append(SETTLED, [row])
 
 
-def _follow(settled: Sequence[Listed], new: Sequence[Listed], aircraft: str) -> bool:
+def _follow(settled: Sequence[FlightEntry], new: Sequence[FlightEntry], aircraft: str) -> bool:
     """Return whether all new flights with a date come after those that are settled."""
     if aircraft == UNKNOWN:
         return True
@@ -366,5 +366,5 @@ def _without_verdicts(store: Store, aircraft: str) -> set[str]:
     return {sha256 for (sha256,) in rows}
 
 
-def _digest(flights: Sequence[Listed], stamp: str) -> str:
+def _digest(flights: Sequence[FlightEntry], stamp: str) -> str:
     return hashlib.sha256(json.dumps([stamp, flights]).encode()).hexdigest()

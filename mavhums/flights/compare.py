@@ -229,7 +229,7 @@ def packed(flight: StandaloneAssessment) -> bytes:
     >>> unpacked(packed(flight)) == flight
     True
     """
-    content = _Stored(
+    content = _StoredFlight(
         flight.assessment,
         tuple((*key, flight.profiles[key], record) for key, record in flight.records.items()),
         flight.false_alarms,
@@ -258,10 +258,10 @@ def unpacked(data: bytes) -> StandaloneAssessment:
     return StandaloneAssessment(content.assessment, records, profiles, content.false_alarms)
 
 
-class _Stored(NamedTuple):
+class _StoredFlight(NamedTuple):
     assessment: Assessment
     records: tuple[tuple[int, str, str, ActuatorRecord], ...]
     false_alarms: float = FALSE_ALARMS
 
 
-_STORED = TypeAdapter(_Stored)
+_STORED = TypeAdapter(_StoredFlight)

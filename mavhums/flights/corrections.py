@@ -16,7 +16,7 @@ from typing import Any, Final, Literal, NamedTuple
 
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import latest
-from mavhums.flights.aircraft_table import AircraftTable, Installed, Since
+from mavhums.flights.aircraft_table import AircraftTable, Installation, Since
 from mavhums.flights.store import LogFile, Store, listed_sql
 from mavhums.flights.store_tables import CORRECTIONS, DATES, INSTALLED, LOGS, REMOVED
 
@@ -302,7 +302,7 @@ def reassigned(store: Store, table: AircraftTable) -> set[str]:
 def installed_in(store: Store, aircraft: str) -> AircraftTable:
     """Return the actuators of an aircraft, as of the last table that was given."""
     rows = store.query("SELECT entry FROM installed WHERE aircraft = ?", aircraft).fetchall()
-    return AircraftTable(Installed.model_validate_json(entry) for (entry,) in rows)
+    return AircraftTable(Installation.model_validate_json(entry) for (entry,) in rows)
 
 
 def _replaced(store: Store, table: AircraftTable) -> set[str]:

@@ -25,7 +25,7 @@ from mavhums.core.about import __version__
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import written_whole
 from mavhums.core.startup import no_collection
-from mavhums.flights.aircraft import Owner
+from mavhums.flights.aircraft import KnownAircraft
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.checkpoint import Checkpoint
 from mavhums.flights.flight_file import KeptFlight, _ForeignFileError, read_flights, reason_of
@@ -45,7 +45,7 @@ _Stamp = tuple[int, int]
 """Time of modification in nanoseconds, and size in bytes."""
 
 
-class _Kept(NamedTuple):
+class _StoreHeader(NamedTuple):
     """What is stored before the flights; ``latest`` is the start of the last one, UTC."""
 
     version: str
@@ -53,11 +53,11 @@ class _Kept(NamedTuple):
     since: tuple[tuple[str | None, datetime], ...]
     errors: tuple[tuple[str, str], ...]
     notices: tuple[str, ...]
-    owners: tuple[Owner, ...]
+    owners: tuple[KnownAircraft, ...]
     latest: datetime | None
 
 
-_KEPT: Final = TypeAdapter(_Kept)
+_KEPT: Final = TypeAdapter(_StoreHeader)
 _MAY_HOLD = re.compile(r"[^.].*\.json", re.IGNORECASE | re.DOTALL)
 _name = attrgetter("name")
 
@@ -168,7 +168,7 @@ class FlightFolder:
         self._folder, self._progress = Path(folder), progress
         self._files: dict[str, _Stamp] = {}
         self._read: dict[str, tuple[_Stamp, list[PastFlight | MavhumsError]]] = {}
-        self._kept = _Kept(_VERSION, (), (), (), (), (), None)
+        self._kept = _StoreHeader(_VERSION, (), (), (), (), (), None)
         self._checkpoint: Checkpoint | None = None
         self._look()
         # Where there is no checkpoint, or a damaged one, the files tell the same.
@@ -217,7 +217,7 @@ class FlightFolder:
         newest = sorted(self._files, key=lambda name: (self._files[name], name))[-_RECENT_FILES:]
         return self._history(newest).flights
 
-    def owners(self) -> list[Owner]:
+    def owners(self) -> list[KnownAircraft]:
         """Return the same as :meth:`FlightHistory.owners` for the whole folder."""
         return [*self._kept.owners]
 
@@ -262,10 +262,10 @@ class FlightFolder:
                     if not (late or new.errors or new.notices):
                         return self._add(checkpoint, new, self._kept)
         checkpoint = Checkpoint(_always(since.items()), whole=whole)
-        fresh = _Kept(_VERSION, (), tuple(since.items()), (), (), (), None)
+        fresh = _StoreHeader(_VERSION, (), tuple(since.items()), (), (), (), None)
         return self._add(checkpoint, self._history(list(self._files)), fresh)
 
-    def _add(self, checkpoint: Checkpoint, new: FlightHistory, before: _Kept) -> Checkpoint:
+    def _add(self, checkpoint: Checkpoint, new: FlightHistory, before: _StoreHeader) -> Checkpoint:
         """Add flights to a checkpoint, and store it beside them if the folder can be written."""
         with no_collection():
             for flight in new.flights:

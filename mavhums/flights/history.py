@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Protocol
 
 from mavhums.core.errors import MavhumsError
-from mavhums.flights.aircraft import Owner, owners_of
+from mavhums.flights.aircraft import KnownAircraft, owners_of
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.duplicates import Recording, recordings_of, superseded_recordings
 from mavhums.health.decision.baseline import Baseline, Baselines, PastRecord
@@ -196,9 +196,9 @@ class FlightHistory:
         """Return all flights: they are in memory."""
         return self.flights
 
-    def owners(self) -> list[Owner]:
+    def owners(self) -> list[KnownAircraft]:
         """Return what is known of the aircraft of the flights."""
-        known: dict[tuple[int, str | None, str | None], Owner] = {}
+        known: dict[tuple[int, str | None, str | None], KnownAircraft] = {}
         for flight in self.flights:
             for owner in owners_of(flight.assessment, flight.start):
                 first = known.get(owner[:3], owner)
@@ -308,7 +308,7 @@ class EarlierFlights(Protocol):
     def recent(self) -> Sequence[PastFlight]:
         """Return the flights that tell how the aircraft stands: the latest ones, where there are many."""
 
-    def owners(self) -> list[Owner]:
+    def owners(self) -> list[KnownAircraft]:
         """Return what is known of the aircraft of the flights."""
 
     def near(self, flight: PastFlight) -> list[PastFlight]:

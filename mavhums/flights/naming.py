@@ -21,7 +21,7 @@ from mavhums.flights.aircraft import (
     UnnamedAircraftError,
     board_of,
 )
-from mavhums.flights.aircraft_table import AircraftTable, Installed
+from mavhums.flights.aircraft_table import AircraftTable, Installation
 from mavhums.flights.corrections import aircraft_in, corrected_names
 from mavhums.flights.store import OF_THIS_FORMAT, LogFile, Row, Store, listed_sql
 from mavhums.flights.store_tables import NAMING
@@ -64,7 +64,7 @@ def rule_of(store: Store) -> str | None:
 def whose_in(store: Store, given: AircraftResolver) -> AircraftResolver:
     """Return the operator's knowledge of whose logs they are, with what a store remembers of it."""
     boards = None if given.table.installed else _latest(store)[1]
-    table = AircraftTable(map(Installed.model_validate, json.loads(boards))) if boards else given.table
+    table = AircraftTable(map(Installation.model_validate, json.loads(boards))) if boards else given.table
     names = corrected_names(store).aircraft
     if names:
         renamed_boards = (

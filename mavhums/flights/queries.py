@@ -94,14 +94,14 @@ class Status(NamedTuple):
         )
 
 
-class Odd(NamedTuple):
+class OperatorTasks(NamedTuple):
     """What an operator should look into: ``foreign_boards`` and ``removed`` of :class:`Status`."""
 
     foreign_boards: tuple[ForeignBoard, ...]
     removed: int
 
 
-class Worst(NamedTuple):
+class WorstActuator(NamedTuple):
     """An actuator in its aircraft's last flight. ``aircraft`` is empty if it is unknown.
 
     ``standing`` is how it stands over its flights; None of an unknown aircraft, and in a store of an older
@@ -159,14 +159,14 @@ def status(store: str | os.PathLike[str]) -> Status:
     )
 
 
-def odd_in(store: str | os.PathLike[str]) -> Odd:
+def odd_in(store: str | os.PathLike[str]) -> OperatorTasks:
     """Return what a scan tells besides what it judged; its errors are those of :func:`status`."""
     kept = Store(store).opened()
     (removed,) = kept.query("SELECT count(DISTINCT path) FROM removed").fetchone()
-    return Odd(tuple(foreign_boards(kept)), removed)
+    return OperatorTasks(tuple(foreign_boards(kept)), removed)
 
 
-def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Worst]:
+def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[WorstActuator]:
     """Return every actuator as of its aircraft's last flight, the worst first.
 
     Parameters
@@ -186,7 +186,7 @@ def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Wor
     chosen = rows if most is None else rows[:most]
     judged = _verdicts_of(kept, {path for (_, path, *_), _ in chosen})
     return [
-        Worst(aircraft, path, start_us, judged[aircraft, path, vehicle, actuator], standing)
+        WorstActuator(aircraft, path, start_us, judged[aircraft, path, vehicle, actuator], standing)
         for (aircraft, path, start_us, vehicle, actuator, *_), standing in chosen
     ]
 

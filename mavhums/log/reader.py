@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.core.errors import UnreadableLogError
-from mavhums.core.packed import Unpacked, opened
+from mavhums.core.packed import SequentialFile, opened
 from mavhums.log.base.decoder import LogDecoder, Losses
 from mavhums.log.base.tables import Table
 from mavhums.log.formats import Decoder, refuse_foreign
@@ -65,7 +65,7 @@ def read_blocks(
         raise UnreadableLogError(f"{path}: {error.strerror}", "check the permissions and the disk") from error
 
 
-def _beginning(file: Unpacked) -> tuple[int, bytes]:
+def _beginning(file: SequentialFile) -> tuple[int, bytes]:
     """Return the number of zeros before the first block with anything else, and that block.
 
     A recorder that allots its file in advance leaves zeros before its first frame.

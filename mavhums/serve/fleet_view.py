@@ -23,7 +23,7 @@ from mavhums.serve.options import LastVerdict
 from mavhums.serve.sessions import Dropped
 from mavhums.show.html import in_brief
 from mavhums.show.standing import mark_of, sentences
-from mavhums.show.trend import TrendShown, trend_shown
+from mavhums.show.trend import TrendView, trend_shown
 
 FEWEST_FLIGHTS: Final = 3
 """Of one aircraft: two points are no trend."""
@@ -56,7 +56,7 @@ class FlightLine(NamedTuple):
     headline: str
 
 
-class ActuatorShown(NamedTuple):
+class ActuatorView(NamedTuple):
     """An actuator or axis on an aircraft's page: the trends to see first, and the others.
 
     ``curves`` and ``more`` are their curves as JSON for the browser.
@@ -65,8 +65,8 @@ class ActuatorShown(NamedTuple):
     name: str
     condition: Condition
     word: str
-    first: list[TrendShown]
-    others: list[TrendShown]
+    first: list[TrendView]
+    others: list[TrendView]
     curves: Markup
     more: Markup
 
@@ -136,7 +136,7 @@ def _flight(aircraft: str, flight: Assessment) -> FlightLine:
     )
 
 
-def trends_shown(report: TrendReport, addresses: Mapping[str, str]) -> list[ActuatorShown]:
+def trends_shown(report: TrendReport, addresses: Mapping[str, str]) -> list[ActuatorView]:
     """Return each actuator's trends with their curves, the worst first.
 
     Parameters
@@ -147,7 +147,7 @@ def trends_shown(report: TrendReport, addresses: Mapping[str, str]) -> list[Actu
         Of the flights' pages, by the start of the flight.
     """
     several = len({one.vehicle for one in report.trends}) > 1
-    found: dict[str, list[TrendShown]] = {}
+    found: dict[str, list[TrendView]] = {}
     marks: dict[str, tuple[Condition, str]] = {}
     stands = {(one.vehicle, one.actuator): one for one in report.standings}
     for one in report.trends:
@@ -159,11 +159,11 @@ def trends_shown(report: TrendReport, addresses: Mapping[str, str]) -> list[Actu
     for name, trends in found.items():
         first, others = [one for one in trends if one.first], [one for one in trends if not one.first]
         curves = _curves(first, addresses), _curves(others, addresses)
-        several_shown.append(ActuatorShown(name, *marks[name], first, others, *curves))
+        several_shown.append(ActuatorView(name, *marks[name], first, others, *curves))
     return several_shown
 
 
-def _curves(trends: Iterable[TrendShown], addresses: Mapping[str, str]) -> Markup:
+def _curves(trends: Iterable[TrendView], addresses: Mapping[str, str]) -> Markup:
     """Return trends as JSON that can stand in an attribute; each point knows its flight's page."""
     charts = [
         one.chart | {"life": one.life, "links": [addresses.get(start, "") for start in one.chart["starts"]]}

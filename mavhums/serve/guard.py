@@ -286,7 +286,7 @@ _BUSY: Final = (
 )
 
 
-class _Held(AutoHTTPProtocol):  # type: ignore[valid-type,misc]
+class _LimitedConnection(AutoHTTPProtocol):  # type: ignore[valid-type,misc]
     """A connection of uvicorn's with these limits; it ends where a websocket takes over."""
 
     header_s: ClassVar[float] = HEADER_S
@@ -326,7 +326,7 @@ class _Held(AutoHTTPProtocol):  # type: ignore[valid-type,misc]
         self._looks = self.loop.call_later(self.header_s, self._look)
 
     def _make_room(self, others: Iterable[Any]) -> None:
-        waiting = [each for each in others if isinstance(each, _Held) and each.waits]
+        waiting = [each for each in others if isinstance(each, _LimitedConnection) and each.waits]
         if waiting:
             oldest = min(waiting, key=lambda each: each._begun_s)
             oldest.transport.abort()
@@ -354,7 +354,7 @@ def held_connections(
         Connections at a time, of all addresses and of one.
     """
     limits = {"header_s": header_s, "most": most, "most_of_address": most_of_address}
-    return type("HeldConnection", (_Held,), limits)
+    return type("HeldConnection", (_LimitedConnection,), limits)
 
 
 def _client_of(connection: Any) -> str:

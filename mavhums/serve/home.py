@@ -177,7 +177,7 @@ class _LogItem:
             self._save = markup("Save the report", "a").classes("button").props(f'href="{save}" download')
             self._keep = _button("Keep in the store", log, lambda: home.keep(log)) if home.keeps else None
             self._remove = _button("Remove", log, lambda: home.remove(log))
-        self._asked = _Asked(self.item, log, home.keep)
+        self._asked = _OwnerQuestion(self.item, log, home.keep)
 
     def update(self, shown: tuple[str, str] | None) -> bool:
         """Show the present state; return whether it has just been judged."""
@@ -207,7 +207,7 @@ class _LogItem:
         return done
 
 
-class _Asked:
+class _OwnerQuestion:
     """The question whose log it is, where the store cannot tell."""
 
     def __init__(self, item: ui.element, log: Dropped, keep: _Keep) -> None:

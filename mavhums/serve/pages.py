@@ -39,7 +39,7 @@ from mavhums.serve.guard import SESSION, is_loopback
 from mavhums.serve.home import Home, markup, render, show_parts
 from mavhums.serve.options import Fleet, ServeOptions
 from mavhums.serve.sessions import Sessions
-from mavhums.show.evidence import Gathered
+from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.html import parts
 from mavhums.show.trend import headline
 
@@ -146,7 +146,7 @@ def _add_fleet(fleet: Fleet, begin: Callable[[str], None]) -> None:
             values["problem"] = str(error)
             markup(render("flight.html", **values))
             return
-        shown = await asyncio.to_thread(parts, wanted, Gathered(), "h1")
+        shown = await asyncio.to_thread(parts, wanted, EvidenceCollector(), "h1")
         markup(render("flight.html", **values))
         show_parts(shown, f"/fleet/curves?{query}")
 

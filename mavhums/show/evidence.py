@@ -36,7 +36,7 @@ _PLACES: Final = 800
 _EARTH_M: Final = 111_195.0  # of one degree of latitude
 
 
-_Kept = TypeVar("_Kept")
+_Item = TypeVar("_Item")
 _Name = TypeVar("_Name")
 
 
@@ -69,7 +69,7 @@ class Curve(NamedTuple):
     samples: Array | None = None
 
 
-class Gathered:
+class EvidenceCollector:
     """Takes the engine's events and keeps what a page shows of them.
 
     Curves keep every extreme: groups of neighbouring windows are replaced by their smallest and largest
@@ -84,7 +84,7 @@ class Gathered:
 
     Examples
     --------
-    >>> gathered = Gathered()
+    >>> gathered = EvidenceCollector()
     >>> gathered.consume([Notice(1.0, 1, "ArduPlane V4.6.0")])
     >>> [notice.text for notice in gathered.notices()]
     ['ArduPlane V4.6.0']
@@ -209,7 +209,7 @@ def _add(kept: dict[_Name, Thinner], key: _Name, time_s: Array, rows: Array) -> 
         kept[key].add(time_s, rows)
 
 
-def _append(several: dict[int, list[_Kept]], vehicle: int, one: _Kept) -> None:
+def _append(several: dict[int, list[_Item]], vehicle: int, one: _Item) -> None:
     """Keep one more of a vehicle, within limits."""
     if vehicle in several or len(several) < _VEHICLES:
         kept = several.setdefault(vehicle, [])
@@ -261,12 +261,12 @@ class CaptionedCurve(NamedTuple):
     since_s: float | None = None
 
 
-def evidence(assessment: Assessment, gathered: Gathered) -> Iterator[CaptionedCurve]:
+def evidence(assessment: Assessment, gathered: EvidenceCollector) -> Iterator[CaptionedCurve]:
     """Yield the evidence of each subject, the worst first: what raised an alarm, friction, effectiveness."""
     return islice(_all_evidence(assessment, gathered), _PLOTS)
 
 
-def _all_evidence(assessment: Assessment, gathered: Gathered) -> Iterator[CaptionedCurve]:
+def _all_evidence(assessment: Assessment, gathered: EvidenceCollector) -> Iterator[CaptionedCurve]:
     curves, attitudes, networks = gathered.curves(), gathered.attitudes(), gathered.networks()
     for verdict in assessment.ranked():
         if verdict.vehicle is None or verdict.actuator == ALL:

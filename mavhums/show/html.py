@@ -13,7 +13,7 @@ from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from mavhums.show.digest import Subject, advice, digest
-from mavhums.show.evidence import Gathered, evidence
+from mavhums.show.evidence import EvidenceCollector, evidence
 from mavhums.show.html_plot import Plot, flight_charts, plot
 from mavhums.show.outline import FIXED_WING, DrawnSurface, multirotor, outline
 from mavhums.show.verdict_words import certainty, explanation, implausible
@@ -97,7 +97,7 @@ class _Answer(NamedTuple):
     value: str
 
 
-class _Drawn(NamedTuple):
+class _DescribedPlot(NamedTuple):
     """A plot with the words that describe it."""
 
     title: str
@@ -113,7 +113,7 @@ class _Aircraft(NamedTuple):
     body: Sequence[str]
 
 
-class Brief(NamedTuple):
+class AssessmentHeadline(NamedTuple):
     """An assessment in a line: its gravest condition, the finding, and what to do."""
 
     condition: Condition
@@ -121,7 +121,7 @@ class Brief(NamedTuple):
     todo: str
 
 
-def in_brief(assessment: Assessment) -> Brief:
+def in_brief(assessment: Assessment) -> AssessmentHeadline:
     """Return the assessment in a line.
 
     Examples
@@ -132,10 +132,10 @@ def in_brief(assessment: Assessment) -> Brief:
     """
     said = digest(assessment)
     first = _first([_answer(one) for one in said.subjects[:_ROWS]])
-    return Brief(said.gravest, said.headline, first.todo if first else "")
+    return AssessmentHeadline(said.gravest, said.headline, first.todo if first else "")
 
 
-def page(assessment: Assessment, gathered: Gathered) -> str:
+def page(assessment: Assessment, gathered: EvidenceCollector) -> str:
     """Return the assessment as one HTML document, complete in itself.
 
     Texts from the log are escaped; control characters are replaced. The document carries no script, and its
@@ -151,20 +151,22 @@ def page(assessment: Assessment, gathered: Gathered) -> str:
     Examples
     --------
     >>> import mavhums
-    >>> text = page(mavhums.analyse("flight.tlog"), Gathered())
+    >>> text = page(mavhums.analyse("flight.tlog"), EvidenceCollector())
     >>> "<h1" in text, "<script" in text
     (True, False)
     """
     values = _values(assessment, gathered)
     plots = [
-        _Drawn(one.title, one.told, plot(one.curve, one.limits, assessment.log.duration_s, one.since_s))
+        _DescribedPlot(
+            one.title, one.told, plot(one.curve, one.limits, assessment.log.duration_s, one.since_s)
+        )
         for one in evidence(values["said"].assessment, gathered)
     ]
     faulty = SEVERITY[values["said"].gravest] > SEVERITY["normal"]
     return _rendered("report.html", values | {"plots": plots, "proof": _PROOF if faulty else 0})
 
 
-def parts(assessment: Assessment, gathered: Gathered, heading: str = "h2") -> dict[str, Any]:
+def parts(assessment: Assessment, gathered: EvidenceCollector, heading: str = "h2") -> dict[str, Any]:
     """Return the assessment in parts for a page that draws the curves itself.
 
     Parameters
@@ -193,7 +195,7 @@ def _rendered(template: str, values: dict[str, Any]) -> str:
     return environment("mavhums.show").get_template(template).render(**values)
 
 
-def _values(assessment: Assessment, gathered: Gathered) -> dict[str, Any]:
+def _values(assessment: Assessment, gathered: EvidenceCollector) -> dict[str, Any]:
     """Return what the templates of an assessment need, but for the curves."""
     said = digest(assessment)
     log = assessment.log

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 from mavhums.core.output import printable
-from mavhums.show.evidence import CaptionedCurve, Curve, Gathered, Limit
+from mavhums.show.evidence import CaptionedCurve, Curve, EvidenceCollector, Limit
 from mavhums.show.words import clock
 
 _DIGITS: Final = 4  # significant ones: more cannot be seen, and double what is sent
@@ -183,7 +183,7 @@ def _path(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
     return f"M{'L'.join(points)}"
 
 
-def flight_charts(shown: Iterable[CaptionedCurve], gathered: Gathered, duration_s: float) -> Chart:
+def flight_charts(shown: Iterable[CaptionedCurve], gathered: EvidenceCollector, duration_s: float) -> Chart:
     """Return a flight's curves, its modes by vehicle, and its track.
 
     Parameters

@@ -197,7 +197,7 @@ def _name(one: ActuatorTrend | LastFlight, report: TrendReport) -> str:
 _MAIN: Final = ("friction", *LOSSES)
 
 
-class TrendShown(NamedTuple):
+class TrendView(NamedTuple):
     """A trend: its title, its numbers in words, its curve, and the remaining useful life.
 
     Attributes
@@ -221,7 +221,7 @@ class TrendShown(NamedTuple):
     chart: Chart
 
 
-def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[RepairDate] = ()) -> TrendShown:
+def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[RepairDate] = ()) -> TrendView:
     """Return what is shown of a trend.
 
     Parameters
@@ -244,7 +244,7 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[Repair
     drawn["marks"] = [{"at": _milliseconds(at_utc), "text": text} for at_utc, text in marks]
     drawn["flights"] = [point.flight for point in trend.points]
     drawn["starts"] = [point.start_utc for point in trend.points]
-    return TrendShown(
+    return TrendView(
         actuator=f"{prefix}{trend.actuator}{' control' if trend.subject == 'axis' else ''}",
         condition=trend.condition,
         title=title,

@@ -199,7 +199,7 @@ def _both_classes(
     return samples, classes, number
 
 
-class _Measured:
+class _NetworkAnswers:
     """Answers of a network on flights of its own: votes on samples, and shares of votes in windows."""
 
     def __init__(self, limits: Limits) -> None:
@@ -249,12 +249,12 @@ def _calibration(
     """Calibrate on some flights and measure on others; nothing if the network votes too rarely."""
     limits = actuator.known_limits()
 
-    def fly_range(seed: int) -> _Measured:
+    def fly_range(seed: int) -> _NetworkAnswers:
         random = np.random.default_rng(seed)
         total = flights * len(SURFACES)
         low, high = friction_range(limits)
         frictions = low + (high - low) * (random.permutation(total) + random.random(total)) / total
-        found = _Measured(limits)
+        found = _NetworkAnswers(limits)
         fleet = fly_fleet(
             actuator,
             telemetry,

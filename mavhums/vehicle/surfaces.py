@@ -37,7 +37,7 @@ ALIKE_US: Final = 3.0
 """Outputs with the same demand differ by less: they are whole microseconds, and so are their trims."""
 
 
-class Moved(NamedTuple):
+class SurfaceOutput(NamedTuple):
     """An output that moves a surface: 0 at ``zero_us``, ±1 at ``zero_us`` ± ``half_us``, which has a sign."""
 
     servo: int
@@ -88,7 +88,7 @@ class Surfaces:
         Axes for whose outputs the log's parameters say the same as the profile.
     """
 
-    moved: tuple[Moved, ...]
+    moved: tuple[SurfaceOutput, ...]
     origin: str
     lift: Lift = NO_LIFT
     by_log: frozenset[str] = frozenset()
@@ -101,7 +101,7 @@ class Surfaces:
         steers = bool(self.moved) and all(one.kind == STEERING for one in self.moved)
         return (STEERING,) if steers else AXES
 
-    def of_axis(self, axis: str) -> tuple[Moved, ...]:
+    def of_axis(self, axis: str) -> tuple[SurfaceOutput, ...]:
         """Return the outputs that move the aircraft about an axis; none if they are contradicted."""
         if axis in self.contradicted and axis not in self.by_log:
             return ()
@@ -157,7 +157,7 @@ class Surfaces:
 
         Examples
         --------
-        >>> ailerons = Moved(1, "left aileron", 1500, 500), Moved(2, "right aileron", 1500, 500)
+        >>> ailerons = SurfaceOutput(1, "left aileron", 1500, 500), SurfaceOutput(2, "right aileron", 1500, 500)
         >>> Surfaces(ailerons, "profile").brief("roll")
         'aileron L/R'
         """
@@ -173,12 +173,12 @@ class Surfaces:
         """Return the surfaces of an axis, each with its servo."""
         return tuple(map(self.named, self.of_axis(axis)))
 
-    def named(self, moved: Moved) -> str:
+    def named(self, moved: SurfaceOutput) -> str:
         """Return what is known of an output: its surface, or of an inferred one what the motion shows.
 
         Examples
         --------
-        >>> one = Moved(4, "aileron", 1500, 500)
+        >>> one = SurfaceOutput(4, "aileron", 1500, 500)
         >>> Surfaces((one,), "profile").named(one), Surfaces((one,), "inferred").named(one)
         ('aileron (servo 4)', 'servo 4 (moves with roll)')
         """
@@ -187,7 +187,7 @@ class Surfaces:
             return f"{moved.surface} ({which} {moved.number})"
         return f"servo {moved.servo} ({self.what(moved)})"
 
-    def what(self, moved: Moved) -> str:
+    def what(self, moved: SurfaceOutput) -> str:
         """Return the surface of an output, or of an inferred one the axis that it moves with.
 
         An output that the roll rate answers to may be a rudder's: in turns both move together.
@@ -210,7 +210,7 @@ def of_parameters(parameters: Parameters) -> Surfaces | None:
         low, zero, high = output.pwm_us
         sign = _px4_sign(output.because, surface, values) if parameters.is_px4 else 1.0
         sign = -sign if output.is_reversed else sign
-        found.append(Moved(output.servo, surface, zero, sign * (high - low) / 2))
+        found.append(SurfaceOutput(output.servo, surface, zero, sign * (high - low) / 2))
     return Surfaces(tuple(found), "parameters", lift_of(values)) if found else None
 
 
@@ -241,7 +241,7 @@ def on_channels(
             int(parameters.values.get(f"{prefix}_{a.upper()}", n)) for a, n in zip(AXES, usual, strict=True)
         ]
         kinds = ("aileron", "elevator", "rudder")
-        moved = [Moved(n, kind, 1500.0, 500.0) for n, kind in zip(channels, kinds, strict=True)]
+        moved = [SurfaceOutput(n, kind, 1500.0, 500.0) for n, kind in zip(channels, kinds, strict=True)]
         named = Surfaces(tuple(moved), "parameters")
     if named is None:
         return None
@@ -249,7 +249,7 @@ def on_channels(
     return Surfaces(tuple(driven), named.origin) if driven else None
 
 
-def _steering(parameters: Parameters) -> Iterator[Moved]:
+def _steering(parameters: Parameters) -> Iterator[SurfaceOutput]:
     """Yield the outputs that steer a rover or a boat."""
     values = parameters.values
     if parameters.is_px4 and values.get("CA_AIRFRAME") != _PX4_ACKERMANN:
@@ -262,7 +262,9 @@ def _steering(parameters: Parameters) -> Iterator[Moved]:
             steers = f"= {_PX4_STEERING}" in output.because
         if steers and output.servo <= ALL_OUTPUTS:
             low, zero, high = output.pwm_us
-            yield Moved(output.servo, STEERING, zero, (-1 if output.is_reversed else 1) * (high - low) / 2)
+            yield SurfaceOutput(
+                output.servo, STEERING, zero, (-1 if output.is_reversed else 1) * (high - low) / 2
+            )
 
 
 def steers_by_wheels(parameters: Parameters) -> bool:
@@ -310,7 +312,7 @@ class Demands:
     def __init__(self, surfaces: Surfaces) -> None:
         self._inferred = surfaces.origin == "inferred"
         self.parted = np.zeros(0, dtype=bool)
-        self._groups: dict[str, list[Moved]] = {}
+        self._groups: dict[str, list[SurfaceOutput]] = {}
         for axis in surfaces.axes:
             for moved in surfaces.of_axis(axis):
                 name = f"{moved.side} {moved.kind}" if moved.kind in _MIXED else moved.kind
@@ -339,7 +341,7 @@ class Demands:
         demand[:, self._none] = np.nan  # mixed outputs may be contradicted about one of their axes
         return demand
 
-    def _demand(self, name: str, group: Sequence[Moved], pulses: Array) -> Array:
+    def _demand(self, name: str, group: Sequence[SurfaceOutput], pulses: Array) -> Array:
         """Return the median of a group's outputs that still change, as a fraction of half the travel."""
         columns = [moved.servo - 1 for moved in group]
         zero, half = (np.array([moved[k] for moved in group]) for k in (2, 3))

@@ -18,7 +18,7 @@ import mavhums
 from mavhums.app.many import Batch, analyse_many
 from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode
-from mavhums.core.process_pool import Lost, in_processes
+from mavhums.core.process_pool import LostItem, in_processes
 from mavhums.flights.history import FlightHistory
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
@@ -130,7 +130,7 @@ def test_a_process_that_dies_loses_only_the_item_that_kills_it_again(
     for number in range(deaths):
         (tmp_path / str(number)).touch()
     results = list(in_processes(Deadly([5], tmp_path), range(12), 2))
-    assert results == [Lost() if number in lost else 2 * number for number in range(12)]
+    assert results == [LostItem() if number in lost else 2 * number for number in range(12)]
 
 
 def test_iteration_that_ends_early_ends_the_processes(tmp_path: Path) -> None:

@@ -143,6 +143,7 @@ def test_what_the_network_decided_no_baseline_of_the_friction_overrules(
     assert "friction_drift" not in {one.kind for verdict in later.verdicts for one in verdict.evidence}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_cases_do_drift_and_replay_says_so(
     logs: dict[str, Path], alone: dict[str, StandaloneAssessment], kind: str
@@ -154,6 +155,7 @@ def test_the_cases_do_drift_and_replay_says_so(
     assert kind == "short" or "friction_drift" in told
 
 
+@pytest.mark.slow
 @given(kind=st.sampled_from(KINDS), data=st.data())
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_where_blocks_end_changes_no_event_of_the_comparison(

@@ -12,7 +12,7 @@ import pytest
 import mavhums
 from mavhums.app.analysis import Failed, Judged, judge
 from mavhums.app.settings import Options, Settings
-from mavhums.core.process_pool import Lost, in_processes
+from mavhums.core.process_pool import LostItem, in_processes
 from tests.conftest import Run
 
 
@@ -75,7 +75,7 @@ def _hangs_at_two(number: int) -> int:
 @pytest.mark.slow
 def test_an_item_that_hangs_costs_only_itself() -> None:
     results = list(in_processes(_hangs_at_two, range(5), 2, item_s=3.0))
-    assert results == [0, 2, Lost(hung=True), 6, 8]
+    assert results == [0, 2, LostItem(hung=True), 6, 8]
 
 
 def test_options_travel_to_another_process_as_texts(tmp_path: Path) -> None:

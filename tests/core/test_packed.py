@@ -19,7 +19,7 @@ import zstandard
 from mavhums import analyse, read_log
 from mavhums.core import packed
 from mavhums.core.errors import UnreadableLogError
-from mavhums.core.packed import Unpacked, opened
+from mavhums.core.packed import SequentialFile, opened
 from tests.conftest import Run
 from tests.log.ulog import writer
 
@@ -139,7 +139,7 @@ def test_what_cannot_be_read_is_told(made: Callable[[Path], Path], said: str, tm
         read_log(made(tmp_path))
 
 
-def drain(file: Unpacked) -> None:
+def drain(file: SequentialFile) -> None:
     while file.read(1 << 16):
         pass
 
@@ -148,7 +148,7 @@ def drain(file: Unpacked) -> None:
 def test_a_bomb_is_stopped_and_needs_no_memory(
     pack: Callable[[bytes], bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Unpacked, "free", 1 << 20)
+    monkeypatch.setattr(SequentialFile, "free", 1 << 20)
     path = tmp_path / "bomb"
     path.write_bytes(pack(bytes(256 << 20)))
     tracemalloc.start()
@@ -181,7 +181,7 @@ def test_without_zstandard_the_remedy_is_its_installation(
 
 
 def test_the_limit_is_beyond_any_log() -> None:
-    assert (packed.Unpacked.free, packed.Unpacked.ratio) == (1 << 30, 200)
+    assert (packed.SequentialFile.free, packed.SequentialFile.ratio) == (1 << 30, 200)
 
 
 @pytest.mark.parametrize("compress", [lzma.compress, bz2.compress])
@@ -203,8 +203,9 @@ def test_an_xz_stream_that_wants_much_memory_is_refused(tmp_path: Path) -> None:
         drain(file)
 
 
+@pytest.mark.slow
 def test_zeros_in_any_packing_expand_to_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Unpacked, "free", 1 << 20)
+    monkeypatch.setattr(SequentialFile, "free", 1 << 20)
     for compress in (lzma.compress, bz2.compress):
         (tmp_path / "zeros").write_bytes(compress(bytes(64 << 20)))
         with pytest.raises(UnreadableLogError, match="expands"), opened(tmp_path / "zeros") as file:

@@ -24,7 +24,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.sections import AxisLimits
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle.facts import ALL_OUTPUTS
-from mavhums.vehicle.surfaces import Moved
+from mavhums.vehicle.surfaces import SurfaceOutput
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from tests.conftest import REAL_LOGS, Run
 from tests.engine.test_events import canonical
@@ -162,6 +162,7 @@ def test_a_wrong_profile_that_is_named_late_raises_no_alarm_of_the_past() -> Non
     assert "servo 2 does not move roll" in str(verdicts["roll"].reason)
 
 
+@pytest.mark.slow
 def test_a_real_loss_is_found_whether_the_profile_is_right_or_not() -> None:
     right, lost = named(aileron=1, elevator=2, rudder=4), Wired(left=0.4)
     for airframe, parameters in ((right, lost.parameters), (right, {}), (PAPER, lost.parameters), (None, {})):
@@ -354,7 +355,9 @@ def trial(demand: dict[int, np.ndarray], rate: np.ndarray, *servos: int) -> str 
     sent = np.full((len(rate), ALL_OUTPUTS), np.nan)
     for servo, share in demand.items():
         sent[:, servo - 1] = 1500 + 400 * share
-    return contradiction(rows(flight), sent, "roll", [Moved(n, "aileron", 1500.0, 400.0) for n in servos])
+    return contradiction(
+        rows(flight), sent, "roll", [SurfaceOutput(n, "aileron", 1500.0, 400.0) for n in servos]
+    )
 
 
 @pytest.mark.slow
@@ -402,7 +405,7 @@ def test_an_aileron_whose_output_stops_with_it_is_no_wrong_output() -> None:
     lost = np.arange(len(demand)) >= 120 * 20
     flight["roll_rate"] = 2.2 * demand + 0.02 * np.random.default_rng(2).normal(size=len(demand))
     flight["outputs"][:, 0] = np.where(lost, 2.0, 1.0) * demand
-    left, right = Moved(1, "left aileron", 1500, 400), Moved(2, "right aileron", 1500, 400)
+    left, right = SurfaceOutput(1, "left aileron", 1500, 400), SurfaceOutput(2, "right aileron", 1500, 400)
     pulses = np.full((len(demand), ALL_OUTPUTS), np.nan)
     pulses[:, 0] = np.where(lost, 1500.0, 1500 + 400 * demand)
     pulses[:, 1] = 1500 + 400 * demand

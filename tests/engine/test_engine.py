@@ -77,6 +77,7 @@ def short_verdicts(short_log: Path, models: tuple[Model, ...]) -> str:
     return judge([short_log.read_bytes()], models=models).to_json()
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=25, deadline=None)
 def test_the_verdicts_do_not_depend_on_the_blocks(

@@ -173,6 +173,7 @@ def test_blocks_do_not_matter_whatever_happened_to_the_log(
     assert canonical(pieces) == canonical(events)
 
 
+@pytest.mark.slow
 def test_live_equals_replay_when_parameters_come_in_flight(tmp_path: Path) -> None:
     tlog = move_parameters(FLIGHTS["a rudder and a lost aileron"], 0.7)
     pieces, at = [], 0

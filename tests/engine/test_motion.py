@@ -14,7 +14,7 @@ from mavhums.engine.motion import _alike, _alone, inferred
 from mavhums.log import Table
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.rows import Rows
-from mavhums.vehicle.surfaces import Demands, Moved
+from mavhums.vehicle.surfaces import Demands, SurfaceOutput
 from tests.health.axis.flights import Array, excited, rows, steady
 
 
@@ -37,7 +37,7 @@ def test_outputs_are_alike_where_both_are_known_and_it_flies() -> None:
 def test_an_output_that_stands_a_second_while_its_group_moves_shows_no_demand() -> None:
     pulses = np.tile(1500.0 + 10 * np.arange(60)[:, None], (1, 4))
     pulses[20:45, 1] = 1600.0
-    group = [Moved(servo, "aileron", 1500, 400) for servo in (2, 3)]
+    group = [SurfaceOutput(servo, "aileron", 1500, 400) for servo in (2, 3)]
     middle = float(np.median(pulses[:, 1]))
     found = _alone(pulses, 1, group)
     assert np.flatnonzero(np.isnan(found)).tolist() == [*range(40, 45)]

@@ -19,7 +19,7 @@ from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.grid import Received, Seconds
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import Rotors
-from mavhums.vehicle.surfaces import STEERING, Moved, Surfaces
+from mavhums.vehicle.surfaces import STEERING, SurfaceOutput, Surfaces
 from mavhums.vehicle.usage import OutputUse
 from tests.flights import START, verdict
 
@@ -92,10 +92,10 @@ def test_a_profile_names_an_output_unless_the_parameters_contradict_it() -> None
     assert dict(_known(none, paper, None))[elevator.servo].by == "profile"
     assert dict(_known(aileron, paper, None))[elevator.servo].by == "parameters"
     assert dict(_known(aileron, None, None))[elevator.servo].name == "aileron"
-    moved = Moved(2, "aileron", 1500, 400)
+    moved = SurfaceOutput(2, "aileron", 1500, 400)
     assert [facts.by for _, facts in _known(none, None, Surfaces((moved,), "inferred"))] == ["inferred"]
     assert [*_known(none, None, Surfaces((moved,), "profile"))] == []
-    steering = Surfaces((Moved(1, STEERING, 1500, 400),), "parameters")
+    steering = Surfaces((SurfaceOutput(1, STEERING, 1500, 400),), "parameters")
     [(servo, facts)] = _known(none, None, steering)
     assert (servo, facts.name, facts.by) == (1, STEERING, "parameters")
 

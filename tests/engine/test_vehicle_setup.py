@@ -21,10 +21,10 @@ from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.grid import Seconds
 from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.surfaces import Moved, Surfaces
+from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
 
 PAPER = load_airframe("paper")
-AILERONS = tuple(Moved(servo, "aileron", 1500, 400) for servo in (1, 2))
+AILERONS = tuple(SurfaceOutput(servo, "aileron", 1500, 400) for servo in (1, 2))
 
 
 def parameters(servo: int) -> Parameters:
@@ -132,7 +132,7 @@ def test_an_output_that_explains_much_less_than_another_does_not_move_the_axis(
     explained["together"] = together
     monkeypatch.setattr(motion, "_explained", lambda rows, axis, demand: explained[demand])
     monkeypatch.setattr(motion, "_alike", lambda rows, pulses, one, other: one == other or one in alike)
-    outputs = [Moved(servo, "aileron", 1500, 400) for servo in named]
+    outputs = [SurfaceOutput(servo, "aileron", 1500, 400) for servo in named]
     assert contradiction(rows, pulses, "roll", outputs) == found
 
 
@@ -172,7 +172,7 @@ def test_an_alarm_is_refuted_by_an_output_that_raises_none(
         lambda rows, axis, demand, limits: motion._DemandCheck(demand[-1] in referred, demand[-1] in alarmed),
     )
     limits: Any = None
-    outputs = [Moved(1, "aileron", 1500, 400)]
+    outputs = [SurfaceOutput(1, "aileron", 1500, 400)]
     assert refutation(rows, np.tile(np.arange(4.0), (n, 1)), "roll", outputs, limits) == found
 
 
@@ -219,7 +219,7 @@ class Axes(VehicleAxes):
 
 
 INFERRED, NAMED = Surfaces(AILERONS, "inferred"), Surfaces(AILERONS, "profile")
-CHANNELS = Surfaces((Moved(ALL_OUTPUTS + 1, "aileron", 1500, 400),), "profile")
+CHANNELS = Surfaces((SurfaceOutput(ALL_OUTPUTS + 1, "aileron", 1500, 400),), "profile")
 
 
 @pytest.mark.parametrize(
@@ -437,12 +437,14 @@ def test_a_contradiction_is_said_once() -> None:
     [
         (NAMED, True, False),
         (INFERRED, False, False),
-        (Surfaces(tuple(Moved(s, "aileron", 1500, 300) for s in (1, 2)), "profile"), True, True),
-        (Surfaces(tuple(Moved(s, "aileron", 1500, 300) for s in (1, 2)), "profile"), False, False),
-        (Surfaces(tuple(Moved(s, "aileron", 1500, 300) for s in (1, 3)), "profile"), False, True),
+        (Surfaces(tuple(SurfaceOutput(s, "aileron", 1500, 300) for s in (1, 2)), "profile"), True, True),
+        (Surfaces(tuple(SurfaceOutput(s, "aileron", 1500, 300) for s in (1, 2)), "profile"), False, False),
+        (Surfaces(tuple(SurfaceOutput(s, "aileron", 1500, 300) for s in (1, 3)), "profile"), False, True),
         (
             Surfaces(
-                tuple(Moved(s, "aileron", 1500, 300) for s in (1, 2)), "profile", contradicted={"yaw": "x"}
+                tuple(SurfaceOutput(s, "aileron", 1500, 300) for s in (1, 2)),
+                "profile",
+                contradicted={"yaw": "x"},
             ),
             False,
             True,

@@ -106,6 +106,7 @@ def test_a_full_disk_is_told_and_the_scan_resumes(
     assert told(tmp_path / "store") == expected
 
 
+@pytest.mark.slow
 def test_more_batches_than_are_in_flight_are_all_judged(
     logs: Path,
     options: fleet.ScanOptions,

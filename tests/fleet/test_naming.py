@@ -119,6 +119,7 @@ def test_a_rule_that_is_given_names_known_logs_again(flown: Path, tmp_path: Path
     assert {path for path, _ in fleet.verdicts(store, "D-A")} == {str(path) for path in logs.iterdir()}
 
 
+@pytest.mark.slow
 def test_a_rule_without_a_name_for_a_log_makes_no_phantom(flown: Path, tmp_path: Path) -> None:
     rule = fleet.ScanOptions(aircraft=f"{re.escape(str(flown))}/(?P<aircraft>D-[A-Z])/", workers=0)
     fleet.scan([flown / "D-A", flown / "Downloads" / "new.tlog"], tmp_path / "store", rule)

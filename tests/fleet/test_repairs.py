@@ -20,7 +20,7 @@ pytest.importorskip("duckdb")
 pytest.importorskip("distributed")
 
 from mavhums import fleet
-from mavhums.flights.aircraft_table import AircraftTable, Installed
+from mavhums.flights.aircraft_table import AircraftTable, Installation
 from mavhums.flights.checkpoint import Checkpoint
 from mavhums.flights.corrections import (
     Repair,
@@ -52,6 +52,7 @@ def flights() -> list[Assessment]:
     ]
 
 
+@pytest.mark.slow
 def test_each_flight_is_held_against_those_since_the_last_repair(tmp_path: Path) -> None:
     write_store(tmp_path / "store", {"D-A": flights()[:1]})
     add_repairs(Store(tmp_path / "store"), DATES)
@@ -139,7 +140,7 @@ def test_a_table_names_the_flights_of_its_boards_and_no_others(tmp_path: Path) -
     noon = START + timedelta(days=2, hours=3)
     both = [{"aircraft": "D-B", "board": "0A", "to": noon}, {"aircraft": "D-Z", "board": "0A", "from": noon}]
     assert reassigned(store, AircraftTable()) == set()
-    table = AircraftTable(map(Installed.model_validate, both))
+    table = AircraftTable(map(Installation.model_validate, both))
     assert reassigned(store, table) == {"D-M", "D-B", "D-Z"}
     named = store.query("SELECT aircraft FROM logs ORDER BY start_us").fetchall()
     assert [name for (name,) in named] == ["D-B", "D-B", "D-B", "D-Z", "D-M", "D-M"]

@@ -31,14 +31,14 @@ cloudpickle = pytest.importorskip("cloudpickle")
 
 from mavhums import fleet  # noqa: E402
 from mavhums.fleet.second_pass import (  # noqa: E402
-    Compared,
     FlightSpan,
+    PartResult,
     compare_part,
     rows_of,
     second_pass,
 )
 from mavhums.flights.checkpoint import (  # noqa: E402
-    Listed,
+    FlightEntry,
     Superseded,
     _follow,
 )
@@ -140,7 +140,7 @@ def test_in_any_parts_the_verdicts_are_those_of_the_whole_history(
     assert copies
     assert any("drift" in str(row["verdict"]) for row in rows)
     cuts = sorted(random.Random(seed).sample(range(1, len(flights)), 3))
-    part: Compared | None = None
+    part: PartResult | None = None
     found: Rows = []
     left_out: Superseded = {}
     for first, last in zip([0, *cuts], [*cuts, len(flights)], strict=True):
@@ -154,6 +154,7 @@ def test_in_any_parts_the_verdicts_are_those_of_the_whole_history(
     assert left_out | part.open_superseded == copies
 
 
+@pytest.mark.slow
 def test_a_flight_that_needs_all_records_is_refused_where_they_were_not_kept(
     kinds: list[StandaloneAssessment],
 ) -> None:
@@ -175,7 +176,7 @@ class Judged:
         self.flights = 0
         monkeypatch.setattr(import_module("mavhums.fleet.second_pass"), "compare_part", self._counted)
 
-    def _counted(self, part: FlightSpan) -> Compared | None:
+    def _counted(self, part: FlightSpan) -> PartResult | None:
         self.flights += len(part.flights)
         return compare_part(part)
 
@@ -243,6 +244,7 @@ def test_own_scale_flights_are_judged_with_all_that_were_kept(
     assert told(tmp_path / "store") == afresh(tmp_path / "all", flights)[0]  # type: ignore[index]
 
 
+@pytest.mark.slow
 def test_verdicts_whose_state_was_lost_are_made_again(
     kinds: list[StandaloneAssessment], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -284,7 +286,7 @@ class Dies(distributed.WorkerPlugin):  # type: ignore[misc, name-defined]
         past = import_module("mavhums.fleet.second_pass")
         judge = past.compare_part
 
-        def deadly(part: FlightSpan) -> Compared | None:
+        def deadly(part: FlightSpan) -> PartResult | None:
             if part.aircraft == NAME and len(list(self.count.iterdir())) < self.times:
                 (self.count / str(time.time_ns())).touch()
                 os.kill(os.getpid(), 9)
@@ -337,5 +339,5 @@ def test_workers_make_the_same_verdicts_whether_they_die_or_not(
 def test_new_flights_are_judged_alone_if_they_come_last(
     settled: list[int | None], new: list[int | None], aircraft: str, follows: bool
 ) -> None:
-    before, after = ([Listed("", 0, start, "") for start in starts] for starts in (settled, new))
+    before, after = ([FlightEntry("", 0, start, "") for start in starts] for starts in (settled, new))
     assert _follow(before, after, aircraft) == follows

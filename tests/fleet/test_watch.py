@@ -15,7 +15,7 @@ from tests.fleet_logs import moved
 pytest.importorskip("deltalake", reason="the extra 'fleet' is not installed")
 
 from mavhums import fleet
-from mavhums.cli.fleet_scan import _Morning
+from mavhums.cli.fleet_scan import _DailyTimer
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.scan import LogWatcher
 from mavhums.flights.store import Store
@@ -93,7 +93,7 @@ def test_the_command_prints_a_line_a_log_and_ends_cleanly(
 
 
 def test_the_digest_is_due_once_a_day() -> None:
-    morning = _Morning(datetime(1900, 1, 1, 6, 30))
+    morning = _DailyTimer(datetime(1900, 1, 1, 6, 30))
     day = datetime(2026, 3, 1, tzinfo=UTC)
     assert morning.due(day + timedelta(hours=7)) is None, "nothing is caught up"
     assert morning.due(day + timedelta(hours=30.4)) is None

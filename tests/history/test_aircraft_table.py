@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.flights.aircraft_table import AircraftTableError, Installed, load_aircraft_table
+from mavhums.flights.aircraft_table import AircraftTableError, Installation, load_aircraft_table
 
 CSV = """\
 aircraft, board, actuator, serial, from, to
@@ -125,7 +125,7 @@ def test_an_entry_holds_from_its_first_day_to_before_its_last(
     first: tuple[int | None, int | None], second: tuple[int | None, int | None], both: bool
 ) -> None:
     one, other = (
-        Installed.model_validate(
+        Installation.model_validate(
             {"aircraft": "A", "board": "1"}
             | {name: day(1, n) for name, n in zip(("from", "to"), days, strict=True) if n}
         )
@@ -150,7 +150,7 @@ def test_an_entry_holds_from_its_first_day_to_before_its_last(
     ],
 )
 def test_dates_are_utc_unless_they_say_otherwise(written: object, read: datetime | None) -> None:
-    entry = Installed.model_validate({"aircraft": " A ", "board": " 1 ", "from": written})
+    entry = Installation.model_validate({"aircraft": " A ", "board": " 1 ", "from": written})
     assert (entry.aircraft, entry.board, entry.begins) == ("A", "1", read)
     assert read is None or entry.begins is None or entry.begins.tzinfo is not None
 
@@ -158,4 +158,4 @@ def test_dates_are_utc_unless_they_say_otherwise(written: object, read: datetime
 def test_an_entry_cannot_end_when_it_begins() -> None:
     given = {"aircraft": "A", "board": "1", "from": day(1, 5), "to": day(1, 5)}
     with pytest.raises(ValueError, match="must be after"):
-        Installed.model_validate(given)
+        Installation.model_validate(given)

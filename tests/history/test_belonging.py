@@ -11,7 +11,7 @@ import pytest
 import mavhums
 from mavhums.core.errors import ExitCode
 from mavhums.flights.aircraft import AircraftResolver, OtherAircraftError, check_same_aircraft, latest
-from mavhums.flights.aircraft_table import AircraftTable, Installed
+from mavhums.flights.aircraft_table import AircraftTable, Installation
 from mavhums.flights.folder import FlightFolder, keep_assessment, read_history
 from mavhums.results.assessment import Assessment
 from mavhums_sim import Flight, fly, write_tlog
@@ -53,7 +53,7 @@ def test_the_same_board_is_the_same_aircraft(tmp_path: Path) -> None:
 
 def test_a_swapped_board_is_known_from_the_table(tmp_path: Path) -> None:
     table = AircraftTable(
-        Installed.model_validate({"aircraft": name, "board": board, "from": begins, "to": ends})
+        Installation.model_validate({"aircraft": name, "board": board, "from": begins, "to": ends})
         for name, board, begins, ends in (
             ("D-A", "0A", None, START + timedelta(days=5)),
             ("D-B", "0A", START + timedelta(days=5), None),

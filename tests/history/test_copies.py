@@ -203,6 +203,7 @@ def test_where_the_better_recording_shows_a_fault_the_worse_is_no_reference(tmp_
         assert history.baselines("paper", LATER)[1, "elevator", "friction"].flights == 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_a_replay_keeps_what_the_baselines_need(seed: int) -> None:
     rng = np.random.default_rng(seed)

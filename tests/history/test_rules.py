@@ -16,7 +16,7 @@ from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.flights import corrections, naming, queries
 from mavhums.flights.aircraft import (
     AircraftResolver,
-    Owner,
+    KnownAircraft,
     UnnamedAircraftError,
     aircraft_of,
     check_aircraft_rule,
@@ -351,7 +351,7 @@ def test_growth_is_soon_within_ten_flights_and_an_aircraft_silent_after_more_tha
     ],
 )
 def test_two_owners_differ_by_name_else_by_board(one: Any, other: Any, differ: bool) -> None:
-    first, second = (Owner._make((*each, (START, START))) for each in (one, other))
+    first, second = (KnownAircraft._make((*each, (START, START))) for each in (one, other))
     assert first.differs(second) is second.differs(first) is differ
     assert first.is_known is (one[1:] != (None, None))
 

@@ -112,6 +112,7 @@ def test_neither_threads_nor_neighbours_change_a_network() -> None:
     np.testing.assert_allclose(alone.networks[0].w1, together.networks[2].w1, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_single_precision_follows_the_same_loss() -> None:
     """At the same weights: where a training run ends up depends on the processor's rounding."""
     double, single = problem(), problem(dtype=torch.float32)

@@ -65,6 +65,7 @@ def test_a_feature_alike_in_both_classes_scores_zero(strategy: Any) -> None:
     assert ranking.degrees_of_freedom_[1] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["width", "quantile"])
 @given(data=datasets(), seed=st.integers(0, 2**32 - 1))
 def test_order_of_samples_and_features_does_not_matter(strategy: Any, data: Dataset, seed: int) -> None:
@@ -96,6 +97,7 @@ def test_statistic_is_bounded_by_samples_and_classes(data: Dataset) -> None:
     assert (ranking.degrees_of_freedom_ <= 8).all()
 
 
+@pytest.mark.slow
 @given(data=datasets())
 def test_width_ignores_units_and_quantile_any_increasing_transformation(data: Dataset) -> None:
     features, label = data

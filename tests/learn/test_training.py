@@ -104,6 +104,7 @@ def test_with_one_flight_of_each_class_whole_blocks_of_time_are_held_out(
     assert per_block.sum(axis=1).tolist() == [9, 9]
 
 
+@pytest.mark.slow
 def test_flights_may_be_interleaved(flights: Flights) -> None:
     values, emergency, numbers = flights(0.2, 1.0)
     order = np.argsort(np.tile(np.arange(240), 2), kind="stable")
@@ -179,6 +180,7 @@ def test_each_stage_is_told_and_what_is_told_is_on_the_card(flights: Flights) ->
     assert found.wrapped.accuracy >= found.wrapped.accuracy_of_all
 
 
+@pytest.mark.slow
 def test_the_wrapper_finds_the_one_quantity_that_tells() -> None:
     random, numbers = np.random.default_rng(0), np.repeat(np.arange(8), 60)
     values = random.normal(size=(480, 12))

@@ -91,6 +91,7 @@ def test_a_history_without_boards_is_accepted_with_a_notice(worn_pieces: list[Pi
     assert "reports no board id" in follows.close().log.notices[-1]
 
 
+@pytest.mark.slow
 def test_a_table_tells_of_a_swapped_board(worn_pieces: list[Piece], board: str, tmp_path: Path) -> None:
     table = tmp_path / "table.csv"
     table.write_text(f"aircraft,board,actuator,serial,from,to\nD-A,0A,,,,\nD-A,{board},,,,\n")

@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 
 import mavhums
-from mavhums.cli.live import Stop
+from mavhums.cli.live import StopSignal
 from mavhums.engine.events import Samples
 from mavhums.live.outlet import Outlet, Spool
 from mavhums.live.sinks import ThreadedSink
@@ -181,7 +181,7 @@ def test_a_viewer_that_keeps_up_sees_everything(rig: Rig, worn_pieces: list[Piec
 
 
 def test_before_it_has_begun_a_signal_ends_it_at_once() -> None:
-    with pytest.raises(KeyboardInterrupt), Stop(None):
+    with pytest.raises(KeyboardInterrupt), StopSignal(None):
         signal.raise_signal(signal.SIGTERM)
 
 
@@ -189,7 +189,7 @@ def test_before_it_has_begun_a_signal_ends_it_at_once() -> None:
 def test_the_second_signal_breaks_off(number: signal.Signals) -> None:
     before = signal.signal(number, signal.SIG_DFL)  # the tests themselves may run under nohup
     try:
-        with Stop(None) as stop:
+        with StopSignal(None) as stop:
             stop.begun = True
             assert not stop()
             signal.raise_signal(number)
@@ -203,7 +203,7 @@ def test_the_second_signal_breaks_off(number: signal.Signals) -> None:
 def test_a_hang_up_that_was_to_be_ignored_is() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        with Stop(None) as stop:
+        with StopSignal(None) as stop:
             stop.begun = True
             signal.raise_signal(signal.SIGHUP)
             assert not stop()

@@ -40,6 +40,7 @@ def store(tmp_path: Path) -> Path:
     return tmp_path / "store"
 
 
+@pytest.mark.slow
 def test_a_session_is_judged_by_the_flights_in_a_store(
     store: Path, worn_pieces: list[Piece], tmp_path: Path
 ) -> None:

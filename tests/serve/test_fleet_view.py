@@ -7,7 +7,7 @@ import json
 import numpy as np
 
 from mavhums.core.conditions import Condition
-from mavhums.flights.queries import Worst
+from mavhums.flights.queries import WorstActuator
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.standing import (
     ActuatorTrend,
@@ -35,11 +35,13 @@ def verdict(actuator: str, condition: Condition, reason: str | None = None, faul
 
 def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
     rows = [
-        Worst("D-B", "b.tlog", 1_767_258_000_000_000, verdict("elevator", "emergency", fault="hard_over")),
-        Worst("", "x/a.tlog", None, verdict("rudder", "undecided", "too slow")),
-        Worst("", "x/c.tlog", None, verdict("rudder", "undecided", "too slow")),
-        Worst("D-B", "b.tlog", 1_767_258_000_000_000, verdict("rudder", "normal")),
-        Worst("D-A", "a.tlog", 0, verdict("rudder", "normal")),
+        WorstActuator(
+            "D-B", "b.tlog", 1_767_258_000_000_000, verdict("elevator", "emergency", fault="hard_over")
+        ),
+        WorstActuator("", "x/a.tlog", None, verdict("rudder", "undecided", "too slow")),
+        WorstActuator("", "x/c.tlog", None, verdict("rudder", "undecided", "too slow")),
+        WorstActuator("D-B", "b.tlog", 1_767_258_000_000_000, verdict("rudder", "normal")),
+        WorstActuator("D-A", "a.tlog", 0, verdict("rudder", "normal")),
     ]
     lines = aircraft_lines(rows)
     assert [line.name for line in lines] == [
@@ -68,7 +70,7 @@ def test_what_grows_is_not_called_normal() -> None:
         last_utc="2026-03-29T09:00:00+00:00",
         log=None,
     )
-    (line,) = aircraft_lines([Worst("D-A", "a.tlog", 0, verdict("rudder", "normal"), grows)])
+    (line,) = aircraft_lines([WorstActuator("D-A", "a.tlog", 0, verdict("rudder", "normal"), grows)])
     assert (line.condition, line.word, line.worst) == ("changed", "grows", "rudder")
     assert line.counts == (("grows", 1),)
     assert TOLD in line.detail
@@ -188,7 +190,7 @@ def test_repairs_are_marked_at_their_dates() -> None:
 
 
 def test_texts_of_a_store_are_never_markup() -> None:
-    lines = aircraft_lines([Worst(MARKUP, MARKUP, None, verdict(MARKUP, "undecided", MARKUP))])
+    lines = aircraft_lines([WorstActuator(MARKUP, MARKUP, None, verdict(MARKUP, "undecided", MARKUP))])
     text = render("fleet.html", lines=lines, tally=[], problem="", more=False)
     assert "<img" not in text
     assert text.count("&lt;img src=x") >= 3

@@ -7,7 +7,7 @@ import json
 import numpy as np
 
 from mavhums.engine.events import ConditionChanged, FlightMode, Position
-from mavhums.show.evidence import CaptionedCurve, Curve, Gathered, Limit
+from mavhums.show.evidence import CaptionedCurve, Curve, EvidenceCollector, Limit
 from mavhums.show.html_plot import chart, flight_charts
 
 HOSTILE = "AUTO\x1b[2J</script>"
@@ -29,7 +29,7 @@ def test_a_gap_is_a_gap_and_numbers_are_short_and_finite() -> None:
 
 
 def test_modes_and_track_are_of_each_vehicle() -> None:
-    gathered = Gathered()
+    gathered = EvidenceCollector()
     places = np.array([[47.0, 179.9999], [47.001, -179.9999], [47.002, -179.9998]])
     gathered.consume(
         [

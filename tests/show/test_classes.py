@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mavhums.engine.events import Classified
 from mavhums.results.assessment import Assessment
-from mavhums.show.evidence import Gathered
+from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.html import page
 from tests.show.conftest import Flight
 from tests.show.test_recording import entities, rows, scalars, static, write
@@ -76,7 +76,7 @@ def test_without_a_network_nothing_is_drawn(tmp_path: Path, flight: Flight, asse
 
 
 def test_the_report_shows_each_sample_beside_the_windows(flight: Flight, assessment: Assessment) -> None:
-    gathered = Gathered()
+    gathered = EvidenceCollector()
     gathered.consume(flight.events())
     assert 'class="samples"' not in page(assessment, gathered)
     p = np.full(10_000, 0.02)

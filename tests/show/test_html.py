@@ -21,7 +21,7 @@ from mavhums.engine.events import Followed, Indication, Notice
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Suspect, Verdict
-from mavhums.show.evidence import Curve, Gathered, Key, Limit
+from mavhums.show.evidence import Curve, EvidenceCollector, Key, Limit
 from mavhums.show.html import ICONS, page
 from mavhums.show.html_plot import plot
 from mavhums.show.outline import outline
@@ -61,8 +61,8 @@ def indication(actuator: str = "elevator", fault: str = "friction", windows: int
     return Indication(1, actuator, fault, end, value, value - 0.03, value + 0.03)
 
 
-def gathered(*events: Indication | Notice | Followed) -> Gathered:
-    kept = Gathered()
+def gathered(*events: Indication | Notice | Followed) -> EvidenceCollector:
+    kept = EvidenceCollector()
     kept.consume(events)
     return kept
 
@@ -106,7 +106,7 @@ def test_the_answer_comes_first_and_answers_the_five_questions(assessment: Asses
 
 def test_like_answers_are_told_as_one(new_verdict: New, new_assessment: Assess) -> None:
     healthy = [new_verdict(name, "normal", 0.2, 0.0) for name in ("elevator", "rudder")]
-    text = Tags(page(new_assessment(*healthy), Gathered())).text
+    text = Tags(page(new_assessment(*healthy), EvidenceCollector())).text
     answer = text[: text.index("Verdicts")]
     assert "All 2 actuators normal What elevator and rudder: ✓ normal Why elevator: friction 0.200" in answer
     assert "rudder: friction 0.200" in answer
@@ -114,7 +114,7 @@ def test_like_answers_are_told_as_one(new_verdict: New, new_assessment: Assess) 
     assert answer.count("nothing to do") == 1
     bad = new_verdict("elevator", "emergency", 1.0, 5.0)
     failed = [bad.model_copy(update={"actuator": f"elevator_{k}"}) for k in range(9)]
-    text = Tags(page(new_assessment(*failed), Gathered())).text
+    text = Tags(page(new_assessment(*failed), EvidenceCollector())).text
     assert "elevator_5 and 3 more below: ✖ emergency Since elevator_0 5.0s into the log" in text
 
 
@@ -200,7 +200,7 @@ def test_every_condition_has_a_sign_and_a_word(new_verdict: New, new_assessment:
         )
         for word in ICONS
     ]
-    text = Tags(page(new_assessment(*verdicts), Gathered())).text
+    text = Tags(page(new_assessment(*verdicts), EvidenceCollector())).text
     for word, icon in ICONS.items():
         assert f"{icon} {word}" in text
 
@@ -210,7 +210,7 @@ def test_long_flights_and_crowds_stay_small(new_verdict: New, new_assessment: As
     verdicts = [
         new_verdict("elevator", "emergency", 1.0, 5.0).model_copy(update={"actuator": name}) for name in names
     ]
-    kept = Gathered()
+    kept = EvidenceCollector()
     for name in names[:40]:
         kept.consume([indication(name, windows=20_000)])
     kept.consume(Notice(float(k), 1, "x" * 5000) for k in range(5000))
@@ -323,7 +323,7 @@ def test_a_browser_opens_it_from_disk_without_a_network(
 
 
 def test_the_words_are_the_same_in_light_in_dark_and_on_paper(assessment: Assessment) -> None:
-    style = re.search(r"<style>(.*?)</style>", page(assessment, Gathered()), re.DOTALL)
+    style = re.search(r"<style>(.*?)</style>", page(assessment, EvidenceCollector()), re.DOTALL)
     assert style is not None
     assert "prefers-color-scheme: dark" in style[1]
     assert "@media print" in style[1]

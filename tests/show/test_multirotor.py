@@ -14,7 +14,7 @@ from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Verdict
 from mavhums.show.digest import headline
-from mavhums.show.evidence import Gathered
+from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.html import page
 from mavhums.show.markdown_report import markdown
 from mavhums.show.outline import multirotor
@@ -59,7 +59,7 @@ def test_each_motor_is_drawn_where_it_sits(assessment: Assessment) -> None:
 
 
 def test_report_and_tables_speak_of_motors(assessment: Assessment) -> None:
-    text = page(assessment, Gathered())
+    text = page(assessment, EvidenceCollector())
     drawn = re.findall(r'<g class="(\w+)"><title>(motor \d): \w+</title>', text)
     assert ("emergency", "motor 3") in drawn
     assert "thrust left: 10 % (0–20)" in text

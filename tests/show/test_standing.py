@@ -13,7 +13,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Verdict
 from mavhums.show import markdown, render
-from mavhums.show.evidence import Gathered
+from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.html import in_brief, page
 from mavhums.show.verdict_words import certainty, control_left
 
@@ -90,7 +90,7 @@ def test_an_interval_that_tells_nothing_is_nowhere(new_assessment: Assess) -> No
         certainty(verdict),
         shown(assessment),
         markdown(assessment),
-        page(assessment, Gathered()),
+        page(assessment, EvidenceCollector()),
     ):
         assert "−102" not in text
         assert "-102" not in text
@@ -109,7 +109,7 @@ def test_an_alarm_that_is_past_says_from_when_to_when(condition: str, new_assess
     assert f"**EMERGENCY** 1m30s–2m07s, then {condition}".replace("degraded", "**degraded**").replace(
         "undecided", "**undecided**"
     ) in markdown(assessment)
-    assert "1m30s–2m07s, then" in page(assessment, Gathered())
+    assert "1m30s–2m07s, then" in page(assessment, EvidenceCollector())
 
 
 def test_where_all_is_well_the_good_news_comes_first(new_assessment: Assess) -> None:
@@ -119,7 +119,7 @@ def test_where_all_is_well_the_good_news_comes_first(new_assessment: Assess) -> 
     assert text.startswith("Roll control and pitch control normal; yaw control not judged;")
     rows = [line.split()[0] for line in text.splitlines() if line.startswith((" roll", " pitch", " yaw"))]
     assert rows == ["roll", "pitch", "yaw"]
-    html = page(assessment, Gathered())
+    html = page(assessment, EvidenceCollector())
     table = html[html.index("<tbody") :]
     assert table.index("roll control") < table.index("yaw control") < table.index("wear of")
     alarmed = shown(new_assessment(axis("pitch"), open_, axis("roll", "degraded")))
@@ -133,7 +133,7 @@ def test_six_servos_without_telemetry_are_one_line(new_assessment: Assess) -> No
     text = " ".join(shown(assessment, verbose=True).split())
     assert text.count("Unmonitored: ") == text.count(WEAR_UNSEEN) == 1
     assert f"and aileron (servo 6): {WEAR_UNSEEN} (record its current)." in text
-    html = page(assessment, Gathered())
+    html = page(assessment, EvidenceCollector())
     assert html.count(WEAR_UNSEEN) == 1
     assert markdown(assessment).count("wear of 6 servos") == 1
     assert markdown(assessment).count("## aileron (servo 1), aileron (servo 2)") == 1
@@ -142,7 +142,7 @@ def test_six_servos_without_telemetry_are_one_line(new_assessment: Assess) -> No
 def test_the_picture_says_of_what_a_colour_is(new_assessment: Assess) -> None:
     """A servo of its own is unmonitored; what is drawn on its surface is the axis's condition."""
     surfaces = ("aileron (servo 1)",)
-    html = page(new_assessment(axis(condition="degraded", surfaces=surfaces), servo(1)), Gathered())
+    html = page(new_assessment(axis(condition="degraded", surfaces=surfaces), servo(1)), EvidenceCollector())
     assert "aileron (servo 1), by roll control" in html
     assert "<title>aileron (servo 1): degraded" not in html
     assert "wear of aileron (servo 1)" in html
@@ -165,7 +165,7 @@ def test_a_copter_is_one_line(new_assessment: Assess) -> None:
     assert text[1].startswith("Log losses")
     assert len(text) == 2
     assert "remedy" not in shown(assessment)
-    for told in (markdown(assessment), page(assessment, Gathered())):
+    for told in (markdown(assessment), page(assessment, EvidenceCollector())):
         assert line in told
         assert NO_WINGS not in told
     beside = shown(new_assessment(axes, every, axis().model_copy(update={"vehicle": 2})))

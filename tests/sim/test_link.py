@@ -59,6 +59,7 @@ def test_a_flight_of_another_day_differs_in_nothing_else(record: FlightRecord) -
     assert [f.data for f in today] == [f.data for f in later]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("loss", "burst"), [(0.1, 1.0), (0.1, 5.0), (0.4, 3.0)])
 def test_loss_has_its_share_and_its_bursts(record: FlightRecord, loss: float, burst: float) -> None:
     got = frames(record, Link(loss=loss, burst=burst))
@@ -69,6 +70,7 @@ def test_loss_has_its_share_and_its_bursts(record: FlightRecord, loss: float, bu
     assert missing[missing > 0].mean() == pytest.approx(1.0 / (1 - loss) if burst == 1.0 else burst, rel=0.25)
 
 
+@pytest.mark.slow
 def test_late_frames_are_overtaken(record: FlightRecord) -> None:
     got = frames(record, Link(late=0.02, late_s=0.05))
     assert Counter(f.data for f in got) == Counter(f.data for f in frames(record, Link()))
@@ -78,6 +80,7 @@ def test_late_frames_are_overtaken(record: FlightRecord) -> None:
     assert all(b.received_us >= a.received_us for a, b in pairwise(got))
 
 
+@pytest.mark.slow
 def test_parallel_links_repeat_frames_and_number_them(record: FlightRecord) -> None:
     got = frames(record, Link(links=2, loss=0.05))
     by_link = [[f for f in got if f.received_us % 4 == number] for number in range(4)]

@@ -50,6 +50,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_what_is_taken_off_is_gone_and_the_rest_stays(rig: Path) -> None:
     runs, repeated = read_rig(rig)
     assert repeated == ["play2, load 20, run 7"]
@@ -104,6 +105,7 @@ def test_the_report_tells_every_split_and_what_the_strokes_show(
     assert found_in["normal", 40].startswith("0/6")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "change", "said"),
     [

@@ -14,7 +14,7 @@ from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.surfaces import Moved, Surfaces, of_parameters
+from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces, of_parameters
 from mavhums.vehicle.vtol import hovers, lift_of, refined_identity, rotor_servos, turns_its_motors
 
 PLANE, COPTER, ROVER, BOAT, QUADPLANE = 1.0, 2.0, 10.0, 11.0, 22.0
@@ -128,7 +128,7 @@ def test_a_demand_that_no_autopilot_controls_is_none() -> None:
 
 def test_lift_motors_end_forward_flight() -> None:
     lift = lift_of({"SERVO5_FUNCTION": 33.0, "Q_ENABLE": 1.0})
-    surfaces = Surfaces((Moved(1, "aileron", 1500, 400),), "parameters", lift)
+    surfaces = Surfaces((SurfaceOutput(1, "aileron", 1500, 400),), "parameters", lift)
     for pulse, carried in ((1050.0, False), (1051.0, True)):  # 5 % of 1000 to 2000 µs
         outputs = np.full(16, np.nan)
         outputs[4] = pulse

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mavhums.vehicle.parameters import Parameters, assigned_outputs
-from mavhums.vehicle.surfaces import Demands, Moved, Surfaces, of_parameters, steers_by_wheels
+from mavhums.vehicle.surfaces import Demands, SurfaceOutput, Surfaces, of_parameters, steers_by_wheels
 
 
 def outputs(values: Mapping[str, float], *, px4: bool = False) -> list[tuple[Any, ...]]:
@@ -136,7 +136,7 @@ def test_signs_of_px4_are_those_of_the_torque() -> None:
             values = px4(kind, k=3) | {f"CA_SV_CS3_TRQ_{letter}": torque}
             for reverse, sign in ((0.0, 1), (1.0, -1)):
                 known = surfaces(values | {"PWM_MAIN_REV": reverse}, of_px4=True)
-                assert known.moved == (Moved(1, name, 1500, sign * half),)
+                assert known.moved == (SurfaceOutput(1, name, 1500, sign * half),)
 
 
 def servos(*functions: int) -> dict[str, float]:

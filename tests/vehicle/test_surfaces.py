@@ -7,7 +7,15 @@ import pytest
 
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.parameters import Parameters, control_surfaces
-from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Moved, Surfaces, of_parameters, on_channels
+from mavhums.vehicle.surfaces import (
+    AXES,
+    STEERING,
+    Demands,
+    SurfaceOutput,
+    Surfaces,
+    of_parameters,
+    on_channels,
+)
 from tests.health.axis.flights import Array
 
 
@@ -21,7 +29,7 @@ def pulses(**outputs: Array) -> Array:
 
 
 def ailerons(*servos: int) -> Surfaces:
-    return Surfaces(tuple(Moved(servo, "aileron", 1500.0, 400.0) for servo in servos), "profile")
+    return Surfaces(tuple(SurfaceOutput(servo, "aileron", 1500.0, 400.0) for servo in servos), "profile")
 
 
 def test_an_output_that_jumps_alone_does_not_move_the_demand_of_three() -> None:
@@ -33,7 +41,7 @@ def test_an_output_that_jumps_alone_does_not_move_the_demand_of_three() -> None:
 
 def test_a_demand_is_the_same_whatever_its_surfaces_are_called() -> None:
     def surfaces(name: str, servo: int = 1) -> Surfaces:
-        return Surfaces((Moved(servo, name, 1500.0, 400.0),), "profile")
+        return Surfaces((SurfaceOutput(servo, name, 1500.0, 400.0),), "profile")
 
     assert surfaces("left aileron").demands == surfaces("aileron 1").demands
     assert surfaces("left elevon").demands != surfaces("right elevon").demands, "they mix two axes"
@@ -70,7 +78,7 @@ def test_arduplane_before_3_8_is_named_by_its_channels() -> None:
 
 def test_a_profile_whose_outputs_are_all_contradicted_steers_no_rover() -> None:
     assert Surfaces((), "profile").axes == AXES
-    assert Surfaces((Moved(1, STEERING, 1500.0, 400.0),), "parameters").axes == (STEERING,)
+    assert Surfaces((SurfaceOutput(1, STEERING, 1500.0, 400.0),), "parameters").axes == (STEERING,)
 
 
 def mixed(functions: dict[int, float], reversed_: int = 0) -> tuple[Surfaces, Array, Array]:
@@ -128,10 +136,10 @@ def test_what_steers_a_rover_by_its_parameters() -> None:
     rover = {"CRUISE_THROTTLE": 50.0, "SERVO3_FUNCTION": 26.0, "SERVO4_FUNCTION": 4.0}
     frame = {"CA_AIRFRAME": 5.0, "PWM_MAIN_FUNC2": 201.0, "PWM_MAIN_FUNC3": 202.0}
     for values, px4, moved in (
-        (rover, False, Moved(3, STEERING, 1500, 400.0)),
-        (rover | {"SERVO3_REVERSED": 1.0}, False, Moved(3, STEERING, 1500, -400.0)),
-        (frame, True, Moved(2, STEERING, 1500, 500.0)),
-        (frame | {"PWM_MAIN_REV": 2.0}, True, Moved(2, STEERING, 1500, -500.0)),
+        (rover, False, SurfaceOutput(3, STEERING, 1500, 400.0)),
+        (rover | {"SERVO3_REVERSED": 1.0}, False, SurfaceOutput(3, STEERING, 1500, -400.0)),
+        (frame, True, SurfaceOutput(2, STEERING, 1500, 500.0)),
+        (frame | {"PWM_MAIN_REV": 2.0}, True, SurfaceOutput(2, STEERING, 1500, -500.0)),
     ):
         assert of_parameters(Parameters(1, px4, values)) == Surfaces((moved,), "parameters")
     for values, px4 in (
@@ -145,9 +153,11 @@ def test_what_steers_a_rover_by_its_parameters() -> None:
 
 def test_channels_of_a_receiver_that_drives_the_servos() -> None:
     """Of the profile, servo n is channel n; else the map of channels, which PX4 has none of by default."""
-    profile = Surfaces((Moved(1, "aileron", 1480.0, 300.0), Moved(2, "elevator", 1500.0, 400.0)), "profile")
+    profile = Surfaces(
+        (SurfaceOutput(1, "aileron", 1480.0, 300.0), SurfaceOutput(2, "elevator", 1500.0, 400.0)), "profile"
+    )
     found = on_channels(profile, Parameters(1, False, {"RCMAP_ROLL": 3.0}), [1, 3])
-    assert found == Surfaces((Moved(33, "aileron", 1480.0, 300.0),), "profile")
+    assert found == Surfaces((SurfaceOutput(33, "aileron", 1480.0, 300.0),), "profile")
     assert found.by_receiver
     assert found.moved[0].number == 1
     for values, px4, servos in (
@@ -163,8 +173,8 @@ def test_channels_of_a_receiver_that_drives_the_servos() -> None:
 
 
 def test_names_of_an_axis_surfaces() -> None:
-    sides = Moved(1, "left aileron", 1500, 400), Moved(12, "right aileron", 1500, -400)
-    plain = Moved(1, "aileron", 1500, 400), Moved(12, "aileron", 1500, 400)
+    sides = SurfaceOutput(1, "left aileron", 1500, 400), SurfaceOutput(12, "right aileron", 1500, -400)
+    plain = SurfaceOutput(1, "aileron", 1500, 400), SurfaceOutput(12, "aileron", 1500, 400)
     for moved, origin, brief, names in (
         (sides, "parameters", "aileron L/R", ("left aileron (servo 1)", "right aileron (servo 12)")),
         (plain, "profile", "aileron 1/12", ("aileron (servo 1)", "aileron (servo 12)")),

@@ -11,7 +11,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import CENTRAL_95, TAIL_95, t_quantile
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.decision.conditions import Episode, Episodes, IndicatorChange
-from mavhums.health.decision.events import Decided, Estimate, FaultRecord, IndicatorStep, WindowRecord
+from mavhums.health.decision.events import DecisionChange, Estimate, FaultRecord, IndicatorStep, WindowRecord
 from mavhums.health.decision.evidence import limit_rule, suspected
 from mavhums.health.decision.limits import (
     Decision,
@@ -85,7 +85,7 @@ class IndicatorTracker:
         self.latest: Estimate | None = None
         self.concluded: Interval | None = None
         self.windows: list[WindowRecord] = []
-        self.decided: list[Decided] = []
+        self.decided: list[DecisionChange] = []
         self._recorded = recorded
 
     @property
@@ -114,7 +114,7 @@ class IndicatorTracker:
             if self.decision.feed(severity, end - self._span_s, end, sure=certain):
                 condition, since_s = self.decision.condition, self.decision.since_s or 0.0
                 if self._recorded:
-                    self.decided.append(Decided(end, condition, since_s))
+                    self.decided.append(DecisionChange(end, condition, since_s))
                 self.episodes.begin_decided(condition, since_s, end, here)
                 change = IndicatorChange(condition, since_s, self.rule(condition))
             else:

@@ -16,7 +16,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.actuator.thresholds import EVEN_PROBABILITY
 from mavhums.health.actuator.votes import Ballot, VoteOutcome
 from mavhums.health.decision.conditions import Episodes, IndicatorChange
-from mavhums.health.decision.events import Decided, Estimate, FaultRecord
+from mavhums.health.decision.events import DecisionChange, Estimate, FaultRecord
 from mavhums.health.decision.evidence import suspected
 from mavhums.health.decision.limits import Decision, Levels
 from mavhums.health.decision.thresholds import LASTING_WINDOWS
@@ -68,7 +68,7 @@ class NetworkTally:
         levels = Levels(EVEN_PROBABILITY, EVEN_PROBABILITY)
         self.described = FaultRecord("friction", _QUANTITY, "1", levels, two_sided=False)
         self._decision = Decision(levels)
-        self._decided: list[Decided] = []
+        self._decided: list[DecisionChange] = []
         self._episodes = Episodes()
         self._first_s: float | None = None
         self._samples = np.zeros((networks, 2))
@@ -98,7 +98,7 @@ class NetworkTally:
                 condition, since_s = self._decision.condition, self._decision.since_s or 0.0
                 self.worst = max(self.worst, condition, key=SEVERITY.__getitem__)
                 if self._recorded:
-                    self._decided.append(Decided(end, condition, since_s))
+                    self._decided.append(DecisionChange(end, condition, since_s))
                 self._episodes.begin_decided(condition, since_s, end, said.p_emergency)
                 yield k, IndicatorChange(condition, since_s, _rule(condition))
             else:

@@ -131,7 +131,7 @@ _LOST_SHARES: Final[Mapping[str, Array]] = {
 }
 
 
-class _Coupled(Form):
+class _CoupledForm(Form):
     """A regression with the drive by the demand about another axis as its last nuisance."""
 
     def __init__(self, form: Form, other: str) -> None:
@@ -164,7 +164,7 @@ class MixedSums:
 
     def __init__(self, reference: Reference, axis: str, other: str, memory_s: float) -> None:
         self._reference = reference
-        self._chain = Chain(_Coupled(FORMS[axis], other), reference.basis, reference.shape)
+        self._chain = Chain(_CoupledForm(FORMS[axis], other), reference.basis, reference.shape)
         self._filters = [HighPass(memory_s) for _ in range(3)]
 
     def feed(self, rows: Rows) -> Array:

@@ -33,7 +33,7 @@ class WindowRecord(NamedTuple):
     freedom: float
 
 
-class Decided(NamedTuple):
+class DecisionChange(NamedTuple):
     """A change of the decision by limits, at the end of a window."""
 
     end_s: float
@@ -66,7 +66,7 @@ class FaultRecord(NamedTuple):
     levels: Levels
     two_sided: bool
     windows: tuple[WindowRecord, ...] = ()
-    decided: tuple[Decided, ...] = ()
+    decided: tuple[DecisionChange, ...] = ()
     settled: Condition | None = None
     whole: Estimate | None = None
     latest: Estimate | None = None

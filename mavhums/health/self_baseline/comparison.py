@@ -111,7 +111,9 @@ def compare(
     reference, after = compared(equation, own, past)
     records = tuple(record for _, _, record in reference)
     healthy = (
-        _Healthy.of(equation, records, own.temperature_c is not None) if len(records) >= needed else None
+        _ReferenceFlights.of(equation, records, own.temperature_c is not None)
+        if len(records) >= needed
+        else None
     )
     if healthy is None or healthy.shown < needed:
         flights = sum(wear(record, None) is not None for record in records)
@@ -144,7 +146,7 @@ def compare(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Healthy:
+class _ReferenceFlights:
     """The reference flights: their population, and their known differences.
 
     ``noise`` is the largest error of a flight with one sample of information; infinite if a flight's own
@@ -163,7 +165,9 @@ class _Healthy:
 
     @classmethod
     @lru_cache(maxsize=1024)
-    def of(cls, equation: OwnEquation, records: tuple[OwnRecord, ...], warm: bool) -> _Healthy | None:
+    def of(
+        cls, equation: OwnEquation, records: tuple[OwnRecord, ...], warm: bool
+    ) -> _ReferenceFlights | None:
         """Learn from reference flights; ``warm`` is True if the flight's temperature is known."""
         nuisances = learned(records)
         shown = [(w, r) for r in records if (w := wear(r, nuisances))]

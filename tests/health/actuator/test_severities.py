@@ -68,6 +68,7 @@ def held(fault: str, severities: list[float], seed: int, cyclogram: str) -> None
             assert URGENCY[after[tier]] >= URGENCY[before[tier]], milder
 
 
+@pytest.mark.slow
 # The last step but one and the last are where an estimate was refused for being too far off.
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_worse_fault_is_never_a_milder_verdict(fault: str) -> None:

@@ -55,6 +55,7 @@ def test_an_early_reference_says_nothing_of_the_kind() -> None:
     assert monitor.findings("roll").coverage.judged_from_s is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [7, 600])
 def test_a_reference_taken_while_a_fault_stands_does_not_end_it(block: int) -> None:
     flight, monitor = flown(600, astray=(180, 200)), AxisMonitor(1)

@@ -11,7 +11,7 @@ import pytest
 from mavhums.health.estimation.random_effects import population, variance_between
 from mavhums.health.estimation.thresholds import NATURAL_SCATTER_FREEDOM
 from mavhums.health.self_baseline import motor
-from mavhums.health.self_baseline.comparison import _Healthy
+from mavhums.health.self_baseline.comparison import _ReferenceFlights
 from mavhums.results.standing import Interval
 
 
@@ -26,7 +26,7 @@ def test_a_share_of_a_variance_is_as_uncertain_as_both(monkeypatch: pytest.Monke
     reference: Any = SimpleNamespace(common=SimpleNamespace(with_own=with_own), shared=(0.5, 30.0))
     own_wear: Any = SimpleNamespace(freedom=3.0)
     record: Any = None
-    assert _Healthy._own(reference, 0.2, own_wear, record) == pytest.approx((0.02, 7.5))
+    assert _ReferenceFlights._own(reference, 0.2, own_wear, record) == pytest.approx((0.02, 7.5))
     assert asked == pytest.approx([0.04, 3.0, 7.0])
 
 

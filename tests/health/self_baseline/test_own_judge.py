@@ -130,6 +130,7 @@ def test_tracking_takes_twenty_flights() -> None:
     assert compare(equation, flight(57), HEALTHY).condition == "learning"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scatter", [0.0, 0.03, 0.05])
 def test_natural_scatter_alarms_no_oftener_than_promised(scatter: float) -> None:
     """One look a flight at one in 100; healthy flights that scatter by so much of their mean."""

@@ -80,6 +80,7 @@ def test_a_record_does_not_depend_on_how_the_flight_was_cut(cuts: list[int]) -> 
     assert collected(OwnSums(EQUATION, blank()), flight, tuple(cuts)) == whole
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     cuts=st.lists(st.integers(0, 600), max_size=8),

@@ -95,6 +95,7 @@ def test_without_rest_there_is_no_friction_both_ways() -> None:
     assert left((time_s, values), TWO_WAYS) is None
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(1, 1999), max_size=5, unique=True))
 @settings(max_examples=20, deadline=None)
 def test_the_record_does_not_depend_on_the_blocks(cuts: list[int]) -> None:

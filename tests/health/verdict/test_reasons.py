@@ -24,7 +24,7 @@ from mavhums.results.verdict import Candidate, Coverage, Verdict
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import Identity, in_words
 from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.surfaces import Moved, Surfaces
+from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
 
 PLANE, COPTER, STATION, ROVER, BOAT, VTOL = 1, 2, 6, 10, 11, 22
 HEARD = {"outputs", "attitude", "rates", "force", "airspeed"}
@@ -136,7 +136,11 @@ def test_how_a_rover_steers_is_told_by_its_parameters() -> None:
         assert reason in why(None, {}, Parameters(1, False, values), **ground)
 
 
-MOVED = (Moved(1, "aileron", 1500, 400), Moved(2, "elevator", 1500, 400), Moved(4, "rudder", 1500, 400))
+MOVED = (
+    SurfaceOutput(1, "aileron", 1500, 400),
+    SurfaceOutput(2, "elevator", 1500, 400),
+    SurfaceOutput(4, "rudder", 1500, 400),
+)
 KNOWN = Surfaces(MOVED, "parameters")
 
 
@@ -232,7 +236,7 @@ def test_seconds_that_make_no_reference() -> None:
         "rudder and aileron cannot be told apart: the rudder explains 40 %"
     )
     assert told("pitch", 0.4, 0.2).count("; ") == 1
-    steers = Surfaces((Moved(1, "steering", 1500, 400),), "parameters")
+    steers = Surfaces((SurfaceOutput(1, "steering", 1500, 400),), "parameters")
     ground = findings("steering", needs=needs)
     assert undecided(ground, steers) == ("in no 45 s of two minutes of driving forward its steering moved")
     weak = replace(ground, best=reference(0.4, 0.1))
@@ -359,7 +363,8 @@ def test_values_beyond_what_the_actuator_can_do() -> None:
 
 
 ELEVONS = Surfaces(
-    moved=(Moved(1, "left elevon", 1500, 400), Moved(2, "right elevon", 1500, 400)), origin="parameters"
+    moved=(SurfaceOutput(1, "left elevon", 1500, 400), SurfaceOutput(2, "right elevon", 1500, 400)),
+    origin="parameters",
 )
 
 

@@ -134,6 +134,7 @@ def test_a_flipped_bit_costs_one_frame_at_most(log: list[Record], data: st.DataO
     assert len(found) > len(certain) or scanner.totals.skipped or scanner.totals.cut_end
 
 
+@pytest.mark.slow
 @given(records(), st.data())
 @settings(max_examples=50, deadline=None)
 def test_a_cut_last_record_is_told(log: list[Record], data: st.DataObject) -> None:
