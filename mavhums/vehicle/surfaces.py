@@ -157,7 +157,8 @@ class Surfaces:
 
         Examples
         --------
-        >>> ailerons = SurfaceOutput(1, "left aileron", 1500, 500), SurfaceOutput(2, "right aileron", 1500, 500)
+        >>> left = SurfaceOutput(1, "left aileron", 1500, 500)
+        >>> ailerons = left, SurfaceOutput(2, "right aileron", 1500, 500)
         >>> Surfaces(ailerons, "profile").brief("roll")
         'aileron L/R'
         """
