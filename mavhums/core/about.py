@@ -1,4 +1,4 @@
-"""What every result says of itself: the version of the package, and the notice."""
+"""The version of the package, and the notice in every result."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ SEVERITY: Final[dict[Condition, int]] = {
     "degraded": 1,
     "emergency": 2,
 }
-"""What evidence shows: any evidence outranks none. A detector's state only ever grows along it."""
+"""Order of what evidence shows: any evidence outranks none. A detector's state only grows in this order."""
 
 URGENCY: Final[dict[Condition, int]] = {
     "normal": 0,
@@ -32,4 +32,4 @@ URGENCY: Final[dict[Condition, int]] = {
     "degraded": 6,
     "emergency": 7,
 }
-"""What a maintainer acts on first: a subject without evidence comes before one that is normal."""
+"""Order in which a maintainer acts: a subject without evidence comes before one that is normal."""

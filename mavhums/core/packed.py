@@ -75,7 +75,7 @@ class SequentialFile:
         self._size += len(data)
         if self._size > max(self.free, self.ratio * self._packed.count):
             problem = f"{self._path}: expands to more than {self.ratio} times its size, which no log does"
-            raise UnreadableLogError(problem, "unpack it and look at what is in it")
+            raise UnreadableLogError(problem, "unpack it and check its contents")
         return data
 
     def unpack(self) -> None:
@@ -114,7 +114,7 @@ def members(path: Path) -> list[zipfile.ZipInfo]:
     Raises
     ------
     UnreadableLogError
-        If it is no intact archive.
+        If it is not an intact archive.
     OSError
         If it cannot be read.
     """
@@ -129,7 +129,7 @@ def opened(path: Path) -> Iterator[SequentialFile]:
     Parameters
     ----------
     path
-        ``-`` is the standard input, which may be compressed but no archive.
+        ``-`` is the standard input, which may be compressed but must not be an archive.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def opened(path: Path) -> Iterator[SequentialFile]:
                 archive = stack.enter_context(zipfile.ZipFile(raw))
             unpacked.enter(archive, member)
         elif member is not None:
-            raise UnreadableLogError(f"{path}: {file} is a file and no zip archive", "check the path")
+            raise UnreadableLogError(f"{path}: {file} is a file, not a zip archive", "check the path")
         unpacked.unpack()
         yield unpacked
 
@@ -226,7 +226,9 @@ def _chosen(path: Path, archive: zipfile.ZipFile, member: str | None) -> zipfile
     if member in names:
         return found[names.index(member)]
     if not names:
-        raise UnreadableLogError(f"{path}: the archive holds no file", "name one that holds a log")
+        raise UnreadableLogError(
+            f"{path}: the archive contains no file", "choose an archive that contains a log"
+        )
     if member is None and len(names) == 1:
         return found[0]
     given = ", ".join(names[:_MEMBERS_NAMED]) + (", …" if len(names) > _MEMBERS_NAMED else "")
@@ -312,9 +314,7 @@ def _translated(path: Path) -> Iterator[None]:
     except tuple(damaged) as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise  # of the disk; gzip's and bzip2's errors about its data have no number
-        problem = f"{path}: what is packed in it is damaged or cut ({error})"
-        raise UnreadableLogError(
-            problem, "copy it again; or unpack it as far as it goes, and read that"
-        ) from error
+        problem = f"{path}: the packed data is damaged or cut ({error})"
+        raise UnreadableLogError(problem, "copy it again; or unpack what is intact, and read that") from error
     except (RuntimeError, NotImplementedError) as error:
         raise UnreadableLogError(f"{path}: cannot be unpacked here ({error})", "unpack it first") from error

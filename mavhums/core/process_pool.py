@@ -28,7 +28,7 @@ Result = TypeVar("Result")
 
 
 class LostItem(NamedTuple):
-    """Stands for the result of an item on which its process died, or on which it took too long."""
+    """Result of an item whose process died, or, if ``hung``, took too long."""
 
     hung: bool = False
 

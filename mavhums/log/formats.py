@@ -240,7 +240,7 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
             f"{name}: the file is empty", "check that the ground station had closed the log"
         )
     if not head.strip(b"\0"):
-        raise UnreadableLogError(f"{name}: the file holds nothing but zeros", "copy the log again")
+        raise UnreadableLogError(f"{name}: the file contains only zeros", "copy the log again")
     known = format_of(head)
     if known is not MAVLINK:
         refused = _package(known).refusal(head)
@@ -262,7 +262,7 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
         )
     if _PROFILE.search(head):
         problem = f"{name}: this is an airframe profile, not a log"
-        raise UnreadableLogError(problem, "name it with --airframe, and the log in its place")
+        raise UnreadableLogError(problem, "pass it with --airframe, and name the log instead")
     if _is_text(head):
         raise UnreadableLogError(f"{name}: this is a text file, not an aircraft's log", _RECORD)
     raise UnreadableLogError(

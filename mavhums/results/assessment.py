@@ -37,9 +37,9 @@ RECORD: Final[dict[str, Any]] = {"verdicts": {"__all__": {"own"}}}
 class LogSummary(Contract):
     """The log that was judged.
 
-    ``format`` is ``tlog``, ``dataflash`` or ``ulog``; ``flight`` says of each vehicle which flight it was,
-    ``copies`` which other logs of the history are of the same flight; one of them counts. ``notices`` say
-    what could not be checked.
+    ``format`` is ``tlog``, ``dataflash`` or ``ulog``; ``flight`` identifies the flight of each vehicle,
+    ``copies`` are the other logs of the history that record the same flight; one of them counts. ``notices``
+    list what could not be checked.
     """
 
     path: str | None
@@ -57,9 +57,9 @@ class LogSummary(Contract):
 class Assessment(Contract):
     """Every verdict that a log supports.
 
-    ``model`` is the richest network among those of the verdicts, ``usage`` what each vehicle's log tells of
-    the use of its servos. ``standings`` is how each actuator and axis stands over its flights, this one
-    included, where there is a history; worst first.
+    ``model`` is the richest network among those of the verdicts, ``usage`` the usage of each
+    vehicle's servos. ``standings`` is the state of each actuator and axis over its flights, including this
+    one, where there is a history; worst first.
 
     Examples
     --------
@@ -121,8 +121,8 @@ class Assessment(Contract):
     def exit_code(self) -> ExitCode:
         """The exit code for the worst condition.
 
-        Unmonitored actuators do not count, unless no actuator was judged. What stands over the flights
-        counts, too, and certain growth is degraded.
+        Unmonitored actuators do not count, unless no actuator was judged. The states over the flights
+        count, too, and certain growth is degraded.
         """
         found = [verdict.gravest for verdict in self.verdicts]
         found += [one.condition for one in self.standings if SEVERITY[one.condition] > 0]
@@ -194,7 +194,7 @@ class NamedRate(Frozen):
 
 
 class ActuatorTelemetry(Frozen):
-    """Where each quantity of an actuator comes from; ``missing`` names those that come from nowhere."""
+    """Source of each quantity of an actuator; ``missing`` names those without a source."""
 
     actuator: str
     servo: int
@@ -203,7 +203,7 @@ class ActuatorTelemetry(Frozen):
 
 
 class Judgeable(Frozen):
-    """An axis or an actuator, and whether the log allows to judge it; if not, why and what would."""
+    """An axis or an actuator, and whether the log allows to judge it; if not, the reason and the remedy."""
 
     subject: Literal["actuator", "axis", "motor"]
     name: str
@@ -214,10 +214,10 @@ class Judgeable(Frozen):
 
 
 class VehicleTelemetry(Frozen):
-    """What the log carries of one vehicle's actuators, and how to get more.
+    """Telemetry of one vehicle's actuators in the log, and how to get more.
 
-    ``kind``, ``autopilot``, ``firmware`` and ``board`` are what the vehicle says of itself. ``tier`` is the
-    best of its actuators, or where no profile tells which those are, of the log.
+    The vehicle itself reports ``kind``, ``autopilot``, ``firmware`` and ``board``. ``tier`` is the best of
+    its actuators; without a profile, which lists them, it is that of the log.
     """
 
     vehicle: int
@@ -236,10 +236,10 @@ class VehicleTelemetry(Frozen):
 
 
 class Inspection(Frozen):
-    """What a log holds.
+    """Contents of a log.
 
-    ``named`` lists what was sent under names of its own, a thousand of them at most.
-    ``sender_clock`` says that the log has no time stamps and that times count from the sender's boot.
+    ``named`` lists named values, a thousand of them at most. ``sender_clock`` means that the log has no time
+    stamps: times count from the sender's boot.
     """
 
     path: str

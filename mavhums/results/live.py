@@ -27,7 +27,7 @@ class _Event(Contract):
 
 
 class StartObject(_Event):
-    """The session begins: what it listens to, by which profile, and where it records."""
+    """The session begins: its links, its profile, and the file of its recording."""
 
     event: Literal["start"] = "start"
     schema_: Literal["mavhums.live/1"] = Field(default="mavhums.live/1", alias="schema")
@@ -40,7 +40,7 @@ class StartObject(_Event):
 
 
 class AirframeObject(_Event):
-    """The profile by which a vehicle, every one if null, is judged from here on."""
+    """The profile with which a vehicle, every one if null, is judged from now on."""
 
     event: Literal["airframe"] = "airframe"
     time_s: float
@@ -58,7 +58,7 @@ class NoticeObject(_Event):
 
 
 class WindowObject(_Event):
-    """What ten seconds of one actuator show; null where they do not carry the evidence."""
+    """Estimates from ten seconds of one actuator; null where there is not enough evidence."""
 
     event: Literal["window"] = "window"
     vehicle: int
@@ -86,7 +86,7 @@ class ConditionObject(_Event):
 
 
 class StaleObject(_Event):
-    """An actuator's telemetry fell silent, ``age_s`` ago, or came back."""
+    """An actuator's telemetry stopped, ``age_s`` ago, or resumed."""
 
     event: Literal["stale"] = "stale"
     vehicle: int
@@ -107,8 +107,8 @@ class AlertObject(_Event):
 class ActuatorStatus(Contract):
     """One actuator now.
 
-    ``condition`` is ``undecided`` while ``stale``; ``held`` is what it was found to be when data
-    last came. ``age_s`` is the age of the last data, null before any.
+    ``condition`` is ``undecided`` while ``stale``; ``held`` is the condition at the last data, and
+    ``age_s`` their age, null before any.
     """
 
     vehicle: int | None
@@ -128,11 +128,11 @@ class ActuatorStatus(Contract):
 
 
 class LinkStatus(Contract):
-    """Everything that came over the links, and what of it did not count.
+    """What the links received, accepted and rejected.
 
-    ``frames`` were accepted. ``missing_frames``, ``reordered_frames`` and ``duplicated_frames`` are
-    what the sequence numbers of the senders say; ``dropped_datagrams`` those that this computer
-    was too slow to fetch. ``contested`` are the vehicles for which more than one sender speaks now.
+    ``frames`` were accepted. ``missing_frames``, ``reordered_frames`` and ``duplicated_frames`` come from the
+    sequence numbers of the senders; ``dropped_datagrams`` are those that this computer was too slow to
+    fetch. ``contested`` are the vehicles as which more than one sender transmits now.
     """
 
     age_s: float | None
@@ -164,7 +164,7 @@ class RecordStatus(Contract):
 
 
 class OutputStatus(Contract):
-    """An output that does not take everything: how much was dropped, and why, while that lasts."""
+    """An output that is too slow: the number of dropped objects, and the error while it lasts."""
 
     name: str
     dropped: int

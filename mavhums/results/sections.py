@@ -15,9 +15,9 @@ class OutputUsage(Contract):
     """How far and how often one servo output was commanded.
 
     ``commanded`` tells whether it ever moved. Shares are of the calibrated range; they are null where neither
-    the log's parameters nor a profile tell that range. The times at the stops and the mean count while the
-    vehicle is armed, or where its state is not told. ``bearing_deg`` tells where the motor of a multirotor
-    sits, clockwise from the nose; it is null for an output that drives none.
+    the log's parameters nor a profile give that range. The times at the stops and the mean count while the
+    vehicle is armed, or where its state is unknown. ``bearing_deg`` is the direction of a multirotor's motor,
+    clockwise from the nose; it is null for an output that drives none.
     """
 
     servo: int
@@ -39,9 +39,9 @@ class OutputUsage(Contract):
 
 
 class VehicleUsage(Contract):
-    """What a log tells of the use of one vehicle.
+    """Usage of one vehicle in a log.
 
-    ``armed_s`` is null where the log does not tell whether it is armed, ``forward_s`` counts the seconds in
+    ``armed_s`` is null where the log does not record the arming state, ``forward_s`` counts the seconds in
     forward flight as a fixed wing, of a rover or a boat those of driving forward.
     """
 
@@ -54,7 +54,7 @@ class VehicleUsage(Contract):
 
 
 Decide = Literal["physics", "network", "both"]
-"""Who decides an actuator's friction; with ``both`` the physics, and a network's disagreement is told."""
+"""Who decides an actuator's friction; with ``both`` the physics, and a network's disagreement is reported."""
 DECIDE: tuple[Decide, ...] = get_args(Decide)
 
 
@@ -66,14 +66,14 @@ class ModelSummary(Contract):
 
 
 class NetworkAnswer(Contract):
-    """What a network says of an actuator's flight, beside the physics or in its place.
+    """Answer of a network for one actuator and flight, beside the physics or instead of it.
 
     ``windows`` is the number of ten-second windows that it answered, ``first_emergency_s`` the middle of the
     first one in which it finds an emergency more likely than not, ``share_of_samples`` the share of the
     samples in motion within its training range that it calls an emergency, ``p_emergency`` its probability in
-    the last window, and ``condition`` the gravest that twenty windows in a row agreed on. ``decides`` tells
-    who decided the verdict: ``physics``, ``network``, or ``both``, where the physics decides and what the
-    network says otherwise is told. A file of version 0.1 tells ``p_emergency`` alone.
+    the last window, and ``condition`` the gravest that twenty windows in a row agreed on. ``decides`` is
+    who decided the verdict: ``physics``, ``network``, or ``both``, where the physics decides and a different
+    answer of the network is reported. A file of version 0.1 has ``p_emergency`` alone.
     """
 
     model: ModelSummary
@@ -142,18 +142,18 @@ CLOCKS_APART_S = 30.0
 
 
 class FlightIdentity(Contract):
-    """Which flight a log is of, so that two recordings of it count once.
+    """The flight that a log records, so that two recordings of it count once.
 
     Attributes
     ----------
     vehicle
         Its id on MAVLink.
     board
-        Unique id of its autopilot's board, or the operator's serial number; None if the log tells neither.
+        Unique id of its autopilot's board, or the operator's serial number; None if the log has neither.
     boot_utc
-        When the autopilot was switched on; None if the log tells no date.
+        When the autopilot was switched on; None if the log has no date.
     start_utc, end_utc
-        Of the log; None if it tells no date.
+        Of the log; None if it has no date.
     aircraft
         Name of the aircraft by the operator's table or rule; None if they name none.
 

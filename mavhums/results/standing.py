@@ -1,4 +1,4 @@
-"""How an actuator or axis stands over its flights: state, growth, steps, and the trends of its indicators.
+"""State of an actuator or axis over its flights: condition, growth, steps, and trends of its indicators.
 
 ``mavhums trend`` writes the trends as JSON and as a table.
 """
@@ -39,9 +39,9 @@ class Interval(Contract):
 class FlightsLeft(Contract):
     """Flights after the last one until a line reaches a limit, with a 95 % interval, and the dates of it.
 
-    ``high`` and ``latest_utc`` are None where the line need not reach it; dates are None where the flights do
-    not tell how often the aircraft flies, and beyond a hundred years. ``is_far`` says that the limit is more
-    than three times as far ahead as the flights reach back, where a straight line is a guess.
+    ``high`` and ``latest_utc`` are None where the line need not reach it; dates are None where the
+    flights do not show how often the aircraft flies, and beyond a hundred years. ``is_far`` means that the
+    limit is more than three times as far ahead as the flights reach back, where a straight line is a guess.
     """
 
     estimate: float
@@ -82,7 +82,7 @@ class Step(Contract):
     """A change of an indicator between two flights: a repair, a swap, or damage.
 
     ``flight`` and ``at_utc`` are the first flight after it, ``size`` is how much the indicator changed;
-    ``better`` says whether the fault became less.
+    ``better`` is true if the fault decreased.
     """
 
     fault: str
@@ -95,7 +95,7 @@ class Step(Contract):
 
 
 class Standing(Contract):
-    """How an actuator or axis stands after its last flight.
+    """State of an actuator or axis after its last flight.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class Standing(Contract):
     clear_flights
         Judged flights since the last one that showed the fault.
     fault, quantity, unit, value, limit
-        What the finding rests on: its quantity in the last flight that shows it, and the limit.
+        The basis of the finding: its quantity in the last flight that shows it, and the limit.
     growth
         The one with the fewest flights left; None where nothing certainly grows.
     step
@@ -163,7 +163,7 @@ class FlightPoint(Contract):
     value
         Over the whole flight.
     highest, end
-        The highest estimate that decided a condition, and the last one; None where the flight does not tell.
+        The highest estimate that decided a condition, and the last one; None where the flight has none.
     """
 
     flight: int
@@ -176,7 +176,7 @@ class FlightPoint(Contract):
 
 
 class LastFlight(Contract):
-    """The gravest condition of an actuator's or axis's last flight, of which no flight shows an indicator."""
+    """The worst condition in the last flight of an actuator or axis that has no indicator in any flight."""
 
     subject: Literal["actuator", "axis", "motor"] = "actuator"
     vehicle: int
@@ -198,7 +198,7 @@ class ActuatorTrend(Contract):
         As the last flight has them; of a control gain, which falls as a fault grows, the profile's shares
         of the baseline.
     baseline
-        What its reference flights, before the last one, let expect of one flight, with 95 %.
+        95 % prediction interval for one flight, from the reference flights before the last one.
     change
         Of the last flight against the mean of the reference flights.
     level, per_flight, between
@@ -210,7 +210,7 @@ class ActuatorTrend(Contract):
     step
         The last change between two flights; the trend rests on the flights since.
     flights_left
-        Until the line reaches the emergency limit; None where the flights do not tell, for the ``reason``.
+        Until the line reaches the emergency limit; None where it cannot be estimated, see ``reason``.
     """
 
     subject: Literal["actuator", "axis", "motor"] = "actuator"
@@ -245,7 +245,7 @@ class RepairDate(Contract):
 
 
 class TrendReport(Contract):
-    """The trends of a folder, the worst first, and what could not be read of it.
+    """The trends of a folder, the worst first, and the files that could not be read.
 
     Attributes
     ----------
@@ -258,7 +258,7 @@ class TrendReport(Contract):
     repairs
         Of the aircraft, in time order, where a fleet's store keeps them.
     standings
-        How each actuator and axis stands over its flights, whatever indicators were asked for, worst first.
+        State of each actuator and axis over its flights, whatever indicators were requested, worst first.
     """
 
     schema_: Literal["mavhums.trend/1"] = Field(default="mavhums.trend/1", alias="schema")

@@ -1,4 +1,4 @@
-"""What a fleet's store says as JSON: its contents, how its aircraft stand, and what changed since a time."""
+"""JSON from a fleet's store: its contents, the state of its aircraft, and the changes since a time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mavhums.results.verdict import Verdict
 class LastFlightOf(Contract):
     """An actuator or axis in its aircraft's last flight; ``aircraft`` is None where it is unknown.
 
-    ``standing`` is how it stands over its flights, where that is known.
+    ``standing`` is its state over the flights, where it is known.
     """
 
     aircraft: str | None
@@ -68,7 +68,7 @@ class ForeignBoard(Contract):
 
 
 class StoreGrowth(Contract):
-    """An actuator that grows, and how it stands over its flights."""
+    """An actuator with growing wear, and its state over the flights."""
 
     aircraft: str
     standing: Standing
@@ -91,7 +91,7 @@ class StoreStatus(Contract):
 
 
 class Change(Contract):
-    """What changed in how an actuator or axis stands.
+    """A change in the state of an actuator or axis.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Change(Contract):
         ``new`` finding, ``worse``, ``growing`` (certain growth, or one that comes within ten flights of a
         limit), ``step``, ``eased``, or ``gone``.
     before, now
-        How it stood then, None for one that is new, and how it stands now.
+        The state then, None for one that is new, and the state now.
     """
 
     kind: Literal["new", "worse", "growing", "step", "eased", "gone"]
@@ -109,7 +109,7 @@ class Change(Contract):
 
 
 class SilentAircraft(Contract):
-    """An aircraft of which no flight came for a while; ``days`` since the last one, and its usual pause."""
+    """An aircraft without flights for longer than usual; ``days`` have passed since the last one."""
 
     aircraft: str
     last_utc: str
@@ -117,12 +117,12 @@ class SilentAircraft(Contract):
 
 
 class FleetDigest(Contract):
-    """What changed in a fleet, for who looks once a day.
+    """The changes in a fleet, for a reader who looks once a day.
 
     Attributes
     ----------
     since_utc, until_utc
-        The time that it covers, by when logs came into the store.
+        The period that it covers; the time at which a log came into the store counts.
     aircraft, flights
         Number of aircraft with a name, and of logs that came meanwhile.
     changes
@@ -132,7 +132,7 @@ class FleetDigest(Contract):
     failed
         Logs that could not be judged, meanwhile.
     standing
-        Number of findings that stand as before.
+        Number of unchanged findings.
     silent_longer
         Number of aircraft that were silent before.
     """

@@ -30,7 +30,7 @@ STALL_SHARES = ("friction_of_stall", "torque_of_stall")
 
 
 class Suspect(Contract):
-    """A fault that the evidence points at."""
+    """A fault that the evidence indicates."""
 
     fault: str
     confidence: float = Field(ge=0, le=1)
@@ -39,7 +39,8 @@ class Suspect(Contract):
 class Candidate(Contract):
     """A surface that explains the finding about an axis, with its servo output.
 
-    ``probability`` is None where nothing tells the candidates apart; ``because`` names what does.
+    ``probability`` is None where nothing distinguishes the candidates; ``because`` names the evidence that
+    does.
     """
 
     surface: str
@@ -88,7 +89,7 @@ class Evidence(Contract):
 
 
 class Indicator(Contract):
-    """A physical quantity that shows a fault, as the whole flight has it.
+    """A physical quantity that shows a fault, estimated over the whole flight.
 
     Attributes
     ----------
@@ -102,11 +103,11 @@ class Indicator(Contract):
         Number of decidable windows that do not overlap, and the standard deviation of their estimates;
         None of fewer than two.
     limit
-        Value from which the actuator is degraded; None where only its own baseline can tell.
+        Value from which the actuator is degraded; None where only its own baseline can decide.
     emergency
         Value from which it is an emergency; None where the fault alone is none. A fault grows upwards.
     baseline
-        What the actuator's own history says it is, as a 95 % prediction interval of one flight.
+        95 % prediction interval for one flight, from the actuator's own history.
     baseline_flights, needed_flights
         How many flights that baseline rests on, and how many it takes; None where limits alone decide.
     least_rise
@@ -132,7 +133,7 @@ class Indicator(Contract):
 
 
 class OwnRecord(Contract):
-    """What a flight leaves of one own-scale equation, for the comparison with the actuator's other flights.
+    """A flight's sums for one own-scale equation, for the comparison with the actuator's other flights.
 
     Attributes
     ----------
@@ -166,7 +167,7 @@ class OwnRecord(Contract):
 
 
 class Verdict(Contract):
-    """What the log says of one actuator, of one axis of the aircraft, or of one motor of a multirotor.
+    """Verdict on one actuator, one axis of the aircraft, or one motor of a multirotor.
 
     ``subject`` tells which; ``actuator`` is its name, for an axis ``roll``, ``pitch`` or ``yaw``, and
     ``surfaces`` are those that move it; for a motor ``motor 1`` and so on, in the autopilot's order.
@@ -176,7 +177,7 @@ class Verdict(Contract):
     ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
     actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``;
     ``advice`` is the recommended action, which files of earlier versions lack. ``network``
-    is what a network says of its friction; None if none covers the log.
+    is a network's answer on its friction; None if none covers the log.
 
     Of an axis with a finding, ``candidates`` are the surfaces that explain it, the likeliest one first, and
     ``consequence_of`` is the axis whose finding explains this one: one fault is one finding.
@@ -224,5 +225,5 @@ class Verdict(Contract):
 
     @property
     def gravest(self) -> Condition:
-        """What the maintainer must act on: a fault that was seen, else that nothing is known, else normal."""
+        """The condition that the maintainer must act on: a fault, else missing evidence, else normal."""
         return max(self.worst, self.condition, key=URGENCY.__getitem__)

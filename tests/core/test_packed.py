@@ -129,8 +129,8 @@ def zip_in_zip(folder: Path) -> Path:
         (broken_directory, "damaged or cut"),
         (several, "holds 2 files: a.ulg, b.ulg: name one, for example .*several.zip/a.ulg"),
         (unknown_member, "no such member: it holds a.ulg, b.ulg"),
-        (empty, "holds no file"),
-        (member_of_a_file, "is a file and no zip archive"),
+        (empty, "contains no file"),
+        (member_of_a_file, "is a file, not a zip archive"),
         (zip_in_zip, "this is a zip archive"),
     ],
 )

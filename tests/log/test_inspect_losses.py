@@ -114,5 +114,5 @@ def test_zeros_before_the_first_frame_are_passed_over_and_told(tmp_path: Path) -
     assert inspection.losses.bytes_skipped == zeros
     nothing = tmp_path / "nothing.tlog"
     nothing.write_bytes(bytes(zeros))
-    with pytest.raises(UnreadableLogError, match="nothing but zeros"):
+    with pytest.raises(UnreadableLogError, match="contains only zeros"):
         inspect_log(nothing)

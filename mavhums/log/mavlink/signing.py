@@ -32,7 +32,7 @@ Stream = tuple[int, int, int]
 
 
 class KeyFileError(MavhumsError):
-    """The file holds no signing key."""
+    """The file does not contain a signing key."""
 
 
 def load_key(path: str | os.PathLike[str]) -> bytes:
@@ -55,9 +55,9 @@ def load_key(path: str | os.PathLike[str]) -> bytes:
         key = b""
     if len(key) != _KEY_BYTES:
         raise KeyFileError(
-            f"{path}: no signing key",
-            "it must hold 32 bytes, or 64 hexadecimal digits; of a passphrase, as ground stations take it, "
-            "the key is the SHA-256: printf %s PASSPHRASE | sha256sum | cut -c1-64",
+            f"{path}: not a signing key",
+            "it must contain 32 bytes, or 64 hexadecimal digits; from a passphrase, as in ground stations, "
+            "its SHA-256: printf %s PASSPHRASE | sha256sum | cut -c1-64",
         )
     return key
 
