@@ -296,7 +296,7 @@ def compared_with_own(flight: StandaloneAssessment, settings: Settings) -> Asses
         If the history is of another aircraft.
     """
     assessment = with_aircraft_identity(flight.assessment, settings)
-    since = latest(settings.since, settings.whose.since(assessment))
+    since = latest(settings.since, settings.resolver.since(assessment))
     if not _has_flights(settings):
         return assessment
     from mavhums.flights.compare import compared
@@ -319,8 +319,10 @@ def with_aircraft_identity(assessment: Assessment, settings: Settings) -> Assess
     OtherAircraftError
         If the history is of another aircraft.
     """
-    whose, history = settings.whose, settings.history
-    return with_duplicate_flights(check_same_aircraft(whose.named(assessment), history, whose.table), history)
+    resolver, history = settings.resolver, settings.history
+    return with_duplicate_flights(
+        check_same_aircraft(resolver.named(assessment), history, resolver.table), history
+    )
 
 
 def _judged_with(
@@ -379,8 +381,8 @@ def _swaps(path: Place, settings: Settings) -> Since:
     MavhumsError
         If the log can be read only once.
     """
-    whose, dialect = settings.whose, settings.engine.dialect
-    if not whose.table.installed:
+    resolver, dialect = settings.resolver, settings.engine.dialect
+    if not resolver.table.installed:
         return {}
     if str(path) == "-":
         raise MavhumsError("-: an aircraft table needs a file that can be read twice", "save the log first")
@@ -391,5 +393,7 @@ def _swaps(path: Place, settings: Settings) -> Since:
     if decoder.first_time_us is None or decoder.undated:
         return {}
     start = datetime.fromtimestamp(decoder.first_time_us / 1e6, UTC)
-    names = {whose.name(str(path), recorded.of(each).board, start.isoformat()) for each in decoder.vehicles}
-    return whose.table.since(names.pop(), start) if len(names) == 1 else {}
+    names = {
+        resolver.name(str(path), recorded.of(each).board, start.isoformat()) for each in decoder.vehicles
+    }
+    return resolver.table.since(names.pop(), start) if len(names) == 1 else {}

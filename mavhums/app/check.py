@@ -124,10 +124,10 @@ class _Standing:
         """Return which times are on the ground: disarmed, or landed and still; all if arming is not told."""
         if not self.known(vehicle):
             return np.ones(utc_us.size, dtype=np.bool_)
-        landed, still = (self._held(vehicle, name, utc_us) for name in ("landed", "groundspeed"))
-        return self._held(vehicle, "state", utc_us) | (landed & still)
+        landed, still = (self._state_at(vehicle, name, utc_us) for name in ("landed", "groundspeed"))
+        return self._state_at(vehicle, "state", utc_us) | (landed & still)
 
-    def _held(self, vehicle: int, name: str, utc_us: Integers) -> Flags:
+    def _state_at(self, vehicle: int, name: str, utc_us: Integers) -> Flags:
         times, states = self._changes.get((vehicle, name), ([0], [False]))
         place = np.searchsorted(times, utc_us, side="right") - 1
         # Before the first word the state is that word's.
@@ -213,9 +213,9 @@ def _sweep(vehicle: int, name: str, strokes: Sequence[Stroke], armed_known: bool
         _range([getattr(one, what) for one in strokes]) for what in ("commanded", "reached")
     )
     speed = float(np.median([abs(one.commanded_deg_s) for one in moving]))
-    reached_speed = _known(np.median([abs(one.reached_deg_s) for one in moving]))
+    reached_speed = _finite(np.median([abs(one.reached_deg_s) for one in moving]))
     errors = [[one.error for one in moving if one.way == way] for way in (1.0, -1.0)]
-    apart = _known((np.mean(errors[0]) - np.mean(errors[1])) / 2) if all(errors) else None
+    apart = _finite((np.mean(errors[0]) - np.mean(errors[1])) / 2) if all(errors) else None
     rest = [one.current for one in strokes if not one.way and np.isfinite(one.current)]
     both = [u for u, _ in pairs_of(strokes)]
     return Sweep(
@@ -227,8 +227,8 @@ def _sweep(vehicle: int, name: str, strokes: Sequence[Stroke], armed_known: bool
         commanded_deg_s=speed,
         reached_deg_s=reached_speed,
         hysteresis_deg=apart,
-        roughness_deg=_known(np.mean([one.rough for one in moving])),
-        friction_a=_known(np.mean(both) - np.median(rest)) if both and rest else None,
+        roughness_deg=_finite(np.mean([one.rough for one in moving])),
+        friction_a=_finite(np.mean(both) - np.median(rest)) if both and rest else None,
         armed_known=armed_known,
         faults=_faults(commanded, reached, speed, reached_speed),
     )
@@ -256,5 +256,5 @@ def _range(several: Sequence[Array]) -> tuple[float, float] | None:
     return (float(known.min()), float(known.max())) if known.size else None
 
 
-def _known(value: float | np.floating) -> float | None:
+def _finite(value: float | np.floating) -> float | None:
     return float(value) if np.isfinite(value) else None

@@ -123,14 +123,14 @@ class Settings:
         The aircraft's earlier flights.
     since
         Dates from which they count, by actuator; None stands for all others.
-    whose
+    resolver
         How the aircraft of a log is identified.
     """
 
     engine: EngineOptions
     history: History
     since: Since
-    whose: AircraftResolver
+    resolver: AircraftResolver
 
     @classmethod
     def read(cls, options: Options | Settings | None) -> Settings:
@@ -160,8 +160,8 @@ class Settings:
         )
         if not isinstance(table, AircraftTable):
             table = AircraftTable() if table is None else load_aircraft_table(table)
-        whose = AircraftResolver(given.aircraft, table)
-        return cls(engine=engine, history=_history(given.history), since=given.since or {}, whose=whose)
+        resolver = AircraftResolver(given.aircraft, table)
+        return cls(engine=engine, history=_history(given.history), since=given.since or {}, resolver=resolver)
 
     def earlier(self, since: Since) -> tuple[BaselineSource, PastSource]:
         """Return what a flight is compared with: baselines and flights that count from dates on."""

@@ -47,21 +47,23 @@ def status(store: str, as_json: bool) -> None:
     named = ": scan them again with --aircraft RULE to name it" if found.unknown else ""
     say(f"{found.judged} logs of {found.aircraft} aircraft, and {found.unknown} of an unknown one{named}")
     grows = [(f"{name} {one.actuator}", one.growth) for name, one in found.growing if one.growth]
-    _say_some([f"{what}: {growth_words(growth)}" for what, growth in grows], "actuators that grow")
+    _print_first([f"{what}: {growth_words(growth)}" for what, growth in grows], "actuators that grow")
     for line in odd_lines(found, store):
         say(line)
-    _say_some([f"{problem}: {remedy}" for problem, remedy in found.failures], "logs that could not be judged")
+    _print_first(
+        [f"{problem}: {remedy}" for problem, remedy in found.failures], "logs that could not be judged"
+    )
     left_out = [f"{log}: is of the same flight as {counted}, which counts" for log, counted in found.copies]
-    _say_some(left_out, "logs that do not count")
+    _print_first(left_out, "logs that do not count")
 
 
-def _say_all(lines: Sequence[object], none: str) -> None:
+def _print_all(lines: Sequence[object], none: str) -> None:
     """Say each in a line, or that there is none."""
     for line in lines or [none]:
         say(str(line))
 
 
-def _say_some(lines: Sequence[str], what: str) -> None:
+def _print_first(lines: Sequence[str], what: str) -> None:
     for line in lines[:_SHOWN]:
         say(line)
     if len(lines) > _SHOWN:
@@ -144,7 +146,7 @@ def repairs(
     if as_json:
         say_json([one._asdict() | {"at": one.at.isoformat()} for one in there])
     else:
-        _say_all(there, "no repairs")
+        _print_all(there, "no repairs")
 
 
 @fleet.command(short_help="Write a row per verdict to a table.")
@@ -201,7 +203,7 @@ def remove(store: str, logs: tuple[str, ...], who: str | None, note: str | None)
     """
     from mavhums.fleet import remove as remove_logs
 
-    _say_all(remove_logs(store, logs, who=who, note=note), "nothing to do: it was removed before")
+    _print_all(remove_logs(store, logs, who=who, note=note), "nothing to do: it was removed before")
 
 
 @fleet.command(short_help="Put removed logs back.")
@@ -212,7 +214,7 @@ def restore(store: str, logs: tuple[str, ...], who: str | None, note: str | None
     """Put LOGs back that were removed from STORE; no log is read for it. A LOG is named as for `remove`."""
     from mavhums.fleet import restore as restore_logs
 
-    _say_all(restore_logs(store, logs, who=who, note=note), "nothing to do: it is there")
+    _print_all(restore_logs(store, logs, who=who, note=note), "nothing to do: it is there")
 
 
 @fleet.command(short_help="Give logs to another aircraft.")
@@ -229,7 +231,7 @@ def reassign(store: str, logs: tuple[str, ...], aircraft: str, who: str | None, 
     from mavhums.fleet import reassign as reassign_logs
 
     changes = reassign_logs(store, logs, aircraft, who=who, note=note)
-    _say_all(changes, f"nothing to do: it is one of {aircraft}")
+    _print_all(changes, f"nothing to do: it is one of {aircraft}")
 
 
 @fleet.command(short_help="Rename an aircraft.")
@@ -247,7 +249,7 @@ def rename(store: str, aircraft: str, name: str, join: bool, who: str | None, no
     from mavhums.fleet import rename as rename_aircraft
 
     changes = rename_aircraft(store, aircraft, name, join=join, who=who, note=note)
-    _say_all(changes, f"nothing to do: it is named {name}")
+    _print_all(changes, f"nothing to do: it is named {name}")
 
 
 @fleet.command(short_help="List who corrected what.")
@@ -261,7 +263,7 @@ def corrections(store: str, as_json: bool) -> None:
     if as_json:
         say_json([one._asdict() | {"at": one.at.isoformat()} for one in found])
     else:
-        _say_all(found, "no corrections")
+        _print_all(found, "no corrections")
 
 
 for _command in COMMANDS:

@@ -127,10 +127,10 @@ class Axes:
             sent = report.select(np.array(named, dtype=bool))
             for vehicle in filter(admits, np.unique(sent.table.system).tolist()):
                 own = sent.select(sent.table.system == vehicle)
-                self._hear_parameters(axes_of(vehicle), own, tables, signals.get(vehicle, ()))
+                self._take_parameters(axes_of(vehicle), own, tables, signals.get(vehicle, ()))
         self._received.add_autopilots(tables)
 
-    def _hear_parameters(
+    def _take_parameters(
         self, axes: VehicleAxes, sent: Report, tables: Mapping[str, Table], signals: Sequence[Signal]
     ) -> None:
         [vehicle] = np.unique(sent.table.system).tolist()

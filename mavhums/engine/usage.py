@@ -46,7 +46,10 @@ def vehicle_usage(
         The vehicle's profile, which takes precedence over the parameters where these do not contradict it;
         None without one.
     """
-    known = {**dict(_known(parameters, airframe, axes.surfaces)), **dict(_motors(axes.motors.rotors))}
+    known = {
+        **dict(_facts_by_servo(parameters, airframe, axes.surfaces)),
+        **dict(_motors(axes.motors.rotors)),
+    }
     used = axes.usage.outputs
     armed_s = axes.usage.armed_s
     return VehicleUsage(
@@ -59,7 +62,7 @@ def vehicle_usage(
     )
 
 
-def _known(
+def _facts_by_servo(
     parameters: Parameters, airframe: Airframe | None, surfaces: Surfaces | None
 ) -> Iterator[tuple[int, _OutputFacts]]:
     """Yield the known facts by servo; later ones take precedence."""

@@ -47,7 +47,7 @@ class Judging(NamedTuple):
 
     options: Options
     settings: str
-    whose: AircraftResolver
+    resolver: AircraftResolver
 
 
 def settings_of(options: Options) -> str:
@@ -96,7 +96,7 @@ def judge(file: LogFile, judging: Judging) -> Row:
         *file,
         settings=judging.settings,
         sha256=log.sha256,
-        aircraft=aircraft_in_store(file.path, assessment, judging.whose),
+        aircraft=aircraft_in_store(file.path, assessment, judging.resolver),
         board=board_of(assessment),
         start_us=start_us,
         duration_s=log.duration_s,
@@ -112,7 +112,7 @@ def _failed(file: LogFile, judging: Judging, problem: str, remedy: str) -> Row:
         *file,
         settings=judging.settings,
         sha256=None,
-        aircraft=judging.whose.name(file.path, None, None) or UNKNOWN,
+        aircraft=judging.resolver.name(file.path, None, None) or UNKNOWN,
         board=None,
         start_us=None,
         duration_s=None,

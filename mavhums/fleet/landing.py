@@ -36,7 +36,7 @@ from mavhums.flights.naming import (
     aircraft_in_store,
     foreign_board_among,
     proposed,
-    whose_in,
+    resolver_of_store,
 )
 from mavhums.flights.queries import flight, past_flights, standings
 from mavhums.flights.store import OF_THIS_FORMAT, LogFile, Store
@@ -220,16 +220,18 @@ def _alone(log: Place, settings: Settings) -> StandaloneAssessment:
 
 def _with_past(alone: StandaloneAssessment, store: Store, log: Place, settings: Settings) -> Settings:
     """Return settings with the past of a judged log's aircraft."""
-    given = settings.whose
-    whose = whose_in(store, given)
+    given = settings.resolver
+    resolver = resolver_of_store(store, given)
     start = alone.assessment.log.start_utc
-    aircraft = _aircraft(alone.assessment, store, str(Path(log).absolute()), whose, given.rule)
+    aircraft = _aircraft(alone.assessment, store, str(Path(log).absolute()), resolver, given.rule)
     if aircraft == UNKNOWN or start is None:
-        return replace(settings, whose=AircraftResolver(None, whose.table))
+        return replace(settings, resolver=AircraftResolver(None, resolver.table))
     rule = given.rule if aircraft.startswith(BOARD_NAME) else f"{GIVEN}{aircraft}"
     before = _past(store, aircraft, datetime.fromisoformat(start))
     since = latest(settings.since, before.since)
-    return replace(settings, history=before.history, since=since, whose=AircraftResolver(rule, whose.table))
+    return replace(
+        settings, history=before.history, since=since, resolver=AircraftResolver(rule, resolver.table)
+    )
 
 
 def _with_notice(assessment: Assessment, store: Store) -> Assessment:
@@ -247,7 +249,7 @@ def _with_notice(assessment: Assessment, store: Store) -> Assessment:
 
 
 def _aircraft(
-    assessment: Assessment, store: Store, path: str, whose: AircraftResolver, rule: str | None
+    assessment: Assessment, store: Store, path: str, resolver: AircraftResolver, rule: str | None
 ) -> str:
     """Return whose flights a log is compared with: by the rule, else by those of its board in the store."""
     sha256 = assessment.log.sha256 or ""
@@ -255,8 +257,8 @@ def _aircraft(
     is_settled = rule is None or sha256 in corrected_names(store).logs
     if is_settled and row is not None and row.aircraft != UNKNOWN:
         return row.aircraft
-    named = aircraft_in_store(path, assessment, whose)
-    if rule is not None or whose.rule in (None, BOARD):
+    named = aircraft_in_store(path, assessment, resolver)
+    if rule is not None or resolver.rule in (None, BOARD):
         return named
     if named in aircraft_in(store):
         return named
@@ -319,8 +321,8 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
         assessment = analyse(log, store, options)
     else:
         named = aircraft and not aircraft.startswith(BOARD_NAME)
-        whose = AircraftResolver(f"{GIVEN}{aircraft}") if named else Settings.read(options).whose
-        assessment = whose.named(flight(store, aircraft, sha256))
+        resolver = AircraftResolver(f"{GIVEN}{aircraft}") if named else Settings.read(options).resolver
+        assessment = resolver.named(flight(store, aircraft, sha256))
         stands = standings(kept).get(aircraft, ())
         last = tuple(one for one in stands if one.log == assessment.log.path)
         assessment = _with_notice(assessment.model_copy(update={"standings": last}), kept)

@@ -27,7 +27,7 @@ from mavhums.flights.corrections import (
     removed_files,
     removed_logs,
 )
-from mavhums.flights.naming import check_aircraft_named, names_of, remember, renamed, whose_in
+from mavhums.flights.naming import check_aircraft_named, names_of, remember, renamed, resolver_of_store
 from mavhums.flights.queries import standings
 from mavhums.flights.store import LogFile, Row, Store
 from mavhums.flights.store_tables import REMOVED
@@ -136,20 +136,20 @@ def scanned(
 ) -> tuple[Scanned, dict[str, UnnamedAircraftError]]:
     """Scan listed logs; with ``asks``, leave out those whose aircraft is a guess, and return why, by path."""
     named = replace(options.judging, aircraft=options.aircraft, aircraft_table=options.aircraft_table)
-    given = Settings.read(named).whose
+    given = Settings.read(named).resolver
     alone = replace(options.judging, history=None)
     settings = settings_of(alone)
     kept = Store(store)
     with kept.locked():
-        whose = whose_in(kept, given)
+        resolver = resolver_of_store(kept, given)
         known = kept.known(files)
         gone = removed_files(kept)
         new = [file for file in files if known.get(file) != settings and file not in gone]
-        table = whose.table if given.table.installed else given.table
-        touched = reassigned(kept, table) | renamed(kept, known, replace(whose, rule=given.rule))
+        table = resolver.table if given.table.installed else given.table
+        touched = reassigned(kept, table) | renamed(kept, known, replace(resolver, rule=given.rule))
         commits = _Commits(kept, touched, given if asks else None)
         remember(kept, given)
-        judging, client = Judging(alone, settings, whose), None
+        judging, client = Judging(alone, settings, resolver), None
         exits = ExitStack()
         try:
             rows: Iterator[Row] = (judge(file, judging) for file in new)

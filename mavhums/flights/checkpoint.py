@@ -180,7 +180,7 @@ class Checkpoint:
         if any(group.final for group in same):
             raise TooLateError
         group = _Group([flown.without("evidence", "provenance", "own")])
-        group.wanted = any(self._counts[key] < REFERENCE_FLIGHTS for key in self._shown(flown))
+        group.wanted = any(self._counts[key] < REFERENCE_FLIGHTS for key in self._healthy_indicators(flown))
         for other in same:
             group.flights += other.flights
             group.wanted |= other.wanted
@@ -208,7 +208,7 @@ class Checkpoint:
         """Return the recordings that do not count so far, of the other flights."""
         return {key: path for group in self._open for key, path in _superseded(group.flights).items()}
 
-    def _shown(self, flown: PastFlight) -> Iterator[_Key]:
+    def _healthy_indicators(self, flown: PastFlight) -> Iterator[_Key]:
         """Yield the indicators of healthy actuators, each with the date from which they count."""
         dates = self._since(flown.start)
         for verdict in flown.assessment.verdicts:
@@ -223,7 +223,9 @@ class Checkpoint:
         for group in [each for each in self._open if all(_end(flight) < ended for flight in each.flights)]:
             self._open.remove(group)
             # Only indicators that all recordings show are certain to be references.
-            self._counts.update(set.intersection(*(set(self._shown(flight)) for flight in group.flights)))
+            self._counts.update(
+                set.intersection(*(set(self._healthy_indicators(flight)) for flight in group.flights))
+            )
             self._references += group.flights if group.wanted else ()
             if not group.final:
                 self._superseded |= _superseded(group.flights)

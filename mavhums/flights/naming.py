@@ -35,13 +35,13 @@ _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _SHOWN: Final = 20
 
 
-def aircraft_in_store(path: str, assessment: Assessment, whose: AircraftResolver) -> str:
+def aircraft_in_store(path: str, assessment: Assessment, resolver: AircraftResolver) -> str:
     """Return the aircraft's name in a store: by the table, else by the rule; without a rule, by its board."""
     board = board_of(assessment)
-    named = whose.name(path, board, assessment.log.start_utc)
-    if named is None and board and whose.rule in (None, BOARD):
+    named = resolver.name(path, board, assessment.log.start_utc)
+    if named is None and board and resolver.rule in (None, BOARD):
         named = f"{BOARD_NAME}{board}"
-        return whose.renamed.get(named, named)
+        return resolver.renamed.get(named, named)
     return named or UNKNOWN
 
 
@@ -61,7 +61,7 @@ def rule_of(store: Store) -> str | None:
     return GIVEN if named else BOARD if judged else None
 
 
-def whose_in(store: Store, given: AircraftResolver) -> AircraftResolver:
+def resolver_of_store(store: Store, given: AircraftResolver) -> AircraftResolver:
     """Return the operator's knowledge of whose logs they are, with what a store remembers of it."""
     boards = None if given.table.installed else _latest(store)[1]
     table = AircraftTable(map(Installation.model_validate, json.loads(boards))) if boards else given.table
@@ -202,7 +202,7 @@ def foreign_boards(store: Store) -> list[ForeignBoard]:
     if not several_boards:
         return []
     homes = {board: name for name, board in usual.items()}
-    table, pinned = whose_in(store, AircraftResolver(BOARD)).table, corrected_names(store).logs
+    table, pinned = resolver_of_store(store, AircraftResolver(BOARD)).table, corrected_names(store).logs
     found = []
     for name, several in several_boards.items():
         for board, logs in several.items():
@@ -236,7 +236,7 @@ def foreign_board_among(store: Store, aircraft: str, board: str | None, start_ut
     if board is None or aircraft.startswith(BOARD_NAME) or not rows or board == rows[0][0]:
         return None
     start = datetime.fromisoformat(start_utc) if start_utc else None
-    table = whose_in(store, AircraftResolver(BOARD)).table
+    table = resolver_of_store(store, AircraftResolver(BOARD)).table
     if start is not None and table.aircraft_of(board, start) == aircraft:
         return None
     usual, count = rows[0]

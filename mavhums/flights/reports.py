@@ -237,10 +237,12 @@ def _of_last(stands: Standing) -> dict[str, object]:
     if growth is None:
         return told
     told |= {"grows": growth.quantity, "growth_per_flight": growth.per_flight.estimate}
-    return told | _left("degraded", growth.to_degraded) | _left("emergency", growth.to_emergency)
+    return (
+        told | _flights_left("degraded", growth.to_degraded) | _flights_left("emergency", growth.to_emergency)
+    )
 
 
-def _left(limit: str, left: FlightsLeft | None) -> dict[str, object]:
+def _flights_left(limit: str, left: FlightsLeft | None) -> dict[str, object]:
     if left is None:
         return {}
     values = (left.estimate, left.low, left.high, left.expected_utc)

@@ -180,7 +180,7 @@ class Spool(io.TextIOBase):
         self._torn = False
         self._pending: list[str] = []
         self._descriptor = _descriptor(self._stream)
-        self.outlet: Outlet[str] = Outlet(name, self._show, report=report)
+        self.outlet: Outlet[str] = Outlet(name, self._write_text, report=report)
 
     @property
     def encoding(self) -> str:  # type: ignore[override]
@@ -217,7 +217,7 @@ class Spool(io.TextIOBase):
         self.flush()
         return self.outlet.close(max(until_s - time.monotonic(), 0.0))
 
-    def _show(self, text: str) -> None:
+    def _write_text(self, text: str) -> None:
         if self._stream is None:
             return
         if self._descriptor is None:

@@ -140,7 +140,7 @@ def _send(reception: Reception, to: Sequence[Link], frame: bytes, vehicle: int) 
     heard: list[Hashable] = []
     if any(link.address.kind == "udpin" for link in to):
         peers = reception.peers
-        speaking = peers.speaking_for(vehicle, reception.clock.now_us())
+        speaking = peers.senders_for(vehicle, reception.clock.now_us())
         heard = [peer for peer in speaking if peers.afford(peer, len(frame) + _HEADERS)]
     for link in to:
         link.send(frame, heard)
@@ -148,7 +148,7 @@ def _send(reception: Reception, to: Sequence[Link], frame: bytes, vehicle: int) 
 
 def _of_one_aircraft(settings: Settings) -> Settings:
     """Return the settings with the dates of all swaps up to now, if the history is of one aircraft."""
-    history, table = settings.history, settings.whose.table
+    history, table = settings.history, settings.resolver.table
     for error in history.errors:
         _LOG.warning("%s", error)
     check_one_aircraft(history, table)

@@ -72,7 +72,7 @@ class Peers:
         most = sorted(kept, key=lambda sender: kept[sender].credit, reverse=True)[:_PEERS]
         self._peers = {sender: kept[sender] for sender in most}
 
-    def speaking_for(self, vehicle: int, now_us: int) -> list[Hashable]:
+    def senders_for(self, vehicle: int, now_us: int) -> list[Hashable]:
         """Return the peers that recently sent for a vehicle."""
         return self._senders(now_us)[vehicle]
 

@@ -306,7 +306,14 @@ def to_frame(trends: Collection[ActuatorTrend]) -> pd.DataFrame:
             limits = {"limit": one.limit, "emergency": one.emergency}
             ends = {"highest": point.highest, "end": point.end}
             rows.append(
-                {**whose, **flown, **point.value.model_dump(), **limits, **ends, "start_utc": point.start_utc}
+                {
+                    **whose,
+                    **flown,
+                    **point.value.model_dump(),
+                    **limits,
+                    **ends,
+                    "start_utc": point.start_utc,
+                }
             )
     frame = pd.DataFrame(rows, columns=[*_COLUMNS.split(), "limit", "emergency", "highest", "end"])
     frame["start_utc"] = pd.to_datetime(frame["start_utc"], utc=True, format="ISO8601")

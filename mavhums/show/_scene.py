@@ -80,7 +80,7 @@ class Scene:
                     self._track(event.vehicle, event.actuator).take(event)
                 case ConditionChanged():
                     self._track(event.vehicle, event.actuator).changed(event)
-                    self._say(event.time_s, _LEVELS.get(event.after, "INFO"), _change(event))
+                    self._log_text(event.time_s, _LEVELS.get(event.after, "INFO"), _change(event))
                 case AirframeNamed():
                     self._name_airframe(event)
                 case Attitude():
@@ -88,13 +88,13 @@ class Scene:
                     self._vehicle(event.vehicle).attitude(event)
                 case FlightMode():
                     self._vehicle(event.vehicle).mode(event)
-                    self._say(event.time_s, "INFO", f"vehicle {event.vehicle}: flight mode {event.mode}")
+                    self._log_text(event.time_s, "INFO", f"vehicle {event.vehicle}: flight mode {event.mode}")
                 case Position():
                     if self._position:
                         self._vehicle(event.vehicle).position(event)
                 case Notice():
                     sender = "log" if event.vehicle is None else f"vehicle {event.vehicle}"
-                    self._say(event.time_s, "INFO", f"{sender}: {event.text}")
+                    self._log_text(event.time_s, "INFO", f"{sender}: {event.text}")
         for track in self._tracks.values():
             track.now(self.last_s)
 
@@ -203,7 +203,7 @@ class Scene:
         )
 
     def _name_airframe(self, event: AirframeNamed) -> None:
-        self._say(event.time_s, "INFO", f"judged by the airframe profile {event.airframe.name}")
+        self._log_text(event.time_s, "INFO", f"judged by the airframe profile {event.airframe.name}")
         self._airframes[event.vehicle] = event.airframe, event.time_s
 
     def _vehicle(self, number: int | None) -> Vehicle:
@@ -252,7 +252,7 @@ class Scene:
             if actuator.servo in servos and track and track.surface and track.held == "unmonitored":
                 yield track.surface
 
-    def _say(self, time_s: float, level: str, text: str) -> None:
+    def _log_text(self, time_s: float, level: str, text: str) -> None:
         self._texts.append((time_s, level, text))
         if len(self._texts) >= _TEXTS_PER_CHUNK:
             self._flush_texts()

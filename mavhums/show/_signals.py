@@ -71,7 +71,7 @@ class Signals:
         if self._live:
             return
         self._thinner.add(time_s, values)
-        self._settle(float(time_s[-1]))
+        self._write_ended(float(time_s[-1]))
         while self._recent_rows > _RECENT_ROWS or self._recent[0][0][-1] < time_s[-1] - _RECENT_S:
             if len(self._recent) == 1:
                 break
@@ -96,7 +96,7 @@ class Signals:
         self.flush()
         if self._live:
             return
-        self._settle(np.inf)
+        self._write_ended(np.inf)
         time, values = self._thinner.rows()
         alone = np.ones(time.size, dtype=np.bool_)
         for start_s, end_s in self._whole:
@@ -109,7 +109,7 @@ class Signals:
         for begin, end in edges.reshape(-1, 2).tolist():
             self._write(time[begin:end], values[begin:end])
 
-    def _settle(self, latest_s: float) -> None:
+    def _write_ended(self, latest_s: float) -> None:
         """Write the marked windows that have ended."""
         for window in [window for window in self._pending if window[1] <= latest_s]:
             self._pending.remove(window)

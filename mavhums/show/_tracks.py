@@ -167,12 +167,12 @@ class Track:
                 self._state(float(time[row]), self.held)
                 self.stale = False
         self._heard_s = float(time[-1])
-        self._seen(float(time[0]), self._heard_s)
+        self._note_span(float(time[0]), self._heard_s)
         self._signals.add(time, event.values)
 
     def window(self, event: Window) -> None:
         """Add the results of a window."""
-        self._seen(event.start_s, event.end_s)
+        self._note_span(event.start_s, event.end_s)
         self.held = event.condition
         if event.friction_nm is not None or event.p_emergency is not None:
             self.latest = event
@@ -190,7 +190,7 @@ class Track:
         rows = np.stack([event.value, event.low, event.high], axis=1)
         middle = event.end_s - _HALF_WINDOW_S
         if event.fault == _EFFECTIVENESS:  # nothing else says from when to when an axis is followed
-            self._seen(0.0, float(event.end_s[-1]))
+            self._note_span(0.0, float(event.end_s[-1]))
         send(self._stream, self.faults[event.fault], middle, rr.Scalars.columns(scalars=rows))
 
     def followed(self, event: Followed) -> None:
@@ -268,7 +268,7 @@ class Track:
             states = rr.StateChange.columns(state=[state for _, state in self._written])
             send(self._stream, path, time, states)
 
-    def _seen(self, first_s: float, last_s: float) -> None:
+    def _note_span(self, first_s: float, last_s: float) -> None:
         self._first_s, self.last_s = min(self._first_s, first_s), max(self.last_s, last_s)
 
     def _move(self, time_s: NDArray[np.float64], values: NDArray[np.float64]) -> None:

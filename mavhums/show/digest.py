@@ -22,7 +22,7 @@ from mavhums.show.verdict_words import (
     network_cell,
     network_sentence,
 )
-from mavhums.show.words import capital, clock, friction, join, losses, name, percent, whose
+from mavhums.show.words import capital, clock, flight_notes, friction, join, losses, name, percent
 
 NOT_JUDGED: Final = "not judged (mavhums judges fixed wings, multirotors, and servos with telemetry)"
 """What is said of a vehicle with neither wings nor rotors that are judged, after its kind."""
@@ -104,7 +104,7 @@ class Digest(NamedTuple):
     network: list[str]
     over_flights: list[str]
     tables: list[ServoTable]
-    whose: list[str]
+    flight_notes: list[str]
     losses: str
 
 
@@ -140,7 +140,7 @@ def digest(assessment: Assessment, *, brief: bool = False) -> Digest:
         network=_network(rest),
         over_flights=[f"{title}: {said}" for title, said in _over_flights(rest)],
         tables=[table for table in tables if table],
-        whose=whose(assessment.log),
+        flight_notes=flight_notes(assessment.log),
         losses=losses(assessment.log.losses),
     )
 

@@ -149,8 +149,8 @@ class EvidenceCollector:
         """Return, by vehicle and actuator, the probability of an emergency: of windows, and of samples."""
         found = {}
         for key, thinner in self._samples.items():
-            samples = _known(*thinner.rows())
-            votes = _known(*self._votes[key].rows()) if key in self._votes else samples
+            samples = _finite(*thinner.rows())
+            votes = _finite(*self._votes[key].rows()) if key in self._votes else samples
             if votes.size and samples.size:
                 found[key] = Curve(votes[0], np.repeat(votes[1][:, None], 3, axis=1), samples=samples)
         return found
@@ -217,7 +217,7 @@ def _append(several: dict[int, list[_Item]], vehicle: int, one: _Item) -> None:
             kept.append(one)
 
 
-def _known(time_s: Array, values: Array) -> Array:
+def _finite(time_s: Array, values: Array) -> Array:
     """Return times and values without gaps, shape (2, m)."""
     known = np.isfinite(values[:, 0])
     return np.stack([time_s[known], values[known, 0]])

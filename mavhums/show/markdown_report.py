@@ -224,7 +224,7 @@ def _log(said: Digest, assessment: Assessment) -> str:
         f"Losses: {said.losses}",
         f"Airframe: {_literal(assessment.airframe or 'none named')}; "
         f"network: {_literal(assessment.model.name) if assessment.model else 'none'}",
-        *map(_literal, said.whose),
+        *map(_literal, said.flight_notes),
     ]
     return "## The log\n\n" + "\n".join(f"- {fact}" for fact in facts)
 

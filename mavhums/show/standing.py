@@ -177,7 +177,7 @@ def _sections(digest: FleetDigest) -> Iterator[tuple[str, list[tuple[str, list[s
     for kind, (title, _) in _KINDS.items():
         found = [one for one in digest.changes if one.kind == kind]
         if found:
-            yield title, [(f"{one.aircraft} {_subject(one.now)}", _said(one)) for one in found]
+            yield title, [(f"{one.aircraft} {_subject(one.now)}", _change_lines(one)) for one in found]
     if digest.silent:
         yield (
             "Not heard of",
@@ -190,7 +190,7 @@ def _sections(digest: FleetDigest) -> Iterator[tuple[str, list[tuple[str, list[s
         yield "Logs that could not be judged", [(one.problem, [one.remedy]) for one in digest.failed]
 
 
-def _said(change: Change) -> list[str]:
+def _change_lines(change: Change) -> list[str]:
     now, before = change.now, change.before
     if change.kind == "step" and now.step is not None:
         return [step_words(now.step)]

@@ -115,7 +115,7 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
             f"{sparkline(values)} {values[-1]:.3g}",
             _signed(one.change),
             _signed(one.per_flight),
-            _left(one.growth),
+            _flights_left(one.growth),
         )
     return table
 
@@ -144,7 +144,7 @@ def _signed(change: Interval | None) -> str:
     return f"{estimate}±{half:.{digits}f}"
 
 
-def _left(growth: Growth | None) -> str:
+def _flights_left(growth: Growth | None) -> str:
     """Format the flights left to the next limit; — where nothing grows, or no limit is ahead."""
     ahead = [each for each in (growth.to_degraded, growth.to_emergency) if each] if growth else []
     left = next((each for each in ahead if each.estimate > 0), None)
@@ -239,7 +239,7 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[Repair
     unit = "" if trend.unit == "1" else f" {trend.unit}"
     title = f"{trend.quantity}{f', {unit.strip()}' if unit else ''}"
     marks = _marks(trend, repairs)
-    told = "; ".join([_told(trend, unit), *(text for _, text in marks)])
+    told = "; ".join([_trend_text(trend, unit), *(text for _, text in marks)])
     drawn = chart(Curve(days_ms, rows), limits, title, told, whole=True)
     drawn["marks"] = [{"at": _milliseconds(at_utc), "text": text} for at_utc, text in marks]
     drawn["flights"] = [point.flight for point in trend.points]
@@ -292,7 +292,7 @@ def _falls(trend: ActuatorTrend) -> bool:
     return trend.fault in LOSSES
 
 
-def _told(trend: ActuatorTrend, unit: str) -> str:
+def _trend_text(trend: ActuatorTrend, unit: str) -> str:
     last = trend.points[-1]
     parts = [f"flight {last.flight}: {_interval(last.value)}{unit}, 95 % interval"]
     if trend.change:

@@ -153,7 +153,7 @@ def finding(item: Evidence) -> str:
     return f"{when}: {item.kind.replace('_', ' ')} {item.value:.3g}, {item.rule}"
 
 
-def whose(log: LogSummary) -> list[str]:
+def flight_notes(log: LogSummary) -> list[str]:
     """Return sentences on whose flight it is: other recordings of it, and what could not be checked."""
     said = [capital(notice) for notice in log.notices]
     if log.copies:

@@ -159,7 +159,7 @@ def _answers(
             trees = ExtraTreesClassifier(size.trees, random_state=seed).fit(part.features, part.classes)
             rows = np.flatnonzero(test)
             for method, told in (
-                ("networks", _told(network, features[test])),
+                ("networks", _classes_of(network, features[test])),
                 ("trees", trees.predict(features[test])),
             ):
                 found.append(SplitResult(split, constants, method, rows, told))
@@ -168,7 +168,7 @@ def _answers(
     return found, tuple(lines)
 
 
-def _told(network: ClassesResult, features: Array) -> Integers:
+def _classes_of(network: ClassesResult, features: Array) -> Integers:
     columns = [FEATURES.index(name) for name in network.inputs]
     told: Integers = network.network.outputs(features[:, columns]).argmax(axis=1)
     return told

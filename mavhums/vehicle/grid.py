@@ -78,7 +78,7 @@ class Order:
         self._state = np.array([0.0, -np.inf, -np.inf, -np.inf])
 
     @property
-    def settled_s(self) -> float:
+    def complete_until_s(self) -> float:
         """Flight time before which no sample is taken any more: a whole second, or minus infinity."""
         return float(self._state[_SETTLED])
 
@@ -207,14 +207,14 @@ class Grid:
     def feed(self, signals: Sequence[Signal], *, final: bool = False) -> Seconds | None:
         """Take new samples and return the seconds that they settle; ``final`` marks the end of the input."""
         self._take(signals)
-        index = self._heard(np.inf if final else self._order.settled_s)
+        index = self._heard(np.inf if final else self._order.complete_until_s)
         if not index.size:
             return None
         at = (index[:, None] + np.arange(RATE_HZ) / RATE_HZ).ravel()
         found = {}
         for name, columns in STEPPED.items():
             known = [self._kept[stream] for stream in self._streams(name)]
-            held = _held(*known[0], at) if known else np.full((at.size, columns), np.nan)
+            held = _last_reported(*known[0], at) if known else np.full((at.size, columns), np.nan)
             found[name] = held.reshape(index.size, RATE_HZ, columns)
         candidates = {name: self._candidates(name, at) for name in CONTINUOUS}
         ranks = {"attitude": self._choices["attitude"].step(index.size, candidates["attitude"])}
@@ -348,7 +348,7 @@ def _spacing(time_s: Array, at: Array) -> Array:
     return out
 
 
-def _held(time_s: Array, values: Array, at: Array) -> Array:
+def _last_reported(time_s: Array, values: Array, at: Array) -> Array:
     """Return the last reported value; NaN if none was reported for seconds."""
     if not time_s.size:
         return np.full((at.size, values.shape[1]), np.nan)

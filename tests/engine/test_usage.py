@@ -12,7 +12,7 @@ from mavhums.actuator import load_airframe
 from mavhums.engine.actuators import network_answer
 from mavhums.engine.axes import with_drops
 from mavhums.engine.motors import VehicleMotors, beside_motors
-from mavhums.engine.usage import _known, _motors, _output, _OutputFacts, without_thrust_left
+from mavhums.engine.usage import _facts_by_servo, _motors, _output, _OutputFacts, without_thrust_left
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, Obstacle
 from mavhums.log.base.decoder import Losses
 from mavhums.vehicle.facts import OUTPUTS
@@ -89,14 +89,16 @@ def test_a_profile_names_an_output_unless_the_parameters_contradict_it() -> None
     paper = load_airframe("paper")
     elevator = next(one for one in paper.actuators if one.name == "elevator")
     none, aileron = Parameters(1, False, {}), Parameters(1, False, {f"SERVO{elevator.servo}_FUNCTION": 4.0})
-    assert dict(_known(none, paper, None))[elevator.servo].by == "profile"
-    assert dict(_known(aileron, paper, None))[elevator.servo].by == "parameters"
-    assert dict(_known(aileron, None, None))[elevator.servo].name == "aileron"
+    assert dict(_facts_by_servo(none, paper, None))[elevator.servo].by == "profile"
+    assert dict(_facts_by_servo(aileron, paper, None))[elevator.servo].by == "parameters"
+    assert dict(_facts_by_servo(aileron, None, None))[elevator.servo].name == "aileron"
     moved = SurfaceOutput(2, "aileron", 1500, 400)
-    assert [facts.by for _, facts in _known(none, None, Surfaces((moved,), "inferred"))] == ["inferred"]
-    assert [*_known(none, None, Surfaces((moved,), "profile"))] == []
+    assert [facts.by for _, facts in _facts_by_servo(none, None, Surfaces((moved,), "inferred"))] == [
+        "inferred"
+    ]
+    assert [*_facts_by_servo(none, None, Surfaces((moved,), "profile"))] == []
     steering = Surfaces((SurfaceOutput(1, STEERING, 1500, 400),), "parameters")
-    [(servo, facts)] = _known(none, None, steering)
+    [(servo, facts)] = _facts_by_servo(none, None, steering)
     assert (servo, facts.name, facts.by) == (1, STEERING, "parameters")
 
 

@@ -587,7 +587,7 @@ def test_a_board_of_another_aircraft_is_said(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     table = SimpleNamespace(aircraft_of=lambda board, moment: "D-A" if board == "0C" else None)
-    monkeypatch.setattr(naming, "whose_in", lambda *_: SimpleNamespace(table=table))
+    monkeypatch.setattr(naming, "resolver_of_store", lambda *_: SimpleNamespace(table=table))
     store: Any = Answers(*rows)
     found = foreign_board_among(store, aircraft, board, START.isoformat())
     assert found == said or (said is not None and found is not None and f"compared with {said}, but" in found)

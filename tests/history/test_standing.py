@@ -17,7 +17,7 @@ from mavhums.results.standing import Standing
 from mavhums.results.store import Change
 from mavhums.results.verdict import Since
 from mavhums.show.digest import headline
-from mavhums.show.standing import _said
+from mavhums.show.standing import _change_lines
 from tests.flights import START, flown, shown, verdict
 
 
@@ -133,7 +133,7 @@ def test_what_grows_on_is_not_gone() -> None:
     was = grows.model_copy(update={"condition": "degraded"})
     assert [*_kinds(was, grows)] == ["eased"]
     change = Change(kind="eased", aircraft="D-A", before=was, now=grows)
-    (told, why) = _said(change)
+    (told, why) = _change_lines(change)
     assert told == "it was degraded; now growing in flight 30 (2026-03-30)"
     assert "grows by" in why
 

@@ -206,9 +206,9 @@ def test_a_torn_line_is_ended_before_the_next_one(monkeypatch: pytest.MonkeyPatc
             taken[:] = queue
             if 0 in queue:
                 with pytest.raises(BlockingIOError):
-                    spool._show(text)
+                    spool._write_text(text)
             else:
-                spool._show(text)
+                spool._write_text(text)
             assert bytes(shown) == expected
         monkeypatch.undo()
         assert spool.finish(float("inf"))
@@ -240,7 +240,7 @@ def test_peers_count_for_ten_seconds_and_for_what_they_sent() -> None:
     peers.hear("b", {249}, 70_000, 0)
     for now_us, heard in ((10 * SECOND, True), (10 * SECOND + 1, False)):
         assert peers.vehicles(now_us) == [249] * heard, "250 and above are ground stations"
-        assert peers.speaking_for(249, now_us) == ["a", "b"] * heard
+        assert peers.senders_for(249, now_us) == ["a", "b"] * heard
         assert peers.contested(now_us) == [249] * heard
     assert [peers.afford("a", size) for size in (60, 41, 40, 1)] == [True, False, True, False]
     assert [peers.afford("b", size) for size in (1 << 16, 1)] == [True, False], "at most 64 kB are owed"

@@ -25,10 +25,10 @@ def test_only_who_speaks_for_a_vehicle_is_told_of_it() -> None:
     peers = Peers()
     peers.hear("router", {1, 2}, 500, 0)
     peers.hear("station", {255}, 500, 0)
-    assert peers.speaking_for(1, SECOND) == ["router"]
-    assert peers.speaking_for(3, SECOND) == []
+    assert peers.senders_for(1, SECOND) == ["router"]
+    assert peers.senders_for(3, SECOND) == []
     assert peers.vehicles(SECOND) == [1, 2]
-    assert peers.speaking_for(1, 11 * SECOND) == [], "silent for more than ten seconds"
+    assert peers.senders_for(1, 11 * SECOND) == [], "silent for more than ten seconds"
 
 
 @given(
@@ -59,7 +59,7 @@ def test_of_many_peers_those_are_kept_from_which_most_came() -> None:
         assert len(peers) <= 128
     peers.forget(20_000)
     assert len(peers) == 64
-    assert "router" in peers.speaking_for(1, 20_000)
+    assert "router" in peers.senders_for(1, 20_000)
 
 
 def test_a_vehicle_for_which_two_speak_is_contested() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mavhums.vehicle.grid import _between, _held, _spacing
+from mavhums.vehicle.grid import _between, _last_reported, _spacing
 
 NAN = np.nan
 
@@ -32,5 +32,7 @@ def test_spacing_and_state_hold_for_five_seconds() -> None:
     np.testing.assert_array_equal(_spacing(time_s, at), [NAN, 5.0, 5.0, NAN, NAN])
     values = np.array([[1.0], [2.0], [3.0]])
     at = np.array([-1.0, 0.0, 4.9, 5.0, 10.0, 10.1, 15.5, 15.6])
-    np.testing.assert_array_equal(_held(time_s, values, at)[:, 0], [NAN, 1.0, 1.0, 2.0, 2.0, NAN, 3.0, NAN])
-    np.testing.assert_array_equal(_held(time_s[:0], values[:0], at[:2]), [[NAN], [NAN]])
+    np.testing.assert_array_equal(
+        _last_reported(time_s, values, at)[:, 0], [NAN, 1.0, 1.0, 2.0, 2.0, NAN, 3.0, NAN]
+    )
+    np.testing.assert_array_equal(_last_reported(time_s[:0], values[:0], at[:2]), [[NAN], [NAN]])

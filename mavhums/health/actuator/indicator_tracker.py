@@ -109,7 +109,7 @@ class IndicatorTracker:
             if separate is not None:
                 self._feed_separate(separate, end)
             # An inconclusive window must not end a fault.
-            severity = self._shown(said, here)
+            severity = self._shown_severity(said, here)
             change = None
             if self.decision.feed(severity, end - self._span_s, end, sure=certain):
                 condition, since_s = self.decision.condition, self.decision.since_s or 0.0
@@ -177,7 +177,7 @@ class IndicatorTracker:
         self.episodes.add(Episode(self.decision.condition, start_s, end_s, float(size[0])))
         return True
 
-    def _shown(self, shown: int, value: float) -> int:
+    def _shown_severity(self, shown: int, value: float) -> int:
         """Prevent a merely inconclusive window from ending a fault: its estimate must be normal, too."""
         normal = self.detector.levels.normal
         faulty = SEVERITY[self.decision.condition] > SEVERITY["normal"]

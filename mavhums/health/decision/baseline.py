@@ -267,7 +267,7 @@ class Drift:
         self._windows.append(_SeparateWindow(value - self.baseline.mean, error, freedom, start_s))
         tail = self._tail / DRIFT_LOOKS
         shifts = [self._over(span, tail) for span in DRIFT_SPANS_WINDOWS if span <= len(self._windows)]
-        return self._heed(max(shifts, key=lambda shift: shift.ratio))
+        return self._account_for(max(shifts, key=lambda shift: shift.ratio))
 
     def conclude(self, value: float, error: float, freedom: float, start_s: float) -> Shift:
         """Test once more, with the estimate of the whole flight or with all its windows.
@@ -280,9 +280,9 @@ class Drift:
         whole = self._shift(value - self.baseline.mean, error**2, freedom, start_s, tail)
         together = self._over(count, tail) if self._windows else whole
         # The more certain of the two; a window's error leaves out what all flights share.
-        return self._heed(min(whole, together, key=lambda shift: shift.error))
+        return self._account_for(min(whole, together, key=lambda shift: shift.error))
 
-    def _heed(self, shift: Shift) -> Shift:
+    def _account_for(self, shift: Shift) -> Shift:
         if self.alarm is None and shift.ratio >= 1.0:
             self.alarm = shift
         return shift

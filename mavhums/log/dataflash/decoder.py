@@ -198,7 +198,7 @@ class DataFlashDecoder:
                 self._firsts[boot] = int(times[times >= 0][0])
             self._date(part)
             self._pending.append(part)
-        return join_tables([table for tables in self._settled(final=final) for table in tables])
+        return join_tables([table for tables in self._final_tables(final=final) for table in tables])
 
     def _date(self, part: RecordBatch) -> None:
         dating = self._datings[_boot_of(part)]
@@ -206,7 +206,7 @@ class DataFlashDecoder:
             before_end = replace(part, rows=part.rows[part.rows["offset"] < dating.end])
             dating.observe(self._definitions.gather(before_end, DATING_MESSAGES, RowContext()).tables)
 
-    def _settled(self, *, final: bool) -> Iterator[list[Table]]:
+    def _final_tables(self, *, final: bool) -> Iterator[list[Table]]:
         """Yield the tables of the parts whose vehicle and date are final."""
         while self._pending:
             boot = _boot_of(self._pending[0])

@@ -137,7 +137,7 @@ def _open(sender: Any, sequence: int) -> int:
 
 
 @kernel
-def _settle(sender: Any, link: Any) -> None:
+def _classify_counter(sender: Any, link: Any) -> None:
     """Decide whether a new counter continues one that stopped, or runs in parallel."""
     before = sender.links[link.before]
     if before.used < link.opened:
@@ -172,7 +172,7 @@ def _follow(sender: Any, sequence: int, crc: int) -> None:
     link.used = sender.frames
     sender.link = chosen
     if link.before >= 0 and link.age >= _SETTLED:
-        _settle(sender, link)
+        _classify_counter(sender, link)
 
 
 @inlined

@@ -174,13 +174,13 @@ class Stamper:
             owner = owner[admitted]
         sizes = frame_sizes(rows)
         if self._hear and rows.size:
-            self._tell(found, rows["system"], sizes, owner, int(time_us[-1]))
+            self._report(found, rows["system"], sizes, owner, int(time_us[-1]))
         self._count(rows)
         out = np.empty(int(sizes.sum()) + _STAMP * sizes.size, dtype=np.uint8)
         _pack(data, starts, sizes, time_us, out)
         return out.tobytes()
 
-    def _tell(
+    def _report(
         self,
         found: Sequence[_SenderFrames],
         system: Bytes,

@@ -175,7 +175,7 @@ class UlogDecoder:
         parts: list[Table] = []
         for batch in self._scanner.feed(block, final=final):
             if not self._settled:
-                self._settle(batch)
+                self._take_early_facts(batch)
             self._account(batch)
             if batch.rows.size:
                 self._held.append(batch)
@@ -236,7 +236,7 @@ class UlogDecoder:
             latest_us = int(batch.rows["time_us"].max())
             self._last_us = max(self._last_us or self._first_us, latest_us)
 
-    def _settle(self, batch: RecordBatch) -> None:
+    def _take_early_facts(self, batch: RecordBatch) -> None:
         """Process the vehicle's id before its first data, and the first fix in the first megabyte."""
         rows = batch.rows
         if self._first_us is None:

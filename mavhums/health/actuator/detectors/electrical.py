@@ -66,7 +66,7 @@ class TorqueConstantDetector(EquationDetector):
         """
         ema = self.actuator.known_ema()
         fit = fits["voltage"]
-        constant, error = _seen(fit, ema, turned=self.turned)
+        constant, error = _from_back_emf(fit, ema, turned=self.turned)
         shown = fit.spread & sharp(1.0 - constant, error, WIDEST_TORQUE_CONSTANT_SHARE, self.levels.normal)
         # A gain of half, or a shaft that turns without back-EMF: the motor is not the profile's, or a sensor
         # lies.
@@ -79,7 +79,7 @@ def contradicts(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Flags, 
 
     Then nobody knows what torque a current is worth, and no torque balance holds.
     """
-    shown, error = _seen(voltage, ema, turned=turned)
+    shown, error = _from_back_emf(voltage, ema, turned=turned)
     return (error < CONTRADICTION_ERROR_SHARE) & (np.abs(1.0 - shown) >= CONTRADICTED_CONSTANT_SHARE), shown
 
 
@@ -89,7 +89,7 @@ def relative_constant(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[A
     What the back-EMF shows and what the profile knows, each weighted with its certainty. NaN where the
     back-EMF contradicts the data sheet: then nobody knows what torque a current is worth.
     """
-    shown, error = _seen(voltage, ema, turned=turned)
+    shown, error = _from_back_emf(voltage, ema, turned=turned)
     known = max(ema.torque_uncertainty / 2, 1e-6)
     # What the profile knows and what the flight shows, each by its inverse variance.
     weight = known**2 / (known**2 + error**2)
@@ -97,7 +97,7 @@ def relative_constant(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[A
     return np.where(contradicted, np.nan, 1.0 + weight * (shown - 1.0)), np.sqrt(weight) * error
 
 
-def _seen(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Array, Array]:
+def _from_back_emf(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Array, Array]:
     """Return what the back-EMF alone shows of it.
 
     Noise in the current is allowed for, or that of a speed which is the output shaft's: in calm cruise the
