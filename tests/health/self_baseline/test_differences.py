@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mavhums.health.decision.baseline import PastRecord
+from mavhums.health.estimation.equations.own_scale import TWO_WAYS
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.least_squares import packed, unpacked
 from mavhums.health.self_baseline.comparison import compare
@@ -67,3 +68,32 @@ def test_temperatures_too_close_together_give_no_slope() -> None:
     assert warmth.at(at(27.0)[0]) == 2.0
     assert warmth.at(RECORDS[1]) == 0.0, "what is not known is taken as the mean"
     assert [warmth.beyond(record) for record in at(16.0, 18.0, 32.0, 34.0)] == ["colder", "", "", "warmer"]
+
+
+def swept(load: float, strokes: int = 4, *, against: int = 0) -> OwnRecord:
+    """Return strokes with a load, ``against`` of them the other way."""
+    rows = tuple((1.0, 0.3, load if k >= against else -load) for k in range(strokes))
+    return RECORDS[0].model_copy(update={"equation": TWO_WAYS.name, "groups": rows})
+
+
+def test_a_load_is_fitted_where_the_flights_loads_differ_by_more_than_three_tenths() -> None:
+    def loads(*several: float) -> tuple[bool, float]:
+        found = differences(TWO_WAYS, [swept(load) for load in several], warm=False)
+        return found[0].fitted, found[0].margin
+
+    assert loads(1.0, 1.3) == (False, 0.05 * 1.3)
+    assert loads(1.0, 1.31) == (True, 0.05 * 1.31)
+
+
+def test_a_direction_of_the_load_is_fitted_where_it_differs_between_the_flights() -> None:
+    def direction(*against: int) -> bool:
+        found = differences(TWO_WAYS, [swept(1.0, against=each) for each in against], warm=False)
+        return found[1].fitted
+
+    assert [direction(0, 2), direction(0, 3), direction(0, 4)] == [False, True, True]
+
+
+def test_fewer_strokes_than_in_any_reference_flight_are_beyond_it() -> None:
+    shorter = differences(TWO_WAYS, [swept(1.0, 6), swept(1.0, 4)], warm=False)[-1]
+    assert [shorter.beyond(swept(1.0, each)) for each in (3, 4, 99)] == ["shorter in strokes", "", ""]
+    assert not shorter.fitted
