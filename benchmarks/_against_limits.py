@@ -7,7 +7,6 @@ import dataclasses
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,13 +22,11 @@ Rows = Iterator[str]
 MIDDLE = 0.625
 
 
-def _windows(
-    name: str, record: FlightRecord, window_s: float
-) -> dict[str, list[tuple[float, float, float, float]]]:
+def _windows(name: str, record: FlightRecord) -> dict[str, list[tuple[float, float, float, float]]]:
     found: dict[str, list[tuple[float, float, float, float]]] = {}
     for tier in ("instrumented", "esc-signed"):
         rows = found.setdefault(tier, [])
-        for one in judge(name, record, tier=tier, window_s=window_s, keep_windows=True):
+        for one in judge(name, record, tier=tier, keep_windows=True):
             for window in one.windows:
                 interval = window.friction_nm
                 shown = (interval.estimate, interval.low, interval.high) if interval else (np.nan,) * 3
@@ -38,12 +35,12 @@ def _windows(
 
 
 def windows(args: argparse.Namespace, cyclograms: tuple[object, ...] = MODES) -> Rows:
-    yield "| tier | window | rate | windows | decidable | right of decidable | wrong |"
-    yield "|---|---|---|---|---|---|---|"
-    for window_s, rate_hz in ((1.0, 50.0), (1.0, 100.0), (5.0, 25.0), (10.0, 10.0)):
+    yield "| tier | rate | windows | decidable | right of decidable | wrong |"
+    yield "|---|---|---|---|---|---|"
+    for rate_hz in (10.0, 25.0, 50.0, 100.0):
         tasks = at_all_frictions(args.count(50), rate_hz, cyclograms)
         by_tier: dict[str, list[Array]] = {}
-        for _, found in fly_all(tasks, partial(_windows, window_s=window_s), args.workers):
+        for _, found in fly_all(tasks, _windows, args.workers):
             for tier, rows in found.items():
                 by_tier.setdefault(tier, []).append(np.array(rows))
         for tier, parts in by_tier.items():
@@ -52,7 +49,7 @@ def windows(args: argparse.Namespace, cyclograms: tuple[object, ...] = MODES) ->
             right = (estimate > MIDDLE) == (truth > MIDDLE)
             wrong = int(np.count_nonzero(decidable & ~right))
             yield (
-                f"| {tier} | {window_s:g} s | {rate_hz:g} Hz | {truth.size} | {decidable.mean():.1%} | "
+                f"| {tier} | {rate_hz:g} Hz | {truth.size} | {decidable.mean():.1%} | "
                 f"{1 - wrong / max(decidable.sum(), 1):.4%} | {wrong} |"
             )
 

@@ -141,7 +141,6 @@ def judge(
     record: FlightRecord,
     *,
     tier: str = "instrumented",
-    window_s: float = 10.0,
     keep_windows: bool = False,
     baselines: dict[str, dict[str, dict[str, Baseline]]] | None = None,
 ) -> list[Judged]:
@@ -151,7 +150,7 @@ def judge(
     for surface, flown in record.actuators.items():
         actuator = ACTUATORS[surface]
         monitor, comparison = (
-            Monitor(1, actuator, window_s=window_s),
+            Monitor(1, actuator),
             ActuatorComparison(known.get(surface, {})),
         )
         times, values = quantities(flown, actuator, tier)

@@ -36,6 +36,7 @@ from mavhums.health.decision.evidence import (
     suspected,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.actuator import BaselineFindings
 from mavhums.results.verdict import Evidence, Suspect
 
@@ -186,7 +187,7 @@ def events_of(record: ActuatorRecord, vehicle: int, actuator: str) -> Iterator[C
             known = steps[end_s].get(fault.fault, IndicatorStep(fault, None, None))
             steps[end_s][fault.fault] = known._replace(change=change)
     for end_s in sorted(steps):
-        start_s = end_s - record.window_s
+        start_s = end_s - WINDOW_S
         yield ComparisonInput(vehicle, actuator, start_s, end_s, tuple(steps[end_s].values()))
     if record.concluded_s is None:
         return

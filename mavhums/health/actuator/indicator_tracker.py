@@ -25,6 +25,7 @@ from mavhums.health.decision.limits import (
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.random_effects import RunningVariance
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Evidence, Indicator, Suspect
 
@@ -36,8 +37,6 @@ class IndicatorTracker:
     ----------
     detector
         The detector.
-    window_s
-        Length of a window.
     false_alarms
         Alarms per 100 hours.
     recorded
@@ -67,7 +66,6 @@ class IndicatorTracker:
         self,
         detector: Detector,
         *,
-        window_s: float,
         false_alarms: float = FALSE_ALARMS,
         recorded: bool = False,
     ) -> None:
@@ -76,8 +74,7 @@ class IndicatorTracker:
         self.described = FaultRecord(
             detector.fault, detector.quantity, detector.unit, detector.levels, detector.two_sided
         )
-        self.window_s = window_s
-        self._span_s = detector.span_s or window_s
+        self._span_s = detector.span_s or WINDOW_S
         self.false_alarms = false_alarms
         self.episodes = Episodes()
         self.variance = RunningVariance()
@@ -186,7 +183,7 @@ class IndicatorTracker:
 
     def _feed_separate(self, window: Estimate, end_s: float) -> None:
         """Process a window that does not overlap the previous one."""
-        self.next_due_s = end_s + self.window_s
+        self.next_due_s = end_s + WINDOW_S
         self.variance.add(window.value)
         if self._recorded:
             self.windows.append(WindowRecord(end_s, *window))

@@ -95,8 +95,6 @@ class Monitor:
     by_network
         Whether the networks, if there are any, decide the friction in place of the physics. They do in any
         case if the profile has no limits, without which the physics decides no friction.
-    window_s
-        Length of a window; each slides by a tenth of it.
     false_alarms
         Allowed number of false alarms per 100 hours.
     recorded
@@ -110,16 +108,13 @@ class Monitor:
         networks: Sequence[Classifier] = (),
         *,
         by_network: bool = False,
-        window_s: float = WINDOW_S,
         false_alarms: float = FALSE_ALARMS,
         recorded: bool = False,
     ) -> None:
         self.vehicle = vehicle
         self.actuator = actuator
         self._networks = networks if actuator.ema else ()
-        self._slot_s = window_s / WINDOW_SLOTS
-        self._window_s = window_s
-        self._cutter = SlotCutter(self._slot_s)
+        self._cutter = SlotCutter()
         self._waiting: list[tuple[Array, Array, Flags, Array, Array, Array]] = []
         # With all constants and limits the data sheet decides; a current at the bus is another quantity than
         # the motor's.
@@ -131,7 +126,6 @@ class Monitor:
         self._trackers = {
             detector.fault: IndicatorTracker(
                 detector,
-                window_s=window_s,
                 false_alarms=false_alarms,
                 recorded=recorded,
             )
@@ -143,16 +137,13 @@ class Monitor:
         self._counts = Windows(2)
         self._votes = Windows(VOTE_COLUMNS)
         self._sums = Windows(SUMS)
-        # Networks of windows learned the statistics of ten seconds.
-        self._by_window = window_s == WINDOW_S and any(
-            network.window_emergency is not None for network in self._networks
-        )
+        self._by_window = any(network.window_emergency is not None for network in self._networks)
         self._first: int | None = None
         self._held = ConditionTracker()
         self._concluded_s: float | None = None
         self._windows = self._decidable = self._samples = self._moving = self._slots = 0
         self._friction: Interval | None = None
-        self._tally = NetworkTally(len(self._networks), window_s, recorded=recorded)
+        self._tally = NetworkTally(len(self._networks), recorded=recorded)
         self._by_network = bool(self._networks) and (by_network or "friction" not in self._trackers)
 
     def feed(
@@ -192,7 +183,7 @@ class Monitor:
         # On a held shaft no balance of torques or angles is valid, over the flight neither.
         if self._first is None or self._windows == 0 or self._held.jammed:
             return
-        whole, start_s, end_s = self._fits.whole(), self._first * self._slot_s, self._latest_s
+        whole, start_s, end_s = self._fits.whole(), float(self._first), self._latest_s
         self._concluded_s = start_s
         trackers = self._deciding()
         friction = trackers.get("friction")
@@ -265,13 +256,13 @@ class Monitor:
     def _why_no_friction(self) -> tuple[str, str] | None:
         if self._by_network:
             return self._tally.why_undecided()
-        tracker, lasted_s = self._trackers.get("friction"), self._slots * self._slot_s
+        tracker, lasted_s = self._trackers.get("friction"), float(self._slots)
         return why_no_friction(
             tracker.detector if tracker else None,
             self._fits.whole() if self._slots else {},
             moving=self._moving,
             samples=self._samples,
-            rate_hz=self._samples / max(lasted_s, self._slot_s),
+            rate_hz=self._samples / max(lasted_s, 1.0),
         )
 
     def record(self, *, whole: bool = True) -> ActuatorRecord:
@@ -282,7 +273,6 @@ class Monitor:
         flight, latest = self._fits.whole() if whole else {}, self._tally.latest
         faults = tuple(record_of(tracker, flight) for tracker in self._deciding().values())
         return ActuatorRecord(
-            window_s=self._window_s,
             false_alarms=self._false_alarms,
             concluded_s=self._concluded_s,
             end_s=self._latest_s,
@@ -309,7 +299,7 @@ class Monitor:
         self._first = int(slots.index[0]) if self._first is None else self._first
         # The first windows of a flight are not full, and their errors not comparable.
         whole = slots.index - self._first + 1 >= WINDOW_SLOTS
-        end_s: Array = np.asarray((slots.index[whole] + 1) * self._slot_s, dtype=np.float64)
+        end_s: Array = np.asarray(slots.index[whole] + 1, dtype=np.float64)
         looks = dict(zip(self._trackers, self._panel.feed(found, whole), strict=True))
         steps: dict[int, list[IndicatorStep]] = {}
         deciding = self._deciding()
@@ -337,7 +327,7 @@ class Monitor:
         ):
             said = tuple(steps.get(k, ()))
             if said:
-                start_s, name = end - self._window_s, self.actuator.name
+                start_s, name = end - WINDOW_S, self.actuator.name
                 yield ComparisonInput(self.vehicle, name, start_s, end, said)
             changed = [*self._changed(said, end)]
             yield self._window(end, fraction, friction.get(k), vote)
@@ -392,5 +382,5 @@ class Monitor:
         if friction is not None:
             self._friction = friction
         said, condition = vote.p_emergency if vote else None, self._held.condition
-        start_s, name = end_s - self._window_s, self.actuator.name
+        start_s, name = end_s - WINDOW_S, self.actuator.name
         return Window(self.vehicle, name, start_s, end_s, moving, friction, said, condition)

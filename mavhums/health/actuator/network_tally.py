@@ -20,6 +20,7 @@ from mavhums.health.decision.events import DecisionChange, Estimate, FaultRecord
 from mavhums.health.decision.evidence import suspected
 from mavhums.health.decision.limits import Decision, Levels
 from mavhums.health.decision.thresholds import LASTING_WINDOWS
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.verdict import Evidence, Suspect
 
 _BALLOT = Ballot()
@@ -44,8 +45,6 @@ class NetworkTally:
     ----------
     networks
         Number of networks.
-    window_s
-        Length of a window.
     recorded
         Whether the changes are kept for :meth:`record`.
 
@@ -59,12 +58,11 @@ class NetworkTally:
         The gravest condition that was held.
     """
 
-    def __init__(self, networks: int, window_s: float, *, recorded: bool = False) -> None:
+    def __init__(self, networks: int, *, recorded: bool = False) -> None:
         self.windows = 0
         self._recorded = recorded
         self.latest: tuple[float, VoteOutcome] | None = None
         self.worst: Condition = "undecided"
-        self._window_s = window_s
         levels = Levels(EVEN_PROBABILITY, EVEN_PROBABILITY)
         self.described = FaultRecord("friction", _QUANTITY, "1", levels, two_sided=False)
         self._decision = Decision(levels)
@@ -91,10 +89,10 @@ class NetworkTally:
             emergency = said.p_emergency > EVEN_PROBABILITY
             if emergency and self._first_s is None:
                 # The middle of the window is the best guess of the moment.
-                self._first_s = end - self._window_s / 2
+                self._first_s = end - WINDOW_S / 2
             severity = SEVERITY["emergency" if emergency else "normal"]
             # A probability has no interval: only windows that agree for long decide.
-            if self._decision.feed(severity, end - self._window_s, end, sure=False):
+            if self._decision.feed(severity, end - WINDOW_S, end, sure=False):
                 condition, since_s = self._decision.condition, self._decision.since_s or 0.0
                 self.worst = max(self.worst, condition, key=SEVERITY.__getitem__)
                 if self._recorded:

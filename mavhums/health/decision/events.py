@@ -78,8 +78,6 @@ class ActuatorRecord(NamedTuple):
 
     Attributes
     ----------
-    window_s
-        Length of a window.
     false_alarms
         Allowed alarms per 100 hours in the decision by limits.
     concluded_s
@@ -92,7 +90,6 @@ class ActuatorRecord(NamedTuple):
         In the order of the detectors.
     """
 
-    window_s: float
     false_alarms: float
     concluded_s: float | None
     end_s: float

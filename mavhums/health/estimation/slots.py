@@ -105,12 +105,7 @@ def with_extra_columns(
 
 
 class SlotCutter:
-    """Collects samples and returns slots that are complete.
-
-    Parameters
-    ----------
-    slot_s
-        Length of a slot, s.
+    """Collects samples and returns slots of one second that are complete.
 
     Attributes
     ----------
@@ -120,10 +115,9 @@ class SlotCutter:
         Flight time of the latest sample; minus infinity before the first.
     """
 
-    def __init__(self, slot_s: float = 1.0) -> None:
+    def __init__(self) -> None:
         self.late = 0
         self.latest_s = -np.inf
-        self._slot_s = slot_s
         self._times: list[Array] = []
         self._values: list[Array] = []
         self._closed = -np.inf
@@ -132,19 +126,19 @@ class SlotCutter:
 
     def completes(self, latest_s: float) -> bool:
         """Return whether a sample at this time would complete a slot."""
-        return bool(np.floor(latest_s / self._slot_s) * self._slot_s > self._closed)
+        return bool(np.floor(latest_s) > self._closed)
 
     def feed(self, time_s: Array, values: Array) -> Slots | None:
         """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, ``COLUMNS``)."""
         if time_s.size == 0:
             return None
         latest = np.maximum(np.maximum.accumulate(time_s), self.latest_s)
-        in_time = time_s >= self._begin(latest)
+        in_time = time_s >= np.floor(latest)
         self.late += int(np.count_nonzero(~in_time))
         self._times.append(time_s[in_time])
         self._values.append(values[in_time])
         self.latest_s = float(latest[-1])
-        horizon = float(self._begin(latest[-1:])[0])
+        horizon = float(np.floor(latest[-1:])[0])
         if horizon <= self._closed:
             return None
         self._closed = horizon
@@ -153,11 +147,6 @@ class SlotCutter:
     def finish(self) -> Slots | None:
         """Return the remaining slots; the last one may be incomplete."""
         return self._close(np.inf)
-
-    def _begin(self, time_s: Array) -> Array:
-        """Return the start of the slot of each flight time."""
-        begin: Array = np.floor(time_s / self._slot_s) * self._slot_s
-        return begin
 
     def _close(self, horizon: float) -> Slots | None:
         if not self._times:
@@ -178,7 +167,7 @@ class SlotCutter:
         self._pending = time_s[ready:], values[ready:]
         if not ready:
             return None
-        slots = np.floor(time_s[confirmed_by[:ready]] / self._slot_s).astype(np.int64)
+        slots = np.floor(time_s[confirmed_by[:ready]]).astype(np.int64)
         start = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
         next_s = time_s[ready] if ready < time_s.size else np.inf
         keep = int(np.searchsorted(whole_t, next_s - GUARD_S, side="right")) - 1

@@ -21,6 +21,7 @@ from mavhums.health.decision.events import ComparisonInput, IndicatorStep
 from mavhums.health.decision.limits import Estimates, Levels, Panel
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.least_squares import Fit
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.verdict import Evidence, Suspect
 
 NOTHING: Mapping[str, Fit] = {}
@@ -73,7 +74,7 @@ class Followed(IndicatorTracker):
     """A tracker with a panel of its own, and the comparison with a baseline that its steps feed."""
 
     def __init__(self, detector: Detector, baseline: Baseline | None, false_alarms: float) -> None:
-        super().__init__(detector, window_s=10.0, false_alarms=false_alarms)
+        super().__init__(detector, false_alarms=false_alarms)
         self.panel = Panel([detector.levels], [detector.two_sided], false_alarms)
         self.comparison = IndicatorComparison(self.described, baseline, false_alarms)
 
@@ -117,7 +118,7 @@ def follow(
     changes = []
     for k, step in followed.feed(look, end_s).items():
         end = float(end_s[k])
-        change = followed.compare(step, end - followed.window_s, end)
+        change = followed.compare(step, end - WINDOW_S, end)
         changes += [Changed(k, *change)] if change else []
     return changes
 

@@ -96,18 +96,6 @@ def test_the_networks_say_the_same_to_the_last_digit_wherever_blocks_end(data: s
     assert sum(p is not None for p in said) > 10
 
 
-def test_windows_of_a_second_slide_by_a_tenth() -> None:
-    events, findings = watch(
-        telemetry(flown(Condition.constant("friction", 1.0), rate_hz=100.0)), window_s=1.0
-    )
-    windows = windows_of(events)
-    assert len(windows) == pytest.approx(391, abs=2)
-    assert np.diff([w.end_s for w in windows]) == pytest.approx(0.1)
-    assert {round(w.end_s - w.start_s, 9) for w in windows} == {1.0}
-    assert findings.condition == "emergency"
-    assert findings.coverage.decidable > 200
-
-
 def test_what_is_found_is_held_through_standstill() -> None:
     seen = data_sheet(1.0)
     seen.values[seen.time_s > 18.0, 6] = 0.0

@@ -19,17 +19,17 @@ def fed(tally: NetworkTally, *said: VoteOutcome | None) -> list[tuple[int, str, 
 
 
 def test_twenty_windows_in_a_row_decide_and_abstentions_do_not_count() -> None:
-    assert fed(NetworkTally(1, 10.0), *[GRAVE] * 19) == []
-    assert fed(NetworkTally(1, 10.0), *[GRAVE] * 20) == [(19, "emergency", 0.0)]
-    tally = NetworkTally(1, 10.0, recorded=True)
+    assert fed(NetworkTally(1), *[GRAVE] * 19) == []
+    assert fed(NetworkTally(1), *[GRAVE] * 20) == [(19, "emergency", 0.0)]
+    tally = NetworkTally(1, recorded=True)
     assert fed(tally, *[EVEN, None] * 20) == [(38, "normal", 0.0)]
     assert tally.windows == 20
     assert [one.condition for one in tally.record().decided] == ["normal"]
-    assert NetworkTally(1, 10.0).record().decided == ()
+    assert NetworkTally(1).record().decided == ()
 
 
 def test_a_change_counts_from_the_middle_of_its_first_window_and_the_worst_stays() -> None:
-    tally = NetworkTally(1, 10.0)
+    tally = NetworkTally(1)
     assert tally.tallied() is None
     changes = fed(tally, *[SOUND] * 20, *[GRAVE] * 20, *[SOUND] * 20)
     assert changes == [(19, "normal", 0.0), (39, "emergency", 25.0), (59, "normal", 45.0)]
@@ -50,7 +50,7 @@ def test_a_change_counts_from_the_middle_of_its_first_window_and_the_worst_stays
 
 
 def test_friction_is_suspected_while_an_emergency_is_held() -> None:
-    tally = NetworkTally(1, 10.0)
+    tally = NetworkTally(1)
     assert tally.suspect() is None
     fed(tally, *[GRAVE] * 20)
     suspect = tally.suspect()
@@ -60,7 +60,7 @@ def test_friction_is_suspected_while_an_emergency_is_held() -> None:
 
 def test_the_network_with_most_votes_answers_for_its_share_of_samples() -> None:
     """Columns: network, moving, voters backward and forward, emergencies backward and forward."""
-    tally = NetworkTally(2, 10.0)
+    tally = NetworkTally(2)
     tally.count(np.array([[0, 9, 2, 2, 1, 0], [1, 9, 5, 3, 2, 4], [-1, 9, 0, 0, 0, 0], [1, 9, 1, 1, 0, 0]]))
     tally.count(np.array([[0, 9, 2, 3, 0, 0]]))
     fed(tally, GRAVE)
@@ -70,7 +70,7 @@ def test_the_network_with_most_votes_answers_for_its_share_of_samples() -> None:
 
 
 def test_why_a_network_decides_nothing() -> None:
-    tally = NetworkTally(1, 10.0)
+    tally = NetworkTally(1)
     assert tally.why_undecided()[0].startswith("the network decides, and no window has enough samples")
     fed(tally, GRAVE, SOUND)
     assert tally.why_undecided() == (

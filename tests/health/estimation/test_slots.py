@@ -13,8 +13,8 @@ from mavhums.health.estimation.thresholds import GUARD_S
 Array = NDArray[np.float64]
 
 
-def cut(times: Array, bounds: list[int], slot_s: float = 1.0) -> tuple[list[Slots], SlotCutter]:
-    cutter = SlotCutter(slot_s)
+def cut(times: Array, bounds: list[int]) -> tuple[list[Slots], SlotCutter]:
+    cutter = SlotCutter()
     values = np.repeat(times[:, None], COLUMNS, axis=1)
     ends = [min(bound, len(times)) for bound in bounds]
     found = [cutter.feed(times[a:b], values[a:b]) for a, b in zip([0, *ends], [*ends, None], strict=True)]
@@ -33,14 +33,14 @@ def judged(parts: list[Slots]) -> list[tuple[int, float]]:
     ]
 
 
-def confirmed(at: Array, slot_s: float = 1.0) -> list[tuple[int, float]]:
+def confirmed(at: Array) -> list[tuple[int, float]]:
     """The rule, one sample after the other; the last ones are never confirmed."""
     at = np.unique(at)
     out = []
     for time_s in at:
         later = [other for other in at if other >= time_s + GUARD_S]
         if len(later) > 1:
-            out.append((int(np.floor(later[1] / slot_s)), float(time_s)))
+            out.append((int(np.floor(later[1])), float(time_s)))
     return out
 
 
@@ -50,11 +50,11 @@ steady = steps.map(lambda ms: np.cumsum(np.array(ms, dtype=float)) / 1000)
 bounds = st.lists(st.integers(0, 80), max_size=6).map(sorted)
 
 
-@given(st.one_of(times, steady), bounds, st.sampled_from([0.1, 0.5, 1.0]))
-@example(np.arange(200) / 10.0, [3, 77, 78], 1.0)
-def test_where_blocks_end_does_not_matter(at: Array, cuts: list[int], slot_s: float) -> None:
-    expected, whole = cut(at, [], slot_s)
-    found, cutter = cut(at, cuts, slot_s)
+@given(st.one_of(times, steady), bounds)
+@example(np.arange(200) / 10.0, [3, 77, 78])
+def test_where_blocks_end_does_not_matter(at: Array, cuts: list[int]) -> None:
+    expected, whole = cut(at, [])
+    found, cutter = cut(at, cuts)
     assert cutter.late == whole.late
     assert cutter.latest_s == whole.latest_s
     assert judged(found) == judged(expected)
