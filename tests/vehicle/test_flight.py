@@ -56,6 +56,7 @@ def flown(*parts: Seconds, surfaces: Surfaces | None = None) -> Flight:
         ({"airspeed": 8.0}, False, ""),
         ({"airspeed": 5.0}, True, ""),  # a dead sensor: the triangle of the velocities answers
         ({"state": [PLANE, ARDUPILOT, 0.0, AUTO]}, False, ""),
+        ({"state": [PLANE, ARDUPILOT, np.nan, AUTO]}, False, ""),
         ({"state": [COPTER, ARDUPILOT, 1.0, AUTO]}, False, "vtol"),
         ({"state": [QUADPLANE, ARDUPILOT, 1.0, AUTO]}, False, "vtol"),
         ({"state": [QUADPLANE, PX4, 1.0, AUTO], "vtol": 4.0}, True, ""),

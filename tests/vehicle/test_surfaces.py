@@ -72,6 +72,8 @@ def test_arduplane_before_3_8_is_named_by_its_channels() -> None:
     assert old(RCMAP_ROLL=4.0, RCMAP_YAW=1.0)[0][:2] == (1, "rudder")
     assert old(ELEVON_MIXING=1.0) == old(VTAIL_OUTPUT=2.0) == []
     assert old(ELEVON_MIXING=0.0) == plain
+    five = control_surfaces(Parameters(1, False, {"KFF_RDDRMIX": 0.5, "RC1_REV": 1.0, "RC5_FUNCTION": 4.0}))
+    assert [five[0].because, five[-1].because] == ["channel 1 of ArduPlane before 3.8", "RC5_FUNCTION = 4"]
     # A later version whose SERVOn_FUNCTION were not downloaded has RCn_REVERSED.
     assert control_surfaces(Parameters(1, False, {"KFF_RDDRMIX": 0.5, "RC1_REVERSED": 0.0})) == []
 

@@ -124,7 +124,7 @@ class CommonError:
         # Together they are worth no more than all their parts, and a flight's own error always counts.
         least, worth = 1e-3, float(freedom.sum())
         if unlike(worth) < 0.0:
-            worth = float(brentq(unlike, least, worth)) if unlike(least) > 0.0 else least
+            worth = float(brentq(unlike, least, worth))
         mean = float(logarithms.mean() + digamma(worth / 2) - np.log(worth / 2))
         return cls(float(np.exp(mean)), worth)
 

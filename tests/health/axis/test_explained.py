@@ -1,0 +1,42 @@
+"""How much of an axis's response a demand explains, against shares that the flight is made of."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mavhums.health.axis.effectiveness import explained_by
+from mavhums.vehicle.grid import RATE_HZ
+from tests.health.axis.flights import excited, rolling, rows, steady
+
+NONE = np.empty((120 * RATE_HZ, 0))
+
+
+def test_a_demand_that_the_axis_follows_explains_nearly_all() -> None:
+    flight = rolling(120, lambda time_s: 2.0 + 0.0 * time_s, noise=0.0)
+    share, rest = explained_by("roll", flight, flight.outputs[:, 0], NONE)
+    assert 0.99 < share <= 1.0
+    assert rest == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_demand_that_the_axis_does_not_follow_explains_nearly_nothing() -> None:
+    flight = rolling(120, lambda time_s: 2.0 + 0.0 * time_s)
+    share, _ = explained_by("roll", flight, excited(120, seed=9), NONE)
+    assert 0.0 <= share < 0.1
+
+
+def test_what_a_demand_leaves_another_one_explains() -> None:
+    """Noise carries a quarter of the power of the second demand: of the rest that demand explains 4/5."""
+    flight, one, other = steady(120), excited(120, seed=1), excited(120, seed=2)
+    noise = np.random.default_rng(3).normal(size=one.size)
+    late = [np.concatenate([np.zeros(4), demand[:-4]]) for demand in (one, other)]
+    flight["roll_rate"] = 2.0 * late[0] + 1.0 * late[1] + 0.5 * late[1].std() * noise
+    share, rest = explained_by("roll", rows(flight), one, other[:, None])
+    print(share, rest)
+    assert 0.6 < share < 0.95
+    assert 0.7 < rest < 1.0
+
+
+def test_a_flight_that_is_too_short_shows_nothing() -> None:
+    flight = rolling(20, lambda time_s: 2.0 + 0.0 * time_s)
+    assert explained_by("roll", flight, flight.outputs[:, 0], NONE[: 20 * RATE_HZ]) == (0.0, 0.0)
