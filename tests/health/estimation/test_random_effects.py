@@ -57,9 +57,7 @@ def test_a_population_that_agrees_by_chance_has_the_natural_scatter() -> None:
     pooled = NATURAL_SCATTER_FREEDOM * (0.05 * 2.0) ** 2 / (NATURAL_SCATTER_FREEDOM + 3)
     assert found.between == pytest.approx(pooled**0.5)
     assert found.freedom == pytest.approx(3.0 + NATURAL_SCATTER_FREEDOM)
-    assert found.covariance == pytest.approx(np.array([[pooled / 4]])), (
-        "residuals below the errors count as these"
-    )
+    assert found.covariance == pytest.approx(np.array([[pooled / 4]])), "never less than the errors"
 
 
 def test_flights_of_unequal_weight_have_fewer_degrees_of_freedom() -> None:
@@ -87,7 +85,7 @@ def test_the_worth_of_common_errors_solves_smyths_equation() -> None:
 
 def test_common_errors_that_differ_beyond_measure_are_worth_next_to_nothing() -> None:
     found = CommonError.of(np.array([1e-300, 1.0, 1e300]), np.full(3, 10.0))
-    assert found.freedom == pytest.approx(1e-3)
+    assert 0.0 < found.freedom < 0.01
     assert CommonError.of(np.zeros(3), np.full(3, 10.0)).freedom == 30.0
 
 
