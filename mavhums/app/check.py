@@ -89,7 +89,7 @@ class Sweep:
             ("friction", self.friction_a, " A"),
         ):
             shown += [] if value is None else [f"{name} {value:.3g}{unit}"]
-        state = "" if self.armed_known else " (the log does not tell when it was armed)"
+        state = "" if self.armed_known else " (the log does not record when it was armed)"
         return f"{self.actuator}: {'; '.join(self.faults) or 'ok'}{state}\n  {', '.join(shown)}"
 
 

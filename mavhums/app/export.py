@@ -202,8 +202,8 @@ def _nothing(
     if airframe is not None and all(actuator.travel_deg is None for actuator in airframe.actuators):
         problem = f"{path}: the profile {airframe.name} has no travel_deg, without which a pulse has no angle"
         return problem, f"fill it in, {pulses}"
-    problem = f"{path}: carries nothing of the actuators of {', '.join(fleet.airframes)}"
-    return problem, f"see what it holds with: mavhums inspect {path}"
+    problem = f"{path}: contains no telemetry of the actuators of {', '.join(fleet.airframes)}"
+    return problem, f"list its contents with: mavhums inspect {path}"
 
 
 def export_messages(
@@ -243,7 +243,7 @@ def export_messages(
     writer = writer_for(output)
     names = list({name.upper(): name for name in names}.values())
     if not names:
-        raise MavhumsError("no message is named", f"see what the log holds: mavhums inspect {path}")
+        raise MavhumsError("no message is named", f"list its contents: mavhums inspect {path}")
     decoder = Decoder({form for name in names for form in (name, name.upper(), name.lower())})
     files: dict[str, Path] = {}
     writers: dict[str, TableWriter] = {}
@@ -279,5 +279,5 @@ def _rows(mapped: MappedSamples, first_time_us: int, *, named: bool) -> pd.DataF
 
 def _absent(path: str | os.PathLike[str], name: str, there: set[str]) -> MavhumsError:
     close = get_close_matches(name, sorted(there), n=3) or get_close_matches(name.upper(), sorted(there), n=3)
-    remedy = f"did you mean {' or '.join(close)}?" if close else f"see what it holds: mavhums inspect {path}"
-    return MavhumsError(f"{path}: holds no message {name}", remedy)
+    remedy = f"did you mean {' or '.join(close)}?" if close else f"list its contents: mavhums inspect {path}"
+    return MavhumsError(f"{path}: contains no message {name}", remedy)

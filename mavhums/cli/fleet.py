@@ -32,7 +32,7 @@ def fleet() -> None:
     """Judge many aircraft's logs into one store, and ask it."""
 
 
-@fleet.command(short_help="Show what the store holds, what grows, and what is wrong.")
+@fleet.command(short_help="Show the store's contents, growing wear, and problems.")
 @STORE
 @JSON
 def status(store: str, as_json: bool) -> None:
@@ -252,7 +252,7 @@ def rename(store: str, aircraft: str, name: str, join: bool, who: str | None, no
     _print_all(changes, f"nothing to do: it is named {name}")
 
 
-@fleet.command(short_help="List who corrected what.")
+@fleet.command(short_help="List the corrections and their authors.")
 @STORE
 @JSON
 def corrections(store: str, as_json: bool) -> None:

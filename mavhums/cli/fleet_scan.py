@@ -35,9 +35,7 @@ _NOTIFY = click.option(
     help="Also send it: mailtos://USER:PASSWORD@HOST?from=A&to=B and the other URLs of apprise, or any"
     " https:// address, to which its JSON is posted; @FILE holds a URL a line. Can be repeated.",
 )
-_NOTIFY_ALWAYS = click.option(
-    "--notify-always", is_flag=True, help="Send it also where there is nothing to say."
-)
+_NOTIFY_ALWAYS = click.option("--notify-always", is_flag=True, help="Send it also when nothing changed.")
 
 
 @click.command(short_help="Judge logs that the store does not have yet.", epilog=EPILOG)
@@ -153,7 +151,7 @@ class _TimeParam(click.ParamType[datetime]):
             self.fail(f"{value!r} is not a time: write 2026-03-01, 2026-03-01T06:00, 12h or 3d", param, ctx)
 
 
-@click.command(short_help="Say what changed since yesterday.", epilog=EPILOG)
+@click.command(short_help="Report what changed since yesterday.", epilog=EPILOG)
 @STORE
 @click.option(
     "--since",
@@ -164,7 +162,7 @@ class _TimeParam(click.ParamType[datetime]):
     help="A date, or how long ago: 2026-03-01, 2026-03-01T06:00, 12h, 3d.",
 )
 @click.option("--html", type=PATH, metavar="OUT", help="Also write it as a page to mail.")
-@click.option("--quiet", is_flag=True, help="Print nothing where there is nothing to say, as for cron.")
+@click.option("--quiet", is_flag=True, help="Print nothing when nothing changed, as for cron.")
 @click.option("--fail-on-news", is_flag=True, help="Exit with 11, 10 or 1 for what is new, as below.")
 @_NOTIFY
 @_NOTIFY_ALWAYS

@@ -145,7 +145,7 @@ class SessionKeeper:
         log, code = Path(assessment.log.path or ""), assessment.exit_code
         try:
             if not log.is_file() or not log.stat().st_size:
-                remedy = "check the link: the report above says what came over it"
+                remedy = "check the link: the report above lists what was received"
                 raise MavhumsError(f"{log}: nothing was recorded, so nothing is kept", remedy)
             if self._store is not None:
                 judged = judged_in_store([log], self._store, self._judging, Batch(jobs=1), keep=True)
@@ -186,7 +186,7 @@ def live_judging(options: Options, given: dict[str, Any]) -> tuple[Options, Sess
     if keep and (history is None or given["record"] is None):
         raise click.UsageError("--keep needs --history DIR and --record FILE")
     if (store is None) != (aircraft is None):
-        missing = "--aircraft NAME: a store holds several" if store else "--history STORE for --aircraft"
+        missing = "--aircraft NAME: the store contains several" if store else "--history STORE for --aircraft"
         raise click.UsageError(f"name {missing}")
     table = (
         file if isinstance(file, AircraftTable) else load_aircraft_table(file) if file else AircraftTable()

@@ -49,7 +49,7 @@ _LEVELS = ("debug", "info", "warning", "error")
     metavar="FILE",
     help="Record what is accepted as a new .tlog; FILE may hold the time: flight-%Y%m%d-%H%M%S.tlog.",
 )
-@click.option("--alerts", is_flag=True, help="Tell the ground station what is found, over the links.")
+@click.option("--alerts", is_flag=True, help="Send alerts to the ground station over the links.")
 @click.option("--alerts-to", metavar="URL", help="Tell the ground station at this address instead.")
 @click.option(
     "--component",
@@ -73,7 +73,7 @@ _LEVELS = ("debug", "info", "warning", "error")
 @click.option(
     "--rrd", type=PATH, metavar="OUT", help="Write a Rerun recording as well; it appears at the end."
 )
-@click.option("--no-position", is_flag=True, help="Draw nothing of where the aircraft is.")
+@click.option("--no-position", is_flag=True, help="Do not draw the aircraft's position.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event, a line each.")
 @click.option(
     "--duration",

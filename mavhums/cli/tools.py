@@ -93,9 +93,9 @@ def export(
         say(f"{path}: {rows:,} rows")
 
 
-@click.group(short_help="Show what a model is for and how it came to be.")
+@click.group(short_help="Show a model's purpose and its training.")
 def model() -> None:
-    """Show what a model is for and how it came to be."""
+    """Show a model's purpose and its training."""
 
 
 @model.command("show", short_help="Print the card of a model.")
@@ -203,4 +203,4 @@ def warm_up() -> None:
     begin = time.monotonic()
     compiled = compile_all()
     took = f"{time.monotonic() - begin:.0f} s"
-    say(f"ready: {compiled} loops compiled in {took}" if compiled else "ready: nothing was left to compile")
+    say(f"ready: {compiled} loops compiled in {took}" if compiled else "ready: already compiled")

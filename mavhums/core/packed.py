@@ -234,7 +234,7 @@ def _chosen(path: Path, archive: zipfile.ZipFile, member: str | None) -> zipfile
     given = ", ".join(names[:_MEMBERS_NAMED]) + (", …" if len(names) > _MEMBERS_NAMED else "")
     if member is None:
         remedy = f"name one, for example {path}/{names[0]}"
-        raise ArchiveError(f"{path}: the archive holds {len(names)} files: {given}", remedy)
+        raise ArchiveError(f"{path}: the archive contains {len(names)} files: {given}", remedy)
     raise UnreadableLogError(f"{path}: the archive has no such member", f"it holds {given}")
 
 

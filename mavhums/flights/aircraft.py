@@ -240,7 +240,7 @@ def check_same_aircraft(
         if one.differs(other):
             raise OtherAircraftError(
                 f"{assessment.log.path or 'the live link'}: is of {one},"
-                f" but {history.name} holds flights of {other}",
+                f" but {history.name} contains flights of {other}",
                 f"name the folder of {one} with --history; if only its board was swapped, list both boards"
                 " in a table and name that with --aircraft-table",
             )
@@ -284,7 +284,7 @@ def check_one_aircraft(history: AircraftFlights, table: AircraftTable | None = N
     for one, other in combinations(_named(history.owners(), table), 2):
         if one.differs(other):
             raise OtherAircraftError(
-                f"{history.name}: holds flights of {one} and of {other}",
+                f"{history.name}: contains flights of {one} and of {other}",
                 "move those of one into a folder of its own; if only the board was swapped, list both"
                 " boards in a table and name that with --aircraft-table",
             )

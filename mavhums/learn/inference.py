@@ -88,7 +88,7 @@ class TanhNetwork:
             if array.shape != shape or not shape:
                 raise ValueError(f"{name} has the shape {array.shape}, which does not fit the other tensors")
             if not np.isfinite(array).all():
-                raise ValueError(f"{name} holds a number that is not finite")
+                raise ValueError(f"{name} contains a number that is not finite")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         if (self.minimum > self.maximum).any():

@@ -257,7 +257,7 @@ def _parse(data: bytes, source: str) -> Model:
         tensors[name] = np.frombuffer(entry["data"], dtype="<f8").reshape(entry["shape"]).astype(np.float64)
     wanted = _TENSORS | ({_WINDOW + name for name in _TENSORS} if card.window else set())
     if tensors.keys() != wanted:
-        raise ModelError(f"{source}: holds other tensors than {', '.join(sorted(wanted))}", _REMEDY)
+        raise ModelError(f"{source}: contains other tensors than {', '.join(sorted(wanted))}", _REMEDY)
     try:
         network = Network(keys=card.features, **{name: tensors[name] for name in _TENSORS})
         window = _window(card.window, tensors) if card.window else None

@@ -219,7 +219,7 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
     def _functions(self) -> Elementary:
         functions = IDENTITY if self.functions is None else self.functions
         if not functions:
-            raise ValueError("functions must hold at least one elementary function")
+            raise ValueError("functions must contain at least one elementary function")
         return functions
 
     def __sklearn_tags__(self) -> Any:

@@ -223,7 +223,7 @@ class UdpLink:
             (self._socket.bind if self._listens else self._socket.connect)(target)
         except OSError as error:
             self._socket.close()
-            remedy = "end the program that holds the port, or choose another" if self._listens else ""
+            remedy = "end the program that uses the port, or choose another" if self._listens else ""
             raise AddressError(f"{address}: {error.strerror}", remedy) from error
         port = self._socket.getsockname()[1] if self._listens else address.port
         self.address = Address(address.kind, address.host, port)

@@ -138,7 +138,7 @@ class RerunSink:
         except Exception as error:
             if not self._failed:
                 self._failed = True
-                _LOG.error("nothing is drawn any more: %s", error, exc_info=_LOG.isEnabledFor(logging.DEBUG))
+                _LOG.error("drawing has ended: %s", error, exc_info=_LOG.isEnabledFor(logging.DEBUG))
 
 
 class JsonLines:

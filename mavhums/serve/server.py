@@ -93,7 +93,7 @@ def _listening(host: str, port: int) -> socket.socket:
     except OSError as error:
         if listening is not None:
             listening.close()
-        remedy = "stop what listens there, or choose another --port (0 takes a free one) or --host"
+        remedy = "stop the program there, or choose another --port (0 takes a free one) or --host"
         raise MavhumsError(f"{host}:{port}: {error.strerror or error}", remedy) from error
     return listening
 

@@ -270,8 +270,8 @@ class Sessions:
             return False
         others = ", ".join(answer["others"][:_NAMED]) + (", …" if len(answer["others"]) > _NAMED else "")
         if not answer["logs"]:
-            archive.problem, archive.state = f"no log is in it; it holds {others}", "failed"
-            archive.remedy = "drop the logs themselves, or an archive that holds some"
+            archive.problem, archive.state = f"it contains no log, but {others}", "failed"
+            archive.remedy = "drop the logs themselves, or an archive that contains them"
             return True
         note = f"From {archive.name}" + (f"; not judged in it: {others}" if others else "")
         for path in map(Path, answer["logs"]):

@@ -109,7 +109,7 @@ def read_rig(folder: Path) -> tuple[list[Run], list[str]]:
     conditions = {run.condition for run in runs}
     if HEALTHY not in conditions or len(conditions) < 2:
         problem = f"{folder}: no table of the healthy rig ({HEALTHY}.csv.gz) and of another condition"
-        raise MavhumsError(problem, "name the folder that holds a table for each condition")
+        raise MavhumsError(problem, "name the folder that contains a table for each condition")
     return runs, repeated
 
 

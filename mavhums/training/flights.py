@@ -270,7 +270,7 @@ def add_log(
     if not carried or absent:
         wanted = absent[0] if absent else "any actuator"
         remedy = (
-            f"it carries: {', '.join(carried)}" if carried else "see what it holds with `mavhums inspect`"
+            f"it carries: {', '.join(carried)}" if carried else "list its contents with `mavhums inspect`"
         )
         raise MavhumsError(f"{log}: does not carry {wanted} of a known airframe", remedy)
     start_utc = assessment.log.start_utc

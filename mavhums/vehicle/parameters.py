@@ -113,12 +113,16 @@ def read_parameters(
     path, vehicles = Path(path), sorted(received.values)
     if not vehicles:
         remedy = "let the ground station download them while it records (a refresh of its parameter list)"
-        raise MavhumsError(f"{path}: holds no parameters", remedy)
+        raise MavhumsError(f"{path}: contains no parameters", remedy)
     listed = ", ".join(map(str, vehicles))
     if vehicle is None and len(vehicles) > 1:
-        raise MavhumsError(f"{path}: holds the parameters of vehicles {listed}", "choose one with --vehicle")
+        raise MavhumsError(
+            f"{path}: contains the parameters of vehicles {listed}", "choose one with --vehicle"
+        )
     if vehicle is not None and vehicle not in vehicles:
-        raise MavhumsError(f"{path}: holds no parameters of vehicle {vehicle}", f"it holds those of {listed}")
+        raise MavhumsError(
+            f"{path}: contains no parameters of vehicle {vehicle}", f"it contains those of {listed}"
+        )
     return received.of(vehicles[0] if vehicle is None else vehicle)
 
 
@@ -335,7 +339,7 @@ def _pulses(
     if high - low < _LEAST_RANGE_US:
         return defaults, f"CHECK: {names[0]} = {low} is not below {names[2]} = {high}", ""
     if len(known) < 2:
-        by = "CHECK: the autopilot's usual pulses, the log does not tell them"
+        by = "CHECK: the autopilot's usual pulses, the log does not contain them"
     else:
         by = ", ".join(name for name in names if name in values)
     if names[1] not in values or not low < zero < high:

@@ -83,7 +83,7 @@ def test_a_draft_names_the_control_surfaces_of_ardupilot(tmp_path: Path) -> None
     assert 'name = "plane"' in lines
     assert "servo = 1  # SERVO1_FUNCTION = 4" in lines
     assert "pwm_us = [1100, 1520, 1900]  # SERVO1_MIN, SERVO1_TRIM, SERVO1_MAX" in lines
-    assert "reversed" in next(line for line in lines if "the log does not tell them" in line)
+    assert "reversed" in next(line for line in lines if "the log does not contain them" in line)
     assert any("SERVO4_MIN, SERVO4_TRIM, SERVO4_MAX; zero in the middle" in line for line in lines)
     assert any("CHECK: SERVO6_MIN = 1900 is not below SERVO6_MAX = 1100" in line for line in lines)
     assert text.count("FILL IN") == 1 + 3 * 4
@@ -168,7 +168,7 @@ def test_profile_new_writes_or_prints_but_never_overwrites(run: Run, tmp_path: P
 @pytest.mark.parametrize(
     ("sent", "message"),
     [
-        ([heartbeat(3)], "holds no parameters"),
+        ([heartbeat(3)], "contains no parameters"),
         (ardupilot(FENCE_TYPE=1), "none of its 1 parameters assigns an output (SERVOn_FUNCTION)"),
         (px4(PWM_MAIN_FUNC1=101), "none of the 1 outputs that its parameters assign moves a control surface"),
         (px4(BAT_N=1), "(PWM_MAIN_FUNCn, PWM_AUX_FUNCn, UAVCAN_SV_FUNCn)"),

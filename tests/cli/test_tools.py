@@ -125,7 +125,7 @@ def test_several_messages_are_a_file_each(run: Run, short_log: Path, tmp_path: P
     [
         ("t.xls", [], ExitCode.ERROR, "use the extension .parquet or .csv"),
         ("t.csv", ["--messages", "ATITUDE"], ExitCode.ERROR, "did you mean ATTITUDE?"),
-        ("t.csv", ["--messages", "ATTITUDE,XYZ"], ExitCode.ERROR, "holds no message XYZ"),
+        ("t.csv", ["--messages", "ATTITUDE,XYZ"], ExitCode.ERROR, "contains no message XYZ"),
         ("t.csv", ["--messages", "ATTITUDE", "--airframe", "paper"], ExitCode.USAGE, "--airframe is for"),
         ("t.csv", ["--airframe", "nonesuch"], ExitCode.ERROR, "no airframe profile 'nonesuch'"),
         ("no/t.csv", [], ExitCode.ERROR, "cannot write"),
@@ -146,7 +146,7 @@ def test_a_log_without_a_profile_or_without_telemetry_is_not_exported(run: Run, 
     log = write_log(tmp_path / "x.tlog", [heartbeat(3)])
     assert "names no airframe profile" in run("export", log, "-o", tmp_path / "x.csv").err
     outcome = run("export", log, "-o", tmp_path / "x.csv", "--airframe", "paper")
-    assert "carries nothing of the actuators of paper" in outcome.err
+    assert "contains no telemetry of the actuators of paper" in outcome.err
     assert run("export", tmp_path / "no.tlog", "-o", tmp_path / "x.csv").code == ExitCode.ERROR
     assert [path.name for path in tmp_path.iterdir()] == ["x.tlog"]
 

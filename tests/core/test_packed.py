@@ -127,7 +127,7 @@ def zip_in_zip(folder: Path) -> Path:
         (cut_gzip, "damaged or cut"),
         (cut_zstd, "damaged or cut"),
         (broken_directory, "damaged or cut"),
-        (several, "holds 2 files: a.ulg, b.ulg: name one, for example .*several.zip/a.ulg"),
+        (several, "contains 2 files: a.ulg, b.ulg: name one, for example .*several.zip/a.ulg"),
         (unknown_member, "no such member: it holds a.ulg, b.ulg"),
         (empty, "contains no file"),
         (member_of_a_file, "is a file, not a zip archive"),

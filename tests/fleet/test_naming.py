@@ -213,7 +213,7 @@ def test_the_page_names_no_path_of_its_computer(flown: Path, tmp_path: Path) -> 
     job = {"do": "judge", "log": str(tmp_path / "several.zip"), "report": str(tmp_path / "r"), "options": {}}
     answer = _done(job, lambda _: None, lambda _, options: options)
     assert str(tmp_path) not in json.dumps(answer)
-    assert "holds 2 files" in answer["problem"]
+    assert "contains 2 files" in answer["problem"]
     assert "drop the logs in it" in answer["remedy"]
 
 

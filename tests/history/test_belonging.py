@@ -41,7 +41,7 @@ def test_another_aircraft_is_refused_with_both_names(tmp_path: Path) -> None:
     with pytest.raises(OtherAircraftError) as error:
         held(tmp_path, [of("0A", 0)], of("0B", 1), NONE)
     told = "0B-1.tlog: is of the aircraft with the board 0B, but "
-    assert error.value.problem == f"{told}{tmp_path} holds flights of the aircraft with the board 0A"
+    assert error.value.problem == f"{told}{tmp_path} contains flights of the aircraft with the board 0A"
     assert "--history" in error.value.remedy
     assert "--aircraft-table" in error.value.remedy
 
@@ -64,7 +64,7 @@ def test_a_swapped_board_is_known_from_the_table(tmp_path: Path) -> None:
     new = whose.named(of("0B", 6))
     assert new.log.flight[0].aircraft == "D-A"
     assert held(tmp_path, [of("0A", 0), of("0A", 1)], new, table) == new
-    with pytest.raises(OtherAircraftError, match=r"is of D-B, but .* holds flights of D-A"):
+    with pytest.raises(OtherAircraftError, match=r"is of D-B, but .* contains flights of D-A"):
         check_same_aircraft(whose.named(of("0A", 7)), FlightFolder(tmp_path), table)
     with pytest.raises(OtherAircraftError):
         check_same_aircraft(of("0B", 6), FlightFolder(tmp_path))
@@ -168,7 +168,7 @@ def test_trend_refuses_a_folder_of_two_aircraft(run: Run, tmp_path: Path) -> Non
         mavhums.trend(folder)
     refused = run("trend", folder)
     assert refused.code == ExitCode.ERROR
-    assert f"{folder}: holds flights of the aircraft with the board 0A" in refused.err
+    assert f"{folder}: contains flights of the aircraft with the board 0A" in refused.err
     assert "--aircraft-table" in refused.err
     rows = ["aircraft,board,actuator,serial,from,to", "D-A,0A,,,,", "D-A,0B,,,,"]
     table.write_text("\n".join(rows))

@@ -244,7 +244,7 @@ def test_a_viewer_follows_and_a_recording_stays(tmp_path: Path, worn_pieces: lis
         send(port, worn_pieces)
         live.wait_for(lambda: frames_heard(live) == len(worn_pieces))
         live.stop()
-    assert "nothing is drawn any more" not in live.output
+    assert "drawing has ended" not in live.output
     assert drawn.read_bytes().startswith(b"RRF2")
 
 

@@ -442,7 +442,7 @@ def test_a_viewer_that_stops_is_reported_once(caplog: pytest.LogCaptureFixture) 
     assert recording.calls == 3, "it is tried again"
     recording.trouble = "the viewer has crashed"
     sink.tick(state, [])
-    assert caplog.messages == ["nothing is drawn any more: the viewer is gone"]
+    assert caplog.messages == ["drawing has ended: the viewer is gone"]
     caplog.clear()
     watched: Any = SimpleNamespace(trouble="")
     sink = RerunSink(watched)

@@ -322,7 +322,7 @@ def test_a_viewer_that_fails_ends_nothing(
     rig.session.sinks.append(RerunSink(Failing()))  # type: ignore[arg-type]
     flown(rig, worn_pieces)
     rig.end()
-    assert caplog.text.count("nothing is drawn any more: the viewer is gone") == 1
+    assert caplog.text.count("drawing has ended: the viewer is gone") == 1
 
 
 def test_events_of_the_engine_are_not_kept(rig: Rig, worn_pieces: list[Piece]) -> None:

@@ -88,4 +88,4 @@ def test_the_page_judges_each_log_of_an_archive(mixed: Path, tmp_path: Path) -> 
     assert logs["one.tlog"].note == (
         "From flights.zip; not judged in it: notes.txt, /etc/hostname, ../up.tlog"
     )
-    assert logs["texts.zip"].problem == "no log is in it; it holds a.txt, b.txt"
+    assert logs["texts.zip"].problem == "it contains no log, but a.txt, b.txt"

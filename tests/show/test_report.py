@@ -140,7 +140,7 @@ def test_an_emergency_by_other_means_than_friction(new_verdict: New, new_assessm
     verdict = new_verdict("elevator", "emergency", 1.0, 3.0).model_copy(update={**bare, "suspects": suspects})
     text = markdown(new_assessment(verdict))
     assert text.startswith("# elevator: EMERGENCY\n")
-    assert "inspect gearbox and linkage for what blocks them" in text
+    assert "inspect gearbox and linkage for a blockage" in text
     assert "**How sure:** 91 of 91 windows" in text
     odd = verdict.model_copy(update={"suspects": (Suspect(fault="demagnetised", confidence=0.9),)})
     assert "inspect the actuator and its wiring" in markdown(new_assessment(odd))

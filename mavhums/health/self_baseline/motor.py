@@ -130,7 +130,7 @@ def lacking(records: Sequence[OwnRecord]) -> str | None:
     if highest > OVER_SUPPLY_TIMES * supply:
         return f"the motor had {highest:g} V, more than the supply_voltage of {supply:g} V in the profile"
     if not all(record.peak_a for record in records):
-        return "the records do not tell the highest current; analyse the logs again"
+        return "the records do not contain the highest current; analyse the logs again"
     return None
 
 

@@ -255,7 +255,7 @@ def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | Non
 def crowded_out(vehicle: int, tier: Tier | None, most: int) -> Verdict:
     """Return the verdict on a vehicle beyond the maximum number of judged vehicles."""
     why = (
-        f"more than {most} vehicles speak; this one came after them",
+        f"more than {most} vehicles transmit; this one came after them",
         "record each vehicle's link on its own; on a link, accept only signed frames (--key)",
     )
     return unjudged(vehicle, ALL, why, tier, {})

@@ -149,7 +149,7 @@ class JamDetector(Detector):
     fault: ClassVar[str] = "jam"
     quantity: ClassVar[str] = "commanded travel not flown"
     unit: ClassVar[str] = "1"
-    inspect: ClassVar[str] = "gearbox and linkage for what blocks them, and the actuator's supply"
+    inspect: ClassVar[str] = "gearbox and linkage for a blockage, and the actuator's supply"
     span_s: ClassVar[float | None] = JAM_SPAN_S
 
     def __init__(self, actuator: Actuator) -> None:
