@@ -176,8 +176,8 @@ def _follow(
         else:
             assessment = _show_until_end(session, ended, console, watched=watched)
         exits.pop_all()
-    taken = [one.finish() for one in drawn]
-    return assessment, all(taken)
+    finished = [one.finish() for one in drawn]
+    return assessment, all(finished)
 
 
 def _ended(stop: StopSignal, only_output: Spool | None) -> bool:

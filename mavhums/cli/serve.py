@@ -189,8 +189,8 @@ class _PageStore:
         except ValueError as error:
             problem = f"the process that keeps it ended with code {done.returncode}"
             raise MavhumsError(problem, "keep it with `mavhums analyse --history STORE --keep`") from error
-        if "told" in answer:
-            return str(answer["told"])
+        if "done" in answer:
+            return str(answer["done"])
         folder = f"{self._folder.absolute()}{os.sep}"
         problem, remedy = (answer[key].replace(folder, "") for key in ("problem", "remedy"))
         if "proposed" in answer:
@@ -212,12 +212,12 @@ def against_store(store: Path, log: str, settings: Settings) -> Settings:
 
 
 def answer_to(job: dict[str, Any]) -> dict[str, Any]:
-    """Return what was done as ``told``, or ``problem``, ``remedy`` and the aircraft that are ``proposed``."""
+    """Return what was done as ``done``, or ``problem``, ``remedy`` and the aircraft that are ``proposed``."""
     from mavhums.app.analysis import Failed
     from mavhums.flights.aircraft import UnnamedAircraftError
 
     try:
-        return {"told": _kept(Path(job["log"]), Path(job["store"]), job["options"])}
+        return {"done": _kept(Path(job["log"]), Path(job["store"]), job["options"])}
     except UnnamedAircraftError as error:
         return {"problem": error.problem, "remedy": error.remedy, "proposed": list(error.proposed)}
     except Exception as error:  # whatever it is, the page shows it and goes on

@@ -141,8 +141,8 @@ class Scene:
         The viewer sorts lanes by their paths, so each is drawn once more under a path that begins with its
         rank, which is not known before the end.
         """
-        told = [one for one in listed(digest(assessment).assessment) if one.gravest != "unmonitored"]
-        for rank, verdict in enumerate(told, 1):
+        shown = [one for one in listed(digest(assessment).assessment) if one.gravest != "unmonitored"]
+        for rank, verdict in enumerate(shown, 1):
             track = self._track(verdict.vehicle, verdict.actuator)
             path = f"/condition/{rank}_{path_part(name(verdict, assessment))}"
             track.lane(path)
@@ -154,7 +154,7 @@ class Scene:
         for track in self.ranked():
             seen = track.latest
             evidence = (seen.friction_nm, seen.p_emergency) if seen else (None, None)
-            condition = f"{track.held}, stale" if track.stale else track.held
+            condition = f"{track.condition}, stale" if track.stale else track.condition
             rows.append((self._title(track), condition, *evidence, track.since_s))
         text = live_markdown(rows)
         if text != self._report:
@@ -164,20 +164,20 @@ class Scene:
 
     def live_layout(self) -> rrb.Blueprint:
         """Return the layout for live use, with the worst actuator first."""
-        lanes = [self._lane(track, track.held, track.worst) for track in self.ranked()]
+        lanes = [self._lane(track, track.condition, track.worst) for track in self.ranked()]
         return layout(lanes, self._surroundings(), live=True)
 
     def shape(self) -> object:
         """Return the data that determine the layout; if they are unchanged, so is the layout."""
         shown = [
-            (track.root, track.held, track.present, len(track.faults), track.cause, track.angles)
+            (track.root, track.condition, track.present, len(track.faults), track.cause, track.angles)
             for track in self.ranked()
         ]
         return shown, self._surroundings()
 
     def ranked(self) -> list[Track]:
         """Return the tracks, worst first."""
-        return sorted(self._tracks.values(), key=lambda track: -URGENCY[track.held])
+        return sorted(self._tracks.values(), key=lambda track: -URGENCY[track.condition])
 
     def _lane(self, track: Track, condition: Condition, worst: Condition) -> Lane:
         faults = tuple(
@@ -219,7 +219,7 @@ class Scene:
                 vehicle,
                 actuator,
                 live=self._live,
-                taken={track.root for track in self._tracks.values()},
+                others={track.root for track in self._tracks.values()},
             )
             self._equip(self._tracks[key])
         return self._tracks[key]
@@ -249,7 +249,7 @@ class Scene:
         servos = {int(servo) for text in verdict.surfaces for servo in re.findall(r"servo (\d+)", text)}
         for actuator in known[0].actuators if known else ():
             track = self._tracks.get((verdict.vehicle, actuator.name))
-            if actuator.servo in servos and track and track.surface and track.held == "unmonitored":
+            if actuator.servo in servos and track and track.surface and track.condition == "unmonitored":
                 yield track.surface
 
     def _log_text(self, time_s: float, level: str, text: str) -> None:

@@ -62,7 +62,7 @@ class Track:
         Whose track it is; the entities lie under :func:`actuator_path`.
     live
         Whether a viewer follows.
-    taken
+    others
         Root paths of other tracks: names that differ in signs alone would share one.
 
     Attributes
@@ -81,7 +81,7 @@ class Track:
         Entity path of an axis's demanded and flown angles; None without any.
     known_s
         Flight time from which the profile is known.
-    held, worst
+    condition, worst
         The current condition, and the worst condition so far.
     stale
         Whether the actuator's telemetry is silent.
@@ -104,11 +104,11 @@ class Track:
         actuator: str,
         *,
         live: bool,
-        taken: Container[str] = (),
+        others: Container[str] = (),
     ) -> None:
         self.vehicle, self.actuator = vehicle, actuator
         self.root = actuator_path(vehicle, actuator)
-        while self.root in taken:
+        while self.root in others:
             self.root += "_"
         self.surface: Surface | Motor | None = None
         self.moved: list[Surface | Motor] = []
@@ -116,7 +116,7 @@ class Track:
         self.axis_limits = AxisLimits()
         self.angles: str | None = None
         self.known_s = 0.0
-        self.held: Condition = "undecided"
+        self.condition: Condition = "undecided"
         self.worst: Condition = "undecided"
         self.stale = False
         self.since_s: float | None = None
@@ -164,7 +164,7 @@ class Track:
             steps = np.diff(time, prepend=self._heard_s)
             for row in np.flatnonzero(steps > STALE_S).tolist():
                 self._fall_silent(float(time[row] - steps[row]))
-                self._state(float(time[row]), self.held)
+                self._state(float(time[row]), self.condition)
                 self.stale = False
         self._heard_s = float(time[-1])
         self._note_span(float(time[0]), self._heard_s)
@@ -173,7 +173,7 @@ class Track:
     def window(self, event: Window) -> None:
         """Add the results of a window."""
         self._note_span(event.start_s, event.end_s)
-        self.held = event.condition
+        self.condition = event.condition
         if event.friction_nm is not None or event.p_emergency is not None:
             self.latest = event
         self._windows.append(event)
@@ -207,23 +207,23 @@ class Track:
             self._state(self._first_s, event.before)
         self._state(event.since_s, event.after)
         self._signals.mark(event.since_s - _BEFORE_S, event.time_s + _AFTER_S)
-        self.held, self.since_s = event.after, event.since_s
+        self.condition, self.since_s = event.after, event.since_s
         if SEVERITY[event.after] >= SEVERITY[self.worst]:
             self.cause = event.fault
         self.worst = max(self.worst, event.after, key=SEVERITY.__getitem__)
 
     def conclude(self, verdict: Verdict) -> None:
-        """Show over the whole flight what only its comparison with the flights before told."""
+        """Show over the whole flight what only its comparison with earlier flights shows."""
         condition = verdict.condition
         if condition == "unmonitored":
-            self.held = self.worst = condition
+            self.condition = self.worst = condition
             self._states.clear()
             self._state_s = None
             return
         if condition in _FAULTY and SEVERITY[condition] > SEVERITY[self.worst]:
             self._states.clear()
             self._state_s = None
-            self.held = self.worst = condition
+            self.condition = self.worst = condition
             self._state(min(self._first_s, self.last_s), condition)
         if condition in _FAULTY and verdict.since and self._states and self._states[-1][1] == condition:
             # The verdict knows the earliest evidence, the alarm only that which raised it.
@@ -232,8 +232,10 @@ class Track:
             self._states[-1] = since_s, condition
         if condition not in _COMPARED or self._first_s == np.inf:
             return
-        self._states = [(at_s, condition if state == self.held else state) for at_s, state in self._states]
-        self.held = self.worst = condition
+        self._states = [
+            (at_s, condition if state == self.condition else state) for at_s, state in self._states
+        ]
+        self.condition = self.worst = condition
         if self._state_s is None:
             self._state(self._first_s, condition)
 
@@ -245,7 +247,7 @@ class Track:
     def flush(self) -> None:
         """Write buffered data."""
         if self._state_s is None and self._first_s < np.inf:
-            self._state(self._first_s, self.held)
+            self._state(self._first_s, self.condition)
         self._signals.flush()
         self._classes.flush()
         self._flush_windows()
@@ -255,7 +257,7 @@ class Track:
     def finish(self) -> None:
         """Write remaining data, and a state even for an actuator without data."""
         if self._state_s is None:
-            self._state(self._first_s if self._first_s < np.inf else 0.0, self.held)
+            self._state(self._first_s if self._first_s < np.inf else 0.0, self.condition)
         self._signals.finish()
         self._classes.finish()
         self.flush()
@@ -279,7 +281,7 @@ class Track:
         if not self.stale:
             self.stale = True
             if self._state_s is None:
-                self._state(self._first_s, self.held)
+                self._state(self._first_s, self.condition)
             self._state(time_s, STALE)
 
     def _state(self, time_s: float, state: str) -> None:

@@ -47,11 +47,11 @@ def _window(card: WindowCard, console: Console) -> None:
     measured = {_words(name): f"{value:.4g}" for name, value in card.metrics.items()}
     _pairs(console, "[bold]Network of windows[/]", facts | known)
     _pairs(console, "Its windows of flights not trained on", measured)
-    told = {
+    decided = {
         _words(name): ", ".join(f"{_words(said)} {count}" for said, count in row.items())
         for name, row in card.confusion.items()
     }
-    _pairs(console, "What they flew, and were decided as", told)
+    _pairs(console, "What they flew, and were decided as", decided)
     for line in card.selection.stage_lines(card.features):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
 

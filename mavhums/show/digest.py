@@ -193,8 +193,8 @@ def _of_the_flight(assessment: Assessment, without_wings: Sequence[str]) -> str:
         none = f"{_count(ranked, ranked)} unmonitored: {ranked[0].reason}"
         return f"{_count(well, ranked)} normal, the others unmonitored" if well else none
     if SEVERITY[word] <= SEVERITY["normal"] or word == "learning":
-        told = worst if word in ("learning", "undecided") else []
-        why = list(dict.fromkeys(verdict.reason or "" for verdict in told))
+        explained = worst if word in ("learning", "undecided") else []
+        why = list(dict.fromkeys(verdict.reason or "" for verdict in explained))
         if ranked[0].actuator == ALL and word == "undecided":
             return f"Undecided: {why[0].rstrip('.')}"
         return f"{_count(worst, ranked)} {word}" + (
@@ -266,7 +266,7 @@ def _together(verdicts: Sequence[Verdict]) -> Iterator[list[Verdict]]:
 
 
 def _title(alike: Sequence[Verdict], assessment: Assessment) -> str:
-    """Return what verdicts that are told as one are on: of a servo without telemetry it is the wear alone."""
+    """Return the subject of verdicts in one row: of a servo without telemetry it is the wear alone."""
     many = len(alike) > _NAMED
     names = f"{len(alike)} servos" if many else join(name(verdict, assessment) for verdict in alike)
     unseen = alike[0].gravest == "unmonitored" and alike[0].actuator != ALL
@@ -335,15 +335,15 @@ def _without_wingless(assessment: Assessment) -> tuple[Assessment, list[str]]:
         "usage": tuple(used for used in assessment.usage if used.vehicle not in lines),
     }
     several = len(by_vehicle) > 1
-    told = [f"vehicle {v}: {line}" if several else capital(line) for v, line in lines.items()]
-    return assessment.model_copy(update=rest), told
+    said = [f"vehicle {v}: {line}" if several else capital(line) for v, line in lines.items()]
+    return assessment.model_copy(update=rest), said
 
 
 def _wingless(own: Sequence[Verdict]) -> str | None:
     """Return what is said of a vehicle without wings and without servos that report; None of any other."""
     axes = next((v for v in own if v.subject == "axis" and v.remedy == NO_WINGS), None)
     if axes is None and any(v.subject == "motor" and v.actuator == MOTORS for v in own):
-        # Why its motors are not judged is told as it is of any subject; that it has no servos is not.
+        # Why its motors are not judged is said as of any subject; that it has no servos is not.
         return None
     if axes is None:
         return None

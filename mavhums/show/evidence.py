@@ -40,7 +40,7 @@ _Item = TypeVar("_Item")
 _Name = TypeVar("_Name")
 
 
-class Key(NamedTuple):
+class CurveKey(NamedTuple):
     """Whose evidence a curve shows, and of which fault."""
 
     vehicle: int
@@ -92,7 +92,7 @@ class EvidenceCollector:
 
     def __init__(self) -> None:
         self.texts = 0
-        self._thinners: dict[Key, Thinner] = {}
+        self._thinners: dict[CurveKey, Thinner] = {}
         self._followed: dict[tuple[int, str], Thinner] = {}
         self._samples: dict[tuple[int, str], Thinner] = {}
         self._votes: dict[tuple[int, str], Thinner] = {}
@@ -108,7 +108,7 @@ class EvidenceCollector:
             if isinstance(event, Indication) and event.end_s.size:
                 rows = np.column_stack([event.low, event.value, event.high])
                 known = np.isfinite(rows).all(axis=1)
-                key = Key(event.vehicle, event.actuator, event.fault)
+                key = CurveKey(event.vehicle, event.actuator, event.fault)
                 _add(self._thinners, key, event.end_s[known], rows[known])
             elif isinstance(event, Followed) and event.time_s.size:
                 angles = np.degrees(event.angles_rad)
@@ -128,7 +128,7 @@ class EvidenceCollector:
                 if thinner is not None:
                     thinner.add(event.time_s, event.latitude_longitude_deg)
 
-    def curves(self) -> dict[Key, Curve]:
+    def curves(self) -> dict[CurveKey, Curve]:
         """Return the curves, without empty ones."""
         found = {}
         for key, thinner in self._thinners.items():
@@ -247,7 +247,7 @@ class CaptionedCurve(NamedTuple):
     ----------
     vehicle
         Whose flight modes stand below it.
-    told
+    caption
         What the curve shows, for who does not see it.
     since_s
         Onset of what is wrong; None where nothing is.
@@ -255,7 +255,7 @@ class CaptionedCurve(NamedTuple):
 
     vehicle: int
     title: str
-    told: str
+    caption: str
     curve: Curve
     limits: tuple[Limit, ...] = ()
     since_s: float | None = None
@@ -280,20 +280,20 @@ def _all_evidence(assessment: Assessment, gathered: EvidenceCollector) -> Iterat
                 yield _attitude(verdict, axis, flown, assessment)
         alarms = [item.kind.removesuffix("_drift") for item in verdict.evidence]
         for fault in dict.fromkeys((*suspects, *alarms, "friction", "effectiveness")):
-            curve = curves.get(Key(verdict.vehicle, verdict.actuator, fault))
+            curve = curves.get(CurveKey(verdict.vehicle, verdict.actuator, fault))
             if curve is None or not curve.time_s.size:
                 continue
             what, limits = _limits(verdict, fault)
             since_s = verdict.since.flight_time_s if verdict.since and suspects else None
             last = curve.rows[-1]
-            told = (
+            caption = (
                 f"{what}: {last[1]:.3g} at the end (95 % interval {last[0]:.3g} to {last[2]:.3g}), "
                 f"highest {curve.rows[:, 1].max():.3g}, lowest {curve.rows[:, 1].min():.3g}"
             )
             bounds = "; ".join(f"{limit.name} {limit.value:.3g}" for limit in limits)
             title = f"{name(verdict, assessment)}: {what}"
-            told = f"{told}; {bounds}" if bounds else told
-            yield CaptionedCurve(verdict.vehicle, title, told, curve, limits, since_s)
+            caption = f"{caption}; {bounds}" if bounds else caption
+            yield CaptionedCurve(verdict.vehicle, title, caption, curve, limits, since_s)
         said = networks.get((verdict.vehicle, verdict.actuator))
         if said is not None:
             yield _network(verdict, said, assessment)
@@ -302,13 +302,13 @@ def _all_evidence(assessment: Assessment, gathered: EvidenceCollector) -> Iterat
 def _network(verdict: Verdict, said: Curve, assessment: Assessment) -> CaptionedCurve:
     """Return the network's answer over the flight, as the paper's figures 16 to 19 show it."""
     network = verdict.network.model.name if verdict.network else "the network"
-    told = "probability of an emergency; thick: ten seconds, at their middle; thin: each sample inside the"
-    told += " training range"
+    caption = "probability of an emergency; thick: ten seconds, at their middle; thin: each sample inside the"
+    caption += " training range"
     if verdict.network and verdict.network.share_of_samples is not None:
-        told += f"; it calls {percent(verdict.network.share_of_samples)} of those in motion an emergency"
+        caption += f"; it calls {percent(verdict.network.share_of_samples)} of those in motion an emergency"
     assert verdict.vehicle is not None
     title = f"{name(verdict, assessment)}: {network} on each sample"
-    return CaptionedCurve(verdict.vehicle, title, told, said, (Limit(0.5, "emergency above"),))
+    return CaptionedCurve(verdict.vehicle, title, caption, said, (Limit(0.5, "emergency above"),))
 
 
 def _attitude(verdict: Verdict, axis: str, curve: Curve, assessment: Assessment) -> CaptionedCurve:
@@ -317,12 +317,12 @@ def _attitude(verdict: Verdict, axis: str, curve: Curve, assessment: Assessment)
     assert verdict.vehicle is not None
     assert curve.demanded is not None
     apart = np.abs(curve.rows[:, 1] - curve.demanded)
-    told = f"{axis} angle, °: solid flown, dashed demanded"
+    caption = f"{axis} angle, °: solid flown, dashed demanded"
     if np.isfinite(apart).any():
         worst = int(np.nanargmax(apart))
-        told += f"; farthest apart by {apart[worst]:.0f}° at {clock(float(curve.time_s[worst]))}"
+        caption += f"; farthest apart by {apart[worst]:.0f}° at {clock(float(curve.time_s[worst]))}"
     title = f"{name(verdict, assessment)}: demanded and flown {axis} angle, °"
-    return CaptionedCurve(verdict.vehicle, title, told, curve, since_s=since_s)
+    return CaptionedCurve(verdict.vehicle, title, caption, curve, since_s=since_s)
 
 
 def _limits(verdict: Verdict, fault: str) -> tuple[str, tuple[Limit, ...]]:

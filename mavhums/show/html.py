@@ -101,7 +101,7 @@ class _DescribedPlot(NamedTuple):
     """A plot with the words that describe it."""
 
     title: str
-    told: str
+    caption: str
     drawing: Plot
 
 
@@ -158,7 +158,7 @@ def page(assessment: Assessment, gathered: EvidenceCollector) -> str:
     values = _values(assessment, gathered)
     plots = [
         _DescribedPlot(
-            one.title, one.told, plot(one.curve, one.limits, assessment.log.duration_s, one.since_s)
+            one.title, one.caption, plot(one.curve, one.limits, assessment.log.duration_s, one.since_s)
         )
         for one in evidence(values["said"].assessment, gathered)
     ]

@@ -109,8 +109,8 @@ def plot(
         line.append(_path(at, rows[:, 1]))
         if curve.demanded is not None:
             asked = curve.demanded[part]
-            told = np.isfinite(asked)
-            demand += [_path(at[told], y(asked[told]))] if told.any() else []
+            known = np.isfinite(asked)
+            demand += [_path(at[known], y(asked[known]))] if known.any() else []
     steps = _steps(low, high)
     digits = max(0, -floor(log10(steps[1] - steps[0]))) if len(steps) > 1 else 2
     return Plot(
@@ -197,7 +197,7 @@ def flight_charts(shown: Iterable[CaptionedCurve], gathered: EvidenceCollector, 
     """
     charts = []
     for one in shown:
-        drawn = chart(one.curve, one.limits, one.title, one.told)
+        drawn = chart(one.curve, one.limits, one.title, one.caption)
         drawn["since"] = one.since_s
         drawn["vehicle"] = one.vehicle
         charts.append(drawn)
@@ -205,7 +205,7 @@ def flight_charts(shown: Iterable[CaptionedCurve], gathered: EvidenceCollector, 
     return {"duration": duration_s, "charts": charts, "modes": modes, "tracks": gathered.tracks()}
 
 
-def chart(curve: Curve, limits: Sequence[Limit], title: str, told: str, *, whole: bool = False) -> Chart:
+def chart(curve: Curve, limits: Sequence[Limit], title: str, caption: str, *, whole: bool = False) -> Chart:
     """Return a curve as columns; a row of nulls stands where nothing is known.
 
     Parameters
@@ -214,7 +214,7 @@ def chart(curve: Curve, limits: Sequence[Limit], title: str, told: str, *, whole
         Over seconds, or over whatever its times are.
     limits
         Levels that it is compared with.
-    title, told
+    title, caption
         What it shows: in short, and in words for who does not see it.
     whole
         Whether a long time without a value is no gap, as between two flights.
@@ -224,7 +224,7 @@ def chart(curve: Curve, limits: Sequence[Limit], title: str, told: str, *, whole
     columns = zip(("low", "value", "high"), curve.rows.T, strict=True)
     drawn: Chart = {
         "title": _text(title),
-        "told": _text(told),
+        "caption": _text(caption),
         "range": [low, high],
         "limits": [{"value": one.value, "name": one.name, "label": one.label} for one in limits],
         "time": np.insert(np.round(curve.time_s, 2), cuts, curve.time_s[cuts]).tolist(),

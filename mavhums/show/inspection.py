@@ -17,7 +17,7 @@ from mavhums.show.digest import NOT_JUDGED
 from mavhums.show.servo_tables import usage
 from mavhums.show.terminal import indented
 from mavhums.show.words import join
-from mavhums.show.words import losses as told_losses
+from mavhums.show.words import losses as loss_words
 
 _MOST_NAMED = 100
 _NAMED_SUBJECTS = 3
@@ -62,11 +62,11 @@ def _verdict(inspection: Inspection) -> str:
     if not inspection.vehicles:
         return "Nothing can be judged: no vehicle speaks in this log, ground station or other traffic only"
     several = len(inspection.vehicles) > 1
-    told = []
+    parts = []
     for vehicle in inspection.vehicles:
         text = _wingless(vehicle) or _what(vehicle.subjects)
-        told.append(f"vehicle {vehicle.vehicle}: {text}" if several else f"{text[:1].upper()}{text[1:]}")
-    return "; ".join(told)
+        parts.append(f"vehicle {vehicle.vehicle}: {text}" if several else f"{text[:1].upper()}{text[1:]}")
+    return "; ".join(parts)
 
 
 def _what(subjects: Sequence[Judgeable]) -> str:
@@ -176,8 +176,8 @@ def _lines(vehicle: VehicleTelemetry) -> Iterator[str]:
 
 
 def _who(vehicle: VehicleTelemetry) -> str:
-    told = (vehicle.kind, vehicle.firmware or vehicle.autopilot, vehicle.board and f"board {vehicle.board}")
-    names = ", ".join(printable(name) for name in told if name)
+    facts = (vehicle.kind, vehicle.firmware or vehicle.autopilot, vehicle.board and f"board {vehicle.board}")
+    names = ", ".join(printable(name) for name in facts if name)
     return f" ({names})" if names else ""
 
 
@@ -202,7 +202,7 @@ def _losses(inspection: Inspection, console: Console) -> None:
     losses = inspection.losses
     for note in _notes(inspection):
         console.print(f"\n{note}", highlight=False, markup=False)
-    console.print(f"\nLog losses: {told_losses(losses)}.", highlight=False)
+    console.print(f"\nLog losses: {loss_words(losses)}.", highlight=False)
     if losses.bad_crc_frames:
         console.print(f"  wrong checksums: {_ranked(losses.bad_crc_by_message)}", highlight=False)
     if losses.regions:

@@ -148,11 +148,11 @@ def _section(verdict: Verdict, title: str) -> str:
 
 def _findings(verdict: Verdict) -> Iterator[str]:
     """Yield the findings; if there are many, only the first and the last ones."""
-    told = [f"- {_literal(finding(item))}" for item in verdict.evidence]
-    if len(told) > _FIRST + _LAST + 1:
-        left_out = len(told) - _FIRST - _LAST
-        told[_FIRST:-_LAST] = [f"- … {left_out} more findings (`mavhums analyse --json` has them all)"]
-    yield from told
+    lines = [f"- {_literal(finding(item))}" for item in verdict.evidence]
+    if len(lines) > _FIRST + _LAST + 1:
+        left_out = len(lines) - _FIRST - _LAST
+        lines[_FIRST:-_LAST] = [f"- … {left_out} more findings (`mavhums analyse --json` has them all)"]
+    yield from lines
 
 
 def _indicators(found: Sequence[Indicator]) -> str:

@@ -145,7 +145,7 @@ def outline(verdicts: Iterable[Verdict]) -> list[DrawnSurface]:
         for name in moved:
             if name != ALL and kind(name):
                 one = verdict.gravest, by
-                found[name] = max(found.get(name, one), one, key=lambda held: _weight(held[0]))
+                found[name] = max(found.get(name, one), one, key=lambda condition: _weight(condition[0]))
     shown = list(found)[:_MOST]
     kinds = [kind(name) for name in shown]
     return [

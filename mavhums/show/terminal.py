@@ -113,12 +113,12 @@ def _table(subjects: Sequence[Subject], width: int) -> Table:
     widths = [
         max(len(title), *(len(row[column]) for row in rows)) + _GAP for column, title in enumerate(titles)
     ]
-    shown, taken = set(_KEPT[:2]), widths[0] + widths[1]
+    shown, used = set(_KEPT[:2]), widths[0] + widths[1]
     for column in _KEPT[2:]:
         if all(row[column].plain == _NOTHING for row in rows):
             continue
-        taken += widths[column]
-        if taken <= width:
+        used += widths[column]
+        if used <= width:
             shown.add(column)
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for column in sorted(shown):
@@ -195,7 +195,7 @@ def line_of(log: Path, judged: Assessment | MavhumsError) -> Line:
 
 
 def _what(assessment: Assessment) -> str:
-    """Return what was found in a few words, for reasons and remedies are told elsewhere.
+    """Return what was found in a few words, for reasons and remedies stand elsewhere.
 
     Examples
     --------

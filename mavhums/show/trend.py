@@ -169,8 +169,8 @@ def _reasons(report: TrendReport) -> list[str]:
             flown = join(start[:16].replace("T", " ") for start in one.left_out)
             lines.append(f"{_title(one, report)}: outlier, left out of the trend line: {flown} UTC.")
     if report.repairs:
-        told = join(f"{one.actuator or 'all actuators'} {one.at_utc[:10]}" for one in report.repairs)
-        lines.append(f"Repaired: {told}; flights before that no longer count.")
+        repaired = join(f"{one.actuator or 'all actuators'} {one.at_utc[:10]}" for one in report.repairs)
+        lines.append(f"Repaired: {repaired}; flights before that no longer count.")
     lines += [said for one in report.trends if (said := _peak(one, report))]
     for other in report.others:
         why = f": {other.reason}" if other.reason else ""
@@ -204,7 +204,7 @@ class TrendView(NamedTuple):
     ----------
     actuator, condition
         Whose trend it is, and its gravest condition in the last flight, of whatever indicator.
-    told
+    caption
         The last value with its interval, the change and the slope.
     life
         Growth with the flights left to each limit, or why there are none.
@@ -215,7 +215,7 @@ class TrendView(NamedTuple):
     actuator: str
     condition: Condition
     title: str
-    told: str
+    caption: str
     life: str
     first: bool
     chart: Chart
@@ -239,8 +239,8 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[Repair
     unit = "" if trend.unit == "1" else f" {trend.unit}"
     title = f"{trend.quantity}{f', {unit.strip()}' if unit else ''}"
     marks = _marks(trend, repairs)
-    told = "; ".join([_trend_text(trend, unit), *(text for _, text in marks)])
-    drawn = chart(Curve(days_ms, rows), limits, title, told, whole=True)
+    caption = "; ".join([_trend_text(trend, unit), *(text for _, text in marks)])
+    drawn = chart(Curve(days_ms, rows), limits, title, caption, whole=True)
     drawn["marks"] = [{"at": _milliseconds(at_utc), "text": text} for at_utc, text in marks]
     drawn["flights"] = [point.flight for point in trend.points]
     drawn["starts"] = [point.start_utc for point in trend.points]
@@ -248,7 +248,7 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[Repair
         actuator=f"{prefix}{trend.actuator}{' control' if trend.subject == 'axis' else ''}",
         condition=trend.condition,
         title=title,
-        told=told,
+        caption=caption,
         life=_life(trend),
         first=trend.fault in _MAIN or trend.growth is not None or _beyond(trend),
         chart=drawn,

@@ -170,18 +170,18 @@ def _how_much(verdict: Verdict, *, alarmed: bool) -> str:
         return f"its thrust could be judged in {coverage.decidable} of {coverage.windows} s"
     if alarmed and not coverage.decidable:
         return "control effectiveness is judged apart from that, and could not be in this flight"
-    told = f"control effectiveness could be judged in {coverage.decidable} of {coverage.windows} s"
+    judged = f"control effectiveness could be judged in {coverage.decidable} of {coverage.windows} s"
     if coverage.judged_from_s is not None:
-        told += f", from {clock(coverage.judged_from_s)} on"
+        judged += f", from {clock(coverage.judged_from_s)} on"
     if not coverage.excluded:
-        return told
+        return judged
     until = "" if coverage.excluded_until_s is None else f", the last at {clock(coverage.excluded_until_s)}"
     loss = percent(1.0 - NORMAL_EFFECTIVENESS)
-    return f"{told}; a loss of {loss} or more is excluded over {coverage.excluded} s{until}"
+    return f"{judged}; a loss of {loss} or more is excluded over {coverage.excluded} s{until}"
 
 
 def network_cell(verdict: Verdict) -> str | None:
-    """Return the condition that the network held; of an old file its last probability.
+    """Return the condition of the network; of an old file its last probability.
 
     The share of single samples would mislead here: without the load torque a quarter of a healthy flight's
     samples may say emergency, and no window does.

@@ -151,10 +151,10 @@ def test_the_page_asks_whose_log_it_is_and_leaves_nothing_behind(flown: Path, st
     assert answer["proposed"] == ["D-A"]
     assert [*(store / "kept").iterdir()] == []
     assert names(store) == {"D-A": OLD}
-    assert "kept in the store" in answer_to(job | {"options": {"aircraft": "=D-A"}})["told"]
+    assert "kept in the store" in answer_to(job | {"options": {"aircraft": "=D-A"}})["done"]
     assert names(store) == {"D-A": OLD + 1}
     again = answer_to(job | {"log": str(flown / "D-A" / "0.tlog")})
-    assert "has this log already" in again["told"]
+    assert "has this log already" in again["done"]
     assert len([*(store / "kept").iterdir()]) == 1
     assert names(store) == {"D-A": OLD + 1}
 

@@ -163,7 +163,7 @@ def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_
     assert len(rudder.first) == 2
     shown = rudder.first[0]
     assert (shown.title, shown.life) == ("play, °", TOLD)
-    assert shown.told.startswith("flight 12: 0.2 (0.1 to 0.3) °, 95 % interval")
+    assert shown.caption.startswith("flight 12: 0.2 (0.1 to 0.3) °, 95 % interval")
     assert elevator.first[0].life == "It does not grow"
     (chart,) = json.loads(elevator.more.unescape())["charts"]
     assert (chart["title"], chart["life"]) == ("play, °", "It does not grow")
@@ -186,7 +186,7 @@ def test_repairs_are_marked_at_their_dates() -> None:
     (shown,) = trends_shown(report, {})[0].first
     (mark,) = shown.chart["marks"]
     assert mark == {"at": shown.chart["time"][-1], "text": f"repair {last[:10]}"}
-    assert mark["text"] in shown.told
+    assert mark["text"] in shown.caption
 
 
 def test_texts_of_a_store_are_never_markup() -> None:

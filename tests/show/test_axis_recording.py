@@ -123,5 +123,5 @@ def test_where_nothing_is_wrong_what_was_judged_has_the_first_lane(tmp_path: Pat
 
 def test_names_that_differ_in_signs_alone_have_lanes_of_their_own() -> None:
     first = Track(open_stream("x"), 1, "left aileron", live=False)
-    other = Track(open_stream("x"), 1, "left-aileron", live=False, taken={first.root})
+    other = Track(open_stream("x"), 1, "left-aileron", live=False, others={first.root})
     assert (first.root, other.root) == ("/vehicle_1/left_aileron", "/vehicle_1/left_aileron_")

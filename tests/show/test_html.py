@@ -21,7 +21,7 @@ from mavhums.engine.events import Followed, Indication, Notice
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Suspect, Verdict
-from mavhums.show.evidence import Curve, EvidenceCollector, Key, Limit
+from mavhums.show.evidence import Curve, CurveKey, EvidenceCollector, Limit
 from mavhums.show.html import ICONS, page
 from mavhums.show.html_plot import plot
 from mavhums.show.outline import outline
@@ -225,7 +225,7 @@ def test_thinning_keeps_the_peak_and_the_order_of_the_bounds() -> None:
     value = np.full(50_000, 0.2)
     value[31_234] = 0.9
     event = Indication(1, "elevator", "friction", np.arange(50_000.0), value, value - 0.01, value + 0.01)
-    curve = gathered(event).curves()[Key(1, "elevator", "friction")]
+    curve = gathered(event).curves()[CurveKey(1, "elevator", "friction")]
     assert curve.time_s.size <= 1200
     assert curve.rows[:, 1].max() == 0.9
     assert (np.diff(curve.rows, axis=1) >= 0).all()

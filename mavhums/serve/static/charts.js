@@ -220,9 +220,9 @@ function figure(chart, whole, parent) {
   made("h3", chart.title, place);
   if (chart.life) made("p", chart.life, place);
   const box = made("div", "", place, "chart");
-  made("figcaption", chart.told, place);
+  made("figcaption", chart.caption, place);
   const opened = chart.links && ((event) => event.seriesName === "value" && location.assign(chart.links[event.dataIndex]));
-  draw(box, `${chart.title}: ${chart.told}`, () => option(chart, whole), opened);
+  draw(box, `${chart.title}: ${chart.caption}`, () => option(chart, whole), opened);
 }
 
 function more(title, parent, fill) {
