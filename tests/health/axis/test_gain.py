@@ -98,6 +98,12 @@ def test_streams_below_three_hertz_give_no_reference(spacing: float, told: bool)
     assert gain.too_slow is not told
 
 
+def test_a_flight_too_short_for_a_reference_tells_nothing_of_its_streams() -> None:
+    gain = new_tracker("roll")
+    gain.feed(replace(rolling(20, lost(99, 1.0)), spacing=np.full(20 * 20, 5.0)))
+    assert (gain.usable_s, gain.spacing_s, gain.too_slow) == (20, 0.0, False)
+
+
 def test_pitch_needs_ten_hertz() -> None:
     flight = rolling(80, lost(99, 1.0))
     for spacing, refused in ((0.1, False), (0.25, True)):

@@ -10,9 +10,16 @@ import numpy as np
 import pytest
 
 from mavhums.core.conditions import Condition
+from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.past import compare_response
-from mavhums.health.axis.response import ResponseSums
-from mavhums.health.axis.thresholds import PAST_FLIGHTS, PAST_RATE_RATIO
+from mavhums.health.axis.response import ResponseSums, stretches
+from mavhums.health.axis.thresholds import (
+    PART_S,
+    PAST_FLIGHTS,
+    PAST_RATE_RATIO,
+    WINDOW_DEVIATION,
+    WINDOW_SECONDS,
+)
 from mavhums.health.estimation.least_squares import unpacked
 from mavhums.results.verdict import OwnRecord, Verdict
 from mavhums.vehicle.grid import RATE_HZ
@@ -153,6 +160,26 @@ def test_a_loss_that_is_over_leaves_the_worst_condition() -> None:
     assert (found.condition, found.worst) == ("normal", "emergency")
     assert found.effectiveness is not None
     assert found.effectiveness.estimate == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_minute_shows_its_gain_relative_to_that_of_the_earlier_flights() -> None:
+    found = [*stretches([record(flight(180, gain=1.1 * GAIN))], PAST)]
+    assert [(one.start_s, one.end_s, one.seconds) for one in found] == [
+        (1.0, 61.0, 60),
+        (61.0, 121.0, 60),
+        (121.0, 171.0, 50),
+    ]
+    for one in found:
+        compared = one.compared
+        assert compared.baseline.mean == pytest.approx(1.0, abs=0.02)
+        value = compared.indicator.value
+        assert value.estimate == pytest.approx(1.1, abs=0.03)
+        # The parts scatter by what a window's gain differs in, whatever the gain is.
+        parts = one.seconds / PART_S
+        assert (value.high - value.low) / 2 == pytest.approx(
+            NORMAL_95 * WINDOW_DEVIATION / parts**0.5, rel=0.1
+        )
+        assert compared.indicator.windows == parts * WINDOW_SECONDS
 
 
 def test_what_is_within_the_scatter_of_flights_is_no_loss() -> None:

@@ -13,8 +13,15 @@ from mavhums.core.arrays import Array
 from mavhums.core.quantities import column
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import RIPPLE, ROUGHNESS, TWO_WAYS
-from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
+from mavhums.health.estimation.slots import SlotCutter, Slots, with_extra_columns
 from mavhums.health.estimation.strokes import StrokeSums
+from mavhums.health.estimation.thresholds import (
+    LEAST_STROKE_SAMPLES,
+    LONGEST_STROKE_S,
+    MOVING_ANGLE_DEG_S,
+    STROKE_BEGIN_S,
+    STROKE_END_S,
+)
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.results.verdict import OwnRecord
 from tests.health.self_baseline.servo import blank
@@ -141,6 +148,32 @@ def test_the_stroke_with_which_a_log_ends_counts() -> None:
     part = left((time_s[within], values[within]), ROUGHNESS)
     assert part is not None
     assert len(part.groups) == 4
+
+
+def ramp(deg_s: float, samples: int) -> OwnRecord | None:
+    """Return what a log of one stroke leaves; times are binary fractions, so that speeds are exact."""
+    time_s: Array = np.arange(samples) / 32.0
+    values = np.full((samples, 12), np.nan)
+    values[:, [column("V1"), column("V3")]] = (deg_s * time_s)[:, None]
+    sums = StrokeSums(ROUGHNESS, blank())
+    one = np.array([0])
+    sums.feed(Slots(one, one, slice(0, samples), time_s, with_extra_columns(values)))
+    return sums.record()
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_stroke_is_faster_than_the_least_speed(way: float) -> None:
+    assert ramp(way * MOVING_ANGLE_DEG_S, 160) is None
+    assert ramp(way * 1.001 * MOVING_ANGLE_DEG_S, 160) is not None
+
+
+def test_a_stroke_is_neither_too_short_nor_too_long() -> None:
+    begin, end = (int(np.ceil(32 * seconds)) for seconds in (STROKE_BEGIN_S, STROKE_END_S))
+    least, most = begin + LEAST_STROKE_SAMPLES + end, int(32 * LONGEST_STROKE_S) + 1
+    found = [ramp(10.0, samples) for samples in (least - 1, least, most, most + 1)]
+    assert [one is not None for one in found] == [False, True, True, False]
+    assert found[2] is not None
+    assert (found[2].rate_hz, found[2].duration_s) == (32.0, LONGEST_STROKE_S)
 
 
 def test_a_load_the_other_way_is_another_baseline() -> None:

@@ -1,0 +1,64 @@
+"""Which speed a servo with a measured angle has: its register, or the slope of the angle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mavhums.core.quantities import column
+from mavhums.health.estimation.equations.interface import ServoSpeed
+from mavhums.health.estimation.flight_sums import AngleIntegrator
+from mavhums.health.estimation.slots import Slots, with_extra_columns
+from mavhums.health.estimation.thresholds import COARSE_LEAST_CHANGES, COARSE_SPEED_SHARE
+from tests.health.self_baseline.servo import blank
+
+LEAST = COARSE_LEAST_CHANGES
+HALF = round(COARSE_SPEED_SHARE * LEAST)
+
+
+def second(turns: int, steps: int, unknown: int = 0) -> tuple[Slots, ServoSpeed]:
+    """Return a second in which the angle changes so often, and the register in the first so many of these.
+
+    The register is not known in the last ``unknown`` changes of the angle.
+    """
+    n = turns + 1
+    values = np.full((n, 12), np.nan)
+    values[:, column("V3")] = np.arange(n)
+    speed = np.minimum(np.arange(n), steps) * 1.0
+    if unknown:
+        speed[-unknown:] = np.nan
+    time_s = np.arange(n) / 100.0
+    slots = Slots(np.array([0]), np.array([0]), slice(0, n), time_s, with_extra_columns(values))
+    return slots, ServoSpeed(speed, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("turns", "steps", "coarse"),
+    [(LEAST, HALF, False), (LEAST, HALF - 1, True), (LEAST - 1, 0, None), (LEAST, LEAST, False)],
+)
+def test_a_register_that_changes_less_often_than_the_angle_is_coarse(
+    turns: int, steps: int, coarse: bool | None
+) -> None:
+    turned = AngleIntegrator()
+    slots, register = second(turns, steps)
+    used = turned.fine_speed(blank(), slots, register)
+    assert turned.coarse is coarse
+    assert (used is register) == (not coarse)
+    if coarse:
+        assert used.rad_s[3:-3] == pytest.approx(np.radians(100.0))
+
+
+def test_what_the_register_does_not_tell_is_no_step_of_it() -> None:
+    turned = AngleIntegrator()
+    turned.fine_speed(blank(), *second(2 * LEAST, HALF - 1, LEAST))
+    assert turned.coarse is True
+    other = AngleIntegrator()
+    other.fine_speed(blank(), *second(2 * LEAST, 0, LEAST + 1))
+    assert other.coarse is None
+
+
+def test_the_first_second_with_motion_decides() -> None:
+    turned = AngleIntegrator()
+    for turns, steps in ((LEAST, 0), (LEAST, LEAST)):
+        turned.fine_speed(blank(), *second(turns, steps))
+    assert turned.coarse is True

@@ -1,0 +1,51 @@
+"""The condition of vehicles without a profile and of actuators that are not judged."""
+
+from __future__ import annotations
+
+import pytest
+
+from mavhums.actuator.telemetry import TIERS, Tier
+from mavhums.core.conditions import Condition
+from mavhums.health.verdict.actuator import unjudged_vehicle
+from mavhums.results.verdict import ALL
+from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
+
+JUDGED, SEEN = (next(one for one in TIERS if one.judged == judged) for judged in (True, False))
+SURFACES = Surfaces(
+    (SurfaceOutput(1, "aileron", 1500, 400), SurfaceOutput(2, "rudder", 1500, 400)), "profile"
+)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "tier", "condition"),
+    [
+        (1, None, "unmonitored"),
+        (1, SEEN, "unmonitored"),
+        (1, JUDGED, "undecided"),
+        (None, None, "undecided"),
+        (None, SEEN, "undecided"),
+        (None, JUDGED, "undecided"),
+    ],
+)
+def test_a_vehicle_whose_servos_tell_nothing_is_unmonitored(
+    vehicle: int | None, tier: Tier | None, condition: Condition
+) -> None:
+    [found] = unjudged_vehicle(vehicle, tier)
+    assert (found.vehicle, found.actuator, found.condition) == (vehicle, ALL, condition)
+    assert found.tier == (tier and tier.name)
+    assert (found.reason == "no vehicle found in this log") == (vehicle is None)
+
+
+@pytest.mark.parametrize(("tier", "each"), [(None, True), (SEEN, True), (JUDGED, False)])
+def test_each_known_surface_without_feedback_is_unmonitored(tier: Tier | None, each: bool) -> None:
+    found = [*unjudged_vehicle(1, tier, surfaces=SURFACES)]
+    names = [SURFACES.named(moved) for moved in SURFACES.moved]
+    assert [one.actuator for one in found] == (names if each else [ALL])
+    assert {one.condition for one in found} == {"unmonitored" if each else "undecided"}
+    # A log without a vehicle has no surface either.
+    assert [one.actuator for one in unjudged_vehicle(None, tier, surfaces=SURFACES)] == [ALL]
+
+
+def test_a_helicopters_rotors_stand_for_its_surfaces() -> None:
+    found = [*unjudged_vehicle(1, None, surfaces=SURFACES, rotors={3: "tail rotor"})]
+    assert [(one.actuator, one.condition) for one in found] == [("tail rotor (servo 3)", "unmonitored")]
