@@ -290,7 +290,8 @@ def stretches(own: Sequence[OwnRecord], past: Sequence[Sequence[OwnRecord]]) -> 
             ComparedIndicator.of(shown, baseline),
             # Gusts move the aircraft and, through the autopilot, the surfaces against it: where little else
             # drives these, the gain is underestimated.
-            seconds >= POOLED_LEAST_S and minute.grams[:, 0, 0].sum() >= DRIVEN_SHARE * power * seconds,
+            seconds >= POOLED_LEAST_S
+            and float(minute.grams[:, 0, 0].sum()) >= DRIVEN_SHARE * power * seconds,
         )
 
 

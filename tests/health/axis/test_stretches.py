@@ -1,0 +1,107 @@
+"""The minutes of a flight beside earlier flights, with sums of products of known gains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from mavhums.core.statistics import NORMAL_95
+from mavhums.health.axis.response import RESPONSE, Stretch, stretches
+from mavhums.health.axis.thresholds import (
+    DRIVEN_SHARE,
+    JUDGED_ERROR,
+    PART_S,
+    PAST_FLIGHTS,
+    PAST_REFERENCES,
+    POOLED_LEAST_S,
+    POOLED_S,
+    WINDOW_DEVIATION,
+)
+from mavhums.health.estimation.least_squares import packed
+from mavhums.results.verdict import OwnRecord
+
+SPEED = 20.0
+PARTS = POOLED_S // PART_S
+
+
+def record(gains: Sequence[float], drive2: float = 1.0, seconds: float = PART_S) -> OwnRecord:
+    """Return the record of a flight with these gains in its parts, apart from which nothing responds."""
+    groups = []
+    for k, gain in enumerate(gains, start=1):
+        gram = np.eye(4)  # drive, two others, response
+        gram[0, 0], gram[0, 3], gram[3, 3] = drive2, gain * drive2, gain**2 * drive2
+        gram[3, 0] = gram[0, 3]
+        groups.append((float(seconds), k * seconds, SPEED, *packed(gram)))
+    return OwnRecord(
+        equation=RESPONSE, setup="sensor", rate_hz=10.0, duration_s=len(gains) * seconds, groups=tuple(groups)
+    )
+
+
+def past(*gains: float, drive2: float = 1.0) -> list[tuple[OwnRecord]]:
+    return [(record([gain] * PARTS, drive2),) for gain in gains]
+
+
+PAST = past(*[2.0] * PAST_FLIGHTS)
+
+
+def found(own: OwnRecord, before: list[tuple[OwnRecord]] = PAST) -> list[Stretch]:
+    return [*stretches([own], before)]
+
+
+def test_the_error_is_the_scatter_of_the_parts_beside_that_of_windows() -> None:
+    spread = 0.2
+    [minute] = found(record([2.0 * (1.0 + spread), 2.0 * (1.0 - spread)] * (PARTS // 2)))
+    value = minute.compared.indicator.value
+    assert value.estimate == pytest.approx(1.0)
+    error = (spread**2 / (PARTS - 1) + WINDOW_DEVIATION**2 / PARTS) ** 0.5
+    assert (value.high - value.low) / 2 == pytest.approx(NORMAL_95 * error)
+
+
+@pytest.mark.parametrize(("share", "shown"), [(0.99, 1), (1.01, 0)])
+def test_a_minute_with_a_large_error_shows_nothing(share: float, shown: int) -> None:
+    own = (share * JUDGED_ERROR) ** 2 - WINDOW_DEVIATION**2 / PARTS
+    spread = (own * (PARTS - 1)) ** 0.5
+    assert len(found(record([2.0 * (1.0 + spread), 2.0 * (1.0 - spread)] * (PARTS // 2)))) == shown
+
+
+def test_a_minute_is_as_certain_as_the_earlier_flights_at_best() -> None:
+    spread = 0.2
+    scattered = [(record([2.0 * (1.0 + spread), 2.0 * (1.0 - spread)] * (PARTS // 2)),)] * PAST_FLIGHTS
+    [minute] = found(record([2.0] * PARTS), scattered)
+    value = minute.compared.indicator.value
+    error = (spread**2 / (PARTS - 1) + WINDOW_DEVIATION**2 / PARTS) ** 0.5
+    assert (value.high - value.low) / 2 == pytest.approx(NORMAL_95 * error)
+
+
+@pytest.mark.parametrize(("share", "driven"), [(1.0, True), (0.999, False)])
+def test_a_minute_is_driven_from_a_share_of_the_usual_drive_on(share: float, driven: bool) -> None:
+    [minute] = found(record([2.0] * PARTS, DRIVEN_SHARE * share))
+    assert minute.is_driven is driven
+
+
+@pytest.mark.parametrize(("seconds", "driven"), [(POOLED_LEAST_S, True), (POOLED_LEAST_S - 1, False)])
+def test_a_short_minute_is_not_driven(seconds: int, driven: bool) -> None:
+    [minute] = found(record([2.0] * 5, drive2=10.0, seconds=seconds / 5))
+    assert (minute.seconds, minute.is_driven) == (seconds, driven)
+
+
+def test_only_earlier_flights_with_more_than_one_driven_part_count() -> None:
+    assert found(record([2.0] * PARTS), [*PAST[1:], (record([2.0, 2.0]),)])
+    assert not found(record([2.0] * PARTS), [*PAST[1:], (record([2.0]),)])
+
+
+def test_only_so_many_earlier_flights_count() -> None:
+    usual, other = past(*[2.0] * PAST_REFERENCES), past(3.0, 3.0, 3.0)
+    [minute] = found(record([2.0] * PARTS), [*usual, *other])
+    assert minute.compared.baseline.flights == PAST_REFERENCES
+    assert minute.compared.indicator.value.estimate == pytest.approx(1.0)
+
+
+def test_earlier_flights_whose_gains_contradict_each_other_are_no_baseline() -> None:
+    """The strongest drive tells the usual gain, and most flights another sign."""
+    strong = past(2.0, drive2=100.0)
+    assert found(record([2.0] * PARTS), [*strong, *past(*[2.0] * (PAST_FLIGHTS - 1))])
+    assert not found(record([2.0] * PARTS), [*strong, *past(*[-2.0] * (PAST_FLIGHTS - 1))])
+    assert not found(record([2.0] * PARTS), past(*[0.0] * PAST_FLIGHTS))
