@@ -18,7 +18,7 @@ from mavhums.health.estimation.thresholds import GUARD_S, MOST_PLAUSIBLE, WINDOW
 
 BUS, SHAFT, SENSED, APART, AIRSPEED, TURNED = (len(KEYS) + k for k in range(6))
 MAGNITUDES = slice(len(KEYS) + 6, len(KEYS) + 9)
-COLUMNS = len(KEYS) + 9
+COLUMNS = MAGNITUDES.stop
 _V2, _V3, _V7, _V10 = (column(key) for key in ("V2", "V3", "V7", "V10"))
 
 

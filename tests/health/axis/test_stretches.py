@@ -39,6 +39,18 @@ def record(gains: Sequence[float], drive2: float = 1.0, seconds: float = PART_S)
     )
 
 
+def mixed(other: float, together: float) -> OwnRecord:
+    """Return the record of a flight with gain 2 whose response has a share of another column.
+
+    ``together`` is the sum of products of that column with the drive.
+    """
+    gram = np.eye(4)
+    gram[0, 1] = gram[1, 0] = together
+    gram[:3, 3] = gram[3, :3] = gram[:3, :3] @ [2.0, other, 0.0]
+    rows = [(float(PART_S), float(k * PART_S), SPEED, *packed(gram)) for k in range(1, PARTS + 1)]
+    return record([1.0]).model_copy(update={"groups": tuple(rows)})
+
+
 def past(*gains: float, drive2: float = 1.0) -> list[tuple[OwnRecord]]:
     return [(record([gain] * PARTS, drive2),) for gain in gains]
 
@@ -57,6 +69,26 @@ def test_the_error_is_the_scatter_of_the_parts_beside_that_of_windows() -> None:
     assert value.estimate == pytest.approx(1.0)
     error = (spread**2 / (PARTS - 1) + WINDOW_DEVIATION**2 / PARTS) ** 0.5
     assert (value.high - value.low) / 2 == pytest.approx(NORMAL_95 * error)
+
+
+def test_what_others_do_to_the_response_is_no_gain() -> None:
+    """How much they do is known from the earlier flights, in which they were apart from the drive."""
+    [minute] = found(mixed(0.7, 0.5), [(mixed(0.7, 0.0),)] * PAST_FLIGHTS)
+    assert minute.compared.indicator.value.estimate == pytest.approx(1.0)
+    [minute] = found(mixed(0.9, 0.5), [(mixed(0.7, 0.0),)] * PAST_FLIGHTS)
+    assert minute.compared.indicator.value.estimate == pytest.approx((2.0 + 0.5 * (0.9 - 0.7)) / 2.0)
+
+
+def test_a_minute_ends_with_its_last_part() -> None:
+    own = record([2.0] * 6)
+    lengths = [20.0, 10.0, 30.0, 15.0, 5.0, 30.0]
+    ends = np.cumsum(lengths) + 100.0
+    ends[3:] += 7.0  # a pause between the minutes
+    parts = [
+        (length, float(end), *row[2:]) for length, end, row in zip(lengths, ends, own.groups, strict=True)
+    ]
+    minutes = found(own.model_copy(update={"groups": tuple(parts)}))
+    assert [(one.start_s, one.end_s, one.seconds) for one in minutes] == [(100, 160, 60), (160, 217, 50)]
 
 
 @pytest.mark.parametrize(("share", "shown"), [(0.99, 1), (1.01, 0)])
