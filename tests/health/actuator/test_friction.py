@@ -277,6 +277,17 @@ def test_an_unknown_share_of_the_load_makes_no_emergency(load_friction: float) -
     assert judged(time_s, values, with_load_friction(None)).worst != "emergency"
 
 
+def test_a_friction_that_may_be_that_of_the_load_is_no_verdict() -> None:
+    """The same flight is one where the profile has the share of the load."""
+    time_s, values = loaded(0.9, 0.3)
+    found = judged(time_s, values, with_load_friction(None)).findings()
+    assert found.condition == "undecided"
+    assert found.no_friction is not None
+    assert found.no_friction[0].startswith("its friction of 0.9 N·m may be that of the load")
+    assert found.no_friction[1] == "fill in load_friction of [actuators.ema]"
+    assert judged(time_s, values, with_load_friction(0.3)).findings().condition == "emergency"
+
+
 def test_a_friction_beyond_any_share_of_the_load_stands() -> None:
     time_s, values = loaded(2.5, 0.3)
     assert judged(time_s, values, with_load_friction(None)).worst == "emergency"

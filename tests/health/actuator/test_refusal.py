@@ -7,7 +7,12 @@ import pytest
 from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
+from mavhums.health.actuator.detectors.friction import FrictionDetector, _too_few, why_no_friction
 from mavhums.health.actuator.monitor import ActuatorFindings
+from mavhums.health.actuator.thresholds import FRICTION_SAMPLES
+from mavhums.health.estimation.equations import Fits
+from mavhums.health.estimation.motion import motion
+from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums_sim.conditions import Condition
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch
 
@@ -90,13 +95,46 @@ def test_its_current_stands_still() -> None:
     assert "the current does not follow the motion" in reason(judged(time_s, values))
 
 
-def test_its_friction_is_too_uncertain() -> None:
+@pytest.mark.parametrize("load_friction", [0.0, None])
+def test_its_friction_is_too_uncertain(load_friction: float | None) -> None:
     time_s, values = healthy()
     rng = np.random.default_rng(4)
     values[:, _V5] += rng.normal(0.0, 4.0, time_s.size)
     values[:, _V8] = np.nan
     values[:, _V4] = np.nan
-    assert "moves too little both ways: its friction is known to ±" in reason(judged(time_s, values))
+    actuator = actuator_of()
+    ema = EMA.model_copy(update={"load_friction": load_friction})
+    found = watch(Telemetry(time_s, values), actuator.model_copy(update={"ema": ema}))[1]
+    assert "moves too little both ways: its friction is known to ±" in reason(found)
+
+
+@pytest.mark.parametrize(
+    ("usable", "moving", "why"),
+    [
+        (FRICTION_SAMPLES // 2 - 1, FRICTION_SAMPLES, "of these have a current of known sign"),
+        (FRICTION_SAMPLES // 2, FRICTION_SAMPLES, "too little to show friction"),
+        (0, FRICTION_SAMPLES - 1, "too little to show friction"),
+    ],
+)
+def test_what_moves_has_samples_without_a_sign(usable: int, moving: int, why: str) -> None:
+    found = _too_few(usable, moving, 2 * moving)[0]
+    assert "moves in 50 % of the samples" in found
+    assert found.endswith(why)
+
+
+def test_its_telemetry_is_as_slow_as_the_profile_allows() -> None:
+    time_s, values = healthy()
+    values[:, _V7] = np.abs(values[:, _V7]) + 100.0
+    values[:, [_V4, _V11]] = np.nan
+    fits, cutter = Fits(actuator_of(), FrictionDetector.equations), SlotCutter()
+    slots = cutter.feed(time_s, with_extra_columns(values))
+    assert slots is not None
+    fits.feed(slots, motion(actuator_of(), slots))
+    detector, least_hz = FrictionDetector(actuator_of()), actuator_of().min_rate_hz
+    for rate_hz, why in ((least_hz, "moves one way only"), (0.99 * least_hz, "less than the profile's")):
+        found = why_no_friction(detector, fits.whole(), moving=999, samples=999, rate_hz=rate_hz)
+        assert found is not None
+        assert why in found[0]
 
 
 @pytest.mark.parametrize("lost", [0.55, 0.7, 0.8, 0.9])

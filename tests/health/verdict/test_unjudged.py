@@ -1,13 +1,14 @@
-"""The condition of vehicles without a profile and of actuators that are not judged."""
+"""What is said of vehicles without a profile, and of actuators that are not judged."""
 
 from __future__ import annotations
 
 import pytest
 
+from mavhums.actuator.freshness import NOT_USED
 from mavhums.actuator.telemetry import TIERS, Tier
 from mavhums.core.conditions import Condition
-from mavhums.health.verdict.actuator import unjudged_vehicle
-from mavhums.results.verdict import ALL
+from mavhums.health.verdict.actuator import unjudged, unjudged_vehicle, with_refused
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
 
 JUDGED, SEEN = (next(one for one in TIERS if one.judged == judged) for judged in (True, False))
@@ -49,3 +50,33 @@ def test_each_known_surface_without_feedback_is_unmonitored(tier: Tier | None, e
 def test_a_helicopters_rotors_stand_for_its_surfaces() -> None:
     found = [*unjudged_vehicle(1, None, surfaces=SURFACES, rotors={3: "tail rotor"})]
     assert [(one.actuator, one.condition) for one in found] == [("tail rotor (servo 3)", "unmonitored")]
+
+
+PROVENANCE = {
+    "V4": "ESC_STATUS.voltage",
+    "V5": "ESC_STATUS.current" + NOT_USED.format("the current is refreshed once a second"),
+    "V7": "ESC_STATUS.rpm" + NOT_USED.format("the speed has no sign"),
+}
+REFUSED = "the current is refreshed once a second; the speed has no sign"
+
+
+def undecided(reason: str, provenance: dict[str, str] = PROVENANCE) -> Verdict:
+    return unjudged(1, "elevator", (reason, "fly longer"), None, provenance)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [("", REFUSED), ("V7 not measured", f"{REFUSED}; V7 not measured")]
+)
+def test_an_undecided_actuator_names_what_no_equation_can_use(before: str, after: str) -> None:
+    found = with_refused(undecided(before))
+    assert found.reason == after
+    assert found.remedy == "record V5 and V7 as sampled at the motor, with sign"
+    assert with_refused(found) == found
+
+
+def test_a_verdict_without_anything_refused_stays_as_it_is() -> None:
+    for one in (
+        undecided("fly", {"V4": PROVENANCE["V4"]}),
+        undecided("fly").model_copy(update={"condition": "normal"}),
+    ):
+        assert with_refused(one) is one
