@@ -11,6 +11,7 @@ from mavhums.health.estimation.flight_sums import KEPT, POWER_COLUMNS, QUADRATIC
 from mavhums.health.estimation.least_squares import packed
 from mavhums.health.estimation.thresholds import LOAD_SHOWS_ERRORS
 from mavhums.health.estimation.wear import (
+    Law,
     Nuisances,
     _law,
     information,
@@ -147,3 +148,19 @@ def test_the_wear_with_known_nuisances_is_that_of_least_squares() -> None:
     loaded = wear(parts(*grams), Nuisances({KEPT.index("speed"): 0.3, KEPT.index("loaded"): 0.1}, (), 2.0))
     assert loaded is not None
     assert loaded.value == pytest.approx(found.value + 0.1 * 2.0)
+
+
+def test_a_flight_without_motion_teaches_nothing_of_the_power() -> None:
+    rng = np.random.default_rng(3)
+    flown, still = [], [np.zeros((POWER_COLUMNS, POWER_COLUMNS))] * 4
+    for _ in range(4):
+        columns = rng.standard_normal((50, POWER_COLUMNS))
+        columns[:, -1] += 3.0 * columns[:, list(QUADRATIC)].sum(axis=1)
+        flown.append(columns.T @ columns)
+    one, other = (parts(*grams).model_copy(update={"equation": POWER.name}) for grams in (flown, still))
+    alone, beside = learned([one]), learned([one, other])
+    assert isinstance(alone, Law)
+    assert isinstance(beside, Law)
+    assert beside.quadratic.tolist() == alone.quadratic.tolist()
+    assert alone.quadratic == pytest.approx(3.0, abs=0.5)
+    assert learned([other]) is None
