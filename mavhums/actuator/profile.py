@@ -98,6 +98,7 @@ class Limits(Contract):
     emergency: _Positive
     # 0.1 is 26 K of warming of copper: less would call a warm winding degraded.
     resistance_gain: _Positive = 0.1
+    # The defaults below are a judgement of what is worth a repair; no benchmark sets them.
     torque_constant_loss: _Positive = 0.1
     backlash_deg: _Positive | None = None
     sensor_bias_deg: _Positive | None = None
