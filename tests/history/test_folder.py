@@ -16,6 +16,7 @@ from mavhums.flights import flight_file as files
 from mavhums.flights import folder
 from mavhums.flights.folder import CHECKPOINT, FlightFolder, keep_assessment, read_history
 from mavhums.flights.history import with_duplicate_flights
+from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.verdict import OwnRecord
 from tests.flights import START, flown, identity, shown, verdict, write_wear
 
@@ -187,6 +188,38 @@ def test_a_landing_reads_its_own_file_only(tmp_path: Path, reads: list[Path]) ->
     assert folder.with_flight(flown(verdict(shown(0.2)))).baselines("paper", LATER)
     assert FlightFolder(tmp_path).baselines("paper", LATER)
     assert reads == [kept]
+    latest = keep_assessment(flown(verdict(shown(0.2)), day=5001), tmp_path)
+    reads.clear()
+    assert FlightFolder(tmp_path).baselines("paper", LATER)
+    assert reads == [latest], "by a command of its own, too"
+
+
+def test_a_landing_tells_the_same_as_the_whole_folder(tmp_path: Path) -> None:
+    write_wear(tmp_path, flights=REFERENCE_FLIGHTS + 2)
+    FlightFolder(tmp_path)
+    for day in (1000, -1000):  # the second is late: the first flight of the baseline
+        keep_assessment(flown(verdict(shown(0.1)), day=day, identities=[identity(day=day)]), tmp_path)
+        followed, whole = FlightFolder(tmp_path), read_history(tmp_path)
+        assert followed.baselines("paper", LATER) == whole.baselines("paper", LATER)
+        assert followed.owners() == whole.owners()
+
+
+def test_the_last_flight_judged_again_into_another_file_counts_once(tmp_path: Path) -> None:
+    write_wear(tmp_path, flights=12)
+    before = FlightFolder(tmp_path).baselines("paper", LATER)
+    (tmp_path / "again.json").write_text(flown(verdict(shown(0.1)), day=11).to_json(), encoding="utf-8")
+    after = FlightFolder(tmp_path).baselines("paper", LATER)
+    assert before != after == read_history(tmp_path).baselines("paper", LATER)
+
+
+@pytest.mark.parametrize("content", ["{", "[1]"], ids=["broken", "foreign"])
+def test_what_cannot_be_read_is_told_in_the_order_of_the_files(tmp_path: Path, content: str) -> None:
+    write_wear(tmp_path, flights=3)
+    for name in ("b", "a"):
+        (tmp_path / f"{name}.json").write_text(content, encoding="utf-8")
+        followed, whole = FlightFolder(tmp_path), read_history(tmp_path)
+        assert [str(error) for error in followed.errors] == [str(error) for error in whole.errors]
+        assert followed.notices == whole.notices
 
 
 def test_late_flights_in_one_run_read_each_file_once(tmp_path: Path, reads: list[Path]) -> None:

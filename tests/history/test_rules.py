@@ -19,6 +19,7 @@ from mavhums.flights.aircraft import (
     KnownAircraft,
     UnnamedAircraftError,
     aircraft_of,
+    board_of,
     check_aircraft_rule,
 )
 from mavhums.flights.corrections import Correction, Repair
@@ -27,11 +28,11 @@ from mavhums.flights.flight_file import _check_plausible
 from mavhums.flights.folder import keep_assessment
 from mavhums.flights.history import PastFlight
 from mavhums.flights.naming import check_aircraft_named, foreign_board_among
-from mavhums.flights.reports import _is_soon, _kinds, _silent
+from mavhums.flights.reports import _flights_left, _is_soon, _kinds, _of_flight, _of_last, _silent
 from mavhums.flights.standing import Flown, _finding, flights_left, reason_of, standing_of, step_of
 from mavhums.flights.trends import _at_end, _change, _error, _highest, _life, _rank, _why_unknown
 from mavhums.results.standing import FlightsLeft, Growth, Interval, Standing, Step
-from mavhums.results.verdict import Coverage, Evidence, Verdict
+from mavhums.results.verdict import Coverage, Evidence, Indicator, Verdict
 from tests.flights import START, flown, identity, shown, verdict
 from tests.history.test_copies import recording
 
@@ -591,6 +592,75 @@ def test_a_board_of_another_aircraft_is_said(
     store: Any = Answers(*rows)
     found = foreign_board_among(store, aircraft, board, START.isoformat())
     assert found == said or (said is not None and found is not None and f"compared with {said}, but" in found)
+
+
+@pytest.mark.parametrize(
+    ("boards", "board"),
+    [((), None), (("0A",), "0A"), (("0A", "0A"), "0A"), (("0A", "0B"), None), (("0A", None), None)],
+)
+def test_a_log_has_a_board_if_all_its_flights_have_the_same(
+    boards: tuple[str | None, ...], board: str | None
+) -> None:
+    assert board_of(flown(verdict(), identities=[identity(board=one) for one in boards])) == board
+
+
+def test_more_aircraft_than_are_shown_are_indicated() -> None:
+    names = [f"D-{number:02}" for number in range(corrections._SHOWN_NAMES + 1)]
+    all_but_one: Any = Answers(*((name,) for name in reversed(names[:-1])))
+    assert corrections.named_in(all_but_one) == f"the store has: {', '.join(names[:-1])}"
+    every: Any = Answers(*((name,) for name in names))
+    assert corrections.named_in(every) == f"the store has: {', '.join(names[:-1])}, …"
+    none: Any = Answers()
+    assert corrections.named_in(none) == "the store has: none with a name"
+
+
+FRICTION = shown(0.25)
+BACKLASH = shown(0.5, fault="backlash")
+
+
+@pytest.mark.parametrize(
+    ("judged", "finding"),
+    [
+        (verdict(), None),
+        (verdict(BACKLASH), None),
+        (verdict(BACKLASH, FRICTION), FRICTION),
+        (verdict(shown(0.75, fault="effectiveness"), FRICTION), FRICTION),
+        (verdict(BACKLASH, shown(0.75, fault="effectiveness")), shown(0.75, fault="effectiveness")),
+        (verdict(BACKLASH, FRICTION, suspect="backlash"), BACKLASH),
+        (verdict(BACKLASH, FRICTION, suspect="stiffness"), FRICTION),
+    ],
+)
+def test_a_row_of_the_table_shows_the_indicator_of_its_finding(
+    judged: Verdict, finding: Indicator | None
+) -> None:
+    judged = judged.model_copy(update={"reason": "because"})
+    row = _of_flight({"aircraft": "D-A", "start_us": 5, "verdict": judged.model_dump_json()})
+    one = finding.value.model_dump() if finding else {}
+    assert row == {
+        **{"aircraft": "D-A", "start_us": 5, "start_utc": 5, "reason": "because", **one},
+        "finding": finding.fault if finding else None,
+        "unit": finding.unit if finding else None,
+        "limit": finding.limit if finding else None,
+        "emergency": finding.emergency if finding else None,
+        "suspect": judged.suspects[0].fault if judged.suspects else None,
+    }
+
+
+def test_the_last_row_of_an_actuator_tells_how_it_stands() -> None:
+    stands = standing("degraded")
+    state = {"state": "degraded", "state_since_utc": stands.since_utc}
+    assert _of_last(stands) == state
+    to = left(3.0, 1.0, 7.0).model_copy(update={"expected_utc": "2026-04-01"})
+    grows = growth(emergency=to)
+    assert _of_last(stands.model_copy(update={"growth": grows})) == state | {
+        "grows": "Coulomb friction",
+        "growth_per_flight": grows.per_flight.estimate,
+        "flights_to_emergency": to.estimate,
+        "flights_to_emergency_low": to.low,
+        "flights_to_emergency_high": to.high,
+        "date_emergency": "2026-04-01",
+    }
+    assert _flights_left("degraded", None) == {}
 
 
 @pytest.mark.parametrize(

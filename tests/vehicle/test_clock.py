@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
+from mavhums.vehicle import clocks as clocks_module
 from mavhums.vehicle.clock import BOOT, BROKEN, SOUND, UNSTAMPED, USEC, MappedTimes, VehicleClock
 from mavhums.vehicle.clocks import Clocks, _forget_oldest, _repeated
 
@@ -303,3 +304,70 @@ def test_copies_without_a_stamp_are_told_by_their_sequence_numbers(size: int) ->
         assert kept - 400 <= missed
         assert clocks.copies.get((1, "VFR_HUD"), 0) == order.size - kept
         assert kept >= 400
+
+
+def doubled(*received_s: float, late_s: float = 0.01) -> dict[str, Table]:
+    """Return stamped messages that arrive twice from the first second on, and plain ones at some times."""
+    at = sorted([(1.0 + k / 2 + late, 0, k) for k in range(20) for late in (0.0, late_s)])
+    at = sorted(at + [(second, 1, 0) for second in received_s])
+    order = np.arange(len(at))
+    found = {}
+    for kind, name in enumerate(("ATTITUDE", "VFR_HUD")):
+        rows = [(second, k) for second, one, k in at if one == kind]
+        received_us = [round(second * 1e6) for second, _ in rows]
+        sent_ms = [1000 + 500 * k if name == "ATTITUDE" else 7 for _, k in rows]
+        made = table(name, sent_ms, sequence=[k for _, k in rows], received_us=received_us)
+        made.frame[:] = order[[one == kind for _, one, _ in at]]
+        found[name] = made
+    return found
+
+
+@pytest.mark.parametrize("cut", [1, 3, 1000])
+@pytest.mark.parametrize(
+    ("received_s", "kept_s"),
+    [
+        ([0.25, 0.5], [0.25, 0.5]),  # nothing has shown a second route yet
+        ([0.25, 1.25], [0.25, 1.25]),  # the original came before the route was found
+        ([1.25, 1.5], [1.25]),
+        ([1.25, 2.25, 6.5], [1.25]),  # a copy of a copy
+        ([1.25, 1.25 + 5.0], [1.25]),
+        ([1.25, 1.25 + 5.001], [1.25, 1.25 + 5.001]),
+    ],
+)
+def test_only_a_message_without_a_stamp_after_a_second_route_and_of_the_last_seconds_is_a_copy(
+    received_s: list[float], kept_s: list[float], cut: int
+) -> None:
+    clocks, kept = Clocks(), list[int]()
+    whole = doubled(*received_s)
+    for first in range(0, sum(map(len, whole.values())), cut):
+        inside = {
+            name: part.select((part.frame >= first) & (part.frame < first + cut))
+            for name, part in whole.items()
+        }
+        kept += (clocks.feed(inside)["VFR_HUD"].time_us - START_US).tolist()
+    assert kept == [round(second * 1e6) for second in kept_s]
+
+
+def test_only_the_sender_with_a_second_route_has_copies() -> None:
+    whole, clocks = doubled(1.25, 1.5, 2.25, 2.5), Clocks()
+    whole["VFR_HUD"].component[2:] = 2
+    kept = clocks.feed(whole)["VFR_HUD"].time_us - START_US
+    assert kept.tolist() == [1_250_000, 2_250_000, 2_500_000]
+
+
+def test_of_many_senders_only_the_last_messages_of_those_heard_last_are_remembered(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(clocks_module, "_STREAMS", 3)
+    monkeypatch.setattr(clocks_module, "_REMEMBERED", 2)
+    clocks = Clocks()
+    for component in (1, 2, 3, 1, 4):
+        whole = doubled(*(1.25 + k / 10 for k in range(8)))
+        for part in whole.values():
+            part.component[:] = component
+        clocks.feed(whole)
+    senders = [256 + component for component in (3, 1, 4)]
+    assert [sender for _, sender in clocks._seen] == senders
+    assert [sender for _, sender in clocks._echoes] == senders
+    assert {codes.size for _, codes in clocks._seen.values()} == {2}
+    assert {(times.size, codes.size) for times, codes in clocks._echoes.values()} == {(2, 2)}

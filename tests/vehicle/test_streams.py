@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import mavlink
 from mavhums.vehicle.grid import Grid, Seconds
-from mavhums.vehicle.signals import DERIVED, CandidateStream, Choice
+from mavhums.vehicle.signals import _AGREEMENT_S, DERIVED, CandidateStream, Choice
 
 Array = NDArray[np.float64]
 GYRO, ESTIMATE = 0, 1
@@ -133,3 +133,17 @@ def test_an_outage_of_the_whole_link_tells_nothing_about_a_stream() -> None:
     before, outage, after = [0.2] * 10, [1.2] * 10, [1.2] * 10
     lost = chosen((0, before + outage + after), (1, before + outage + [0.2] * 10))
     assert lost.index(1) == 21  # as soon as without the outage: the second silent second of the first stream
+
+
+def test_what_agreed_is_forgotten_with_a_time_constant() -> None:
+    """Seconds without a common row are not compared."""
+    choice, rows = Choice(1.2), 20
+    seconds = round(_AGREEMENT_S)
+    own, truth = np.zeros((2, 2 + 2 * seconds, rows, 1))
+    own[0], truth[0] = 6.0, 3.0
+    truth[1 : 1 + seconds] = np.nan
+    spacing = np.full((own.shape[0], rows), 0.2)
+    turning = CandidateStream(DERIVED, truth, spacing)
+    choice.step(own.shape[0], [CandidateStream(0, own, spacing), turning], turning)
+    kept = np.exp(-(1 + seconds) / _AGREEMENT_S)
+    assert choice._agreed == {0: pytest.approx((18.0 * kept, 9.0 * kept))}
