@@ -13,7 +13,9 @@ from mavhums.health.estimation.thresholds import LOAD_SHOWS_ERRORS
 from mavhums.health.estimation.wear import (
     Law,
     Nuisances,
+    _friction,
     _law,
+    _power_grams,
     information,
     learned,
     load_direction,
@@ -131,19 +133,22 @@ def test_a_flight_teaches_by_the_inverse_variance_of_its_residuals() -> None:
     assert found.free == (KEPT.index("angle"),)
 
 
-def test_the_wear_with_known_nuisances_is_that_of_least_squares() -> None:
-    """Without nuisances but a known drag: the friction, its jackknife over the parts, and its freedom."""
-    grams = [gram_of(size, size, 0.2, 0.05) for size in (40, 50, 60, 70)]
+@pytest.mark.parametrize(("seed", "larger"), [(0, "jackknife"), (1, "independent")])
+def test_the_wear_with_known_nuisances_is_that_of_least_squares(seed: int, larger: str) -> None:
+    """Without nuisances but a known drag: the friction, the larger of its two errors, and its freedom."""
+    grams = [gram_of(size, size + seed, 0.2, 0.05) for size in (40, 50, 60, 70)]
     found = wear(parts(*grams), Nuisances({KEPT.index("speed"): 0.3}, ()))
     pull = np.array([gram[0, -1] - 0.3 * gram[0, 1] for gram in grams])
     size = np.array([gram[0, 0] for gram in grams])
     others = (pull.sum() - pull) / (size.sum() - size)
     assert found is not None
     assert found.value == pytest.approx(pull.sum() / size.sum())
-    jackknife = np.sqrt(3 / 4 * np.sum((others - others.mean()) ** 2))
+    errors = {"jackknife": np.sqrt(3 / 4 * np.sum((others - others.mean()) ** 2))}
     squares = sum(gram[-1, -1] - 0.6 * gram[1, -1] + 0.09 * gram[1, 1] for gram in grams)
-    independent = np.sqrt((squares - found.value**2 * size.sum()) / (400.0 - 4 - 1) / size.sum())
-    assert found.error == pytest.approx(max(jackknife, independent), rel=1e-5)
+    left = squares - found.value**2 * size.sum()
+    errors["independent"] = np.sqrt(left / (400.0 - 4 - 1) / size.sum())
+    assert max(errors, key=errors.__getitem__) == larger
+    assert found.error == pytest.approx(errors[larger], rel=1e-5)
     assert found.freedom == pytest.approx(size.sum() ** 2 / np.sum(size**2) - 1.0)
     loaded = wear(parts(*grams), Nuisances({KEPT.index("speed"): 0.3, KEPT.index("loaded"): 0.1}, (), 2.0))
     assert loaded is not None
@@ -164,3 +169,103 @@ def test_a_flight_without_motion_teaches_nothing_of_the_power() -> None:
     assert beside.quadratic.tolist() == alone.quadratic.tolist()
     assert alone.quadratic == pytest.approx(3.0, abs=0.5)
     assert learned([other]) is None
+
+
+def loaded_parts(seed: int, load_friction: float) -> tuple[list[Array], Array]:
+    """Return the sums of four parts with friction by load, and all their samples."""
+    rng = np.random.default_rng(seed)
+    X = rng.standard_normal((400, len(KEPT)))
+    X[:, 0] = np.sign(X[:, 1])
+    loaded = KEPT.index("loaded")
+    X[:, loaded] = X[:, 0] * (2.0 + np.abs(X[:, loaded]))
+    X[:, -1] = 0.2 * X[:, 0] + 0.3 * X[:, 1] + load_friction * X[:, loaded] + 0.1 * rng.standard_normal(400)
+    return [part.T @ part for part in np.split(X, 4)], X
+
+
+@pytest.mark.parametrize(("errors", "shown"), [(1.03, True), (0.97, False), (-1.03, False), (-3.0, False)])
+def test_a_friction_by_load_shows_from_some_errors_on(errors: float, shown: bool) -> None:
+    """One that is negative is no friction, however surely it shows."""
+    loaded, (_, samples) = KEPT.index("loaded"), loaded_parts(4, 0.0)
+    design = samples[:, [0, 1, 2, 3, loaded]]
+    coefficients, squares, _, _ = np.linalg.lstsq(design, samples[:, -1])
+    variance = float(squares[0]) / (400 - 4 - 4 - 1)  # samples, parts, coefficients and the friction
+    error = (variance * np.linalg.inv(design.T @ design)[-1, -1]) ** 0.5
+    load_friction = errors * LOAD_SHOWS_ERRORS * error
+    grams, samples = loaded_parts(4, load_friction - coefficients[-1])
+    record = parts(*grams)
+    found = learned([record])
+    assert isinstance(found, Nuisances)
+    assert found.load_friction == pytest.approx(load_friction if shown else 0.0)
+    assert found.load == pytest.approx(np.abs(samples[:, loaded]).mean() if shown else 0.0)
+
+
+def test_of_flights_with_and_without_a_recorded_load_none_is_learned() -> None:
+    record = parts(*loaded_parts(4, 0.5)[0])
+    kept = [k for k, name in enumerate(KEPT) if name != "loaded"]
+    earlier = parts(*(gram[np.ix_(kept, kept)] for gram in loaded_parts(5, 0.5)[0]))
+    for flights, load_friction in (([record, record], 0.5), ([record, earlier], 0.0)):
+        found = learned(flights)
+        assert isinstance(found, Nuisances)
+        assert found.load_friction == pytest.approx(load_friction, abs=0.03)
+
+
+def test_a_flight_that_moves_in_one_part_only_has_no_error() -> None:
+    still, moved = np.zeros((len(KEPT), len(KEPT))), gram_of(200, 1, 0.2, 0.05)
+    assert shows(parts(still, still, still, moved))
+    assert wear(parts(still, still, still, moved), Nuisances({}, ())) is None
+    assert wear(parts(still, still, moved, moved), Nuisances({}, ())) is not None
+
+
+LAW = Law(np.array([1.0, 0.5, 1.5, 1.0, 2.0, 3.0]), 0.3)
+
+
+def powered(seed: int, frictions: tuple[float, ...], noise: float = 0.1) -> OwnRecord:
+    """Return a record of the power under the law whose parts have these frictions."""
+    rng = np.random.default_rng(seed)
+    grams = []
+    for friction in frictions:
+        X = rng.standard_normal((60, POWER_COLUMNS))
+        X[:, -1] = noise * X[:, -1] + X[:, :-1] @ (friction * LAW.per_friction - LAW.left)[:-1]
+        grams.append(X.T @ X)
+    return parts(*grams, counts=60.0).model_copy(update={"equation": POWER.name})
+
+
+@pytest.mark.parametrize(("apart", "larger"), [(0.0, "independent"), (0.1, "jackknife")])
+def test_the_error_of_the_powers_friction_is_the_larger_of_two(apart: float, larger: str) -> None:
+    """That of its residuals, and that by which it differs without one part."""
+    record = powered(3, (0.3 - apart, 0.3 + apart, 0.3 - apart, 0.3 + apart))
+    found = wear(record, LAW)
+    fit = _friction(*_power_grams(record), LAW)
+    assert found is not None
+    assert fit is not None
+    size, pull = fit.weights * fit.information, fit.weights * fit.pull
+    others = np.array([np.delete(pull, k).sum() / np.delete(size, k).sum() for k in range(4)])
+    errors = {
+        "jackknife": (3 / 4 * ((others - others.mean()) ** 2).sum()) ** 0.5,
+        # Each part has an offset of its own, and a weight.
+        "independent": (240.0 / (240.0 - 2 * 4 - 1) / size.sum()) ** 0.5,
+    }
+    assert max(errors, key=errors.__getitem__) == larger
+    assert (found.value, found.error) == pytest.approx((pull.sum() / size.sum(), errors[larger]))
+    assert found.value == pytest.approx(0.3, abs=4 * found.error)
+    assert found.freedom == pytest.approx(size.sum() ** 2 / (size**2).sum() - 1.0)
+
+
+def test_the_parts_of_the_power_count_by_the_inverse_variance_of_their_residuals() -> None:
+    calm, rough = powered(1, (0.3, 0.3)), powered(2, (0.6, 0.6), noise=1.0)
+    both = calm.model_copy(update={"groups": calm.groups + rough.groups})
+    fit = _friction(*_power_grams(both), LAW)
+    assert fit is not None
+    assert fit.weights[:2].min() > 20.0 * fit.weights[2:].max()
+    longer = both.model_copy(update={"groups": tuple((2 * row[0], *row[1:]) for row in both.groups)})
+    twice = _friction(*_power_grams(longer), LAW)
+    assert twice is not None
+    assert twice.weights == pytest.approx(2.0 * fit.weights)
+
+
+def test_the_power_of_one_part_alone_has_no_error() -> None:
+    one = powered(1, (0.3,)).groups
+    still = (60.0, *packed(np.zeros((POWER_COLUMNS, POWER_COLUMNS))))
+    for groups, told in (((*one, still, still, still), False), ((*one, *one, still, still), True)):
+        record = powered(1, (0.3,)).model_copy(update={"groups": groups})
+        assert (wear(record, LAW) is not None) == told
