@@ -90,7 +90,7 @@ _FIRMWARE = re.compile(
 _BOARD: Final = re.compile(r"\S+ ([0-9A-F]{8}) ([0-9A-F]{8}) ([0-9A-F]{8})")
 _SIMULATED: Final = re.compile(r"(.?)([0-9a-f]{31})", re.DOTALL)
 _SERIAL: Final = b"BRD_SERIAL_NUM"
-_RELEASES: Final = {255: "", 192: "-rc", 128: "-beta", 64: "-alpha", 0: "-dev"}
+_RELEASES: Final = {192: "-rc", 128: "-beta", 64: "-alpha", 0: "-dev"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 
 from mavhums_sim import Flight, fly, write_tlog
 from tests.fleet_logs import moved
+from tests.flights import flown, verdict
 
 pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")
@@ -17,6 +19,7 @@ pytest.importorskip("duckdb")
 from mavhums import fleet
 from mavhums.flights import store as stores
 from mavhums.flights.store_tables import LOGS, SETTLED, Tables
+from tests.fleet.stores import row_of
 
 HOUR_S = 3_600.0
 LANDINGS = 70  # more than the small files that a store leaves as they are
@@ -52,6 +55,30 @@ def test_small_files_are_joined_while_flights_land(
     tables = Tables(str(tmp_path / "store"))
     assert max(tables.files(LOGS), tables.files(SETTLED)) <= 3
     assert len({path for path, _ in fleet.verdicts(tmp_path / "store", "D-A")}) == 6
+
+
+@pytest.mark.parametrize(("age_days", "removed"), [(6.9, False), (7.1, True)])
+def test_joining_removes_files_that_no_version_of_the_last_week_needs(
+    tmp_path: Path, age_days: float, removed: bool
+) -> None:
+    store, tables = stores.Store(tmp_path), Tables(str(tmp_path))
+    for day in range(2):
+        store.add_logs([row_of(flown(verdict(), day=day), "D-A")])
+    small = {*(tmp_path / LOGS).glob("*.parquet")}
+    tables.compact(LOGS)
+    for entry in (tmp_path / LOGS / "_delta_log").glob("*.json"):
+        aged = re.sub(
+            r'(?<="deletionTimestamp":)\d+',
+            lambda found: str(int(found[0]) - round(age_days * 86_400_000)),
+            entry.read_text(encoding="utf-8"),
+        )
+        entry.write_text(aged, encoding="utf-8")
+    Tables(str(tmp_path)).compact(LOGS)
+    left = {*(tmp_path / LOGS).glob("*.parquet")}
+    assert len(small) == 2
+    assert len(left - small) == 1
+    assert left & small == (set() if removed else small)
+    assert len(stores.Store(tmp_path).query("SELECT * FROM logs").fetchall()) == 2
 
 
 def test_a_scan_whose_tidying_fails_has_not_failed(

@@ -7,10 +7,13 @@ import json
 import os
 import re
 import shutil
+import socket
 import subprocess
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import jsonschema
 import pytest
@@ -21,7 +24,7 @@ from rich.console import Console
 import mavhums.live
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Notice, Samples
 from mavhums.live import Address
-from mavhums.live.links import AddressError
+from mavhums.live.links import AddressError, _enlarge
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.setup import SeenSignatures
 from mavhums.live.sinks import JsonLines, PlainLines, View, draw
@@ -80,6 +83,24 @@ def test_any_text_is_an_address_or_a_clear_error(text: str) -> None:
 def test_an_address_without_a_host_or_port_is_refused(url: str) -> None:
     with pytest.raises(AddressError):
         Address.parse(url)
+
+
+@pytest.mark.parametrize(("platform", "timed"), [("linux", True), ("darwin", False), ("win32", False)])
+def test_only_linux_is_asked_for_times_and_losses(
+    platform: str, timed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+
+    def refuse(level: int, option: int, value: int) -> None:
+        asked.append(option)
+        if len(asked) > 1:
+            raise PermissionError
+
+    monkeypatch.setattr(sys, "platform", platform)
+    link: Any = SimpleNamespace(setsockopt=refuse)
+    assert _enlarge(link) is timed
+    assert len(asked) == len(set(asked)) == (4 if timed else 1)
+    assert asked[0] == socket.SO_RCVBUF
 
 
 def test_the_error_names_the_forms() -> None:

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.log import Decoder, Table
 from mavhums.vehicle.formats import reports
-from mavhums.vehicle.identity import IDENTITY_MESSAGES, PERIPHERALS, Identities, in_words
+from mavhums.vehicle.identity import IDENTITY_MESSAGES, PERIPHERALS, Identities, _version, in_words
 from tests.log.ulog import writer
 from tests.logs import write_log
 
@@ -83,6 +83,13 @@ def test_firmware_and_board_are_named(tmp_path: Path) -> None:
     assert who.board == "0102" + "00" * 10
     who = identities(write_log(tmp_path / "two.tlog", [version(0x01020380, uid=0xABC)])).of(1)
     assert (who.board, who.firmware) == ("0000000000000ABC", "1.2.3-beta")
+
+
+def test_releases_are_those_of_mavlink() -> None:
+    for number, entry in v2.enums["FIRMWARE_VERSION_TYPE"].items():
+        name = entry.name.removeprefix("FIRMWARE_VERSION_TYPE_").lower()
+        if number < 256:
+            assert _version(0x01020300 + number) == ("1.2.3" if name == "official" else f"1.2.3-{name}")
 
 
 def test_a_text_names_the_firmware_better_than_a_number(tmp_path: Path) -> None:

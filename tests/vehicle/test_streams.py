@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import mavlink
 from mavhums.vehicle.grid import Grid, Seconds
-from mavhums.vehicle.signals import _AGREEMENT_S, DERIVED, CandidateStream, Choice
+from mavhums.vehicle.signals import (
+    _AGREEMENT_S,
+    _BETTER,
+    _DISAGREES,
+    _LESSER,
+    _MOVING_RAD_S,
+    DERIVED,
+    CandidateStream,
+    Choice,
+)
 
 Array = NDArray[np.float64]
 GYRO, ESTIMATE = 0, 1
@@ -147,3 +156,42 @@ def test_what_agreed_is_forgotten_with_a_time_constant() -> None:
     choice.step(own.shape[0], [CandidateStream(0, own, spacing), turning], turning)
     kept = np.exp(-(1 + seconds) / _AGREEMENT_S)
     assert choice._agreed == {0: pytest.approx((18.0 * kept, 9.0 * kept))}
+
+
+@pytest.mark.parametrize(("share", "used"), [(0.99, 0), (1.01, 1)])
+def test_a_stream_that_disagrees_is_left_where_its_cost_grows_beyond_that_of_another(
+    share: float, used: int
+) -> None:
+    length, rows, silent_s = 20, 20, 1.2
+    limit_s = 0.5 * _LESSER / (_BETTER * _DISAGREES)
+    values = np.ones((length, rows, 1))
+    turning = values.copy()
+    turning[0] = np.nan  # nothing to compare with yet
+    several = [
+        CandidateStream(rank, rates, np.full((length, rows), spacing_s))
+        for rank, rates, spacing_s in (
+            (0, -values, share * limit_s),
+            (1, values, 0.5),
+            (DERIVED, turning, silent_s),
+        )
+    ]
+    by_second = Choice(silent_s).step(length, several, several[-1]).tolist()
+    assert by_second == [0] + [used] * (length - 1)
+
+
+@pytest.mark.parametrize(
+    ("moving", "agrees", "used"),
+    [
+        (0.95 * _MOVING_RAD_S, True, 0),  # noise would be compared
+        (1.05 * _MOVING_RAD_S, True, 1),
+        (1.05 * _MOVING_RAD_S, False, 0),  # where no stream agrees, the attitude is wrong
+    ],
+)
+def test_a_stream_is_doubted_in_motion_where_another_agrees(moving: float, agrees: bool, used: int) -> None:
+    length, rows = 200, 20
+    values, spacing = np.full((length, rows, 1), moving), np.full((length, rows), 0.2)
+    several = [
+        CandidateStream(rank, sign * values, spacing)
+        for rank, sign in ((0, -1), (1, 1 if agrees else -1), (DERIVED, 1))
+    ]
+    assert Choice(1.2).step(length, several, several[-1])[-1] == used
