@@ -232,19 +232,18 @@ class EffectivenessTracker:
         stacked = np.array([[s.drive2, s.cross, s.answer2] for s in sums])
         assert self.reference is not None
         left = np.array([[s.raw, self.reference.gain * s.driven] for s in sums])
-        seconds = [
-            replace(
-                self._second(rows.second + k + 1, stacked[:, :, k], int(sums[0].count[k]), left[:, :, k]),
-                excluded=self._exclusion.feed(*excluding[k]) if k in excluding else 0,
-            )
-            for k in range(rows.seconds)
-        ]
+        seconds = []
+        for k in range(rows.seconds):
+            excluded = self._exclusion.feed(*excluding[k]) if k in excluding else 0
+            count = int(sums[0].count[k])
+            end_s = rows.second + k + 1
+            seconds.append(self._second(end_s, stacked[:, :, k], count, left[:, :, k], excluded))
         if self._mixed is None:
             return seconds
         mixed = self._mixed.feed(rows)
         return [replace(second, mixed=part) for second, part in zip(seconds, mixed, strict=True)]
 
-    def _second(self, end_s: int, sums: Array, count: int, left: Array) -> Second:
+    def _second(self, end_s: int, sums: Array, count: int, left: Array, excluded: int) -> Second:
         reference = self.reference
         assert reference is not None
         self._left.append((left, count))
@@ -293,6 +292,7 @@ class EffectivenessTracker:
             left_over,
             left_error,
             len(self._recent),
+            excluded,
             driven=self._driven.whole(),
             steady=self._driven.steady(),
         )

@@ -169,7 +169,7 @@ class Second:
     left_over: float | None
     left_error: float
     lost_s: int
-    excluded: int = 0
+    excluded: int
     driven: Interval | None = None
     steady: bool = True
     mixed: Array | None = None

@@ -96,7 +96,7 @@ def test_since_is_the_earliest_evidence() -> None:
     ],
 )
 def test_a_lag_says_what_is_answered_in_time(value: float | None, error: float, told: str) -> None:
-    second = Second(9, value, error, 9.0, 1, 1.0, True, None, None, 0.0, 9)
+    second = Second(9, value, error, 9.0, 1, 1.0, True, None, None, 0.0, 9, 0)
     assert _slow(second, 1.0, "roll") == told
 
 

@@ -85,7 +85,15 @@ def test_ten_seconds_on_the_ground_show_a_take_off(missing: int, known: bool) ->
 
 
 def second(value: float | None, error: float = 0.1, **changes: Any) -> Second:
-    given = {"slow_s": None, "later": False, "shift": None, "left_over": None, "left_error": 0.0, "lost_s": 0}
+    given = {
+        "slow_s": None,
+        "later": False,
+        "shift": None,
+        "left_over": None,
+        "left_error": 0.0,
+        "lost_s": 0,
+        "excluded": 0,
+    }
     return Second(7, value, error, 0.0, 0, **{**given, **changes})
 
 
