@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
-from mavhums.health.decision.thresholds import TREND_FLIGHTS
+from mavhums.health.decision.thresholds import OUTLIER_PROBABILITY, TREND_FLIGHTS
 from mavhums.health.decision.trend import Trend, fit_trend
 
 Array = NDArray[np.float64]
@@ -94,6 +94,23 @@ def test_one_flight_far_off_is_left_out(place: int, jump: float) -> None:
     assert trend.left_out == (place,)
     assert trend.flights == 19
     assert trend.per_flight.estimate == pytest.approx(without.per_flight.estimate, abs=1e-3)
+
+
+@pytest.mark.parametrize(("share", "left_out"), [(0.97, True), (1.03, False)])
+def test_a_flight_is_left_out_that_chance_hardly_puts_anywhere_so_far_off(
+    share: float, left_out: bool
+) -> None:
+    """It is compared with the line of the others, and may be any of them, to either side."""
+    n, place = 20, 7
+    numbers, values, _ = history(np.random.default_rng(8), n, 0.01)
+    others = np.delete(np.arange(n), place)
+    design = np.column_stack([np.ones(n), numbers])
+    line, squares, _, _ = np.linalg.lstsq(design[others], values[others])
+    apart = design[place] @ np.linalg.inv(design[others].T @ design[others]) @ design[place]
+    deviation = np.sqrt(squares[0] / (n - 3) * (1.0 + apart))
+    chance = share * OUTLIER_PROBABILITY / n
+    values[place] = design[place] @ line + deviation * stats.t.ppf(1.0 - chance / 2, n - 3)
+    assert fitted(numbers, values, np.full(n, 0.002)).left_out == ((place,) if left_out else ())
 
 
 def test_few_flights_make_no_trend() -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from mavhums.health.estimation.random_effects import population, variance_between
-from mavhums.health.estimation.thresholds import NATURAL_SCATTER_FREEDOM
+from mavhums.health.estimation.thresholds import NATURAL_SCATTER_FREEDOM, WINDOW_S
 from mavhums.health.self_baseline import motor
-from mavhums.health.self_baseline.comparison import _ReferenceFlights
+from mavhums.health.self_baseline.comparison import _ReferenceFlights, _windows
 from mavhums.results.standing import Interval
 
 
@@ -28,6 +28,13 @@ def test_a_share_of_a_variance_is_as_uncertain_as_both(monkeypatch: pytest.Monke
     record: Any = None
     assert _ReferenceFlights._own(reference, 0.2, own_wear, record) == pytest.approx((0.02, 7.5))
     assert asked == pytest.approx([0.04, 3.0, 7.0])
+
+
+def test_a_flight_has_a_window_at_least() -> None:
+    record: Any = SimpleNamespace(duration_s=2.5 * WINDOW_S)
+    assert _windows(record) == 2.5
+    record.duration_s = 0.5 * WINDOW_S
+    assert _windows(record) == 1.0
 
 
 def back_emf(low: float, high: float) -> Any:
