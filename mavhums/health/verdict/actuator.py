@@ -169,7 +169,7 @@ def unjudged_actuator(
         travel = ("travel_deg",) if no_command else ()
         reasons.append(f"the profile has no {', no '.join((*actuator.blanks, *travel))}")
         remedies.append(FILL_IN)
-    if not (actuator.blanks and tier and tier.judged and provenance):
+    if not (actuator.blanks and tier.judged and provenance):
         reasons.append(_telemetry_gap(actuator, tier))
         remedies.append(TO_BE_JUDGED)
     return unjudged(vehicle, actuator.name, ("; ".join(reasons), "; ".join(remedies)), tier, provenance)
@@ -199,9 +199,7 @@ def unjudged(
     )
 
 
-def _telemetry_gap(actuator: Actuator, tier: Tier | None) -> str:
-    if tier is None:
-        return f"the log carries no telemetry of servo {actuator.servo}"
+def _telemetry_gap(actuator: Actuator, tier: Tier) -> str:
     if tier.from_esc and actuator.esc is None:
         return f"the profile names no ESC of servo {actuator.servo}: those that report drive propellers"
     return f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"

@@ -7,11 +7,13 @@ import pytest
 from mavhums.actuator.freshness import NOT_USED
 from mavhums.actuator.telemetry import TIERS, Tier
 from mavhums.core.conditions import Condition
-from mavhums.health.verdict.actuator import unjudged, unjudged_vehicle, with_refused
+from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle, with_refused
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
+from tests.health.flown import actuator_of
 
 JUDGED, SEEN = (next(one for one in TIERS if one.judged == judged) for judged in (True, False))
+FROM_ESC = next(one for one in TIERS if one.from_esc)
 SURFACES = Surfaces(
     (SurfaceOutput(1, "aileron", 1500, 400), SurfaceOutput(2, "rudder", 1500, 400)), "profile"
 )
@@ -50,6 +52,60 @@ def test_each_known_surface_without_feedback_is_unmonitored(tier: Tier | None, e
 def test_a_helicopters_rotors_stand_for_its_surfaces() -> None:
     found = [*unjudged_vehicle(1, None, surfaces=SURFACES, rotors={3: "tail rotor"})]
     assert [(one.actuator, one.condition) for one in found] == [("tail rotor (servo 3)", "unmonitored")]
+
+
+BLANKS = "the profile has no [actuators.ema], no [actuators.limits]"
+SERVO = actuator_of().servo
+LEFT_OUT = f"the log's {JUDGED.name} telemetry leaves out servo {SERVO}"
+UNSEEN = f"the log's {SEEN.name} telemetry leaves out servo {SERVO}"
+ONLY_PROPELLERS = f"the profile names no ESC of servo {SERVO}: those that report drive propellers"
+
+
+@pytest.mark.parametrize(
+    ("changes", "tier", "keys", "reason"),
+    [
+        ({}, JUDGED, ("V3",), LEFT_OUT),
+        ({}, SEEN, ("V1", "V3"), UNSEEN),
+        ({"ema": None, "limits": None}, JUDGED, ("V3",), BLANKS),
+        ({"ema": None, "limits": None}, JUDGED, (), f"{BLANKS}; {LEFT_OUT}"),
+        ({"ema": None, "limits": None}, SEEN, ("V3",), f"{BLANKS}; {UNSEEN}"),
+        ({"ema": None, "limits": None, "travel_deg": None}, JUDGED, ("V3",), f"{BLANKS}, no travel_deg"),
+        (
+            {"ema": None, "limits": None, "travel_deg": None, "fields": {"V1": "A.b"}},
+            JUDGED,
+            ("V3",),
+            BLANKS,
+        ),
+        ({"esc": None}, FROM_ESC, (), ONLY_PROPELLERS),
+        ({"esc": 2}, FROM_ESC, (), f"the log's {FROM_ESC.name} telemetry leaves out servo {SERVO}"),
+    ],
+)
+def test_why_an_actuator_with_telemetry_is_not_judged(
+    changes: dict[str, object], tier: Tier, keys: tuple[str, ...], reason: str
+) -> None:
+    actuator = actuator_of().model_copy(update=changes)
+    provenance = dict.fromkeys(keys, "A.b")
+    found = unjudged_actuator(1, actuator, tier, provenance)
+    assert (found.condition, found.actuator, found.provenance) == ("undecided", actuator.name, provenance)
+    assert found.reason == reason
+    gap = unjudged_actuator(1, actuator, tier, provenance, "it comes at 2 Hz")
+    assert gap.reason == f"it comes at 2 Hz; {found.reason}"
+    assert gap.remedy is not None
+    assert gap.remedy.startswith("record its telemetry faster")
+
+
+@pytest.mark.parametrize(("tier", "keys"), [(None, ()), (None, ("V3",)), (SEEN, ()), (SEEN, ("V1",))])
+def test_an_actuator_without_feedback_is_unmonitored(tier: Tier | None, keys: tuple[str, ...]) -> None:
+    provenance = dict.fromkeys(keys, "A.b")
+    known, unknown = actuator_of(), actuator_of().model_copy(update={"travel_deg": None})
+    by_angle = unknown.model_copy(update={"fields": {"V1": "A.b"}})
+    angles = []
+    for actuator in (known, by_angle, unknown):
+        found = unjudged_actuator(1, actuator, tier, provenance, "it comes at 2 Hz")
+        assert found.condition == "unmonitored"
+        assert found.reason is not None
+        angles.append("its command is no angle" in found.reason)
+    assert angles == [False, False, True]
 
 
 PROVENANCE = {
