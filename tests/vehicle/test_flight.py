@@ -10,7 +10,7 @@ import pytest
 from mavhums.log import Table
 from mavhums.vehicle.airspeed import AirspeedCheck, Airspeeds, WindTriangle
 from mavhums.vehicle.facts import CONTINUOUS, STEPPED
-from mavhums.vehicle.flight import Flight
+from mavhums.vehicle.flight import SPEEDS, Flight
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
@@ -100,6 +100,24 @@ def test_driving_forward_is_measured_along_the_heading(kind: float, speed: float
     assert flight.fastest == pytest.approx(max(speed, 0.0))
     still = flown(seconds(10, state=[kind, ARDUPILOT, 0.0, AUTO], **course))
     assert still.flown_s == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "speed"),
+    [
+        ({}, 0),
+        ({"airspeed": np.nan}, 1),
+        ({"airspeed": np.nan, "velocity": np.nan}, 2),
+        ({"state": [ROVER, ARDUPILOT, 1.0, AUTO]}, 2),
+    ],
+)
+def test_rows_tell_speeds_and_rates_of_every_source_apart(changes: dict[str, Any], speed: int) -> None:
+    flight, ranks = seconds(4, **changes), np.array([0, 1, 2, 1])
+    flight.ranks["rates"][:] = ranks
+    [rows] = Flight(None).feed(flight)
+    rank, source = np.divmod(rows.sources.reshape(4, RATE_HZ), SPEEDS)
+    assert (source == speed).all()
+    assert (rank == ranks[:, np.newaxis]).all()
 
 
 def test_breaks_spacings_and_what_was_heard() -> None:
