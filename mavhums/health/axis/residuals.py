@@ -181,7 +181,7 @@ class Residual:
         self._window.append((float((left * left if rms else left).sum()), int(good.sum())))
         total, count = np.array(self._window).sum(axis=0)
         # After a gap three seconds must pass: the mean of fewer is a gust.
-        if len(self._window) < SHIFT_S or count < SHIFT_S * LEAST_ROWS_PER_S:
+        if count < SHIFT_S * LEAST_ROWS_PER_S:
             return Deviation(end_s, np.nan, np.nan)
         value = float(np.sqrt(total / count)) if rms else float(total / count)
         return Deviation(end_s, value, abs(value) / self.deviation)

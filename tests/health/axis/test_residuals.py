@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Literal
+
 import numpy as np
 import pytest
 
-from mavhums.health.axis.residuals import _OwnSpeed
+from mavhums.core.arrays import Array, Flags
+from mavhums.health.axis.residuals import PitchTracking, Residual, RollTracking, _OwnSpeed
+from mavhums.health.axis.thresholds import LEAST_ROWS_PER_S, RESIDUAL_REFERENCE_S, SHIFT_S
+from mavhums.results.sections import AxisLimits
+from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import rows, steady
 
 
@@ -23,3 +31,93 @@ def test_the_usual_speed_is_the_median_of_the_first_minute_that_was_flown(cut: i
     flown = [[s for s in range(min(k, 119) + 1) if s % 2] for k in range(140)]
     expected = np.repeat([np.median(one) if one else np.nan for one in flown], 20)
     np.testing.assert_array_equal(found, expected)
+
+
+class Offset:
+    """The roll angle beside an offset; rows in flight are good."""
+
+    def __init__(self, kind: Literal["mean", "rms"] = "mean") -> None:
+        self.kind: Literal["mean", "rms"] = kind
+        self.floor = 0.01
+        self.spreads: tuple[float, ...] = (1e6,)
+
+    def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
+        return np.ones((len(rows), 1)), rows.roll, rows.flying
+
+
+AFTER = 10
+
+
+def rolled(after: float, sway: float = 0.0) -> Rows:
+    """Return a flight with an offset of 0.2 rad, swaying, and another roll angle for its last seconds."""
+    flight = steady(RESIDUAL_REFERENCE_S + AFTER)
+    flight["roll"][:] = 0.2 + sway * np.where(np.arange(len(flight["roll"])) % 2, 1.0, -1.0)
+    flight["roll"][RESIDUAL_REFERENCE_S * RATE_HZ :] = 0.2 + after
+    return rows(flight)
+
+
+@pytest.mark.parametrize(("kind", "sign"), [("mean", -1.0), ("rms", 1.0)])
+@pytest.mark.parametrize(("sway", "deviation"), [(0.05, 0.05), (0.001, 0.01)])
+def test_a_residual_is_the_mean_of_three_seconds_in_deviations_of_the_reference(
+    kind: Literal["mean", "rms"], sign: float, sway: float, deviation: float
+) -> None:
+    residual = Residual(Offset(kind))
+    found = residual.feed(rolled(-0.3, sway))
+    assert (residual.since_s, residual.deviation) == (RESIDUAL_REFERENCE_S, pytest.approx(deviation))
+    assert [one.end_s for one in found] == [RESIDUAL_REFERENCE_S + k for k in range(1, AFTER + 1)]
+    assert np.isnan([one.value for one in found[: SHIFT_S - 1]]).all()
+    assert [one.value for one in found[SHIFT_S - 1 :]] == pytest.approx([sign * 0.3] * (AFTER - SHIFT_S + 1))
+    assert found[-1].deviations == pytest.approx(0.3 / deviation)
+
+
+@pytest.mark.parametrize(("known", "shown"), [(LEAST_ROWS_PER_S, True), (LEAST_ROWS_PER_S - 1, False)])
+def test_three_seconds_need_enough_rows(known: int, shown: bool) -> None:
+    flight = rolled(0.3)
+    flying = np.arange(len(flight)) % RATE_HZ < known
+    flying[: RESIDUAL_REFERENCE_S * RATE_HZ] = True
+    found = Residual(Offset()).feed(replace(flight, flying=flying))
+    assert np.isfinite(found[-1].value) == shown
+    if shown:
+        assert found[-1].value == pytest.approx(0.3)
+
+
+def test_after_a_gap_three_seconds_must_pass() -> None:
+    residual, flight = Residual(Offset()), rolled(0.3)
+    gap = RESIDUAL_REFERENCE_S + 6
+    residual.feed(replace(flight.cut(0, gap), fresh=True))
+    found = residual.feed(replace(flight.cut(gap, gap + 4), fresh=True))
+    assert np.isfinite([one.value for one in found]).tolist() == [False, False, True, True]
+
+
+@pytest.mark.parametrize("block", [1, 7])
+def test_the_reference_ends_with_a_whole_second_whatever_the_blocks(block: int) -> None:
+    flight = rolled(0.3, 0.05)
+    flying = np.arange(len(flight)) != 5
+    flight = replace(flight, flying=flying)
+    whole, cut = Residual(Offset()), Residual(Offset())
+    expected = whole.feed(flight)
+    found = [
+        one
+        for begin in range(0, flight.seconds, block)
+        for one in cut.feed(replace(flight.cut(begin, min(begin + block, flight.seconds)), fresh=begin == 0))
+    ]
+    assert whole.since_s == cut.since_s == RESIDUAL_REFERENCE_S + 1
+    np.testing.assert_array_equal(np.array(found), np.array(expected))
+
+
+def test_what_a_level_flight_says_of_turns_is_hardly_believed() -> None:
+    """Gusts pitch the aircraft by three degrees where its wings are hardly low: no turn would do so."""
+    seconds = RESIDUAL_REFERENCE_S + 30
+    flight = steady(seconds)
+    time_s = np.arange(seconds * RATE_HZ) / RATE_HZ
+    flight["roll"] = np.where(time_s < RESIDUAL_REFERENCE_S + 10, 0.1 * np.sin(time_s), 1.0)
+    flight["pitch"] = np.where(time_s < RESIDUAL_REFERENCE_S + 10, 5.0 * np.sin(flight["roll"]) ** 2, 0.0)
+    found = Residual(PitchTracking()).feed(rows(flight))
+    assert found[-1].deviations < AxisLimits().pitch_tracking_deviations
+
+
+def test_a_trim_in_roll_is_believed() -> None:
+    flight = steady(RESIDUAL_REFERENCE_S + AFTER)
+    flight["roll"][:] = 0.3
+    found = Residual(RollTracking()).feed(rows(flight))
+    assert found[-1].deviations < 0.1
