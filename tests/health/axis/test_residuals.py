@@ -63,7 +63,8 @@ def test_a_residual_is_the_mean_of_three_seconds_in_deviations_of_the_reference(
 ) -> None:
     residual = Residual(Offset(kind))
     found = residual.feed(rolled(-0.3, sway))
-    assert (residual.since_s, residual.deviation) == (RESIDUAL_REFERENCE_S, pytest.approx(deviation))
+    assert residual.since_s == RESIDUAL_REFERENCE_S
+    assert residual.deviation == pytest.approx(deviation)
     assert [one.end_s for one in found] == [RESIDUAL_REFERENCE_S + k for k in range(1, AFTER + 1)]
     assert np.isnan([one.value for one in found[: SHIFT_S - 1]]).all()
     assert [one.value for one in found[SHIFT_S - 1 :]] == pytest.approx([sign * 0.3] * (AFTER - SHIFT_S + 1))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mavhums.actuator import load_airframe
-from mavhums.core.quantities import column
-from mavhums.health.estimation.motion import angle_speed, central_slope, lasting, motion
+from mavhums.core.quantities import MOMENTS, column, products
+from mavhums.health.estimation.motion import angle_speed, central_slope, lasting, motion, window_sums
 from mavhums.health.estimation.slots import (
     AIRSPEED,
     APART,
@@ -127,3 +127,45 @@ def test_values_beyond_the_plausible_are_missing() -> None:
     [row] = with_extra_columns(values, bus_v=np.array([2e9]))
     assert np.isfinite(row[:5]).tolist() == [True, False, False, False, True]
     assert np.isnan(row[BUS])
+
+
+def test_the_sums_over_all_samples_know_no_path_over_a_gap_or_a_missing_command() -> None:
+    """At 100 rev/min of the rotor the paper's output shaft turns by 0.2° in a tenth of a second."""
+    actuator = load_airframe("paper").actuators[0]
+    time_s = np.array([0.0, 0.1, 0.2, 0.8, 0.9, 1.0, 1.1, 1.1])
+    values = np.full((8, 12), np.nan)
+    values[:, column("V1")] = [0.0, 1.0, 3.0, 9.0, 10.0, np.nan, 12.0, 13.0]
+    values[:, column("V7")] = [100.0, 100.0, -100.0, 100.0, 100.0, 100.0, 100.0, 100.0]
+    values[:, column("V2")] = 600.0
+    values[:, column("V3")] = [0.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0]
+    values[:, column("V4")] = [9.0, 1.0, -4.0, np.nan, 2.0, 1.0, np.nan, -3.0]
+    values[:, column("V11")] = [1.0, 1.0, np.nan, 1.0, np.nan, np.nan, np.nan, 1.0]
+    slots = Slots(np.array([0, 1]), np.array([0, 4]), slice(1, 8), time_s, with_extra_columns(values))
+    found = window_sums(actuator, slots, motion(actuator, slots))[:, -9:]
+    assert found[0] == pytest.approx([4, 1 + 2 + 1, 3 * 0.2, -1 + 1 + 7 + 7, 1 + 1 + 49 + 49, 21, 2, 1, 4])
+    assert found[1] == pytest.approx([3, 0, 0, 9 + 10, 81 + 100, 10, 1, 3, 3])
+
+
+@pytest.mark.parametrize(("known", "carried"), [(6, True), (5, False)])
+def test_a_quantity_that_half_of_the_samples_in_motion_have_is_carried(known: int, carried: bool) -> None:
+    """Samples without it do not count then; a quantity that fewer have has no sums, and all samples count."""
+    actuator = load_airframe("paper").actuators[0]
+    rng = np.random.default_rng(1)
+    values = np.full((14, 12), np.nan)
+    values[:, column("V7")] = rng.uniform(90.0, 120.0, 14)
+    values[:, column("V3")] = rng.standard_normal(14)
+    values[1 : 1 + known, column("V11")] = rng.standard_normal(known)
+    slots = Slots(np.array([0]), np.array([0]), slice(1, 13), 0.1 * np.arange(14), with_extra_columns(values))
+    moved = motion(actuator, slots)
+    assert moved.moving.sum() == 12
+    places = {name: MOMENTS.index(name) for name in ("1", "V3", "V11")}
+    moments = np.full((12, len(MOMENTS)), np.nan)
+    moments[:, [*places.values()]] = np.column_stack([np.ones(12), values[1:13, [2, 10]]])
+    counted = slice(0, known if carried else 12)
+    expected = products(moments[counted])
+    found = window_sums(actuator, slots, moved)[0, : expected.shape[1]]
+    known_sums = np.isfinite(expected).all(axis=0)
+    assert known_sums.sum() == (6 if carried else 3)
+    assert found[known_sums] == pytest.approx(expected.sum(axis=0)[known_sums])
+    without = products(np.where(np.arange(len(MOMENTS)) == places["V11"], np.nan, 1.0)[None])[0]
+    assert np.isnan(found[np.isnan(without)]).all() != carried

@@ -49,6 +49,17 @@ def test_a_law_needs_a_load_that_shows_beyond_its_error(
         assert law.friction == 0.3
 
 
+def test_columns_that_a_flight_moves_alike_share_their_coefficient() -> None:
+    rng = np.random.default_rng(2)
+    columns = rng.standard_normal((200, POWER_COLUMNS))
+    one, other = QUADRATIC[:2]
+    columns[:, other] = columns[:, one] + 1e-6 * columns[:, other]
+    columns[:, -1] += 10.0 * columns[:, list(QUADRATIC)].sum(axis=1)
+    law = _law(columns.T @ columns, 0.3)
+    assert law is not None
+    assert law.quadratic == pytest.approx(10.0, abs=0.5)
+
+
 def strokes(*rows: tuple[float, float], equation: str = ROUGHNESS.name) -> OwnRecord:
     """Return a record of strokes: quantity and load of each."""
     groups = tuple((1.0, *row) for row in rows)
