@@ -151,13 +151,16 @@ def test_a_quantity_that_half_of_the_samples_in_motion_have_is_carried(known: in
     """Samples without it do not count then; a quantity that fewer have has no sums, and all samples count."""
     actuator = load_airframe("paper").actuators[0]
     rng = np.random.default_rng(1)
-    values = np.full((14, 12), np.nan)
-    values[:, column("V7")] = rng.uniform(90.0, 120.0, 14)
-    values[:, column("V3")] = rng.standard_normal(14)
+    values = np.full((18, 12), np.nan)
+    values[:, column("V7")] = np.where(np.arange(18) < 14, rng.uniform(90.0, 120.0, 18), 0.0)
+    values[:, column("V3")] = rng.standard_normal(18)
+    values[14:, column("V11")] = 1.0
     values[1 : 1 + known, column("V11")] = rng.standard_normal(known)
-    slots = Slots(np.array([0]), np.array([0]), slice(1, 13), 0.1 * np.arange(14), with_extra_columns(values))
+    slots = Slots(
+        np.array([0]), np.array([0]), slice(1, 17), np.arange(18) / 10.0, with_extra_columns(values)
+    )
     moved = motion(actuator, slots)
-    assert moved.moving.sum() == 12
+    assert np.flatnonzero(moved.moving).tolist() == [*range(12)]
     places = {name: MOMENTS.index(name) for name in ("1", "V3", "V11")}
     moments = np.full((12, len(MOMENTS)), np.nan)
     moments[:, [*places.values()]] = np.column_stack([np.ones(12), values[1:13, [2, 10]]])
