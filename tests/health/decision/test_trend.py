@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
-from mavhums.health.decision.thresholds import OUTLIER_PROBABILITY, TREND_FLIGHTS
-from mavhums.health.decision.trend import Trend, fit_trend
+from mavhums.health.decision.thresholds import MOST_AUTOCORRELATION, OUTLIER_PROBABILITY, TREND_FLIGHTS
+from mavhums.health.decision.trend import Trend, fit_trend, widening
 
 Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], Array]
@@ -111,6 +111,17 @@ def test_a_flight_is_left_out_that_chance_hardly_puts_anywhere_so_far_off(
     chance = share * OUTLIER_PROBABILITY / n
     values[place] = design[place] @ line + deviation * stats.t.ppf(1.0 - chance / 2, n - 3)
     assert fitted(numbers, values, np.full(n, 0.002)).left_out == ((place,) if left_out else ())
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_neighbours_that_are_alike_widen_the_line(unit: float) -> None:
+    """By (1 + r)/(1 − r) of their autocorrelation r, up to a limit; those that alternate do not narrow it."""
+    assert widening(unit * np.array([1.0, 1.0, -1.0, -1.0, 1.0])) == pytest.approx(1.0)
+    assert widening(unit * np.array([1.0, 1.0, 1.0, -1.0, -1.0])) == pytest.approx(1.4 / 0.6)
+    most = (1.0 + MOST_AUTOCORRELATION) / (1.0 - MOST_AUTOCORRELATION)
+    assert widening(np.full(50, unit)) == pytest.approx(most)
+    assert widening(unit * np.array([1.0, -1.0, 1.0, -1.0])) == 1.0
+    assert widening(np.zeros(5)) == 1.0
 
 
 def test_few_flights_make_no_trend() -> None:

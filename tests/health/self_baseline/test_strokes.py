@@ -117,6 +117,16 @@ def test_memory_does_not_grow_with_the_flight() -> None:
     assert len(record.groups) <= 64
 
 
+def test_of_a_motion_longer_than_any_stroke_only_its_end_is_kept() -> None:
+    sums = StrokeSums(ROUGHNESS, blank())
+    for k in range(200):
+        time_s = k + np.arange(32) / 32.0
+        wide = with_extra_columns(np.full((32, 12), 5.0))
+        sums.feed(Slots(np.array([k]), np.array([0]), slice(0, 32), time_s, wide))
+    assert sums._time_s[-1] - sums._time_s[0] == pytest.approx(2.0 * LONGEST_STROKE_S, abs=1.0)
+    assert sums.record() is None
+
+
 @pytest.mark.parametrize("equation", [ROUGHNESS, TWO_WAYS])
 def test_a_rise_is_changed_and_a_healthy_flight_is_not(equation: object) -> None:
     past = [
