@@ -235,7 +235,7 @@ def _without_outliers(
         others = (scale * courses.freedom - courses.residuals**2 / free) / freedom
         deleted = np.abs(courses.residuals) / np.sqrt(free * np.maximum(others, 1e-12 * scale + 1e-300))
         worst = int(np.argmax(deleted))
-        if n <= TREND_FLIGHTS - 1 or 2 * n * t_probability(freedom, -deleted[worst]) > OUTLIER_PROBABILITY:
+        if 2 * n * t_probability(freedom, -deleted[worst]) > OUTLIER_PROBABILITY:
             break
         kept[np.flatnonzero(kept)[worst]] = False
         courses = _courses(numbers[kept], values[kept], errors[kept], known)

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from mavhums.health.decision.growth import Course, _is_step, course_of, last_step
-from mavhums.health.decision.thresholds import STEP_LIKELIHOOD_RATIO, TREND_FLIGHTS
+from mavhums.health.decision.thresholds import (
+    GROWTH_FLIGHTS,
+    GROWTH_SCALES,
+    STEP_LIKELIHOOD_RATIO,
+    TREND_FLIGHTS,
+)
+from mavhums.health.decision.trend import widening
 
 Array = NDArray[np.float64]
 
@@ -56,25 +62,76 @@ def test_no_growth_is_found_at_any_of_many_looks(scatter: float) -> None:
         assert not any(look is not None and look.grows for look in looks)
 
 
-def test_the_evidence_is_the_bayes_factor_of_a_slope() -> None:
-    """Integrated by hand over the slope, for one beginning: level and scatter have the right Haar prior."""
-    numbers, values, errors = history(3, 8, 0.002)
+@pytest.mark.parametrize(("seed", "widened"), [(7, True), (3, False)])
+def test_the_evidence_is_the_bayes_factor_of_a_slope(seed: int, widened: bool) -> None:
+    """Integrated by hand over the slope, for one beginning: level and scatter have the right Haar prior.
+
+    Neighbours that are alike count for less.
+    """
+    numbers, values, errors = history(seed, 8, 0.002)
     found = course(numbers, values, errors)._courses
+    inflation = widening(found.residuals)
+    assert (inflation > 1.01) == widened
     centred = numbers - numbers.mean()
     total = np.sum((values - values.mean()) ** 2)
     slopes, step = np.linspace(-60, 60, 240_001, retstep=True)  # in standard deviations of a flight
     expected = []
-    for scale in (0.03, 0.1, 0.4):
+    for scale in GROWTH_SCALES:
         share = np.sum(centred**2) / (np.sum(centred**2) + scale**-2)
         rest = total - share * np.sum(centred * values) ** 2 / np.sum(centred**2)
         error = np.sqrt(rest / 7 / (np.sum(centred**2) + scale**-2))
         middle = share * np.sum(centred * values) / np.sum(centred**2)
         rising = 2 * np.sum(stats.t.pdf(slopes[slopes > 0], 7, middle / error)) * step
-        expected.append(np.sqrt(1 - share) * (total / rest) ** 3.5 * rising)
-    inflation = found.variance[0] / (np.sum(found.residuals**2) / found.freedom)
-    if inflation == pytest.approx(1.0):
-        assert np.exp(found.log_odds[0]) == pytest.approx(0.5 * np.mean(expected), rel=1e-3)
-    assert found.first[0] == 0
+        expected.append((np.sqrt(1 - share) * (total / rest) ** 3.5) ** (1 / inflation) * rising)
+    assert np.exp(found.log_odds[0]) == pytest.approx(0.5 * np.mean(expected), rel=1e-3)
+    assert found.first.tolist() == [0, *range(1, 8 - GROWTH_FLIGHTS)]
+
+
+def test_the_line_since_the_first_flight_is_that_of_least_squares() -> None:
+    numbers, values, errors = history(6, 12, 0.01)
+    found = course(numbers, values, errors)._courses
+    plain = stats.linregress(numbers, values)
+    inflation = widening(found.residuals)
+    level = plain.intercept + plain.slope * numbers[-1]
+    assert (found.slope[0], found.level[0]) == pytest.approx((plain.slope, level))
+    assert found.freedom == 10
+    variance = found.variance[0] / inflation
+    assert (variance / found.spread[0]) ** 0.5 == pytest.approx(plain.stderr)
+    # The error at the number zero, from that at the last flight and of the slope.
+    back = found.ahead[0] - numbers[-1]
+    assert (variance * (1 / found.total_weight + back**2 / found.spread[0])) ** 0.5 == pytest.approx(
+        plain.intercept_stderr
+    )
+
+
+def test_the_interval_is_that_of_all_courses_together() -> None:
+    """The level and the slope of a mixture of Student's t, whose quantiles are sought anew."""
+    found = course(*history(6, 20, 0.01, begin=8))
+    some = found._courses
+    weights = np.exp(some.log_odds) / np.exp(some.log_odds).sum()
+    assert weights.max() < 0.5
+    for shown, at, variance in (
+        (found.level, some.level, some.variance * (1 / some.total_weight + some.ahead**2 / some.spread)),
+        (found.per_flight, some.slope, some.variance / some.spread),
+    ):
+        errors = np.sqrt(variance)
+
+        def below(value: float, at: Array = at, errors: Array = errors) -> float:
+            return float(weights @ stats.t.cdf((value - at) / errors, some.freedom))
+
+        assert shown.estimate == pytest.approx(float(weights @ at))
+        assert below(shown.low) == pytest.approx(0.025, abs=1e-6)
+        assert below(shown.high) == pytest.approx(0.975, abs=1e-6)
+
+
+def test_the_flights_left_are_those_until_the_line_of_all_courses_is_at_the_limit() -> None:
+    found = course(*history(6, 20, 0.01, begin=8))
+    some, left = found._courses, found.flights_left(LIMIT)
+    weights = np.exp(some.log_odds) / np.exp(some.log_odds).sum()
+    for flights, share in zip(left, (0.025, 0.5, 0.975), strict=True):
+        error = np.sqrt(some.variance * (1 / some.total_weight + (some.ahead + flights) ** 2 / some.spread))
+        over = stats.t.cdf((some.level + some.slope * flights - LIMIT) / error, some.freedom)
+        assert float(weights @ over) == pytest.approx(share, abs=1e-6)
 
 
 def test_one_flight_far_off_is_no_growth_and_hides_none() -> None:
@@ -86,6 +143,12 @@ def test_one_flight_far_off_is_no_growth_and_hides_none() -> None:
     found = course(numbers, values, errors)
     assert found.grows
     assert 20 in found.left_out
+
+
+def test_of_flights_that_scatter_alike_hardly_any_is_left_out() -> None:
+    for flights in (TREND_FLIGHTS, 30):
+        found = [course(*history(seed, flights)) for seed in range(40)]
+        assert sum(bool(one.left_out) for one in found) <= 5
 
 
 def test_a_repair_that_nobody_recorded_is_a_step_and_the_same_wear_is_found_again() -> None:
