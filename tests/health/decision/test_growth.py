@@ -13,6 +13,7 @@ from mavhums.health.decision.growth import Course, _is_step, course_of, last_ste
 from mavhums.health.decision.thresholds import (
     GROWTH_FLIGHTS,
     GROWTH_SCALES,
+    STEP_CONFIRMED_FLIGHTS,
     STEP_LIKELIHOOD_RATIO,
     TREND_FLIGHTS,
 )
@@ -159,6 +160,27 @@ def test_a_repair_that_nobody_recorded_is_a_step_and_the_same_wear_is_found_agai
     assert course(numbers, values, errors, begin=45).grows
     assert last_step(*history(7, 70, 0.006)[1:]) is None
     assert last_step(*history(8, 70, 0.02, begin=60)[1:]) is None
+
+
+@pytest.mark.parametrize("change", [-0.2, 0.2])
+def test_a_step_has_enough_flights_before_and_after_it(change: float) -> None:
+    flights = 14
+    scattered = LEVEL + 0.004 * np.sin(2.4 * np.arange(flights))
+    for place in range(1, flights):
+        values = scattered + change * (np.arange(flights) >= place)
+        known = TREND_FLIGHTS // 2 <= place <= flights - STEP_CONFIRMED_FLIGHTS
+        assert last_step(values, np.full(flights, 0.002)) == (place if known else None)
+    stepped = LEVEL + change * (np.arange(flights) >= TREND_FLIGHTS // 2)
+    for count in range(flights):
+        known = count >= max(TREND_FLIGHTS, TREND_FLIGHTS // 2 + STEP_CONFIRMED_FLIGHTS)
+        assert (last_step(stepped[:count], np.full(count, 0.002)) is not None) == known
+
+
+def test_of_several_steps_the_last_one_counts() -> None:
+    at = np.arange(40.0)
+    values: Array = LEVEL + 0.2 * (at >= 12.0) - 0.15 * (at >= 25.0) + 0.004 * np.sin(2.4 * at)
+    assert last_step(values, np.full(40, 0.002)) == 25
+    assert last_step(values[:25], np.full(25, 0.002)) == 12
 
 
 def test_a_step_is_where_two_levels_fit_better_than_a_line_and_than_at_the_neighbours() -> None:
