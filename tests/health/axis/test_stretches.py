@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 
 from mavhums.core.statistics import NORMAL_95
+from mavhums.health.axis.past import compare_response
 from mavhums.health.axis.response import RESPONSE, Stretch, stretches
 from mavhums.health.axis.thresholds import (
     DRIVEN_SHARE,
@@ -20,7 +22,7 @@ from mavhums.health.axis.thresholds import (
     WINDOW_DEVIATION,
 )
 from mavhums.health.estimation.least_squares import packed
-from mavhums.results.verdict import OwnRecord
+from mavhums.results.verdict import OwnRecord, Verdict
 
 SPEED = 20.0
 PARTS = POOLED_S // PART_S
@@ -137,3 +139,21 @@ def test_earlier_flights_whose_gains_contradict_each_other_are_no_baseline() -> 
     assert found(record([2.0] * PARTS), [*strong, *past(*[2.0] * (PAST_FLIGHTS - 1))])
     assert not found(record([2.0] * PARTS), [*strong, *past(*[-2.0] * (PAST_FLIGHTS - 1))])
     assert not found(record([2.0] * PARTS), past(*[0.0] * PAST_FLIGHTS))
+
+
+@pytest.mark.parametrize(
+    ("left", "since_s", "over"), [(1.0, 120.0, True), (0.78, 120.0, True), (0.72, 0.0, False)]
+)
+def test_a_loss_is_over_when_a_later_minute_excludes_one(left: float, since_s: float, over: bool) -> None:
+    """Of 78 % in that minute a loss of 40 % is excluded, of 72 % not: the one before stands."""
+    own = record([0.3 * 2.0] * (2 * PARTS) + [left * 2.0] * PARTS)
+    verdict = Verdict(
+        subject="axis", vehicle=1, actuator="roll", condition="undecided", worst="undecided", own=(own,)
+    )
+    start = datetime(2026, 3, 1, 9, tzinfo=UTC)
+    found = compare_response(verdict, PAST, others=(), start_utc=start, false_alarms=1.0)
+    assert (found.condition, found.worst) == ("normal" if over else "emergency", "emergency")
+    assert found.effectiveness is not None
+    assert found.effectiveness.estimate == pytest.approx(left if over else 0.3)
+    assert found.since is not None
+    assert found.since.flight_time_s == since_s

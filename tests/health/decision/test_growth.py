@@ -170,7 +170,7 @@ def test_a_step_has_enough_flights_before_and_after_it(change: float) -> None:
         values = scattered + change * (np.arange(flights) >= place)
         known = TREND_FLIGHTS // 2 <= place <= flights - STEP_CONFIRMED_FLIGHTS
         assert last_step(values, np.full(flights, 0.002)) == (place if known else None)
-    stepped = LEVEL + change * (np.arange(flights) >= TREND_FLIGHTS // 2)
+    stepped = np.where(np.arange(flights) >= TREND_FLIGHTS // 2, LEVEL + change, LEVEL)
     for count in range(flights):
         known = count >= max(TREND_FLIGHTS, TREND_FLIGHTS // 2 + STEP_CONFIRMED_FLIGHTS)
         assert (last_step(stepped[:count], np.full(count, 0.002)) is not None) == known
