@@ -140,3 +140,17 @@ def test_a_board_is_named_by_its_long_id_or_else_its_short_one(short: int, long:
     found = [report.values.tolist() for report in reports({table.name: table}, "board")]
     name = bytes(range(1, long + 1)).hex().upper() if long else f"{short:016X}"
     assert found == ([[name.encode()]] if short or long else [])
+
+
+@pytest.mark.parametrize(
+    ("key", "name", "known"),
+    [(b"sys_name", b"PX4", "PX4"), (b"sys_name", b"other", None), (b"sys_uuid", b"PX4", None)],
+)
+def test_a_ulog_without_a_state_names_its_autopilot(key: bytes, name: bytes, known: str | None) -> None:
+    fields = np.array([(key, name)], dtype=[("name", "S16"), ("value", "S16")])
+    one = np.ones(1, dtype=np.uint8)
+    found = Identities()
+    found.feed(
+        {"info": Table("info", one.astype(np.int64), one.astype(np.int64), one, one, one, one, fields)}
+    )
+    assert found.of(1).autopilot == known

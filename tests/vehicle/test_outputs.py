@@ -115,6 +115,8 @@ def test_outputs_of_px4() -> None:
             reverse = {f"{bus}_REV": float(1 << (n - 1))}
             found = outputs(px4(3, bus=bus, n=n, k=5) | reverse, px4=True)
             assert found == [(first + n, "elevator", pwm_us, True, True)]
+            one_pulse = {f"{bus}_MIN{n}": 1500.0, f"{bus}_CENT{n}": 1500.0, f"{bus}_MAX{n}": 1501.0}
+            assert outputs(px4(3, bus=bus, n=n) | one_pulse, px4=True)[0][2] == pwm_us
             assert not outputs(px4(3, bus=bus, n=n) | {f"{bus}_REV": float(1 << n)}, px4=True)[0][3]
     motors = {f"PWM_MAIN_FUNC{n}": one for n, one in enumerate((101.0, 112.0, 113.0, 233.0), start=1)}
     found = [(servo, what, moves) for servo, what, _, _, moves in outputs(motors, px4=True)]
