@@ -16,6 +16,9 @@ pytest.importorskip("duckdb")
 from deltalake.exceptions import CommitFailedError, DeltaError
 
 from mavhums.flights import store as stores
+from mavhums.flights.aircraft import BOARD, GIVEN, AircraftResolver
+from mavhums.flights.aircraft_table import AircraftTable, Installation
+from mavhums.flights.naming import BOARD_NAME, proposed, remember, resolver_of_store, rule_of
 from mavhums.flights.store import LogFile, Row, Store
 from mavhums.flights.store_tables import DATES, LOGS, SETTLED, STANDINGS, VERDICTS, Tables
 from tests.fleet.stores import row_of
@@ -141,3 +144,48 @@ def test_flights_of_an_aircraft_come_in_order_of_time_each_in_its_latest_judgeme
     store.rename(dict.fromkeys(asked, "D-C"))
     assert list(store.flights("D-C")) == [b"new 1", b"old 0"]
     assert store.query(f"SELECT count(*), count(DISTINCT scanned) FROM {LOGS}").fetchone() == (6, 6)
+
+
+def test_a_store_remembers_the_rule_and_the_boards_of_its_scans(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    board = Installation(aircraft="D-A", board="0A")
+    actuator = Installation(aircraft="D-A", actuator="rudder", serial="1")
+    assert rule_of(store) is None
+    for given, boards, rule, kept, rows in (
+        ("=D-A", [], "=", [], 1),
+        ("folder", [board, actuator], "folder", [board], 2),
+        (None, [], "folder", [board], 2),  # nothing new
+        ("=D-A", [actuator], "folder", [board], 2),
+        ("board", [], "board", [board], 3),
+    ):
+        remember(store, AircraftResolver(given, AircraftTable(boards)))
+        assert rule_of(store) == rule
+        known = resolver_of_store(store, AircraftResolver())
+        assert (known.rule, list(known.table.installed)) == (rule, kept)
+        assert store.query("SELECT count(*) FROM naming").fetchone() == (rows,)
+    own = resolver_of_store(store, AircraftResolver("folder", AircraftTable([actuator])))
+    assert (own.rule, list(own.table.installed)) == ("folder", [actuator])
+
+
+@pytest.mark.parametrize(
+    ("aircraft", "rule"), [("", BOARD), (f"{BOARD_NAME}0A", BOARD), ("D-A", GIVEN), (None, None)]
+)
+def test_the_rule_of_an_older_store_is_told_by_its_names(
+    aircraft: str | None, rule: str | None, tmp_path: Path
+) -> None:
+    store = Store(tmp_path)
+    broken = log_row("b.tlog")._replace(flight=None)
+    store.add_logs([broken] if aircraft is None else [broken, log_row("a.tlog")._replace(aircraft=aircraft)])
+    assert rule_of(store) == rule
+
+
+def test_a_board_proposes_the_named_aircraft_in_which_it_flew_the_latest_first(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    flew = [("D-A", 1, "0A"), ("D-B", 3, "0A"), ("D-A", 2, "0A"), ("D-C", None, "0A"), ("D-D", 9, "0B")]
+    rows = [
+        log_row(f"{k}.tlog")._replace(aircraft=name, start_us=start_us, board=board)
+        for k, (name, start_us, board) in enumerate([*flew, ("", 9, "0A")])
+    ]
+    store.add_logs([*rows, log_row("x.tlog")._replace(aircraft="D-E", board="0A", flight=None)])
+    assert proposed(store, "0A") == ["D-B", "D-A", "D-C"]
+    assert proposed(store, None) == []
