@@ -27,7 +27,7 @@ from mavhums.flights.duplicates import _is_dated, recordings_of, superseded_reco
 from mavhums.flights.flight_file import _check_plausible
 from mavhums.flights.folder import keep_assessment
 from mavhums.flights.history import PastFlight
-from mavhums.flights.naming import check_aircraft_named, foreign_board_among
+from mavhums.flights.naming import aircraft_in_store, check_aircraft_named, foreign_board_among
 from mavhums.flights.reports import _flights_left, _is_soon, _kinds, _of_flight, _of_last, _silent
 from mavhums.flights.standing import Flown, _finding, flights_left, reason_of, standing_of, step_of
 from mavhums.flights.trends import _at_end, _change, _error, _highest, _life, _rank, _why_unknown
@@ -602,6 +602,17 @@ def test_a_log_has_a_board_if_all_its_flights_have_the_same(
     boards: tuple[str | None, ...], board: str | None
 ) -> None:
     assert board_of(flown(verdict(), identities=[identity(board=one) for one in boards])) == board
+
+
+@pytest.mark.parametrize(
+    ("rule", "board", "name"),
+    [(None, "0A", "sold"), ("board", "0B", "board 0B"), (None, None, ""), (r"(?P<aircraft>D-\w)", "0A", "")],
+)
+def test_a_board_names_an_aircraft_where_no_other_rule_was_given(
+    rule: str | None, board: str | None, name: str
+) -> None:
+    judged = flown(verdict(), identities=[identity(board=board)])
+    assert aircraft_in_store("x", judged, AircraftResolver(rule, renamed={"board 0A": "sold"})) == name
 
 
 def test_more_aircraft_than_are_shown_are_indicated() -> None:
