@@ -66,9 +66,9 @@ def hear(follows: Session, sent: Sequence[Piece]) -> int:
 def test_the_board_of_another_aircraft_ends_the_session(worn_pieces: list[Piece], tmp_path: Path) -> None:
     follows, sink = session(tmp_path, history=kept(tmp_path / "flights", "0A"))
     assert hear(follows, worn_pieces) < len(worn_pieces) / 3
-    with pytest.raises(mavhums.OtherAircraftError, match=r"but .*flights holds flights of .* board 0A"):
+    with pytest.raises(mavhums.OtherAircraftError, match=r"but .*flights contains flights of .* board 0A"):
         follows.close()
-    assert "holds flights of the aircraft with the board 0A" in sink.closed[0].log.notices[-1]
+    assert "contains flights of the aircraft with the board 0A" in sink.closed[0].log.notices[-1]
     recorded = mavhums.read_log(tmp_path / "live.tlog")
     assert recorded.counts
     assert not recorded.losses.any
@@ -105,4 +105,4 @@ def test_a_folder_of_two_aircraft_is_refused_before_the_start(run: Run, tmp_path
     folder = kept(tmp_path / "flights", "0A", "0B")
     refused = run("live", f"udpin:{free_port()}", "--history", folder, "--duration", "1")
     assert refused.code == ExitCode.ERROR
-    assert f"{folder}: holds flights of the aircraft with the board 0A" in refused.err
+    assert f"{folder}: contains flights of the aircraft with the board 0A" in refused.err
