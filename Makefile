@@ -61,13 +61,15 @@ clean:
 	$(BIN)/python $(PIP) -e '.[viewer]'
 	touch $@
 
+# The inner loops compile while PyTorch installs, once for all processes of the tests.
 .venv/.ready: pyproject.toml constraints.txt
 	@echo "Setting up .venv for the tests: downloads 700 MB once (200 MB of it PyTorch's CPU build), 2.5 GB on disk."
 	$(PYTHON) -m venv .venv
 	$(BIN)/python $(PIP) -e '.[$(EXTRAS),dev]'
-	@$(BIN)/python $(PIP) $(TORCH) $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) || \
+	@$(BIN)/mavhums warm-up & $(BIN)/python $(PIP) $(TORCH) $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) || \
 		echo "PyTorch's CPU build ($(TORCH)) is not on your package index: the tests of training are left out." \
-			"To run them: rm .venv/.ready; make test TORCH_INDEX=URL, with the CPU index that pytorch.org names."
+			"To run them: rm .venv/.ready; make test TORCH_INDEX=URL, with the CPU index that pytorch.org names."; \
+		wait
 	touch $@ .venv/.demo
 
 .venv/.lint: .venv/.ready

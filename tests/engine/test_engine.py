@@ -296,6 +296,7 @@ def test_two_vehicles_in_one_log_are_kept_apart(growing_record: FlightRecord) ->
     assert of(alone, "elevator").evidence == of(assessment, "elevator", 1).evidence
 
 
+@pytest.mark.slow
 def test_a_second_vehicle_without_a_profile_is_not_judged_by_the_firsts(
     growing_record: FlightRecord,
 ) -> None:

@@ -67,6 +67,7 @@ def test_growth_is_told_when_it_becomes_certain_and_a_finding_when_it_is_one(sto
     assert any("D-S: last flight 2026-03-20" in line for line in lines)
 
 
+@pytest.mark.slow
 def test_nothing_to_say_is_one_line(store: Path) -> None:
     quiet = between(store, 41, 42)
     assert quiet.is_empty

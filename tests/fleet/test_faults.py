@@ -187,6 +187,7 @@ def older(store: Path, missing: dict[str, list[str]]) -> None:
         write_deltalake(store / table, content.drop_columns(columns))
 
 
+@pytest.mark.slow
 def test_an_older_versions_store_is_opened_and_extended(
     logs: Path, options: fleet.ScanOptions, expected: list[str], tmp_path: Path
 ) -> None:

@@ -83,6 +83,7 @@ def test_a_kept_log_that_the_rule_cannot_name_is_asked_for(run: Run, flown: Path
     assert fleet.status(store).failures == ()
 
 
+@pytest.mark.slow
 def test_a_log_is_kept_once_wherever_a_copy_lies(run: Run, flown: Path, store: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.tlog"
     shutil.copyfile(flown / "D-A" / "1.tlog", copy)

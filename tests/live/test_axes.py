@@ -59,7 +59,8 @@ def closed_loop() -> bytes:
     return encode(tables, 3, Link())
 
 
-@pytest.mark.parametrize("flight", ["rows", pytest.param("closed loop", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("flight", ["rows", "closed loop"])
 def test_a_lost_surface_is_told_once_and_the_recording_says_the_same(flight: str, tmp_path: Path) -> None:
     pieces = list(records(flown() if flight == "rows" else closed_loop()))
     rig = Rig(tmp_path, start_us=pieces[0].time_us)

@@ -23,6 +23,7 @@ from tests.live.conftest import KEY, RIGHT, Rig, conditions, of, pieces, verdict
 MakeRig = Callable[..., Rig]
 
 
+@pytest.mark.slow
 def test_a_sound_link_gives_what_the_log_gives(rig: Rig, worn_pieces: list[Piece], tmp_path: Path) -> None:
     rig.hear(worn_pieces)
     live = rig.end()

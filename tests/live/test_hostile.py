@@ -50,6 +50,7 @@ def test_a_burst_of_spoofed_senders_leaves_nothing(rig: Rig, worn_pieces: list[P
     assert conditions(rig.end()) == RIGHT
 
 
+@pytest.mark.slow
 def test_a_stream_is_not_cut_by_senders_of_another_link(rig: Rig, worn_pieces: list[Piece]) -> None:
     """Half frames over a serial line, and between the halves a hundred datagrams, each of its own port."""
     spoofed = (

@@ -204,6 +204,7 @@ def test_a_step_is_where_two_levels_fit_better_than_a_line_and_than_at_the_neigh
     assert {(False, False), (True, False), (True, True)} == set(found)
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.floats(-1e9, 1e9), min_size=TREND_FLIGHTS, max_size=20),
     st.lists(st.floats(0, 1e9), min_size=20, max_size=20),

@@ -20,6 +20,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
     return 0
 
 
+@pytest.mark.slow
 def test_closed_loop_flight_and_its_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = tmp_path / "jam.tlog"
     options = ["--surface-fault", "aileron_left=freeze:8@25..28.5", "--confounder", "engine:0.5@27"]
