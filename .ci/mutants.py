@@ -4,7 +4,7 @@
     python .ci/mutants.py map tests/*/                        which test executes which line: once, minutes
     python .ci/mutants.py sample 1 300 vehicle health > m1    300 places of these rooms, drawn with seed 1
     python .ci/mutants.py judge m1 > judged                   add a verdict to each, and print the survivors
-    python .ci/mutants.py table judged                       how many survive, by room
+    python .ci/mutants.py table judged                        how many survive, by room
 
 A line of these files is one mutant: path, line, old text, new text, and later its verdict. Spared are
 annotations, error texts, and compiled kernels with their constants, for which each mutant would have to be
@@ -39,16 +39,8 @@ STATE = Path(os.environ.get("MUTANTS", ROOT / "build" / "mutants"))
 ROOMS = ("vehicle", "health", "flights", "engine", "live")
 FOLDERS = {"history": "flights"}  # folders of tests that have another name than their room
 COMPILED = {"kernel", "inlined"}
-LOADED = [
-    "hypothesis",
-    "numba",
-    "pandas",
-    "pytest",
-    "rich.progress",
-    "scipy.optimize",
-    "scipy.stats",
-    "mavhums_sim",
-]
+LOADED = ["hypothesis", "numba", "pandas", "pytest", "rich.progress"]
+LOADED += ["scipy.optimize", "scipy.stats", "mavhums_sim"]
 # Decorators whose absence changes no result.
 SPARED = {"cache", "lru_cache", "override", "final", "dataclass"}
 BITS = {"BitOr", "BitAnd", "BitXor", "RShift", "LShift"}
@@ -75,14 +67,8 @@ def make_map(folders: list[str]) -> None:
     for folder in folders:
         to = STATE / "map" / "-".join(Path(folder).parts[-2:])
         command = ["pytest", "-q", f"--timeout={NEAR_S:.0f}", "--cov", f"--cov-config={STATE / 'rc'}"]
-        command += [
-            "--cov-report=",
-            "--cov-context=test",
-            f"--junitxml={to}.xml",
-            "-o",
-            "junit_family=xunit1",
-            folder,
-        ]
+        command += ["--cov-report=", "--cov-context=test", f"--junitxml={to}.xml"]
+        command += ["-o", "junit_family=xunit1", folder]
         environment = {**os.environ, "COVERAGE_FILE": str(to)}
         subprocess.run([sys.executable, "-m", *command], cwd=ROOT, env=environment, check=False)
 
