@@ -180,7 +180,7 @@ class Residual:
         rms = self._model.kind == "rms"
         self._window.append((float((left * left if rms else left).sum()), int(good.sum())))
         total, count = np.array(self._window).sum(axis=0)
-        # After a gap three seconds must pass: the mean of fewer is a gust.
+        # After a gap three seconds must pass, for two have fewer rows: their mean is a gust.
         if count < SHIFT_S * LEAST_ROWS_PER_S:
             return Deviation(end_s, np.nan, np.nan)
         value = float(np.sqrt(total / count)) if rms else float(total / count)
