@@ -228,3 +228,16 @@ def test_flights_that_agree_to_the_last_digit_do_not_grow(value: float) -> None:
         assert not found.grows
         assert found.level.estimate == pytest.approx(value, abs=1e-3)
         assert last_step(np.full(n, value), np.full(n, 0.002)) is None
+
+
+@pytest.mark.parametrize("pattern", ["alike", "alternating"])
+def test_rounding_of_an_exact_line_changes_no_evidence(pattern: str) -> None:
+    """Processors round a sum differently; residuals of that size say nothing of how flights are alike."""
+    flights, errors = np.arange(12.0), np.full(12, 0.002)
+    rounding = 1e-15 * ((flights - 5.5) ** 2 if pattern == "alike" else (-1.0) ** flights)
+    exact = course_of(flights, 0.2 + 0.01 * flights, errors)
+    rounded = course_of(flights, 0.2 + 0.01 * flights + rounding, errors)
+    assert exact is not None
+    assert rounded is not None
+    assert rounded.grows
+    assert rounded.evidence == pytest.approx(exact.evidence, rel=1e-6)
