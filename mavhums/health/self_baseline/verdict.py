@@ -188,11 +188,11 @@ def comparison_text(equation: OwnEquation, found: Comparison) -> str:
     """
     if found.condition == "learning":
         return f"flight {found.flights} of the {found.needed} that its baseline takes; {_NO_LIMIT}"
-    if found.condition == "undecided" or found.change is None or found.least_rise is None:
+    if found.change is None:
         return found.why
     at_load = "" if found.load is None else f" at a load of {found.load:.2g} {equation.unit}"
     if found.condition == "unchanged":
-        half = max(found.change.high - found.change.estimate, 0.0)
+        half = found.change.high - found.change.estimate
         return (
             f"{equation.quantity}{at_load} within ±{half:.0%} of its first {found.flights} flights "
             f"(a rise of {found.least_rise:.0%} would have been found{_at_rate(found)}); {_NO_LIMIT}"
