@@ -35,8 +35,10 @@ with which it fits much better, from 1, or 0; whether it flew upright, for longe
 _RING: Final = 1024  # rows; more than the longest window with its reference
 _COUNT, ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED, FLOWN, TIPPED, _EXPLAINED = range(10)
 _QUICK: Final = 2  # windows that demand that the aircraft falls towards the motor
-_SLOW_WINDOW, _SLOW_ODDS = 2, 4  # the first that slow outputs show, and the first with the usual odds
-_FIRST_PAIRED, _LAST_PAIRED = 1, 3  # windows that show two motors at once: such a flight is short
+_SLOW_WINDOW: Final = 2  # the first that slow outputs show
+_SLOW_ODDS: Final = 4  # the first that shows them with the usual odds
+_FIRST_PAIRED: Final = 1  # windows that show two motors at once: such a flight is short
+_LAST_PAIRED: Final = 3
 _PAYLOAD: Final = 5  # window in which a payload or the air is recognised
 _BOUND: Final = 3  # window that bounds what is lost
 _LATER: Final = 5 * RATE_HZ  # rows in the air that must follow: at touch-down the effort winds up
@@ -95,7 +97,7 @@ def new_state(motors: int) -> State:
     """Return the state before the first row."""
     windows = t.WINDOWS.size
     return State(
-        np.array([0] * _EXPLAINED + [-_RING], dtype=np.int64),
+        np.zeros(_EXPLAINED + 1, dtype=np.int64),
         np.zeros((_RING, 3)),
         np.zeros((_RING, motors)),
         np.zeros((_RING, 3)),

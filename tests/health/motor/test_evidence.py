@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from mavhums.core.arrays import Array
 from mavhums.health.motor import evidence as e
 from mavhums.health.motor import thresholds as t
 from mavhums.health.motor.monitor import MotorMonitor
-from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rotors import Rotors
+from mavhums.vehicle.signals import DERIVED
 from tests.health.motor.test_hypotheses import QUAD
 from tests.health.motor.test_past import QUAD as QUADCOPTER
 
@@ -141,8 +143,33 @@ def test_the_trim_is_the_mean_of_the_effort_after_the_take_off() -> None:
         craft.fly(1, 0.4 + 0.01 * k, effort=k * effort)
     # The first row still has the effort before; the mean is over the rows since half of the take-off.
     rows = [np.ones(3), *(max(k, 1) * effort for k in range(29))]
-    assert craft.state.now[:3] == pytest.approx(np.mean(rows, axis=0))
-    assert craft.state.now[3] == pytest.approx(np.mean([0.4, *(0.4 + 0.01 * k for k in range(29))]))
+    hover = np.mean([0.4, *(0.4 + 0.01 * k for k in range(29))])
+    last = 0.69 + 29 * effort @ np.linalg.pinv(QUAD)
+    assert craft.state.now == pytest.approx([*np.mean(rows, axis=0), hover, *last])
+    assert craft.state.trim[craft.count(0)] == pytest.approx(np.mean(rows, axis=0))
+    assert craft.state.effort[craft.count(0)] == pytest.approx(half * np.ones(3) + np.sum(rows, axis=0))
+
+
+@pytest.mark.parametrize(
+    ("row", "times", "learned"),
+    [
+        (197, 1 / 4, 0.0),  # a window of four rows ends at row 200
+        (196, 0.0, 0.0),
+        (187, 0.0, 1 / 4),  # the one that ended at row 190 is learned by now
+        (186, -1 / 146, 0.0),  # half a second before it: a part of the trim, the mean from row 41 on
+    ],
+)
+def test_a_jolt_is_in_the_window_or_in_the_trim_before_it_and_then_noise(
+    row: int, times: float, learned: float
+) -> None:
+    jolt, craft = np.array([0.05, -0.03, 0.02]), Craft()
+    craft.fly(row - 1)
+    craft.fly(1, effort=jolt)  # which the next row shows
+    craft.fly(201 - row)
+    assert craft.count(0) == 200
+    assert craft.state.pending[0] == pytest.approx(times * jolt / HOVER)
+    assert craft.state.noise[0] == pytest.approx(np.outer(jolt, jolt) * (learned / HOVER) ** 2)
+    assert (craft.state.payload.tolist(), craft.state.held[0, 0]) == ([0.0, 0.0], 0)
 
 
 def test_the_effort_of_a_turn_is_learned_less_and_forgotten_slowly() -> None:
@@ -158,12 +185,12 @@ def test_the_effort_of_a_turn_is_learned_less_and_forgotten_slowly() -> None:
     ("off_deg", "rate", "rows", "pressed"),
     [(10.1, 0.149, 20, True), (9.9, 0.149, 20, False), (10.1, 0.151, 20, False), (10.1, 0.149, 19, False)],
 )
-@pytest.mark.parametrize("block", [1, 7, 140])
+@pytest.mark.parametrize(("block", "begun"), [(1, 10), (7, 10), (140, 10), (7, 0)])
 def test_what_holds_the_craft_for_a_second_hides_the_motors_for_three(
-    off_deg: float, rate: float, rows: int, pressed: bool, block: int
+    off_deg: float, rate: float, rows: int, pressed: bool, block: int, begun: int
 ) -> None:
     assert isinstance(QUADCOPTER, Rotors)
-    monitor, n, begun = MotorMonitor(1, QUADCOPTER), 140, 10
+    monitor, n = MotorMonitor(1, QUADCOPTER), 140
     attitude, rates = np.zeros((n, 3)), np.zeros((n, 3))
     attitude[begun : begun + rows, 1] = -np.radians(off_deg)
     rates[:, 2] = -rate
@@ -174,8 +201,56 @@ def test_what_holds_the_craft_for_a_second_hides_the_motors_for_three(
     assert found.tolist() == ([*range(last, last + round(t.RELEASED_S * RATE_HZ) + 1)] if pressed else [])
 
 
+def test_each_second_keeps_its_time_and_what_is_known_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seconds with gaps between them; each differs from the others in something that is handed on."""
+    index = np.array([3, 4, 7, 8, 9, 12])
+    thrust, roll = np.array([0.4, 0.4, 0.09, 0.4, 0.4, 0.11]), np.array([0.3, 0.3, 0.3, 1.0, 0.98, 0.3])
+    spacing, grounded = np.array([0.1, 0.12, 0.1, 0.125, 0.13, 0.1]), np.array([0, 0, 0, 1, 0, 1])
+    settled, derived = np.array([1.0, 0.0, 0.0, 1.0, 1.0, 0.0]), np.array([0, 1, 0, 0, 0, 1], dtype=bool)
+
+    def by_rows(*columns: Array | float) -> Array:
+        return np.array([[np.broadcast_to(one, index.shape) for one in columns]] * RATE_HZ).transpose(2, 0, 1)
+
+    off = np.full((len(index), RATE_HZ, 32), np.nan)
+    handed: list[list[Array]] = []
+    signals = {
+        "outputs": by_rows(*[thrust] * 16), "outputs_2": off, "outputs_3": off,
+        "outputs_spacing": by_rows(spacing),
+        "attitude": by_rows(roll, 0.4, 2.0), "demand": by_rows(roll, 0.4), "rates": by_rows(0.5, 0.5, 0.5),
+        "landed": by_rows(grounded), "mixer": by_rows(np.nan, np.nan, np.nan, np.nan),
+    }  # fmt: skip
+
+    def follow(*given: Any) -> None:
+        thrusts, rates, upright, ground, slow, *_, found = given
+        found[::RATE_HZ, 0], found[:, 1], found[:, 6] = 2.0, 9.0, 5.0
+        found[:, 7] = settled[np.isin(index, times[len(handed)])].repeat(RATE_HZ)
+        handed.append([one[::RATE_HZ] for one in (thrusts[:, 0], rates[:, 2], upright, ground, slow)])
+
+    times, kept, flown = [[3, 4], [7, 8, 9], [12]], [], []
+    assert isinstance(QUADCOPTER, Rotors)
+    monitor: Any = MotorMonitor(1, QUADCOPTER)
+    monkeypatch.setattr(e, "follow", follow)
+    monitor.rotors = SimpleNamespace(
+        thrusts=lambda pulses, _: pulses[:, :4], lift=False, columns=QUADCOPTER.columns
+    )
+    monitor._alarm = lambda row_s, spacing_s, _: [(row_s, spacing_s)]
+    monitor._trims = SimpleNamespace(add=lambda _, upright: kept.extend(upright[::RATE_HZ]))
+    monitor._speeds = SimpleNamespace(add=lambda first, _, flew, __: flown.append((first, flew[::RATE_HZ])))
+    alarms = [*monitor.feed(Seconds(index, signals, {"rates": np.where(derived, DERIVED, 0)}))]
+    assert alarms == list(zip(index.tolist(), spacing.tolist(), strict=True))
+    asked, rates, upright, ground, slow = (np.concatenate(one) for one in zip(*handed, strict=True))
+    assert asked.tolist() == thrust.tolist()
+    assert np.isnan(rates).tolist() == derived.tolist(), "the change of the attitude is too smooth"
+    assert upright == pytest.approx(np.cos(roll) * np.cos(0.4))
+    assert (ground.tolist(), slow.tolist()) == ((grounded > 0).tolist(), (spacing > 0.125).tolist())
+    assert kept == (settled > 0.0).tolist()
+    # It flies with more than a tenth of the thrust, and leans by less than 60°.
+    assert [first for first, _ in flown] == [3, 7, 12]
+    assert np.concatenate([flew for _, flew in flown]).tolist() == [True, True, False, False, True, True]
+
+
 def test_the_rules_are_those_of_the_number_of_rotors() -> None:
-    quad, more = e.rules_for(4), e.rules_for(6)
+    quad, more = e.rules_for(4), e.rules_for(5)
     assert (quad.odds is t.ODDS_QUAD, more.odds is t.ODDS_MORE) == (True, True)
     assert (quad.slow_odds, more.slow_odds) == (t.SLOW_ODDS_QUAD, t.SLOW_ODDS_MORE)
     assert (quad.least is t.LEAST_LOSS_QUAD, more.least is t.LEAST_LOSS_MORE) == (True, True)

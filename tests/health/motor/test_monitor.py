@@ -14,6 +14,7 @@ from mavhums.engine.motors import VehicleMotors
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.health.motor.speeds import EscSpeeds, SpeedsBesideThrust
+from mavhums.health.motor.thresholds import WINDOWS_S
 from mavhums.results.verdict import Verdict
 from mavhums.show.digest import digest, headline
 from mavhums.vehicle.facts import OUTPUTS, Signal
@@ -280,6 +281,84 @@ def test_without_parameters_it_says_so(tmp_path: Path) -> None:
     [verdict] = motors(tmp_path / "bare.tlog")
     assert (verdict.actuator, verdict.condition) == ("motors", "undecided")
     assert "which motor sits where" in (verdict.reason or "")
+
+
+Told = tuple[float, float, str, str]
+
+
+def said(change: ConditionChanged) -> Told:
+    """Return when a change is known, since when it is, and between which conditions."""
+    return change.time_s, change.since_s, change.before, change.after
+
+
+def window(
+    row_s: float, motor: int, seconds: float, odds: float, share: float = 0.4, other: int = 0
+) -> tuple[float, Array]:
+    """Return a window that ends at a row, in which a motor stands out, and another one if given."""
+    found = [motor, WINDOWS_S.index(seconds), odds, share, share - 0.1, share + 0.2, other, 1.0]
+    return row_s, np.array(found)
+
+
+FIRST = window(50.0, 2, 0.4, 5.0)
+FIRST_TOLD = (50.25, 49.6, "undecided", "degraded")
+
+
+@pytest.mark.parametrize(
+    ("windows", "told", "several", "kept"),
+    [
+        ([FIRST], [FIRST_TOLD], (), (49.6, 5.0)),
+        ([window(0.25, 2, 0.4, 5.0)], [(0.5, 0.0, "undecided", "degraded")], (), (0.0, 5.0)),
+        # Two motors at once, and nothing more is said of them.
+        ([window(50.0, 3, 0.4, 5.0, other=1), FIRST], [], (1, 3), (49.6, 5.0)),
+        # Another motor within ten seconds, in a window that the rebound does not fill.
+        (
+            [FIRST, window(60.0, 4, 0.8, 9.0), window(61.0, 2, 3.0, 50.0)],
+            [FIRST_TOLD, (60.25, 60.25, "degraded", "undecided")],
+            (2, 4),
+            (49.6, 5.0),
+        ),
+        ([FIRST, window(60.05, 4, 0.8, 9.0)], [FIRST_TOLD], (), (49.6, 5.0)),
+        ([FIRST, window(51.0, 4, 0.4, 9.0)], [FIRST_TOLD], (), (49.6, 5.0)),
+        ([FIRST, window(51.0, 2, 0.8, 1.0, other=1)], [FIRST_TOLD, (51.25, 51.25, "degraded", "undecided")],
+         (1, 2), (49.6, 5.0)),
+        ([FIRST, window(51.0, 3, 0.8, 1.0, other=4)], [FIRST_TOLD, (51.25, 51.25, "degraded", "undecided")],
+         (2, 3, 4), (49.6, 5.0)),
+        # The same motor again: the onset moves back in short windows only, and what is surer replaces.
+        ([FIRST, window(50.5, 2, 1.4, 6.0)], [FIRST_TOLD], (), (49.1, 6.0)),
+        ([FIRST, window(51.0, 2, 3.0, 6.0)], [FIRST_TOLD], (), (49.6, 6.0)),
+        ([FIRST, window(50.5, 2, 0.4, 6.0)], [FIRST_TOLD], (), (49.6, 6.0)),
+        ([FIRST, window(50.5, 2, 1.4, 5.0)], [FIRST_TOLD], (), (49.6, 5.0)),
+        ([FIRST, window(79.95, 2, 3.0, 6.0)], [FIRST_TOLD], (), (49.6, 6.0)),
+        ([FIRST, window(80.0, 2, 3.0, 6.0)], [FIRST_TOLD], (), (49.6, 5.0)),
+        (
+            [FIRST, window(50.5, 2, 1.4, 6.0, 0.5), window(51.0, 2, 1.4, 7.0, 0.9), window(52, 2, 3.0, 8.0)],
+            [FIRST_TOLD, (50.75, 49.1, "degraded", "emergency")],
+            (),
+            (49.1, 8.0),
+        ),
+    ],
+)  # fmt: skip
+def test_what_follows_an_alarm_refines_it_or_makes_it_doubtful(
+    windows: list[tuple[float, Array]], told: list[Told], several: tuple[int, ...], kept: tuple[float, float]
+) -> None:
+    monitor = MotorMonitor(1, rotors("quad x"))
+    changes = [one for row_s, found in windows for one in monitor._alarm(row_s, 0.25, found)]
+    assert [said(one) for one in changes] == [pytest.approx(each) for each in told]
+    assert {one.actuator for one in changes} <= {"motor 2"}
+    found = monitor.findings()
+    assert found.several == several
+    assert found.loss is not None
+    assert (found.loss.since_s, found.loss.odds) == pytest.approx(kept)
+
+
+def test_the_words_of_an_alarm_and_a_late_sample() -> None:
+    monitor = MotorMonitor(1, rotors("quad x"))
+    [loss] = monitor._alarm(50.0, 2.5, FIRST[1])
+    [doubt] = monitor._alarm(51.0, 0.5, window(51.0, 4, 0.8, 9.0)[1])
+    assert loss.time_s == 51.0, "a second at most: after a gap the next sample says nothing about its time"
+    assert loss.rule == "degraded: motor 2 of quad X lost 40 % of its thrust (30 to 60 %)"
+    assert loss.finding == "lost 40 % of thrust"
+    assert doubt.rule == "undecided: more than one motor (of 2 and 4)"
 
 
 FLIGHTS = REAL_LOGS.parent / "flights" / "motors"

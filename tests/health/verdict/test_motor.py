@@ -135,6 +135,7 @@ def test_a_trim_is_the_mean_of_blocks_along_the_column_of_the_motor() -> None:
             assert trims.of_motor(0) == ()
             flown[RATE_HZ - 1 :: RATE_HZ] = False
             trims.add(thrusts, flown)  # no second of it is flown upright throughout
+        assert (len(trims.of_motor(0)) == 2) is (len(efforts) >= 3)
     for motor, column in enumerate(COLUMNS):
         weights = column / BETWEEN_FLIGHTS**2
         weights /= weights @ column
@@ -143,6 +144,8 @@ def test_a_trim_is_the_mean_of_blocks_along_the_column_of_the_motor() -> None:
         for shown, along in ((whole, np.array(efforts) @ weights), (turns, yaw)):
             assert shown.value.estimate == pytest.approx(along.mean(), abs=1e-5)
             assert shown.windows == 4
+            numbers = *(number for _, number in shown.value), shown.scatter or 0.0
+            assert [round(number, 5) for number in numbers] == [*numbers]
         deviation = (weights**2 @ np.array(efforts).var(axis=0, ddof=1)) ** 0.5
         assert whole.scatter == pytest.approx(deviation, abs=1e-5)
         assert whole.value.high - whole.value.estimate == pytest.approx(1.96 * deviation / 2.0, abs=2e-5)
