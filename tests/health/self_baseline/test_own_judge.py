@@ -11,6 +11,7 @@ from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import TRACKING
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.random_effects import CommonError, population, scattering_share
+from mavhums.health.self_baseline import comparison
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS, USEFUL_RISE
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, comparison_text
@@ -57,7 +58,7 @@ def test_a_fall_is_no_wear() -> None:
     assert compare(EQUATION, flight(53, 0.03), HEALTHY).condition == "unchanged"
 
 
-def test_a_rise_is_changed_since_the_first_flight_of_an_unbroken_row() -> None:
+def test_a_rise_is_changed_since_the_first_flight_of_an_unbroken_row(monkeypatch: pytest.MonkeyPatch) -> None:
     extra = [flight(60 + k) for k in range(REFERENCE_FLIGHTS - 12)]
     worn = [flight(80, 0.08), flight(81), flight(82, 0.08), flight(83, 0.08)]
     flights = past(*(p.records[0] for p in HEALTHY), *extra, *worn)
@@ -70,6 +71,16 @@ def test_a_rise_is_changed_since_the_first_flight_of_an_unbroken_row() -> None:
     text = comparison_text(EQUATION, found)
     assert text.startswith("friction current +")
     assert "since flight 23 (2026-03-23): friction" in text
+    assert found.value is not None
+    assert found.baseline is not None
+    halves = found.value.high - found.value.estimate, found.baseline.high - found.baseline.estimate
+    ratio = (found.change.high - found.change.estimate) / (np.hypot(*halves) / found.baseline.estimate)
+    assert ratio == pytest.approx(1.0, abs=0.3)
+    # Further back it is not looked for.
+    monkeypatch.setattr(comparison, "TRAILING_FLIGHTS", 1)
+    again = compare(EQUATION, flight(84, 0.08), flights)
+    assert again.since is not None
+    assert again.since.flight == REFERENCE_FLIGHTS + 4
 
 
 def test_a_fault_that_blurs_its_own_quantity_is_changed() -> None:
@@ -79,7 +90,9 @@ def test_a_fault_that_blurs_its_own_quantity_is_changed() -> None:
     assert compare(EQUATION, blurred, HEALTHY).condition == "unchanged"
     tracking = replace(EQUATION, blurs=True)
     assert compare(tracking, blurred, HEALTHY).condition == "changed"
-    assert compare(tracking, flight(87), HEALTHY).condition == "unchanged"
+    healthy = compare(tracking, flight(87), HEALTHY)
+    assert healthy.condition == "unchanged"
+    assert healthy.least_rise == compare(EQUATION, flight(87), HEALTHY).least_rise
     assert TRACKING.blurs
 
 
@@ -119,6 +132,29 @@ def test_the_temperature_of_the_log_explains_what_it_can() -> None:
     assert known is not None
     assert blind is not None
     assert known < blind
+
+
+def test_a_flight_beyond_the_baseline_neither_begins_nor_ends_a_run() -> None:
+    def at(seed: int, warmth: float, friction_a: float = 0.05) -> OwnRecord:
+        return flight(seed, friction_a, warmth)
+
+    warm = past(*(at(seed, 10.0 + 2.0 * seed) for seed in range(12)))
+    worn = past(at(92, 20.0, 0.08), at(93, 60.0, 0.05), at(94, 60.0, 0.08), healthy=False)
+    found = compare(EQUATION, at(95, 20.0, 0.08), [*warm, *worn])
+    assert found.condition == "changed"
+    assert found.since is not None
+    assert found.since.flight == 13
+
+
+@pytest.mark.parametrize(("name", "value"), [("learned", lambda _: None), ("SHOWN_FLIGHTS", 13)])
+def test_flights_that_determine_too_little_are_learning(
+    monkeypatch: pytest.MonkeyPatch, name: str, value: object
+) -> None:
+    monkeypatch.setattr(comparison, name, value)
+    comparison._ReferenceFlights.of.cache_clear()
+    found = compare(EQUATION, flight(56), HEALTHY)
+    comparison._ReferenceFlights.of.cache_clear()
+    assert (found.condition, found.flights, found.needed) == ("learning", 10, 10)
 
 
 def _untold(record: OwnRecord) -> OwnRecord:

@@ -32,7 +32,7 @@ from tests.health.motor.test_past import COLUMNS, QUAD
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
 assert isinstance(QUAD, Rotors)
-LOSS = Loss(2, 41.239, 40.123, Interval(estimate=0.4, low=0.3, high=0.6), 3.0)
+LOSS = Loss(2, 41.239, 40.123, Interval(estimate=0.4004, low=0.2996, high=0.6004), 3.0)
 FINDINGS = MotorFindings(QUAD, None, (), 90.0, 60.0, False, (0.1, 0.31, 0.2, 0.0), ((), (), (), ()))
 
 

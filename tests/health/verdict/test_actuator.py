@@ -1,0 +1,142 @@
+"""From what a flight shows of an actuator to its verdict: silence, the digits shown, and its own baseline."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from mavhums.actuator.telemetry import TIERS
+from mavhums.core.conditions import Condition
+from mavhums.health.verdict.actuator import (
+    BaselineFindings,
+    against_baseline,
+    crowded_out,
+    verdict_of_actuator,
+)
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import Coverage, Evidence, Indicator, OwnRecord, Suspect, Verdict
+from tests.health.flown import actuator_of
+
+START = datetime(2026, 3, 1, 9, tzinfo=UTC)
+VALUE = Interval(estimate=0.123456, low=0.112346, high=0.134567)
+SHOWN = Indicator(
+    fault="friction", quantity="", unit="N·m", value=VALUE, windows=9, scatter=0.0123456, baseline=VALUE
+)  # fmt: skip
+FOUND = Evidence(kind="friction", start_s=1.23456, end_s=9.87654, value=0.123456, rule="")
+OWN = OwnRecord(equation="own_current", setup="", rate_hz=25.0, duration_s=60.0, groups=())
+SURE = Suspect(fault="friction", confidence=0.987654)
+ENDED = "its telemetry ends at 90 s of 101 s, when it was "
+
+
+def verdict(condition: Condition = "degraded", end_s: float = 100.0, **changes: Any) -> Verdict:
+    """Return the verdict on a flight whose telemetry ends at 90 s."""
+    implausible = changes.pop("implausible", {"V5": (3, 100)})
+    findings: Any = SimpleNamespace(
+        **{
+            "condition": condition,
+            "worst": "emergency",
+            "since_s": 41.23456,
+            "friction": VALUE,
+            "coverage": Coverage(moving_fraction=0.123456, windows=50, decidable=7, late=5),
+            "suspects": (SURE,),
+            "evidence": (FOUND,),
+            "indicators": (SHOWN,),
+            "last_s": 90.0,
+            "own": (OWN,),
+            "no_friction": None,
+        }
+        | changes
+    )
+    return verdict_of_actuator(
+        1, actuator_of(), findings, start_utc=START, end_s=end_s, late=2,
+        implausible=implausible, provenance={"V5": "A.b", "V7": "A.c"}, tier=TIERS[0],
+    )  # fmt: skip
+
+
+def test_numbers_have_the_digits_that_are_known() -> None:
+    found = verdict()
+    assert (found.friction_nm, found.suspects[0].confidence) == (
+        Interval(estimate=0.1235, low=0.1123, high=0.1346),
+        0.9877,
+    )
+    [evidence], [shown] = found.evidence, found.indicators
+    assert (evidence.start_s, evidence.end_s, evidence.value) == (1.235, 9.877, 0.1235)
+    short = Interval(estimate=0.12346, low=0.11235, high=0.13457)
+    assert (shown.value, shown.scatter, shown.baseline) == (short, 0.01235, short)
+    bare = SHOWN.model_copy(update={"scatter": None, "baseline": None})
+    [shown] = verdict(indicators=(bare,)).indicators
+    assert (shown.scatter, shown.baseline) == (None, None)
+    assert found.coverage == Coverage(
+        moving_fraction=0.1235, windows=50, decidable=7, late=7, implausible={"V5": 3}
+    )
+    assert found.since is not None
+    assert found.since.flight_time_s == 41.235
+    assert verdict(friction=None).friction_nm is None
+
+
+@pytest.mark.parametrize(
+    ("condition", "end_s", "told", "reason"),
+    [
+        ("degraded", 100.0, "degraded", None),
+        ("degraded", 101.0, "undecided", f"{ENDED}degraded"),
+        ("normal", 100.01, "undecided", "its telemetry ends at 90 s of 100 s, when it was normal"),
+        ("undecided", 101.0, "undecided", "7 of 50 windows are decidable, and too few in a row agree"),
+    ],
+)
+def test_silence_for_more_than_a_window_is_undecided_and_keeps_the_worst(
+    condition: Condition, end_s: float, told: Condition, reason: str | None
+) -> None:
+    found = verdict(condition, end_s)
+    assert (found.condition, found.worst, found.reason) == (told, "emergency", reason)
+    silent = end_s > 100.0
+    assert (found.since is None, found.own) == (silent, () if silent else (OWN,))
+    assert (found.remedy is None) == (reason is None)
+
+
+def test_absurd_values_are_told_before_what_else_is_missing() -> None:
+    found = verdict("undecided", implausible={"V5": (11, 100)})
+    assert (found.reason or "").startswith("up to 11 % of the values of V5 are beyond")
+    assert verdict("degraded", implausible={"V5": (11, 100)}).reason is None
+
+
+@pytest.mark.parametrize(
+    ("condition", "end_s", "decidable", "told", "reason"),
+    [
+        ("degraded", 100.0, 3, "degraded", None),
+        ("degraded", 101.0, 12, "undecided", f"{ENDED}degraded"),
+        ("undecided", 100.0, 12, "undecided", "as it was"),
+        ("undecided", 101.0, 12, "undecided", "as it was"),
+    ],
+)
+def test_its_own_baseline_replaces_what_the_flight_alone_showed(
+    condition: Condition, end_s: float, decidable: int, told: Condition, reason: str | None
+) -> None:
+    """Of another fault there is no baseline."""
+    before = verdict().model_copy(update={"reason": "as it was", "remedy": "as before"})
+    before = before.model_copy(update={"indicators": (SHOWN, SHOWN.model_copy(update={"fault": "backlash"}))})
+    usual = Interval(estimate=0.0987654, low=0.0876543, high=0.1098765)
+    found = against_baseline(
+        before,
+        BaselineFindings(
+            condition, "degraded", 12.34567, (SURE,), (FOUND,), {"friction": usual}, 90.0, decidable
+        ),
+        start_utc=START,
+        end_s=end_s,
+    )
+    assert (found.condition, found.worst, found.reason) == (told, "degraded", reason)
+    assert (found.remedy is None) == (reason is None)
+    assert found.coverage.decidable == max(7, decidable)
+    assert (found.since and found.since.flight_time_s) == (None if end_s > 100.0 else 12.346)
+    assert (found.suspects[0].confidence, found.evidence[0].end_s) == (0.9877, 9.877)
+    assert [one.baseline for one in found.indicators] == [
+        Interval(estimate=0.098765, low=0.087654, high=0.10988), None,
+    ]  # fmt: skip
+
+
+def test_a_vehicle_beyond_the_most_that_are_judged_says_how_many_these_are() -> None:
+    found = crowded_out(9, None, 8)
+    assert (found.vehicle, found.actuator, found.condition) == (9, "all", "undecided")
+    assert found.reason == "more than 8 vehicles transmit; this one came after them"
