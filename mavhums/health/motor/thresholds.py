@@ -150,5 +150,3 @@ LEAST_TRIM_CHANGE: Final = 0.15
 """Least change of a motor's thrust that is reported: a battery moved by a centimetre makes 0.1."""
 YAW_SHIFT: Final = 3.0
 """Standard deviations between flights from which the effort about yaw shows that no weight moved."""
-MOST_TRIM_CONFIDENCE: Final = 0.99
-"""A Student's t of few flights claims more than they show."""

@@ -99,15 +99,15 @@ def named_by_telemetry(
     servos = {one.name: one.servo for one in airframe.actuators} if airframe else {}
     faulty = {servos.get(one.actuator) for one in actuators if SEVERITY[one.worst] > SEVERITY["normal"]}
     for verdict in axes:
-        first = [one for one in verdict.candidates if one.servo in faulty]
-        if len(first) == 1:
-            said = {"probability": None, "because": "its servo's telemetry shows a fault"}
-            others = [one for one in verdict.candidates if one is not first[0]]
-            rest = [one.model_copy(update={"probability": None, "because": None}) for one in others]
-            candidates = (first[0].model_copy(update=said), *rest)
-            yield verdict.model_copy(update={"candidates": candidates})
-        else:
-            yield verdict
+        match [one for one in verdict.candidates if one.servo in faulty]:
+            case [first]:
+                said = {"probability": None, "because": "its servo's telemetry shows a fault"}
+                others = [one for one in verdict.candidates if one is not first]
+                rest = [one.model_copy(update={"probability": None, "because": None}) for one in others]
+                candidates = (first.model_copy(update=said), *rest)
+                yield verdict.model_copy(update={"candidates": candidates})
+            case _:
+                yield verdict
 
 
 def verdict_of_axis(

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import TWO_WAYS
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.least_squares import packed, unpacked
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.health.self_baseline.past import differences
+from mavhums.health.self_baseline.past import compared, differences
 from mavhums.results.verdict import OwnRecord
 from tests.health.self_baseline.servo import EQUATION, Servo, left
 
@@ -57,17 +58,55 @@ def test_a_flight_beyond_the_activity_of_the_others_is_undecided() -> None:
     assert compare(EQUATION, rough, PAST).condition != "undecided"
 
 
+def test_the_activity_is_the_logarithm_of_the_acceleration_where_flights_differ_in_it() -> None:
+    record = RECORDS[0]
+    [activity] = differences(BY_ACTIVITY, [record, lively(record, 2.0)], warm=False)
+    assert activity.high - activity.low == pytest.approx(np.log(2.0))
+    found = [activity.beyond(lively(record, times)) for times in (0.81, 0.83, 2.41, 2.45)]
+    assert found == ["calmer", "", "", "rougher"], "a fifth beyond: e to the power of ±0.2"
+    assert differences(BY_ACTIVITY, [record, record], warm=False) == []
+
+
+def test_the_first_twenty_healthy_flights_are_the_baseline_and_those_after_the_last_are_judged() -> None:
+    own = RECORDS[0]
+    sick, other, slow, fast = 3, 5, 7, 9
+    changes = {
+        other: {"setup": "otherwise"},
+        slow: {"rate_hz": own.rate_hz / 1.251},
+        fast: {"rate_hz": own.rate_hz * 1.25},
+        11: {"groups": own.groups[:1]},
+    }
+    past = [
+        PastRecord((own.model_copy(update=changes.get(k, {})),), f"{k}", healthy=k != sick)
+        for k in range(1, 31)
+    ]
+    reference, after = compared(EQUATION, own, past)
+    left_out = {sick, other, slow, 11}
+    numbers = [k for k in range(1, 31) if k not in left_out]
+    assert [number for number, _, _ in reference] == numbers[:20]
+    assert [number for number, _, _ in after] == numbers[20:]
+    assert [date for _, date, _ in after] == [f"{k}" for k in numbers[20:]]
+    # Until there are twenty, only what comes after the last healthy one is judged.
+    unsound = [one._replace(healthy=k in (1, 2)) for k, one in enumerate(past, 1)]
+    reference, after = compared(EQUATION, own, unsound)
+    assert [number for number, _, _ in reference] == [1, 2]
+    assert [number for number, _, _ in after] == [k for k in range(3, 31) if k not in (other, slow, 11)]
+    none = [one._replace(healthy=False) for one in past]
+    assert len(compared(EQUATION, own, none)[1]) == 27
+
+
 def test_temperatures_too_close_together_give_no_slope() -> None:
     def at(*several: float) -> list[OwnRecord]:
         return [RECORDS[0].model_copy(update={"temperature_c": warmth}) for warmth in several]
 
-    assert not differences(EQUATION, at(20.0, 24.0), warm=True)
+    assert not differences(EQUATION, at(20.0, 24.9), warm=True)
+    assert len(differences(EQUATION, at(20.0, 25.0), warm=True)) == 1
     assert not differences(EQUATION, at(20.0, 30.0), warm=False)
     assert not differences(EQUATION, [*at(20.0, 30.0), RECORDS[1]], warm=True)
     [warmth] = differences(EQUATION, at(20.0, 30.0), warm=True)
     assert warmth.at(at(27.0)[0]) == 2.0
     assert warmth.at(RECORDS[1]) == 0.0, "what is not known is taken as the mean"
-    assert [warmth.beyond(record) for record in at(16.0, 18.0, 32.0, 34.0)] == ["colder", "", "", "warmer"]
+    assert [warmth.beyond(record) for record in at(16.9, 17.0, 33.0, 33.1)] == ["colder", "", "", "warmer"]
 
 
 def swept(load: float, strokes: int = 4, *, against: int = 0) -> OwnRecord:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
+from datetime import UTC, datetime
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,11 +16,11 @@ from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.reference import STANDARDS, Constant, Reference
 from mavhums.health.axis.regressions import Basis, Shape
 from mavhums.health.verdict.actuator import _absurd, _why_undecided
-from mavhums.health.verdict.axis import _candidates, indicators, named_by_telemetry
+from mavhums.health.verdict.axis import _candidates, indicators, named_by_telemetry, verdict_of_axis
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import Candidate, Coverage, Verdict
+from mavhums.results.verdict import Candidate, Coverage, OwnRecord, Verdict
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import Identity, in_words
 from mavhums.vehicle.parameters import Parameters
@@ -223,24 +223,35 @@ def test_streams_that_are_too_slow_or_absent() -> None:
 
 
 def test_seconds_that_make_no_reference() -> None:
-    bank = r"no 45 s within two minutes were flown within 60° of bank, \d+° of pitch and \d+ % of the usual"
-    assert re.match(bank, undecided(findings()))
-    needs = replace(STANDARDS["roll"], explained=0.5, error=0.1)
+    assert undecided(findings()) == (
+        "no 45 s within two minutes were flown within 60° of bank, 34° of pitch and 85 % of the usual speed, "
+        "with the surfaces of roll in motion"
+    )
+    needs = replace(STANDARDS["roll"], explained=0.75, error=0.55)
 
     def told(axis: str, explained: float, error: float) -> str:
         return undecided(findings(axis, best=reference(explained, error), needs=needs))
 
-    assert told("roll", 0.4, 0.1) == "its surfaces explain 40 % of how it moves in roll, 50 % are needed"
-    assert told("roll", 0.5, 0.2) == "the effect of its surfaces is known to 20 %, 10 % are needed"
-    assert told("yaw", 0.4, 0.1).startswith(
-        "rudder and aileron cannot be told apart: the rudder explains 40 %"
+    assert told("roll", 0.7, 0.1) == "its surfaces explain 70 % of how it moves in roll, 75 % are needed"
+    assert told("roll", 0.75, 0.6) == "the effect of its surfaces is known to 60 %, 55 % are needed"
+    assert told("roll", 0.75, 0.55) == ""
+    assert told("yaw", 0.7, 0.1).startswith(
+        "rudder and aileron cannot be told apart: the rudder explains 70 %"
     )
-    assert told("pitch", 0.4, 0.2).count("; ") == 1
+    assert told("pitch", 0.7, 0.6).count("; ") == 1
     steers = Surfaces((SurfaceOutput(1, "steering", 1500, 400),), "parameters")
     ground = findings("steering", needs=needs)
     assert undecided(ground, steers) == ("in no 45 s of two minutes of driving forward its steering moved")
-    weak = replace(ground, best=reference(0.4, 0.1))
-    assert undecided(weak, steers) == "its steering explains 40 % of how it turns, 50 % are needed"
+    weak = replace(ground, best=reference(0.7, 0.1))
+    assert undecided(weak, steers) == "its steering explains 70 % of how it turns, 75 % are needed"
+    for axis, remedy in (
+        ("roll", "fly more turns and climbs in the first three minutes"),
+        ("yaw", "pulse the rudder alone for a few seconds early in the flight"),
+        ("steering", "drive more turns in the first three minutes"),
+    ):
+        one, moved = findings(axis, best=reference(0.7, 0.1), needs=needs), replace(steers, moved=MOVED)
+        found = why_undecided(one, steers if axis == "steering" else moved, flight(), {})
+        assert found.remedy == remedy
 
 
 def test_a_reference_without_a_verdict() -> None:
@@ -259,6 +270,15 @@ def test_a_reference_without_a_verdict() -> None:
     assert undecided(replace(known, coverage=coverage)) == (
         f"a loss of 40 % or more is excluded over 80 s of forward flight, but 10 {excited}"
     )
+    late = Coverage(moving_fraction=0.1, windows=100, decidable=10, judged_from_s=201.4)
+    assert undecided(replace(known, coverage=late)) == (
+        f"its reference ends 201 s into the log, and 10 {excited}"
+    )
+    for axis, remedy in (("roll", "turns and climbs"), ("steering", "turns")):
+        moved = replace(KNOWN, moved=(*MOVED, SurfaceOutput(5, "steering", 1500, 400)))
+        found = why_undecided(replace(known, axis=axis, coverage=coverage), moved, flight(), {})
+        assert found.remedy.endswith(f"choose a longer log, or one with more {remedy}")
+        assert ("over 80 s of driving forward, but" in found.reason) == (axis == "steering")
 
 
 def test_what_a_vehicle_without_a_profile_lacks() -> None:
@@ -416,6 +436,105 @@ def test_the_candidate_whose_servo_alone_shows_a_fault_comes_first(
         assert list(found.candidates) == both
     [found] = named_by_telemetry([verdict("roll", "degraded", *both)], servos, None)
     assert list(found.candidates) == both
+
+
+def judged(one: AxisFindings, surfaces: Surfaces | None = KNOWN, **changes: Any) -> Verdict:
+    """Return the verdict on an axis whose sensors had these seconds."""
+    used = changes.pop("used", {})
+    received = {"A": Received(10, 2, 0), "B": Received(20, 3, 0)}
+    grid: Any = SimpleNamespace(received=lambda: received, source=lambda name, rank: f"{name} {rank}")
+    flown = flight(**changes)
+    flown.used_s = lambda name: used.get(name, {})
+    return verdict_of_axis(1, one, surfaces, flown, datetime(2026, 3, 1, tzinfo=UTC), grid)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason", "remedy"),
+    [
+        ({}, "", ""),
+        ({"from_take_off": False}, "the log begins in flight", "record from before take-off"),
+        ({"from_take_off": False, "condition": "degraded"}, "", ""),
+        ({"judged": 201.4}, "its reference ends 201 s into the log: a loss", "compare with earlier flights"),
+        ({"judged": 201.4, "condition": "degraded"}, "", ""),
+        (
+            {"judged": 201.4, "from_take_off": False},
+            "the log begins in flight",
+            "record from before take-off",
+        ),
+        ({"condition": "undecided", "usable_s": 44}, "44 s of forward flight with known", "choose a log"),
+    ],
+)
+def test_what_a_normal_axis_does_not_show_is_told(changes: dict[str, Any], reason: str, remedy: str) -> None:
+    seen = Coverage(
+        moving_fraction=0.123456, windows=99, decidable=40, judged_from_s=changes.pop("judged", None)
+    )
+    kept = Interval(estimate=0.87654, low=0.76543, high=0.98765)
+    told = {"condition": "normal", "worst": "normal", "coverage": seen, "effectiveness": kept, **changes}
+    found = judged(findings(**told))
+    assert ((found.reason or "").startswith(reason), bool(found.reason)) == (True, bool(reason))
+    assert ((found.remedy or "").startswith(remedy), bool(found.remedy)) == (True, bool(remedy))
+    assert found.effectiveness == Interval(estimate=0.877, low=0.765, high=0.988)
+    assert (found.coverage.moving_fraction, found.coverage.late) == (0.1235, 5)
+
+
+CONTRADICTED = replace(KNOWN, origin="profile", contradicted={"roll": "servo 1 is a throttle"})
+
+
+@pytest.mark.parametrize(
+    ("surfaces", "compared", "origin"),
+    [
+        (KNOWN, True, "servo outputs, by the log's parameters"),
+        (replace(KNOWN, origin="profile"), True, "servo outputs, by the airframe profile"),
+        (replace(KNOWN, origin="inferred"), False, "servo outputs, by inference from the flight's beginning"),
+        (
+            replace(CONTRADICTED, by_log=frozenset({"roll"})),
+            False,
+            "servo outputs, by the log's parameters, which contradict the airframe profile",
+        ),
+        (replace(KNOWN, by_log=frozenset({"roll"})), True, "servo outputs, by the log's parameters"),
+        (CONTRADICTED, False, "servo outputs, by the airframe profile"),
+        (None, False, None),
+    ],
+)
+def test_only_axes_whose_outputs_are_known_are_compared_with_other_flights(
+    surfaces: Surfaces | None, compared: bool, origin: str | None
+) -> None:
+    class Kept(SimpleNamespace):
+        def in_parts(self, parts: int) -> Kept:
+            return Kept(source=self.source, parts=parts)
+
+        def record(self, *given: object) -> OwnRecord:
+            setup = f"{self.parts}: {given}"
+            return OwnRecord(equation="e", setup=setup, rate_hz=1.0, duration_s=1.0, groups=())
+
+    response: Any = Kept(source=2, parts=0)
+    shape = Reference(Basis(16.0, 0.0), Shape(3, 0.1), -4.0, [], 0.01, 0.02, 0.9, 0.1, 1.0, 0, 45, {})  # type: ignore[arg-type]
+    one = findings(condition="normal", response=response, reference=shape)
+    found = judged(one, surfaces)
+    assert [shown.fault for shown in found.indicators] == ["effectiveness", "slow"] * compared
+    # A flight that may become a reference needs only its scatter, what is compared needs its times.
+    assert [record.setup for record in found.own] == ["4: ('the speed over ground', 10.0)"] * compared
+    assert found.provenance.get("V1") == origin
+    doubtful = judged(replace(one, condition="undecided"), surfaces)
+    assert [record.setup[0] for record in doubtful.own] == ["0"] * compared
+    assert judged(one, surfaces, rates={}).own == ()
+    assert judged(replace(one, response=None), surfaces).own == ()
+
+
+def test_the_sensors_of_a_motion_are_named_with_their_seconds_where_they_changed() -> None:
+    used = {"rates": {0: 30, 2: 10}, "force": {1: 40}, "speed": {0: 25, 1: 15}}
+    rates, speed = (
+        "rates 0 for 30 s, rates 2 for 10 s",
+        "the airspeed sensor for 25 s, the wind triangle for 15 s",
+    )
+    for axis, force in (("roll", {}), ("pitch", {"force": "force 1"}), ("yaw", {"force": "force 1"})):
+        found = judged(findings(axis, condition="normal"), None, used=used).provenance
+        assert found == {"rates": rates, **force, "speed": speed}
+    assert judged(findings("steering", condition="normal"), None, used=used).provenance.keys() == {
+        "rates",
+        "speed",
+    }
+    assert judged(findings(condition="normal"), None).provenance == {}
 
 
 @pytest.mark.parametrize(

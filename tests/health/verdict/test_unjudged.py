@@ -134,5 +134,6 @@ def test_a_verdict_without_anything_refused_stays_as_it_is() -> None:
     for one in (
         undecided("fly", {"V4": PROVENANCE["V4"]}),
         undecided("fly").model_copy(update={"condition": "normal"}),
+        undecided("fly").model_copy(update={"condition": "unmonitored"}),
     ):
         assert with_refused(one) is one
