@@ -85,6 +85,9 @@ def test_speeds_are_means_of_half_seconds_unless_they_only_repeat_themselves() -
         [300.0, pytest.approx(np.nan, nan_ok=True)],
     ]
     assert np.isnan(heard.at(2, [0])).all(), "a speed that repeats itself is no report"
+    for time_s, speeds in (([0.1, 0.2], [100.0, 200.0]), ([0.6], [200.0]), ([1.1, 1.2], [np.nan, -300.0])):
+        heard.hear(2, np.array(time_s), np.array(speeds))
+    assert [heard.at(k, [2])[0] for k in range(3)] == pytest.approx([150.0, np.nan, 300.0], nan_ok=True)
     assert heard.escs_of([1, 2]) == [0, 1]
     assert heard.escs_of([5, 6]) == [0, 1], "numbered as the motors"
     assert heard.escs_of([2, 1]) == [1, 0]

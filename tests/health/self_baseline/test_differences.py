@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -65,12 +66,14 @@ def test_the_activity_is_the_logarithm_of_the_acceleration_where_flights_differ_
     found = [activity.beyond(lively(record, times)) for times in (0.81, 0.83, 2.41, 2.45)]
     assert found == ["calmer", "", "", "rougher"], "a fifth beyond: e to the power of ±0.2"
     assert differences(BY_ACTIVITY, [record, record], warm=False) == []
+    [still] = differences(BY_ACTIVITY, [record, lively(record, 0.0)], warm=False)
+    assert still.low == pytest.approx(np.log(1e-6))
 
 
 def test_the_first_twenty_healthy_flights_are_the_baseline_and_those_after_the_last_are_judged() -> None:
     own = RECORDS[0]
     sick, other, slow, fast = 3, 5, 7, 9
-    changes = {
+    changes: dict[int, dict[str, Any]] = {
         other: {"setup": "otherwise"},
         slow: {"rate_hz": own.rate_hz / 1.251},
         fast: {"rate_hz": own.rate_hz * 1.25},
