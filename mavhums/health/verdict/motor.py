@@ -141,7 +141,7 @@ def _lost(vehicle: int, findings: MotorFindings, loss: Loss, start_utc: datetime
         condition=condition,
         worst=condition,
         effectiveness=kept,
-        suspects=(Suspect(fault="thrust", confidence=round(1 / (1 + exp(-min(loss.odds, 20.0))), 3)),),
+        suspects=(Suspect(fault="thrust", confidence=round(1 / (1 + exp(-loss.odds)), 3)),),
         since=since(loss.since_s, start_utc),
         coverage=_coverage(findings),
         provenance=_origin(findings, loss.motor),

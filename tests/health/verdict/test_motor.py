@@ -87,6 +87,22 @@ def test_a_loss_is_one_verdict_on_its_motor() -> None:
     [sure] = verdicts(replace(FINDINGS, loss=replace(LOSS, odds=700.0)))
     assert sure.suspects[0].confidence == 1.0
     assert len(sure.evidence) == 1
+    for (share, low, high), kept, rule in (
+        ((0.7, 0.6, 0.9), (0.3, 0.1, 0.4), "emergency: lost 70 % of its thrust (60 to 90 %)"),
+        ((0.7123, 0.6041, 0.9012), (0.288, 0.099, 0.396), "emergency: lost 71 % of its thrust (60 to 90 %)"),
+    ):
+        lost = Interval(estimate=share, low=low, high=high)
+        [found] = verdicts(replace(FINDINGS, loss=replace(LOSS, share=lost)))
+        assert found.effectiveness == Interval(estimate=kept[0], low=kept[1], high=kept[2])
+        assert (found.evidence[0].rule, found.evidence[0].value) == (rule, round(share, 3))
+    for flown_s, judged_s, covered in (
+        (0.9, 0.0, (0.0, 0, 0)),
+        (90.0, 7.9, (0.0778, 90, 7)),
+        (1, 2, (1, 2, 2)),
+    ):
+        [found] = verdicts(replace(FINDINGS, loss=LOSS, flown_s=flown_s, judged_s=judged_s))
+        coverage = found.coverage
+        assert (coverage.moving_fraction, coverage.windows, coverage.decidable) == covered
 
 
 @pytest.mark.parametrize(("share", "condition"), [(0.499, "degraded"), (0.5, "emergency")])
@@ -205,6 +221,27 @@ def test_only_yaw_tells_a_motor_from_a_weight(deviations: float, weight: bool) -
     yaw = deviations * YAW_SHIFT * float(BETWEEN_FLIGHTS[2]) * (1.0 + 1.0 / FLIGHTS) ** 0.5
     [evidence] = compared([0.4, 0.0, 0.0, 0.0], yaw)[0].evidence
     assert ("a weight that sits elsewhere" in evidence.rule) is weight
+
+
+def test_each_vehicle_is_held_against_its_own_flights() -> None:
+    """The first has no flights before it, and the third has no motors."""
+    flown = compared([0.0] * 4)
+    known = {
+        TRIM: Baseline(mean=-0.4, error=0.01, flights=FLIGHTS, between=0.02, spread=0.03),
+        TRIM_YAW: Baseline(mean=0.01, error=0.01, flights=FLIGHTS, between=0.02, spread=0.01),
+    }
+    axis = Verdict(subject="axis", vehicle=2, actuator="roll", condition="normal", worst="normal")
+    both = [
+        *flown,
+        axis,
+        *(one.model_copy(update={"vehicle": 2}) for one in flown),
+        axis.model_copy(update={"vehicle": 3}),
+    ]
+    found = compare_motors(both, lambda one: known if one.vehicle == 2 else {}, start_utc=START, end_s=100.0)
+    worn = [(one.vehicle, one.actuator) for one in found if one.condition == "degraded"]
+    assert worn == [(2, "motor 1")]
+    assert found[:5] == both[:5]
+    assert found[-1] == both[-1]
 
 
 def test_a_loss_in_flight_keeps_its_verdict() -> None:

@@ -16,11 +16,17 @@ from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.reference import STANDARDS, Constant, Reference
 from mavhums.health.axis.regressions import Basis, Shape
 from mavhums.health.verdict.actuator import _absurd, _why_undecided
-from mavhums.health.verdict.axis import _candidates, indicators, named_by_telemetry, verdict_of_axis
+from mavhums.health.verdict.axis import (
+    _candidates,
+    indicators,
+    named_by_telemetry,
+    verdict_of_axis,
+    verdicts_of_axes,
+)
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import Candidate, Coverage, OwnRecord, Verdict
+from mavhums.results.verdict import Candidate, Coverage, Evidence, OwnRecord, Verdict
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import Identity, in_words
 from mavhums.vehicle.parameters import Parameters
@@ -88,10 +94,10 @@ def why(*arguments: Any, **changes: Any) -> str:
             "it never flew forward: its highest speed while armed was 6 m/s, 8 are needed",
         ),
         (
-            {"flown_s": 0, "lasted": {"armed": 9.0, "fast": 7.0, "slow": 2.0, "mode": 4.0, "lift": 0.9}},
+            {"flown_s": 0, "lasted": {"armed": 9.0, "fast": 7.0, "slow": 1.0, "mode": 4.0, "lift": 0.9}},
             None,
             "it never flew forward: of 7 s above 8 m/s (fastest 20 m/s), in 4 s it was in a hovering mode, "
-            "in 2 s its ground speed was below 5 m/s",
+            "in 1 s its ground speed was below 5 m/s",
         ),
         (
             {"flown_s": 0, "lasted": {"armed": 9.0, "fast": 2.0}},
@@ -124,6 +130,9 @@ def test_messages_that_are_there_are_not_asked_for() -> None:
         None, {"SERVO_OUTPUT_RAW": Received(1200, 3, 0)}, **silent
     )
     assert "lacks" in why(None, {"SERVO_OUTPUT_RAW": Received(0, 0, 0)}, **silent)
+    neither = {"heard": HEARD - {"outputs", "attitude"}}
+    told = why(None, {"SERVO_OUTPUT_RAW": Received(1200, 3, 0)}, **neither)
+    assert told == "the log lacks the servo outputs and the attitude"
     late = {"SERVO_OUTPUT_RAW": Received(79, 21, 0), "ATTITUDE": Received(80, 20, 0)}
     assert disorder(late) == "of SERVO_OUTPUT_RAW 79 of 100 samples came in time"
     assert why(None, late, **silent).startswith("the servo outputs came too late to be used: of SERVO_OUTPUT")
@@ -183,6 +192,15 @@ def test_what_is_too_short_or_unknown() -> None:
     named = short.replace("flight,", "flight with known outputs,")
     assert undecided(findings(usable_s=44)) == f"44 {named}"
     assert short not in undecided(findings(usable_s=45))
+    ground = Surfaces((SurfaceOutput(1, "steering", 1500, 400),), "parameters")
+    for axis, surfaces, motion, more in (
+        ("yaw", KNOWN, "forward flight", ""),
+        ("pitch", KNOWN, "forward flight", ""),
+        ("steering", ground, "driving forward", ", with turns"),
+    ):
+        found = why_undecided(findings(axis, usable_s=44), surfaces, flight(flown_s=44), {})
+        assert found.reason == f"44 s of {motion}, 45 are needed for a reference and 30 to judge"
+        assert found.remedy == f"choose a log with 75 s or more of {motion}{more}"
     nobody = undecided(findings(), None, flown_s=44)
     assert nobody.startswith(f"44 {short}; which outputs move the surfaces is told neither")
     assert nobody.endswith("44 s of forward flight are too short to learn it")
@@ -191,6 +209,32 @@ def test_what_is_too_short_or_unknown() -> None:
     assert undecided(findings(), less) == "by its parameters no output of this vehicle moves it in roll"
     drafted = replace(less, origin="profile")
     assert undecided(findings(), drafted) == "no output of this vehicle is known to move it in roll"
+
+
+CHANNELS = replace(KNOWN, moved=(SurfaceOutput(33, "aileron", 1500, 400),))
+
+
+@pytest.mark.parametrize(
+    ("axis", "surfaces", "pulses", "reason"),
+    [
+        (
+            "roll",
+            None,
+            True,
+            "the receiver drives the servos: no output in the log moves, only the receiver's",
+        ),
+        ("roll", KNOWN, False, "the receiver drives the servos: the log has no output, only the receiver's"),
+        ("pitch", CHANNELS, False, "the receiver drives the servos"),
+        ("roll", CHANNELS, False, "its surfaces explain 0 %"),
+    ],
+)
+def test_an_axis_whose_servos_the_receiver_drives(
+    axis: str, surfaces: Surfaces | None, pulses: bool, reason: str
+) -> None:
+    flown = flight(by_receiver=(1, 3), has_pulses=pulses)
+    found = why_undecided(findings(axis, best=reference(0.0)), surfaces, flown, {})
+    assert found.reason.startswith(reason)
+    assert ("channels (1, 3)" in found.reason) == ("receiver" in reason)
 
 
 def test_a_contradicted_profile_is_named_where_it_matters() -> None:
@@ -254,7 +298,7 @@ def test_seconds_that_make_no_reference() -> None:
         assert found.remedy == remedy
 
 
-def test_a_reference_without_a_verdict() -> None:
+def test_a_reference_without_a_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
     kept, doubt = (Interval(estimate=k, low=k - 0.1, high=k + 0.2) for k in (0.7, 0.6))
     excited = "of 100 seconds since the reference were excited enough, 30 are needed"
     known = findings(reference=reference(), effectiveness=kept)
@@ -270,6 +314,9 @@ def test_a_reference_without_a_verdict() -> None:
     assert undecided(replace(known, coverage=coverage)) == (
         f"a loss of 40 % or more is excluded over 80 s of forward flight, but 10 {excited}"
     )
+    with monkeypatch.context() as changed:
+        changed.setattr("mavhums.health.verdict.obstacles.NORMAL_EFFECTIVENESS", 0.3)
+        assert undecided(replace(known, coverage=coverage)).startswith("a loss of 70 % or more is excluded")
     late = Coverage(moving_fraction=0.1, windows=100, decidable=10, judged_from_s=201.4)
     assert undecided(replace(known, coverage=late)) == (
         f"its reference ends 201 s into the log, and 10 {excited}"
@@ -408,6 +455,22 @@ def test_of_two_mixed_surfaces_one_is_named_if_it_is_nearly_certain(
     assert all((one.because is None) == (one.probability is None) for one in found)
 
 
+@pytest.mark.parametrize(("surfaces", "named"), [(KNOWN, 1), (None, 0)])
+def test_one_fault_is_one_finding(surfaces: Surfaces | None, named: int) -> None:
+    """The yaw's finding follows from the roll's, the pitch has none, and a jam that went by still has one."""
+    worst: dict[str, Any] = {"roll": "degraded", "yaw": "degraded", "pitch": "normal"}
+    monitor: Any = SimpleNamespace(
+        axes=tuple(worst),
+        origins=lambda: {"yaw": "roll"},
+        findings=lambda axis: findings(axis, condition="normal", worst=worst[axis]),
+    )
+    grid: Any = SimpleNamespace(received=dict)
+    flown = flight(used_s=lambda _: {})
+    roll, yaw, pitch = verdicts_of_axes(1, monitor, surfaces, flown, datetime(2026, 3, 1, tzinfo=UTC), grid)
+    assert [one.consequence_of for one in (roll, yaw, pitch)] == [None, "roll", None]
+    assert [len(one.candidates) for one in (roll, yaw, pitch)] == [named, 0, 0]
+
+
 @pytest.mark.parametrize(
     ("worst", "order", "told"),
     [
@@ -470,7 +533,9 @@ def test_what_a_normal_axis_does_not_show_is_told(changes: dict[str, Any], reaso
     )
     kept = Interval(estimate=0.87654, low=0.76543, high=0.98765)
     told = {"condition": "normal", "worst": "normal", "coverage": seen, "effectiveness": kept, **changes}
-    found = judged(findings(**told))
+    shown = Evidence(kind="slow", start_s=1.0, end_s=2.0, value=0.123456, rule="")
+    found = judged(findings(**told, evidence=(shown,)))
+    assert found.evidence == (shown.model_copy(update={"value": 0.1235}),)
     assert ((found.reason or "").startswith(reason), bool(found.reason)) == (True, bool(reason))
     assert ((found.remedy or "").startswith(remedy), bool(found.remedy)) == (True, bool(remedy))
     assert found.effectiveness == Interval(estimate=0.877, low=0.765, high=0.988)
