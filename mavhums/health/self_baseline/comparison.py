@@ -184,7 +184,7 @@ class _ReferenceFlights:
         shared = scattering_share(design, values, np.sqrt(own))
         flights = population(design, values, np.sqrt(shared[0] * np.array(own)))
         noise = BLURRED_TIMES * float((squares * informed).max()) ** 0.5 if equation.blurs else np.inf
-        sign = float(np.sign(flights.coefficients[0])) or 1.0
+        sign = float(np.copysign(1.0, flights.coefficients[0]))
         return cls(nuisances, flights, known, sign, len(shown), noise, common, shared)
 
     @property

@@ -76,7 +76,8 @@ def test_shares_of_stall_are_currents_by_that_of_the_voltage_left() -> None:
     assert motor.shares([record()], identified(2.0), None) == motor.Shares(None, told.torque)
     for drop, known in ((9.9, True), (10.0, False), (10.5, False)):
         assert (motor.shares([record()], identified(drop), None) is not None) is known
-    assert motor.shares([record(equation="own_current")], identified(2.0), None) is None
+    for other in ("a", "zz"):
+        assert motor.shares([record(equation=other)], identified(2.0), None) is None
 
 
 @pytest.mark.parametrize(

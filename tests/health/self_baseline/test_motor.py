@@ -65,8 +65,9 @@ def test_the_friction_current_counts_flights_of_one_setup_and_its_error_by_eithe
     # Two values d apart: s/√2 = d/2, and t of one degree of freedom is 12.706.
     assert both.high - both.estimate == pytest.approx(12.706 * 0.01 / 2, rel=0.1)
     assert one.high - one.estimate < 0.1 * (both.high - both.estimate)
-    other = alike[1].model_copy(update={"setup": "other"})
-    assert friction_current([alike[0], other]) == one
+    for setup in ("", "zz"):
+        other = alike[1].model_copy(update={"setup": setup})
+        assert friction_current([alike[0], other]) == one
     assert friction_current([voltage(31)]) is None
 
 
