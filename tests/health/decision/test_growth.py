@@ -146,6 +146,15 @@ def test_one_flight_far_off_is_no_growth_and_hides_none() -> None:
     assert 20 in found.left_out
 
 
+@pytest.mark.parametrize(("flights", "count"), [(TREND_FLIGHTS, 1), (19, 1), (20, 2), (29, 2), (30, 3)])
+def test_one_flight_in_ten_may_be_left_out_and_one_of_any_number(flights: int, count: int) -> None:
+    """Three are off, each ten times as far as the next: the farthest go."""
+    numbers, values, errors = history(4, flights)
+    places = [3, 1, 2]
+    values[places] += [1000.0, -100.0, 10.0]
+    assert course(numbers, values, errors).left_out == tuple(sorted(places[:count]))
+
+
 def test_of_flights_that_scatter_alike_hardly_any_is_left_out() -> None:
     for flights in (TREND_FLIGHTS, 30):
         found = [course(*history(seed, flights)) for seed in range(40)]

@@ -55,6 +55,8 @@ def test_equal_errors_make_it_plain_least_squares() -> None:
     assert trend.per_flight.low == pytest.approx(plain.slope - half, rel=1e-6)
     assert trend.level.estimate == pytest.approx(plain.intercept + plain.slope * 25, rel=1e-9)
     scatter = np.std(values - plain.intercept - plain.slope * numbers) * np.sqrt(25 / 23)
+    at_last = scatter * np.sqrt(1 / 25 + 12**2 / (25 * np.var(numbers)))
+    assert trend.level.high - trend.level.estimate == pytest.approx(stats.t.ppf(0.975, 23) * at_last)
     assert np.hypot(trend.between, 0.002) == pytest.approx(scatter, rel=1e-4)
 
 
@@ -94,6 +96,15 @@ def test_one_flight_far_off_is_left_out(place: int, jump: float) -> None:
     assert trend.left_out == (place,)
     assert trend.flights == 19
     assert trend.per_flight.estimate == pytest.approx(without.per_flight.estimate, abs=1e-3)
+
+
+@pytest.mark.parametrize(("flights", "count"), [(TREND_FLIGHTS, 1), (19, 1), (20, 2), (29, 2), (30, 3)])
+def test_one_flight_in_ten_may_be_left_out_and_one_of_any_number(flights: int, count: int) -> None:
+    """Three are off, each ten times as far as the next: the farthest go."""
+    numbers, values, errors = history(np.random.default_rng(8), flights, 0.01)
+    places = [5, 2, 6]
+    values[places] += [1000.0, -100.0, 10.0]
+    assert fitted(numbers, values, errors).left_out == tuple(sorted(places[:count]))
 
 
 @pytest.mark.parametrize(("share", "left_out"), [(0.97, True), (1.03, False)])
