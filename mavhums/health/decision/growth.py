@@ -209,7 +209,7 @@ def _is_step(before: Array, after: Array, scatter: float) -> bool:
 
 
 def _squares(values: Array) -> float:
-    return float(np.var(values) * len(values)) if len(values) else 0.0
+    return float(np.var(values) * len(values))
 
 
 def _scatter_before(numbers: Array, values: Array, errors: Array) -> tuple[float, float]:

@@ -7,7 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from mavhums.health.decision.baseline import Baseline, Drift, Shift
+from mavhums.core.statistics import NORMAL_95
+from mavhums.health.decision.baseline import Baseline, ComparedIndicator, Drift, Shift
+from mavhums.health.decision.growth import course_of
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
 
@@ -62,7 +64,47 @@ def test_fewer_than_ten_flights_that_show_their_scatter_are_no_baseline() -> Non
     assert Baseline.of([]) is None
     assert Baseline.of([indicator(0.2, 5, 0.01)] * 9) is None
     assert Baseline.of([*[indicator(0.2, 5, 0.01)] * 9, indicator(0.2, 1, None)]) is None
-    assert Baseline.of([indicator(0.2, 5, 0.01)] * 10) is not None
+    assert Baseline.of([*[indicator(0.2, 5, 0.01)] * 9, indicator(0.2, 1, 0.01)]) is None
+    assert Baseline.of([indicator(0.2, 2, 0.01)] * 10) is not None
+
+
+@pytest.mark.parametrize(
+    ("fault", "grows"),
+    [("friction", 1.0), ("friction", -1.0), ("effectiveness", 1.0), ("effectiveness", -1.0)],
+)
+def test_the_baseline_of_flights_that_wear_is_the_level_before(fault: str, grows: float) -> None:
+    """Friction rises with wear and effectiveness falls; the other way is no wear, and the mean counts."""
+    at = np.arange(30.0)
+    values = 1.0 + grows * 0.02 * np.maximum(at - 15.0, 0.0) + 0.003 * np.sin(2.4 * at)
+    wears = grows * (-1.0 if fault == "effectiveness" else 1.0) > 0.0
+    shown = [indicator(v, 9, 1e-6).model_copy(update={"fault": fault}) for v in values.tolist()]
+    baseline = Baseline.of(shown)
+    course = course_of(at, grows * values, np.full(30, 1e-6))
+    assert baseline is not None
+    assert course is not None
+    design = np.ones((30, 1))
+    if wears:
+        design = np.column_stack([design, np.maximum(at - course.since, 0.0)])
+    line = np.linalg.lstsq(design, values)[0]
+    left = values - design @ line
+    assert baseline.mean == pytest.approx(line[0], rel=1e-3)
+    assert baseline.spread == pytest.approx(np.sqrt(left @ left / (30 - design.shape[1])), rel=0.01)
+    if wears:
+        assert baseline.mean == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("windows", "freedom"), [(13, 12), (2, 1), (1, 1)])
+def test_an_indicator_is_compared_by_the_errors_of_both(windows: int, freedom: int) -> None:
+    """Its own from its interval, and another flight's from the baseline; freedom by Satterthwaite's rule."""
+    compared = ComparedIndicator.of(indicator(0.242, windows, 0.01), BASELINE)
+    own, flight = (0.01 / NORMAL_95) ** 2, 0.003**2 + 0.001**2
+    error = (own + flight) ** 0.5
+    expected = error**4 / (own**2 / freedom + flight**2 / 11)
+    assert (compared.difference, compared.error) == pytest.approx((0.022, error))
+    assert (compared.ratio, compared.freedom) == pytest.approx((0.022 / error, expected))
+    half = stats.t.ppf(0.975, expected) * error / 0.22
+    share = compared.share
+    assert (share.low, share.estimate, share.high) == (round(1.1 - half, 3), 1.1, round(1.1 + half, 3))
 
 
 def test_the_prediction_is_a_students_interval() -> None:

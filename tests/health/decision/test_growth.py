@@ -9,15 +9,20 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
-from mavhums.health.decision.growth import Course, _is_step, course_of, last_step
+from mavhums.health.decision.growth import Course, _is_step, _log_bayes_factors, course_of, last_step
 from mavhums.health.decision.thresholds import (
     GROWTH_FLIGHTS,
+    GROWTH_HORIZON_FLIGHTS,
     GROWTH_SCALES,
+    LEAST_ERROR_SHARE,
+    OUTLIER_PROBABILITY,
     STEP_CONFIRMED_FLIGHTS,
     STEP_LIKELIHOOD_RATIO,
+    STEP_SIZE,
     TREND_FLIGHTS,
 )
 from mavhums.health.decision.trend import widening
+from mavhums.health.estimation.random_effects import variance_between
 
 Array = NDArray[np.float64]
 
@@ -103,6 +108,101 @@ def test_the_line_since_the_first_flight_is_that_of_least_squares() -> None:
     assert (variance * (1 / found.total_weight + back**2 / found.spread[0])) ** 0.5 == pytest.approx(
         plain.intercept_stderr
     )
+
+
+def test_each_course_is_the_weighted_line_that_grows_from_its_first_flight_on() -> None:
+    """Flights are weighted by their certainty, and the later a course may begin, the less is it believed."""
+    numbers = np.array([1.0, 2.0, 4.0, 5.0, 6.0, 9.0, 10.0, 11.0, 12.0, 14.0, 15.0, 16.0])
+    n, errors = len(numbers), 0.002 * np.array([1.0, 4.0, 2.0, 9.0, 3.0, 1.0, 5.0, 2.0, 8.0, 1.0, 3.0, 2.0])
+    values = LEVEL + 0.002 * np.maximum(numbers - 5.0, 0.0) + errors * np.cos(2.0 * numbers)
+    one = course(numbers, values, errors)
+    found, inflation = one._courses, widening(one._courses.residuals)
+    assert one.left_out == ()
+    weights = 1 / (errors**2 + variance_between(np.column_stack([np.ones(n), numbers]), values, errors))
+    weights /= weights.mean()
+    squares = []
+    for k, first in enumerate(found.first):
+        design = np.column_stack([np.ones(n), np.maximum(numbers - numbers[first], 0.0)])
+        inverse = np.linalg.inv(design.T @ (weights[:, None] * design))
+        line = inverse @ design.T @ (weights * values)
+        residuals = np.sqrt(weights) * (values - design @ line)
+        assert (found.level[k], found.slope[k]) == pytest.approx((design[-1] @ line, line[1]))
+        assert found.variance[k] / inflation == pytest.approx(residuals @ residuals / (n - 2))
+        assert 1 / found.spread[k] == pytest.approx(inverse[1, 1])
+        shares = 1 / found.total_weight + found.ahead[k] ** 2 / found.spread[k]
+        assert shares == pytest.approx(design[-1] @ inverse @ design[-1])
+        squares.append(residuals @ residuals)
+        if np.argmin(found.variance) == k:
+            assert found.residuals == pytest.approx(residuals)
+            assert found.hat == pytest.approx(weights * np.einsum("ij,jk,ik->i", design, inverse, design))
+    total = squares[0] + found.slope[0] ** 2 * found.spread[0]
+    factors = _log_bayes_factors(total, found.slope * found.spread, found.spread, n - 1, inflation)
+    waited = np.diff(numbers[found.first])
+    expected = [0.5, *(0.5 * waited / GROWTH_HORIZON_FLIGHTS)]
+    assert np.exp(found.log_odds - factors) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("begin", [TREND_FLIGHTS - 1, TREND_FLIGHTS, 12])
+def test_of_the_flights_before_a_step_the_scatter_counts_if_there_are_enough(begin: int) -> None:
+    numbers, values, errors = history(12, begin + TREND_FLIGHTS, 0.001, scatter=0.01)
+    values[:begin] += 0.1 + 0.02 * np.cos(2.4 * numbers[:begin])
+    assert course_of(numbers[:-1], values[:-1], errors[:-1], begin=begin) is None
+    found = course(numbers, values, errors, begin)
+    alone = course(numbers[begin:], values[begin:], errors[begin:])
+    freedom, squares = 6.0, alone._courses.variance / widening(alone._courses.residuals) * 6.0
+    if begin >= TREND_FLIGHTS:
+        before = course(numbers[:begin], values[:begin], errors[:begin])._courses
+        freedom += before.freedom
+        squares = squares + before.variance[np.argmax(before.log_odds)] * before.freedom
+    assert found._courses.freedom == freedom
+    assert found._courses.variance / widening(found._courses.residuals) == pytest.approx(squares / freedom)
+    assert found.since == begin + alone.since
+
+
+def test_a_flight_known_exactly_counts_as_one_known_a_little_better() -> None:
+    numbers, values, errors = history(4, 12)
+    zero, least = errors.copy(), errors.copy()
+    zero[[2, 5]], least[[2, 5]] = 0.0, LEAST_ERROR_SHARE * errors.max()
+    assert course(numbers, values, zero).level == course(numbers, values, least).level
+    assert course(numbers, values, zero).level != course(numbers, values, errors).level
+
+
+@pytest.mark.parametrize(("share", "left_out"), [(0.97, True), (1.03, False)])
+def test_a_flight_is_left_out_that_chance_hardly_puts_anywhere_so_far_off(
+    share: float, left_out: bool
+) -> None:
+    """It is compared with the line of the others, and may be any of them, to either side."""
+    n, place = 20, 8
+    numbers = np.arange(1.0, n + 1)
+    # Neighbours alternate about a line that grows from the first flight on.
+    values = LEVEL + 0.01 * numbers + 0.004 * (-1.0) ** np.arange(n) * (1.0 + 0.2 * np.cos(numbers))
+    others = np.delete(np.arange(n), place)
+    design = np.column_stack([np.ones(n), numbers])
+    line, squares, _, _ = np.linalg.lstsq(design[others], values[others])
+    apart = design[place] @ np.linalg.inv(design[others].T @ design[others]) @ design[place]
+    deviation = np.sqrt(squares[0] / (n - 3) * (1.0 + apart))
+    chance = share * OUTLIER_PROBABILITY / n
+    values[place] = design[place] @ line + deviation * stats.t.ppf(1.0 - chance / 2, n - 3)
+    found = course(numbers, values, np.full(n, 0.002))
+    assert found.left_out == ((place,) if left_out else ())
+
+
+@pytest.mark.parametrize(
+    ("place", "before", "after", "differ"),
+    [(4, 4, 5, 0.0), (6, 5, 5, 0.0), (8, 5, 4, 0.0), (9, 5, 3, 0.0), (6, 5, 5, 0.002)],
+)
+def test_a_step_is_larger_than_seven_standard_errors(
+    place: int, before: int, after: int, differ: float
+) -> None:
+    """Of means over up to five flights, by what neighbours differ in or by the errors of measurement."""
+    at = np.arange(12)
+    noise = differ / 2 * (-1.0) ** at
+    deviation = differ * 1.4826 / np.sqrt(2.0) if differ else 0.003
+    errors = np.full(12, 1e-6 if differ else deviation)
+    size = STEP_SIZE * deviation * np.sqrt(1 / before + 1 / after)
+    size -= noise[place : place + after].mean() - noise[place - before : place].mean()
+    for share, found in ((0.99, None), (1.01, place)):
+        assert last_step(LEVEL + noise + share * size * (at >= place), errors) == found
 
 
 def test_the_interval_is_that_of_all_courses_together() -> None:
