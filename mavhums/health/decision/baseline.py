@@ -215,7 +215,7 @@ class Shift(NamedTuple):
 
 def condition_with_drift(decided: Condition, alarm: Shift | None) -> Condition:
     """Return what a quantity shows: what the limits decided, or at least that it left its baseline."""
-    return "degraded" if alarm and SEVERITY[decided] < SEVERITY["degraded"] else decided
+    return max(decided, "degraded", key=SEVERITY.__getitem__) if alarm else decided
 
 
 def onset_with_drift(decided: Condition, since_s: float | None, alarm: Shift | None) -> float | None:
