@@ -223,7 +223,7 @@ class LossExclusion:
     def begin(self, seconds: Iterable[tuple[float, float]]) -> int:
         """Take the seconds until the reference's end; return over how many of them a loss is excluded."""
         excluded = sum(self.feed(*second) for second in seconds)
-        self._pool, self._waiting = Pool(self._reference, POOLED_S), 0
+        self._pool = Pool(self._reference, POOLED_S)
         return excluded
 
     def feed(self, drive2: float, cross: float) -> int:

@@ -95,7 +95,7 @@ class OwnSums:
     def record(self) -> OwnRecord | None:
         """Return the record of the flight so far; None if it has no evidence for this equation."""
         groups = self._groups.parts()
-        if not groups or self._span <= 0.0 or self.rate_hz < OWN_RATE_HZ:
+        if not groups or not self._samples or self.rate_hz < OWN_RATE_HZ:
             return None
         return OwnRecord(
             equation=self._equation.name,
@@ -116,8 +116,8 @@ class OwnSums:
 
     @property
     def rate_hz(self) -> float:
-        """Rate of the samples that carry the left side."""
-        return self._samples / self._span if self._span > 0.0 else 0.0
+        """Rate of the samples that carry the left side, where there are any."""
+        return self._samples / self._span
 
     def _loaded(self, slots: Slots, found: Terms) -> Terms:
         """Return the terms with that of the friction by load; unusable before the load is known."""

@@ -169,10 +169,8 @@ class SlotCutter:
             return None
         slots = np.floor(time_s[confirmed_by[:ready]]).astype(np.int64)
         start = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
-        next_s = time_s[ready] if ready < time_s.size else np.inf
-        keep = int(np.searchsorted(whole_t, next_s - GUARD_S, side="right")) - 1
-        # One sample more on the left: central differences need a neighbour.
-        keep = max(min(keep, lead + ready - 1) - 1, 0)
+        # The last sample is never ready. One more on the left: central differences need a neighbour.
+        keep = max(int(np.searchsorted(whole_t, time_s[ready] - GUARD_S, side="right")) - 2, 0)
         self._before = whole_t[keep : lead + ready], whole_v[keep : lead + ready]
         return Slots(slots[start], start, slice(lead, lead + ready), whole_t, whole_v)
 
