@@ -187,7 +187,7 @@ class MixedSums:
         # The gain of a single second differs between manoeuvres, in proportion to the drive.
         spread = reference.variance / k**2 + MANOEUVRE_DEVIATION**2 * (sums[:, 0] + sums[:, 2])
         whole = good.reshape(-1, RATE_HZ).sum(axis=1) >= LEAST_ROWS_PER_S
-        return np.asarray(np.where(whole, 1.0, 0.0)[:, None] * sums / spread[:, None])
+        return np.where(whole[:, None], sums / spread[:, None], 0.0)
 
 
 class MixedPair:

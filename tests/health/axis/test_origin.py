@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from mavhums.health.axis.findings import MixedPair, origins
+from mavhums.health.axis.findings import MixedPair, MixedSums, origins
 from mavhums.health.axis.monitor import AxisMonitor
-from mavhums.health.axis.thresholds import MASKED_S, MIXED_RECENT_S, MIXED_WEIGHT
+from mavhums.health.axis.regressions import FORMS, Chain
+from mavhums.health.axis.thresholds import (
+    LEAST_ROWS_PER_S,
+    MANOEUVRE_DEVIATION,
+    MASKED_S,
+    MIXED_RECENT_S,
+    MIXED_WEIGHT,
+)
 from mavhums.results.verdict import Evidence
+from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import Array, changes_of, excited, rolling, rows, steady
 from tests.health.axis.test_detectors import controlled
+from tests.health.axis.test_pooled import GAIN, REFERENCE
 
 ELEVONS = {"roll": "pitch", "pitch": "roll"}
 
@@ -42,6 +52,33 @@ def test_the_coupling_tells_mixed_surfaces_apart(side: str, left: float) -> None
     for second in range(flight.seconds):
         changes_of(pieces, flight.cut(second, second + 1))
     assert pieces.findings("roll").shares == pytest.approx(shares)
+
+
+def test_sums_of_mixed_surfaces_are_of_seconds_with_enough_rows() -> None:
+    """The information on a loss and on a coupling, and their scores, by the variance of a second's gain."""
+    seconds, rng = 30, np.random.default_rng(4)
+    flight = steady(seconds)
+    flight["outputs"][:, :2] = rng.normal(size=(seconds * RATE_HZ, 2))
+    flight["roll_rate"], flight["yaw_rate"] = rng.normal(size=(2, seconds * RATE_HZ))
+    row, second = np.arange(seconds * RATE_HZ) % RATE_HZ, np.arange(seconds * RATE_HZ) // RATE_HZ
+    flying = row < np.where(second % 3, RATE_HZ, LEAST_ROWS_PER_S - (second // 3) % 2)
+    flown = replace(rows(flight), flying=flying)
+    reference = replace(REFERENCE, others=np.array([0.3, -0.2]))
+    found = MixedSums(reference, "roll", "pitch", 1e12).feed(flown)
+    swapped = replace(flown, outputs=flown.outputs[:, [1, 0, 2]])
+    own, other = (
+        Chain(FORMS["roll"], reference.basis, reference.shape).feed(one) for one in (flown, swapped)
+    )
+    left = own.answer - own.others @ reference.others - GAIN * own.drive
+    expected = np.zeros((seconds, 5))
+    counts = own.good.reshape(seconds, RATE_HZ).sum(axis=1)
+    assert {LEAST_ROWS_PER_S - 1, LEAST_ROWS_PER_S, RATE_HZ} <= set(counts.tolist())
+    for k in np.flatnonzero(counts >= LEAST_ROWS_PER_S):
+        at = (second == k) & own.good
+        d, c, r = own.drive[at], other.drive[at], left[at]
+        variance = REFERENCE.variance / GAIN**2 + MANOEUVRE_DEVIATION**2 * (d @ d + c @ c)
+        expected[k] = np.array([d @ d, d @ c, c @ c, -d @ r / GAIN, -c @ r / GAIN]) / variance
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)
 
 
 def test_without_mixed_surfaces_or_without_a_fault_nothing_tells() -> None:

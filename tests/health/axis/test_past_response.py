@@ -14,6 +14,7 @@ from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.past import compare_response
 from mavhums.health.axis.response import ResponseSums, stretches
 from mavhums.health.axis.thresholds import (
+    LEAST_ROWS_PER_S,
     PART_S,
     PAST_FLIGHTS,
     PAST_RATE_RATIO,
@@ -22,6 +23,7 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.health.estimation.least_squares import unpacked
 from mavhums.results.verdict import OwnRecord, Verdict
+from mavhums.vehicle.flight import SPEEDS
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import SPEED, excited, rows, steady
@@ -109,6 +111,8 @@ def test_the_sums_do_not_depend_on_the_blocks(block: int) -> None:
 
 def test_a_long_flight_leaves_no_more_than_a_short_one() -> None:
     flown = record(flight(1000))
+    # Each time 32 parts were full, two were joined.
+    assert {row[0] for row in flown.groups} == {4.0 * PART_S}
     assert 16 <= len(flown.groups) < 32
     assert flown.duration_s == sum(row[0] for row in flown.groups)
     assert flown.groups[-1][1] >= 960.0
@@ -124,6 +128,31 @@ def test_seconds_with_another_speed_do_not_count() -> None:
     assert found is not None
     assert found.source == 0
     assert found.groups[0][1] - found.groups[0][0] >= 40.0
+
+
+def test_parts_are_of_one_source_of_the_speed_and_of_seconds_with_enough_rows() -> None:
+    """The first second only fills the filters; a part ends with its source, and an open one is left out."""
+    flown, second = flight(45), np.repeat(np.arange(45), RATE_HZ)
+    row = np.arange(len(second)) % RATE_HZ
+    sources = np.where((second >= 15) & (second < 22), 1.0, 0.0) + float(SPEEDS) * (second % 3)
+    sources[(second == 25) & (row >= 12)] += 1.0
+    flying = ~((second == 5) & (row >= LEAST_ROWS_PER_S)) & ~((second == 8) & (row >= LEAST_ROWS_PER_S - 1))
+    sums = ResponseSums("roll")
+    sums.feed(replace(flown, sources=sources, flying=flying))
+    found = sums.response()
+    assert found is not None
+    assert [row[:2] for row in found.groups] == [(10.0, 12.0), (3.0, 15.0), (10.0, 33.0), (10.0, 43.0)]
+    speeds = flown.speed[::RATE_HZ]
+    assert found.groups[1][2] == pytest.approx(speeds[12:15].mean(), abs=0.005)
+    whole, joined = np.array(found.groups), np.array(found.in_parts(2).groups)
+    for k, at in enumerate((slice(0, 2), slice(2, 4))):
+        part = whole[at]
+        assert joined[k, :2].tolist() == [part[:, 0].sum(), part[-1, 1]]
+        assert joined[k, 2] == pytest.approx(np.average(part[:, 2], weights=part[:, 0]), abs=0.005)
+        assert joined[k, 3:] == pytest.approx(part[:, 3:].sum(axis=0))
+    assert found.in_parts(9).groups == tuple(
+        (*row[:3], *(float(f"{one:.9g}") for one in row[3:])) for row in found.groups
+    )
 
 
 def test_an_axis_without_a_reference_is_normal_by_its_earlier_flights() -> None:

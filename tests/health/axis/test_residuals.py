@@ -9,8 +9,14 @@ import numpy as np
 import pytest
 
 from mavhums.core.arrays import Array, Flags
-from mavhums.health.axis.residuals import PitchTracking, Residual, RollTracking, _OwnSpeed
-from mavhums.health.axis.thresholds import LEAST_ROWS_PER_S, RESIDUAL_REFERENCE_S, SHIFT_S
+from mavhums.health.axis.residuals import AttitudeResponse, PitchTracking, Residual, RollTracking, _OwnSpeed
+from mavhums.health.axis.thresholds import (
+    LEAST_ROWS_PER_S,
+    PITCH_DELAY_S,
+    PITCH_RESPONSE_RAD_S,
+    RESIDUAL_REFERENCE_S,
+    SHIFT_S,
+)
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
@@ -122,3 +128,71 @@ def test_a_trim_in_roll_is_believed() -> None:
     flight["roll"][:] = 0.3
     found = Residual(RollTracking()).feed(rows(flight))
     assert found[-1].deviations < 0.1
+
+
+@pytest.mark.parametrize("model", [RollTracking, PitchTracking])
+def test_tracking_goes_on_from_block_to_block_and_begins_anew_after_a_gap(
+    model: type[RollTracking | PitchTracking],
+) -> None:
+    flight, at = steady(12), np.arange(12 * RATE_HZ) / RATE_HZ
+    flight["roll_demand"], flight["roll"] = 0.8 * np.sin(1.3 * at + 1.0), 0.5 * np.sin(at)
+    flight["pitch_demand"], flight["pitch"] = 0.2 * np.sin(1.1 * at + 1.0), 0.1 * np.sin(at)
+    whole, pieces, begun = rows(flight), model(), model()
+    _, expected, good = model().feed(whole)
+    found = [pieces.feed(whole.cut(k, k + 1)) for k in range(12)]
+    np.testing.assert_array_equal(np.concatenate([answer for _, answer, _ in found]), expected)
+    np.testing.assert_array_equal(np.concatenate([mask for _, _, mask in found]), good)
+    later = replace(whole.cut(6, 12), fresh=True)
+    begun.feed(whole.cut(0, 6))
+    _, anew, _ = begun.feed(later)
+    np.testing.assert_array_equal(anew, model().feed(later)[1])
+    assert not np.allclose(anew[RATE_HZ:], expected[7 * RATE_HZ :], atol=1e-3)
+
+
+def test_the_response_to_a_step_is_critically_damped() -> None:
+    step = np.where(np.arange(60) >= 20, 0.1, 0.0)
+    time_s = np.maximum(np.arange(60) - 20, 0) / RATE_HZ
+    expected = 0.1 * (1.0 - np.exp(-4.0 * time_s) * (1.0 + 4.0 * time_s))
+    np.testing.assert_allclose(AttitudeResponse(4.0).feed(0.7 + step), 0.7 + expected, atol=1e-12)
+    limited = AttitudeResponse(200.0, 0.4).feed(np.concatenate([[np.nan], 0.7 + step]))
+    np.testing.assert_allclose(limited[:20], 0.7)
+    np.testing.assert_allclose(limited[22:26], 0.7 + 0.02 * np.arange(1, 5), atol=1e-2)
+    np.testing.assert_allclose(limited[30:], 0.8, atol=1e-3)
+
+
+def test_pitch_follows_a_step_late_and_roll_between_the_demand_and_the_slowest_response() -> None:
+    flight = steady(12)
+    flight["pitch_demand"][100:] = flight["roll_demand"][100:] = 0.1
+    late = 100 + round(PITCH_DELAY_S * RATE_HZ)
+    since_s = PITCH_RESPONSE_RAD_S * np.maximum(np.arange(240) - late, 0) / RATE_HZ
+    _, answer, good = PitchTracking().feed(rows(flight))
+    np.testing.assert_allclose(
+        answer[good], -0.1 * (1.0 - np.exp(-since_s) * (1.0 + since_s))[good], atol=1e-12
+    )
+    assert np.flatnonzero(good).tolist() == [*range(late - 100, 240)]
+    for roll, early, finally_ in ((0.3, 0.2, 0.2), (0.05, 0.0, -0.05), (-0.1, -0.1, -0.2)):
+        flight["roll"][:] = roll
+        _, answer, good = RollTracking().feed(rows(flight))
+        assert good.all()
+        assert answer[[99, 101, 239]] == pytest.approx([roll, early, finally_], abs=1e-2)
+
+
+@pytest.mark.parametrize("cut", [40, 1, 7])
+def test_a_stall_ends_where_the_nose_is_up_or_sinks_at_speed(cut: int) -> None:
+    """Slow with a low nose it stalls, and goes on to while the nose rises; a low nose alone is no stall."""
+    flight, at = steady(40), np.arange(40 * RATE_HZ) / RATE_HZ
+    level = (at < 10) | (at >= 29)
+    falls, rises = -0.2 - 0.02 * (at - 10), -0.35 + 0.05 * (at - 15.5)
+    pitch = np.where(
+        at < 15.5, falls, np.where(at < 20, rises, np.where(at < 22, -0.2 - 0.02 * at, 0.01 * at - 0.6))
+    )
+    flight["pitch"] = np.where(level, 0.0, pitch)
+    slow = ((at >= 13) & (at < 16)) | (at >= 26)
+    flight["speed"] = np.where(slow, 16.9, 18.0)
+    whole, model = rows(flight), PitchTracking()
+    good = np.concatenate([model.feed(whole.cut(k, min(k + cut, 40)))[2] for k in range(0, 40, cut)])
+    # Low and fast it is no stall; slow it is, and until the nose falls again at speed.
+    sinks = ((at >= 13) & (at < 20)) | ((at >= 26) & (at < 29))
+    known = at >= PITCH_DELAY_S
+    turned = (at >= 20) & (at < 20.1)
+    np.testing.assert_array_equal(good[known & ~turned], ~sinks[known & ~turned])

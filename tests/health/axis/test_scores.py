@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from mavhums.health.axis.effectiveness import EffectivenessTracker, _late, _ratio, new_tracker
 from mavhums.health.axis.reference import STANDARDS, constants
-from mavhums.health.axis.regressions import FORMS, Columns, Shape
+from mavhums.health.axis.regressions import FORMS, Columns, Lag, Shape
 from mavhums.health.axis.scores import Pool, Scores, ServoLag
 from mavhums.health.axis.thresholds import (
     EXTRA_LAGS_S,
@@ -20,7 +20,7 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
-from tests.health.axis.flights import Array, rows, steady
+from tests.health.axis.flights import Array, excited, rows, steady
 from tests.health.axis.test_pooled import GAIN, REFERENCE
 
 
@@ -107,6 +107,20 @@ def test_the_last_two_minutes_wait_for_a_reference(lengths: tuple[int, ...], fir
         begun += seconds
     assert tracker._waiting[0].second == first
     assert sum(part.seconds for part in tracker._waiting) == min(begun, LONGEST_REFERENCE_S)
+
+
+@pytest.mark.parametrize(("axis", "column"), [("roll", 0), ("steering", 2)])
+@pytest.mark.parametrize(("delay", "tau_s"), [(0, 0.0), (4, 0.1), (6, 0.2)])
+def test_a_reference_finds_the_delay_and_the_lag(axis: str, column: int, delay: int, tau_s: float) -> None:
+    flight, demand = steady(60), excited(60)
+    flight["outputs"][:, column] = demand
+    late = np.concatenate([np.zeros(delay), Lag(tau_s).feed(demand)])[: len(demand)]
+    flight["yaw_rate" if axis == "steering" else "roll_rate"] = 2.0 * late
+    tracker = EffectivenessTracker(FORMS[axis], STANDARDS[axis])
+    tracker.feed(rows(flight))
+    assert tracker.reference is not None
+    assert tracker.reference.shape == Shape(delay, tau_s)
+    assert tracker.reference.gain == pytest.approx(2.0)
 
 
 def test_demands_are_as_late_as_the_columns_of_a_shape() -> None:

@@ -20,6 +20,7 @@ from mavhums.health.axis.thresholds import (
     POOLED_LEAST_S,
     POOLED_S,
     WINDOW_DEVIATION,
+    WINDOW_SECONDS,
 )
 from mavhums.health.estimation.least_squares import packed
 from mavhums.results.verdict import OwnRecord, Verdict
@@ -71,6 +72,12 @@ def test_the_error_is_the_scatter_of_the_parts_beside_that_of_windows() -> None:
     assert value.estimate == pytest.approx(1.0)
     error = (spread**2 / (PARTS - 1) + WINDOW_DEVIATION**2 / PARTS) ** 0.5
     assert (value.high - value.low) / 2 == pytest.approx(NORMAL_95 * error)
+    for parts, windows in ((PARTS, PARTS * WINDOW_SECONDS), (1, 2 * WINDOW_SECONDS)):
+        [minute] = found(record([2.0] * parts, seconds=POOLED_S / parts))
+        shown = minute.compared.indicator
+        error = WINDOW_DEVIATION / parts**0.5
+        assert shown.windows == windows
+        assert shown.scatter == pytest.approx(error * windows**0.5)
 
 
 def test_what_others_do_to_the_response_is_no_gain() -> None:
@@ -123,7 +130,9 @@ def test_a_short_minute_is_not_driven(seconds: int, driven: bool) -> None:
 
 def test_only_earlier_flights_with_more_than_one_driven_part_count() -> None:
     assert found(record([2.0] * PARTS), [*PAST[1:], (record([2.0, 2.0]),)])
-    assert not found(record([2.0] * PARTS), [*PAST[1:], (record([2.0]),)])
+    one, still = record([2.0]), record([0.0], drive2=0.0)
+    for groups in (one.groups, (*one.groups, *still.groups)):
+        assert not found(record([2.0] * PARTS), [*PAST[1:], (one.model_copy(update={"groups": groups}),)])
 
 
 def test_only_so_many_earlier_flights_count() -> None:
