@@ -138,6 +138,8 @@ def test_pooled_seconds_are_the_fewest_that_are_certain_or_all_of_them() -> None
         pool.add(1.0, (0.5 if k < 40 else 1.0) * GAIN)
         if k == 8:
             assert pool.whole() is None, "a window has ten seconds"
+        if k == 9:
+            assert pool.whole() is not None
     n, latest = pool.fewest() or (0, None)
     whole = pool.whole()
     assert n == 10

@@ -23,7 +23,7 @@ from mavhums.health.axis.thresholds import (
     WINDOW_SECONDS,
 )
 from mavhums.health.estimation.least_squares import packed
-from mavhums.results.verdict import OwnRecord, Verdict
+from mavhums.results.verdict import Coverage, OwnRecord, Verdict
 
 SPEED = 20.0
 PARTS = POOLED_S // PART_S
@@ -166,3 +166,36 @@ def test_a_loss_is_over_when_a_later_minute_excludes_one(left: float, since_s: f
     assert found.effectiveness.estimate == pytest.approx(left if over else 0.3)
     assert found.since is not None
     assert found.since.flight_time_s == since_s
+
+
+def test_a_loss_is_told_at_its_worst_and_as_it_was_last() -> None:
+    """From the first minute that shows one to the last; the one after it neither shows nor excludes one."""
+    shares = (1.0, 0.4, 0.2, 0.3, 0.7)
+    own = record([2.0 * share for share in shares for _ in range(PARTS)])
+    verdict = Verdict(
+        subject="axis",
+        vehicle=1,
+        actuator="roll",
+        condition="undecided",
+        worst="undecided",
+        own=(own,),
+        coverage=Coverage(windows=420, decidable=100, moving_fraction=0.0),
+    )
+    start = datetime(2026, 3, 1, 9, tzinfo=UTC)
+    found = compare_response(verdict, PAST, others=(), start_utc=start, false_alarms=1.0)
+    [evidence] = found.evidence
+    assert (found.condition, evidence.value, evidence.start_s, evidence.end_s) == (
+        "emergency",
+        0.2,
+        60.0,
+        240.0,
+    )
+    assert evidence.rule.startswith(f"emergency: 20 % of the control effectiveness of {PAST_FLIGHTS} earlier")
+    assert evidence.rule.endswith("from 60 s to 240 s")
+    assert found.effectiveness is not None
+    assert found.effectiveness.estimate == pytest.approx(0.3)
+    seen = found.coverage
+    assert (seen.windows, seen.decidable, seen.moving_fraction) == (420, 300, 0.7143)
+    assert (seen.excluded, seen.excluded_until_s) == (60, 60.0)
+    over = verdict.model_copy(update={"worst": "degraded"})
+    assert compare_response(over, PAST, others=(), start_utc=start, false_alarms=1.0) == over

@@ -92,6 +92,25 @@ def test_the_whole_flight_settles_only_what_windows_left_open() -> None:
     assert (decision.condition, decision.since_s) == ("degraded", 3.0)
 
 
+def test_a_window_that_proves_a_fault_begins_it_at_once_and_at_its_start() -> None:
+    """To end it takes as many as ever; where no window proves one, all changes do."""
+    n = CONFIRM_WINDOWS
+    proven = [
+        (0, "degraded", 0.0),
+        (n, "normal", 15.0),
+        (n + 1, "degraded", 10.0 * (n + 1)),
+        (n + 2, "emergency", 10.0 * (n + 2)),
+    ]
+    for proves, expected in ((True, proven), (False, [(n, "normal", 10.0)])):
+        decision = Decision(LEVELS, proven=proves)
+        changes = [
+            (k, decision.condition, decision.since_s)
+            for k, severity in enumerate([DEGRADED, *[NORMAL] * n, DEGRADED, EMERGENCY])
+            if decision.feed(severity, 10.0 * k, 10.0 * k + 10.0)
+        ]
+        assert changes == expected
+
+
 def test_undecided_has_no_since() -> None:
     decision, changes = follow([NOTHING] * 50 + [DEGRADED] * (CONFIRM_WINDOWS - 1))
     assert (decision.condition, decision.since_s, changes) == ("undecided", None, [])
