@@ -9,9 +9,9 @@ import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.detectors import Alarm, AxisInput
-from mavhums.health.axis.monitor import _MOST_EPISODES, AxisMonitor, _AxisState
+from mavhums.health.axis.monitor import _MOST_EPISODES, AxisMonitor, _AxisState, _percent, _since_s
 from mavhums.health.axis.reference import Second
-from mavhums.health.axis.thresholds import FROM_TAKE_OFF_S, JUDGED_ERROR, MASKED_S
+from mavhums.health.axis.thresholds import FROM_TAKE_OFF_S, FULL_S, JUDGED_ERROR, MASKED_S
 from mavhums.health.decision.events import Indication
 from mavhums.results.standing import Interval
 from mavhums.vehicle.grid import RATE_HZ
@@ -158,6 +158,63 @@ def test_a_reference_that_ends_while_a_fault_stands_shows_nothing_of_it() -> Non
         state.condition, state.since_s = condition, since_s  # type: ignore[assignment]
         gain.reference = None if end_s is None else type("Reference", (), {"end_s": end_s})()
         assert monitor._may_hold_fault("roll") is holds
+
+
+def test_a_mean_over_windows_begins_anew_with_each_condition() -> None:
+    """Each tenth judged second counts, the first of a flight at once; what ends a fault begins a mean."""
+    monitor: Any = AxisMonitor(1)
+    state = monitor._axes["roll"]
+    for k in range(1, 21):
+        monitor._count(state, second(0.5 + 0.01 * k, excluded=k))
+    assert (state.seconds, state.judged, state.counted, state.mean.count) == (20, 20, 20, 3)
+    assert state.value.estimate == pytest.approx(np.mean([0.51, 0.6, 0.7]))
+    assert (state.excluded_s, state.excluded_until_s) == (210, 7.0)
+    monitor._count(state, second(0.9, JUDGED_ERROR + 0.01))
+    monitor._count(state, second(None, driven=Interval(estimate=0.8, low=0.5, high=1.1)))
+    assert (state.seconds, state.judged, state.full, state.doubt) == (
+        22,
+        20,
+        0,
+        Interval(estimate=0.8, low=0.5, high=1.1),
+    )
+    list(monitor._take("roll", None, [alarm(30, condition="emergency")], 30))
+    assert (state.counted, state.mean.count) == (0, 0)
+    changes = [
+        one for k in range(FULL_S) for one in monitor._take("roll", second(0.9, excluded=1), [], 31 + k)
+    ]
+    [change] = changes
+    assert (change.after, change.time_s, change.since_s) == ("normal", 30.0 + FULL_S, 30.0 + FULL_S)
+    assert (state.counted, state.mean.count, state.excluded_s) == (0, 1, 210)
+    assert (state.value.estimate, state.worst) == (pytest.approx(0.9), "emergency")
+    found = monitor.findings("roll")
+    assert [(one.fault, one.confidence) for one in found.suspects] == [("tracking", 0.9)]
+    assert found.coverage.moving_fraction == (20 + FULL_S) / (22 + FULL_S)
+
+
+def test_suspects_are_in_the_order_of_their_highest_confidence() -> None:
+    monitor = AxisMonitor(1)
+    told = (("slow", 0.8), ("tracking", 0.7), ("hard_over", 0.95), ("slow", 0.99), ("slow", 0.6))
+    for k, (fault, confidence) in enumerate(told, 1):
+        monitor._axes["roll"].episodes.append(alarm(200 * k, fault)._replace(confidence=confidence))
+    found = monitor.findings("roll")
+    shown = [(one.fault, one.confidence) for one in found.suspects]
+    assert shown == [("slow", 0.99), ("hard_over", 0.95), ("tracking", 0.7)]
+    assert found.coverage.moving_fraction == 0.0
+
+
+def test_a_fault_is_as_old_as_the_earliest_episode_that_lasts_beyond_its_onset() -> None:
+    ended, lasting = alarm(49, since_s=20), alarm(60, "slow", since_s=30)
+    for condition, since_s, shown in (
+        ("degraded", 50, 30.0),
+        ("degraded", 60, 60.0),
+        ("degraded", 25, 20.0),
+        ("normal", 50, 50.0),
+        ("undecided", None, None),
+    ):
+        state = _AxisState(condition=condition, since_s=since_s)  # type: ignore[arg-type]
+        state.episodes.extend([ended, lasting])
+        assert _since_s(state) == shown
+    assert _percent(Interval(estimate=0.5, low=0.404, high=0.596)) == "50 % (40–60)"
 
 
 class Told:
