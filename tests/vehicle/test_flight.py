@@ -284,6 +284,24 @@ def test_a_wind_triangle_finds_airspeed_and_wind_in_turns() -> None:
     assert not straight.is_settled, "one heading does not part airspeed and wind"
 
 
+def test_the_first_velocity_is_shared_by_airspeed_and_wind_as_they_are_uncertain() -> None:
+    """A prior of 15 ± 50 m/s airspeed and of 0 ± 30 m/s wind, wider after a second; 1 m/s of the velocity."""
+    grown = np.exp(1 / 60)
+    for heading in (0.0, np.pi / 2):
+        along, across = (
+            np.array([np.cos(heading), np.sin(heading)]),
+            np.array([-np.sin(heading), np.cos(heading)]),
+        )
+        triangle = WindTriangle()
+        triangle.step(25.0 * along + 3.0 * across, heading)
+        expected = (
+            10.0 * 900 * grown / (3400 * grown + 1) * along + 3.0 * 900 * grown / (900 * grown + 1) * across
+        )
+        np.testing.assert_allclose(triangle.wind, expected, rtol=1e-9, atol=1e-9)
+        airspeed = 15.0 + 10.0 * 2500 * grown / (3400 * grown + 1)
+        assert triangle._state[0] == pytest.approx(airspeed, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("ratio", "seconds_", "doubted"),
     [(1.21, 5, False), (1.23, 4, False), (1.23, 5, True), (1.17, 10, True), (1.17, 9, False),

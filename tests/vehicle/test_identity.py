@@ -70,6 +70,19 @@ def test_kinds_are_those_of_mavlink() -> None:
         assert found.of(1).multirotor == ("ROTOR" in name and "VTOL" not in name), name
 
 
+def test_autopilots_are_those_of_mavlink() -> None:
+    named = {"ArduPilot": "ARDUPILOTMEGA", "Paparazzi": "PPZ", "SMACCMPilot": "SMACCMPILOT"}
+    named |= {"PX4": "PX4", "OpenPilot": "OPENPILOT"}
+    for autopilot, entry in v2.enums["MAV_AUTOPILOT"].items():
+        row, one = np.array([(1, autopilot, 0, 0)], dtype=BEAT), np.ones(1, dtype=np.uint8)
+        frame, found = one.astype(np.int64), Identities()
+        found.feed({"HEARTBEAT": Table("HEARTBEAT", frame, frame, one, one, one, one, row)})
+        name = entry.name.removeprefix("MAV_AUTOPILOT_")
+        told = found.of(1).autopilot
+        assert (told is None) == (name not in named.values()), name
+        assert told is None or named[told] == name
+
+
 @pytest.mark.parametrize(("kind", "autopilot"), [(6, 8), (6, 0), (26, 8), (18, 3), (27, 0), (2, 8)])
 def test_a_ground_station_or_a_peripheral_is_no_vehicle(tmp_path: Path, kind: int, autopilot: int) -> None:
     assert identities(write_log(tmp_path / "one.tlog", [beat(kind, autopilot)])).vehicles == ()

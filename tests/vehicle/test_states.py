@@ -12,6 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Attitude, Event, FlightMode, Position
 from mavhums.engine.options import EngineOptions
+from mavhums.log import Table
+from mavhums.vehicle.states import VehicleStates
 from tests.conftest import real_logs
 from tests.strategies import START_US
 
@@ -64,6 +66,44 @@ def test_a_position_before_the_first_fix_is_none() -> None:
     np.testing.assert_allclose(found.latitude_longitude_deg, [[51.5, -0.1], [51.6, 179.0]])
     assert found.altitude_m.tolist() == [120.0, 120.0]
     assert found.time_s.tolist() == [pytest.approx(0.1), pytest.approx(0.2)]
+
+
+@pytest.mark.parametrize(
+    ("degrees", "is_one"),
+    [
+        ((90.0, 180.0), True),
+        ((-90.0, -180.0), True),
+        ((51.5, 179.9), True),
+        ((51.5, 180.1), False),
+        ((-90.1, 12.0), False),
+        ((0.01, 0.01), False),
+        ((0.0, 0.011), True),
+        ((-0.011, 0.0), True),
+        ((np.nan, 12.0), False),
+    ],
+)
+def test_a_position_lies_on_the_earth_and_not_where_none_is_known(
+    degrees: tuple[float, float], is_one: bool
+) -> None:
+    fields = [("lat", "f8"), ("lon", "f8"), ("alt", "f8")]
+    row = np.array([(degrees[0] * 1e7, degrees[1] * 1e7, 5000.0)], dtype=fields)
+    one, at = np.ones(1, dtype=np.uint8), np.zeros(1, dtype=np.int64)
+    table = Table("GLOBAL_POSITION_INT", at, at, one, one, one, one, row)
+    found = list(VehicleStates().feed({table.name: table}, start_us=0))
+    assert [event.altitude_m.tolist() for event in found if isinstance(event, Position)] == [[5.0]] * is_one
+
+
+def test_time_that_runs_back_or_stands_is_left_out_over_the_blocks() -> None:
+    """A clock without a date begins at 0, or below."""
+    states, heard = VehicleStates(), []
+    for block in ([-3, -1], [-2, -1, 0], [0, 4, 3, 5]):
+        row = np.zeros(len(block), dtype=[(name, "f4") for name in ("roll", "pitch", "yaw")])
+        one, at = np.ones(len(block), dtype=np.uint8), np.array(block, dtype=np.int64)
+        table = Table("ATTITUDE", at, at, one, one, one, one, row)
+        for event in states.feed({table.name: table}, start_us=-1_000_000):
+            assert isinstance(event, Attitude)
+            heard.append((event.time_s * 1e6 - 1e6).round().tolist())
+    assert heard == [[-3, -1], [0], [4, 5]]
 
 
 def test_flight_modes_by_autopilot_and_vehicle() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mavhums.vehicle.vtol import VTOL_PARAMETERS, lift_of
+from mavhums.vehicle.vtol import VTOL_PARAMETERS, lift_of, rotor_servos
 
 # A tiltrotor: motors 1 and 3 tilt, motor 2 lifts only, servo 8 tilts.
 TILTROTOR = {
@@ -61,6 +61,16 @@ def test_a_motor_carries_above_its_idle_pulse(parameters: dict[str, float], abov
 @pytest.mark.parametrize("function", [*range(33, 41), *range(82, 86)])
 def test_each_motor_function_lifts(function: int) -> None:
     assert lift_of({"Q_ENABLE": 1.0, "SERVO3_FUNCTION": function}).servos == {3}
+
+
+@pytest.mark.parametrize(("servo", "known"), [(0, False), (1, True), (16, True), (32, True), (33, False)])
+def test_a_motor_lifts_and_turns_at_each_output(servo: int, known: bool) -> None:
+    assert lift_of({f"SERVO{servo}_FUNCTION": 33.0}).servos == ({servo} if known else set())
+    assert lift_of({f"SERVO{servo}_FUNCTION": 41.0, "Q_TILT_MASK": 1.0}).tilts == (
+        ((servo, 1100.0, 1900.0),) if known else ()
+    )
+    found = rotor_servos({f"SERVO{servo}_FUNCTION": 36.0, "FRAME_CLASS": 6.0})
+    assert found == ({servo: "tail rotor"} if known else {})
 
 
 @pytest.mark.parametrize("function", [0, 4, 32, 41, 81, 86])
