@@ -166,6 +166,21 @@ def test_a_disk_that_fails_is_told_of_once(
     assert told[2].endswith("written again; 6 frames are missing")
 
 
+@pytest.mark.parametrize("slow", [True, False])
+def test_the_end_waits_for_a_slow_disk_for_a_second_at_most(
+    tmp_path: Path, slow: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    recorder = TlogRecorder(tmp_path / "a.tlog")
+    recorder.close()
+    waited: list[float] = []
+    syncer: Any = SimpleNamespace(join=waited.append, is_alive=lambda: slow)
+    recorder._syncer = syncer
+    recorder.close()
+    [waited_s] = waited
+    assert 0.5 <= waited_s <= 1.0
+    assert ("the disk is slow" in caplog.text) == slow
+
+
 @pytest.mark.parametrize("how", ["removed", "moved"])
 def test_a_file_that_vanishes_in_flight_is_noticed(
     tmp_path: Path, how: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture

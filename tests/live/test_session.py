@@ -186,12 +186,15 @@ def test_the_state_is_shown_each_second_without_catching_up() -> None:
 
 
 @pytest.mark.parametrize("same", [False, True])
-def test_a_heartbeat_goes_to_each_vehicle_that_is_heard(same: bool) -> None:
+def test_a_heartbeat_goes_to_each_vehicle_that_is_heard(same: bool, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO, logger="mavhums")
     parts = Parts(same=same)
     parts.session.tick()
     assert parts.heartbeats == [1], "ArduPilot's default, while no vehicle is heard"
     assert parts.greeter.mavlink2 is parts.alerts.mavlink2 is True, "as long as nobody has spoken"
-    assert [alert.text for alert in parts.shown.alerts] == ["from greeter" if same else "from alerts"]
+    sent = "from greeter" if same else "from alerts"
+    assert [alert.text for alert in parts.shown.alerts] == [sent]
+    assert caplog.messages == [f"sent to the ground station: {sent}"]
     parts.peers.hear("vehicle", range(40, 100), 10, START)
     parts.stamper.frames = 1
     parts.session.tick()
