@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces, of_parameters
+from mavhums.vehicle.usage import BAND_US
 from mavhums.vehicle.vtol import hovers, lift_of, refined_identity, rotor_servos, turns_its_motors
 
 PLANE, COPTER, ROVER, BOAT, QUADPLANE = 1.0, 2.0, 10.0, 11.0, 22.0
@@ -99,7 +101,7 @@ def test_driving_forward_is_measured_along_the_heading(kind: float, speed: float
     assert flight.flown_s == (7 if counts else 0)
     assert flight.fastest == pytest.approx(max(speed, 0.0))
     still = flown(seconds(10, state=[kind, ARDUPILOT, 0.0, AUTO], **course))
-    assert still.flown_s == 0
+    assert (still.flown_s, still.fastest) == (0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -133,6 +135,123 @@ def test_breaks_spacings_and_what_was_heard() -> None:
     assert flight.used_s("rates") == {0: 9}
     assert Flight(None).rate_hz("outputs") is None
     assert "outputs" in flown(seconds(1, outputs_2=1500.0)).heard
+
+
+def test_each_column_of_a_row_is_its_own() -> None:
+    given: dict[str, Any] = {
+        "rates": [1.0, 2.0, 3.0],
+        "force": [4.0, 5.0, -9.80665],
+        "attitude": [6.0, 7.0, 8.0],
+    }
+    [rows] = Flight(None).feed(seconds(1, first=9, **given))
+    names = ["roll_rate", "pitch_rate", "yaw_rate", "side_force", "load", "roll", "pitch"]
+    names += ["roll_demand", "pitch_demand", "speed"]
+    found = [getattr(rows, name)[[0, -1]].tolist() for name in names]
+    assert found == [[value] * 2 for value in (1.0, 2.0, 3.0, 5.0, -1.0, 6.0, 7.0, 0.1, 0.2, 15.0)]
+    assert (rows.second, rows.fresh, rows.seconds) == (9, True, 1)
+    assert np.isnan(rows.outputs).all()
+
+
+def test_three_seconds_come_before_the_first_row_that_counts_and_after_each_break() -> None:
+    """A break of one row in the fifth second, a gap of seconds, and a border of blocks."""
+    part = seconds(14)
+    part.signals["groundspeed"][4, 7] = 5.0
+    index = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 14, 15, 16])
+    flight = Flight(None)
+    runs = [
+        *flight.feed(replace(part, index=index)),
+        *flight.feed(seconds(4, first=17)),
+        *flight.feed(seconds(4, first=22)),
+    ]
+    assert [(run.second, run.fresh, run.seconds) for run in runs] == [
+        (0, True, 9),
+        (12, True, 5),
+        (17, False, 4),
+        (22, True, 4),
+    ]
+    first = 3 * RATE_HZ - 1
+    expected = (
+        np.concatenate([np.arange(9 * RATE_HZ), np.arange(9 * RATE_HZ), np.arange(4 * RATE_HZ)]) >= first
+    )
+    expected[4 * RATE_HZ + 7 : 4 * RATE_HZ + 7 + first + 1] = False
+    assert np.concatenate([run.aloft for run in runs]).tolist() == expected.tolist()
+    assert flight.lasted_s("slow") == 1 / RATE_HZ
+
+
+def test_only_spacings_in_flight_count_and_the_middle_one_tells_the_rate() -> None:
+    still, moving = seconds(20, state=[PLANE, ARDUPILOT, 0.0, AUTO]), seconds(10, first=20, outputs=1500.0)
+    for signals in (still.signals, moving.signals):
+        signals["outputs_spacing"][:] = 0.5 if signals is still.signals else 0.04
+        signals["rates_spacing"][:] = signals["outputs_spacing"] / 2
+    moving.signals["rates_spacing"][5] = np.nan
+    flight = Flight(None)
+    [_, rows] = [*flight.feed(still), *flight.feed(moving)]
+    assert flight.rate_hz("outputs") == pytest.approx(1 / 0.0405)
+    assert flight.rate_hz("rates") == pytest.approx(1 / 0.0205)
+    assert np.unique(rows.spacing).tolist() == [0.04], (
+        "the longer one, and of one that is not known the other"
+    )
+
+
+def test_the_receiver_moves_the_servos_until_an_output_has_a_pulse() -> None:
+    flight = Flight(None)
+    part = seconds(3)
+    for name, spacing in (("receiver", 0.3), ("outputs", np.nan), ("outputs_2", 0.2), ("rates", 0.1)):
+        part.signals[f"{name}_spacing"][:] = spacing
+    part.signals["outputs_2"][1, 5] = 1500.0
+    [rows] = flight.feed(part)
+    assert rows.spacing.tolist() == [0.3] * (RATE_HZ + 5) + [0.2] * (2 * RATE_HZ - 5)
+    assert flight.has_pulses
+    part.signals["outputs_2"][:] = np.nan
+    [rows] = flight.feed(replace(part, index=part.index + 3))
+    assert set(rows.spacing.tolist()) == {0.2}, "it had one"
+
+
+@pytest.mark.parametrize(
+    ("output_us", "channel_us", "expected"),
+    [(0.0, 50.0, (2,)), (0.0, 49.0, ()), (BAND_US - 1, 50.0, (2,)), (BAND_US, 50.0, ())],
+)
+def test_channels_that_move_drive_the_servos_if_no_output_does(
+    output_us: float, channel_us: float, expected: tuple[int, ...]
+) -> None:
+    part = seconds(5)
+    part.signals["outputs"][:, :, 3] = part.signals["receiver"][:, :, 1:3] = 1500.0
+    part.signals["outputs"][4, 0, 3] += output_us
+    part.signals["receiver"][4, 0, 1] += channel_us
+    part.signals["receiver"][0, 0, 2] += 400.0  # not in flight
+    assert flown(part).by_receiver == expected
+
+
+def test_who_only_steers_drives_even_where_the_kind_is_not_known() -> None:
+    steering = Surfaces((SurfaceOutput(1, "steering", 1500, 400),), "parameters")
+    course: dict[str, Any] = {"velocity": [1.0, 0.0, 0.0], "groundspeed": 1.0, "airspeed": np.nan}
+    for kind, surfaces, flown_s in (
+        (np.nan, steering, 7),
+        (np.nan, None, 0),
+        (ROVER, None, 7),
+        (PLANE, steering, 0),
+    ):
+        flight = flown(seconds(10, state=[kind, ARDUPILOT, 1.0, AUTO], **course), surfaces=surfaces)
+        assert flight.flown_s == flown_s
+        assert flight.on_ground == (surfaces is steering or kind == ROVER)
+
+
+def test_the_last_rows_are_of_forward_flight_where_no_motor_lifts() -> None:
+    lift = lift_of({"SERVO5_FUNCTION": 33.0, "Q_ENABLE": 1.0})
+    flight = Flight(Surfaces((SurfaceOutput(1, "aileron", 1500, 400),), "parameters", lift))
+    assert (flight.last(9), flight.fastest) == (None, 0.0)
+    part = seconds(6)
+    part.signals["outputs"][:, :, 4] = 1000.0
+    part.signals["outputs"][4, :, 4] = 1500.0
+    list(flight.feed(part))
+    for count, until_s, begin, end in ((9, np.inf, 0, 6), (2, np.inf, 4, 6), (2, 4.0, 2, 4), (9, 5.9, 0, 5)):
+        known = flight.last(count, until_s)
+        assert known is not None
+        rows, pulses = known
+        assert (rows.second, rows.seconds, len(pulses)) == (begin, end - begin, (end - begin) * RATE_HZ)
+        row = np.arange(begin * RATE_HZ, end * RATE_HZ)
+        assert rows.flying.tolist() == ((row >= 3 * RATE_HZ - 1) & (row // RATE_HZ != 4)).tolist()
+    assert flight.last(9, 0.5) is None
 
 
 def test_a_demand_that_no_autopilot_controls_is_none() -> None:
