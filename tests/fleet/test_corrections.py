@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet.stores import row_of, write_store
 from tests.fleet_logs import moved
-from tests.flights import flown, shown, verdict
+from tests.flights import START, flown, shown, verdict
 
 pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")
@@ -23,7 +24,10 @@ pytest.importorskip("distributed")
 from mavhums import fleet
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.second_pass import second_pass
-from mavhums.flights.corrections import logs_named
+from mavhums.flights.aircraft import BOARD, AircraftResolver
+from mavhums.flights.aircraft_table import AircraftTable, Installation
+from mavhums.flights.corrections import Correction, add_corrections, logs_named
+from mavhums.flights.naming import foreign_boards, remember
 from mavhums.flights.queries import standings
 from mavhums.flights.store import Row, Store
 
@@ -225,6 +229,37 @@ def test_a_board_that_is_not_the_aircrafts_is_told(run: Run, logs: Path, tmp_pat
     assert "another aircraft's log" in told.out + told.err
     run("fleet", "reassign", store, logs / "D-A" / "2.tlog", "D-A")
     assert "another aircraft's log" not in run("analyse", logs / "D-A" / "2.tlog", "--history", store).out
+
+
+def test_a_board_that_the_table_or_a_correction_puts_there_is_not_foreign(tmp_path: Path) -> None:
+    """D-A flew with 0A; then with the 0B of the table, the 0C of a correction, and with 0D and 0E."""
+    boards = ("0A", "0A", "0A", "0B", "0B", "0C", "0C", "0D", "0D", "0E")
+    flights = [flown(verdict(), day=day, name=f"{day:02}-{board}") for day, board in enumerate(boards)]
+    rows = [row_of(one, "D-A")._replace(board=board) for one, board in zip(flights, boards, strict=True)]
+    rows += [
+        row_of(flown(verdict(), day=20 + k, name=f"b-{k}"), "D-B")._replace(board="0D") for k in range(3)
+    ]
+    rows.append(row_of(flown(verdict(), day=30, name="undated"), "D-A")._replace(board="0B", start_us=None))
+    store = Store(tmp_path)
+    store.add_logs(rows)
+    add_corrections(
+        store,
+        [Correction("reassign", "", rows[5].sha256, "D-B", "D-A", "me", "", datetime.now(UTC))],
+    )
+    table = [
+        Installation.model_validate({"aircraft": "D-A", "board": "0B", "from": START + timedelta(days=4)})
+    ]
+    remember(store, AircraftResolver(BOARD, AircraftTable(table)))
+    found = [
+        (one.aircraft, one.board, one.logs, one.usual, one.flights, one.elsewhere)
+        for one in foreign_boards(store)
+    ]
+    assert found == [
+        ("D-A", "0B", ("03-0B.tlog", "undated.tlog"), "0A", 3, None),
+        ("D-A", "0C", ("06-0C.tlog",), "0A", 3, None),
+        ("D-A", "0D", ("07-0D.tlog", "08-0D.tlog"), "0A", 3, "D-B"),
+        ("D-A", "0E", ("09-0E.tlog",), "0A", 3, None),
+    ]
 
 
 @pytest.mark.slow
