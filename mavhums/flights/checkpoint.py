@@ -243,8 +243,6 @@ def _end(flight: PastFlight) -> datetime:
 
 
 def _superseded(flights: Sequence[PastFlight]) -> Superseded:
-    if len(flights) == 1:
-        return {}
     paths = {flight.log: flight.assessment.log.path for flight in flights}
     found = FlightHistory(tuple(flights)).superseded_recordings()
     return {key: paths[best] for key, best in found.items()}

@@ -175,7 +175,9 @@ def _with_findings(
     before = past(judged_by, start) if past and responses else {}
 
     def found(verdict: Verdict) -> Verdict:
-        key = (verdict.vehicle or 0, verdict.actuator)
+        if verdict.vehicle is None:
+            return verdict
+        key = (verdict.vehicle, verdict.actuator)
         if verdict.subject == "axis":
             own = of_subject(known, key)
             verdict = compare_with_earlier_flights(
