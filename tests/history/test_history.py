@@ -49,6 +49,16 @@ def test_the_offset_from_utc_is_heeded() -> None:
     assert PastFlight.of(early.model_copy(update={"log": log})).start == START - timedelta(hours=1)
 
 
+def test_a_date_that_is_none_is_quoted_up_to_sixty_characters() -> None:
+    for said, quoted in (("x" * 60, "x" * 60), ("y" * 61, "y" * 60)):
+        flight = flown(verdict(), name="odd")
+        log = flight.log.model_copy(update={"start_utc": said})
+        with pytest.raises(MavhumsError) as refused:
+            PastFlight.of(flight.model_copy(update={"log": log}))
+        expected = f"odd.tlog: log.start_utc '{quoted}' and the duration give no time"
+        assert refused.value.problem == expected
+
+
 def test_a_log_judged_again_counts_once_as_judged_last(tmp_path: Path) -> None:
     old, new = flown(verdict(shown(0.2))), flown(verdict(shown(0.3)))
     (tmp_path / "z.json").write_text(old.to_json(), encoding="utf-8")

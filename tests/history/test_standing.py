@@ -105,6 +105,9 @@ def test_a_flight_and_its_history_never_contradict_each_other() -> None:
     assert told.standings[0].growth is not None
     assert told.exit_code.name == "DEGRADED"
     assert with_standings(last.assessment, FlightHistory(), None) == last.assessment
+    for at in (0, 12):
+        earlier = with_standings(flights[at].assessment, FlightHistory(flights), None)
+        assert [one.flights for one in earlier.standings] == [at + 1] * (at > 0), "later flights do not count"
 
 
 @pytest.mark.parametrize(

@@ -545,6 +545,9 @@ def test_a_clock_that_was_set_is_read_by_its_former_setting_where_the_present_on
     assert clock.at_us([before - SECOND * 1000], start_us) == [start_us], "by both, before the start"
     wall[0] += 50_000_000  # as NTP slews it: no setting
     assert clock.at_us([before], start_us) == [start_us + SECOND // 2]
+    wall[0] += 50_000_001  # set, so that the former setting is that of 100 s
+    late = wall[0] - SECOND // 4 * 1000
+    assert clock.at_us([late], start_us) == [start_us + 3 * SECOND // 4], "possible by both: the present one"
 
 
 @pytest.mark.parametrize(
