@@ -236,13 +236,21 @@ def test_an_unknown_profile_is_reported() -> None:
     engine = Engine()
     link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
     data = b""
-    for text in (b"mavhums airframe=nonesuch", b"hello"):
-        data += struct.pack(">Q", START_US) + bytes(v2.MAVLink_statustext_message(6, text).pack(link))
+    for hour, text in enumerate((b"mavhums airframe=nonesuch", b"hello")):
+        frame = bytes(v2.MAVLink_statustext_message(6, text).pack(link))
+        data += struct.pack(">Q", START_US + 3_600_000_000 * hour) + frame
     events = engine.feed(data) + engine.finish()
-    assert [e.text for e in events if isinstance(e, Notice) and not e.text.startswith("SimBoard")] == [
-        "names the unknown airframe nonesuch",
-        "hello",
+    assert [(e.time_s, e.text) for e in events if isinstance(e, Notice)] == [
+        (0.0, "names the unknown airframe nonesuch"),
+        (3600.0, "hello"),
     ]
+
+
+def test_a_profile_that_is_given_is_named_for_all_at_the_start_and_once() -> None:
+    given = load_airframe("paper")
+    engine = Engine(EngineOptions(airframe=given))
+    assert engine.feed(b"") == [AirframeNamed(0.0, None, given)]
+    assert engine.finish() == []
 
 
 @pytest.mark.slow
