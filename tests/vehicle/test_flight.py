@@ -248,6 +248,8 @@ def test_the_last_rows_are_of_forward_flight_where_no_motor_lifts() -> None:
         known = flight.last(count, until_s)
         assert known is not None
         rows, pulses = known
+        assert rows.fresh == (begin == 0)
+        assert [rows.cut(k, k + 1).fresh for k in range(2)] == [begin == 0, False]
         assert (rows.second, rows.seconds, len(pulses)) == (begin, end - begin, (end - begin) * RATE_HZ)
         row = np.arange(begin * RATE_HZ, end * RATE_HZ)
         assert rows.flying.tolist() == ((row >= 3 * RATE_HZ - 1) & (row // RATE_HZ != 4)).tolist()
@@ -337,6 +339,7 @@ def test_kinds_that_parameters_tell() -> None:
     for values, kind, turns in (
         ({}, "fixed wing", False),
         ({"Q_ENABLE": 0.0}, "fixed wing", False),
+        ({"Q_ENABLE": -1.0}, "fixed wing", False),
         (quadplane, "quadplane", False),
         (quadplane | {"Q_TILT_MASK": 1.0}, "tiltrotor", True),
         (quadplane | {"Q_TILT_MASK": 1.0, "Q_TILT_ENABLE": 0.0}, "quadplane", False),

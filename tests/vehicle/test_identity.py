@@ -110,6 +110,29 @@ def test_a_text_names_the_firmware_better_than_a_number(tmp_path: Path) -> None:
     assert identities(write_log(tmp_path / "one.tlog", said)).of(1).firmware == "ArduPlane V4.5.7"
 
 
+@pytest.mark.parametrize(
+    ("text", "kind", "multirotor"),
+    [
+        (b"ArduPlane V4.5.7", "fixed wing", False),
+        (b"ArduCopter V4.3.0 (abc)", "multirotor", True),
+        (b"APM:Copter V3.2", "multirotor", True),
+        (b"ArduRover V4.2.0", "ground rover", False),
+        (b"ArduSub V4.1.0", "submarine", False),
+        (b"PreArm: ArduCopter V4", None, False),
+    ],
+)
+def test_a_text_names_the_kind_until_the_vehicle_says_its_own(
+    tmp_path: Path, text: bytes, kind: str | None, multirotor: bool
+) -> None:
+    said = v2.MAVLink_statustext_message(6, text)
+    who = identities(write_log(tmp_path / "one.tlog", [said])).of(1)
+    assert (who.kind, who.multirotor) == (kind, multirotor)
+    assert who.autopilot == (None if kind is None else "ArduPilot")
+    for k, several in enumerate(([beat(13, 12), said], [said, beat(13, 12)])):
+        who = identities(write_log(tmp_path / f"{k}.tlog", several)).of(1)
+        assert (who.kind, who.multirotor, who.autopilot) == ("hexarotor", True, "PX4")
+
+
 def test_an_unknown_vehicle_is_unnamed() -> None:
     assert str(Identities().of(3)) == ""
 

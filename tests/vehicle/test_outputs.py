@@ -219,3 +219,35 @@ def test_of_several_outputs_one_that_is_stuck_is_ignored_unless_they_mix(
         assert not np.allclose(found[:19], alone[:19])
         np.testing.assert_allclose(found[20:], alone[20:] if ignored else found[20:])
         assert np.allclose(found[20:], alone[20:]) == ignored
+
+
+def test_an_output_counts_up_to_the_last_one_of_the_second_message() -> None:
+    for bus, n, servos in (("PWM_MAIN", 1, (1,)), ("PWM_AUX", 16, (32,)), ("UAVCAN_SV", 1, None)):
+        found = of_parameters(Parameters(1, True, px4(3, bus=bus, n=n)))
+        assert (found and tuple(one.servo for one in found.moved)) == servos
+    rover = {"CRUISE_THROTTLE": 50.0}
+    for functions, steering in (
+        ({32: 26}, (32,)),
+        ({1: 26, 3: 70}, (1,)),
+        ({1: 70, 2: 29, 3: 19}, ()),
+    ):
+        values = rover | {f"SERVO{n}_FUNCTION": float(one) for n, one in functions.items()}
+        found = of_parameters(Parameters(1, False, values))
+        moved = found.moved if found else ()
+        assert tuple(one.servo for one in moved if one.kind == "steering") == steering
+    for airframe, wheels in ((5.0, False), (6.0, True), (7.0, False)):
+        assert steers_by_wheels(Parameters(1, True, {"CA_AIRFRAME": airframe})) == wheels
+
+
+def test_inferred_outputs_are_parted_beyond_three_microseconds() -> None:
+    """Two outputs of opposite sense: the median of their shares lies midway, half as far from each."""
+    pair = (SurfaceOutput(1, "aileron", 1500, 400), SurfaceOutput(2, "aileron", 1500, -400))
+    pulses = np.full((4, 32), np.nan)
+    pulses[:, 0] = [1600.0, 1600.0, 1605.5, 1606.5]
+    pulses[:, 1] = [1400.0, np.nan, 1400.0, 1400.0]
+    for origin, parted in (("inferred", [False, False, False, True]), ("profile", [False] * 4)):
+        demands = Demands(Surfaces(pair, origin))  # type: ignore[arg-type]
+        roll = demands.feed(pulses)[:, 0]
+        assert demands.parted.tolist() == parted
+        expected = np.where(parted, np.nan, [0.25, 0.25, 0.256875, 0.258125])
+        np.testing.assert_allclose(roll, expected, rtol=1e-12)

@@ -104,6 +104,20 @@ def test_few_overridden_outputs_are_replaced(frame: str, off: int, replaced: boo
     assert np.allclose(found[1], 0.5 if replaced else command[1], atol=3e-3)
 
 
+def test_thrust_ends_at_both_ends_of_the_range_and_so_does_what_is_asked() -> None:
+    rotors, full = known("quad x"), FRAMES["quad x"].factors
+    sent = np.full((2, 32), np.nan)
+    sent[0, :4], sent[1, :4] = 500.0, 2500.0
+    assert rotors.thrusts(sent, np.full((2, 4), np.nan)).tolist() == [[0.0] * 4, [1.0] * 4]
+    for thrust in (0.2, 0.8):
+        asked = np.array([[1.0, 0.0, 0.0, thrust]])
+        command = np.clip(thrust + 0.5 * full[:, 0], 0.0, 1.0)
+        sent[:, :4] = pulses(command[None])
+        sent[0, 2] = 1500.0
+        found = rotors.thrusts(sent[:1], asked)[0]
+        assert np.allclose(found, command, atol=3e-3), "at the limits the mixer's share is cut, too"
+
+
 def functions(*outputs: int) -> dict[str, float]:
     """Return the parameters that put a copter's motors 1, 2, … on these outputs."""
     return {f"SERVO{n}_FUNCTION": 33.0 + k for k, n in enumerate(outputs)}
@@ -221,6 +235,11 @@ def test_px4s_parameters_that_leave_the_motors_unknown() -> None:
         (shifted, "assign no output"),
     ):
         assert why in str(of(values, px4=True))
+    in_line = placed(4) | {f"CA_ROTOR{k}_PY": float(k - 1.5) for k in range(4)}
+    in_line |= {f"CA_ROTOR{k}_PX": 2.0 * k - 3.0 for k in range(4)}
+    assert "arrangement" in str(of(in_line, px4=True)), "roll and pitch are one"
+    without = {name: value for name, value in placed(4).items() if name != "CA_AIRFRAME"}
+    assert isinstance(of(without, px4=True), Rotors), "0 is a multirotor"
     for values in (
         placed(4) | {"CA_AIRFRAME": 1.0, "SYS_AUTOSTART": 4001.0, "MAV_TYPE": 2.0},
         {"SYS_AUTOSTART": 4001.0},

@@ -88,9 +88,10 @@ def test_a_position_lies_on_the_earth_and_not_where_none_is_known(
     fields = [("lat", "f8"), ("lon", "f8"), ("alt", "f8")]
     row = np.array([(degrees[0] * 1e7, degrees[1] * 1e7, 5000.0)], dtype=fields)
     one, at = np.ones(1, dtype=np.uint8), np.zeros(1, dtype=np.int64)
-    table = Table("GLOBAL_POSITION_INT", at, at, one, one, one, one, row)
-    found = list(VehicleStates().feed({table.name: table}, start_us=0))
-    assert [event.altitude_m.tolist() for event in found if isinstance(event, Position)] == [[5.0]] * is_one
+    table = Table("GLOBAL_POSITION_INT", at, at + 7_200_000_000, one, one, one, one, row)
+    found = list(VehicleStates().feed({table.name: table}, start_us=3_600_000_000))
+    told = [(event.time_s[0], event.altitude_m[0]) for event in found if isinstance(event, Position)]
+    assert told == [(3600.0, 5.0)] * is_one
 
 
 def test_time_that_runs_back_or_stands_is_left_out_over_the_blocks() -> None:
@@ -117,6 +118,12 @@ def test_flight_modes_by_autopilot_and_vehicle() -> None:
     ]
     modes = [(event.time_s, event.mode) for event in told(log(*beats)) if isinstance(event, FlightMode)]
     assert modes == [(0.0, "AUTO"), (0.3, "RTL"), (0.4, "POSCTL"), (0.5, "Mode(99)")]
+
+
+def test_a_mode_counts_wherever_its_number_goes_and_once() -> None:
+    beats = [heartbeat(PLANE, ARDUPILOT, 89, number) for number in (11, 11, 10, 5, 5, 11)]
+    modes = [(event.time_s, event.mode) for event in told(log(*beats)) if isinstance(event, FlightMode)]
+    assert modes == [(0.0, "RTL"), (0.2, "AUTO"), (0.3, "FBWA"), (0.5, "RTL")]
 
 
 def test_one_component_speaks_for_the_vehicle() -> None:

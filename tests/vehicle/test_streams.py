@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import mavlink
+from mavhums.vehicle.formats.base import angles_of
 from mavhums.vehicle.grid import Grid, Seconds
 from mavhums.vehicle.signals import (
     _AGREEMENT_S,
@@ -20,6 +22,8 @@ from mavhums.vehicle.signals import (
     DERIVED,
     CandidateStream,
     Choice,
+    _products,
+    body_rates,
 )
 
 Array = NDArray[np.float64]
@@ -195,3 +199,28 @@ def test_a_stream_is_doubted_in_motion_where_another_agrees(moving: float, agree
         for rank, sign in ((0, -1), (1, 1 if agrees else -1), (DERIVED, 1))
     ]
     assert Choice(1.2).step(length, several, several[-1])[-1] == used
+
+
+def test_body_rates_are_those_of_the_rotation_between_two_attitudes() -> None:
+    """Against the rotation vector, also where yaw goes through south; each angle alone and all together."""
+    before = np.array([[0.5, 0.3, 3.14], [-1.0, -0.6, -3.14], [0.2, 1.2, 0.0], [0.0, 0.0, 0.0]])
+    steps = np.array([[1e-5, -2e-5, 3e-3], [0.0, 0.0, -4e-3], [0.0, 3e-5, 0.0], [1e-5, 0.0, 0.0]])
+    steps[:2, 2] = [4e-3, -4e-3]
+    after = (before + steps + np.pi) % (2 * np.pi) - np.pi
+    first, second = (Rotation.from_euler("ZYX", angles[:, ::-1]) for angles in (before, after))
+    expected = (first.inv() * second).as_rotvec() / 0.02
+    np.testing.assert_allclose(body_rates(before, after, 0.02), expected, rtol=1e-4, atol=1e-6)
+
+
+def test_quaternions_become_the_angles_of_the_rotation() -> None:
+    angles = np.array(
+        [[0.5, 0.3, 3.0], [-2.0, -1.2, -0.7], [1.0, 0.0, 0.0], [0.0, -0.9, 0.0], [0.1, 0.2, -3.0]]
+    )
+    x, y, z, w = Rotation.from_euler("ZYX", angles[:, ::-1]).as_quat().T
+    np.testing.assert_allclose(angles_of(np.column_stack([w, x, y, z])), angles, atol=1e-12)
+
+
+def test_products_count_only_rows_in_which_both_are_known() -> None:
+    own = np.array([[[1.0, 2.0, 3.0], [np.nan, 1.0, 1.0], [1.0, 0.0, 0.0]], [[np.nan] * 3] * 3])
+    truth = np.array([[[2.0, 0.0, 1.0], [5.0, 5.0, 5.0], [np.nan, 1.0, 1.0]], [[1.0] * 3] * 3])
+    assert _products(own, truth).tolist() == [[5.0, 5.0, 1.0], [0.0, 0.0, 0.0]]
