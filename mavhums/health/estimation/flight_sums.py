@@ -88,7 +88,7 @@ class OwnSums:
         self._groups.feed(slots.index, rows)
         for k in range(len(rows)):
             times = time_s[slots.start[k] : ends[k]][seen[slots.start[k] : ends[k]]]
-            if times.size > 1:
+            if times.size and times[-1] > times[0]:
                 self._span += float(times[-1] - times[0])
                 self._samples += times.size - 1
 
