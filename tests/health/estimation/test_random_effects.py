@@ -52,6 +52,40 @@ def test_a_population_with_much_scatter_is_that_of_its_flights() -> None:
     assert found.freedom == pytest.approx(3.0)
 
 
+@pytest.mark.parametrize("natural_scatter", [0.01, 0.5])
+def test_flights_count_by_their_errors_beside_the_scatter_between_them(natural_scatter: float) -> None:
+    """The variance makes the weighted squares as large as expected; it counts with the natural one."""
+    design = np.column_stack([np.ones(8), np.arange(8.0)])
+    errors = np.array([0.02, 0.3, 0.05, 0.6, 0.1, 0.02, 0.4, 0.2])
+    values = 2.0 + 0.1 * np.arange(8.0) + np.array([0.1, -0.5, -0.2, 0.9, 0.15, -0.1, 0.3, -0.2])
+    own = variance_between(design, values, errors)
+    first, residuals, _ = weighted(design, values, 1.0 / (errors**2 + own))
+    assert own > 0.0
+    assert residuals @ residuals == pytest.approx(6.0, rel=1e-4)
+    natural = NATURAL_SCATTER_FREEDOM * (natural_scatter * first[0]) ** 2
+    between = max(own, (natural + 6.0 * own) / (NATURAL_SCATTER_FREEDOM + 6.0))
+    weights = 1.0 / (errors**2 + between)
+    line, residuals, inverse = weighted(design, values, weights)
+    found = population(design, values, errors, natural_scatter)
+    assert found.between == pytest.approx(between**0.5)
+    assert found.coefficients == pytest.approx(line)
+    assert found.covariance == pytest.approx(max(float(residuals @ residuals) / 6.0, 1.0) * inverse)
+    trusted = NATURAL_SCATTER_FREEDOM if between > own else 0.0
+    assert found.freedom == pytest.approx(weights.sum() ** 2 / (weights @ weights) - 2.0 + trusted)
+    share, freedom = scattering_share(design, values, 8.0 * errors)
+    squares = weighted(design, values, 1.0 / (8.0 * errors) ** 2)[1]
+    assert freedom == 6.0 + STATED_ERROR_FREEDOM
+    assert share == pytest.approx((squares @ squares + STATED_ERROR_FREEDOM) / freedom)
+    assert share < 1.0
+
+
+def test_one_number_has_no_scatter() -> None:
+    alone = RunningVariance()
+    assert (alone.variance, alone.deviation) == (0.0, None)
+    alone.add(3.0)
+    assert (alone.mean, alone.variance, alone.deviation) == (3.0, 0.0, None)
+
+
 def test_a_population_that_agrees_by_chance_has_the_natural_scatter() -> None:
     found = population(ONE, np.full(4, 2.0), np.full(4, 1e-9), natural_scatter=0.05)
     pooled = NATURAL_SCATTER_FREEDOM * (0.05 * 2.0) ** 2 / (NATURAL_SCATTER_FREEDOM + 3)
