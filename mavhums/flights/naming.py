@@ -230,7 +230,8 @@ def foreign_board_among(store: Store, aircraft: str, board: str | None, start_ut
     """Return the notice on a flight whose board is not its aircraft's; None if it is."""
     rows = store.query(
         "SELECT board, count(DISTINCT sha256) FROM logs"
-        " WHERE aircraft = ? AND board IS NOT NULL AND flight IS NOT NULL GROUP BY board ORDER BY 2 DESC",
+        " WHERE aircraft = ? AND board IS NOT NULL AND flight IS NOT NULL GROUP BY board"
+        " ORDER BY 2 DESC, min(start_us), min(path)",
         aircraft,
     ).fetchall()
     if board is None or aircraft.startswith(BOARD_NAME) or not rows or board == rows[0][0]:

@@ -27,7 +27,7 @@ from mavhums.fleet.second_pass import second_pass
 from mavhums.flights.aircraft import BOARD, AircraftResolver
 from mavhums.flights.aircraft_table import AircraftTable, Installation
 from mavhums.flights.corrections import Correction, add_corrections, logs_named
-from mavhums.flights.naming import foreign_boards, remember
+from mavhums.flights.naming import foreign_board_among, foreign_boards, remember
 from mavhums.flights.queries import standings
 from mavhums.flights.store import Row, Store
 
@@ -232,7 +232,7 @@ def test_a_board_that_is_not_the_aircrafts_is_told(run: Run, logs: Path, tmp_pat
 
 
 def test_a_board_that_the_table_or_a_correction_puts_there_is_not_foreign(tmp_path: Path) -> None:
-    """D-A flew with 0A; then with the 0B of the table, the 0C of a correction, and with 0D and 0E."""
+    """D-A flew with 0A; as often with the 0B of the table, then with the 0C of a correction, 0D and 0E."""
     boards = ("0A", "0A", "0A", "0B", "0B", "0C", "0C", "0D", "0D", "0E")
     flights = [flown(verdict(), day=day, name=f"{day:02}-{board}") for day, board in enumerate(boards)]
     rows = [row_of(one, "D-A")._replace(board=board) for one, board in zip(flights, boards, strict=True)]
@@ -260,6 +260,22 @@ def test_a_board_that_the_table_or_a_correction_puts_there_is_not_foreign(tmp_pa
         ("D-A", "0D", ("07-0D.tlog", "08-0D.tlog"), "0A", 3, "D-B"),
         ("D-A", "0E", ("09-0E.tlog",), "0A", 3, None),
     ]
+    for board, day, foreign in (
+        ("0A", 0, False),
+        (None, 0, False),
+        ("09", 0, True),
+        ("0E", 9, True),
+        ("0B", 3, True),
+        ("0B", 4, False),
+    ):
+        start_utc = (START + timedelta(days=day)).isoformat()
+        told = foreign_board_among(store, "D-A", board, start_utc)
+        assert (told is not None) == foreign
+        expected = f"compared with 3 flights of D-A with the board 0A, but this log has the board {board}: "
+        assert not told or told.startswith(expected)
+    assert foreign_board_among(store, "D-A", "0B", None)
+    assert foreign_board_among(store, "D-Z", "0B", None) is None
+    assert (foreign_board_among(store, "D-B", "0A", None) or "").startswith("compared with 3 flights of D-B")
 
 
 @pytest.mark.slow
