@@ -141,6 +141,10 @@ def test_each_second_there_is_a_heartbeat_and_the_health_of_each() -> None:
     assert [m.value for m in values[:3]] == [1.0, 0.5, 0.0]
     assert math.isnan(values[3].value), "not known is not healthy"
     assert {m.time_boot_ms for m in values} == {5000}
+    for boot_ms, shown in ((2**31 + 5, 2**31 + 5), (2**32 + 7, 7)):
+        late = Alerts(ground.hear, start_us=EPOCH_US)
+        late.tick([status("rudder", "normal")], EPOCH_US + 1000 * boot_ms)
+        assert [m.time_boot_ms for m in ground.heard() if m.get_type() != "HEARTBEAT"] == [shown], "32 bits"
     sequence = [message.get_seq() for message in messages if message.get_srcSystem() == 3]
     assert sequence == list(range(len(sequence)))
 

@@ -251,6 +251,16 @@ def test_peers_count_for_ten_seconds_and_for_what_they_sent() -> None:
     assert len(peers) == 0
 
 
+def test_of_too_many_peers_those_stay_that_sent_most() -> None:
+    peers = Peers()
+    for k in range(128):
+        peers.hear(k, {1}, 10 + k, 0)
+    peers.hear(5, {1}, 1, 0)
+    assert len(peers) == 128, "who is known makes no room"
+    peers.hear("new", {1}, 1, 0)
+    assert set(peers.senders_for(1, 0)) == {"new", *range(64, 128)}
+
+
 def test_the_words_of_an_alert_fit_its_fifty_characters() -> None:
     for actuator, fault, text in (
         ("elevator", "supply_sag", "elevator EMERGENCY: supply sag, land now"),
@@ -349,6 +359,9 @@ def test_the_status_has_ages_and_rates() -> None:
     seen.observe([samples("rudder", 1)], EPOCH_US + 13 * SECOND)
     _, stale = seen.report(both, EPOCH_US + 13 * SECOND)
     assert [(s.actuator, s.stale, s.age_s) for s in stale] == [("rudder", False, 0.0)]
+    status_, stale = seen.report(both, EPOCH_US + 100_013 * SECOND)
+    assert status_.uptime_s == 100_013.0
+    assert [(s.actuator, s.age_s) for s in stale] == [("elevator", 100_001.0), ("rudder", 100_000.0)]
 
 
 def test_the_lines_of_a_session(tmp_path: Any) -> None:

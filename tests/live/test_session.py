@@ -183,6 +183,11 @@ def test_the_state_is_shown_each_second_without_catching_up() -> None:
     for _ in range(8):
         parts.session.tick()
     assert parts.calls.count("remembered") == 2, "at the tenth tick, and at the end"
+    parts = Parts()
+    parts.session._due_us = START + SECOND // 3
+    parts.step_us = SECOND // 4
+    parts.run(3)
+    assert [status.uptime_s for status in parts.shown.statuses] == [0.5], "it is due between two looks"
 
 
 @pytest.mark.parametrize("same", [False, True])
@@ -309,11 +314,11 @@ def test_an_aircraft_is_checked_when_a_board_becomes_known() -> None:
         return assessment
 
     parts = Parts(identify=identify)
-    for flights in ((), (), ("0A",), ("0A",)):
+    for flights in ((), (None,), (None,), ("0A",), ("0A",)):
         log = parts.assessed.log.model_copy(update={"flight": tuple(identity(board=one) for one in flights)})
         parts.assessed = parts.assessed.model_copy(update={"log": log})
         parts.session.tick()
-    assert checked == [1]
+    assert checked == [1, 1], "of the flight, and once more with its board"
     log = log.model_copy(update={"flight": (identity(), identity(board="0B")), "notices": ("first",)})
     parts.assessed = parts.assessed.model_copy(update={"log": log})
     with pytest.raises(mavhums.OtherAircraftError):
