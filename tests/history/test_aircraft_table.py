@@ -54,6 +54,9 @@ def test_the_table_dates_boards_and_actuators(tmp_path: Path, name: str, text: s
     [
         ("", "aircraft"),
         ("aircraft,bord\nA,1\n", "'bord'"),
+        ("aircraft,bord,form\nA,1,2\n", "'bord'"),
+        (f"aircraft,{'b' * 41}\nA,1\n", f"unknown column '{'b' * 40}'"),
+        ("aircraft,board,from\n,1,yesterday\n", ":2: aircraft"),
         ("aircraft,board\nA,1,2\n", ":2: has more fields"),
         ("aircraft,board\n,1\n", ":2: aircraft"),
         ("aircraft,board\nA,\n", ":2: name a board, or an actuator"),
@@ -82,7 +85,15 @@ def test_a_wrong_table_is_refused_with_its_line(tmp_path: Path, text: str, told:
 
 
 @pytest.mark.parametrize(
-    "text", ["[", "installed = 3", "[[aircraft]]\nname = 'x'", "[[installed]]\nboard = 1"]
+    "text",
+    [
+        "[",
+        "installed = 3",
+        "[[aircraft]]\nname = 'x'",
+        "[[installed]]\nboard = 1",
+        "a = 1\n[[installed]]\naircraft = 'A'\nboard = '1'",
+        "[[installed]]\naircraft = 'A'\nboard = '1'\n[b]",
+    ],
 )
 def test_wrong_toml_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "table.toml"

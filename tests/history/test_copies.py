@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import mavhums
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
-from mavhums.flights.checkpoint import Checkpoint
+from mavhums.flights.checkpoint import Checkpoint, _end
 from mavhums.flights.duplicates import Quality, Recording, superseded_recordings
 from mavhums.flights.folder import FlightFolder, keep_assessment, read_history
 from mavhums.flights.history import FlightHistory, PastFlight, with_duplicate_flights
@@ -63,6 +63,16 @@ def test_a_difference_of_clocks_does_not_join_two_flights() -> None:
     second = identity(boot_s=-80.0, begin_s=590.0, end_s=606.0)
     assert not first.is_same(second)
     assert first.is_same(identity(boot_s=-80.0, begin_s=-20.0, end_s=580.0))
+
+
+def test_a_log_ends_when_the_last_of_its_vehicles_does() -> None:
+    for ends, end_s in (((), 600.0), ((500.0,), 600.0), ((700.0, 650.0), 700.0), ((None, 610.0), 610.0)):
+        several = [
+            identity(end_s=end or 0.0).model_copy(update={"vehicle": k} | ({} if end else {"end_utc": None}))
+            for k, end in enumerate(ends, start=1)
+        ]
+        flight = PastFlight.of(flown(verdict(), identities=several))
+        assert _end(flight) == START + timedelta(seconds=end_s)
 
 
 def test_the_recording_with_more_to_judge_is_taken() -> None:

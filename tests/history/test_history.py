@@ -14,16 +14,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
+from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.folder import keep_assessment, read_history
-from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.history import FlightHistory, PastFlight, kept_records
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.assessment import SCHEMA, Assessment
 from mavhums.results.standing import to_frame
+from mavhums.results.verdict import OwnRecord
 from mavhums.show.trend import render_trends
-from tests.flights import START, flown, shown, verdict, write_wear
+from tests.flights import START, flown, identity, shown, verdict, write_wear
 
 KEY = (1, "elevator", "friction")
 LATER = START + timedelta(days=10_000)
@@ -120,6 +122,10 @@ def test_what_is_not_ours_is_left_alone(tmp_path: Path) -> None:
         (lambda text: text.replace("0.2", "NaN"), "not a complete JSON"),
         (lambda _: "[" * 100_000, "not a complete JSON"),
         (lambda text: text.replace("assessment/2", "assessment/9"), "mavhums.assessment/9"),
+        (
+            lambda text: text.replace("assessment/2", "assessment/" + "9" * 43),
+            f"the schema 'mavhums.assessment/{'9' * 41}', not",
+        ),
         (lambda text: text.replace('"normal"', '"fine"'), "verdicts.0.condition"),
         (lambda text: text.replace('"estimate": 0.2', '"estimate": 1e300'), "outside the accepted range"),
         (
@@ -258,8 +264,9 @@ def test_neither_the_flight_itself_nor_a_later_one_is_its_baseline() -> None:
 
 
 def test_flights_of_another_profile_are_no_baseline() -> None:
-    flights = [flown(verdict(shown(0.2)), day=day, airframe="other") for day in range(10)]
-    assert history(*flights).baselines("paper", LATER) == {}
+    for other in ("other", "zebra", "paper plane", None):
+        flights = [flown(verdict(shown(0.2)), day=day, airframe=other) for day in range(10)]
+        assert history(*flights).baselines("paper", LATER) == {}
     both = [flown(verdict(shown(0.2)), day=day, airframe="other, paper") for day in range(10)]
     assert history(*both).baselines("paper", LATER)[KEY].flights == 10
 
@@ -275,6 +282,52 @@ def test_after_a_repair_the_baseline_begins_anew() -> None:
     assert found[1, "rudder", "friction"].flights == 18
     everyone = history(*flights).baselines("paper", LATER, {None: START + timedelta(days=8)})
     assert {baseline.flights for baseline in everyone.values()} == {10}
+
+
+def test_of_an_axis_only_a_healthy_flight_is_kept_for_later_ones() -> None:
+    own = (OwnRecord(equation="response", setup="-", rate_hz=10.0, duration_s=9.0, groups=((9.0,),)),)
+    cases: tuple[tuple[str, Condition, str | None, bool], ...] = (
+        ("actuator", "degraded", None, True),
+        ("axis", "normal", None, True),
+        ("axis", "degraded", None, False),
+        ("axis", "normal", "loss", False),
+        ("motor", "emergency", None, False),
+    )
+    for subject, condition, suspect, is_kept in cases:
+        one = verdict(condition=condition, suspect=suspect).model_copy(
+            update={"subject": subject, "own": own}
+        )
+        assert kept_records(one) == own * is_kept
+
+
+def test_what_is_known_of_an_aircraft_has_its_first_and_its_last_flight() -> None:
+    flights = [
+        flown(verdict(), day=day, identities=[identity(board=board).model_copy(update={"aircraft": name})])
+        for day, (board, name) in enumerate(
+            (("0A", None), ("0B", None), ("0A", "D-A"), ("0A", None), ("0B", None))
+        )
+    ]
+    owners = history(*flights).owners()
+    assert [(one.board, one.aircraft, *((at - START).days for at in one.starts)) for one in owners] == [
+        ("0A", None, 0, 3),
+        ("0B", None, 1, 4),
+        ("0A", "D-A", 2, 2),
+    ]
+
+
+def test_only_flights_of_one_profile_and_board_may_be_one_flight() -> None:
+    def one(name: str, board: str | None = "0A", airframe: str | None = "paper") -> Assessment:
+        return flown(verdict(), name=name, airframe=airframe, identities=[identity(board=board)])
+
+    others = [
+        one("a"),
+        one("b", "0B"),
+        one("c", None),
+        one("d", airframe="other"),
+        one("e", airframe="zebra"),
+    ]
+    found = history(*others, one("own")).near(PastFlight.of(one("own")))
+    assert [flight.assessment.log.path for flight in found] == ["a.tlog"]
 
 
 def test_a_flight_is_added_in_its_place() -> None:

@@ -13,6 +13,7 @@ from mavhums.flights.reports import _kinds
 from mavhums.flights.trends import trend_report, with_standings
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import course_of
+from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Standing
 from mavhums.results.store import Change
 from mavhums.results.verdict import Since
@@ -94,6 +95,48 @@ def test_what_grows_is_told_with_the_dates_of_its_limits_before_it_reaches_them(
     assert left.expected_utc > "2026-03-24"
     assert one.growth.to_emergency is not None
     assert one.is_finding
+
+
+def test_an_axis_loses_down_to_its_shares_of_the_first_flights() -> None:
+    """From 1.0 it falls by 0.01 a flight: the baseline is its level at first, the limits shares of that."""
+    limits = AxisLimits(effectiveness_degraded=0.7, effectiveness_emergency=0.5)
+    flights = []
+    for day in range(24):
+        value = 1.0 - 0.01 * day + 0.002 * np.cos(2.4 * day)
+        one = shown(value, fault="effectiveness").model_copy(update={"limit": 9.0, "emergency": 8.0})
+        roll = verdict(one, actuator="roll").model_copy(update={"subject": "axis", "limits": limits})
+        flights.append(PastFlight.of(flown(roll, day=day)))
+    [found] = trend_report(FlightHistory(tuple(flights))).trends
+    assert found.baseline is not None
+    assert found.baseline.estimate == pytest.approx(1.0, abs=0.01)
+    mean = found.baseline.estimate
+    assert [found.limit, found.emergency] == pytest.approx([0.7 * mean, 0.5 * mean])
+    assert found.level is not None
+    assert found.per_flight is not None
+    assert found.level.low < 0.77 < found.level.high
+    assert found.level.high - found.level.low < 0.02
+    assert found.per_flight.low <= -0.01 <= found.per_flight.high < 0.0
+    assert found.growth is not None
+    for left, limit in ((found.growth.to_degraded, 0.7), (found.growth.to_emergency, 0.5)):
+        assert left is not None
+        assert left.estimate == pytest.approx((0.77 - limit * mean) / 0.01, abs=1.5)
+    assert found.change is not None
+    assert found.change.estimate == pytest.approx(-0.23, abs=0.01)
+    assert [point.highest for point in found.points] == [None] * 24
+    assert [point.flight for point in found.points] == [*range(1, 25)]
+
+
+@pytest.mark.parametrize(
+    ("condition", "told"),
+    [("normal", False), ("undecided", False), ("learning", False), ("degraded", True), ("emergency", True)],
+)
+def test_a_fault_that_was_not_asked_for_is_told_of_the_last_flight(condition: Condition, told: bool) -> None:
+    flights = [flown(verdict(shown(0.2))), flown(verdict(shown(0.2), condition=condition), day=1)]
+    report = trend_report(FlightHistory(tuple(map(PastFlight.of, flights))), faults=["backlash"])
+    assert report.trends == ()
+    assert [(one.vehicle, one.actuator, one.condition) for one in report.others] == [
+        (1, "elevator", condition)
+    ] * told
 
 
 def test_a_flight_and_its_history_never_contradict_each_other() -> None:

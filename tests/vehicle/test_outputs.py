@@ -246,7 +246,7 @@ def test_inferred_outputs_are_parted_beyond_three_microseconds() -> None:
     pulses[:, 0] = [1600.0, 1600.0, 1605.5, 1606.5]
     pulses[:, 1] = [1400.0, np.nan, 1400.0, 1400.0]
     for origin, parted in (("inferred", [False, False, False, True]), ("profile", [False] * 4)):
-        demands = Demands(Surfaces(pair, origin))  # type: ignore[arg-type]
+        demands = Demands(Surfaces(pair, origin))
         roll = demands.feed(pulses)[:, 0]
         assert demands.parted.tolist() == parted
         expected = np.where(parted, np.nan, [0.25, 0.25, 0.256875, 0.258125])
