@@ -183,14 +183,20 @@ def test_the_effort_of_a_turn_is_learned_less_and_forgotten_slowly() -> None:
 
 @pytest.mark.parametrize(
     ("off_deg", "rate", "rows", "pressed"),
-    [(10.1, 0.149, 20, True), (9.9, 0.149, 20, False), (10.1, 0.151, 20, False), (10.1, 0.149, 19, False)],
+    [
+        (10.1, 0.149, 20, True),
+        (10.1, 0.149, 100, True),
+        (9.9, 0.149, 20, False),
+        (10.1, 0.151, 20, False),
+        (10.1, 0.149, 19, False),
+    ],
 )
-@pytest.mark.parametrize(("block", "begun"), [(1, 10), (7, 10), (140, 10), (7, 0)])
+@pytest.mark.parametrize(("block", "begun"), [(1, 10), (7, 10), (210, 10), (7, 0)])
 def test_what_holds_the_craft_for_a_second_hides_the_motors_for_three(
     off_deg: float, rate: float, rows: int, pressed: bool, block: int, begun: int
 ) -> None:
     assert isinstance(QUADCOPTER, Rotors)
-    monitor, n = MotorMonitor(1, QUADCOPTER), 140
+    monitor, n = MotorMonitor(1, QUADCOPTER), 210
     attitude, rates = np.zeros((n, 3)), np.zeros((n, 3))
     attitude[begun : begun + rows, 1] = -np.radians(off_deg)
     rates[:, 2] = -rate
@@ -198,7 +204,8 @@ def test_what_holds_the_craft_for_a_second_hides_the_motors_for_three(
     parts = ({name: one[k : k + block] for name, one in flat.items()} for k in range(0, n, block))
     found = np.flatnonzero(np.concatenate([monitor._is_obstructed(part) for part in parts]))
     last = begun + rows - 1
-    assert found.tolist() == ([*range(last, last + round(t.RELEASED_S * RATE_HZ) + 1)] if pressed else [])
+    released = last + round(t.RELEASED_S * RATE_HZ)
+    assert found.tolist() == ([*range(begun + 19, released + 1)] if pressed else [])
 
 
 def test_each_second_keeps_its_time_and_what_is_known_of_it(monkeypatch: pytest.MonkeyPatch) -> None:

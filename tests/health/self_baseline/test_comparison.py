@@ -135,6 +135,10 @@ def test_a_constant_that_fell_explains_a_current_that_rose(
     current: Any = "now"
     told = motor.constant_lost(found, current, past)
     assert told == (None if lost is None else pytest.approx(lost))
+    for name in estimates:
+        known = estimates | {name: None}
+        monkeypatch.setattr(motor, "identified", lambda records, known=known: known[records[0]])
+        assert motor.constant_lost(found, current, past) is None
     found.change = None
     assert motor.constant_lost(found, current, past) is None
 
