@@ -256,7 +256,7 @@ class MotorMonitor:
             if time_s - loss.time_s > _ANOTHER_S or window < _ANOTHER_WINDOW_S:
                 return
             self._several = tuple(sorted({loss.motor, motor, int(found[6]) or motor}))
-            yield self._undecided(time_s)
+            yield self._undecided(loss.motor, time_s)
         elif time_s - loss.time_s < _REFINED_S and new.odds > loss.odds:
             since_s = min(loss.since_s, new.since_s) if window <= 1.4 else loss.since_s
             self._loss = Loss(motor, loss.time_s, since_s, share, new.odds)
@@ -279,9 +279,8 @@ class MotorMonitor:
             f"lost {100 * loss.share.estimate:.0f} % of thrust",
         )
 
-    def _undecided(self, time_s: float) -> ConditionChanged:
+    def _undecided(self, motor: int, time_s: float) -> ConditionChanged:
         before, self._reported = self._reported, "undecided"
-        motor = self._loss.motor if self._loss else 0
         return ConditionChanged(
             self._vehicle,
             f"motor {motor}",

@@ -11,7 +11,8 @@ import pytest
 from mavhums.core.arrays import Array
 from mavhums.health.motor import evidence as e
 from mavhums.health.motor import thresholds as t
-from mavhums.health.motor.monitor import MotorMonitor
+from mavhums.health.motor.monitor import Loss, MotorMonitor
+from mavhums.results.standing import Interval
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.signals import DERIVED
@@ -254,6 +255,22 @@ def test_each_second_keeps_its_time_and_what_is_known_of_it(monkeypatch: pytest.
     # It flies with more than a tenth of the thrust, and leans by less than 60°.
     assert [first for first, _ in flown] == [3, 7, 12]
     assert np.concatenate([flew for _, flew in flown]).tolist() == [True, True, False, False, True, True]
+
+
+def test_a_log_that_ends_in_the_air_has_no_touch_down_to_be_left_out() -> None:
+    assert isinstance(QUADCOPTER, Rotors)
+    monitor: Any = MotorMonitor(1, QUADCOPTER)
+    state = monitor._state
+    state.bound[:], state.recent[:] = [0.1, 0.2, 0.3, 0.4], [[0.2, 0.1, 0.0, 0.5], [0.0, 0.3, 0.1, 0.1]]
+    state.counts[[e.FLOWN, e.JUDGED, e.TIPPED]] = 90 * RATE_HZ, 60 * RATE_HZ, 1
+    for aloft, bound in ((0, (0.1, 0.2, 0.3, 0.4)), (1, (0.2, 0.3, 0.3, 0.5))):
+        state.counts[e.ALOFT] = aloft
+        found = monitor.findings()
+        assert found.bound == bound
+        assert (found.flown_s, found.judged_s, found.tipped, found.cause) == (90.0, 60.0, True, None)
+    monitor._speeds = SimpleNamespace(cause=lambda *asked: asked)
+    monitor._loss = Loss(2, 41.0, 40.0, Interval.around(0.5, 0.1), 9.0)
+    assert monitor.findings().cause == (1, 40.0)
 
 
 def test_the_rules_are_those_of_the_number_of_rotors() -> None:

@@ -330,6 +330,7 @@ FIRST_TOLD = (50.25, 49.6, "undecided", "degraded")
         ([FIRST, window(50.5, 2, 1.4, 5.0)], [FIRST_TOLD], (), (49.6, 5.0)),
         ([FIRST, window(79.95, 2, 3.0, 6.0)], [FIRST_TOLD], (), (49.6, 6.0)),
         ([FIRST, window(80.0, 2, 3.0, 6.0)], [FIRST_TOLD], (), (49.6, 5.0)),
+        ([FIRST, window(130.0, 2, 3.0, 6.0)], [FIRST_TOLD], (), (49.6, 5.0)),
         (
             [FIRST, window(50.5, 2, 1.4, 6.0, 0.5), window(51.0, 2, 1.4, 7.0, 0.9), window(52, 2, 3.0, 8.0)],
             [FIRST_TOLD, (50.75, 49.1, "degraded", "emergency")],
