@@ -107,7 +107,12 @@ def test_the_mean_load_is_that_in_motion_and_unknown_in_old_records() -> None:
 
 @pytest.mark.parametrize(
     ("grams", "information", "shown"),
-    [([10.0] * 4, 40.0, True), ([9.9] * 4, 39.6, False), ([20.0] * 3, 60.0, False)],
+    [
+        ([10.0] * 4, 40.0, True),
+        ([9.9] * 4, 39.6, False),
+        ([20.0] * 3, 60.0, False),
+        ([8.0] * 5, 40.0, True),
+    ],
 )
 def test_a_flight_needs_four_parts_and_forty_samples(
     grams: list[float], information: float, shown: bool
@@ -116,8 +121,8 @@ def test_a_flight_needs_four_parts_and_forty_samples(
     assert shows(record) == shown
     assert sum(row[1] for row in record.groups) == pytest.approx(information)
     power = np.eye(POWER_COLUMNS)
-    for count, enough in ((20.0, True), (19.9, False)):
-        many = parts(*[power] * 4, counts=count).model_copy(update={"equation": POWER.name})
+    for length, count, enough in ((4, 20.0, True), (4, 19.9, False), (5, 20.0, True), (3, 40.0, False)):
+        many = parts(*[power] * length, counts=count).model_copy(update={"equation": POWER.name})
         assert shows(many) == enough
 
 
@@ -161,6 +166,12 @@ def test_the_wear_with_known_nuisances_is_that_of_least_squares(seed: int, large
     assert max(errors, key=errors.__getitem__) == larger
     assert found.error == pytest.approx(errors[larger], rel=1e-5)
     assert found.freedom == pytest.approx(size.sum() ** 2 / np.sum(size**2) - 1.0)
+    total, columns = np.sum(grams, axis=0), [0, 1, 2, 3]
+    alone = wear(parts(*grams), None)
+    assert alone is not None
+    # A flight by itself fits drag, inertia and load beside the friction.
+    fitted = np.linalg.solve(total[np.ix_(columns, columns)], total[columns, -1])
+    assert alone.value == pytest.approx(fitted[0])
     loaded = wear(parts(*grams), Nuisances({KEPT.index("speed"): 0.3, KEPT.index("loaded"): 0.1}, (), 2.0))
     assert loaded is not None
     assert loaded.value == pytest.approx(found.value + 0.1 * 2.0)
