@@ -19,6 +19,7 @@ pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")
 
 from mavhums import fleet
+from mavhums.flights import queries
 from mavhums.flights.queries import exit_code
 from tests.fleet.stores import write_store
 
@@ -49,6 +50,18 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list
     known = {"D'A": flights(1, 7), "D-B": flights(2, 5), "": flights(3, 3) + flights(4, 2, dated=False)}
     write_store(store, known)
     return store, known
+
+
+def test_a_flight_is_told_with_its_verdicts_or_is_none(
+    made: tuple[Path, dict[str, list[Assessment]]],
+) -> None:
+    store, known = made
+    for one in known["D'A"][:2]:
+        told = queries.flight(store, "D'A", one.log.sha256 or "")
+        assert (told.log, told.verdicts) == (one.log, one.verdicts)
+    for aircraft, sha256 in (("D-B", known["D'A"][0].log.sha256 or ""), ("D'A", "00")):
+        with pytest.raises(MavhumsError, match=f"no such flight of the aircraft \"?'?{aircraft}"):
+            queries.flight(store, aircraft, sha256)
 
 
 def last_flights(known: dict[str, list[Assessment]]) -> list[tuple[str, str, str]]:

@@ -93,7 +93,11 @@ def test_what_grows_is_told_with_the_dates_of_its_limits_before_it_reaches_them(
     assert left.low <= (0.375 - 0.21) / 0.005 - 23 <= (left.high or np.inf)
     assert left.expected_utc is not None
     assert left.expected_utc > "2026-03-24"
-    assert one.growth.to_emergency is not None
+    assert not left.is_far
+    later = one.growth.to_emergency
+    assert later is not None
+    assert later.low <= (0.875 - 0.21) / 0.005 - 23 <= (later.high or np.inf)
+    assert later.is_far, "110 flights ahead are more than three times the 23 that it looks back"
     assert one.is_finding
 
 

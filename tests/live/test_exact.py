@@ -359,9 +359,9 @@ def test_the_status_has_ages_and_rates() -> None:
     seen.observe([samples("rudder", 1)], EPOCH_US + 13 * SECOND)
     _, stale = seen.report(both, EPOCH_US + 13 * SECOND)
     assert [(s.actuator, s.stale, s.age_s) for s in stale] == [("rudder", False, 0.0)]
-    status_, stale = seen.report(both, EPOCH_US + 100_013 * SECOND)
-    assert status_.uptime_s == 100_013.0
-    assert [(s.actuator, s.age_s) for s in stale] == [("elevator", 100_001.0), ("rudder", 100_000.0)]
+    status_, stale = seen.report(both, EPOCH_US + 100_013 * SECOND + 123_456)
+    assert (status_.uptime_s, status_.link.age_s) == (100_013.123, 100_000.123)
+    assert [(s.actuator, s.age_s) for s in stale] == [("elevator", 100_001.123), ("rudder", 100_000.123)]
 
 
 def test_the_lines_of_a_session(tmp_path: Any) -> None:
