@@ -61,6 +61,14 @@ def test_an_output_is_told_by_its_range() -> None:
     }
 
 
+def test_figures_of_an_output_are_rounded_to_what_a_log_can_tell() -> None:
+    """1234 µs and 300 µs of a range of 700; 1.2344 s at 1000 µs and 0.3333 s at 1500 µs."""
+    held = use(at_1000=1.2344, at_1500=0.3333)._replace(greatest_us=1400, travelled_us=1234)
+    found = _output(4, held, _OutputFacts("flap", "profile", (1000, 1400, 1700)))
+    assert (found.span, found.travelled, found.mean_us) == (0.4286, 1.763, 1106.3)
+    assert (found.held_s, found.at_low_s, found.at_high_s) == (1.568, 1.234, 0.0)
+
+
 def test_an_output_without_a_range_or_without_use_has_what_is_known() -> None:
     silent = _output(4, None, _OutputFacts("motor 1", "parameters", (1000, 1000, 2000), 45.0))
     assert (silent.commanded, silent.travelled_us, silent.reversals, silent.held_s) == (False, 0, 0, 0.0)
@@ -92,6 +100,11 @@ def test_a_profile_names_an_output_unless_the_parameters_contradict_it() -> None
     assert dict(_facts_by_servo(none, paper, None))[elevator.servo].by == "profile"
     assert dict(_facts_by_servo(aileron, paper, None))[elevator.servo].by == "parameters"
     assert dict(_facts_by_servo(aileron, None, None))[elevator.servo].name == "aileron"
+    ends = {f"SERVO{n}_FUNCTION": 19.0 for n in (1, OUTPUTS, OUTPUTS + 1)}
+    assert [servo for servo, _ in _facts_by_servo(Parameters(1, False, ends), None, None)] == [1, OUTPUTS]
+    at_end = [elevator.model_copy(update={"servo": servo}) for servo in (OUTPUTS, OUTPUTS + 1)]
+    moved_there = paper.model_copy(update={"actuators": tuple(at_end)})
+    assert [servo for servo, _ in _facts_by_servo(none, moved_there, None)] == [OUTPUTS]
     moved = SurfaceOutput(2, "aileron", 1500, 400)
     assert [facts.by for _, facts in _facts_by_servo(none, None, Surfaces((moved,), "inferred"))] == [
         "inferred"

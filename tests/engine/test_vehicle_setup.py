@@ -195,6 +195,7 @@ def indication(*end_s: float) -> Indication:
         (changed("changed"), True),
         (changed("emergency"), True),
         (changed("emergency", fault="tracking"), False),
+        (changed("emergency", fault="trim"), True),
         (indication(1.0), False),
     ],
 )
