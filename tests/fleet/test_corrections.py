@@ -26,7 +26,8 @@ from mavhums.core.errors import MavhumsError
 from mavhums.fleet.second_pass import second_pass
 from mavhums.flights.aircraft import BOARD, AircraftResolver
 from mavhums.flights.aircraft_table import AircraftTable, Installation
-from mavhums.flights.corrections import Correction, add_corrections, logs_named
+from mavhums.flights.corrections import Correction, add_corrections, installed_in, logs_named
+from mavhums.flights.corrections import reassigned as table_applied
 from mavhums.flights.naming import foreign_board_among, foreign_boards, remember
 from mavhums.flights.queries import standings
 from mavhums.flights.store import Row, Store
@@ -276,6 +277,29 @@ def test_a_board_that_the_table_or_a_correction_puts_there_is_not_foreign(tmp_pa
     assert foreign_board_among(store, "D-A", "0B", None)
     assert foreign_board_among(store, "D-Z", "0B", None) is None
     assert (foreign_board_among(store, "D-B", "0A", None) or "").startswith("compared with 3 flights of D-B")
+
+
+def test_a_table_names_the_logs_of_its_boards_and_no_corrected_one(tmp_path: Path) -> None:
+    """Board 0B is in D-B from day 4; a rudder is swapped in D-C; the log of day 6 is D-A's by correction."""
+    flights = [flown(verdict(), day=day, name=f"{day:02}") for day in range(8)]
+    boards = ("0B", "0A", "0B", "0B", "0B", "0B", "0B", None)
+    rows = [row_of(one, "D-A")._replace(board=board) for one, board in zip(flights, boards, strict=True)]
+    rows[5] = rows[5]._replace(aircraft="D-B")
+    store = Store(tmp_path)
+    store.add_logs(rows)
+    add_corrections(
+        store, [Correction("reassign", "", rows[6].sha256, "", "D-A", "me", "", datetime.now(UTC))]
+    )
+    board = {"aircraft": "D-B", "board": "0b", "from": START + timedelta(days=4)}
+    rudder = {"aircraft": "D-C", "actuator": "rudder", "serial": "R2", "from": START}
+    table = AircraftTable(map(Installation.model_validate, (board, rudder)))
+    assert table_applied(store, AircraftTable()) == set()
+    assert table_applied(store, table) == {"D-A", "D-B", "D-C"}
+    named = store.query("SELECT path, aircraft FROM logs ORDER BY path").fetchall()
+    assert [aircraft for _, aircraft in named] == [*["D-A"] * 4, "D-B", "D-B", "D-A", "D-A"]
+    assert [(one.actuator, one.serial) for one in installed_in(store, "D-C").installed] == [("rudder", "R2")]
+    assert installed_in(store, "D-B").installed == ()
+    assert table_applied(store, table) == set(), "a second time it changes nothing"
 
 
 @pytest.mark.slow

@@ -126,7 +126,7 @@ def test_breaks_spacings_and_what_was_heard() -> None:
     flight = flown(seconds(5), seconds(5, first=5), seconds(5, first=11))
     assert flight.flown_s == 7 + 2, "a gap begins the three seconds again"
     assert flight.lasted_s("armed") == 15.0
-    assert flight.fastest == 15.0
+    assert (flight.fastest, flight.doubted_s, flight.parted_s) == (15.0, 0, 0.0)
     assert (flight.kinds, flight.autopilots, flight.on_ground) == ({1}, {3}, False)
     assert flight.heard >= {"airspeed", "velocity", "attitude", "rates"}
     assert not flight.heard & {"outputs", "outputs_2", "vtol"}
@@ -209,7 +209,7 @@ def test_the_receiver_moves_the_servos_until_an_output_has_a_pulse() -> None:
 
 @pytest.mark.parametrize(
     ("output_us", "channel_us", "expected"),
-    [(0.0, 50.0, (2,)), (0.0, 49.0, ()), (BAND_US - 1, 50.0, (2,)), (BAND_US, 50.0, ())],
+    [(0.0, 50.0, (2,)), (0.0, 400.0, (2,)), (0.0, 49.0, ()), (BAND_US - 1, 50.0, (2,)), (BAND_US, 50.0, ())],
 )
 def test_channels_that_move_drive_the_servos_if_no_output_does(
     output_us: float, channel_us: float, expected: tuple[int, ...]
@@ -234,6 +234,24 @@ def test_who_only_steers_drives_even_where_the_kind_is_not_known() -> None:
         flight = flown(seconds(10, state=[kind, ARDUPILOT, 1.0, AUTO], **course), surfaces=surfaces)
         assert flight.flown_s == flown_s
         assert flight.on_ground == (surfaces is steering or kind == ROVER)
+
+
+def test_a_kind_that_comes_late_lets_its_own_seconds_count() -> None:
+    part = seconds(10, state=[ROVER, ARDUPILOT, 1.0, AUTO])
+    part.signals["state"][:3, :, 0] = np.nan
+    assert flown(part).flown_s == 4
+
+
+def test_inferred_outputs_that_part_count_only_in_flight() -> None:
+    pair = (SurfaceOutput(1, "aileron", 1500, 400), SurfaceOutput(2, "aileron", 1500, 400))
+    for armed, parted_s in ((1.0, 2.2), (0.0, 0.0)):
+        part = seconds(8, state=[PLANE, ARDUPILOT, armed, AUTO])
+        part.signals["outputs"][:, :, :2] = 1500.0
+        part.signals["outputs"][:, ::2, :2] += 20.0  # both move, so that neither is stuck
+        part.signals["outputs"][[1, 4, 6], :, 0] += 100.0
+        part.signals["outputs"][7, : RATE_HZ // 5, 0] += 100.0
+        flight = flown(part, surfaces=Surfaces(pair, "inferred"))
+        assert flight.parted_s == pytest.approx(parted_s)
 
 
 def test_the_last_rows_are_of_forward_flight_where_no_motor_lifts() -> None:
@@ -261,6 +279,7 @@ def test_a_demand_that_no_autopilot_controls_is_none() -> None:
         *((mode, ARDUPILOT, False) for mode in (0.0, 2.0, 3.0, 4.0, 16.0)),
         *((mode, ARDUPILOT, True) for mode in (1.0, 5.0, 10.0, 15.0)),
         (0.0, PX4, True),
+        (0.0, 0.0, True),
     ):
         [rows] = Flight(None).feed(seconds(1, state=[PLANE, autopilot, 1.0, mode]))
         assert np.isfinite(rows.roll_demand).all() == np.isfinite(rows.pitch_demand).all() == follows
@@ -275,6 +294,7 @@ def test_lift_motors_end_forward_flight() -> None:
         flight = flown(seconds(10, outputs=outputs), surfaces=surfaces)
         assert flight.flown_s == (0 if carried else 7)
         assert flight.lasted_s("lift") == (10.0 if carried else 0.0)
+        assert not flight.on_ground
     other = of_parameters(Parameters(1, False, {"SERVO1_FUNCTION": 4.0}))
     list(flight.learn(other))
     assert flight.flown_s == 7, "without lift motors the same flight is forward flight"

@@ -88,6 +88,22 @@ def test_the_smaller_the_change_the_longer_it_takes_to_doubt(change: float, doub
     assert doubted_s or all(trusted)
 
 
+def test_doubt_ends_only_after_half_a_minute_well_below_its_limit() -> None:
+    """The mean over 30 s: 0.09 is too much, 0.07 is not; a shorter time says nothing, whatever its mean."""
+    check = AirspeedCheck()
+    assert all(check.step(18.5, 18.5, settled=True) for _ in range(60))
+
+    def trusted(change: float, seconds: int) -> list[bool]:
+        return [check.step(18.5 * np.exp(change), 18.5, settled=True) for _ in range(seconds)]
+
+    assert trusted(0.25, 5) == [True] * 4 + [False]
+    assert not any(trusted(-0.1, 24)), "0.25 and -0.1 cancel, but it is 29 s"
+    assert all(trusted(-0.07, 2))
+    assert trusted(0.25, 30)[-1] is False
+    assert not any(trusted(0.09, 60))
+    assert trusted(0.07, 40)[-1] is True
+
+
 @pytest.mark.parametrize(("alive_s", "doubted"), [(19, False), (20, True)])
 def test_only_a_sensor_that_was_alive_for_twenty_seconds_can_die(alive_s: int, doubted: bool) -> None:
     check = AirspeedCheck()
