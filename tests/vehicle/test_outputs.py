@@ -74,6 +74,11 @@ def test_pulses_of_ardupilot() -> None:
     assert (known.pwm_us, known.ends_by) == ((1000, 1450, 1900), "")
     assert known.calibrated_by.startswith("CHECK: ")
     assert known.calibrated_by.endswith("; zero in the middle")
+    assert known.direction_by == "SERVO2_REVERSED = 0"
+    [known] = assigned_outputs(Parameters(1, False, base | {"SERVO2_MAX": 1001.0}))
+    assert known.calibrated_by == "CHECK: SERVO2_MIN = 1000 is not below SERVO2_MAX = 1001"
+    aileron = assigned_outputs(Parameters(1, False, {"RC1_REV": -1.0, "KFF_RDDRMIX": 0.5}))
+    assert [one.direction_by for one in aileron[:2]] == ["RC1_REV = -1", "RC2_REV = 1"]
 
 
 def test_channels_of_arduplane_before_3_8() -> None:

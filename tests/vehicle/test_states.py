@@ -13,7 +13,7 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.events import Attitude, Event, FlightMode, Position
 from mavhums.engine.options import EngineOptions
 from mavhums.log import Table
-from mavhums.vehicle.states import VehicleStates
+from mavhums.vehicle.states import ModeChanges, VehicleStates
 from tests.conftest import real_logs
 from tests.strategies import START_US
 
@@ -124,6 +124,22 @@ def test_a_mode_counts_wherever_its_number_goes_and_once() -> None:
     beats = [heartbeat(PLANE, ARDUPILOT, 89, number) for number in (11, 11, 10, 5, 5, 11)]
     modes = [(event.time_s, event.mode) for event in told(log(*beats)) if isinstance(event, FlightMode)]
     assert modes == [(0.0, "RTL"), (0.2, "AUTO"), (0.3, "FBWA"), (0.5, "RTL")]
+
+
+def test_the_last_hundred_modes_wait_for_a_text_that_names_the_kind() -> None:
+    """Modes 10 and 5 in turn, of a log that does not name the kind with them."""
+
+    def logged(name: str, field: str, values: list[Any]) -> dict[str, Table]:
+        row = np.array([(value,) for value in values], dtype=[(field, "S20" if field == "Message" else "u1")])
+        one, at = np.ones(len(values), dtype=np.uint8), np.arange(len(values), dtype=np.int64)
+        return {name: Table(name, at, at, one, one, one, one, row)}
+
+    modes = ModeChanges()
+    assert list(modes.feed(logged("MODE", "ModeNum", [10, 5] * 60))) == []
+    assert list(modes.feed(logged("MSG", "Message", [b"PreArm: wait"]))) == []
+    told = list(modes.feed(logged("MSG", "Message", [b"ArduPlane V4.7.0", b"ArduCopter V4.7.0"])))
+    assert told == [(1, at, "FBWA" if at % 2 else "AUTO") for at in range(20, 120)]
+    assert [mode for _, _, mode in modes.feed(logged("MODE", "ModeNum", [5, 10]))] == ["AUTO"]
 
 
 def test_one_component_speaks_for_the_vehicle() -> None:

@@ -205,11 +205,11 @@ def test_body_rates_are_those_of_the_rotation_between_two_attitudes() -> None:
     """Against the rotation vector, also where yaw goes through south; each angle alone and all together."""
     before = np.array([[0.5, 0.3, 3.14], [-1.0, -0.6, -3.14], [0.2, 1.2, 0.0], [0.0, 0.0, 0.0]])
     steps = np.array([[1e-5, -2e-5, 3e-3], [0.0, 0.0, -4e-3], [0.0, 3e-5, 0.0], [1e-5, 0.0, 0.0]])
-    steps[:2, 2] = [4e-3, -4e-3]
+    steps[:2] = [[0.01, -0.02, 0.02], [-0.01, 0.015, -0.02]]
     after = (before + steps + np.pi) % (2 * np.pi) - np.pi
     first, second = (Rotation.from_euler("ZYX", angles[:, ::-1]) for angles in (before, after))
     expected = (first.inv() * second).as_rotvec() / 0.02
-    np.testing.assert_allclose(body_rates(before, after, 0.02), expected, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(body_rates(before, after, 0.02), expected, rtol=3e-4, atol=2e-4)
 
 
 def test_quaternions_become_the_angles_of_the_rotation() -> None:

@@ -16,6 +16,7 @@ from mavhums.vehicle.surfaces import (
     of_parameters,
     on_channels,
 )
+from mavhums.vehicle.vtol import lift_of
 from tests.health.axis.flights import Array
 
 
@@ -186,3 +187,32 @@ def test_names_of_an_axis_surfaces() -> None:
         known = Surfaces(moved, origin)
         assert (known.brief("roll"), known.names("roll"), known.brief("pitch")) == (brief, names, "")
     assert sides[1].range_us == sides[0].range_us == (1100, 1500, 1900)
+
+
+def test_channels_are_counted_after_the_outputs_of_both_messages() -> None:
+    for servo, number in ((1, 1), (32, 32), (33, 1), (48, 16)):
+        one = SurfaceOutput(servo, "rudder", 1500, 400)
+        assert one.number == number
+        assert Surfaces((one,), "profile").by_receiver == (servo > 32)
+    usual = on_channels(None, Parameters(1, False, {}), [1, 2, 4])
+    assert usual is not None
+    assert usual.moved == tuple(
+        SurfaceOutput(32 + n, kind, 1500.0, 500.0)
+        for n, kind in ((1, "aileron"), (2, "elevator"), (4, "rudder"))
+    )
+
+
+def test_outputs_are_the_same_where_they_move_the_same_the_same_way() -> None:
+    one = SurfaceOutput(1, "aileron", 1500, 400)
+    lifts = {n: lift_of({f"SERVO{k}_FUNCTION": 33.0 for k in range(5, 5 + n)}) for n in (0, 1, 2)}
+    known = Surfaces((one,), "parameters", lifts[1])
+    for other, lift, same in (
+        (one, 1, True),
+        (one._replace(zero_us=1400, half_us=300), 1, True),
+        (one._replace(half_us=-400), 1, False),
+        (one._replace(servo=2), 1, False),
+        (one._replace(surface="elevator"), 1, False),
+        (one, 0, False),
+        (one, 2, False),
+    ):
+        assert known.same_outputs(Surfaces((other,), "profile", lifts[lift])) == same
