@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mavhums.core.conditions import Condition
+from mavhums.flights.aircraft_table import Since as Dates
 from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.reports import _kinds
 from mavhums.flights.trends import trend_report, with_standings
@@ -16,7 +17,7 @@ from mavhums.health.decision.growth import course_of
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Standing
 from mavhums.results.store import Change
-from mavhums.results.verdict import Since
+from mavhums.results.verdict import ALL, Since
 from mavhums.show.digest import headline
 from mavhums.show.standing import _change_lines
 from tests.flights import START, flown, shown, verdict
@@ -120,7 +121,10 @@ def test_an_axis_loses_down_to_its_shares_of_the_first_flights() -> None:
     assert found.level.low < 0.77 < found.level.high
     assert found.level.high - found.level.low < 0.02
     assert found.per_flight.low <= -0.01 <= found.per_flight.high < 0.0
+    assert found.level.estimate == pytest.approx(0.77, abs=0.01)
+    assert found.per_flight.estimate == pytest.approx(-0.01, abs=0.001)
     assert found.growth is not None
+    assert found.growth.per_flight.low <= found.growth.per_flight.estimate <= found.growth.per_flight.high < 0
     for left, limit in ((found.growth.to_degraded, 0.7), (found.growth.to_emergency, 0.5)):
         assert left is not None
         assert left.estimate == pytest.approx((0.77 - limit * mean) / 0.01, abs=1.5)
@@ -128,6 +132,26 @@ def test_an_axis_loses_down_to_its_shares_of_the_first_flights() -> None:
     assert found.change.estimate == pytest.approx(-0.23, abs=0.01)
     assert [point.highest for point in found.points] == [None] * 24
     assert [point.flight for point in found.points] == [*range(1, 25)]
+
+
+def test_only_verdicts_of_a_vehicles_actuators_since_their_date_are_followed() -> None:
+    flights = []
+    for day in range(3):
+        names = ("elevator", "rudder", ALL)
+        several = [verdict(shown(0.2), actuator=name) for name in names]
+        several.append(verdict(shown(0.2), actuator="flap", vehicle=None))
+        flights.append(PastFlight.of(flown(*several, day=day)))
+    cases: tuple[tuple[tuple[str, ...], Dates, dict[str, int]], ...] = (
+        ((), {}, {"elevator": 3, "rudder": 3}),
+        (("rudder",), {}, {"rudder": 3}),
+        ((), {"elevator": START + timedelta(days=1)}, {"elevator": 2, "rudder": 3}),
+        ((), {None: START + timedelta(days=2)}, {"elevator": 1, "rudder": 1}),
+        ((), {None: START + timedelta(days=3)}, {}),
+    )
+    for actuators, since, expected in cases:
+        report = trend_report(FlightHistory(tuple(flights)), actuators=actuators, since=since)
+        assert {one.actuator: one.flights for one in report.trends} == expected
+        assert {one.actuator: one.flights for one in report.standings} == expected
 
 
 @pytest.mark.parametrize(
