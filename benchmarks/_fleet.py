@@ -158,7 +158,7 @@ def judge(
         alone = [*monitor.feed(times, values, measured(tier, times.size), magnitudes=unsigned)]
         alone += monitor.finish()
         events = [after for event in alone for after in comparison.follow(event)]
-        found = comparison.findings(monitor.record())
+        found = comparison.findings(monitor.record(whole=True))
         findings = replace(
             monitor.findings(),
             condition=found.condition,

@@ -77,7 +77,7 @@ class Monitors:
             )
         return self._monitors[key]
 
-    def records(self, *, whole: bool = True) -> dict[Key, ActuatorRecord]:
+    def records(self, *, whole: bool) -> dict[Key, ActuatorRecord]:
         """Return this flight's records."""
         return {key: monitor.record(whole=whole) for key, monitor in self._monitors.items()}
 

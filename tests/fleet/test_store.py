@@ -19,6 +19,7 @@ from mavhums.flights import store as stores
 from mavhums.flights.aircraft import BOARD, GIVEN, AircraftResolver
 from mavhums.flights.aircraft_table import AircraftTable, Installation
 from mavhums.flights.naming import BOARD_NAME, proposed, remember, resolver_of_store, rule_of
+from mavhums.flights.queries import WorstActuator
 from mavhums.flights.store import LogFile, Row, Store
 from mavhums.flights.store_tables import DATES, LOGS, SETTLED, STANDINGS, VERDICTS, Tables
 from tests.fleet.stores import row_of
@@ -189,3 +190,19 @@ def test_a_board_proposes_the_named_aircraft_in_which_it_flew_the_latest_first(t
     store.add_logs([*rows, log_row("x.tlog")._replace(aircraft="D-E", board="0A", flight=None)])
     assert proposed(store, "0A") == ["D-B", "D-A", "D-C"]
     assert proposed(store, None) == []
+
+
+@pytest.mark.parametrize(
+    ("start_us", "told"),
+    [
+        (None, None),
+        (0, "1970-01-01T00:00:00+00:00"),
+        (1_772_355_600_250_000, "2026-03-01T09:00:00.250000+00:00"),
+    ],
+)
+def test_a_published_flight_has_its_own_time_and_names_no_unknown_aircraft(
+    start_us: int | None, told: str | None
+) -> None:
+    for aircraft in ("", "alpha"):
+        published = WorstActuator(aircraft, "f.tlog", start_us, verdict()).published()
+        assert (published.start_utc, published.aircraft) == (told, aircraft or None)

@@ -120,7 +120,7 @@ def compared(
     """Return the events and the findings of a flight beside the actuator's own baselines."""
     comparison = ActuatorComparison(baselines)
     told = [after for event in events for after in comparison.follow(event)]
-    findings, found = monitor.findings(), comparison.findings(monitor.record())
+    findings, found = monitor.findings(), comparison.findings(monitor.record(whole=True))
     return told, replace(
         findings,
         condition=found.condition,

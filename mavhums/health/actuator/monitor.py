@@ -265,7 +265,7 @@ class Monitor:
             rate_hz=self._samples / max(lasted_s, 1.0),
         )
 
-    def record(self, *, whole: bool = True) -> ActuatorRecord:
+    def record(self, *, whole: bool) -> ActuatorRecord:
         """Return the flight's record for the comparison with other flights.
 
         It has windows and decisions if the flight is ``recorded``, and estimates over the ``whole`` flight.

@@ -125,7 +125,7 @@ def test_where_no_window_is_decidable_nothing_is_decided(
         tier=tier_named("named"),
     )
     if against:
-        record, again = monitor.record(), ActuatorComparison(BASELINES)
+        record, again = monitor.record(whole=True), ActuatorComparison(BASELINES)
         for event in events_of(record, 1, actuator.name):
             again.take(event)
         verdict = against_baseline(verdict, again.findings(record), start_utc=START, end_s=end_s)

@@ -9,6 +9,8 @@ import itertools
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from mavhums.core.quantities import KEYS, column
 from mavhums.engine.events import Indication
 from mavhums.health.actuator.detector import Detector, DetectorInput
 from mavhums.health.actuator.detectors import detectors_for
+from mavhums.health.actuator.detectors.electrical import contradicts
 from mavhums.health.decision.limits import Estimates
 from mavhums.health.estimation.equations import Fits
 from mavhums.health.estimation.motion import motion
@@ -300,3 +303,25 @@ def test_nothing_but_the_real_jam_is_found(servo_jam: Assessment) -> None:
         assert verdict.condition == "undecided"
         if verdict.actuator != "aileron_1":
             assert (verdict.worst, verdict.evidence, verdict.suspects) == ("undecided", (), ())
+
+
+@pytest.mark.parametrize(
+    ("share", "error", "surely"),
+    [
+        (0.51, 0.01, False),
+        (0.50, 0.01, True),
+        (1.49, 0.01, False),
+        (1.50, 0.01, True),
+        (0.2, 0.099, True),
+        (0.2, 0.1, False),
+    ],
+)
+def test_a_constant_contradicts_the_data_sheet_when_half_of_it_is_surely_missing_or_too_much(
+    share: float, error: float, surely: bool
+) -> None:
+    """The back-EMF of the output shaft is the motor's constant times the gear ratio."""
+    ema = actuator_of().known_ema().model_copy(update={"torque_constant": 0.5, "gear_ratio": 8.0})
+    fit: Any = SimpleNamespace(corrected=lambda *_, **__: (np.array([4.0 * share]), np.array([4.0 * error])))
+    found, shown = contradicts(fit, ema, turned=False)
+    assert found.tolist() == [surely]
+    assert shown.tolist() == [share]

@@ -147,5 +147,6 @@ def test_a_data_sheets_uncertainty_is_two_standard_deviations_of_the_prior() -> 
     assert prior.deviation[[1, 3, 5]].tolist() == half
     assert np.isinf(prior.deviation[[0, 2, 4]]).all(), "friction, offset and load are what is sought"
     for mu in (None, 0.0):
-        deviation = load_friction_prior(ema.model_copy(update={"load_friction": mu}))[1]
+        mean, deviation = load_friction_prior(ema.model_copy(update={"load_friction": mu}))
+        assert mean == (0.0 if mu == 0.0 else MOST_LOAD_FRICTION / 2)
         assert deviation == (np.inf if mu == 0.0 else MOST_LOAD_FRICTION / 12**0.5)

@@ -68,8 +68,6 @@ class TorqueConstantDetector(EquationDetector):
         fit = fits["voltage"]
         constant, error = _from_back_emf(fit, ema, turned=self.turned)
         shown = fit.spread & sharp(1.0 - constant, error, WIDEST_TORQUE_CONSTANT_SHARE, self.levels.normal)
-        # A gain of half, or a shaft that turns without back-EMF: the motor is not the profile's, or a sensor
-        # lies.
         shown &= (constant > LEAST_TURNING_CONSTANT_SHARE) & (constant < 1.0 + CONTRADICTED_CONSTANT_SHARE)
         return Estimates.of(1.0 - constant, error, fit.freedom, shown)
 
@@ -104,7 +102,6 @@ def _from_back_emf(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Arra
     shaft moves so much by itself that a tenth of the back-EMF seems lost.
     """
     nominal = ema.torque_constant * ema.gear_ratio
-    # In calm cruise the output shaft moves so much by itself that a tenth of the back-EMF seems lost.
     if turned:
         constant, error = voltage.corrected("back_emf", noisy="back_emf", healthy=nominal)
     else:
