@@ -55,6 +55,16 @@ def test_magnitudes_identify_nothing() -> None:
     assert record is None or identified([record]) is None
 
 
+def test_a_motor_without_resistance_or_without_back_emf_is_not_identified() -> None:
+    """A current of the opposite sign gives less than no resistance."""
+    assert identified([measured(1, servo=replace(SERVO, back_emf=0.0))]) is None
+    time_s, values, airspeed = SERVO.flown(1)
+    values[:, column("V5")] *= -1.0
+    record = collected(VoltageSums(blank()), (time_s, values, airspeed))
+    assert record is not None
+    assert identified([record]) is None
+
+
 def test_a_current_at_the_supply_bus_is_not_the_motors() -> None:
     bus = blank().model_copy(update={"esc_side": "bus"})
     assert collected(VoltageSums(bus), SERVO.flown(1)) is None
