@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.quantities import column
-from mavhums.health.actuator.detectors.following import FollowingDetector
+from mavhums.health.actuator.detectors.following import FollowingDetector, _only_approached
 from mavhums_sim.conditions import Condition
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
 
@@ -96,3 +96,19 @@ def test_it_does_not_depend_on_the_blocks() -> None:
     cuts = [0, 3, 700, 701, 1234, seen.time_s.size]
     parts = [seen.between(a, b) for a, b in itertools.pairwise(cuts)]
     assert watch_blocks(parts, NO_CONSTANTS)[1].evidence == whole
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize(
+    ("first", "later", "approached"),
+    [
+        ((6.0, 4.0), (6.9, 2.0), True),  # highest and lowest of the error; it grew by 0.9 at most
+        ((6.0, 4.0), (7.0, 2.0), False),
+        ((6.0, 4.0), (6.9, -0.1), False),  # it changed its sign: the command passed the shaft
+    ],
+)
+def test_a_command_that_comes_back_to_a_shaft_asks_for_no_motion_to_either_side(
+    mirrored: bool, first: tuple[float, float], later: tuple[float, float], approached: bool
+) -> None:
+    ends = np.array([[[high, -low] for high, low in (first, later)]])
+    assert _only_approached(ends[:, :, ::-1] if mirrored else ends, np.array([1.0])).tolist() == [approached]
