@@ -263,7 +263,7 @@ def _courses(numbers: Array, values: Array, errors: Array, known: tuple[float, f
     squares = np.maximum(total - product**2 / spread, 1e-12 * total + 1e-300)
     best = int(np.argmin(squares))
     residuals = np.sqrt(weights) * (rest - slope[best] * centred[best])
-    # Residuals below that are rounding, alike or not as the processor adds.
+    # Smaller residuals are rounding errors, whose correlation differs between processors.
     inflation = widening(residuals) if float(residuals @ residuals) > least else 1.0
     waited = np.diff(numbers[first], prepend=numbers[0])
     prior = np.where(first == 0, 0.5, 0.5 * waited / GROWTH_HORIZON_FLIGHTS)

@@ -23,6 +23,7 @@ from mavhums.health.decision.thresholds import (
 )
 from mavhums.health.decision.trend import widening
 from mavhums.health.estimation.random_effects import variance_between
+from tests.health.decision.lines import beside_the_line
 
 Array = NDArray[np.float64]
 
@@ -176,13 +177,7 @@ def test_a_flight_is_left_out_that_chance_hardly_puts_anywhere_so_far_off(
     numbers = np.arange(1.0, n + 1)
     # Neighbours alternate about a line that grows from the first flight on.
     values = LEVEL + 0.01 * numbers + 0.004 * (-1.0) ** np.arange(n) * (1.0 + 0.2 * np.cos(numbers))
-    others = np.delete(np.arange(n), place)
-    design = np.column_stack([np.ones(n), numbers])
-    line, squares, _, _ = np.linalg.lstsq(design[others], values[others])
-    apart = design[place] @ np.linalg.inv(design[others].T @ design[others]) @ design[place]
-    deviation = np.sqrt(squares[0] / (n - 3) * (1.0 + apart))
-    chance = share * OUTLIER_PROBABILITY / n
-    values[place] = design[place] @ line + deviation * stats.t.ppf(1.0 - chance / 2, n - 3)
+    values[place] = beside_the_line(numbers, values, place, share * OUTLIER_PROBABILITY / n)
     found = course(numbers, values, np.full(n, 0.002))
     assert found.left_out == ((place,) if left_out else ())
 

@@ -13,6 +13,7 @@ from scipy import stats
 
 from mavhums.health.decision.thresholds import MOST_AUTOCORRELATION, OUTLIER_PROBABILITY, TREND_FLIGHTS
 from mavhums.health.decision.trend import Trend, fit_trend, widening
+from tests.health.decision.lines import beside_the_line
 
 Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], Array]
@@ -114,13 +115,7 @@ def test_a_flight_is_left_out_that_chance_hardly_puts_anywhere_so_far_off(
     """It is compared with the line of the others, and may be any of them, to either side."""
     n, place = 20, 7
     numbers, values, _ = history(np.random.default_rng(8), n, 0.01)
-    others = np.delete(np.arange(n), place)
-    design = np.column_stack([np.ones(n), numbers])
-    line, squares, _, _ = np.linalg.lstsq(design[others], values[others])
-    apart = design[place] @ np.linalg.inv(design[others].T @ design[others]) @ design[place]
-    deviation = np.sqrt(squares[0] / (n - 3) * (1.0 + apart))
-    chance = share * OUTLIER_PROBABILITY / n
-    values[place] = design[place] @ line + deviation * stats.t.ppf(1.0 - chance / 2, n - 3)
+    values[place] = beside_the_line(numbers, values, place, share * OUTLIER_PROBABILITY / n)
     assert fitted(numbers, values, np.full(n, 0.002)).left_out == ((place,) if left_out else ())
 
 
