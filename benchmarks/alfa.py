@@ -27,8 +27,8 @@ from statistics import median
 
 from _flown_faults import Flight, Outcome, judge, judge_bytes, read_labels, summary
 
-from mavhums.log import Decoder, decode_blocks
-from mavhums.vehicle.parameters import Sent
+from mavhums.core.errors import MavhumsError
+from mavhums.vehicle.parameters import read_parameters
 from mavhums_sim.perturb import perturb
 
 
@@ -42,7 +42,7 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     flights = [*read_labels(arguments.folder)]
-    told = _tells_functions(flights[0].path)
+    told = _names_outputs(flights[0].path)
     named = arguments.airframe or (None if told else Path(__file__).with_name("alfa.toml"))
     first = "outputs by the logs' own parameters" if named is None else f"outputs named by {Path(named).name}"
     _report(first, [judge(flight, named) for flight in flights])
@@ -52,11 +52,11 @@ def main() -> None:
         _report_draws([flight for flight in flights if flight.path.suffix == ".tlog"], named, arguments.radio)
 
 
-def _tells_functions(path: Path) -> bool:
-    sent = Sent()
-    for tables, _, _ in decode_blocks(path, Decoder({"HEARTBEAT", "PARAM_VALUE"})):
-        sent.take(tables)
-    return any("SERVO1_FUNCTION" in values for values in sent.values.values())
+def _names_outputs(path: Path) -> bool:
+    try:
+        return "SERVO1_FUNCTION" in read_parameters(path).values
+    except MavhumsError:  # no parameters at all
+        return False
 
 
 def _report(title: str, outcomes: Sequence[Outcome]) -> None:
