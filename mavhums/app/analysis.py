@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import written_whole
+from mavhums.core.packed import is_stream
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event, StandaloneAssessment
 from mavhums.engine.options import EngineOptions
@@ -181,8 +182,8 @@ def analyse(
         if consume is None:
             return compared_with_own(analyse_alone(path, settings.engine, progress=progress), settings)
         return _judged_with(path, settings, [consume], progress)
-    if str(path) == "-":
-        raise MavhumsError("-: a recording needs a file that can be read twice", "save the log first")
+    if is_stream(path):
+        raise MavhumsError(f"{path}: a recording needs a file that can be read twice", "save the log first")
     from mavhums.show.recording import Recorder, check_viewer
 
     check_viewer()
@@ -384,8 +385,10 @@ def _swaps(path: Place, settings: Settings) -> Since:
     resolver, dialect = settings.resolver, settings.engine.dialect
     if not resolver.table.installed:
         return {}
-    if str(path) == "-":
-        raise MavhumsError("-: an aircraft table needs a file that can be read twice", "save the log first")
+    if is_stream(path):
+        raise MavhumsError(
+            f"{path}: an aircraft table needs a file that can be read twice", "save the log first"
+        )
     decoder, recorded = Decoder(FLIGHT_MESSAGES, dialect=dialect), RecordedFlights()
     for block in read_blocks(path, dialect=dialect):
         recorded.feed(decoder.feed(block))

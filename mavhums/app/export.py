@@ -17,6 +17,7 @@ from mavhums.actuator.profile import Actuator, Airframe, ProfileError, load_airf
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import TableWriter, writer_for, written_whole
+from mavhums.core.packed import is_stream
 from mavhums.core.quantities import KEYS
 from mavhums.health.actuator.votes import answer_samples
 from mavhums.learn import Model, load_model, packaged_models
@@ -99,7 +100,7 @@ def export_quantities(
     asked = _SampleClassifier(path, _models(model)) if classify else None
     decoder, fleet, rows = _write(path, output, given, asked, progress)
     if not fleet.airframes:
-        if str(path) == "-" or asked is not None:
+        if is_stream(path) or asked is not None:
             raise ProfileError(f"{path}: the log names no airframe profile", "name one with --airframe")
         decoder, fleet, rows = _write(path, output, _NAMELESS, None, progress)
     if not rows:

@@ -7,10 +7,13 @@ archive's path and its own: ``flights.zip/2026-05-01/flight.ulg``.
 from __future__ import annotations
 
 import bz2
+import errno
 import gzip
 import io
 import lzma
+import os
 import re
+import stat
 import sys
 import zipfile
 import zlib
@@ -37,6 +40,8 @@ _FREE: Final = 1 << 30
 _RATIO: Final = 200
 _ZSTD_WINDOW: Final = 1 << 27
 _MEMBERS_NAMED: Final = 10
+# Descriptors that the caller has opened: <(...) of a shell is one of them.
+_HELD: Final = re.compile(r"-|/dev/stdin|/(?:dev|proc/self)/fd/(\d+)")
 
 
 class SequentialFile:
@@ -118,8 +123,40 @@ def members(path: Path) -> list[zipfile.ZipInfo]:
     OSError
         If it cannot be read.
     """
-    with _translated(path), zipfile.ZipFile(path) as archive:
+    with _translated(path), opened_file(path) as file, zipfile.ZipFile(file) as archive:
         return _members(archive)
+
+
+def is_stream(path: str | os.PathLike[str]) -> bool:
+    """Return whether a path is a stream that the caller has opened: ``-``, ``/dev/stdin`` or ``<(...)``.
+
+    It can be read only once, and by this process only.
+    """
+    return bool(_HELD.fullmatch(os.fspath(path))) and not os.path.isfile(path)  # noqa: PTH113
+
+
+def opened_file(path: Path) -> IO[bytes]:
+    """Open a regular file, without ever waiting for another program.
+
+    Raises
+    ------
+    UnreadableLogError
+        If it is a FIFO, a device or a socket: reading from them may never end.
+    OSError
+        If the file cannot be opened.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    try:
+        file = open(path, "rb", opener=lambda name, _: os.open(name, flags))  # noqa: SIM115
+        # The type of the opened file counts: until now the name could be given to another one.
+        if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            return file
+        file.close()
+    except OSError as error:
+        if error.errno != errno.ENXIO:  # that is the answer of a socket
+            raise
+    remedy = f"save its data to a file; or pipe them: mavhums analyse - < {path}"
+    raise UnreadableLogError(f"{path}: is a pipe, a device or a socket, not a file", remedy)
 
 
 @contextmanager
@@ -129,7 +166,7 @@ def opened(path: Path) -> Iterator[SequentialFile]:
     Parameters
     ----------
     path
-        ``-`` is the standard input, which may be compressed but must not be an archive.
+        Of a stream (:func:`is_stream`), the data may be compressed but must not be an archive.
 
     Raises
     ------
@@ -143,11 +180,11 @@ def opened(path: Path) -> Iterator[SequentialFile]:
         If the file cannot be read.
     """
     file, member = _located(path)
-    standard = str(path) == "-"
+    streamed = is_stream(path)
     with ExitStack() as stack:
-        raw = sys.stdin.buffer if standard else stack.enter_context(file.open("rb"))
+        raw = _stream(path) if streamed else stack.enter_context(opened_file(file))
         unpacked = SequentialFile(path, raw)
-        if not standard and unpacked.is_archive():
+        if not streamed and unpacked.is_archive():
             with _translated(path):
                 archive = stack.enter_context(zipfile.ZipFile(raw))
             unpacked.enter(archive, member)
@@ -155,6 +192,14 @@ def opened(path: Path) -> Iterator[SequentialFile]:
             raise UnreadableLogError(f"{path}: {file} is a file, not a zip archive", "check the path")
         unpacked.unpack()
         yield unpacked
+
+
+def _stream(path: Path) -> IO[bytes]:
+    """Return a stream that the caller has opened; to open its path anew could wait for a writer."""
+    held = _HELD.fullmatch(str(path))
+    if held and held[1] and int(held[1]):
+        return open(int(held[1]), "rb", closefd=False)
+    return sys.stdin.buffer
 
 
 class _CountingReader(io.RawIOBase):
@@ -249,7 +294,7 @@ def _members(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
 def _unpacker(head: bytes) -> Callable[[Any], Any] | None:
     """Return what unpacks a file that begins so; None if it is not compressed."""
     if head.startswith(_GZIP):
-        return lambda file: gzip.GzipFile(fileobj=file)
+        return lambda file: gzip.GzipFile(fileobj=file, mode="rb")  # by default the mode is that of the file
     if head.startswith(_ZSTD):
         return _zstd
     if head.startswith(_XZ):

@@ -15,6 +15,7 @@ from mavhums.app.analysis import analyse_alone, compared_with_own
 from mavhums.app.many import Outcome
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
+from mavhums.core.packed import is_stream
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.fleet.scan import ScanOptions, scanned
 from mavhums.fleet.sources import logs_in
@@ -213,8 +214,8 @@ def _without_history(options: Options | Settings | None) -> Settings:
 
 
 def _alone(log: Place, settings: Settings) -> StandaloneAssessment:
-    if str(log) == "-":
-        raise MavhumsError("-: a store names logs by their files", "save the log first")
+    if is_stream(log):
+        raise MavhumsError(f"{log}: a store names logs by their files", "save the log first")
     return analyse_alone(log, settings.engine)
 
 
@@ -298,7 +299,7 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
     if not log.is_file():
         if log.is_dir():
             raise MavhumsError(f"{log}: is a folder", f"mavhums fleet scan {log} --to {store}")
-        raise MavhumsError(f"{log}: no such file", "check the path")
+        raise MavhumsError(f"{log}: no such regular file", "check the path")
     kept = Store(store).opened()
     with log.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()

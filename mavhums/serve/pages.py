@@ -8,7 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import BinaryIO, Final, NamedTuple
+from typing import IO, Final, NamedTuple
 from urllib.parse import urlencode
 
 from markupsafe import Markup
@@ -17,7 +17,8 @@ from pydantic import TypeAdapter, ValidationError
 from starlette.requests import Request
 
 from mavhums.core.conditions import URGENCY
-from mavhums.core.errors import MavhumsError
+from mavhums.core.errors import MavhumsError, UnreadableLogError
+from mavhums.core.packed import opened_file
 from mavhums.results.live import (
     AlertObject,
     ConditionObject,
@@ -222,17 +223,19 @@ class LiveFile:
             status = self._path.stat()
             if status.st_size < self._at:
                 self._forget()
-            with self._path.open("rb") as file:
+            with opened_file(self._path) as file:
                 self._read(file, status.st_size)
             silent_s = time.time() - status.st_mtime
             if self._end is None and silent_s > _SILENT_S:
                 note = f"no line for {silent_s:,.0f} s: the session has stopped, or its output is not read"
         except OSError as error:
             note = f"cannot be read: {error.strerror}"
+        except UnreadableLogError as error:
+            note = f"{error.problem}: let the session write to a file: mavhums live --json > FILE"
         changes = tuple(reversed(self._changes))
         return Seen(self._path.name, note, self._start, self._status, self._end, changes)
 
-    def _read(self, file: BinaryIO, size: int) -> None:
+    def _read(self, file: IO[bytes], size: int) -> None:
         if self._first and size:
             self._take(file.read(_FIRST).split(b"\n")[0])
             self._at = max(0, size - _READ)

@@ -6,10 +6,14 @@ import bz2
 import gzip
 import io
 import lzma
+import os
+import socket
 import sys
+import threading
 import tracemalloc
 import zipfile
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +23,7 @@ import zstandard
 from mavhums import analyse, read_log
 from mavhums.core import packed
 from mavhums.core.errors import UnreadableLogError
-from mavhums.core.packed import SequentialFile, opened
+from mavhums.core.packed import SequentialFile, members, opened
 from tests.conftest import Run
 from tests.log.ulog import writer
 
@@ -80,6 +84,17 @@ def test_what_is_packed_is_read_as_the_log_in_it(name: str, tmp_path: Path) -> N
     assert log.format == "ulog"
     assert log.counts == read_log(plain).counts
     assert analyse(path).log.sha256 == analyse(plain).log.sha256
+
+
+COMPRESSORS = (gzip.compress, zstandard.compress, lzma.compress, bz2.compress)
+
+
+@pytest.mark.parametrize(("inner", "outer"), list(product(COMPRESSORS, COMPRESSORS)))
+def test_what_is_packed_twice_is_read(inner: Any, outer: Any, tmp_path: Path) -> None:
+    path = tmp_path / "twice"
+    path.write_bytes(outer(inner(LOG)))
+    with opened(path) as file:
+        assert file.read(len(LOG) + 1) == LOG
 
 
 def cut_gzip(folder: Path) -> Path:
@@ -162,6 +177,44 @@ def test_zeros_that_a_card_left_are_no_bomb(tmp_path: Path) -> None:
     path = tmp_path / "zeros.gz"
     path.write_bytes(gzip.compress(LOG + bytes(20 << 20)))
     assert read_log(path).losses.trailing_zeros >= 20 << 20
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="files of POSIX")
+@pytest.mark.parametrize("kind", ["pipe", "zipped pipe", "device", "socket"])
+@pytest.mark.parametrize("writers", [0, 1])
+def test_what_may_never_end_is_refused_at_once(kind: str, writers: int, tmp_path: Path) -> None:
+    path = Path("/dev/zero") if kind == "device" else tmp_path / ("a.zip" if "zip" in kind else "a.tlog")
+    open_ends = []
+    if "pipe" in kind:
+        os.mkfifo(path)
+        reading = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        open_ends = [os.open(path, os.O_WRONLY) for _ in range(writers)]
+        os.close(reading)
+    listening = socket.socket(socket.AF_UNIX)
+    if kind == "socket":
+        listening.bind(str(path))
+
+    def attempt() -> None:
+        with pytest.raises(UnreadableLogError, match="is a pipe, a device or a socket"):
+            members(path) if "zip" in kind else read_log(path)
+        done.set()
+
+    done = threading.Event()
+    threading.Thread(target=attempt, daemon=True).start()
+    assert done.wait(10)
+    for end in open_ends:
+        os.close(end)
+    listening.close()
+
+
+@pytest.mark.skipif(not Path("/dev/fd/0").exists(), reason="descriptors have no paths")
+def test_a_pipe_that_the_caller_opened_is_read(tmp_path: Path) -> None:
+    """As ``<(...)`` of a shell; that its writer has ended before does not matter."""
+    reading, writing = os.pipe()
+    os.write(writing, LOG[:60_000])
+    os.close(writing)
+    assert read_log(f"/dev/fd/{reading}").format == "ulog"
+    os.close(reading)
 
 
 def test_the_standard_input_may_be_compressed(monkeypatch: pytest.MonkeyPatch) -> None:

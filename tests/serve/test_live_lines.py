@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import time
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pytest
@@ -129,6 +131,17 @@ def test_a_silent_session_is_said_to_be_silent(tmp_path: Path) -> None:
     write(path, start(), status(1.0))
     os.utime(path, (time.time() - 60, time.time() - 60))
     assert "no line for 6" in LiveFile(path).seen().note
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="files of POSIX")
+def test_a_pipe_is_refused_and_does_not_block_the_page(tmp_path: Path) -> None:
+    path = tmp_path / "live.jsonl"
+    os.mkfifo(path)
+    notes: list[str] = []
+    reading = Thread(target=lambda: notes.append(LiveFile(path).seen().note), daemon=True)
+    reading.start()
+    reading.join(10)
+    assert "is a pipe" in notes[0]
 
 
 @pytest.mark.filterwarnings("ignore")
