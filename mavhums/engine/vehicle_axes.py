@@ -10,7 +10,7 @@ import numpy as np
 
 from mavhums.actuator.contradictions import of_airframe
 from mavhums.actuator.profile import Airframe
-from mavhums.core.conditions import Condition
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import Notice
 from mavhums.engine.motion import TRIED_AXES, contradiction, inferred, refutation, rests_on_outputs
 from mavhums.engine.motors import VehicleMotors
@@ -314,7 +314,7 @@ class VehicleAxes:
         now_s = float(self._now_s)
         rule = f"{after}: {why}"
         change = ConditionChanged(self._vehicle, axis, now_s, now_s, before, after, rule, "effectiveness")
-        if last and after != "normal":
+        if last and SEVERITY[after] != SEVERITY["normal"]:
             change = replace(last, time_s=now_s, before=before)
         yield from self._report(change)
 

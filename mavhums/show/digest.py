@@ -22,7 +22,17 @@ from mavhums.show.verdict_words import (
     network_cell,
     network_sentence,
 )
-from mavhums.show.words import capital, clock, flight_notes, friction, join, losses, name, percent
+from mavhums.show.words import (
+    capital,
+    clock,
+    condition_word,
+    flight_notes,
+    friction,
+    join,
+    losses,
+    name,
+    percent,
+)
 
 NOT_JUDGED: Final = "not judged (mavhums judges fixed wings, multirotors, and servos with telemetry)"
 """What is said of a vehicle with neither wings nor rotors that are judged, after its kind."""
@@ -222,13 +232,14 @@ def _of_the_flight(assessment: Assessment, without_wings: Sequence[str]) -> str:
 
 def _what_was_judged(assessment: Assessment) -> str:
     """Return what was judged and found well, then what was not judged and why, then what nothing monitors."""
-    well = [name(v, assessment) for v in assessment.verdicts if v.gravest == "normal"]
     open_ = [v for v in assessment.verdicts if v.gravest == "undecided"]
     unmonitored = sum(v.gravest == "unmonitored" for v in assessment.verdicts)
-    parts = [f"{join(well)} normal"] if well else []
+    well: tuple[Condition, ...] = ("normal", "unchanged")
+    alike = {word: [name(v, assessment) for v in assessment.verdicts if v.gravest == word] for word in well}
+    parts = [f"{join(names)} {condition_word(word)}" for word, names in alike.items() if names]
     if open_:
         reasons = list(dict.fromkeys(v.reason or "" for v in open_))
-        alone = len(reasons) == 1 and not well and len(reasons[0]) <= _SHORT
+        alone = len(reasons) == 1 and not parts and len(reasons[0]) <= _SHORT
         parts.append(
             f"{join(name(v, assessment) for v in open_)} not judged{f' ({reasons[0]})' if alone else ''}"
         )

@@ -51,7 +51,7 @@ def control_left(verdict: Verdict) -> str | None:
         return f"not reliable: {coverage.decidable} of {NORMAL_S} s judged"
     if left.high - left.low > _WIDEST:
         return "not reliable"
-    if condition == "normal" and left.high >= 1.0:
+    if SEVERITY[condition] == SEVERITY["normal"] and left.high >= 1.0:
         return "no loss"
     late = [item for item in verdict.evidence if item.kind == "slow"]
     if late and all(item.kind != "effectiveness" for item in verdict.evidence):

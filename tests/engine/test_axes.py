@@ -115,7 +115,7 @@ def test_the_verdicts_on_axes_do_not_depend_on_the_blocks() -> None:
 
 def test_a_healthy_flight_is_normal() -> None:
     assessment, _ = judged(flown(left=1.0))
-    assert of(assessment, "roll").condition == "normal"
+    assert of(assessment, "roll").condition == "unchanged"
     assert "rudder" in str(of(assessment, "yaw").reason) or of(assessment, "yaw").reason
 
 
@@ -173,7 +173,7 @@ def test_a_frozen_output_is_no_evidence() -> None:
             frozen += content[at : at + 8] + bytes(message.pack(link))
         at += size
     events = engine.feed(bytes(frozen)) + engine.finish()
-    assert not [e for e in events if isinstance(e, ConditionChanged) and e.after != "normal"]
+    assert not [e for e in events if isinstance(e, ConditionChanged) and e.after != "unchanged"]
 
 
 @needs_logs

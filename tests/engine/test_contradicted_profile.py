@@ -68,7 +68,7 @@ def test_what_the_parameters_contradict_is_judged_by_them(kind: str) -> None:
     assert WRONG in str(wrong.reason)
     assert str(wrong.remedy).startswith("correct servo or surface of aileron_right in the profile")
     roll = verdicts["roll"]
-    assert (roll.condition, roll.surfaces) == ("normal", ("aileron (servo 1)",))
+    assert (roll.condition, roll.surfaces) == ("unchanged", ("aileron (servo 1)",))
     assert "the log's parameters, which contradict the airframe profile" in roll.provenance["V1"]
     assert roll.indicators == (), "its scale is not that of the profile's flights"
     assert verdicts["aileron_left"].condition == "unmonitored"
@@ -134,14 +134,14 @@ def test_an_alarm_is_withdrawn_where_the_parameters_are_corrected_after_it(airfr
     wrong = {**PLANE, "SERVO1_FUNCTION": 21.0, "SERVO4_FUNCTION": 4.0}
     verdicts, events, _ = judged([corrected(Wired(coordinated_s=100.0, told_s=140.0), wrong)], airframe)
     changes = [e for e in events if isinstance(e, ConditionChanged) and e.actuator == "roll"]
-    assert [change.after for change in changes][-2:] == ["emergency", "normal"]
+    assert [change.after for change in changes][-2:] == ["emergency", "unchanged"]
     assert changes[-1].time_s == 150.0
     told = (
         "servo 4 is aileron in the profile and rudder in the log" if airframe else "its parameters name other"
     )
     assert told in changes[-1].rule
     roll = verdicts["roll"]
-    assert (roll.condition, roll.worst, roll.evidence) == ("normal", "normal", ())
+    assert (roll.condition, roll.worst, roll.evidence) == ("unchanged", "unchanged", ())
 
 
 def test_an_alarm_that_only_a_wrong_profile_raises_is_not_reported() -> None:
@@ -149,9 +149,9 @@ def test_an_alarm_that_only_a_wrong_profile_raises_is_not_reported() -> None:
     verdicts, events, _ = judged([flight.tlog()], SWAPPED)
     assert not alarms(events)
     changes = [e for e in events if isinstance(e, ConditionChanged) and e.actuator == "roll"]
-    assert [change.after for change in changes] == ["normal", "undecided", "normal"]
+    assert [change.after for change in changes] == ["unchanged", "undecided", "unchanged"]
     assert "servo 4 does not move roll, servo 1 does" in changes[1].rule
-    assert verdicts["roll"].worst == "normal"
+    assert verdicts["roll"].worst == "unchanged"
 
 
 def test_a_wrong_profile_that_is_named_late_raises_no_alarm_of_the_past() -> None:
@@ -329,7 +329,7 @@ def test_a_range_and_a_direction_are_said_and_the_axis_is_judged_by_the_log(run:
     assert "correct pwm_us of aileron_left, travel_deg of aileron_right in the profile" in notice
     assert axes == "roll: judged by the log's parameters, which contradict the profile"
     verdicts = {v["actuator"]: v for v in told["verdicts"]}
-    assert verdicts["roll"]["condition"] == "normal"
+    assert verdicts["roll"]["condition"] == "unchanged"
     assert verdicts["aileron_left"]["condition"] == "unmonitored"
     [usage] = told["usage"]
     ranges = {output["servo"]: output["range_us"] for output in usage["outputs"]}

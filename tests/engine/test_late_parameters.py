@@ -98,9 +98,9 @@ def test_what_rested_on_other_outputs_is_withdrawn() -> None:
     corrected = renamed(flight, 150.0, SERVO4_FUNCTION=21, SERVO1_FUNCTION=4)
     _, events = judged(corrected)
     roll = of(judged(corrected)[0], "roll")
-    assert (roll.condition, roll.worst, roll.evidence, roll.suspects) == ("normal", "normal", (), ())
+    assert (roll.condition, roll.worst, roll.evidence, roll.suspects) == ("unchanged", "unchanged", (), ())
     assert roll.surfaces == ("aileron (servo 1)",)
-    assert changes(events)[-1] == ("emergency", "normal")
+    assert changes(events)[-1] == ("emergency", "unchanged")
     [notice] = [e for e in events if isinstance(e, Notice)]
     assert "judged anew from 0 s on" in notice.text
     assert notice.time_s == pytest.approx(160, abs=1)
@@ -112,7 +112,7 @@ def test_a_list_without_an_end_gathers_before_it_applies() -> None:
     """Half of a list names servo 4 alone; the rest comes within seconds."""
     flight = renamed(without_parameters(FLIGHTS["healthy"]), 100.0, SERVO4_FUNCTION=4)
     _, events = judged(renamed(flight, 106.0, SERVO1_FUNCTION=4, SERVO4_FUNCTION=21))
-    assert changes(events) == [("undecided", "normal")]
+    assert changes(events) == [("undecided", "unchanged")]
 
 
 def test_inferred_outputs_that_part_are_inferred_anew() -> None:
@@ -121,7 +121,7 @@ def test_inferred_outputs_that_part_are_inferred_anew() -> None:
     assert not [after for _, after in changes(events) if after in ALARMS]
     longer = without_parameters(flown(240, left=1.0, parted_s=90))
     roll = of(judged(longer)[0], "roll")
-    assert (roll.condition, roll.worst) == ("normal", "normal")
+    assert (roll.condition, roll.worst) == ("unchanged", "unchanged")
     assert roll.surfaces == ("servo 1 (moves with roll)",)
     lost = of(judged(without_parameters(flown(300, parted_s=90, lost_s=200)))[0], "roll")
     assert lost.worst == "emergency"
@@ -144,12 +144,12 @@ def test_other_outputs_late_in_a_long_flight_say_from_when_on_it_is_judged() -> 
     _, events = judged(flight)
     [notice] = [e for e in events if isinstance(e, Notice)]
     assert "judged anew from 149 s on" in notice.text
-    assert changes(events)[:2] == [("undecided", "normal"), ("normal", "undecided")]
+    assert changes(events)[:2] == [("undecided", "unchanged"), ("unchanged", "undecided")]
 
 
 def test_a_log_that_begins_in_flight_says_so() -> None:
     roll = of(judged(FLIGHTS["healthy"])[0], "roll")
-    assert roll.condition == "normal"
+    assert roll.condition == "unchanged"
     assert str(roll.reason).startswith("the log begins in flight")
     assert roll.remedy
 

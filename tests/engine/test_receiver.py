@@ -31,7 +31,7 @@ def test_the_receivers_channels_are_the_command(
     flight = Wired(parameters=PX4_PLANE | _MAP if form == "ulog" else PLANE, left=left)
     by_outputs = roll(flight, form)
     by_receiver = roll(replace(flight, idle_us=0), form)
-    assert by_outputs.condition == ("normal" if left == 1.0 else "emergency")
+    assert by_outputs.condition == ("unchanged" if left == 1.0 else "emergency")
     for name in ("condition", "worst", "coverage", "since"):
         assert getattr(by_receiver, name) == getattr(by_outputs, name)
     assert by_receiver.surfaces == ("aileron (channel 1)",)
@@ -47,7 +47,7 @@ def test_it_does_not_depend_on_the_blocks() -> None:
 def test_outputs_that_come_are_the_command_from_then_on() -> None:
     found = roll(Wired(seconds=300, idle_us=0, until_s=80.0), "tlog")
     assert found.surfaces == ("aileron (servo 1)",)
-    assert found.condition == "normal"
+    assert found.condition == "unchanged"
 
 
 @pytest.mark.parametrize(

@@ -54,8 +54,6 @@ class AxisFindings:
         Requirements on a reference.
     limits
         Limits by which the axis was judged.
-    from_take_off
-        Whether the flight is known from its take-off on.
     shares
         Of two mixed surfaces that move the axis, the probability that it is the ``left``, the ``right`` or
         ``both``; empty where the evidence does not decide.
@@ -79,7 +77,6 @@ class AxisFindings:
     spacing_s: float
     needs: Standards
     limits: AxisLimits
-    from_take_off: bool
     shares: Mapping[str, float] = field(default_factory=dict)
     response: Response | None = None
 

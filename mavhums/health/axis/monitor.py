@@ -153,7 +153,7 @@ class AxisMonitor:
     def _take(
         self, axis: str, second: Second | None, found: list[Alarm], end_s: int
     ) -> Iterator[ConditionChanged]:
-        state = self._axes[axis]
+        state, well = self._axes[axis], self.well
         before = state.condition
         if second is not None:
             self._count(state, second)
@@ -176,12 +176,12 @@ class AxisMonitor:
             fault, rule = worst.fault, worst.rule
             finding = f"control {100 * max(worst.value, 0.0):.0f}%" if fault == "effectiveness" else fault
         elif second is not None and self._is_healthy(state):
-            if before != "normal":
-                state.condition, state.since_s = "normal", end_s if before != "undecided" else None
+            if before != well:
+                state.condition, state.since_s = well, end_s if before != "undecided" else None
                 state.lost = False
-            fault, rule = "effectiveness", "normal: the control effectiveness of the reference is kept"
+            fault, rule = "effectiveness", f"{well}: the control effectiveness of the reference is kept"
             finding = ""
-        elif before == "normal" and state.doubt is not None:
+        elif before == well and state.doubt is not None:
             # What ten seconds showed does not hold over a minute: a loss of 40 % is no longer excluded.
             state.condition, state.since_s = "undecided", None
             fault, rule = "effectiveness", f"undecided: {_percent(state.doubt)} is left over the last minute"
@@ -191,12 +191,20 @@ class AxisMonitor:
         # A mean over a change would belong to neither condition.
         if state.condition != before:
             state.mean, state.counted = RunningVariance(), 0
-            if state.condition == "normal" and before != "undecided" and second is not None:
+            if state.condition == well and before != "undecided" and second is not None:
                 self._average(state, second.value or 0.0, second.error)
             since_s = float(state.since_s if state.since_s is not None else end_s)
             yield ConditionChanged(
                 self._vehicle, axis, float(end_s), since_s, before, state.condition, rule, fault, finding
             )
+
+    @property
+    def well(self) -> Condition:
+        """The condition of an axis that responds as in its reference.
+
+        A reference from a flight that was already damaged would call the damage normal.
+        """
+        return "normal" if self._waited_rows >= FROM_TAKE_OFF_S * RATE_HZ else "unchanged"
 
     def _may_hold_fault(self, axis: str) -> bool:
         """Return whether the reference ends while a fault stands: it shows neither its size nor its end."""
@@ -319,7 +327,6 @@ class AxisMonitor:
             spacing_s=gain.spacing_s,
             needs=STANDARDS[axis],
             limits=self.limits,
-            from_take_off=self._waited_rows >= FROM_TAKE_OFF_S * RATE_HZ,
             response=self._responses[axis].response(),
             shares=self._pair.shares() if axis in self._mixed else {},
         )

@@ -86,10 +86,11 @@ def compare_with_earlier_flights(
     found = [one for one in departures if one.fault not in shown_alone]
     if found:
         return _with_departures(verdict, found, start_utc, end_s)
-    if verdict.condition != "normal":
+    if verdict.condition not in ("normal", "unchanged"):
         return verdict
     # Earlier flights show what the log of a flight that begins in the air does not.
-    return verdict.model_copy(update={"reason": None, "remedy": None})
+    worst = "normal" if verdict.worst == "unchanged" else verdict.worst
+    return verdict.model_copy(update={"condition": "normal", "worst": worst, "reason": None, "remedy": None})
 
 
 def _departures(compared: list[ComparedIndicator], limits: AxisLimits, tail: float) -> Iterator[Departure]:

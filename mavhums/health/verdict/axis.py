@@ -32,7 +32,7 @@ from mavhums.vehicle.surfaces import STEERING, Surfaces
 
 _SUREST: Final = 0.99  # tens of simulated flights cannot support more
 _BEGINS_IN_FLIGHT: Final = (
-    "the log begins in flight: control is as it was then, and the log does not show whether that was healthy",
+    "the log begins in flight, and does not show whether control was healthy then",
     "record from before take-off, or compare with earlier flights (--history)",
 )
 _LATE_REFERENCE: Final = "its reference ends {:.0f} s into the log: a loss before that does not show"
@@ -122,8 +122,7 @@ def verdict_of_axis(
     reason, remedy, received = None, None, grid.received()
     if findings.condition == "undecided":
         reason, remedy = why_undecided(findings, surfaces, flight, received)
-    # A reference from a flight that was already damaged calls the damage normal.
-    elif findings.condition == "normal" and not findings.from_take_off:
+    elif findings.condition == "unchanged":
         reason, remedy = _BEGINS_IN_FLIGHT
     elif findings.condition == "normal" and findings.coverage.judged_from_s is not None:
         reason, remedy = _LATE_REFERENCE.format(findings.coverage.judged_from_s), _COMPARE

@@ -38,7 +38,7 @@ def test_a_loss_is_found_and_measured(left: float, condition: str) -> None:
     monitor = AxisMonitor(1)
     changes = changes_of(monitor, rolling(180, lost(100, left)))
     found = monitor.findings("roll")
-    assert next(c.after for c in changes if c.actuator == "roll") == "normal"
+    assert next(c.after for c in changes if c.actuator == "roll") == "unchanged"
     assert found.condition == found.worst == condition
     assert found.effectiveness is not None
     assert found.effectiveness.low < left + 0.1
@@ -49,16 +49,18 @@ def test_a_loss_is_found_and_measured(left: float, condition: str) -> None:
 
 
 def test_a_healthy_flight_is_normal_and_a_quiet_one_undecided() -> None:
-    for size, condition in ((0.15, "normal"), (0.002, "undecided")):
+    for size, condition in ((0.15, "unchanged"), (0.002, "undecided")):
         monitor = AxisMonitor(1)
-        assert all(c.after == "normal" for c in changes_of(monitor, rolling(300, lost(999, 1.0), size=size)))
+        assert all(
+            c.after == "unchanged" for c in changes_of(monitor, rolling(300, lost(999, 1.0), size=size))
+        )
         assert monitor.findings("roll").condition == condition
 
 
 def test_an_axis_recovers() -> None:
     monitor = AxisMonitor(1)
     changes = [c for c in changes_of(monitor, rolling(300, lost(100, 0.4, 160.0))) if c.actuator == "roll"]
-    assert changes[-1].after == "normal"
+    assert changes[-1].after == "unchanged"
     assert 180 <= changes[-1].time_s <= 220
     assert monitor.findings("roll").worst == "emergency"
 
@@ -85,7 +87,7 @@ def test_a_slow_servo_is_told_from_a_lost_surface() -> None:
 def test_a_slow_servo_is_no_emergency() -> None:
     flight = slowed(rolling(200, lost(999, 1.0), noise=0.01), 0.5, 100)
     monitor = AxisMonitor(1)
-    alarms = [c for c in changes_of(monitor, flight) if c.actuator == "roll" and c.after != "normal"]
+    alarms = [c for c in changes_of(monitor, flight) if c.actuator == "roll" and c.after != "unchanged"]
     assert alarms
     assert {alarm.after for alarm in alarms} == {"degraded"}
 
@@ -208,7 +210,7 @@ def test_a_change_of_trim_is_no_loss_of_gain() -> None:
     flight["roll_rate"] = 2.2 * demand + 0.02 * np.random.default_rng(3).normal(size=demand.size)
     flight["roll_rate"][2400:] += 0.15
     monitor = AxisMonitor(1)
-    assert all(change.after == "normal" for change in changes_of(monitor, rows(flight)))
+    assert all(change.after == "unchanged" for change in changes_of(monitor, rows(flight)))
 
 
 @pytest.mark.parametrize("blind", ["slow", "inverted", "grounded", "silent"])

@@ -40,7 +40,7 @@ def test_a_late_reference_judges_what_follows_and_says_from_when_on() -> None:
     monitor = AxisMonitor(1)
     changes = changes_of(monitor, flown(600, left=0.4, from_s=420))
     found = monitor.findings("roll")
-    assert next(c.after for c in changes if c.actuator == "roll") == "normal"
+    assert next(c.after for c in changes if c.actuator == "roll") == "unchanged"
     assert found.condition in ("degraded", "emergency")
     assert found.since_s == pytest.approx(420, abs=15)
     assert found.reference is not None
@@ -51,7 +51,7 @@ def test_an_early_reference_says_nothing_of_the_kind() -> None:
     made = flown(QUIET_S + 160).cut(QUIET_S, QUIET_S + 160)
     monitor = AxisMonitor(1)
     list(monitor.feed(made))
-    assert monitor.findings("roll").condition == "normal"
+    assert monitor.findings("roll").condition == "unchanged"
     assert monitor.findings("roll").coverage.judged_from_s is None
 
 
@@ -82,7 +82,7 @@ def test_a_finding_against_earlier_flights_holds_from_a_late_reference_on() -> N
         effectiveness=found.effectiveness,
         indicators=tuple(indicators(found)),
     )
-    assert verdict.condition == "normal"
+    assert verdict.condition == "unchanged"
     past = Baseline(mean=2.2 / 18.0, error=0.001, flights=6, between=0.004, spread=0.004)
     compared = compare_with_earlier_flights(verdict, {"effectiveness": past}, start_utc=START, end_s=600.0)
     assert compared.condition == "emergency"

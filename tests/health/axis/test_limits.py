@@ -67,7 +67,7 @@ def test_the_limit_decides_between_degraded_and_emergency(limit: float, conditio
     assert monitor.findings("roll").limits.effectiveness_emergency == limit
 
 
-@pytest.mark.parametrize(("left", "condition"), [(0.45, "undecided"), (0.8, "normal")])
+@pytest.mark.parametrize(("left", "condition"), [(0.45, "undecided"), (0.8, "unchanged")])
 def test_a_loss_that_the_limits_tolerate_is_not_normal_below_sixty_percent(
     left: float, condition: str
 ) -> None:
@@ -83,7 +83,7 @@ def test_a_tolerant_limit_tolerates_a_weaker_surface() -> None:
     )
     changes_of(strict, flight)
     changes_of(tolerant, flight)
-    assert (strict.findings("roll").worst, tolerant.findings("roll").worst) == ("degraded", "normal")
+    assert (strict.findings("roll").worst, tolerant.findings("roll").worst) == ("degraded", "unchanged")
 
 
 @settings(max_examples=8, deadline=None)
@@ -107,7 +107,7 @@ def test_after_recovery_the_figure_is_that_of_the_sound_axis() -> None:
     lost = lambda t: 2.2 * np.where((t >= 100) & (t < 160), 0.4, 1.0)  # noqa: E731
     changes_of(monitor, rolling(300, lost))
     found = monitor.findings("roll")
-    assert (found.condition, found.worst) == ("normal", "emergency")
+    assert (found.condition, found.worst) == ("unchanged", "emergency")
     assert found.effectiveness is not None
     assert found.effectiveness.estimate == pytest.approx(1.0, abs=0.1)
 

@@ -80,7 +80,7 @@ def test_a_quiet_flight_says_which_loss_it_excludes() -> None:
 @pytest.mark.parametrize("left", [0.95, 0.75])
 def test_no_axis_is_normal_while_a_minute_does_not_exclude_the_loss(left: float) -> None:
     changes = changes_of(AxisMonitor(1), rolling(130, lambda t: np.where(t < 100, 2.2, 2.2 * left)))
-    taken_back = [c for c in changes if (c.before, c.after) == ("normal", "undecided")]
+    taken_back = [c for c in changes if (c.before, c.after) == ("unchanged", "undecided")]
     assert bool(taken_back) is (left < 0.8)
     for change in taken_back:
         assert 100 < change.time_s < 125

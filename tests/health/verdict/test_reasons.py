@@ -176,7 +176,6 @@ def findings(axis: str = "roll", **changes: Any) -> AxisFindings:
             spacing_s=0.1,
             needs=STANDARDS[axis],
             limits=AxisLimits(),
-            from_take_off=True,
         ),
         **changes,
     )
@@ -515,12 +514,12 @@ def judged(one: AxisFindings, surfaces: Surfaces | None = KNOWN, **changes: Any)
     ("changes", "reason", "remedy"),
     [
         ({}, "", ""),
-        ({"from_take_off": False}, "the log begins in flight", "record from before take-off"),
-        ({"from_take_off": False, "condition": "degraded"}, "", ""),
+        ({"condition": "unchanged"}, "the log begins in flight", "record from before take-off"),
+        ({"condition": "degraded"}, "", ""),
         ({"judged": 201.4}, "its reference ends 201 s into the log: a loss", "compare with earlier flights"),
         ({"judged": 201.4, "condition": "degraded"}, "", ""),
         (
-            {"judged": 201.4, "from_take_off": False},
+            {"judged": 201.4, "condition": "unchanged"},
             "the log begins in flight",
             "record from before take-off",
         ),
