@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from mavhums.cli.options import JSON, PATH, REPAIRS, STORE, Dates, judging, utc
-from mavhums.cli.output import complain, say, say_json
+from mavhums.cli.output import complain, output_error, say, say_json
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import ExitCode, MavhumsError
 
@@ -290,7 +290,7 @@ def watch(
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         complained = ""
-        while True:
+        while output_error() is None:
             try:
                 for one in watching.look(time.monotonic()):
                     say(_line_of(one))
@@ -306,6 +306,7 @@ def watch(
                 if complained != (complained := str(error)):
                     complain(error)
             time.sleep(every_s)
+        raise SystemExit(ExitCode.ERROR)
     except KeyboardInterrupt:
         say("mavhums: stopped watching; the next start continues", err=True)
         raise SystemExit(ExitCode.OK) from None

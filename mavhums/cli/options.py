@@ -13,7 +13,8 @@ import click
 Dates = tuple[tuple[str | None, datetime], ...]
 """Dates from which flights count, each with the name before it: of an actuator, or None for all."""
 
-PATH: click.Path = click.Path(path_type=Path)
+# What cannot be read is an error of one log among several, and not of the usage.
+PATH: click.Path = click.Path(path_type=Path, readable=False)
 STORE = click.argument("store", metavar="STORE")
 LOG = click.argument("log", metavar="LOG", type=PATH)
 LOGS = click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=PATH)

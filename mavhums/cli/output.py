@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -9,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TextIO
+from typing import Any
 
 import click
 
@@ -49,45 +50,96 @@ def complain(error: MavhumsError) -> None:
         say(f"  remedy: {error.remedy}", err=True)
 
 
+class _Output(io.RawIOBase):
+    """The raw standard output; after its first error it takes and discards the rest, and the command goes on.
+
+    What a command finds, keeps and exits with does not depend on who reads its output.
+    """
+
+    error: OSError | None = None
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream  # it would close its file with its end
+        self._raw: Any = _raw(stream)
+
+    def write(self, data: Any, /) -> int:
+        if self.error is None:
+            try:
+                return int(self._raw.write(data) or 0)
+            except OSError as error:
+                self.error = error
+        return len(data)
+
+    def writable(self) -> bool:
+        return True
+
+    def fileno(self) -> int:
+        return int(self._raw.fileno())
+
+    def isatty(self) -> bool:
+        return bool(self._raw.isatty())
+
+
+def output_error() -> OSError | None:
+    """Return why the standard output has failed; None if it has not."""
+    raw = _raw(sys.stdout)
+    return raw.error if isinstance(raw, _Output) else None
+
+
 @contextmanager
 def sound_output() -> Iterator[None]:
     """Prevent a traceback from any output error.
 
-    A character that the output cannot encode becomes a question mark. An output that cannot be written ends
-    the command with one line and exit code 1, or with the code of an emergency or degradation if found. An
-    output that no process reads any more ends the command without a message.
+    A character that the output cannot encode becomes a question mark. An output that cannot be written gives
+    one line and exit code 1, or the code of an emergency or degradation if found. An output that no process
+    reads any more, or that was closed from the start, changes nothing else.
     """
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")
+    before = sys.stdout, sys.stderr
+    _open_closed_streams()
+    for name in ("stdout", "stderr"):
+        _harden(name)
     code: object = 0
     try:
         try:
             yield
         except SystemExit as stop:
             code = stop.code
+        except OSError as error:
+            say(f"mavhums: {error.filename or 'input or output'}: {error.strerror}", err=True)
+            code = ExitCode.ERROR
         sys.stdout.flush()
-    except BrokenPipeError:
-        _abandon(sys.stdout)
-        code = code or ExitCode.ERROR
-    except OSError as error:
-        _abandon(sys.stdout)
-        with suppress(OSError):
-            say(
-                f"mavhums: cannot write {error.filename or 'the standard output'}: {error.strerror}", err=True
-            )
-        code = code if code in _TOLD else ExitCode.ERROR
+        failure = output_error()
+        if failure is not None and not isinstance(failure, BrokenPipeError):
+            say(f"mavhums: cannot write the standard output: {failure.strerror}", err=True)
+            code = code if code in _TOLD else ExitCode.ERROR
+    finally:
+        sys.stdout, sys.stderr = before
     sys.exit(code)  # type: ignore[arg-type]
 
 
-def _abandon(stream: TextIO) -> None:
-    """Discard the rest of a stream, so that the interpreter does not write it again."""
-    with suppress(OSError, ValueError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
-        os.close(nowhere)
-    with suppress(OSError):
+def _open_closed_streams() -> None:
+    """Open the null device in place of streams that were closed; a file would take their numbers."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            os.dup2(os.open(os.devnull, os.O_RDWR), number)
+            setattr(sys, name, open(number, "w" if number else "r", encoding="utf-8", closefd=False))  # noqa: SIM115
+
+
+def _raw(stream: Any) -> object:
+    """Return what a text stream writes to at last; without buffering it has nothing between."""
+    buffer = getattr(stream, "buffer", None)
+    return getattr(buffer, "raw", buffer)
+
+
+def _harden(name: str) -> None:
+    stream = getattr(sys, name)
+    if isinstance(_raw(stream), io.RawIOBase):
         stream.flush()
+        buffer = io.BufferedWriter(_Output(stream))
+        stream = io.TextIOWrapper(buffer, stream.encoding, line_buffering=stream.line_buffering)
+        setattr(sys, name, stream)
+    if hasattr(stream, "reconfigure"):
+        stream.reconfigure(errors="replace")
 
 
 @contextmanager

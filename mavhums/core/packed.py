@@ -135,7 +135,7 @@ def is_stream(path: str | os.PathLike[str]) -> bool:
     return bool(_HELD.fullmatch(os.fspath(path))) and not os.path.isfile(path)  # noqa: PTH113
 
 
-def opened_file(path: Path) -> IO[bytes]:
+def opened_file(path: Path) -> io.BufferedReader:
     """Open a regular file, without ever waiting for another program.
 
     Raises

@@ -14,8 +14,8 @@ from mavhums.app.analysis import analyse as analyse_log
 from mavhums.app.analysis import analyse_alone, compared_with_own
 from mavhums.app.many import Outcome
 from mavhums.app.settings import Options, Settings
-from mavhums.core.errors import MavhumsError
-from mavhums.core.packed import is_stream
+from mavhums.core.errors import MavhumsError, UnreadableLogError
+from mavhums.core.packed import is_stream, opened_file
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.fleet.scan import ScanOptions, scanned
 from mavhums.fleet.sources import logs_in
@@ -181,9 +181,10 @@ def _is_elsewhere(file: LogFile, store: Place, options: Options) -> bool:
     if not is_store(store):
         return False
     kept = Store(store)
-    with Path(file.path).open("rb") as log:
-        sha256 = hashlib.file_digest(log, "sha256").hexdigest()
-    row = _judged(kept, sha256)
+    try:
+        row = _judged(kept, _sha256(Path(file.path)))
+    except UnreadableLogError:  # a row of the scan says why
+        return False
     if row is None or row.path == file.path or row.aircraft == UNKNOWN:
         return False
     name = aircraft_of(file.path, options.aircraft)
@@ -268,6 +269,14 @@ def _aircraft(
     return several[0] if len(several) == 1 else UNKNOWN
 
 
+def _sha256(log: Path) -> str:
+    try:
+        with opened_file(log) as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise UnreadableLogError(f"{log}: {error.strerror}", "check the permissions and the disk") from error
+
+
 class _ScannedLog(NamedTuple):
     path: str
     aircraft: str
@@ -301,8 +310,7 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
             raise MavhumsError(f"{log}: is a folder", f"mavhums fleet scan {log} --to {store}")
         raise MavhumsError(f"{log}: no such regular file", "check the path")
     kept = Store(store).opened()
-    with log.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    digest = _sha256(log)
     row = kept.query(
         "SELECT aircraft, sha256, problem, remedy FROM logs WHERE path = ? OR sha256 = ?"
         " ORDER BY path = ? DESC, scanned DESC LIMIT 1",

@@ -92,7 +92,11 @@ def at_hand(file: LogFile) -> Iterator[str]:
 
 
 def _local(source: str) -> Iterator[Path]:
-    if Path(source).is_dir():
+    try:
+        is_folder = Path(source).is_dir() and os.listdir(source) is not None  # noqa: PTH208
+    except OSError as error:
+        raise MavhumsError(f"{source}: {error.strerror}", "check the permissions and the disk") from error
+    if is_folder:
         found = [path for path in Path(source).rglob("*") if _is_named_log(path.name)]
     elif has_magic(source) and not Path(source).exists():
         found = [Path(path) for path in glob(source, recursive=True)]  # noqa: PTH207 — an absolute pattern

@@ -47,11 +47,11 @@ def read_blocks(
         If the XML cannot be used.
     """
     path = Path(path)
-    if path.is_dir():
-        raise UnreadableLogError(
-            f"{path}: this is a folder", f"name the logs in it, for example {path}/*.tlog"
-        )
     try:
+        if path.is_dir():
+            raise UnreadableLogError(
+                f"{path}: this is a folder", f"name the logs in it, for example {path}/*.tlog"
+            )
         with opened(path) as file:
             zeros, head = _beginning(file)
             refuse_foreign(str(path), head, dialect=dialect)
