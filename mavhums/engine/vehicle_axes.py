@@ -188,6 +188,7 @@ class VehicleAxes:
             return
         named = setup.airframe is not self._setup.airframe
         self._setup, self.motors.by_parameters = setup, setup.rotors
+        self.flight.parameters = setup.parameters.values.keys() if setup.parameters else ()
         if named:
             self._answers.clear()
             self._tries = 0

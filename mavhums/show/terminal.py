@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -71,12 +72,13 @@ def _print_found(said: Digest, findings: Iterable[tuple[str, list[str]]], consol
     """Print findings, what is open and why, and what is so over the flights."""
     for title, lines in findings:
         _print(title, lines, console)
-    for found in said.open:
+    for found, following in zip_longest(said.open, said.open[1:]):
         # An ordinary flight has a few, and one screen: they stand behind their names.
         more = f" (and {found.left_out} more: --verbose)" if found.left_out else ""
         head = (printable(f"{found.title}: {found.condition}"), "bold")
         console.print(Text.assemble(head, printable(f": {found.why}{more}")))
-        console.print(indented(f"what to do: {found.todo}"))
+        if following is None or following.todo != found.todo:
+            console.print(indented(f"what to do: {found.todo}"))
     if said.over_flights:
         _print("Over the flights", said.over_flights, console)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from typing import Final
 
@@ -63,8 +63,8 @@ class Flight:
         Seconds of these in which the airspeed sensor contradicted ground speed and wind.
     parted_s
         Seconds of these in which outputs that were inferred as one did not move as one.
-    kinds, autopilots
-        MAV_TYPEs and MAV_AUTOPILOTs that the vehicle reported.
+    kinds, autopilots, parameters
+        MAV_TYPEs and MAV_AUTOPILOTs that the vehicle reported, and the names of its parameters.
     heard
         Signals with at least one number.
     steers
@@ -92,6 +92,7 @@ class Flight:
         self._spacings = {name: np.zeros(_SPACINGS, dtype=np.int64) for name in ("outputs", "rates")}
         self.kinds: set[int] = set()
         self.autopilots: set[int] = set()
+        self.parameters: Collection[str] = ()
         self.heard: set[str] = set()
 
     @property
@@ -108,7 +109,7 @@ class Flight:
         return tuple((np.flatnonzero(moved[ALL_OUTPUTS:] >= _FLOWN_US) + 1).tolist())
 
     def lasted_s(self, what: str) -> float:
-        """Return for how many seconds the vehicle was ``armed``, ``fast``, or why fast seconds do not count.
+        """Return the seconds ``recorded``, ``armed``, ``fast``, or those of why fast seconds do not count.
 
         Fast is armed above :data:`LEAST_SPEED`. It is not forward flight for the first of these reasons: the
         ``vtol`` state, a hovering ``mode``, on the ``ground``, ``slow`` over ground, ``lift`` motors.
@@ -242,7 +243,7 @@ class Flight:
         # ArduPilot's rovers do not record on board whether they are armed.
         least = np.where(kind == _BOAT, LEAST_DRIVEN[_BOAT], LEAST_DRIVEN[_ROVER])
         fast |= driven & ~(armed == 0) & (speed > least)
-        self._rows_of.update(armed=int((armed > 0).sum()), fast=int(fast.sum()))
+        self._rows_of.update(recorded=len(speed), armed=int((armed > 0).sum()), fast=int(fast.sum()))
         self.fastest = max(self.fastest, float(np.max(speed, initial=0.0, where=(armed > 0) & (speed > 0))))
         up: Flags = fast
         for why, stopped in zip(_STOPPED_BY, (~wing, hovering, landed, slow), strict=True):

@@ -32,10 +32,10 @@ from mavhums.health.motor.thresholds import (
     TRIM_SCATTER_WORTH,
     YAW_SHIFT,
 )
+from mavhums.health.verdict.obstacles import to_record, without
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import MOTORS, Coverage, Evidence, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
-from mavhums.vehicle.formats import remedy
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.rotors import Rotors
 
@@ -43,6 +43,11 @@ _PARAMETERS: Final = (
     "nothing in the log tells which motor sits where",
     "record the parameters, too (refresh the ground station's list, or use the on-board log)",
 )
+_NEEDED: Final = {
+    "outputs": "the outputs of its motors",
+    "attitude": "the attitude",
+    "rates": "the body rates",
+}
 _LONGER: Final = "choose a log with a hover of a minute or more, from take-off on"
 
 
@@ -86,19 +91,10 @@ def verdicts_of_motors(
             vehicle, *((known, "only quad, hexa and octa frames are judged") if known else _PARAMETERS)
         )
         return
-    missing = [
-        words
-        for words, names in (
-            ("the outputs of its motors", {"outputs"}),
-            ("the attitude", {"attitude"}),
-            ("the body rates", {"rates"}),
-        )
-        if not names & flight.heard
-    ]
+    missing = {name: words for name, words in _NEEDED.items() if name not in flight.heard}
     if missing:
-        to_record = remedy("motion", received.keys(), flight.autopilots)
         yield unjudged_motors(
-            vehicle, f"the log lacks {' and '.join(missing)}", f"record {to_record} at 10 Hz or more"
+            vehicle, without(missing, flight, received), to_record("motion", flight, received)
         )
     elif findings.several:
         numbers = " and ".join(map(str, findings.several))

@@ -22,7 +22,7 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.vehicle.flight import GROUND, LEAST_DRIVEN, Flight
 from mavhums.vehicle.formats import messages_of, remedy
-from mavhums.vehicle.grid import Received
+from mavhums.vehicle.grid import GAP_S, Received
 from mavhums.vehicle.identity import PERIPHERALS, Identity, in_words
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import STEERING, Surfaces, steers_by_wheels
@@ -129,26 +129,36 @@ def why_not_at_all(
         return Obstacle(f"{' and '.join(map(in_words, sorted(kinds)))}: {_FIXED_WINGS_ONLY}", NO_WINGS)
     # Of a receiver that drives the servos, each axis tells.
     heard = flight.heard | ({"outputs"} if flight.by_receiver else set())
-    missing = [name for name in _NEEDED if name not in heard]
-    told = " and ".join(_NEEDED[name] for name in missing)
+    missing = {name: words for name, words in _NEEDED.items() if name not in heard}
+    told = " and ".join(missing.values())
     # The messages are there: recording more of them would not help.
     if missing and (late := disorder(received)):
         return Obstacle(f"{told} came too late to be used: {late}", _IN_ORDER)
     # Outputs without pulses: ArduPilot writes 0 while the safety switch is on.
     silent = next((name for name in received if name in _OUTPUTS and received[name].kept), None)
-    if missing == ["outputs"] and silent:
+    if [*missing] == ["outputs"] and silent and received[silent].kept * GAP_S > flight.lasted_s("recorded"):
         reason = f"the servo outputs are recorded ({received[silent].kept:,} {silent}) and carry no pulses"
         return Obstacle(
             f"{reason}: the safety switch is on, or another device drives the servos",
             "release the safety switch and arm; nothing more needs to be recorded",
         )
     if missing:
-        return Obstacle(
-            f"the log lacks {told}", f"record {_to_record('motion', flight, received)} at 10 Hz or more"
-        )
+        return Obstacle(without(missing, flight, received), to_record("motion", flight, received))
     if flight.flown_s == 0:
         return _stood(flight)
     return None
+
+
+def without(missing: Mapping[str, str], flight: Flight, received: Mapping[str, Received]) -> str:
+    """Return which signals a log lacks; of those that come too rarely to be followed, how often they come."""
+    recorded_s, lacking, rare = flight.lasted_s("recorded"), [], []
+    for name, words in missing.items():
+        kept = max((received[one].kept for one in messages_of(name) & received.keys()), default=0)
+        if kept and recorded_s:
+            rare.append(f"{words} come {kept / recorded_s:.2g} times a second, {NEEDED_HZ} are needed")
+        else:
+            lacking.append(words)
+    return "; ".join([*([f"the log lacks {' and '.join(lacking)}"] if lacking else []), *rare])
 
 
 def _unsteered(who: str, parameters: Parameters | None) -> Obstacle:
@@ -239,7 +249,9 @@ def _obstacles(
         yield from _unmeasured(findings, flight, received)
     motion, longer = ("driving forward", _LONGER_DRIVE) if axis == STEERING else ("forward flight", _LONGER)
     usable_s = findings.usable_s if outputs else flight.flown_s
-    if findings.reference is None and usable_s < REFERENCE_S:
+    # More of a flight whose streams are too slow, or whose airspeed is doubted, would not help.
+    doubted = flight.doubted_s >= DOUBTED_AIRSPEED_S
+    if findings.reference is None and usable_s < REFERENCE_S and not doubted and not _slow(findings, flight):
         which = " with known outputs" if outputs and usable_s < flight.flown_s else ""
         reason = f"{usable_s} s of {motion}{which}, {REFERENCE_S} are needed for a reference"
         yield Obstacle(f"{reason} and {NORMAL_S} to judge", longer)
@@ -254,7 +266,7 @@ def _obstacles(
         yield Obstacle(against, _CORRECT)
     elif not outputs:
         yield _unnamed(axis, surfaces, flight)
-    if flight.doubted_s >= DOUBTED_AIRSPEED_S:
+    if doubted:
         reason = f"for {flight.doubted_s} s the airspeed sensor contradicts ground speed and wind"
         yield Obstacle(f"{reason}, so that the rest is too little", "inspect the pitot tube, then fly again")
     if findings.reference is not None:
@@ -284,12 +296,12 @@ def _unmeasured(
     if slow:
         yield Obstacle(
             f"{' and '.join(slow)} times a second, {needed_hz} are needed to judge {axis}",
-            f"record {_to_record('motion', flight, received)} at 10 Hz or more",
+            to_record("motion", flight, received),
         )
     if axis in _ACCELEROMETER and "force" not in flight.heard:
         yield Obstacle(
             f"the log lacks the accelerometer, which {axis} needs",
-            f"record {_to_record('force', flight, received)}",
+            to_record("force", flight, received),
         )
 
 
@@ -378,6 +390,6 @@ def _no_reference(findings: AxisFindings) -> Iterator[Obstacle]:
         yield Obstacle(f"{reason}, {100 * needs.error:.0f} % are needed", remedy)
 
 
-def _to_record(fact: str, flight: Flight, received: Mapping[str, Received]) -> str:
-    """Return what the log's own format calls a fact, and the parameter of the autopilot that records it."""
-    return remedy(fact, received.keys(), flight.autopilots)
+def to_record(fact: str, flight: Flight, received: Mapping[str, Received]) -> str:
+    """Return how the log's own format records a fact, by the parameters of this autopilot."""
+    return remedy(fact, received.keys(), flight.autopilots, flight.parameters)

@@ -17,7 +17,17 @@ from mavhums.core.arrays import Array
 from mavhums.log import Table
 from mavhums.vehicle.facts import ServoIds, ServoReading
 from mavhums.vehicle.formats import dataflash, mavlink, ulog
-from mavhums.vehicle.formats.base import ANY, FormatModule, Report, Rows, ServoSource, Source, each, holds
+from mavhums.vehicle.formats.base import (
+    ANY,
+    RATES,
+    FormatModule,
+    Report,
+    Rows,
+    ServoSource,
+    Source,
+    each,
+    holds,
+)
 
 __all__ = [
     "FORMATS",
@@ -117,7 +127,12 @@ def esc_speeds(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, NDArray[
                 yield reading.vehicle, reading.servo - 1, reading.time_us, speeds
 
 
-def remedy(fact: str, messages: Collection[str] = (), autopilots: Collection[int] = ()) -> str:
+def remedy(
+    fact: str,
+    messages: Collection[str] = (),
+    autopilots: Collection[int] = (),
+    parameters: Collection[str] = (),
+) -> str:
     """Return how a log records a missing fact.
 
     Parameters
@@ -128,14 +143,20 @@ def remedy(fact: str, messages: Collection[str] = (), autopilots: Collection[int
         Messages of the log, which tell its format.
     autopilots
         MAV_AUTOPILOTs of the vehicle; where they are known, the remedy is theirs.
+    parameters
+        Names of the vehicle's parameters: ArduPilot calls its rates SRn_RAW_SENS, from 4.7 on MAVn_RAW_SENS.
 
     Examples
     --------
-    >>> remedy("force", {"IMU"}), remedy("force")
-    ('IMU (LOG_BITMASK bit 7)', 'RAW_IMU (SRx_RAW_SENS = 10)')
+    >>> remedy("force", {"IMU"})
+    'record IMU at 10 Hz or more (LOG_BITMASK bit 7)'
+    >>> remedy("force", parameters={"MAV1_RAW_SENS"}).partition("more ")[2]
+    '(MAVx_RAW_SENS)'
     """
     if fact in _COMMON:
         return _COMMON[fact]
     known = (form for form in FORMATS if any(source.message in messages for source in form.SOURCES))
     texts = next(known, FORMATS[0]).REMEDIES[fact]
-    return next((texts[autopilot] for autopilot in autopilots if autopilot in texts), texts[ANY])
+    text = next((texts[autopilot] for autopilot in autopilots if autopilot in texts), texts[ANY])
+    renamed = any(name.startswith("MAV") and name.endswith("_RAW_SENS") for name in parameters)
+    return text.replace(RATES, "MAVx_") if renamed else text

@@ -19,6 +19,8 @@ TEXT: Final = 0
 """The width of a field of text, in ``Source.fields``."""
 
 ANY: Final = -1
+RATES: Final = "SRx_"
+"""How ArduPilot's parameters of stream rates begin; from 4.7 on with ``MAVx_``."""
 """Any autopilot, in ``REMEDIES``."""
 
 _EMA: Final = b"EMA"

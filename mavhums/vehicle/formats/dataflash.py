@@ -211,6 +211,8 @@ SERVO_SOURCES: Final = (
 )
 
 REMEDIES: Final = {
-    "motion": {ANY: "RCOU, ATT and IMU (LOG_BITMASK bits 13, 0 and 7; LOG_FILE_RATEMAX 0)"},
-    "force": {ANY: "IMU (LOG_BITMASK bit 7)"},
+    "motion": {
+        ANY: "record RCOU, ATT and IMU at 10 Hz or more (LOG_BITMASK bits 13, 0 and 7, LOG_FILE_RATEMAX 0)"
+    },
+    "force": {ANY: "record IMU at 10 Hz or more (LOG_BITMASK bit 7)"},
 }

@@ -20,6 +20,7 @@ from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.facts import NO_AUTOPILOT, OUTPUTS, PX4, ServoIds
 from mavhums.vehicle.formats.base import (
     ANY,
+    RATES,
     TEXT,
     ServoPart,
     ServoSource,
@@ -295,10 +296,20 @@ SERVO_SOURCES: Final = (
     ServoSource("pwm", "ACTUATOR_OUTPUT_STATUS", _output_status),
 )
 
+_ON_BOARD: Final = "judge the log on the autopilot's card ({}), or record"
 REMEDIES: Final = {
     "motion": {
-        ANY: "SERVO_OUTPUT_RAW, RAW_IMU and ATTITUDE (SRx_RC_CHAN, SRx_RAW_SENS, SRx_EXTRA1 = 10)",
-        PX4: "SERVO_OUTPUT_RAW, HIGHRES_IMU and ATTITUDE (MAV_x_MODE, MAV_x_RATE)",
+        ANY: (
+            f"{_ON_BOARD.format('.BIN')} SERVO_OUTPUT_RAW, RAW_IMU and ATTITUDE at 10 Hz or more "
+            f"({RATES}RC_CHAN, {RATES}RAW_SENS, {RATES}EXTRA1)"
+        ),
+        PX4: (
+            f"{_ON_BOARD.format('.ulg')} SERVO_OUTPUT_RAW, HIGHRES_IMU and ATTITUDE at 10 Hz or more "
+            "(MAV_x_MODE, MAV_x_RATE)"
+        ),
     },
-    "force": {ANY: "RAW_IMU (SRx_RAW_SENS = 10)", PX4: "HIGHRES_IMU (MAV_x_MODE, MAV_x_RATE)"},
+    "force": {
+        ANY: f"{_ON_BOARD.format('.BIN')} RAW_IMU at 10 Hz or more ({RATES}RAW_SENS)",
+        PX4: f"{_ON_BOARD.format('.ulg')} HIGHRES_IMU at 10 Hz or more (MAV_x_MODE, MAV_x_RATE)",
+    },
 }

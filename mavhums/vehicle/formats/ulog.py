@@ -231,6 +231,11 @@ SERVO_SOURCES: Final = (
 )
 
 REMEDIES: Final = {
-    "motion": {ANY: "actuator_outputs, sensor_combined and vehicle_attitude (SDLOG_PROFILE bits 0 and 4)"},
-    "force": {ANY: "sensor_combined (SDLOG_PROFILE bit 0)"},
+    "motion": {
+        ANY: (
+            "record actuator_outputs, sensor_combined and vehicle_attitude at 10 Hz or more "
+            "(SDLOG_PROFILE bits 0 and 4)"
+        )
+    },
+    "force": {ANY: "record sensor_combined at 10 Hz or more (SDLOG_PROFILE bit 0)"},
 }

@@ -44,6 +44,7 @@ def flight(**changes: Any) -> Any:
         **{
             "kinds": {PLANE},
             "autopilots": {3},
+            "parameters": (),
             "heard": HEARD,
             "on_ground": False,
             "steers": False,
@@ -136,6 +137,16 @@ def test_messages_that_are_there_are_not_asked_for() -> None:
     late = {"SERVO_OUTPUT_RAW": Received(79, 21, 0), "ATTITUDE": Received(80, 20, 0)}
     assert disorder(late) == "of SERVO_OUTPUT_RAW 79 of 100 samples came in time"
     assert why(None, late, **silent).startswith("the servo outputs came too late to be used: of SERVO_OUTPUT")
+
+
+def test_a_stream_that_comes_too_rarely_is_named_with_its_rate_and_its_own_parameters() -> None:
+    rare = {"SERVO_OUTPUT_RAW": Received(60, 0, 0), "ATTITUDE": Received(1200, 0, 0)}
+    new = ["SERVO1_FUNCTION", "MAV1_RAW_SENS"]
+    flown = flight(heard=HEARD - {"outputs"}, lasted={"recorded": 120.0}, parameters=new)
+    reason, remedy = why_not_at_all(flown, None, rare) or ("", "")
+    assert reason == "the servo outputs come 0.5 times a second, 3 are needed"
+    assert remedy.startswith("judge the log on the autopilot's card (.BIN), or record SERVO_OUTPUT_RAW")
+    assert remedy.endswith("(MAVx_RC_CHAN, MAVx_RAW_SENS, MAVx_EXTRA1)")
 
 
 def test_how_a_rover_steers_is_told_by_its_parameters() -> None:
