@@ -21,6 +21,9 @@ from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from dask import config
+from distributed import Security
+
 from mavhums import MavhumsError, Options, analyse, fleet
 from mavhums.flights.folder import keep_assessment
 from mavhums_sim import Flight, fly, write_tlog
@@ -114,17 +117,24 @@ def by_fleet(
 
 @contextmanager
 def cluster(folder: Path) -> Iterator[str]:
-    """Run a scheduler and two workers, each a process of its own."""
+    """Run a scheduler and two workers, each a process of its own, with a certificate for all."""
+    own, key, cert = Security.temporary(), folder / "key.pem", folder / "cert.pem"
+    key.write_text(own.tls_client_key)
+    cert.write_text(own.tls_client_cert)
+    tls = ["--tls-ca-file", str(cert), "--tls-cert", str(cert), "--tls-key", str(key)]
     dask, file = str(Path(sys.executable).parent / "dask"), folder / "scheduler.json"
-    scheduler = [dask, "scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
-    worker = [dask, "worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-dashboard"]
+    scheduler = [dask, "scheduler", "--protocol", "tls", "--port", "0", "--no-dashboard", *tls]
+    scheduler += ["--scheduler-file", str(file)]
+    worker = [dask, "worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-dashboard", *tls]
     quiet = subprocess.DEVNULL
     processes = [subprocess.Popen(scheduler, stdout=quiet, stderr=quiet)]
     try:
         while not file.exists():
             time.sleep(0.1)
         processes += [subprocess.Popen(worker, cwd=folder, stdout=quiet, stderr=quiet) for _ in range(2)]
-        yield str(json.loads(file.read_text(encoding="utf-8"))["address"])
+        settings = {"ca-file": str(cert), "client.cert": str(cert), "client.key": str(key)}
+        with config.set({f"distributed.comm.tls.{name}": value for name, value in settings.items()}):
+            yield str(json.loads(file.read_text(encoding="utf-8"))["address"])
     finally:
         for process in reversed(processes):
             process.terminate()

@@ -55,7 +55,7 @@ _NOTIFY_ALWAYS = click.option("--notify-always", is_flag=True, help="Send it als
     show_default=True,
     help="Processes on this machine; 0 judges in this one, which is soonest for the log of one landing.",
 )
-@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers judge instead, tcp://….")
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers judge instead, tls://….")
 @REPAIRS
 @JSON
 def scan(

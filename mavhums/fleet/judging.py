@@ -10,6 +10,7 @@ from functools import cache
 from itertools import islice
 from math import ceil
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from mavhums.app.analysis import Failed, analyse_alone
@@ -39,7 +40,14 @@ _SETTINGS: Final = {
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": _LARGE,
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": _LARGE,
     "distributed.worker.profile.enabled": False,
+    # The ports for HTTP have no authentication, so they answer nothing.
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
 }
+_TLS: Final = (
+    "start it with TLS (https://distributed.dask.org/en/stable/tls.html), name it tls://…, and its"
+    " certificates here by Dask's settings distributed.comm.tls.*"
+)
 
 
 class Judging(NamedTuple):
@@ -132,6 +140,9 @@ def _resolved(options: Options) -> EngineOptions:
 def connected(workers: int, scheduler: str | None) -> Iterator[Client]:
     """Connect to a scheduler, or start one with workers on this machine.
 
+    Dask unpickles what comes to its ports, so whoever reaches them runs code. So every connection has TLS
+    with certificates on both sides: those of the run, in memory, or those that Dask's configuration names.
+
     Parameters
     ----------
     workers
@@ -142,27 +153,44 @@ def connected(workers: int, scheduler: str | None) -> Iterator[Client]:
     Raises
     ------
     MavhumsError
-        If no scheduler answers there.
+        If no scheduler answers there, or the connection would not be authenticated.
     MissingExtraError
         If Dask is not installed.
     """
     try:
         from dask import config
-        from distributed import Client, LocalCluster
+        from distributed import Client, LocalCluster, Security
+
+        own = None if scheduler else Security.temporary()
     except ImportError as error:
         raise MissingExtraError("scanning a fleet", "fleet") from error
     with ExitStack() as stack:
         if scheduler:
             try:
-                client = Client(scheduler, timeout=10)
+                client = Client(scheduler, timeout=10, security=Security(require_encryption=True))
             except (OSError, ValueError) as error:
                 problem = f"{scheduler}: no scheduler answers"
                 raise MavhumsError(problem, "start one: dask scheduler, and dask worker ADDRESS") from error
+            except (
+                RuntimeError,
+                TypeError,
+            ) as error:  # the address is not tls://, or there is no certificate
+                problem = (
+                    f"{scheduler}: refused, because anybody could run code in it: no TLS with certificates"
+                )
+                raise MavhumsError(problem, _TLS) from error
             yield stack.enter_context(client)
             return
-        stack.enter_context(config.set(_SETTINGS))
+        # Dask imports from its temporary folder; its own choice, below /tmp, another user may have made.
+        folder = stack.enter_context(TemporaryDirectory(prefix="mavhums-"))
+        stack.enter_context(config.set({**_SETTINGS, "temporary-directory": folder}))
         local: Any = LocalCluster(
-            n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address="127.0.0.1:0",
+            scheduler_kwargs={"dashboard": False},
+            security=own,
+            silence_logs=50,
         )
         yield stack.enter_context(Client(stack.enter_context(local)))
 

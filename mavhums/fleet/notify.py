@@ -70,6 +70,7 @@ def recipients_of(urls: Iterable[str]) -> list[Recipient]:
             service: Any = apprise.Apprise.instantiate(url, suppress_exceptions=True)
         parts = urlsplit(url)
         if service is not None:
+            service.redirects = False  # a redirected POST arrives as a GET, without the digest
             shown = urlsplit(service.url(privacy=True))
             found.append(Recipient(f"{shown.scheme}://{shown.netloc.rpartition('@')[2]}", service=service))
         elif parts.scheme in ("http", "https") and parts.hostname:

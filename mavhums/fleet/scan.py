@@ -62,7 +62,7 @@ class ScanOptions:
     workers
         Processes on this machine; with 0, this process judges, which is soonest for the log of one landing.
     scheduler
-        Address of a Dask scheduler whose workers judge instead, such as ``tcp://10.0.0.1:8786``. They must
+        Address of a Dask scheduler whose workers judge instead, such as ``tls://10.0.0.1:8786``. They must
         have logs and profiles under the same paths.
     repairs
         Dates from which actuators' flights count. The store keeps them; a new one changes the verdicts of

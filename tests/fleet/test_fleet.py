@@ -26,6 +26,7 @@ from tests.fleet_logs import joined, moved, nameless
 pytest.importorskip("deltalake")
 pytest.importorskip("duckdb")
 distributed = pytest.importorskip("distributed")
+dask = pytest.importorskip("dask")
 cloudpickle = pytest.importorskip("cloudpickle")
 
 from mavhums import fleet  # noqa: E402
@@ -322,9 +323,16 @@ def test_a_killed_worker_loses_and_doubles_nothing(
     cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers cannot import the tests
     with (
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0"
+            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", security=True
         ) as cluster,
         distributed.Client(cluster) as client,
+        dask.config.set(
+            {
+                "distributed.comm.tls.ca-file": cluster.security.tls_ca_file,
+                "distributed.comm.tls.client.cert": cluster.security.tls_client_cert,
+                "distributed.comm.tls.client.key": cluster.security.tls_client_key,
+            }
+        ),
     ):
         client.register_plugin(Dies("D-A/03.tlog", times, count))
         separate = fleet.ScanOptions(aircraft="folder", scheduler=cluster.scheduler_address)

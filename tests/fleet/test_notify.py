@@ -54,6 +54,11 @@ class Webhook(BaseHTTPRequestHandler):
         body = self.rfile.read(int(self.headers["Content-Length"]))
         self.got.append((self.headers["Content-Type"], body))
         self.send_response(int(self.path.split("/")[1]))
+        self.send_header("Location", "/elsewhere")
+        self.end_headers()
+
+    def do_GET(self) -> None:
+        self.send_response(200)
         self.end_headers()
 
     def log_message(self, *_: Any) -> None:
@@ -126,14 +131,15 @@ def test_what_is_not_reached_is_said_without_a_secret(
         f"# who must know\nhttp://127.0.0.1:1/{SECRET}\n\n{webhook}/503/{SECRET}\n{webhook}/302/{SECRET}\n"
         f"mailto://user:{SECRET}@127.0.0.1:1?from=a@example.org&to=b@example.org&mode=insecure\n"
         f"jsons://user:{SECRET}@127.0.0.1:1/{SECRET}\n"
+        f"{webhook.replace('http', 'json')}/302/{SECRET}\n"
     )
     told = run("fleet", "digest", store, "--fail-on-news", "--notify", f"@{urls}")
     assert told.code == ExitCode.NOT_SENT
     assert "D-N elevator" in told.out, "it is printed all the same"
     problems = [line for line in told.err.splitlines() if line.startswith("mavhums: ")]
-    assert len(problems) == 5
+    assert len(problems) == 6
     for problem, reason in zip(
-        problems, ("Connection refused", "503", "302", "refused", "refused"), strict=True
+        problems, ("Connection refused", "503", "302", "refused", "refused", "302"), strict=True
     ):
         assert "127.0.0.1" in problem
         assert reason in problem
