@@ -27,7 +27,8 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY
 from mavhums.health.axis.effectiveness import explained_by, new_tracker
 from mavhums.health.axis.monitor import AxisMonitor
-from mavhums.health.decision.events import ConditionChanged
+from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS
+from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ
@@ -104,8 +105,10 @@ def refutation(
 ) -> str:
     """Return which outputs move an axis by which the profile's raise an alarm; an empty text if none does.
 
-    The alarm must come from these very rows, the last ones before it: only then does it say anything that
-    another output raises none. Parameters are those of :func:`contradiction`.
+    The alarm must come from these very rows, the last ones before it. That another output raises none is no
+    proof: a rudder that moves with the ailerons loses as much of its response as they do, and may only need
+    longer to show it. Another output refutes where the last ten seconds surely show its response whole.
+    Parameters are those of :func:`contradiction`.
     """
     if not _judged(rows, axis, rows.demand(axis), limits).alarmed:
         return ""
@@ -116,16 +119,16 @@ def refutation(
     # may be the lost one (two ALFA flights whose aileron stops with its output): it is no wrong one either.
     telling = {servo: demand for servo, demand in alone.items() if np.isfinite(demand[-_SHOWN_ROWS:]).all()}
     tried = {servo: _judged(rows, axis, demand, limits) for servo, demand in telling.items()}
-    movers = [servo for servo, found in tried.items() if found.referred and not found.alarmed]
+    movers = [servo for servo, found in tried.items() if found.whole and not found.alarmed]
     silent = alone.keys() - telling.keys()
     wrong = [one.servo for one in outputs if one.servo not in movers and one.servo not in silent]
     return _contradiction_text(axis, wrong, movers) if wrong and movers else ""
 
 
 class _DemandCheck(NamedTuple):
-    """Whether a demand was enough for a reference, and whether it raised an alarm."""
+    """Whether the last seconds of a demand show its whole response, and whether it raised an alarm."""
 
-    referred: bool
+    whole: bool
     alarmed: bool
 
 
@@ -133,8 +136,10 @@ def _judged(rows: Rows, axis: str, demand: Array, limits: AxisLimits) -> _Demand
     outputs = np.full_like(rows.outputs, np.nan)
     outputs[:, AXES.index(axis)] = demand
     monitor = AxisMonitor(0, limits)
-    alarmed = any(rests_on_outputs(event) for event in monitor.feed(replace(rows, outputs=outputs)))
-    return _DemandCheck(monitor.findings(axis).reference is not None, alarmed)
+    events = [*monitor.feed(replace(rows, outputs=outputs))]
+    shown = [e for e in events if isinstance(e, Indication) and e.actuator == axis]
+    whole = bool(shown) and bool(shown[-1].low[-1] > NORMAL_EFFECTIVENESS)
+    return _DemandCheck(whole, any(rests_on_outputs(event) for event in events))
 
 
 def rests_on_outputs(event: object) -> TypeGuard[ConditionChanged]:

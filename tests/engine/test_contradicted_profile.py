@@ -415,6 +415,23 @@ def test_an_aileron_whose_output_stops_with_it_is_no_wrong_output() -> None:
     assert said.startswith("servo 1 does not move roll, servo 2 does")
 
 
+@pytest.mark.parametrize("loose", [0.25, 0.4])
+def test_a_rudder_that_moves_with_the_ailerons_does_not_refute_their_loss(loose: float) -> None:
+    """It hides some of the loss, so that it raises no alarm yet: no proof that it moves the aircraft."""
+    flight = steady(135)
+    demand, other = excited(135), excited(135, seed=8)
+    lost = np.arange(len(demand)) >= 120 * 20
+    noise = np.random.default_rng(2).normal(size=len(demand))
+    flight["roll_rate"] = np.where(lost, 0.5, 1.0) * 2.2 * demand + 0.02 * noise
+    flight["outputs"][:, 0] = demand
+    pulses = np.full((len(demand), ALL_OUTPUTS), np.nan)
+    pulses[:, 5], pulses[:, 3] = 1500 + 400 * demand, 1500 + 400 * (demand + loose * other)
+    assert (
+        refutation(rows(flight), pulses, "roll", (SurfaceOutput(6, "aileron", 1500, 400),), AxisLimits())
+        == ""
+    )
+
+
 @pytest.mark.skipif(not (REAL_LOGS / "alfa").is_dir(), reason="the real logs are absent")
 def test_names_lose_no_alarm_of_a_real_flight() -> None:
     log = REAL_LOGS / "alfa" / "2018-10-05-14-37-22_3_left_aileron_failure.tlog"

@@ -137,7 +137,7 @@ def test_an_output_that_explains_much_less_than_another_does_not_move_the_axis(
 
 
 @pytest.mark.parametrize(
-    ("alarmed", "referred", "silent", "found"),
+    ("alarmed", "whole", "silent", "found"),
     [
         ((), (1, 3), (), ""),
         ((0, 1), (1, 3), (), NOT_1),
@@ -148,9 +148,9 @@ def test_an_output_that_explains_much_less_than_another_does_not_move_the_axis(
         ((0, 1), (1, 3), (3,), ""),
     ],
 )
-def test_an_alarm_is_refuted_by_an_output_that_raises_none(
+def test_an_alarm_is_refuted_by_an_output_whose_response_is_whole(
     alarmed: Sequence[int],
-    referred: Sequence[int],
+    whole: Sequence[int],
     silent: Sequence[int],
     found: str,
     monkeypatch: pytest.MonkeyPatch,
@@ -169,7 +169,7 @@ def test_an_alarm_is_refuted_by_an_output_that_raises_none(
     monkeypatch.setattr(
         motion,
         "_judged",
-        lambda rows, axis, demand, limits: motion._DemandCheck(demand[-1] in referred, demand[-1] in alarmed),
+        lambda rows, axis, demand, limits: motion._DemandCheck(demand[-1] in whole, demand[-1] in alarmed),
     )
     limits: Any = None
     outputs = [SurfaceOutput(1, "aileron", 1500, 400)]
