@@ -183,7 +183,7 @@ def _recordings_of(logs: Sequence[Path], rrd: Path | None) -> dict[Path, Path]:
     if twice is not None:
         raise click.UsageError(f"two logs named {twice!r} would share one recording; analyse them one by one")
     try:
-        rrd.mkdir(parents=True, exist_ok=True)
+        rrd.mkdir(0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise MavhumsError(f"{rrd}: {error.strerror}", "with several logs --rrd names a folder") from error
     return {log: rrd / f"{log.stem}.rrd" for log in logs}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Mapping
@@ -110,6 +111,7 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, messages: boo
 
 def main() -> None:
     """Run the command line; an error that the user can correct is one line with a remedy."""
+    os.umask(os.umask(0o077) | 0o077)  # stores, recordings and reports hold positions
     _end_on_signals()
     collect_seldom()
     announce_compiling()

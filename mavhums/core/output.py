@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 class WholeFile:
     """A temporary file that replaces its target when it is complete.
 
-    A regular file is replaced by rename and keeps its permissions. A symbolic link is kept, and its target
+    What is written may hold positions, so a new file is readable by its owner only. A regular file is
+    replaced by rename and keeps its permissions. A symbolic link is kept, and its target
     is replaced. A device, a FIFO or a socket is never replaced: the complete content is copied into it.
 
     Parameters
@@ -37,12 +38,12 @@ class WholeFile:
     Attributes
     ----------
     temporary
-        Path for writing; a new path, without a file.
+        Path for writing; an empty file, or in a folder of its own.
 
     Raises
     ------
     OSError
-        If ``path`` is a folder.
+        If ``path`` is a folder, or no file can be created there.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -54,6 +55,7 @@ class WholeFile:
         else:
             self._path = Path(os.path.realpath(self._path))
             self.temporary = self._path.with_name(f".{self._path.name[:200]}.{token_hex(4)}.part")
+            self.temporary.touch(0o600, exist_ok=False)
 
     def publish(self) -> None:
         """Move the complete file to its target.

@@ -77,7 +77,7 @@ def keep_assessment(assessment: Assessment, folder: str | os.PathLike[str]) -> P
     stem = re.sub(r"[^\w.-]+", "_", Path(log.path or "").stem).strip("._-") or "log"
     path = Path(folder) / f"{stem[:60]}-{(log.sha256 or 'unknown')[:16]}.json"
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(0o700, parents=True, exist_ok=True)
     except OSError as error:
         problem = f"{folder}: cannot be used as a folder of flights: {reason_of(error)}"
         raise MavhumsError(problem, "name another with --history") from error

@@ -120,7 +120,7 @@ class Store:
         import filelock
 
         try:
-            Path(self.place).mkdir(parents=True, exist_ok=True)
+            Path(self.place).mkdir(0o700, parents=True, exist_ok=True)
             lock = filelock.FileLock(Path(self.place, ".scan.lock"), timeout=0)
             lock.acquire()
         except filelock.Timeout as error:

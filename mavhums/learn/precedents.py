@@ -121,7 +121,7 @@ class PrecedentBase:
         path = self.folder / name
         remedy = "name a folder that you may write to"
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
+            self.folder.mkdir(0o700, parents=True, exist_ok=True)
         except OSError as error:
             raise PrecedentError(f"cannot write {self.folder}: {error.strerror}", remedy) from error
         with written_whole(path, error=PrecedentError, remedy=remedy) as temporary:

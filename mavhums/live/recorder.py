@@ -47,7 +47,7 @@ class TlogRecorder:
         self._failure: str | None = None
         self._absence: str | None = None
         try:
-            self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+            self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o600)
         except FileExistsError as error:
             raise MavhumsError(
                 f"{self.path}: exists already, and a flight is not overwritten",

@@ -17,7 +17,6 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="FIFOs and links of P
 
 def write(path: Path, text: str = "new") -> None:
     with written_whole(path) as temporary:
-        assert not temporary.exists()
         temporary.write_text(text)
 
 
@@ -64,6 +63,14 @@ def test_permissions_stay(tmp_path: Path) -> None:
     path.chmod(0o604)
     write(path)
     assert stat.S_IMODE(path.stat().st_mode) == 0o604
+
+
+def test_a_new_file_is_its_owners_alone_also_while_it_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    with written_whole(path) as temporary:
+        temporary.write_text("47.1, 8.5")
+        assert stat.S_IMODE(temporary.stat().st_mode) == 0o600
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
 
 
 def test_a_failure_leaves_what_was_there(tmp_path: Path) -> None:
