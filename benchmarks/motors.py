@@ -25,7 +25,7 @@ from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums_sim.multirotor.craft import FRAMES, Event, draw_craft, draw_plan
 from mavhums_sim.multirotor.flight import Flown, fly
-from mavhums_sim.multirotor.log import PARAMETERS, Rates, pulses, sampled
+from mavhums_sim.multirotor.log import FUNCTIONS, PARAMETERS, Rates, pulses, sampled
 
 LOSSES = (1.0, 0.7, 0.5, 0.3)
 HZ = (2.0, 4.0, 10.0, 25.0, 50.0)
@@ -69,7 +69,9 @@ def signals(flown: Flown, rates: Rates, seed: int) -> Iterator[Signal]:
 
 def rotors(frame: str) -> Rotors:
     kind, type_ = FRAMES[frame].parameters
-    known = rotors_of(Parameters(1, False, {**PARAMETERS, "FRAME_CLASS": kind, "FRAME_TYPE": type_}))
+    known = rotors_of(
+        Parameters(1, False, {**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": kind, "FRAME_TYPE": type_})
+    )
     assert isinstance(known, Rotors)
     return known
 

@@ -11,7 +11,7 @@ Functions that pass a channel through, or leave the output to a script, do not s
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -231,6 +231,9 @@ class Output:
     ends_by, direction_by
         The parameters that give the smallest and the largest pulse, an empty text if the log lacks one; and
         those that give the direction.
+    lacks
+        The parameters of its pulses and its direction that the log lacks although it has others of their
+        kind: what they say is not known.
     """
 
     servo: int
@@ -242,6 +245,7 @@ class Output:
     is_surface: bool = True
     ends_by: str = ""
     direction_by: str = ""
+    lacks: tuple[str, ...] = ()
 
 
 def assigned_outputs(parameters: Parameters) -> list[Output]:
@@ -293,11 +297,13 @@ def _ardupilot(values: Mapping[str, float]) -> Iterator[Output]:
             is_surface=function in _ARDUPILOT,
             ends_by=ends_by,
             direction_by=f"{stem}{n}_{reverse_by} = {direction:g}",
+            lacks=lacking(values, stem, n, ("MIN", "TRIM", "MAX", reverse_by)),
         )
 
 
 def _px4(values: Mapping[str, float]) -> Iterator[Output]:
     for prefix, first, usual in _BUSES:
+        ends = ("MIN", "MAX") if any(name.startswith(f"{prefix}_M") for name in values) else ()
         for n in range(1, _PER_BUS + 1):
             function = values.get(f"{prefix}_FUNC{n}", 0.0)
             because, surface, k = f"{prefix}_FUNC{n} = {function:g}", None, int(function) - _PX4_FIRST_SERVO
@@ -313,6 +319,7 @@ def _px4(values: Mapping[str, float]) -> Iterator[Output]:
             pwm_us, by, ends_by = _pulses(values, names, usual)
             if first == _UAVCAN_FIRST:
                 by = f"CHECK: which instance of the outputs is UAVCAN's; {by}"
+            torques = [f"CA_SV_CS{k}_TRQ_{letter}" for letter in "RPY"]
             reverse = int(values.get(f"{prefix}_REV", 0.0)) >> (n - 1) & 1 == 1
             yield Output(
                 first + n,
@@ -324,7 +331,31 @@ def _px4(values: Mapping[str, float]) -> Iterator[Output]:
                 is_surface=function not in _PX4_MOTORS,
                 ends_by=ends_by,
                 direction_by=f"bit {n - 1} of {prefix}_REV = {int(reverse)}, torque of CA_SV_CS{k}",
+                lacks=tuple(
+                    name
+                    for name in (
+                        *(f"{prefix}_{end}{n}" for end in ends),
+                        *((f"{prefix}_REV", *torques) if any(name in values for name in torques) else ()),
+                    )
+                    if name not in values
+                ),
             )
+
+
+def lacking(values: Mapping[str, float], stem: str, n: int, parts: Sequence[str]) -> tuple[str, ...]:
+    """Return the parameters of output ``n`` that a log lacks although it has those of other outputs.
+
+    Autopilots send all or none of a kind: where others are, a missing one was lost, and no default is known
+    to be its value.
+
+    Examples
+    --------
+    >>> lacking({"SERVO1_MIN": 1000.0, "SERVO2_MAX": 2000.0}, "SERVO", 2, ("MIN", "TRIM", "MAX"))
+    ('SERVO2_MIN',)
+    """
+    own = (part for part in parts if f"{stem}{n}_{part}" not in values)
+    others = range(1, _CHANNELS + 1)
+    return tuple(f"{stem}{n}_{part}" for part in own if any(f"{stem}{k}_{part}" in values for k in others))
 
 
 def _pulses(

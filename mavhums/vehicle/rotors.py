@@ -7,7 +7,7 @@ frames of SYS_AUTOSTART. Rovers and boats have FRAME_CLASS, too; MOT_SPIN_MIN be
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -17,7 +17,7 @@ from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.vtol import turns_its_motors
 
-ROTOR_PARAMETERS: Final = ("FRAME", "MOT_", "RC3_M", "CA_", "SYS_AUTOSTART", "MAV_TYPE", "THR_MDL_FAC")
+ROTOR_PARAMETERS: Final = ("FRAME", "MOT_", "RCMAP_THROTTLE", "CA_", "SYS_", "MAV_TYPE", "THR_MDL_FAC")
 """Beginnings of the names of parameters that describe motors."""
 
 _QUAD, _HEXA, _OCTA = 1, 2, 3  # FRAME_CLASS
@@ -61,9 +61,9 @@ _PX4_STANDARD_VTOL: Final = 2  # CA_AIRFRAME
 _PX4_PLUS: Final = (5, 7, 9)  # thousands of SYS_AUTOSTART
 _ROUNDING: Final = 1e-9  # a share below comes from sin 180°, which is not exactly 0
 _LEAST_RANGE_US: Final = 100.0  # between idle and full thrust: less is a damaged or a missing calibration
-_PULSES_US: Final = (1000.0, 2000.0)  # MOT_PWM_MIN and MOT_PWM_MAX where no parameter gives them
-_SPINS: Final = (0.15, 0.95)  # ArduPilot's defaults of MOT_SPIN_MIN and MOT_SPIN_MAX, shares of the range
-_EXPO: Final = 0.65  # ArduPilot's default of MOT_THST_EXPO
+_PULSES_US: Final = (1000.0, 2000.0)  # of PX4
+_SPINS: Final = (0.15, 0.95)  # idle and full output of Copter before 3.4, shares of the range
+_EXPO: Final = 0.65  # usual MOT_THST_EXPO
 _OVERRIDDEN: Final = 0.15
 """Share of full thrust by which an output differs from what the mixer asks of it: less is the sampling."""
 _PX4_EXPONENT: Final = 1.5
@@ -91,6 +91,8 @@ class Rotors:
         Of the thrust (1 − e)·x + e·x², by ArduPilot's MOT_THST_EXPO or PX4's THR_MDL_FAC; None for x^1.5.
     lift
         Whether they only lift a quadplane: what they do counts where it hovers.
+    assumed
+        What no parameter of such a log says and is taken as usual; an empty text for nothing.
     """
 
     frame: str
@@ -101,6 +103,7 @@ class Rotors:
     full: float
     curve: float | None
     lift: bool = False
+    assumed: str = ""
 
     @property
     def columns(self) -> Array:
@@ -141,75 +144,84 @@ def rotors_of(parameters: Parameters) -> Rotors | str | None:
 
     Examples
     --------
-    >>> values = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0, "MOT_SPIN_MIN": 0.15}
-    >>> rotors_of(Parameters(1, False, values)).columns[0].tolist()
-    [-0.25, 0.25, 0.25]
+    >>> rotors_of(Parameters(1, False, {"FRAME_CLASS": 1.0, "MOT_SPIN_MIN": 0.15}))
+    'the log lacks the parameter FRAME_TYPE, so what each motor does is not known'
     """
     values = parameters.values
-    return _of_px4(values) if parameters.is_px4 else _of_ardupilot(values)
+    try:
+        return _of_px4(values) if parameters.is_px4 else _of_ardupilot(values)
+    except KeyError as missing:
+        # No default takes its place: a log that lost a few records hides any value.
+        return f"the log lacks the parameter {missing.args[0]}, so what each motor does is not known"
 
 
 def _of_ardupilot(values: Mapping[str, float]) -> Rotors | str | None:
-    if values.get("Q_ENABLE", 0.0) > 0.0:
-        if turns_its_motors(values):
-            return None
-        # A quadplane's lift motors have a copter's parameters under other names.
-        named = {name: number for name, number in values.items() if not name.startswith(("FRAME", "MOT_"))}
-        named |= {name[2:]: number for name, number in values.items() if name.startswith("Q_FRAME")}
-        named |= {f"MOT_{name[4:]}": number for name, number in values.items() if name.startswith("Q_M_")}
-        named.pop("Q_ENABLE")
-        rotors = _of_ardupilot(named)
-        return (
-            replace(rotors, frame=f"lift {rotors.frame}", lift=True) if isinstance(rotors, Rotors) else None
-        )
-    if "MOT_SPIN_MIN" not in values and "MOT_SPIN_ARMED" not in values:
+    lift = values.get("Q_ENABLE", 0.0) > 0.0
+    if lift and turns_its_motors(values):
         return None
-    kind = values.get("FRAME_CLASS", float(_QUAD) if "FRAME" in values else None)
-    type_ = values.get("FRAME_TYPE", values.get("FRAME"))
-    if kind is None or type_ is None:
-        return "the log lacks FRAME_CLASS or FRAME_TYPE, so which motor sits where is not known"
+    # A quadplane's lift motors have a copter's parameters under other names.
+    motors, frame = ("Q_M_", "Q_FRAME_") if lift else ("MOT_", "FRAME_")
+    if not any(name.startswith(f"{motors}SPIN") for name in values):
+        return None
+    # Copter before 3.5 has a fixed output for each motor, and does not say how many there are.
+    fixed = not lift and "FRAME" in values
+    kind, type_ = (_QUAD, values["FRAME"]) if fixed else (values[f"{frame}CLASS"], values[f"{frame}TYPE"])
     places = _FRAMES.get((int(kind), int(type_)))
     if places is None:
         why = _UNJUDGED.get(int(kind), f"frames of FRAME_CLASS {kind:.0f} and FRAME_TYPE {type_:.0f}")
         return f"{why} are not judged"
-    functions = {n: values.get(f"SERVO{n}_FUNCTION") for n in range(1, ALL_OUTPUTS + 1)}
-    found = {_MOTORS[int(f)]: n for n, f in functions.items() if f is not None and int(f) in _MOTORS}
-    if all(function is None for function in functions.values()):
+    functions = {n: int(values.get(f"SERVO{n}_FUNCTION", 0.0)) for n in range(1, ALL_OUTPUTS + 1)}
+    found = {_MOTORS[function]: n for n, function in functions.items() if function in _MOTORS}
+    if fixed:
         found = {k: k + 1 for k in range(len(places))}
     if set(range(len(places))) - found.keys():
         return "the parameters assign no output to some of its motors"
-    low, high = (
-        next((values[name] for name in names if values.get(name, 0.0) > 0.0), usual)
-        for names, usual in zip(
-            (("MOT_PWM_MIN", "RC3_MIN"), ("MOT_PWM_MAX", "RC3_MAX")), _PULSES_US, strict=True
-        )
+    # Before 3.4 a curve is not always given, and the range by other parameters: it is the usual one.
+    old = fixed and "MOT_SPIN_ARMED" in values
+    least, most, curve = (
+        (*_SPINS, values.get("MOT_THST_EXPO", _EXPO))
+        if old
+        else (values[f"{motors}{name}"] for name in ("SPIN_MIN", "SPIN_MAX", "THST_EXPO"))
     )
-    least, most = values.get("MOT_SPIN_MIN", _SPINS[0]), values.get("MOT_SPIN_MAX", _SPINS[1])
+    low, high = (_end(values, motors, end, old=old) for end in ("MIN", "MAX"))
     idle, full = low + least * (high - low), low + most * (high - low)
     if not full > idle + _LEAST_RANGE_US:
-        return "the range of its motors' outputs (MOT_PWM_MIN, MOT_PWM_MAX) is not plausible"
-    name = f"{_SIZES[int(kind)]} {_TYPES[int(type_)]}"
-    servos = tuple(found[k] for k in range(len(places)))
-    bearings, curve = tuple(float(angle) for angle, _ in places), values.get("MOT_THST_EXPO", _EXPO)
-    return Rotors(name, servos, _shares(_factors(places)), bearings, idle, full, curve)
+        return f"the range of its motors' outputs ({motors}PWM_MIN, {motors}PWM_MAX) is not plausible"
+    name = f"{'lift ' * lift}{_SIZES[int(kind)]} {_TYPES[int(type_)]}"
+    servos, bearings = tuple(found[k] for k in range(len(places))), tuple(float(angle) for angle, _ in places)
+    assumed = "the number of motors" * fixed + " and their idle and full output" * old
+    return Rotors(name, servos, _shares(_factors(places)), bearings, idle, full, curve, lift, assumed)
+
+
+def _end(values: Mapping[str, float], motors: str, end: str, *, old: bool) -> float:
+    """Return the pulse at an end of the motors' range; where it is 0, the throttle channel gives it."""
+    own = 0.0 if old else values[f"{motors}PWM_{end}"]
+    if own > 0.0:
+        return own
+    if motors == "MOT_":
+        return values[f"RC{values['RCMAP_THROTTLE']:.0f}_{end}"]
+    return values[f"Q_THR_{end}_PWM"]
 
 
 def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
-    count = int(values.get("CA_ROTOR_COUNT", 0.0))
-    airframe = values.get("CA_AIRFRAME", 0.0)
-    if count and airframe in (0.0, _PX4_STANDARD_VTOL):
-        # Of a standard VTOL the last ones push.
-        count = next((k for k in range(count) if values.get(f"CA_ROTOR{k}_AX", 0.0) != 0.0), count)
-        known = [[values.get(f"CA_ROTOR{k}_{part}") for part in ("PX", "PY", "KM")] for k in range(count)]
-        if count < 4 or any(number is None for row in known for number in row):
-            return "the log lacks the places of its rotors (CA_ROTORn_PX, _PY, _KM)"
-        placed = np.array(known, dtype=float)
+    # The old mixers are in use where SYS_CTRL_ALLOC is 0, and before there were functions of outputs.
+    allocates = any(name.startswith("CA_") or "_FUNC" in name for name in values)
+    airframe = values["CA_AIRFRAME"] if allocates and values.get("SYS_CTRL_ALLOC") != 0.0 else None
+    if airframe is not None:
+        if airframe not in (0.0, _PX4_STANDARD_VTOL):
+            return None
+        count = int(values["CA_ROTOR_COUNT"])
+        if airframe == _PX4_STANDARD_VTOL:  # the last ones push
+            count = next((k for k in range(count) if values[f"CA_ROTOR{k}_AX"] != 0.0), count)
+        parts = ("PX", "PY", "KM")
+        placed = np.array([[values[f"CA_ROTOR{k}_{part}"] for part in parts] for k in range(count)])
+        placed = placed.reshape(-1, 3)
         factors = np.stack([-placed[:, 1], placed[:, 0], placed[:, 2]], axis=1)
         servos = _px4_servos(values, count)
         size = next((name for name, n in (("quad", 4), ("hexa", 6), ("octa", 8)) if n == count), None)
     else:
         kind = _PX4_KINDS.get(int(values.get("MAV_TYPE", 0.0)))
-        if kind is None or "SYS_AUTOSTART" not in values or count:
+        if kind is None or "SYS_AUTOSTART" not in values:
             return None
         type_ = 0 if int(values["SYS_AUTOSTART"]) // 1000 in _PX4_PLUS else 1
         factors = _factors(_FRAMES[kind, type_])
@@ -219,10 +231,11 @@ def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
     if len(servos) < len(factors):
         return "the parameters assign no output to some of its motors (PWM_MAIN_FUNCn)"
     bearings = tuple(np.degrees(np.arctan2(-factors[:, 0], factors[:, 1])).round(1).tolist())
-    curve = values.get("THR_MDL_FAC", 0.0) or None
+    assumed = "" if airframe is not None else "the order of the motors on the outputs"
+    curve = (values["THR_MDL_FAC"] if airframe is not None else values.get("THR_MDL_FAC", 0.0)) or None
     lift = airframe == _PX4_STANDARD_VTOL
     size = f"lift {size}" if lift else size
-    return Rotors(size, servos, _shares(factors), bearings, *_PULSES_US, curve, lift)
+    return Rotors(size, servos, _shares(factors), bearings, *_PULSES_US, curve, lift, assumed)
 
 
 def _px4_servos(values: Mapping[str, float], count: int) -> tuple[int, ...]:

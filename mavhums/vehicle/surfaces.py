@@ -205,6 +205,9 @@ def of_parameters(parameters: Parameters) -> Surfaces | None:
         return Surfaces(steering, "parameters")
     found = []
     for output in control_surfaces(parameters):
+        # Without its zero, its ends and its direction, what an output demands is not known.
+        if output.lacks:
+            continue
         surface = output.surface.replace("v-tail", "tail").replace("a-tail", "tail")
         if output.servo > ALL_OUTPUTS or not any(kind in surface for kind in KINDS):
             continue
@@ -231,13 +234,16 @@ def on_channels(
 
     Examples
     --------
-    >>> found = on_channels(None, Parameters(1, False, {"RCMAP_ROLL": 3.0}), [2, 3])
+    >>> mapped = Parameters(1, False, {"RCMAP_ROLL": 3.0, "RCMAP_PITCH": 2.0})
+    >>> found = on_channels(None, mapped, [2, 3])
     >>> found.names("roll"), found.names("pitch"), found.names("yaw")
     (('aileron (channel 3)',), ('elevator (channel 2)',), ())
     """
     if named is None and parameters is not None:
         prefix = "RC_MAP" if parameters.is_px4 else "RCMAP"
-        usual = (0, 0, 0) if parameters.is_px4 else (1, 2, 4)  # PX4 has none until it is calibrated
+        # PX4 has none until it is calibrated, and ArduPilot has all or, where the log has none, the usual.
+        unusual = parameters.is_px4 or any(name.startswith(prefix) for name in parameters.values)
+        usual = (0, 0, 0) if unusual else (1, 2, 4)
         channels = [
             int(parameters.values.get(f"{prefix}_{a.upper()}", n)) for a, n in zip(AXES, usual, strict=True)
         ]
@@ -261,7 +267,7 @@ def _steering(parameters: Parameters) -> Iterator[SurfaceOutput]:
         steers = output.surface == "ground steering"
         if parameters.is_px4:
             steers = f"= {_PX4_STEERING}" in output.because
-        if steers and output.servo <= ALL_OUTPUTS:
+        if steers and output.servo <= ALL_OUTPUTS and not output.lacks:
             low, zero, high = output.pwm_us
             yield SurfaceOutput(
                 output.servo, STEERING, zero, (-1 if output.is_reversed else 1) * (high - low) / 2

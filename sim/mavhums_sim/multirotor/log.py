@@ -29,7 +29,8 @@ PARAMETERS: Final = {
 _ARDUPILOT: Final = 3
 _ARMED: Final = 128 + 1
 _LOITER: Final = 5
-_FIRST_MOTOR: Final = 33  # SERVOn_FUNCTION
+FUNCTIONS: Final = {f"SERVO{k + 1}_FUNCTION": 33.0 + k for k in range(8)}
+"""The parameters that put each motor on the output of its number."""
 _FULL_RPM: Final = 9000.0
 _SCALE_MG: Final = 1000 / 9.80665
 _SOFTWARE: Final = "ArduCopter V4.5.7 (simulated)"
@@ -199,7 +200,7 @@ def _numbers(flown: Flown) -> dict[str, float]:
     """Return the autopilot's parameters."""
     frame = flown.craft.frame
     numbers = {**PARAMETERS, "FRAME_CLASS": frame.parameters[0], "FRAME_TYPE": frame.parameters[1]}
-    return numbers | {f"SERVO{k + 1}_FUNCTION": _FIRST_MOTOR + k for k in range(flown.craft.gains.size)}
+    return numbers | dict(list(FUNCTIONS.items())[: flown.craft.gains.size])
 
 
 def _with_ground(flown: Flown) -> Flown:

@@ -23,7 +23,15 @@ from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums_sim.multirotor.craft import FRAMES, Event, draw_craft, draw_plan
 from mavhums_sim.multirotor.flight import Flown, fly
-from mavhums_sim.multirotor.log import PARAMETERS, Rates, pulses, sampled, write_dataflash, write_tlog
+from mavhums_sim.multirotor.log import (
+    FUNCTIONS,
+    PARAMETERS,
+    Rates,
+    pulses,
+    sampled,
+    write_dataflash,
+    write_tlog,
+)
 from tests.conftest import REAL_LOGS, Run
 
 GROUND_S = 12.0
@@ -176,7 +184,9 @@ def settled(flown: Flown, hz: float, seed: int, mode: float | None = None) -> Se
 
 def rotors(frame: str) -> Rotors:
     kind, type_ = FRAMES[frame].parameters
-    known = rotors_of(Parameters(1, False, {**PARAMETERS, "FRAME_CLASS": kind, "FRAME_TYPE": type_}))
+    known = rotors_of(
+        Parameters(1, False, {**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": kind, "FRAME_TYPE": type_})
+    )
     assert isinstance(known, Rotors)
     return known
 
@@ -210,7 +220,7 @@ def told(seconds: Seconds, size: int) -> list[ConditionChanged]:
 
 def test_the_lift_motors_of_a_quadplane_are_judged_in_a_hover() -> None:
     named = {name.replace("MOT_", "Q_M_"): value for name, value in PARAMETERS.items()}
-    named |= {"Q_ENABLE": 1.0, "Q_FRAME_CLASS": 1.0, "Q_FRAME_TYPE": 1.0}
+    named |= {"Q_ENABLE": 1.0, "Q_FRAME_CLASS": 1.0, "Q_FRAME_TYPE": 1.0, "Q_TILT_MASK": 0.0}
     at_five = {f"SERVO{k + 5}_FUNCTION": 33.0 + k for k in range(4)}
     lift = rotors_of(Parameters(1, False, named | at_five))
     assert isinstance(lift, Rotors)
@@ -220,6 +230,7 @@ def test_the_lift_motors_of_a_quadplane_are_judged_in_a_hover() -> None:
     px4 = {f"CA_ROTOR{k}_{part}": numbers[k] for part, numbers in places.items() for k in range(4)}
     px4 |= {f"PWM_MAIN_FUNC{k + 1}": 101.0 + k for k in range(5)}
     px4 |= {"CA_AIRFRAME": 2.0, "CA_ROTOR_COUNT": 5.0, "CA_ROTOR4_AX": 1.0}
+    px4 |= {f"CA_ROTOR{k}_AX": 0.0 for k in range(4)} | {"THR_MDL_FAC": 0.0}
     standard = rotors_of(Parameters(1, True, px4))
     assert isinstance(standard, Rotors)
     assert (standard.servos, standard.lift) == ((1, 2, 3, 4), True)

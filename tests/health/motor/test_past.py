@@ -17,8 +17,9 @@ from mavhums.results.verdict import Coverage, Verdict
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import Rotors, rotors_of
+from mavhums_sim.multirotor.log import FUNCTIONS, PARAMETERS
 
-QUAD = rotors_of(Parameters(1, False, {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0, "MOT_SPIN_MIN": 0.15}))
+QUAD = rotors_of(Parameters(1, False, {**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}))
 assert isinstance(QUAD, Rotors)
 COLUMNS = QUAD.columns
 FLAT = np.zeros(3)
