@@ -1,6 +1,20 @@
-"""``python -m mavhums``."""
+"""The program: ``python -m mavhums``, and ``mavhums``."""
 
-from mavhums.cli.main import main
+import signal
+
+# Before anything is loaded there is nothing to end in order: Ctrl-C ends the program without a traceback.
+if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def main() -> None:
+    """Run the command line."""
+    from mavhums.cli.ending import end_in_time
+    from mavhums.cli.main import main as run
+
+    end_in_time()
+    run()
+
 
 if __name__ == "__main__":
     main()

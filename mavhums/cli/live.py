@@ -17,6 +17,7 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self, cast
 
 import click
 
+from mavhums.cli.ending import first_ends_in_order
 from mavhums.cli.history import live_judging
 from mavhums.cli.options import BASELINE_FROM, HISTORY, KEEP, PATH, judging
 from mavhums.core.about import EPILOG
@@ -170,6 +171,7 @@ def _follow(
         gc.collect()
         gc.freeze()  # objects from the start-up cost the collector 0.1 s in flight, and a second at the end
         stop.begun = True
+        first_ends_in_order(begun=True)
         ended = partial(_ended, stop, out if alone else None)
         if shows.as_json:
             assessment = _write_json(session, options, ended, console)
@@ -286,6 +288,7 @@ class StopSignal:
         return self
 
     def __exit__(self, *_: object) -> None:
+        first_ends_in_order(begun=False)
         for number, handler in self._before.items():
             signal.signal(number, handler)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Final, Never
 
 import click
 
+from mavhums.cli.ending import signal_received
 from mavhums.cli.options import AIRFRAME, DIALECT, JSON, LOG
 from mavhums.cli.output import announce_compiling, complain, reading, say, say_json, sound_output
 from mavhums.core.about import __version__
@@ -127,15 +129,22 @@ def main() -> None:
         except (click.Abort, KeyboardInterrupt):
             say("mavhums: stopped; no output was left half-written", err=True)
             sys.exit(130)
+        except Exception:
+            # Some libraries turn an interruption of their import into an error of their own.
+            time.sleep(_TOLD_S)
+            if (number := signal_received()) is None:
+                raise
+            sys.exit(_BY_SIGNAL + number)
         finally:
             _interrupts_end_silently()
 
 
 _BY_SIGNAL = 128
+_TOLD_S = 0.05  # in which the thread that waits for signals has run
 
 
 def _end_on_signals() -> None:
-    """Make SIGTERM and a terminal's SIGHUP end the program in order, and remove unfinished files.
+    """Make SIGTERM, Ctrl-C and a terminal's SIGHUP end the program in order, and remove unfinished files.
 
     A signal that the caller ignores, as ``nohup`` does, stays ignored. A command with its own handlers, such
     as ``live``, replaces these.
@@ -144,6 +153,8 @@ def _end_on_signals() -> None:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) == signal.SIG_DFL:
             signal.signal(number, _end)
+    if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _interrupts_end_silently() -> None:

@@ -23,6 +23,15 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+_unfinished: set[Path] = set()
+
+
+def remove_unfinished() -> None:
+    """Remove the temporary files of a program that ends at once."""
+    for path in list(_unfinished):
+        path.unlink(missing_ok=True)
+
+
 class WholeFile:
     """A temporary file that replaces its target when it is complete.
 
@@ -55,6 +64,7 @@ class WholeFile:
         else:
             self._path = Path(os.path.realpath(self._path))
             self.temporary = self._path.with_name(f".{self._path.name[:200]}.{token_hex(4)}.part")
+            _unfinished.add(self.temporary)
             self.temporary.touch(0o600, exist_ok=False)
 
     def publish(self) -> None:
@@ -76,6 +86,7 @@ class WholeFile:
     def discard(self) -> None:
         """Remove the temporary file; no effect after :meth:`publish`."""
         self.temporary.unlink(missing_ok=True)
+        _unfinished.discard(self.temporary)
         if self._through:
             shutil.rmtree(self.temporary.parent, ignore_errors=True)
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -49,3 +51,86 @@ def test_a_signal_leaves_no_part_file(
     if program.returncode == 128 + number:
         assert list(out.iterdir()) == []
     assert b"Traceback" not in complaint
+
+
+@pytest.mark.parametrize(
+    ("done", "code"),
+    [
+        ("signal.raise_signal(signal.SIGINT)", -signal.SIGINT),
+        ("sys.argv[1:] = ['loads']; main()", 128 + signal.SIGINT),
+    ],
+)
+def test_a_signal_amid_an_import_gives_no_traceback(done: str, code: int) -> None:
+    """Before the commands are loaded, and where a library turns the interruption into its own error."""
+    program = f"""
+import signal, sys
+from mavhums.__main__ import main
+import mavhums.cli.main
+@mavhums.cli.main.cli.command()
+def loads():
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt as error:
+        raise ImportError("core failed to import") from error
+{done}
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (ended.returncode, ended.stderr) == (code, "")
+
+
+BLOCKED = {
+    "model show": "stdout",
+    "analyse {missing}": "stderr",
+    "analyse {log} --json": "stdout",
+    "report {log} -o {pipe}": "",
+    "export - -o {folder}/v.csv": "stdin",
+    "trend {folder}/flights --json": "stdout",
+    "fleet scan {folder}/logs --to {folder}/store --airframe {pipe}": "",
+    "fleet watch {folder}/logs --to {folder}/store --settle 0 --workers 0": "stdout",
+    "live udpin:14996 --key {pipe}": "",
+    "live udpin:14996 -v": "stderr",
+    "serve --port 0": "stdout",
+}
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize(
+    "command",
+    [pytest.param(one, marks=() if one == "model show" else pytest.mark.slow) for one in BLOCKED],
+)
+def test_a_signal_ends_a_program_that_waits_for_another(
+    command: str, number: signal.Signals, short_log: Path, tmp_path: Path
+) -> None:
+    """A pipe without another end, a reader that has stopped; all end some seconds after the signal."""
+    (tmp_path / "flights").mkdir()
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "a.tlog").write_bytes(short_log.read_bytes())
+    os.mkfifo(tmp_path / "pipe")
+    missing = " ".join(f"/missing{k}" for k in range(300))
+    names = {"log": short_log, "folder": tmp_path, "pipe": tmp_path / "pipe", "missing": missing}
+    reading, full = os.pipe()
+    os.set_blocking(full, False)
+    for size in (4096, 1):
+        with suppress(BlockingIOError):
+            while True:
+                os.write(full, bytes(size))
+    os.set_blocking(full, True)
+    streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    if BLOCKED[command]:
+        streams[BLOCKED[command]] = reading if BLOCKED[command] == "stdin" else full
+    program = subprocess.Popen(
+        [sys.executable, "-m", "mavhums", *command.format(**names).split()],
+        env=os.environ | {"PYTHONUNBUFFERED": ""},
+        **streams,  # type: ignore[call-overload]
+    )
+    try:
+        time.sleep(2 if command == "model show" else 6)
+        program.send_signal(number)
+        program.wait(timeout=15)
+    finally:
+        program.kill()
+        program.wait()
+        os.close(reading)
+        os.close(full)
