@@ -53,7 +53,7 @@ class Deriver:
         self.derived: dict[str, str] = {}
         self.dropped: set[str] = set()
         self._actuator = actuator
-        self._turned = np.full(3, np.nan)
+        self._turned = np.array([np.nan, np.nan, np.nan, 0.0])
         self._signs: CurrentSigns | None = None
 
     def complete(self, aligned: Aligned) -> Array:
@@ -147,21 +147,27 @@ class Deriver:
 def _integrate(utc_us: NDArray[np.int64], values: Array, ratio: float, turned: Array) -> bool:
     """Fill in V2 from the first known V7 on, and return whether anything was filled in.
 
-    It continues from the latest V2, measured or not; without one it starts at the command, if
-    known. ``turned`` keeps time, V7 and V2 between blocks.
+    It continues from the latest V2, measured or not, but not over a gap, which hides a motion. It starts,
+    and after a gap starts anew, at the command, and at zero if no command was ever known. ``turned`` keeps
+    time, V7, V2, and whether a command was known, between blocks.
     """
     filled = False
     for k in range(utc_us.size):
+        if utc_us[k] - turned[0] > _MAX_STEP_US:
+            turned[2] = np.nan
+        commanded = not np.isnan(values[k, _V1])
+        turned[3] = 1.0 if commanded else turned[3]
         unknown = np.isnan(values[k, _V7])
-        if unknown and np.isnan(turned[2]):
+        if np.isnan(turned[2]) and (unknown or (turned[3] > 0.0 and not commanded)):
+            turned[0] = utc_us[k]
             continue
         speed = 0.0 if unknown else values[k, _V7]
         if np.isnan(values[k, _V2]):
             filled = True
             if np.isnan(turned[2]):
-                values[k, _V2] = 0.0 if np.isnan(values[k, _V1]) else values[k, _V1] * ratio
+                values[k, _V2] = values[k, _V1] * ratio if commanded else 0.0
             else:
-                step_s = min(utc_us[k] - turned[0], _MAX_STEP_US) * 1e-6
+                step_s = (utc_us[k] - turned[0]) * 1e-6
                 values[k, _V2] = turned[2] + step_s * (speed + turned[1]) / 2 * DEGREES_S_PER_REV_MIN
         turned[0], turned[1], turned[2] = utc_us[k], speed, values[k, _V2]
     return filled

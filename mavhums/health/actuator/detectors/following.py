@@ -29,7 +29,6 @@ from math import exp
 from typing import ClassVar
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags, Integers
@@ -39,7 +38,6 @@ from mavhums.core.statistics import DEGREES_S_PER_REV_MIN
 from mavhums.health.actuator.detector import Detector, DetectorInput
 from mavhums.health.actuator.thresholds import (
     FOLLOWING_ASKED_LIMITS,
-    FOLLOWING_LONGEST_GAP_S,
     FOLLOWING_SECONDS,
     FOLLOWING_STANDS_SHARE,
     JAM_COMMAND_DEG,
@@ -49,6 +47,7 @@ from mavhums.health.actuator.thresholds import (
     JAM_SHARE,
     JAM_SPAN_S,
     LONGEST_SPEED_STEP_S,
+    LONGEST_UNSEEN_S,
     STALLED_SECONDS,
     STALLED_SHARE,
     SURELY_FOLLOWS_SHARE,
@@ -126,7 +125,7 @@ def _errors(time_s: Array, command: Array, shaft: Array, model: Array, state: Ar
             continue
         passed = time_s[k] - state[0]
         # After a gap the model starts where the shaft is.
-        if passed <= FOLLOWING_LONGEST_GAP_S:  # not of NaN
+        if passed <= LONGEST_UNSEEN_S:  # not of NaN
             # The mean of two commands: a step between the samples came at half time on average.
             asked = min(max((command[k] + state[1]) / 2, low), high)
             step = (asked - state[2]) * (1.0 - exp(-passed / lag))
@@ -159,7 +158,7 @@ class JamDetector(Detector):
         self._ratio = ema.gear_ratio if ema else np.nan
         self._stall_a = supply_v / ema.resistance if ema and supply_v else np.nan
         self._standing = actuator.moving_speed_rev_min if ema else np.nan
-        self._windows = Windows(8, max(JAM_PARTS), empty=-np.inf)
+        self._windows = Windows(9, max(JAM_PARTS), empty=-np.inf)
         self._in_vain = Windows(1)
 
     def feed(self, seen: DetectorInput) -> Estimates:
@@ -167,19 +166,15 @@ class JamDetector(Detector):
         own, part = seen.slots.values[seen.slots.judged], self._parts(seen.slots)
         start = np.flatnonzero(np.diff(part, prepend=part[0] - 1))
         missed = own[:, _V1] - own[:, SHAFT]
-        extremes = np.stack(
-            [
-                np.maximum.reduceat(own[:, _V1], start),
-                -np.minimum.reduceat(own[:, _V1], start),
-                np.maximum.reduceat(own[:, SHAFT], start),
-                -np.minimum.reduceat(own[:, SHAFT], start),
-                WOUND_UP_DEG * (1.0 - np.minimum.reduceat(own[:, SENSED], start)),
-                np.add.reduceat(self._most_travel(seen.slots), start),
-                np.maximum.reduceat(missed, start),
-                -np.minimum.reduceat(missed, start),
-            ],
-            axis=1,
-        )
+        resumes = np.diff(seen.slots.time_s, prepend=np.nan)[seen.slots.judged] > LONGEST_UNSEEN_S
+        shown = [own[:, _V1], -own[:, _V1], own[:, SHAFT], -own[:, SHAFT]]
+        shown += [WOUND_UP_DEG * (1.0 - own[:, SENSED]), missed, -missed, np.where(resumes, 1.0, -np.inf)]
+        columns = np.stack([*shown, self._most_travel(seen.slots)], axis=1)
+        # What was seen before a gap is no longer seen after it, though its slot may be the one after.
+        last = np.maximum.reduceat(np.where(resumes, np.arange(part.size), 0), start)
+        columns[np.arange(part.size) < np.repeat(last, np.diff(start, append=part.size))] = -np.inf
+        travel = np.add.reduceat(np.where(np.isneginf(columns[:, -1:]), 0.0, columns[:, -1:]), start)
+        extremes = np.hstack([np.maximum.reduceat(columns[:, :-1], start), travel])
         windows = self._windows.feed(part[start], extremes)
         left_out = np.full(len(windows), np.nan)
         # The longer span is asked only where the shorter one commands too little.
@@ -229,23 +224,23 @@ class JamDetector(Detector):
     def _left_out(self, windows: Array) -> Array:
         """Return the fraction of the commanded travel not followed; NaN if too little was commanded.
 
-        NaN as well if no sample came for a second: the shaft may have moved and returned.
+        Only what came since the last gap counts: in a gap the shaft may have moved and returned.
         """
+        since = np.logical_or.accumulate(windows[:, :0:-1, 7] > 0.0, axis=1)[:, ::-1]
+        windows = windows.copy()
+        windows[:, :-1][since] = -np.inf
         # Columns 0 and 1 are the highest and minus the lowest command; the last second may not be answered
         # yet.
         commanded = windows[:, :-JAM_LATEST_PARTS, :2].max(axis=1).sum(axis=1)
         # Column 4: an angle divided from the rotor's shows the wind-up of the gear, too.
         wound_up = windows[:, :, 4].max(axis=1)
-        # Column 5: the integral of the unsigned speed.
-        bound = np.where(np.isneginf(windows[:, :, 5]), 0.0, windows[:, :, 5]).sum(axis=1)
+        # Column 8: the integral of the unsigned speed.
+        bound = np.where(np.isneginf(windows[:, :, 8]), 0.0, windows[:, :, 8]).sum(axis=1)
         # Columns 2 and 3 are the highest and minus the lowest angle.
         angle = windows[:, :, 2:4].max(axis=1).sum(axis=1)
         travelled = np.where(np.isnan(angle), bound, angle) - wound_up
-        empty = np.isneginf(windows[:, :, 0])
-        # In a second without samples the shaft may have moved and returned.
-        gap = np.any(sliding_window_view(empty, JAM_PARTS_PER_SLOT, axis=1).all(axis=2), axis=1)
-        enough = np.where((commanded >= JAM_COMMAND_DEG + wound_up) & ~gap, commanded, np.nan)
-        enough[_only_approached(windows[:, :, 6:], (1.0 - JAM_SHARE) * commanded)] = np.nan
+        enough = np.where(commanded >= JAM_COMMAND_DEG + wound_up, commanded, np.nan)
+        enough[_only_approached(windows[:, :, 5:7], (1.0 - JAM_SHARE) * commanded)] = np.nan
         share: Array = 1.0 - np.maximum(travelled, 0.0) / enough
         # To and fro in the gear also integrates to a travel: the bound shows a jam, and ends one only when
         # far beyond.
