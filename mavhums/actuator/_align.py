@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
+from mavhums.core.quantities import column
 
 NEVER = 2**62
+_BETWEEN = (column("V1"), column("V11"))  # the command and the load, which need no sensor at the shaft
+_ANGLES = (column("V2"), column("V3"))
 
 Rows = tuple[Integers, Integers, Array]
 
@@ -184,8 +187,8 @@ def limits(
             if asked == NEVER or k == clock or asked <= first_frame[k]:
                 continue
             adds = rank[k] < rank[clock]
-            for column in range(values.shape[1]):
-                adds = adds or (gives[k, column] and np.isnan(values[own, column]))
+            for j in range(values.shape[1]):
+                adds = adds or (gives[k, j] and np.isnan(values[own, j]))
             last = heard[k] = _near(frame, bounds[k], bounds[k + 1], asked + 1, heard[k])
             silent = last > bounds[k] and time[last - 1] < at_us - horizon_us
             if adds and not silent:  # nothing waits for a source that has died
@@ -206,10 +209,13 @@ def combine(
     rows: Rows,
     bounds: Integers,
     keep_us: int,
-    span_us: int,
+    spans_us: tuple[int, int],
 ) -> tuple[Array, NDArray[np.int8]]:
     """Return each quantity at each time, from the first source in ``order`` that has it.
 
+    ``spans_us`` are the longest step between neighbours that are interpolated and, of what a servo reports,
+    the longest of a source that is sampled: over more a reading is held, so that it shows that it repeats,
+    and an angle is not known.
     Only messages before frames ``limit`` (n,) are used. Values and sources (−1 for none) are (n, 12) each.
     """
     time, frame, values = rows
@@ -229,14 +235,17 @@ def combine(
             left, part = right, 0.0
             if time[right] != at_us[i]:
                 left = right - 1
-                if left < bounds[k] or time[right] - time[left] > span_us:
+                if left < bounds[k] or time[right] - time[left] > spans_us[0]:
                     continue
                 part = (at_us[i] - time[left]) / (time[right] - time[left])
-            for column in range(columns):
-                found = values[right, column]
-                if left != right:
-                    found = values[left, column] * (1.0 - part) + found * part
-                if np.isnan(out[i, column]) and np.isfinite(found):
-                    out[i, column], origin[i, column] = found, k
+            sampled = time[right] - time[left] <= spans_us[1]
+            for j in range(columns):
+                found = values[right, j]
+                if not sampled and j not in _BETWEEN:
+                    found = np.nan if j in _ANGLES else values[left, j]
+                elif left != right:
+                    found = values[left, j] * (1.0 - part) + found * part
+                if np.isnan(out[i, j]) and np.isfinite(found):
+                    out[i, j], origin[i, j] = found, k
                     missing -= 1
     return out, origin

@@ -1,8 +1,9 @@
 """Alignment of an actuator's sources to one sample clock.
 
-The clock is given by the times of the source that carries V5, else V7, else V3, else V1; the other
-quantities are interpolated to it. Samples depend only on the order of messages in the log, not on
-its division into blocks. A sample becomes final when every source that could contribute to it has
+The clock is given by the times of the source that carries V5, else V7, else V3, else V1, and that is sampled:
+a current once a second must not thin positions of 20 Hz. The other quantities are interpolated to it; between
+values farther apart than a sampled source's, a reading is held, and an angle is not known. Samples depend only
+on the order of messages in the log, not on its division into blocks. A sample becomes final when every source that could contribute to it has
 reached its time, at the latest with any message :data:`~mavhums.vehicle.grid.HORIZON_S` later: a late
 message is not a lost one. Later messages do not change it. A source that has been silent for as long
 is not waited for, and a sample that arrives as far behind another source becomes final without values.
@@ -27,6 +28,7 @@ from mavhums.vehicle.grid import HORIZON_S
 _HORIZON_US = round(HORIZON_S * 1e6)
 _OPENING_US = 10_000_000  # in which each type is heard once, whatever its latency or the backlog of the link
 _MAX_SPAN_US = 2_000_000  # between neighbours that are interpolated: a longer gap hides whole motions
+_SAMPLED_US = 500_000  # longest step of a source that is sampled: over more a shaft moves to and fro
 _SLOPE_US = 80_000  # over which the command's rate is taken: longer blurs steps
 _CLOCK_ORDER = tuple(column(key) for key in ("V5", "V7", "V3", "V1"))
 
@@ -86,7 +88,10 @@ class Aligner:
         self._trust = {tier: rank for rank, tier in enumerate(trust)}
         self._lag_us = round(lag_s * 1e6)
         self._places: dict[str, int] = {}
-        self._clock, self._clock_rank = -1, (len(_CLOCK_ORDER) + 1, 0)
+        self._clock = -1
+        self._worth: list[tuple[int, int]] = []  # as a clock: rank of the quantity, and of the tier
+        self._ranks: dict[int, tuple[bool, int, int]] = {}  # whether a source is slow, and its worth
+        self._sampled: set[int] = set()
         self._known_from_us = NEVER
         none: Integers = np.empty(0, dtype=np.int64)
         self._rows: Rows = none, none, np.empty((0, len(KEYS)))
@@ -141,15 +146,30 @@ class Aligner:
 
     def _take(self, readings: Sequence[Reading]) -> None:
         """Add readings to the rows of their sources, and the clock's rows to the pending samples."""
-        reigns = [(self._clock, -1)]
+        turns: list[tuple[int, int, bool]] = []  # frame, source, and whether it is slow from there on
         new: dict[int, Reading] = {}
         for reading in sorted(readings, key=lambda reading: int(reading.frame[0])):
             k = self._places.get(reading.source)
             if k is None:
                 k = self._introduce(reading)
-                if k == self._clock:
-                    reigns.append((k, int(reading.frame[0])))
+                turns.append((int(reading.frame[0]), k, False))
             new[k] = reading
+            if k in self._sampled:
+                continue
+            # A source is slow from its first step on if that is long, until a short one.
+            step_us = reading.utc_us - np.maximum.accumulate([self._latest_us[k], *reading.utc_us[:-1]])
+            known = np.flatnonzero((step_us > 0) & (step_us < NEVER))
+            short = known[step_us[known] <= _SAMPLED_US][:1]
+            if short.size:
+                self._sampled.add(k)
+            turns += [(int(reading.frame[i]), k, i not in short) for i in {*known[:1], *short}]
+        reigns = [(self._clock, -1)]
+        for frame, k, slow in sorted(turns):
+            self._ranks[k] = slow, *self._worth[k]
+            best = min(self._ranks, key=lambda place: self._ranks[place])
+            if best != self._clock:
+                self._clock = best
+                reigns.append((best, frame))
         new = {k: self._sharp(k, reading, np.array(reigns)) for k, reading in new.items()}
         places = sorted(new)
         rows = (
@@ -176,16 +196,14 @@ class Aligner:
         return reading._replace(values=np.where(blurred[:, None], np.nan, reading.values))
 
     def _introduce(self, reading: Reading) -> int:
-        """Add a source, and return its index; it becomes the clock if it is better than the current one."""
+        """Add a source, and return its index."""
         k = self._places[reading.source] = len(self.sources)
         if k == 0:
             self._known_from_us = int(reading.utc_us[0]) + _OPENING_US
         self.sources.append(Origin(reading.source, reading.tier, reading.fields, reading.signed))
         given = np.isfinite(reading.values[0])
         first = next((rank for rank, c in enumerate(_CLOCK_ORDER) if given[c]), len(_CLOCK_ORDER))
-        rank = first, self._trust[reading.tier]
-        if rank < self._clock_rank:
-            self._clock, self._clock_rank = k, rank
+        self._worth.append((first, self._trust[reading.tier]))
         self._bounds = np.append(self._bounds, self._bounds[-1])
         self._latest_us, self._late = np.append(self._latest_us, -NEVER), np.append(self._late, 0)
         self._first_frame = np.append(self._first_frame, reading.frame[0])
@@ -215,4 +233,5 @@ class Aligner:
         Magnitudes and signed values are not mixed.
         """
         by_trust = self._by_trust[signed]
-        return combine(time_us, limit, by_trust, self._rows, self._bounds, _HORIZON_US, _MAX_SPAN_US)
+        spans_us = _MAX_SPAN_US, _SAMPLED_US
+        return combine(time_us, limit, by_trust, self._rows, self._bounds, _HORIZON_US, spans_us)

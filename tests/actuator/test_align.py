@@ -56,6 +56,24 @@ def test_the_current_gives_the_clock_and_others_are_interpolated() -> None:
     assert values[:, 0] == pytest.approx([1.0, 11.0, 21.0])
 
 
+def test_a_slow_current_does_not_thin_positions() -> None:
+    """A current once a second beside positions at 20 Hz: each sample of the position counts."""
+    current = reading(4, [*range(0, 400, 100)], [*range(0, 4000, 1000)], [1.0, 2.0, 3.0, 4.0])
+    where = [k for k in range(1, 320, 5)]
+    shaft = reading(2, where, [10 * k for k in where], [float(k) for k in where])
+    times, values = align([[current, shaft]])
+    assert (times > 1000).sum() == sum(10 * k > 1000 for k in where)
+    # The current repeats: nothing takes it for one that is sampled at the rate of the position.
+    assert set(values[(times > 1000) & (times < 3000), 4].tolist()) == {2.0, 3.0}
+
+
+def test_an_angle_once_a_second_is_unknown_between() -> None:
+    shaft = reading(2, [0, 3], [0, 1000], [0.0, 8.0])
+    current = reading(4, [1, 2, 4, 5], [300, 600, 1000, 1100], [1.0] * 4)
+    _, values = align([[shaft, current]])
+    assert np.isnan(values[1:3, 2]).all()
+
+
 def test_equal_times_need_no_interpolation() -> None:
     current = reading(4, [0, 2], [10, 20], [1.0, 2.0])
     angle = reading(2, [1, 3], [10, 20], [5.0, 7.0])
