@@ -59,7 +59,7 @@ def test_the_current_gives_the_clock_and_others_are_interpolated() -> None:
 def test_a_slow_current_does_not_thin_positions() -> None:
     """A current once a second beside positions at 20 Hz: each sample of the position counts."""
     current = reading(4, [*range(0, 400, 100)], [*range(0, 4000, 1000)], [1.0, 2.0, 3.0, 4.0])
-    where = [k for k in range(1, 320, 5)]
+    where = list(range(1, 320, 5))
     shaft = reading(2, where, [10 * k for k in where], [float(k) for k in where])
     times, values = align([[current, shaft]])
     assert (times > 1000).sum() == sum(10 * k > 1000 for k in where)

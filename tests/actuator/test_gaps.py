@@ -45,7 +45,7 @@ def alarms(tables: Mapping[str, Table], gaps: Iterable[tuple[float, float]]) -> 
     monitors: dict[str, Monitor] = {}
     for new in Mapper(PAPER).feed(cut, final=True):
         monitor = monitors.setdefault(new.actuator.name, Monitor(1, new.actuator))
-        time_s = (new.utc_us - begin_us) * 1e-6
+        time_s = np.asarray((new.utc_us - begin_us) * 1e-6, dtype=np.float64)
         list(monitor.feed(time_s, new.values, new.measured, new.bus_v, None, new.magnitudes))
     for monitor in monitors.values():
         list(monitor.finish())
