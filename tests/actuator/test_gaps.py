@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mavhums.actuator import load_airframe
 from mavhums.actuator.mapping import Mapper
@@ -45,8 +46,8 @@ def alarms(tables: Mapping[str, Table], gaps: Iterable[tuple[float, float]]) -> 
     monitors: dict[str, Monitor] = {}
     for new in Mapper(PAPER).feed(cut, final=True):
         monitor = monitors.setdefault(new.actuator.name, Monitor(1, new.actuator))
-        time_s = np.asarray((new.utc_us - begin_us) * 1e-6, dtype=np.float64)
-        list(monitor.feed(time_s, new.values, new.measured, new.bus_v, None, new.magnitudes))
+        seen_s: NDArray[np.float64] = (new.utc_us - begin_us) * 1e-6
+        list(monitor.feed(seen_s, new.values, new.measured, new.bus_v, None, new.magnitudes))
     for monitor in monitors.values():
         list(monitor.finish())
     assert len(monitors) == len(PAPER.actuators)
