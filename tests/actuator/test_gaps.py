@@ -46,7 +46,7 @@ def alarms(tables: Mapping[str, Table], gaps: Iterable[tuple[float, float]]) -> 
     monitors: dict[str, Monitor] = {}
     for new in Mapper(PAPER).feed(cut, final=True):
         monitor = monitors.setdefault(new.actuator.name, Monitor(1, new.actuator))
-        seen_s: NDArray[np.float64] = (new.utc_us - begin_us) * 1e-6
+        seen_s: NDArray[np.float64] = np.asarray((new.utc_us - begin_us) * 1e-6, dtype=np.float64)
         list(monitor.feed(seen_s, new.values, new.measured, new.bus_v, None, new.magnitudes))
     for monitor in monitors.values():
         list(monitor.finish())
