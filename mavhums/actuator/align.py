@@ -1,10 +1,11 @@
 """Alignment of an actuator's sources to one sample clock.
 
-The clock is given by the times of the source that carries V5, else V7, else V3, else V1, and that is sampled:
-a current once a second must not thin positions of 20 Hz. The other quantities are interpolated to it; between
-values farther apart than a sampled source's, a reading is held, and an angle is not known. Samples depend only
-on the order of messages in the log, not on its division into blocks. A sample becomes final when every source that could contribute to it has
-reached its time, at the latest with any message :data:`~mavhums.vehicle.grid.HORIZON_S` later: a late
+The clock is given by the times of the source that carries V5, else V7, else V3, else V1, and that is
+sampled: a current once a second must not thin positions of 20 Hz. The other quantities are interpolated
+to it; between values farther apart than a sampled source's, a reading is held, and an angle is not known.
+Samples depend only on the order of messages in the log, not on its division into blocks. A sample
+becomes final when every source that could contribute to it has reached its time, at the latest with any
+message :data:`~mavhums.vehicle.grid.HORIZON_S` later: a late
 message is not a lost one. Later messages do not change it. A source that has been silent for as long
 is not waited for, and a sample that arrives as far behind another source becomes final without values.
 In the first ten seconds every sample waits until all sources have had the time to be heard.

@@ -58,8 +58,8 @@ MODEL_ERROR_LIMIT_SHARE: Final = 0.02
 # Seconds of ten in which an error of following must show: one glitch of a sensor is no fault. By hand.
 FOLLOWING_SECONDS: Final = 3
 
-# A longer gap between samples starts what compares the shaft with its command anew, s: what was asked meanwhile,
-# and how the shaft moved, is not known.
+# A longer gap between samples starts what compares the shaft with its command anew, s: what was asked
+# meanwhile, and how the shaft moved, is not known.
 LONGEST_UNSEEN_S: Final = 0.5
 
 # A shaft that travels less of its error within a second stands, which is for the detector of jams. By
