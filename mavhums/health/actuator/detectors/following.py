@@ -116,7 +116,7 @@ class FollowingDetector(Detector):
 
 @kernel
 def _errors(time_s: Array, command: Array, shaft: Array, model: Array, state: Array) -> tuple[Array, Array]:
-    """Return the shaft's angle minus the model's, NaN where the model starts anew, and its doubt, shapes (n,).
+    """Return the shaft's angle minus the model's, NaN where the model starts anew, and its doubt, (n,).
 
     ``model`` holds lag, slew rate and stroke, ``state`` time, command and the model's angle between blocks.
     """
