@@ -23,7 +23,7 @@ from mavhums.engine.axes import MOST_VEHICLES, Axes, VehicleLimit, with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Forgotten, Notice, Samples
 from mavhums.engine.motors import beside_motors
 from mavhums.engine.options import EngineOptions
-from mavhums.engine.usage import vehicle_usage, without_thrust_left
+from mavhums.engine.usage import at_full_output, vehicle_usage
 from mavhums.engine.vehicle_setup import setup_notices
 from mavhums.health.decision.events import ActuatorRecord
 from mavhums.health.verdict import with_advice
@@ -192,7 +192,7 @@ class Engine:
                 yield from (
                     f"{whose}{said}" for said in setup_notices(followed.setups.last, followed.surfaces)
                 )
-                yield from (f"{whose}{said}" for said in without_thrust_left(followed))
+                yield from (f"{whose}{said}" for said in at_full_output(followed))
                 draft = self._mappers.drafts.get(vehicle)
                 if draft is not None:
                     yield f"{whose}{draft.notice}"

@@ -125,8 +125,8 @@ def _output(servo: int, use: OutputUse | None, known: _OutputFacts | None) -> Ou
     )
 
 
-def without_thrust_left(followed: VehicleAxes) -> Iterator[str]:
-    """Yield one sentence on the motors that were asked for all they have: none was left to steer with."""
+def at_full_output(followed: VehicleAxes) -> Iterator[str]:
+    """Yield one sentence on the motors that were asked for all they have, as in a climb or in a gust."""
     rotors, outputs = followed.motors.rotors, followed.usage.outputs
     if not isinstance(rotors, Rotors) or rotors.lift:
         return
@@ -138,4 +138,4 @@ def without_thrust_left(followed: VehicleAxes) -> Iterator[str]:
     short = {name: time_s for name, time_s in full.items() if time_s >= _SATURATED_S}
     if short:
         told = ", ".join(f"{name} for {time_s:.0f} s" for name, time_s in short.items())
-        yield f"no thrust was left: {told} at full output"
+        yield f"at full output in all: {told}"

@@ -12,7 +12,7 @@ from mavhums.actuator import load_airframe
 from mavhums.engine.actuators import network_answer
 from mavhums.engine.axes import with_drops
 from mavhums.engine.motors import VehicleMotors, beside_motors
-from mavhums.engine.usage import _facts_by_servo, _motors, _output, _OutputFacts, without_thrust_left
+from mavhums.engine.usage import _facts_by_servo, _motors, _output, _OutputFacts, at_full_output
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, Obstacle
 from mavhums.log.base.decoder import Losses
 from mavhums.vehicle.facts import OUTPUTS
@@ -123,9 +123,9 @@ def test_motors_at_full_output_for_a_second_leave_no_thrust() -> None:
         followed: Any = SimpleNamespace(
             motors=SimpleNamespace(rotors=judged), usage=SimpleNamespace(outputs=outputs)
         )
-        return [*without_thrust_left(followed)]
+        return [*at_full_output(followed)]
 
-    assert said(rotors(1, 2, 3, 4)) == ["no thrust was left: motor 1 for 1 s, motor 4 for 3 s at full output"]
+    assert said(rotors(1, 2, 3, 4)) == ["at full output in all: motor 1 for 1 s, motor 4 for 3 s"]
     assert said(rotors(2)) == said(rotors(1, lift=True)) == said(None) == []
 
 

@@ -32,7 +32,7 @@ from mavhums.health.motor.thresholds import (
     TRIM_SCATTER_WORTH,
     YAW_SHIFT,
 )
-from mavhums.health.verdict.obstacles import to_record, without
+from mavhums.health.verdict.obstacles import beside, to_record, without
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import MOTORS, Coverage, Evidence, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
@@ -114,7 +114,9 @@ def verdicts_of_motors(
         )
     elif findings.judged_s < JUDGED_S:
         motion = "hover" if findings.rotors.lift else "flight"
-        why = f"{findings.judged_s:.0f} s of {motion} could be judged, {JUDGED_S:.0f} are needed"
+        why = (
+            f"{beside(findings.judged_s, JUDGED_S)} s of {motion} could be judged, {JUDGED_S:.0f} are needed"
+        )
         yield unjudged_motors(vehicle, why, _LONGER)
     else:
         yield from _healthy(vehicle, findings)

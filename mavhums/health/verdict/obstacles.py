@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from mavhums.actuator.telemetry import TO_BE_JUDGED, Tier
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.thresholds import (
@@ -45,6 +47,7 @@ _LONGER: Final = f"choose a log with {_JUDGED_S} s or more of forward flight"
 _LONGER_DRIVE: Final = f"choose a log with {_JUDGED_S} s or more of driving forward, with turns"
 _IN_ORDER: Final = "record on board, or over a link that keeps the order of the messages"
 _OUTPUTS: Final = messages_of("outputs")
+_MOST_DECIMALS: Final = 6  # what is closer is equal
 _NEEDED: Final = {"outputs": "the servo outputs", "attitude": "the attitude"}
 _ACCELEROMETER: Final = ("pitch", "yaw")
 _NAMES: Final = {"roll": "aileron_left", "pitch": "elevator", "yaw": "rudder"}
@@ -154,7 +157,7 @@ def without(missing: Mapping[str, str], flight: Flight, received: Mapping[str, R
     recorded_s, lacking, rare = flight.lasted_s("recorded"), [], []
     for name, words in missing.items():
         kept = max((received[one].kept for one in messages_of(name) & received.keys()), default=0)
-        if kept and recorded_s:
+        if 0 < kept < NEEDED_HZ * recorded_s:
             rare.append(f"{words} come {kept / recorded_s:.2g} times a second, {NEEDED_HZ} are needed")
         else:
             lacking.append(words)
@@ -177,26 +180,40 @@ def _unsteered(who: str, parameters: Parameters | None) -> Obstacle:
 
 def _stood(flight: Flight) -> Obstacle:
     """Return why a flight has no second of forward flight."""
+    least, said, longer = LEAST_SPEED, "it never flew forward", _LONGER
     if flight.on_ground:
         least = max(LEAST_DRIVEN[kind] for kind in flight.kinds & GROUND or GROUND)
-        reason = f"its highest speed forward was {flight.fastest:.1f} m/s, {least:g} are needed"
-        return Obstacle(f"it did not drive forward for 3 s: {reason}", _LONGER_DRIVE)
-    fast_s, longest = flight.lasted_s("fast"), "no stretch of the rest lasted 3 s"
-    if not flight.lasted_s("armed"):
-        return Obstacle("it never flew forward: it was never armed", _LONGER)
-    if not flight.heard & {"airspeed", "groundspeed", "velocity"}:
+        said, longer = "it did not drive forward for 3 s", _LONGER_DRIVE
+    elif not flight.lasted_s("armed"):
+        return Obstacle(f"{said}: it was never armed", longer)
+    elif not flight.heard & {"airspeed", "groundspeed", "velocity"}:
         return Obstacle(
             "whether it flew forward is not known: the log tells no speed", "record airspeed or GPS as well"
         )
-    if not fast_s:
-        reason = f"its highest speed while armed was {flight.fastest:.0f} m/s, {LEAST_SPEED:.0f} are needed"
-        return Obstacle(f"it never flew forward: {reason}", _LONGER)
+    fast_s, fastest = flight.lasted_s("fast"), beside(flight.fastest, least)
+    if flight.fastest <= least:
+        reason = f"its highest speed while armed was {fastest} m/s, more than {least:g} are needed"
+        return Obstacle(f"{said}: {reason}", longer)
     stops = sorted(_STOPPED, key=flight.lasted_s, reverse=True)
     lasted = [
         f"in {flight.lasted_s(why):.0f} s {_STOPPED[why]}" for why in stops if flight.lasted_s(why) >= 1
     ]
-    above = f"of {fast_s:.0f} s above {LEAST_SPEED:.0f} m/s (fastest {flight.fastest:.0f} m/s)"
-    return Obstacle(f"it never flew forward: {above}, {', '.join(lasted or [longest])}", _LONGER)
+    above = f"of {fast_s:.3g} s above {least:g} m/s (fastest {fastest} m/s)"
+    rest = ", ".join(lasted or ["no stretch of the rest lasted 3 s"])
+    return Obstacle(f"{said}: {above}, {rest}", longer)
+
+
+def beside(value: float, limit: float) -> str:
+    """Return a number with as few decimals as show on which side of a limit it lies.
+
+    Examples
+    --------
+    >>> beside(6.4, 8.0), beside(7.96, 8.0), beside(0.42, 0.5)
+    ('6', '7.96', '0.4')
+    """
+    shown = [f"{value:.{decimals}f}" for decimals in range(limit % 1 > 0, _MOST_DECIMALS + 1)]
+    side = np.sign(round(value - limit, _MOST_DECIMALS))
+    return next((one for one in shown if np.sign(float(one) - limit) == side), shown[0])
 
 
 def disorder(received: Mapping[str, Received]) -> str:
@@ -336,7 +353,8 @@ def _unclear(findings: AxisFindings) -> Obstacle:
     """Return why an axis with a reference is neither normal nor faulty."""
     coverage, found = findings.coverage, findings.doubt or findings.effectiveness
     if coverage.decidable >= NORMAL_S and found is not None:
-        kept = f"{100 * found.estimate:.0f} % ({100 * found.low:.0f}–{100 * found.high:.0f})"
+        low = beside(100 * found.low, 100 * NORMAL_EFFECTIVENESS)
+        kept = f"{100 * found.estimate:.0f} % ({low}–{100 * found.high:.0f})"
         least = f"{100 * NORMAL_EFFECTIVENESS:.0f} %"
         reason = f"control left {kept} is neither certainly above {least} nor certainly a loss"
     else:
@@ -375,18 +393,19 @@ def _no_reference(findings: AxisFindings) -> Iterator[Obstacle]:
     verb = "drive" if axis == STEERING else "fly"
     remedy = f"{verb} more {_manoeuvres(axis)} in the first three minutes"
     if best.explained < needs.explained:
-        what = f"its surfaces explain {100 * best.explained:.0f} % of how it moves in {axis}"
+        share = beside(100 * best.explained, 100 * needs.explained)
+        what = f"its surfaces explain {share} % of how it moves in {axis}"
         if axis == STEERING:
-            what = f"its steering explains {100 * best.explained:.0f} % of how it turns"
+            what = f"its steering explains {share} % of how it turns"
         if axis == "yaw":
             what = (
                 "rudder and aileron cannot be told apart: the rudder explains "
-                f"{100 * best.explained:.0f} % of the side force that the ailerons leave"
+                f"{share} % of the side force that the ailerons leave"
             )
             remedy = "pulse the rudder alone for a few seconds early in the flight"
         yield Obstacle(f"{what}, {100 * needs.explained:.0f} % are needed", remedy)
     if best.error > needs.error:
-        reason = f"the effect of its surfaces is known to {100 * best.error:.0f} %"
+        reason = f"the effect of its surfaces is known to {beside(100 * best.error, 100 * needs.error)} %"
         yield Obstacle(f"{reason}, {100 * needs.error:.0f} % are needed", remedy)
 
 

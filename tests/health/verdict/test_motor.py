@@ -54,7 +54,7 @@ def verdicts(findings: MotorFindings | None, rotors: Any = QUAD, *, lacks: str =
         ({}, "rates", "the log lacks the body rates"),
         ({"several": (1, 3), "loss": LOSS}, "", "more than one motor seems to have lost thrust (1 and 3)"),
         ({"tipped": True}, "", "it leaned more than 60° before any motor stood out"),
-        ({"judged_s": 29.9}, "", "30 s of flight could be judged, 30 are needed"),
+        ({"judged_s": 29.9}, "", "29.9 s of flight could be judged, 30 are needed"),
         ({"judged_s": 12.0, "rotors": replace(QUAD, lift=True)}, "", "12 s of hover could be judged"),
     ],
 )

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as v2
 
 from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
@@ -92,7 +95,7 @@ def why(*arguments: Any, **changes: Any) -> str:
         (
             {"flown_s": 0, "lasted": {"armed": 9.0}, "fastest": 6.4},
             None,
-            "it never flew forward: its highest speed while armed was 6 m/s, 8 are needed",
+            "it never flew forward: its highest speed while armed was 6 m/s, more than 8 are needed",
         ),
         (
             {"flown_s": 0, "lasted": {"armed": 9.0, "fast": 7.0, "slow": 1.0, "mode": 4.0, "lift": 0.9}},
@@ -108,12 +111,12 @@ def why(*arguments: Any, **changes: Any) -> str:
         (
             {"kinds": {ROVER}, "on_ground": True, "steers": True, "flown_s": 0, "fastest": 0.42},
             None,
-            "it did not drive forward for 3 s: its highest speed forward was 0.4 m/s, 0.5 are needed",
+            "it did not drive forward for 3 s: its highest speed while armed was 0.4 m/s, more than 0.5",
         ),
         (
             {"kinds": {BOAT}, "on_ground": True, "steers": True, "flown_s": 0, "fastest": 1.0},
             None,
-            "it did not drive forward for 3 s: its highest speed forward was 1.0 m/s, 1.5 are needed",
+            "it did not drive forward for 3 s: its highest speed while armed was 1.0 m/s, more than 1.5",
         ),
         ({"kinds": set(), "on_ground": True, "steers": True}, None, ""),
         ({"kinds": {ROVER}, "on_ground": True}, None, "a ground rover: which output steers it"),
@@ -274,6 +277,35 @@ def test_streams_that_are_too_slow_or_absent() -> None:
     for seconds, doubted in ((9, False), (10, True)):
         told = "for 10 s the airspeed sensor contradicts" in undecided(findings(), doubted_s=seconds)
         assert told == doubted
+
+
+@given(short=st.floats(1e-5, 1.0))
+@example(short=0.004)
+@example(short=0.05)
+def test_the_numbers_of_a_reason_show_that_it_is_one(short: float) -> None:
+    """What is missed by little is not rounded to what is needed, and what is reached is not called short."""
+    needs = replace(STANDARDS["roll"], explained=0.75, error=0.55)
+
+    def of_reference(axis: str, explained: float, error: float) -> str:
+        steers = Surfaces((SurfaceOutput(1, "steering", 1500, 400),), "parameters")
+        one = findings(axis, best=reference(explained, error), needs=needs)
+        return undecided(one, steers if axis == "steering" else KNOWN)
+
+    stood = {"flown_s": 0, "lasted": {"armed": 9.0}}
+    driven = {"kinds": {ROVER}, "on_ground": True, "steers": True, "flown_s": 0}
+    too_little = [
+        why(**stood, fastest=8.0 * (1 - short)),
+        why(**driven, fastest=0.5 * (1 - short)),
+        *(of_reference(axis, 0.75 * (1 - short), 0.1) for axis in ("roll", "yaw", "steering")),
+    ]
+    for reason in too_little:
+        had, needed = map(float, re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?= m/s, | %|\.?\d* are)", reason)[-2:])
+        assert had < needed, reason
+    had, needed = map(float, re.findall(r"([\d.]+) %", of_reference("roll", 0.75, 0.55 * (1 + short))))
+    assert had > needed
+    fast = {**driven, "lasted": {"fast": 3 * short}, "fastest": 0.5 + 4.3 * short}
+    [above, fastest] = map(float, re.findall(r"([\d.]+) m/s", why(**fast)))
+    assert fastest > above == 0.5
 
 
 def test_seconds_that_make_no_reference() -> None:
