@@ -118,6 +118,17 @@ def test_a_lean_is_judged_for_a_moment_and_then_only_after_a_while(rows: int, de
     assert len(shown) == UPRIGHT + 20 - shown[0]
 
 
+@pytest.mark.parametrize(("falls_rad_s", "found"), [(0.19, 0), (0.21, 2)])
+def test_a_short_window_shows_a_motor_only_if_the_craft_falls_towards_it(
+    falls_rad_s: float, found: int
+) -> None:
+    craft = flown(SETTLED + 200)
+    rates = np.append(-falls_rad_s * QUAD[1, :2] / np.hypot(*QUAD[1, :2]), 0.0)
+    craft.fly(1, effort=0.9 * HOVER * QUAD[1])
+    shown = craft.fly(8, effort=0.9 * HOVER * QUAD[1], rates=rates)
+    assert shown[shown[:, 1] < 2.0, 0].max() == found
+
+
 @pytest.mark.parametrize("missing", ["upright", "rates", "mean"])
 def test_a_gap_parts_the_windows(missing: str) -> None:
     craft = flown(SETTLED + 100)
