@@ -59,6 +59,7 @@ SIGNALS: Final = (*CONTINUOUS, *STEPPED)
 
 REPORTS: Final[Mapping[str, str]] = {
     "armed": "autopilot (MAV_AUTOPILOT) and whether armed, where kind and mode are recorded apart; (n, 2)",
+    "arming": "the same at the changes alone; (n, 2)",
     "mode": "autopilot, MAV_TYPE (-1 unknown), base mode and number of the mode; (n, 4)",
     "autopilot": "MAV_TYPE and MAV_AUTOPILOT; (n, 2)",
     "autopilot name": "name of the autopilot; text (n,)",

@@ -302,8 +302,9 @@ def _ardupilot(values: Mapping[str, float]) -> Iterator[Output]:
 
 
 def _px4(values: Mapping[str, float]) -> Iterator[Output]:
+    beginnings = ("CA_SV_CS", *(prefix for prefix, _, _ in _BUSES))
+    kinds = {name.rstrip("0123456789").rpartition("_")[2] for name in values if name.startswith(beginnings)}
     for prefix, first, usual in _BUSES:
-        ends = ("MIN", "MAX") if any(name.startswith(f"{prefix}_M") for name in values) else ()
         for n in range(1, _PER_BUS + 1):
             function = values.get(f"{prefix}_FUNC{n}", 0.0)
             because, surface, k = f"{prefix}_FUNC{n} = {function:g}", None, int(function) - _PX4_FIRST_SERVO
@@ -319,7 +320,6 @@ def _px4(values: Mapping[str, float]) -> Iterator[Output]:
             pwm_us, by, ends_by = _pulses(values, names, usual)
             if first == _UAVCAN_FIRST:
                 by = f"CHECK: which instance of the outputs is UAVCAN's; {by}"
-            torques = [f"CA_SV_CS{k}_TRQ_{letter}" for letter in "RPY"]
             reverse = int(values.get(f"{prefix}_REV", 0.0)) >> (n - 1) & 1 == 1
             yield Output(
                 first + n,
@@ -334,10 +334,11 @@ def _px4(values: Mapping[str, float]) -> Iterator[Output]:
                 lacks=tuple(
                     name
                     for name in (
-                        *(f"{prefix}_{end}{n}" for end in ends),
-                        *((f"{prefix}_REV", *torques) if any(name in values for name in torques) else ()),
+                        f"{prefix}_REV",
+                        *(f"{prefix}_{end}{n}" for end in ("MIN", "MAX")),
+                        *(f"CA_SV_CS{k}_TRQ_{letter}" for letter in "RPY"),
                     )
-                    if name not in values
+                    if name not in values and name.rstrip("0123456789").rpartition("_")[2] in kinds
                 ),
             )
 

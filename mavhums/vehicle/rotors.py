@@ -157,8 +157,14 @@ def rotors_of(parameters: Parameters) -> Rotors | str | None:
 
 def _of_ardupilot(values: Mapping[str, float]) -> Rotors | str | None:
     lift = values.get("Q_ENABLE", 0.0) > 0.0
-    if lift and turns_its_motors(values):
-        return None
+    if lift:
+        # A quadplane has Q_TILT_MASK unless Q_TILT_ENABLE hides it; Q_TAILSIT_ENABLE is as old as this.
+        needed = {"Q_TAILSIT_ENABLE": "Q_TILT_ENABLE" in values}
+        needed |= {"Q_TILT_MASK": values.get("Q_TILT_ENABLE") != 0.0}
+        if turns_its_motors(values):
+            return None
+        if missing := [name for name, is_needed in needed.items() if is_needed and name not in values]:
+            raise KeyError(*missing)
     # A quadplane's lift motors have a copter's parameters under other names.
     motors, frame = ("Q_M_", "Q_FRAME_") if lift else ("MOT_", "FRAME_")
     if not any(name.startswith(f"{motors}SPIN") for name in values):

@@ -24,7 +24,7 @@ from mavhums.vehicle.formats import each, messages_of, reports
 from mavhums.vehicle.formats.base import Report, Source, wide
 from mavhums.vehicle.states import kind_named, texts
 
-SIGNAL_MESSAGES: Final = messages_of(*SIGNALS, "armed", "mode", "text", "parameter")
+SIGNAL_MESSAGES: Final = messages_of(*SIGNALS, "armed", "arming", "mode", "text", "parameter")
 """Messages of any format that carry signals, or what they depend on."""
 
 DERIVED: Final = 99
@@ -48,6 +48,8 @@ class SignalReader:
         self._chosen: dict[tuple[int, str], tuple[Source, int]] = {}
         self._kinds: dict[int, tuple[int, float]] = {}
         self._modes: dict[int, float] = {}
+        self._arming: dict[int, tuple[float, float]] = {}
+        self._follows: dict[int, int] = {}  # frame of the first record that follows whether it is armed
 
     def read(self, tables: Mapping[str, Table]) -> Iterator[Signal]:
         """Yield the signals of these tables."""
@@ -85,15 +87,40 @@ class SignalReader:
             if kind is not None:
                 self._kinds.setdefault(said.vehicle, (said.frame, float(kind)))
         modes = [*reports(tables, "mode")]
-        for report in reports(tables, "armed"):
-            for vehicle, rows in each(report.table.system):
-                part = report if isinstance(rows, slice) else report.select(rows)
-                yield self._state(vehicle, part, modes)
+        armed = [
+            (vehicle, report if isinstance(rows, slice) else report.select(rows))
+            for report in reports(tables, "armed")
+            for vehicle, rows in each(report.table.system)
+        ]
+        for vehicle, part in armed:
+            self._follows.setdefault(vehicle, int(part.table.frame[0]))
+        yield from self._between_armings(tables, modes)
+        for vehicle, part in armed:
+            yield self._state(vehicle, part, part.values, modes)
         for report in modes:
             for vehicle, number in zip(report.table.system.tolist(), report.values[:, 3], strict=True):
                 self._modes[vehicle] = float(number)
 
-    def _state(self, vehicle: int, armed: Report, modes: list[Report]) -> Signal:
+    def _between_armings(self, tables: Mapping[str, Table], modes: list[Report]) -> Iterator[Signal]:
+        """Yield the states of vehicles that record only when they arm, whenever outputs come."""
+        changes = [*reports(tables, "arming")]
+        for report in reports(tables, "outputs") if changes or self._arming else ():
+            for vehicle, rows in each(report.table.system):
+                part = report if isinstance(rows, slice) else report.select(rows)
+                own = [one.select(one.table.system == vehicle) for one in changes]
+                frames = np.concatenate([[-1], *(one.table.frame for one in own)])
+                before = self._arming.get(vehicle, (np.nan, np.nan))
+                order = np.argsort(frames, kind="stable")
+                values = np.concatenate([[before], *(one.values for one in own)])[order]
+                held = values[np.searchsorted(frames[order], part.table.frame) - 1]
+                known = (part.table.frame < self._follows.get(vehicle, 1 << 62)) & np.isfinite(held[:, 0])
+                if known.any():
+                    yield self._state(vehicle, part.select(known), held[known], modes)
+        for report in sorted(changes, key=lambda one: int(one.table.frame[-1])):
+            last = zip(report.table.system.tolist(), report.values.tolist(), strict=True)
+            self._arming |= {vehicle: tuple(value) for vehicle, value in last}
+
+    def _state(self, vehicle: int, armed: Report, values: Array, modes: list[Report]) -> Signal:
         frame = armed.table.frame
         since, kind = self._kinds.get(vehicle, (0, np.nan))
         frames, numbers = [np.array([-1])], [np.array([self._modes.get(vehicle, np.nan)])]
@@ -103,8 +130,8 @@ class SignalReader:
             numbers.append(own.values[:, 3].astype(np.float64))
         mode = np.concatenate(numbers)[np.searchsorted(np.concatenate(frames), frame) - 1]
         kinds = np.where(frame > since, kind, np.nan)
-        values = np.column_stack([kinds, armed.values, mode])
-        return Signal(vehicle, "state", armed.source.message, frame, armed.table.time_us, values)
+        states = np.column_stack([kinds, values, mode])
+        return Signal(vehicle, "state", armed.source.message, frame, armed.table.time_us, states)
 
 
 def all_outputs(signals: Mapping[str, Array]) -> Array:

@@ -191,18 +191,7 @@ def refined_identity(identity: Identity, values: Mapping[str, float]) -> Identit
 
 
 def turns_its_motors(values: Mapping[str, float]) -> bool:
-    """Return whether some of an ArduPlane's lift motors pull forward, too: a tiltrotor, a tailsitter.
-
-    Raises
-    ------
-    KeyError
-        If the parameter that says so is missing.
-    """
-    # A quadplane has Q_TILT_MASK unless Q_TILT_ENABLE hides it; Q_TAILSIT_ENABLE is as old as this.
-    needed = ["Q_TAILSIT_ENABLE"] * ("Q_TILT_ENABLE" in values)
-    needed += ["Q_TILT_MASK"] * (values.get("Q_TILT_ENABLE") != 0.0)
-    if missing := set(needed) - values.keys():
-        raise KeyError(min(missing))
+    """Return whether some of an ArduPlane's lift motors pull forward, too: a tiltrotor, a tailsitter."""
     return _tilts(values) or _is_tailsitter(values)
 
 

@@ -1,7 +1,8 @@
 """Where ArduPilot's on-board log (DataFlash) keeps each fact.
 
 Of several sensors, the first is used (``I`` = 0). The state has no record of its own: STAT says whether the
-vehicle is armed, MODE gives the mode, and a text of the firmware the kind of vehicle.
+vehicle is armed, where it is not Plane's ARM and EV say when it arms and disarms; MODE gives the mode, and a
+text of the firmware the kind of vehicle.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from mavhums.vehicle.formats.base import (
 
 _FIX: Final = 3  # GPS_STATUS of a three-dimensional fix: before it, speed and course are noise
 _REAL32: Final = 9  # MAV_PARAM_TYPE
+_ARMS, _DISARMS = 10, 11  # events of EV
 
 
 def is_stamped(table: Table) -> bool:
@@ -58,14 +60,21 @@ def _first_sensor(table: Table) -> Flags:
     return np.ones(len(table), dtype=bool)
 
 
+def _channel(table: Table, number: int) -> str | None:
+    """Return the field of an output or a channel, which Copter before 3.4 names ``Ch``; None without one."""
+    names = table.fields.dtype.names or ()
+    return next((field for field in (f"C{number}", f"Ch{number}") if field in names), None)
+
+
 def _outputs(count: int) -> Any:
     """Return what reads the pulses of the first ``count`` outputs; a record has only some of them."""
 
     def read(table: Table) -> Array:
         sent = np.full((len(table), count), np.nan)
         for k in range(count):
-            if f"C{k + 1}" in (table.fields.dtype.names or ()):
-                sent[:, k] = table[f"C{k + 1}"]
+            field = _channel(table, k + 1)
+            if field is not None:
+                sent[:, k] = table[field]
         return pulses(sent)
 
     return read
@@ -85,6 +94,11 @@ def _angles(fact: str, *fields: str) -> Source:
 
 def _armed(table: Table) -> Array:
     return np.stack([np.full(len(table), float(ARDUPILOT)), table["Armed"] > 0], axis=1)
+
+
+def _arming(table: Table) -> Array:
+    armed = table["ArmState"] > 0 if "ArmState" in (table.fields.dtype.names or ()) else table["Id"] == _ARMS
+    return np.stack([np.full(len(table), float(ARDUPILOT)), armed], axis=1)
 
 
 def _landed(table: Table) -> Array:
@@ -115,11 +129,13 @@ AUTOPILOT: Final = ARDUPILOT
 
 SOURCES: Final = (
     Source("armed", "STAT", _STAT, _armed),
+    Source("arming", "ARM", {"ArmState": 1}, _arming),
+    Source("arming", "EV", {"Id": 1}, _arming, lambda t: np.isin(t["Id"], (_ARMS, _DISARMS))),
     Source("landed", "STAT", _STAT, _landed),
-    Source("outputs", "RCOU", {"C1": 1}, _outputs(OUTPUTS)),
+    Source("outputs", "RCOU", {}, _outputs(OUTPUTS)),
     Source("outputs_2", "RCO2", {}, _outputs(ALL_OUTPUTS)),
     Source("outputs_3", "RCO3", {}, _outputs(ALL_OUTPUTS)),
-    Source("receiver", "RCIN", {"C1": 1}, _outputs(OUTPUTS)),
+    Source("receiver", "RCIN", {}, _outputs(OUTPUTS)),
     plain("rates", "IMU", "GyrX", "GyrY", "GyrZ", rows=_first_sensor),
     plain("force", "IMU", "AccX", "AccY", "AccZ", rows=_first_sensor),
     plain("mixer", "RATE", "ROut", "POut", "YOut", "AOut"),
@@ -193,8 +209,8 @@ def _esc(table: Table, servos: Sequence[ServoIds]) -> Split:
 
 def _commands(table: Table, servos: Sequence[ServoIds]) -> Split:
     for ids in servos:
-        field = f"C{ids.servo}"
-        if field in (table.fields.dtype.names or ()):
+        field = _channel(table, ids.servo)
+        if field is not None:
             yield ids, ServoPart(table.name, {"pulse": field}, None, columns(table, field))
 
 

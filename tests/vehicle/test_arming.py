@@ -1,0 +1,46 @@
+"""Copter and Rover record on board when they arm and disarm, and Copter before 3.4 names outputs ``Ch1``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mavhums import analyse
+from mavhums.engine.engine import Engine
+from mavhums_sim import dataflash
+from mavhums_sim.dataflash import records, write_records
+
+ARMED_S, DISARMED_S, END_S = 5.0, 65.0, 80.0
+
+
+@pytest.fixture(params=["C", "Ch"])
+def log(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    outputs = ",".join(f"{request.param}{k}" for k in range(1, 5))
+    monkeypatch.setitem(dataflash._TYPES, "EV", (90, "QB", "TimeUS,Id"))
+    monkeypatch.setitem(dataflash._TYPES, "RCOU", (91, "QHHHH", f"TimeUS,{outputs}"))
+    time_s = np.arange(0.0, END_S, 0.1)
+    sent = dict.fromkeys(outputs.split(","), 1500 + 100 * (time_s > 10.0))
+    path = tmp_path / "copter.BIN"
+    write_records(
+        [
+            records("MSG", np.zeros(1), Message=b"ArduCopter V4.5.7"),
+            records("MODE", np.zeros(1), Mode=5, ModeNum=5, Rsn=1),
+            records("EV", np.array([ARMED_S, 9.0, DISARMED_S]), Id=np.array([10, 28, 11])),
+            records("RCOU", time_s, **sent),
+        ],
+        path,
+    )
+    return path
+
+
+def test_armed_time_is_that_between_the_events(log: Path) -> None:
+    [usage] = analyse(log).usage
+    assert usage.armed_s == pytest.approx(DISARMED_S - ARMED_S, abs=0.2)
+    assert {output.servo for output in usage.outputs if output.commanded} == {1, 2, 3, 4}
+    cut = Engine()
+    for block in (log.read_bytes()[k : k + 777] for k in range(0, log.stat().st_size, 777)):
+        cut.feed(block)
+    cut.finish()
+    assert cut.assessment().usage == (usage,)
