@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
-from mavhums.core.output import written_whole
+from mavhums.core.output import as_utf8, written_whole
 from mavhums.core.packed import is_stream
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event, StandaloneAssessment
@@ -187,7 +187,7 @@ def analyse(
     from mavhums.show.recording import Recorder, check_viewer
 
     check_viewer()
-    identity = f"{Path(path).name}-{_sha256(path, settings.engine)[:16]}"
+    identity = f"{as_utf8(Path(path).name)}-{_sha256(path, settings.engine)[:16]}"
     with Recorder(recording, recording_id=identity, position=position) as recorder:
         consumers = [recorder.consume, *([consume] if consume else [])]
         assessment = _judged_with(path, settings.with_vehicle_states(), consumers, progress)

@@ -15,6 +15,7 @@ from mavhums.actuator.mapping import Mapper, messages_for
 from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
 from mavhums.actuator.telemetry import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
+from mavhums.core.output import as_utf8
 from mavhums.core.quantities import KEYS
 from mavhums.engine.axes import Axes, VehicleLimit, with_drops
 from mavhums.engine.usage import vehicle_usage
@@ -98,7 +99,7 @@ def inspect_log(
     duration_s = 0.0 if first is None or last is None else (last - first) / 1e6
     vehicles = decoder.vehicles or identities.vehicles
     return Inspection(
-        path=str(path),
+        path=as_utf8(path),
         size_bytes=size,
         start_utc=None
         if first is None or decoder.undated

@@ -129,6 +129,10 @@ def main() -> None:
         except (click.Abort, KeyboardInterrupt):
             say("mavhums: stopped; no output was left half-written", err=True)
             sys.exit(130)
+        except UnicodeEncodeError as error:
+            remedy = "rename it: bytes of another encoding are no text of a table or a viewer"
+            complain(MavhumsError(f"{error.object}: is not UTF-8", remedy))
+            sys.exit(ExitCode.ERROR)
         except Exception:
             # Some libraries turn an interruption of their import into an error of their own.
             time.sleep(_TOLD_S)

@@ -64,8 +64,8 @@ class WholeFile:
         else:
             self._path = Path(os.path.realpath(self._path))
             self.temporary = self._path.with_name(f".{self._path.name[:200]}.{token_hex(4)}.part")
-            _unfinished.add(self.temporary)
             self.temporary.touch(0o600, exist_ok=False)
+        _unfinished.add(self.temporary)
 
     def publish(self) -> None:
         """Move the complete file to its target.
@@ -257,6 +257,17 @@ def writer_for(output: Path) -> Callable[[Path], TableWriter]:
             raise MavhumsError(
                 f"{output}: not a supported table format", "use the extension .parquet or .csv"
             )
+
+
+def as_utf8(path: str | os.PathLike[str]) -> str:
+    r"""Return a path as a text that JSON, a database and a viewer can hold: other bytes become ``\\xNN``.
+
+    Examples
+    --------
+    >>> as_utf8("flight\udcfc.tlog")
+    'flight\\xfc.tlog'
+    """
+    return os.fspath(path).encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "＝", "＋", "－", "＠")

@@ -18,6 +18,7 @@ from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import MappedSamples, Mapper, messages_for
 from mavhums.actuator.telemetry import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
+from mavhums.core.output import as_utf8
 from mavhums.engine.actuators import Monitors, classified, network_answer, summary_of
 from mavhums.engine.axes import MOST_VEHICLES, Axes, VehicleLimit, with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Forgotten, Notice, Samples
@@ -139,7 +140,7 @@ class Engine:
         voted = {verdict.network.model for verdict in verdicts if verdict.network}
         return Assessment(
             log=LogSummary(
-                path=path,
+                path=None if path is None else as_utf8(path),
                 sha256=sha256,
                 start_utc=begun.isoformat() if (begun := self.start_utc()) else None,
                 duration_s=0.0 if first is None or last is None else (last - first) / 1e6,

@@ -15,6 +15,7 @@ from mavhums.app.analysis import analyse_alone, compared_with_own
 from mavhums.app.many import Outcome
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError, UnreadableLogError
+from mavhums.core.output import as_utf8
 from mavhums.core.packed import is_stream, opened_file
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.fleet.scan import ScanOptions, scanned
@@ -200,7 +201,7 @@ def _outcomes(
 ) -> Iterator[Outcome]:
     for file in files:
         try:
-            if (unnamed := asked.get(str(file.absolute()))) is not None:
+            if (unnamed := asked.get(as_utf8(file.absolute()))) is not None:
                 raise unnamed
             yield Outcome(file, _kept(file, store, options), None)
         except MavhumsError as error:
@@ -225,7 +226,7 @@ def _with_past(alone: StandaloneAssessment, store: Store, log: Place, settings: 
     given = settings.resolver
     resolver = resolver_of_store(store, given)
     start = alone.assessment.log.start_utc
-    aircraft = _aircraft(alone.assessment, store, str(Path(log).absolute()), resolver, given.rule)
+    aircraft = _aircraft(alone.assessment, store, as_utf8(Path(log).absolute()), resolver, given.rule)
     if aircraft == UNKNOWN or start is None:
         return replace(settings, resolver=AircraftResolver(None, resolver.table))
     rule = given.rule if aircraft.startswith(BOARD_NAME) else f"{GIVEN}{aircraft}"
@@ -314,9 +315,9 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
     row = kept.query(
         "SELECT aircraft, sha256, problem, remedy FROM logs WHERE path = ? OR sha256 = ?"
         " ORDER BY path = ? DESC, scanned DESC LIMIT 1",
-        str(log.absolute()),
+        as_utf8(log.absolute()),
         digest,
-        str(log.absolute()),
+        as_utf8(log.absolute()),
     ).fetchone()
     if row is None:
         raise MavhumsError(f"{log}: was removed from {store}", f"mavhums fleet restore {store} {digest[:12]}")
@@ -338,5 +339,5 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
     others = tuple(
         FlightCopy(vehicle=vehicle, log=counted, sha256=None, counts=True) for vehicle, counted in copies
     )
-    summary = assessment.log.model_copy(update={"path": str(log), "copies": others})
+    summary = assessment.log.model_copy(update={"path": as_utf8(log), "copies": others})
     return assessment.model_copy(update={"log": summary})

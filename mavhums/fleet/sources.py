@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Final
 from urllib.parse import urlsplit
 
 from mavhums.core.errors import MavhumsError, MissingExtraError, UnreadableLogError
+from mavhums.core.output import as_utf8
 from mavhums.core.packed import ARCHIVES, COMPRESSED, members
 from mavhums.flights.store import LogFile
 from mavhums.log.formats import SUFFIXES
@@ -83,6 +84,8 @@ def at_hand(file: LogFile) -> Iterator[str]:
         If the log cannot be downloaded, or has changed since it was listed.
     """
     if "://" not in file.path:
+        if "\\x" in file.path and not os.path.lexists(file.path):
+            raise UnreachedError(f"{file.path}: its name is not UTF-8", "rename it, and scan again")
         yield file.path
         return
     with tempfile.TemporaryDirectory(prefix="mavhums-log-") as folder:
@@ -131,8 +134,8 @@ def _file(path: Path) -> LogFile:
     try:
         status = path.stat()
     except OSError:  # a dangling link: the worker reports the error
-        return LogFile(str(path), -1, 0)
-    return LogFile(str(path), status.st_size, status.st_mtime_ns)
+        return LogFile(as_utf8(path), -1, 0)
+    return LogFile(as_utf8(path), status.st_size, status.st_mtime_ns)
 
 
 def _remote(source: str) -> Iterator[LogFile]:

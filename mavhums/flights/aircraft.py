@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from mavhums.core.errors import MavhumsError
+from mavhums.core.output import as_utf8
 from mavhums.flights.aircraft_table import AircraftTable, Since
 from mavhums.results.assessment import Assessment
 
@@ -52,6 +53,8 @@ def check_aircraft_rule(rule: str | None) -> None:
         If it is neither ``folder``, nor ``board``, nor ``=NAME``, nor a regular expression with a group
         ``aircraft``.
     """
+    if rule and rule != as_utf8(rule):
+        raise MavhumsError(f"--aircraft {as_utf8(rule)}: is not UTF-8", "name the aircraft in UTF-8")
     if rule in (None, FOLDER, BOARD) or (rule.startswith(GIVEN) and rule != GIVEN):
         return
     remedy = f"name {FOLDER!r}, {BOARD!r}, '=D-EABC', or an expression such as '(?P<aircraft>D-[A-Z]+)'"

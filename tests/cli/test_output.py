@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -128,6 +129,33 @@ def test_hostile_names_reach_no_terminal(run: Run, tmp_path: Path, short_log: Pa
         outcome = run(*arguments)
         for text in (outcome.out, outcome.err):
             assert all(letter.isprintable() or letter == "\n" for letter in text), arguments
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of other systems are texts")
+def test_a_name_that_is_not_utf_8_is_a_text_of_the_answer(
+    run: Run, tmp_path: Path, short_log: Path, growing_log: Path
+) -> None:
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    log = folder / os.fsdecode(b"flight\xfc.tlog")
+    log.write_bytes(short_log.read_bytes())
+    shutil.copy(growing_log, folder)
+    shown = f"{folder}/flight\\xfc.tlog"
+    assert json.loads(run("analyse", log, "--json").out)["log"]["path"] == shown
+    assert json.loads(run("inspect", log, "--json").out)["path"] == shown
+    assert run("analyse", log, "--history", tmp_path / "h", "--keep").code == ExitCode.OK
+    for arguments in (
+        ["analyse", log, "--aircraft", os.fsdecode(b"=\xfc")],
+        ["export", log, "-o", folder / os.fsdecode(b"\xfc.parquet")],
+    ):
+        refused = run(*arguments)
+        assert refused.code == ExitCode.ERROR
+        assert "is not UTF-8" in refused.err
+    pytest.importorskip("deltalake", reason="a store needs the extra 'fleet'")
+    assert run("fleet", "scan", folder, "--to", tmp_path / "store", "--workers", "0").code == ExitCode.ERROR
+    found = json.loads(run("fleet", "status", tmp_path / "store", "--json").out)
+    assert [one["problem"] for one in found["failures"]] == [f"{shown}: its name is not UTF-8"]
+    assert found["judged"] == 1
 
 
 def test_formulas_are_texts_in_a_spreadsheet(tmp_path: Path) -> None:
