@@ -28,6 +28,9 @@ _LAGS, _FOLLOWS = 0.95, 0.90
 """Speed by that of before, of which the upper end must lie below to lag, and the lower end above to follow: a
 loss of 30 % of the thrust leaves 0.84 of the speed, and healthy motors agree within 0.03."""
 _LEAST_SCATTER: Final = 0.02  # of a bin: of healthy motors at 3 to 10 Hz 0.01 to 0.04
+_MOST_ESCS: Final = 16
+_AGREES: Final = 0.5
+"""Correlation of a motor's own part of the outputs with a speed from which the ESC is this motor's."""
 _COLLAPSED: Final = 0.3
 _FULL: Final = 0.9  # share of full thrust
 
@@ -65,6 +68,11 @@ class EscSpeeds:
             own[1] += float(here.sum())
             own[2] += float(changed[here].sum())
 
+    @property
+    def count(self) -> int:
+        """The number of ESCs that reported a speed."""
+        return len(self._bins)
+
     def forget(self, first: int, last: float) -> None:
         """Forget all bins before ``first`` and after ``last``."""
         for bins in self._bins.values():
@@ -101,7 +109,9 @@ class SpeedsBesideThrust:
     def __init__(self, heard: EscSpeeds, servos: Sequence[int]) -> None:
         self._heard, self._servos = heard, tuple(servos)
         self._asked: dict[int, Array] = {}
-        self._sums = np.zeros((3, len(servos)))  # bins, mean, sum of squares
+        # Of each motor beside each ESC: bins, mean, sum of squares of the ratio, and sums of the correlation.
+        self._sums = np.zeros((3, len(servos), _MOST_ESCS))
+        self._pairs = np.zeros((6, len(servos), _MOST_ESCS))
 
     def add(self, first_s: int, thrusts: Array, flown: Flags, decided_s: float | None) -> None:
         """Take whole seconds: thrusts asked, (n, motors), where it flew, when a loss was decided."""
@@ -114,6 +124,7 @@ class SpeedsBesideThrust:
         first = int(now) - _KEPT_BINS
         for one in [one for one in sorted(self._asked) if one < first]:
             self._sums = self._with(self._sums, self._ratios(one))
+            self._pairs = self._pairs + self._paired(one)
             del self._asked[one]
         for one in [one for one in self._asked if one > last]:
             del self._asked[one]
@@ -121,37 +132,69 @@ class SpeedsBesideThrust:
 
     def cause(self, motor: int, since_s: float) -> SpeedCause | None:
         """Return what the speed of a motor, from 0, says about its loss; None where it says nothing."""
-        sums, after = self._sums, []
+        sums, pairs = self._sums, self._pairs
+        after = [one for one in sorted(self._asked) if one * _BIN_S >= since_s + _SETTLES_S]
         for one in sorted(self._asked):
             if (one + 1) * _BIN_S <= since_s:
                 sums = self._with(sums, self._ratios(one))
-            elif one * _BIN_S >= since_s + _SETTLES_S:
-                after.append((one, self._ratios(one)))
-        count, mean, squares = sums
-        known = count >= _LEAST_BEFORE
-        usual = np.where(known, mean, np.nan)
-        ratios = np.array([found / usual for _, found in after]).reshape(-1, len(usual))
+                pairs = pairs + self._paired(one)
+        escs, how = self._escs(pairs)
+        count, mean, squares = sums[:, range(len(escs)), escs]
+        usual = np.where(count >= _LEAST_BEFORE, mean, np.nan)
+        found = [self._ratios(one)[range(len(escs)), escs] for one in after]
+        ratios = np.array([row / usual for row in found]).reshape(-1, len(usual))
         others = [row[np.isfinite(row)] for row in np.delete(ratios, motor, axis=1)]
         # A battery that sags slows all of them.
         rest = np.array([np.median(row) if row.size else 1.0 for row in others])
         own = ratios[:, motor] / rest
         good = np.flatnonzero(np.isfinite(own) & (rest > _COLLAPSED))
-        if not good.size:
+        if not good.size or not how:
             return None
         ratio = float(own[good].mean())
         scatter = max(float(np.sqrt(squares[motor] / (count[motor] - 1)) / mean[motor]), _LEAST_SCATTER)
         half = NORMAL_95 * scatter / good.size**0.5
-        bins = [after[k][0] for k in good.tolist()]
+        bins = [after[k] for k in good.tolist()]
         asked = float(np.mean([self._asked[one][motor] for one in bins]))
         words = _words(ratio, half, asked)
+        words = f"{words} (ESC {escs[motor]}, {how})" if words else ""
         return SpeedCause(ratio, bins[0] * _BIN_S, (bins[-1] + 1) * _BIN_S, words) if words else None
 
+    def _escs(self, sums: Array) -> tuple[list[int], str]:
+        """Return the ESC of each motor, and how it is known: by the flight, else by its number."""
+        from scipy.optimize import linear_sum_assignment  # most flights lose no motor
+
+        numbered = self._heard.escs_of(self._servos)
+        count, x, y, xx, yy, xy = sums
+        with np.errstate(divide="ignore", invalid="ignore"):
+            agree = (count * xy - x * y) / np.sqrt((count * xx - x * x) * (count * yy - y * y))
+        agree = np.where(np.isfinite(agree) & (count >= _LEAST_BEFORE), agree, 0.0)
+        motors, escs = linear_sum_assignment(-agree)
+        # ESCs are counted from 0 or from 1, as outputs or as motors, and some drive no motor of these: which
+        # one drives a motor shows where its speed follows this motor's output, and no other's.
+        if (agree[motors, escs] > _AGREES).all():
+            return escs.tolist(), "whose speed follows the output of this motor"
+        # Where the flight does not show it, as many ESCs as motors are taken to count alike.
+        return numbered, "by its number" if self._heard.count == len(numbered) else ""
+
     def _ratios(self, one: int) -> Array:
-        """Return speed by the root of thrust in a bin, of each motor, NaN where unknown."""
-        asked = self._asked[one]
-        speeds = self._heard.at(one, self._heard.escs_of(self._servos))
+        """Return speed by the root of thrust in a bin, of each motor beside each ESC, NaN where unknown."""
+        asked = self._asked[one][:, None]
+        speeds = self._heard.at(one, range(_MOST_ESCS))
         ratios: Array = np.where(asked > 0.02, speeds / np.sqrt(np.maximum(asked, 0.02)), np.nan)
         return ratios
+
+    def _paired(self, one: int) -> Array:
+        """Return a bin's part of the sums that correlate each motor's output with each ESC's speed."""
+        root = np.sqrt(self._asked[one])
+        speeds = self._heard.at(one, range(_MOST_ESCS))
+        turns = np.isfinite(speeds) & (speeds > 0.0)
+        if not turns.any():
+            return np.zeros_like(self._pairs)
+        # What all motors do alike, as in a climb, tells none from another.
+        y = np.where(turns, speeds / np.median(speeds[turns]) - 1.0, 0.0)
+        x = (root / max(float(np.median(root)), 0.1) - 1.0)[:, None] * turns
+        known = np.broadcast_to(turns, x.shape)
+        return np.stack(np.broadcast_arrays(known, x, y, x * x, y * y, x * y))
 
     @staticmethod
     def _with(sums: Array, ratios: Array) -> Array:

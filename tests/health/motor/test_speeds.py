@@ -48,6 +48,28 @@ def test_the_cause_is_where_the_speed_leaves_the_thrust(left: float, thrust: flo
         assert (found.start_s, found.end_s) == (40.5, 49.5)  # 0.4 s after the onset, 8 s after the decision
 
 
+@pytest.mark.parametrize("escs", [(0, 1, 2, 3), (1, 2, 3, 4), (7, 3, 4, 0)])
+def test_the_esc_of_a_motor_is_the_one_whose_speed_follows_its_output(escs: tuple[int, ...]) -> None:
+    """Motor 2 loses a blade: its output rises, and the speed of its ESC with it, whatever its number."""
+    heard, rng = EscSpeeds(), np.random.default_rng(4)
+    speeds = SpeedsBesideThrust(heard, (5, 6, 7, 8))
+    for second in range(60):
+        asked = 0.3 * (1.0 + 0.1 * rng.standard_normal((2, 4)))
+        asked[:, 1] *= 1.8 if second >= LOST_S else 1.0
+        for half in range(2):
+            time_s = second + 0.5 * half + np.array([0.1, 0.3])
+            for motor, esc in enumerate(escs):
+                heard.hear(esc, time_s, 9000.0 * asked[half, motor] ** 0.5 + np.array([0.0, 1.0]))
+            heard.hear(9, time_s, 2000.0 + np.array([0.0, 1.0]))  # of another motor
+        rows = np.repeat(asked, RATE_HZ // 2, axis=0)
+        speeds.add(second, rows, np.ones(RATE_HZ, dtype=bool), LOST_S + 1.0 if second > LOST_S else None)
+    found = speeds.cause(1, LOST_S)
+    assert found is not None
+    assert found.words.startswith("its speed follows its output")
+    assert f"(ESC {escs[1]}, whose speed follows" in found.words
+    assert found.ratio == pytest.approx(1.0, rel=0.01)
+
+
 def test_a_thrust_of_two_hundredths_is_the_least_that_shows_a_speed() -> None:
     """Speed goes with the root of thrust down to 0.02; below, the idle of the motor decides it."""
     for before, after, ratio in ((0.09, 0.0225, 1.0), (0.09, 0.0199, None)):
@@ -127,8 +149,8 @@ def test_only_bins_that_may_hold_a_fault_are_kept_and_the_older_ones_counted() -
         speeds.add(second, np.full((RATE_HZ, 2), 0.25), flown, None)
     now = 2 * 100 - 120
     assert sorted(speeds._asked) == [k for k in range(now, 200) if k % 20 > 1 and k % 20 != 11]
-    assert speeds._sums[0].tolist() == [now - 12, now - 12]
-    assert speeds._sums[1] == pytest.approx([(36 * 2001.0 + 32 * 2005.0) / 68] * 2)
+    assert np.diag(speeds._sums[0]).tolist() == [now - 12, now - 12]
+    assert np.diag(speeds._sums[1]) == pytest.approx([(36 * 2001.0 + 32 * 2005.0) / 68] * 2)
     assert [sorted(bins)[0] for bins in heard._bins.values()] == [now, now]
     speeds.add(100, np.full((RATE_HZ, 2), 0.25), np.ones(RATE_HZ, dtype=bool), 90.0)
     assert max(speeds._asked) == 180 + 16
@@ -151,7 +173,7 @@ def test_the_usual_speed_is_a_mean_with_its_scatter_over_the_bins_that_are_known
     for esc in range(3):
         speeds._heard.hear(esc, np.array([0.1, 0.2]), np.array([99.0, 101.0]))
     speeds._asked[0] = np.array([0.0, 0.02, 0.0225])
-    assert speeds._ratios(0) == pytest.approx([np.nan, np.nan, 100.0 / 0.15], nan_ok=True)
+    assert np.diag(speeds._ratios(0)) == pytest.approx([np.nan, np.nan, 100.0 / 0.15], nan_ok=True)
 
 
 @pytest.mark.parametrize(("left", "words"), [(0.833, "its speed lags"), (0.836, None)])
