@@ -52,7 +52,7 @@ class Tier:
 # magnitudes, which need the voltage equation for their signs, and a command says least.
 TIERS: tuple[Tier, ...] = (
     Tier("instrumented", "V1–V12", names_servo=True),
-    Tier("csrv", "V1, V3, V4, V5, V10 and V11, as far as the servo reports them", names_servo=True),
+    Tier("csrv", "V1, V3, V4, V5 and V10, as far as the servo reports them", names_servo=True),
     Tier(
         "esc-signed",
         "V4, V5 and V7 with their signs, where an ESC drives a servo and no propeller",

@@ -27,7 +27,7 @@ from mavhums.engine.options import EngineOptions
 from mavhums.engine.usage import at_full_output, vehicle_usage
 from mavhums.engine.vehicle_setup import setup_notices
 from mavhums.health.decision.events import ActuatorRecord
-from mavhums.health.verdict import with_advice
+from mavhums.health.verdict import with_advice, with_supply
 from mavhums.health.verdict.actuator import (
     crowded_out,
     unjudged,
@@ -46,6 +46,7 @@ from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, IDENTITY_MESSAGES, Identities, Identity, RecordedFlights
+from mavhums.vehicle.servo_rail import RAIL_MESSAGES, SAGS_SHARE, ServoRails
 from mavhums.vehicle.signals import SIGNAL_MESSAGES
 from mavhums.vehicle.states import STATE_MESSAGES, TEXT_MESSAGES, VehicleStates, texts
 from mavhums.vehicle.usage import ESC_TEMPERATURE_MESSAGES, EscTemperatures
@@ -87,7 +88,7 @@ class Engine:
         telemetry = messages_for(airframe.actuators if airframe else ())
         self._vehicle_limit = VehicleLimit(telemetry - TEXT_MESSAGES)
         wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | FLIGHT_MESSAGES
-        wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES
+        wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES | RAIL_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else set()
         wanted |= SIGNAL_MESSAGES
         self._axes = Axes(airframe, angles=options.vehicle_states)
@@ -98,6 +99,7 @@ class Engine:
         self._clocks = Clocks()
         self._airspeeds = Airspeeds()
         self._temperatures = EscTemperatures()
+        self._rails = ServoRails()
         self._false_alarms = options.false_alarms
         self._decide = options.decide
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
@@ -235,6 +237,9 @@ class Engine:
         yield from self._listen(tables)
         self._airspeeds.feed(tables)
         self._temperatures.feed(tables)
+        for vehicle, sag in self._rails.feed(tables):
+            text = f"the servo rail falls below {SAGS_SHARE * sag.usual_v:.1f} V: it feeds every surface"
+            yield Notice(self._flight_time(sag.start_us), vehicle, text)
         if self._states:
             yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
         start_us = self._decoder.first_time_us or 0
@@ -304,6 +309,11 @@ class Engine:
 
     def _of_vehicle(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> list[Verdict]:
         """Return the verdicts on a vehicle: its actuators first, then its axes."""
+        sag = None if vehicle is None else self._rails.lowest.get(vehicle)
+        first_us = self._decoder.first_time_us or 0
+        return [with_supply(one, sag, first_us) for one in self._alone(vehicle, tier, indicators)]
+
+    def _alone(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> list[Verdict]:
         actuators = [*self._verdicts(vehicle, tier, indicators)]
         setup = self._axes.setups(vehicle or 0).last
         own = any(

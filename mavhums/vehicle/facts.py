@@ -72,6 +72,7 @@ REPORTS: Final[Mapping[str, str]] = {
     "position": "latitude and longitude, degrees, and altitude above sea level, m; (n, 3)",
     "sensed airspeed": "airspeed of the sensor, not validated by the autopilot, m/s; (n, 1)",
     "ESC temperature": "°C, a column for each ESC from the source's ``first`` on; (n, k)",
+    "servo rail": "voltage of the rail that feeds the servos, V; (n, 1)",
     "named value": "name of a value that a script or the autopilot sends; text (n,)",
     "script value": "name of a number that a script sends and a profile can map; text (n,)",
 }

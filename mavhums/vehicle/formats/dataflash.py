@@ -152,6 +152,7 @@ SOURCES: Final = (
     Source("parameter", "PARM", {"Name": TEXT, "Value": 1}, _parameters),
     plain("position", "POS", "Lat", "Lng", "Alt"),
     plain("sensed airspeed", "ARSP", "Airspeed", rows=_first_sensor),
+    plain("servo rail", "POWR", "VServo"),
     Source("named value", "NVF", {"Name": TEXT}, lambda t: t["Name"]),
 )
 
@@ -164,10 +165,12 @@ _CSRV_DEGREES: Final = {
     "V": ("V4", 1.0),
     "A": ("V5", 1.0),
     "Speed": ("V10", 1 / 6),
-    "Force": ("V11", 1.0),
 }
-_CSRV_RADIANS: Final = {"Pos": ("V3", 180 / pi), "Speed": ("V10", 30 / pi), "Force": ("V11", 1.0)}
-"""ArduPilot before 4.7 logs no command, and the angle in radians."""
+_CSRV_RADIANS: Final = {"Pos": ("V3", 180 / pi), "Speed": ("V10", 30 / pi)}
+"""ArduPilot before 4.7 logs no command, and the angle in radians.
+
+The unit of Force depends on the servo's maker: only a profile that maps it makes it a load.
+"""
 
 
 def _csrv(table: Table, servos: Sequence[ServoIds]) -> Split:

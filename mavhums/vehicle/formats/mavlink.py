@@ -211,6 +211,7 @@ SOURCES: Final = (
         Source("named value", name, {"name": TEXT}, lambda t: t["name"])
         for name in ("NAMED_VALUE_FLOAT", "NAMED_VALUE_INT", "DEBUG_VECT", "DEBUG_FLOAT_ARRAY")
     ),
+    plain("servo rail", "POWER_STATUS", "Vservo", scale=1e-3),
     Source("script value", "NAMED_VALUE_FLOAT", {"name": TEXT, "value": 1}, lambda t: t["name"]),
 )
 

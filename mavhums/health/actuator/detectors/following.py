@@ -151,7 +151,10 @@ class JamDetector(Detector):
     fault: ClassVar[str] = "jam"
     quantity: ClassVar[str] = "commanded travel not flown"
     unit: ClassVar[str] = "1"
-    inspect: ClassVar[str] = "gearbox and linkage for a blockage, and the actuator's supply"
+    inspect: ClassVar[str] = (
+        "gearbox and linkage for a blockage, and the actuator's supply, torque and gain, of which too little "
+        "also keeps a surface where it is"
+    )
     span_s: ClassVar[float | None] = JAM_SPAN_S
 
     def __init__(self, actuator: Actuator) -> None:
