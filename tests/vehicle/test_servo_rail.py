@@ -18,7 +18,7 @@ VOLTS[100] = 0.0  # one reading is noise
 
 @pytest.mark.parametrize("cuts", [[], [1], [300], [301, 302, 330, 360], list(range(1, 600))])
 def test_a_rail_that_sags_is_found_whatever_the_blocks(cuts: list[int]) -> None:
-    rails, begun = ServoRails(), []
+    rails, begun = ServoRails(), list[tuple[int, Sag]]()
     for rows in np.split(np.arange(600), cuts):
         fields = np.array([(volts,) for volts in VOLTS[rows]], dtype=[("VServo", "f8")])
         byte = np.ones(rows.size, dtype=np.uint8)
