@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Sequence
 
@@ -98,3 +99,86 @@ def flight(
             parts += [text(f"text {k}", now), text("tagged", now, tag=3), dropout(20)]
             parts.append(parameter("PWM_MAIN_MIN1", 1000 + k))
     return b"".join(parts)
+
+
+_CODES = {"uint64_t": "Q", "uint8_t": "B", "int32_t": "i", "float": "f", "double": "d"}
+TOPICS = {
+    "vehicle_status": (2, "uint8_t arming_state;uint8_t system_type;uint8_t nav_state;"),
+    "vehicle_land_detected": (2, "uint8_t landed;"),
+    "vtol_vehicle_status": (2, "uint8_t vehicle_vtol_state;"),
+    "actuator_outputs": (25, "float[16] output;"),
+    "sensor_combined": (50, "float[3] gyro_rad;float[3] accelerometer_m_s2;"),
+    "vehicle_angular_velocity": (25, "float[3] xyz;"),
+    "vehicle_attitude": (50, "float[4] q;float rollspeed;float pitchspeed;float yawspeed;"),
+    "vehicle_attitude_setpoint": (25, "float[4] q_d;float roll_body;float pitch_body;"),
+    "airspeed": (10, "float indicated_airspeed_m_s;"),
+    "airspeed_validated": (10, "float indicated_airspeed_m_s;"),
+    "vehicle_local_position": (10, "float vx;float vy;float vz;float z;"),
+    "vehicle_global_position": (5, "double lat;double lon;float alt;"),
+    "vehicle_gps_position": (2, "uint64_t time_utc_usec;uint8_t fix_type;"),
+    "input_rc": (10, "float[18] values;"),
+    "esc_status": (25, "esc_report[8] esc;"),
+    "debug_array": (25, "uint8_t id;char[10] name;float[58] data;"),
+    "debug_key_value": (10, "char[10] key;float value;"),
+    "debug_vect": (2, "char[10] name;float x;"),
+}
+"""Rates, Hz, and fields after the stamp of the topics of :func:`flown`."""
+
+
+def _sample(topic: str, name: str, width: int, k: int) -> list[float]:
+    """Return what a wing that turns gently reports of a field in its k-th sample."""
+    now = k / TOPICS[topic][0]
+    wave = math.sin(now)
+    known: dict[str, list[float]] = {
+        "arming_state": [2],
+        "system_type": [1],
+        "vehicle_vtol_state": [4],
+        "time_utc_usec": [1_700_000_000_000_000 + int(now * 1e6)],
+        "fix_type": [3],
+        "q": [math.cos(wave / 4), math.sin(wave / 4), 0, 0],
+        "q_d": [math.cos(wave / 4), math.sin(wave / 4), 0, 0],
+        "indicated_airspeed_m_s": [20 + wave],
+        "vx": [18.0],
+        "vy": [6.0],
+        "lat": [47.0 + now / 1e4],
+        "lon": [8.5],
+        "alt": [500.0],
+        "accelerometer_m_s2": [0, wave, -9.81],
+        "output": [1500 + 300 * math.sin(now + i) for i in range(16)],
+        "values": [1500 + 200 * wave] * 18,
+        "id": [1 + k % 4],
+        "data": [20 * wave, 4000 * wave, 20 * wave, 24, wave, 24, 500 * wave, 0.1, 1, 3, 0.2, 1] + [0.0] * 46,
+    }
+    return known.get(name, [wave] * width)
+
+
+def flown(seconds: float = 20.0, *, start_us: int = 5_000_000) -> bytes:
+    """Return a flight of a fixed wing that has every topic that is read, with all its fields."""
+    texts = {"debug_array": b"EMA", "debug_key_value": b"S1V05", "debug_vect": b"wind"}
+    parts = [header(start_us), form("esc_report", FLIGHT["esc_report"])]
+    parts += [form(topic, "uint64_t timestamp;" + fields) for topic, (_, fields) in TOPICS.items()]
+    parts += [keyed("I", "char[3] sys_name", b"PX4"), keyed("I", "uint32_t ver_sw_release", b"\xff\x00\x0e\x01")]
+    parts += [keyed("I", "char[8] sys_uuid", b"0123abcd"), parameter("MAV_SYS_ID", 7)]
+    surfaces = enumerate((1, 2, 3, 4))
+    parts += [parameter(f"CA_SV_CS{k}_TYPE", kind) for k, kind in surfaces]
+    parts += [parameter(f"PWM_MAIN_FUNC{k + 1}", 201 + k) for k in range(4)]
+    parts += [text("a wing", start_us), text("tagged", start_us, tag=3)]
+    parts += [subscribe(number, topic) for number, topic in enumerate(TOPICS)]
+    records = []
+    for number, (topic, (rate, fields)) in enumerate(TOPICS.items()):
+        for k in range(int(seconds * rate)):
+            now = start_us + k * 1_000_000 // rate
+            body = struct.pack("<Q", now)
+            for kind, _, name in (one.partition(" ") for one in fields.split(";")[:-1]):
+                form_, _, count = kind.rstrip("]").partition("[")
+                if form_ == "esc_report":
+                    body += b"".join(struct.pack("<Qiff", now, 400, 24.0, 1.0) for _ in range(8))
+                elif form_ == "char":
+                    body += texts[topic].ljust(int(count), b"\0")
+                else:
+                    width = int(count or 1)
+                    whole = _CODES[form_] in "QBi"
+                    values = [int(v) if whole else v for v in _sample(topic, name, width, k)]
+                    body += struct.pack(f"<{width}{_CODES[form_]}", *values)
+            records.append((now, data(number, body)))
+    return b"".join(parts) + b"".join(record for _, record in sorted(records, key=lambda one: one[0]))
