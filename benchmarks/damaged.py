@@ -2,10 +2,10 @@
 
     python -m benchmarks.damaged [--seed N] [--count N] [LOG …]
 
-makes ``--count`` damaged copies of each log, by default one log of each format, runs ``analyse``, ``inspect``,
-``export``, ``report`` and ``analyse --rrd`` on each in this process, and prints what went wrong with the seed
-of the copy. Damage is of seven kinds: flipped bits, bursts of bytes, a cut end, removed and duplicated
-blocks, and numbers in messages that become NaN, infinite or the greatest there are, with the right checksum.
+makes ``--count`` damaged copies of each log, by default one log of each format, runs ``analyse``,
+``inspect``, ``export``, ``report`` and ``analyse --rrd`` on each in this process, and prints what went wrong
+with the seed of the copy. Damage: flipped bits, bursts of bytes, a cut end, removed and duplicated blocks, and
+numbers in messages that become NaN, infinite or the greatest there are, with the right checksum.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ NUMBERS: Final = (
 
 
 class Message(NamedTuple):
-    """Where a message lies in a log: its kind, and the bytes from ``start`` to before ``end`` with numbers."""
+    """A message of a log: its kind, and the bytes with numbers, from ``start`` to before ``end``."""
 
     kind: bytes
     start: int
@@ -86,7 +86,9 @@ def _ulog(log: bytes) -> Iterator[Message]:
     place = 16
     while place + 3 <= len(log):
         size, kind = struct.unpack_from("<HB", log, place)
-        yield Message(log[place + 2 : place + 5] if kind == ord("D") else bytes([kind]), place + 3, place + 3 + size)
+        yield Message(
+            log[place + 2 : place + 5] if kind == ord("D") else bytes([kind]), place + 3, place + 3 + size
+        )
         place += 3 + size
 
 
@@ -198,7 +200,9 @@ def problems_of(arguments: Sequence[str]) -> list[str]:
         except Exception as error:
             frames = traceback.extract_tb(error.__traceback__)
             where = next((f for f in reversed(frames) if "mavhums" in f.filename), frames[-1])
-            found.append(f"{type(error).__name__}: {error!s:.80} at {Path(where.filename).name}:{where.lineno}")
+            found.append(
+                f"{type(error).__name__}: {error!s:.80} at {Path(where.filename).name}:{where.lineno}"
+            )
     numpys = {f"{w.message!s:.60} at {Path(w.filename).name}:{w.lineno}" for w in caught}
     return found + [f"warning: {one}" for one in sorted(numpys)]
 
@@ -227,7 +231,9 @@ def run(logs: Sequence[tuple[str, bytes]], count: int, seed: int) -> Counter[str
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark; return whether a command failed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=800)
     parser.add_argument("logs", nargs="*", type=Path)

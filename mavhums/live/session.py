@@ -6,7 +6,7 @@ import logging
 import select
 import time
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 from mavhums.engine.axes import MOST_VEHICLES
 from mavhums.engine.engine import Engine
@@ -21,10 +21,12 @@ from mavhums.log.mavlink.stamping import Piece
 from mavhums.results.assessment import Assessment
 from mavhums.results.live import AlertObject, StaleObject, StatusObject
 
+T = TypeVar("T")
 _LOG = logging.getLogger(__name__)
 BLOCK_S = 0.1
 """How long pieces are collected before the engine takes them."""
 
+_FAILED = "a step of the assessment failed; reception and recording go on"
 _TICK_US = 1_000_000
 _CALM_S, _BUSY_S = 0.05, 0.005
 _MANY = 100
@@ -128,6 +130,8 @@ class Session:
         self._latest_us = 0
         self._due_us = self.clock.now_us()
         self._first_us: int | None = None
+        self._failures = 0
+        self._latest = engine.assessment(indicators=False)
 
     def run(self, stop: Callable[[], bool]) -> Assessment:
         """Follow the links until ``stop`` returns true, and return the verdicts."""
@@ -164,7 +168,9 @@ class Session:
         """Show the state; send the heartbeat and the actuators' health to the ground station."""
         now_us = self.clock.now_us()
         self._due_us = max(self._due_us + _TICK_US, now_us)
-        assessment = self._engine.assessment(indicators=False)
+        self._latest = assessment = self._judged(
+            lambda: self._engine.assessment(indicators=False), self._latest
+        )
         self._check_same_aircraft(assessment)
         state, stale = self.status.report(assessment, now_us)
         self._ticks += 1
@@ -198,13 +204,14 @@ class Session:
         """
         now_us = max(self.clock.now_us(), self._latest_us)
         self._record(self._stamper.close(now_us))
-        self._publish(self._engine.finish())
+        self._publish(self._judged(self._engine.finish, []))
         if self.recorder:
             self.recorder.close()
         if self._remember:
             self._remember()
         path = str(self.recorder.path) if self.recorder else ", ".join(str(k.address) for k in self.links)
-        assessment, refusal = self._identity(self._with_reason(self._engine.assessment(path or None)))
+        assessment = self._judged(lambda: self._engine.assessment(path or None), self._latest)
+        assessment, refusal = self._identity(self._with_failures(self._with_reason(assessment)))
         for link in (*self.links, *self._ground):
             link.close()
         for sink in self.sinks:
@@ -254,9 +261,36 @@ class Session:
             self._first_us = int.from_bytes(records[:8], "big")
         if self.recorder:
             self.recorder.write(records, frames)
-        events = self._engine.feed(records)
+        nothing: list[Event] = []
+        events = self._judged(lambda: self._engine.feed(records), nothing)
         self.status.observe(events, self.clock.now_us())
         self._publish(events)
+
+    def _judged(self, judge: Callable[[], T], otherwise: T) -> T:
+        """Return what a step of the assessment returns.
+
+        Whatever a sender makes fail in it, reception, recording and the next step go on; it is counted, and
+        shown at its first time.
+        """
+        try:
+            return judge()
+        except Exception:
+            self._failures += 1
+            if self._failures == 1:
+                _LOG.exception("%s", _FAILED)
+                for sink in self.sinks:
+                    sink.consume(
+                        [Notice((self._latest_us - (self._first_us or self._latest_us)) / 1e6, None, _FAILED)]
+                    )
+            return otherwise
+
+    def _with_failures(self, assessment: Assessment) -> Assessment:
+        """Return the assessment with the number of its steps that failed, if any."""
+        if not self._failures:
+            return assessment
+        said = f"{_FAILED}: {self._failures} times; judge the recording again, and report it if it fails"
+        log = assessment.log.model_copy(update={"notices": (*assessment.log.notices, said)})
+        return assessment.model_copy(update={"log": log})
 
     def _publish(self, events: list[Event]) -> None:
         """Pass events to the alerts and the sinks."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
+from mavhums.log.base.times import YEAR_2010_US, YEAR_2100_US
 
 ARDUPILOT: Final = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
 NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station
@@ -77,6 +78,37 @@ REPORTS: Final[Mapping[str, str]] = {
     "script value": "name of a number that a script sends and a profile can map; text (n,)",
 }
 """Facts that are no signals, with the meaning and the shape of their values."""
+
+RANGES: Final[Mapping[str, tuple[float, float]]] = {
+    "rates": (-1e4, 1e4),
+    "force": (-1e5, 1e5),
+    "mixer": (-1e3, 1e3),
+    "attitude": (-1e3, 1e3),
+    "demand": (-1e3, 1e3),
+    "airspeed": (-1e4, 1e4),
+    "sensed airspeed": (-1e4, 1e4),
+    "velocity": (-1e4, 1e4),
+    "groundspeed": (-1e4, 1e4),
+    "altitude": (-1e6, 1e6),
+    "position": (-1e6, 1e6),
+    "state": (0, 2**32),
+    "vtol": (0, 255),
+    "landed": (0, 255),
+    "armed": (0, 255),
+    "mode": (-1, 2**32),
+    "autopilot": (0, 255),
+    "firmware": (0, 2**32 - 1),
+    "boot": (YEAR_2010_US, YEAR_2100_US),
+    "uptime": (0, YEAR_2100_US),
+    "parameter": (-(2**32), 2**32),
+    "ESC temperature": (0, 255),
+    "ESC speed": (-1e7, 1e7),
+}
+"""Least and greatest value of a fact, in its unit; beyond, it is damage or forged.
+
+Wide enough for a wrong unit, which other rules find; narrow enough that nothing computed from it overflows. A
+value outside is not measured: :attr:`mavhums.vehicle.formats.base.Report.values` is the one place.
+"""
 
 
 class Signal(NamedTuple):

@@ -286,7 +286,7 @@ class Grid:
     def received(self) -> dict[str, Received]:
         """Return, by message, how many samples were kept, came late, or came twice."""
         found: dict[str, Received] = {}
-        for stream in self._kept:
+        for stream in sorted(self._kept):  # the order of their arrival depends on how the log was cut
             counts = self._order.received(stream)
             found[stream.message] = max(found.get(stream.message, counts), counts, key=sum)
         return found

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.vehicle.facts import ARDUPILOT, NO_AUTOPILOT
+from mavhums.vehicle.facts import ARDUPILOT, NO_AUTOPILOT, RANGES
 from mavhums.vehicle.formats import messages_of, reports
 from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.states import kind_named, texts
@@ -274,7 +274,7 @@ class RecordedFlights:
             own = report.values["name"] == _SERIAL
             numbers = report.values["bits"][own].view("<f4").tolist()
             for system, number in zip(report.table.system[own].tolist(), numbers, strict=True):
-                if number > 0:
+                if 0 < number <= RANGES["parameter"][1]:
                     self._serials.setdefault(system, f"serial {number:.0f}")
         for report in reports(tables, "boot"):
             _keep_first(self._boots, report, report.values)

@@ -13,7 +13,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +20,14 @@ import numpy as np
 from mavhums.core.errors import MavhumsError
 from mavhums.log import Decoder, Table, decode_blocks
 from mavhums.log.base.tables import text_of
-from mavhums.vehicle.facts import PX4
+from mavhums.vehicle.facts import PX4, RANGES
 from mavhums.vehicle.formats import messages_of, reports
 from mavhums.vehicle.formats.base import Report
 
 PARAMETER_MESSAGES = messages_of("autopilot", "parameter")
 """What :class:`ReceivedParameters` reads."""
 
+_GREATEST = RANGES["parameter"][1]
 _INTEGERS = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4"}  # MAV_PARAM_TYPE
 
 
@@ -78,7 +78,9 @@ class ReceivedParameters:
         is_px4 = vehicle in self.px4
         sent = self.values.get(vehicle, {})
         values = {name: _number(*value, is_px4=is_px4) for name, value in sent.items()}
-        return Parameters(vehicle, is_px4, {name: value for name, value in values.items() if isfinite(value)})
+        return Parameters(
+            vehicle, is_px4, {name: value for name, value in values.items() if abs(value) <= _GREATEST}
+        )
 
 
 def read_parameters(

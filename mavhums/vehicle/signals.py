@@ -67,7 +67,7 @@ class SignalReader:
                 continue
             own = table if source.all_components else table.select(table.component == component)
             if len(own):
-                values, stamped = source.values(own), report.format.is_stamped(own)
+                values, stamped = report._replace(table=own).values, report.format.is_stamped(own)
                 times = own.frame, own.time_us
                 yield Signal(vehicle, source.fact, source.message, *times, values, stamped, rank)
 

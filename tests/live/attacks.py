@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import contextlib
 import os
+import random
 import resource
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -29,6 +31,7 @@ from tests.live.programs import ENVIRONMENT, free_port, mavhums
 
 HERE: Final = "127.0.0.1"
 _QUIET_S: Final = 5.0
+NUMBERS: Final = sorted(v2.mavlink_map)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +87,19 @@ def heartbeat(system: int, component: int) -> bytes:
 def attitude(system: int, component: int) -> bytes:
     voice = v2.MAVLink(None, srcSystem=system, srcComponent=component)
     return bytes(v2.MAVLink_attitude_message(1000, 0, 0, 0, 0, 0, 0).pack(voice))
+
+
+def random_message(rng: random.Random, k: int) -> bytes:
+    """A message of a random kind with random or extreme numbers and a valid checksum; SYSTEM_TIME often."""
+    number = 2 if k % 50 == 0 else rng.choice(NUMBERS)
+    kind = v2.mavlink_map[number]
+    size = struct.calcsize(kind.unpacker.format)
+    fill = rng.random()
+    payload = rng.randbytes(size) if fill < 0.8 else bytes([rng.choice((0, 0x7F, 0x80, 0xFF))]) * size
+    message = v2.MAVLink_message(number, kind.msgname)
+    voice = v2.MAVLink(None, srcSystem=rng.choice((1, 1, 1, 2, 9)), srcComponent=rng.choice((1, 1, 1, 7)))
+    voice.seq = k % 256
+    return bytes(message._pack(voice, kind.crc_extra, payload))
 
 
 def named(system: int) -> bytes:

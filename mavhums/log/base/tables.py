@@ -97,9 +97,18 @@ class Table:
             if name not in (wire.names or ()):
                 return False
             form, shape = wire[name].base, wire[name].shape
-            if form.kind not in "iuf" or (shape or (1,)) != (width,):
+            if form.kind not in "iuf" or shape != ((width,) if width > 1 else ()):
                 return False
         return True
+
+    def numbers(self, field: str, width: int = 1) -> NDArray[np.float64]:
+        """Return a numeric field, (n,), or (n, width) of an array; NaN if the log defines it otherwise.
+
+        The one way to read what a definition may lack: a damaged one is a quantity that was not measured.
+        """
+        if not self.holds({field: width}):
+            return np.full((len(self), width) if width > 1 else len(self), np.nan)
+        return self[field].astype(np.float64)
 
     def holds_text(self, name: str) -> bool:
         """Return whether there is a field of characters with this name."""

@@ -15,6 +15,7 @@ from mavhums.log.base.decoder import Losses, join_tables
 from mavhums.log.base.records import RowContext
 from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import ODD_TIME, Table
+from mavhums.log.base.times import is_date, plausible
 from mavhums.log.dataflash.layout import RecordDefinitions
 from mavhums.log.dataflash.scanner import RecordScanner
 
@@ -67,9 +68,9 @@ class Dating:
     def observe(self, tables: Mapping[str, Table]) -> None:
         """Process the records before ``end``."""
         parameters, positions = tables.get("PARM"), tables.get("GPS")
-        if parameters is not None and not self._identified:
+        if parameters is not None and not self._identified and parameters.holds_text("Name"):
             told = np.isin(parameters["Name"], _IDS)
-            for value in parameters["Value"][told].tolist():
+            for value in parameters.numbers("Value")[told].tolist():
                 if not self._identified and 1 <= value <= 255:
                     self.vehicle, self._identified = int(value), True
         if positions is not None and self.offset_us is None:
@@ -80,18 +81,13 @@ class Dating:
         return (self._identified and self.offset_us is not None) or position >= self.end
 
     def _date(self, positions: Table) -> None:
-        names = positions.fields.dtype.names or ()
-        if not {"TimeUS", "Status", "GMS", "GWk"} <= set(names):
-            return
-        good = (positions["Status"] >= _FIX) & (positions["GWk"] > 0)
+        status, weeks, ms, boot_us = map(positions.numbers, ("Status", "GWk", "GMS", "TimeUS"))
+        utc_us = _GPS_EPOCH_US + weeks * _WEEK_US + ms * 1000
+        good = (status >= _FIX) & is_date(utc_us) & plausible(utc_us - boot_us)
         good &= positions.flags & ODD_TIME == 0
-        if not good.any():
-            return
-        first = int(np.argmax(good))
-        gps_us = int(positions["GWk"][first]) * _WEEK_US + int(positions["GMS"][first]) * 1000
-        utc_us = _GPS_EPOCH_US + gps_us
-        ahead_s = next((seconds for since, seconds in _LEAP_SECONDS if utc_us >= since), 15)
-        self.offset_us = utc_us - ahead_s * 1_000_000 - int(positions["TimeUS"][first])
+        for first in np.flatnonzero(good)[:1].tolist():
+            ahead_s = next((seconds for since, seconds in _LEAP_SECONDS if utc_us[first] >= since), 15)
+            self.offset_us = int(utc_us[first] - boot_us[first]) - ahead_s * 1_000_000
 
 
 _PIECE: Final = 1 << 16  # bytes: below, the Python around a scan takes longer than the scan
@@ -248,8 +244,9 @@ class DataFlashDecoder:
         return self._shift[boot]
 
     def _note_drops(self, boot: int, table: Table | None) -> None:
-        if table is not None and "Dp" in (table.fields.dtype.names or ()):
-            self._dropped[boot] = max(self._dropped.get(boot, 0), int(table["Dp"].max()))
+        if table is not None and table.holds({"Dp": 1}):
+            most = np.nanmax(table.numbers("Dp"), initial=0)
+            self._dropped[boot] = max(self._dropped.get(boot, 0), int(most))
 
 
 def _boot_of(part: RecordBatch) -> int:

@@ -18,6 +18,7 @@ from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.records import Definition, DefinitionTable
 from mavhums.log.base.scanner import WAIT, load_word
+from mavhums.log.base.times import plausible
 
 MAGIC_1, MAGIC_2 = 0xA3, 0x95
 HEAD = 3
@@ -41,7 +42,6 @@ IN_ORDER, AHEAD, BACK, ODD = 1, 2, 3, 4
 
 _TOLERANCE_US = 100_000
 GAP_US = 60 * 1_000_000
-_LATEST_US = 1 << 52
 _CONFIRM = 2
 _LOOKED_AT = 16
 
@@ -195,7 +195,7 @@ def judge_time(data: Bytes, end: int, time_us: int, last: int, types: Records, f
     """Compare the time of a record that ends at ``end`` with ``last``, -1 if there is none."""
     if last >= 0 and is_near(time_us, last):
         return IN_ORDER
-    if not 0 <= time_us < _LATEST_US:
+    if not plausible(time_us):
         return ODD
     return _confirm(data, end, time_us, last, types, final)
 

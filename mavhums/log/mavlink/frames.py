@@ -22,6 +22,7 @@ from mavhums.core.arrays import Bytes
 from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.scanner import NO, WAIT, YES, load_word
 from mavhums.log.base.tables import MAVLINK1, SIGNED
+from mavhums.log.base.times import plausible
 
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
 HEAD_V1, HEAD_V2 = 6, 10
@@ -33,7 +34,7 @@ STAMP = 8
 
 DAY_US = 86_400 * 1_000_000
 _STEP_US = 60 * 1_000_000
-_YEAR_2000_US, _YEAR_2100_US = 946_684_800_000_000, 4_102_444_800_000_000
+_YEAR_2000_US = 946_684_800_000_000
 
 
 @inlined
@@ -83,12 +84,6 @@ def stamp_at(data: Bytes, place: int) -> int:
     for k in range(8):
         out |= ((word >> np.uint64(8 * k)) & np.uint64(0xFF)) << np.uint64(56 - 8 * k)
     return int(np.int64(out))
-
-
-@inlined
-def plausible(time_us: int) -> bool:
-    """Return whether a time lies between 1970 and 2100."""
-    return 0 <= time_us < _YEAR_2100_US
 
 
 @inlined

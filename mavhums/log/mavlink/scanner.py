@@ -31,6 +31,7 @@ from mavhums.core.arrays import Bytes, Integers, Records
 from mavhums.core.kernels import inlined, kernel
 from mavhums.log.base.scanner import GUARD, NO, RECORD, SPARE, WAIT, YES, BlockScanner, RecordBatch
 from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
+from mavhums.log.base.times import plausible
 from mavhums.log.mavlink.dialect import Dialect
 from mavhums.log.mavlink.frames import (
     DAY_US,
@@ -43,7 +44,6 @@ from mavhums.log.mavlink.frames import (
     frame_end,
     judge_time,
     parts_of,
-    plausible,
     seed_of,
     stamp_at,
     time_without_stamp,

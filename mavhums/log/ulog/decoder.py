@@ -17,6 +17,7 @@ from mavhums.log.base.decoder import Losses, join_tables
 from mavhums.log.base.records import Definition, DefinitionTable, RowContext
 from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import Table
+from mavhums.log.base.times import is_date, plausible
 from mavhums.log.ulog.layouts import BASIC, Layout
 from mavhums.log.ulog.scanner import UlogScanner
 
@@ -25,7 +26,6 @@ _HELD_BYTES = 1 << 20  # bytes that may wait for a fix; without one in them the 
 _DATA, _PARAMETER = b"DP"
 _VEHICLE: Final = b"MAV_SYS_ID"
 _GPS: Final = "vehicle_gps_position"
-_YEAR_2010_US, _YEAR_2100_US = 1_262_304_000_000_000, 4_102_444_800_000_000
 _FIX_3D = 3
 
 _TEXT_BYTES: Final = 255
@@ -263,4 +263,5 @@ def _utc_offset(layout: Layout, body: bytes) -> int | None:
     utc_us = int(fix["time_utc_usec"])
     if layout.has("fix_type", "u1") and fix["fix_type"] < _FIX_3D:
         return None
-    return utc_us - int(fix["timestamp"]) if _YEAR_2010_US < utc_us < _YEAR_2100_US else None
+    offset_us = utc_us - int(fix["timestamp"])
+    return offset_us if is_date(utc_us) and plausible(offset_us) else None

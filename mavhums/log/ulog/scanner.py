@@ -31,6 +31,7 @@ from mavhums.log.base.scanner import (
     load_word,
 )
 from mavhums.log.base.tables import ODD_TIME
+from mavhums.log.base.times import plausible
 from mavhums.log.ulog.headers import (
     BODY,
     UNKNOWN,
@@ -85,6 +86,8 @@ def _judge_time(state: Record, told_us: int) -> bool:
     Several topics are logged with one time: where it is wrong, it is one wrong time. A header without a time
     tells no clock.
     """
+    if not plausible(told_us):
+        return False
     if abs(told_us - state.time_us) <= _STEP_US or (state.time_us == 0 and told_us > 0):
         state.time_us = told_us
         state.run = 0
@@ -159,7 +162,7 @@ def _run_of_data(data: Bytes, position: int, state: Record, topics: Records, row
         if topic.stamp < 0:
             break
         told_us = np.int64(load_word(data, position + BODY + 2 + topic.stamp))
-        if abs(told_us - clock) > _STEP_US:
+        if abs(told_us - clock) > _STEP_US or not plausible(told_us):
             break
         clock = told_us
         topic.timed = 1
@@ -363,7 +366,8 @@ class UlogScanner(BlockScanner):
             return 0
         if damaged:
             self._add_damage(np.array([(0, HEADER)], dtype=REGION))
-        self._carried["time_us"] = np.frombuffer(head[8:HEADER].ljust(8, b"\0"), dtype="<i8")
+        begun_us = int.from_bytes(head[8:HEADER], "little")
+        self._carried["time_us"] = begun_us if plausible(begun_us) else 0
         place = min(HEADER, len(head))
         if place < HEADER:
             self._cut = place

@@ -25,6 +25,7 @@ from mavhums.vehicle.formats.base import (
     Rows,
     ServoSource,
     Source,
+    bounded,
     each,
     holds,
 )
@@ -99,9 +100,11 @@ def reports(tables: Mapping[str, Table], *facts: str) -> Iterator[Report]:
         if table is None or not holds(table, source.fields):
             continue
         if source.rows is not None:
-            table = table.select(source.rows(table))
-        if len(table):
-            yield Report(source, form, table)
+            with np.errstate(all="ignore"):
+                table = table.select(source.rows(table))
+        report = Report(source, form, table).within_range()
+        if len(report.table):
+            yield report
 
 
 def servo_readings(
@@ -111,7 +114,9 @@ def servo_readings(
     table = tables.get(source.message)
     if table is None:
         return
-    for ids, part in source.split(table, servos):
+    with np.errstate(all="ignore"):  # of damaged numbers; :class:`mavhums.actuator.mapping.Gate` bounds them
+        parts = [*source.split(table, servos)]
+    for ids, part in parts:
         for vehicle, rows in each(table.system, part.rows):
             times = table.frame[rows], table.time_us[rows]
             name, fields = part.source, part.fields
@@ -124,7 +129,7 @@ def esc_speeds(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, NDArray[
         if source.tier.startswith("esc"):
             for reading in servo_readings(source, tables, _ESCS):
                 speeds = reading.values[:, [*reading.fields].index("V7")]
-                yield reading.vehicle, reading.servo - 1, reading.time_us, speeds
+                yield reading.vehicle, reading.servo - 1, reading.time_us, bounded("ESC speed", speeds)
 
 
 def remedy(

@@ -13,7 +13,7 @@ from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS
 from mavhums.log import Table
 from mavhums.log.base.tables import text_of
-from mavhums.vehicle.facts import ALL_OUTPUTS, ServoIds
+from mavhums.vehicle.facts import ALL_OUTPUTS, RANGES, ServoIds
 
 TEXT: Final = 0
 """The width of a field of text, in ``Source.fields``."""
@@ -145,8 +145,20 @@ class Report(NamedTuple):
 
     @property
     def values(self) -> NDArray[Any]:
-        """The fact's values, row for row."""
-        return self.source.values(self.table)
+        """The fact's values, row for row: NaN for a number outside its range."""
+        # A damaged number may overflow what is computed from it; what comes of that is out of range.
+        with np.errstate(all="ignore"):
+            values = self.source.values(self.table)
+        return bounded(self.source.fact, values) if values.dtype.kind == "f" else values
+
+    def within_range(self) -> Report:
+        """Return the rows whose whole numbers, which cannot be NaN, are in the fact's range."""
+        values = self.values
+        if values.dtype.kind not in "iu" or self.source.fact not in RANGES:
+            return self
+        least, greatest = RANGES[self.source.fact]
+        good: Any = (values >= least) & (values <= greatest)
+        return self.select(np.atleast_2d(good.T).all(axis=0))
 
     @property
     def rank(self) -> int:
@@ -161,6 +173,13 @@ class Report(NamedTuple):
     def select(self, rows: NDArray[Any]) -> Report:
         """Return the rows that a mask or an index array selects."""
         return self._replace(table=self.table.select(rows))
+
+
+def bounded(fact: str, values: Array) -> Array:
+    """Return values of a fact with NaN for those outside its range."""
+    least, greatest = RANGES.get(fact, (-np.inf, np.inf))
+    good = (values >= least) & (values <= greatest)
+    return values if good.all() else np.where(good, values, np.nan)
 
 
 def holds(table: Table, fields: Mapping[str, int]) -> bool:

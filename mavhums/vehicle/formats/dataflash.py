@@ -55,15 +55,12 @@ def mode_name(autopilot: int, kind: int, base_mode: int, number: int) -> str | N
 
 
 def _first_sensor(table: Table) -> Flags:
-    if "I" in (table.fields.dtype.names or ()):
-        return np.asarray(table["I"] == 0)
-    return np.ones(len(table), dtype=bool)
+    return ~(table.numbers("I") > 0)
 
 
 def _channel(table: Table, number: int) -> str | None:
     """Return the field of an output or a channel, which Copter before 3.4 names ``Ch``; None without one."""
-    names = table.fields.dtype.names or ()
-    return next((field for field in (f"C{number}", f"Ch{number}") if field in names), None)
+    return next((field for field in (f"C{number}", f"Ch{number}") if table.holds({field: 1})), None)
 
 
 def _outputs(count: int) -> Any:
@@ -82,7 +79,7 @@ def _outputs(count: int) -> Any:
 
 def _velocity(table: Table) -> Array:
     speed, course = table["Spd"].astype(np.float64), np.radians(table["GCrs"].astype(np.float64))
-    down = table["VZ"].astype(np.float64) if table.holds({"VZ": 1}) else np.zeros(len(table))
+    down = np.nan_to_num(table.numbers("VZ"))
     velocity = np.stack([speed * np.cos(course), speed * np.sin(course), down], axis=1)
     return np.where((table["Status"] >= _FIX)[:, None], velocity, np.nan)
 
@@ -97,7 +94,7 @@ def _armed(table: Table) -> Array:
 
 
 def _arming(table: Table) -> Array:
-    armed = table["ArmState"] > 0 if "ArmState" in (table.fields.dtype.names or ()) else table["Id"] == _ARMS
+    armed = table["ArmState"] > 0 if table.holds({"ArmState": 1}) else table["Id"] == _ARMS
     return np.stack([np.full(len(table), float(ARDUPILOT)), armed], axis=1)
 
 
@@ -180,23 +177,20 @@ def _csrv(table: Table, servos: Sequence[ServoIds]) -> Split:
     and speed. The number is the output counted from 0 if the autopilot itself drives the servo (the record
     then has its command), and from 1 on DroneCAN, whose servos do not repeat the command.
     """
-    names = table.fields.dtype.names or ()
-    gives = _CSRV_DEGREES if "PosCmd" in names else _CSRV_RADIANS
-    fields = {field: gives[field] for field in gives if field in names}
-    if "Id" not in names or not fields:
+    gives = _CSRV_DEGREES if table.holds({"PosCmd": 1}) else _CSRV_RADIANS
+    fields = {field: gives[field] for field in gives if table.holds({field: 1})}
+    if not fields:
         return
-    number = table["Id"].astype(np.int64)
-    servo = number + np.isfinite(table["PosCmd"]) if "PosCmd" in names else number
-    values = np.stack(
-        [table[field].astype(np.float64) * scale for field, (_, scale) in fields.items()], axis=1
-    )
+    number = table.numbers("Id")
+    servo = number + np.isfinite(table.numbers("PosCmd"))
+    values = np.stack([table.numbers(field) * scale for field, (_, scale) in fields.items()], axis=1)
     values[~np.isfinite(values)] = np.nan
     named = [ids.record for ids in servos if ids.record is not None]
     for ids in servos:
         by_channel = (servo == ids.servo) & ~np.isin(number, named)
         rows = by_channel if ids.record is None else number == ids.record
         if rows.any():
-            label = f"CSRV[{number[rows.argmax()]}]"
+            label = f"CSRV[{number[rows.argmax()]:.0f}]"
             yield ids, ServoPart(label, {key: field for field, (key, _) in fields.items()}, rows, values)
 
 

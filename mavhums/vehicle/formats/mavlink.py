@@ -46,7 +46,6 @@ _NOT_OWN_TIME: Final = frozenset({"SYSTEM_TIME", "GPS_RAW_INT", "GPS2_RAW", "GPS
 
 _ARMED: Final = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _NO_ATTITUDE: Final = 1 << 7  # ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
-_GPS_WORKS_US: Final = 1_262_304_000_000_000  # 2010: an autopilot without a fix sends a date before
 _ARDUPILOT_ID_BYTES: Final = 12  # of uid2's 18: the others are zero in ArduPilot
 
 _SERVO_FIELDS: Final = tuple(f"servo{n}_raw" for n in range(1, OUTPUTS + 1))
@@ -191,13 +190,7 @@ SOURCES: Final = (
     Source("autopilot", "HEARTBEAT", _HEARTBEAT, lambda t: np.stack([t["type"], t["autopilot"]], axis=1)),
     Source("firmware", "AUTOPILOT_VERSION", _VERSION, lambda t: t["flight_sw_version"]),
     Source("board", "AUTOPILOT_VERSION", _VERSION, _boards, lambda t: t["uid2"].any(axis=1) | (t["uid"] > 0)),
-    Source(
-        "boot",
-        "SYSTEM_TIME",
-        {"time_unix_usec": 1, "time_boot_ms": 1},
-        _boot,
-        lambda t: np.asarray(t["time_unix_usec"] > _GPS_WORKS_US),
-    ),
+    Source("boot", "SYSTEM_TIME", {"time_unix_usec": 1, "time_boot_ms": 1}, _boot),
     Source("uptime", "ATTITUDE", {"time_boot_ms": 1}, lambda t: t["time_boot_ms"].astype(np.int64) * 1000),
     Source("text", "STATUSTEXT", {"text": TEXT}, lambda t: t["text"]),
     Source("parameter", "PARAM_VALUE", {"param_id": TEXT, "param_value": 1, "param_type": 1}, _parameters),

@@ -157,7 +157,10 @@ def flown(seconds: float = 20.0, *, start_us: int = 5_000_000) -> bytes:
     texts = {"debug_array": b"EMA", "debug_key_value": b"S1V05", "debug_vect": b"wind"}
     parts = [header(start_us), form("esc_report", FLIGHT["esc_report"])]
     parts += [form(topic, "uint64_t timestamp;" + fields) for topic, (_, fields) in TOPICS.items()]
-    parts += [keyed("I", "char[3] sys_name", b"PX4"), keyed("I", "uint32_t ver_sw_release", b"\xff\x00\x0e\x01")]
+    parts += [
+        keyed("I", "char[3] sys_name", b"PX4"),
+        keyed("I", "uint32_t ver_sw_release", b"\xff\x00\x0e\x01"),
+    ]
     parts += [keyed("I", "char[8] sys_uuid", b"0123abcd"), parameter("MAV_SYS_ID", 7)]
     surfaces = enumerate((1, 2, 3, 4))
     parts += [parameter(f"CA_SV_CS{k}_TYPE", kind) for k, kind in surfaces]

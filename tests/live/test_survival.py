@@ -1,0 +1,66 @@
+"""A live session goes on, whatever its senders send: a time that cannot be, any field of any message."""
+
+from __future__ import annotations
+
+import os
+import random
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as v2
+
+import mavhums
+from mavhums.engine.engine import Engine
+from mavhums.log.mavlink.stamping import Piece
+from mavhums_sim.link import EPOCH_US
+from tests.live.attacks import attitude, random_message
+from tests.live.conftest import RIGHT, Rig, conditions
+
+
+def test_a_time_that_cannot_be_ends_no_session(rig: Rig, worn_pieces: list[Piece]) -> None:
+    voice = v2.MAVLink(None, srcSystem=9, srcComponent=1)
+    date = bytes(v2.MAVLink_system_time_message(10**18, 1000).pack(voice))
+    forged = [
+        Piece("forger", EPOCH_US + 5_000_000 + k, frame) for k, frame in enumerate([attitude(9, 1), date])
+    ]
+    rig.hear(worn_pieces + forged)
+    assert conditions(rig.end()) == RIGHT
+
+
+def test_an_error_in_the_assessment_is_shown_and_the_session_goes_on(
+    rig: Rig, worn_pieces: list[Piece], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, feed = Engine.assessment, Engine.feed
+    calls = {"assessment": 0, "feed": 0}
+
+    def failing(self: Engine, *given: object, **named: object) -> object:
+        calls["assessment"] += 1
+        if calls["assessment"] in (3, 5):
+            raise ZeroDivisionError("as no one expected")
+        return whole(self, *given, **named)  # type: ignore[arg-type]
+
+    def failing_feed(self: Engine, block: bytes) -> object:
+        calls["feed"] += 1
+        if calls["feed"] == 7:
+            raise ZeroDivisionError("as no one expected")
+        return feed(self, block)
+
+    monkeypatch.setattr(Engine, "assessment", failing)
+    monkeypatch.setattr(Engine, "feed", failing_feed)
+    rig.hear(worn_pieces)
+    ended = rig.session.close()
+    assert conditions(ended) == RIGHT
+    [notice] = [said for said in ended.log.notices if "failed" in said]
+    assert "3 times" in notice
+    monkeypatch.undo()
+    assert conditions(mavhums.analyse(rig.recorder.path)) == RIGHT, "the recording is whole"
+
+
+@pytest.mark.slow
+def test_random_messages_of_valid_checksum(tmp_path: Path) -> None:
+    """``MESSAGES=450000`` is the gate; each message has random fields and a right checksum."""
+    rng, rig = random.Random(48), Rig(tmp_path)
+    count = int(os.environ.get("MESSAGES", "20000"))
+    rig.hear(Piece("forger", EPOCH_US + 300 * k, random_message(rng, k)) for k in range(count))
+    assert rig.session._failures == 0
+    rig.end()  # compares with the replay
