@@ -4,8 +4,8 @@
 
 makes ``--count`` damaged copies of each log, by default one log of each format, runs ``analyse``,
 ``inspect``, ``export``, ``report`` and ``analyse --rrd`` on each in this process, and prints what went wrong
-with the seed of the copy. Damage: flipped bits, bursts of bytes, a cut end, removed and duplicated blocks, and
-numbers in messages that become NaN, infinite or the greatest there are, with the right checksum.
+with the seed of the copy. Damage: flipped bits, bursts of bytes, a cut end, removed and duplicated blocks,
+and numbers in messages that become NaN, infinite or the greatest there are, with the right checksum.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import pytest
 
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
-from mavhums.vehicle.formats import FORMATS
+from mavhums.vehicle.formats.dataflash import SERVO_SOURCES, SOURCES
 from mavhums_sim import Flight, fly
 from mavhums_sim import dataflash as writer
 from tests.log.ulog.writer import FLIGHT, TOPICS, flown
@@ -59,7 +59,7 @@ def damaged_dataflash(log: bytes) -> Iterator[tuple[str, bytes]]:
 
     A record's length is what its definition says, so that a removed field is one that has become another.
     """
-    wanted = {source.message for form in FORMATS for source in (*form.SOURCES, *form.SERVO_SOURCES)}
+    wanted = {source.message for source in SOURCES} | {source.message for source in SERVO_SOURCES}
     for place, name in _definitions(log):
         if name not in wanted | {"DSF", "GPS"}:
             continue

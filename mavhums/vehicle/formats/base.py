@@ -158,7 +158,8 @@ class Report(NamedTuple):
             return self
         least, greatest = RANGES[self.source.fact]
         good: Any = (values >= least) & (values <= greatest)
-        return self.select(np.atleast_2d(good.T).all(axis=0))
+        within: Flags = np.all(np.atleast_2d(good.T), axis=0)
+        return self.select(within)
 
     @property
     def rank(self) -> int:
