@@ -30,6 +30,10 @@ _BIN_READ = {  # of the messages that the simulator does not write
 }
 
 
+_OTHERS = {"f": "nI", "I": "nf", "i": "nf", "L": "nf", "Q": "dq", "N": "", "Z": "a", "n": "f", "B": "bM"}
+"""Letters of the same or another size to which a field is retyped: text, integer, float, array."""
+
+
 @pytest.fixture(scope="module")
 def dataflash_log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """Three seconds with every record that is read."""
@@ -57,7 +61,7 @@ def _redefined(log: bytes, place: int, letters: str, columns: list[str]) -> byte
 def damaged_dataflash(log: bytes) -> Iterator[tuple[str, bytes]]:
     """Yield the log with each field damaged: renamed, retyped to text or to an array of equal size, removed.
 
-    A record's length is what its definition says, so that a removed field is one that has become another.
+    A definition without a field contradicts its length: all its records are unknown then.
     """
     wanted = {source.message for source in SOURCES} | {source.message for source in SERVO_SOURCES}
     for place, name in _definitions(log):
@@ -68,16 +72,7 @@ def damaged_dataflash(log: bytes) -> Iterator[tuple[str, bytes]]:
         for k, column in enumerate(columns):
             renamed = [*columns[:k], chr(ord(column[0]) ^ 1) + column[1:], *columns[k + 1 :]]
             yield f"{name}.{column} renamed", _redefined(log, place, letters, renamed)
-            for other in {
-                "f": "nI",
-                "I": "nf",
-                "i": "nf",
-                "L": "nf",
-                "Q": "dq",
-                "N": "",
-                "Z": "a",
-                "e": "n",
-            }.get(letters[k], "bc" if letters[k] in "BM" else "hc"):
+            for other in _OTHERS.get(letters[k], "hc"):
                 retyped = letters[:k] + other + letters[k + 1 :]
                 yield f"{name}.{column} as {other}", _redefined(log, place, retyped, columns)
             shorter = letters[:k] + letters[k + 1 :]
