@@ -95,6 +95,7 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "vtol": (0, 255),
     "landed": (0, 255),
     "armed": (0, 255),
+    "arming": (0, 255),
     "mode": (-1, 2**32),
     "autopilot": (0, 255),
     "firmware": (0, 2**32 - 1),
