@@ -15,6 +15,7 @@ from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.clock import BOOT, BROKEN, LOOSE, UNSTAMPED, USEC, VehicleClock
 from mavhums.vehicle.formats import each
 from mavhums.vehicle.formats.mavlink import STAMPS, stamp_of
+from mavhums.vehicle.formats.px4_buses import PX4Buses
 
 _COUNTERS: Final = dict(zip(STAMPS, ((BOOT, 1000), (USEC, 1)), strict=True))  # counter, and its unit in µs
 _LAPS_US: Final = {BOOT: 2**52, USEC: 2**32}  # a 64-bit stamp may be damaged beyond what can be added up
@@ -44,6 +45,7 @@ class Clocks:
     def __init__(self) -> None:
         self.copies: Counter[tuple[int, str]] = Counter()
         self.broken: Counter[tuple[int, str]] = Counter()
+        self._buses = PX4Buses()
         self._vehicles: dict[int, VehicleClock] = {}
         self._seen: dict[tuple[str, int], tuple[int, NDArray[np.uint64]]] = {}
         self._routes: dict[int, int] = {}
@@ -56,9 +58,11 @@ class Clocks:
     ) -> dict[str, Table]:
         """Return the tables with ``time_us`` on the senders' clocks, without copies and broken stamps.
 
-        A log whose messages carry no stamp, as an on-board log, stays as it is. ``admits`` returns whether a
+        The times of a log whose messages carry no stamp, as an on-board log, stay as they are. PX4's outputs
+        get the places of their drivers. ``admits`` returns whether a
         vehicle is followed.
         """
+        tables = self._buses.feed(tables)
         stamps = {name: stamp_of(table) for name, table in tables.items()}
         if not tables or not (self._vehicles or any(stamps.values())):
             return dict(tables)

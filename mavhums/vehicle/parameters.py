@@ -320,8 +320,6 @@ def _px4(values: Mapping[str, float]) -> Iterator[Output]:
                 continue
             names = (f"{prefix}_MIN{n}", f"{prefix}_CENT{n}", f"{prefix}_MAX{n}")
             pwm_us, by, ends_by = _pulses(values, names, usual)
-            if first == _UAVCAN_FIRST:
-                by = f"CHECK: which instance of the outputs is UAVCAN's; {by}"
             reverse = int(values.get(f"{prefix}_REV", 0.0)) >> (n - 1) & 1 == 1
             yield Output(
                 first + n,

@@ -6,7 +6,7 @@ frames of SYS_AUTOSTART. Rovers and boats have FRAME_CLASS, too; MOT_SPIN_MIN be
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -14,10 +14,22 @@ import numpy as np
 
 from mavhums.core.arrays import Array
 from mavhums.vehicle.facts import ALL_OUTPUTS
+from mavhums.vehicle.formats.px4_buses import Bus, buses_of, uses_dshot
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.vtol import turns_its_motors
 
-ROTOR_PARAMETERS: Final = ("FRAME", "MOT_", "RCMAP_THROTTLE", "CA_", "SYS_", "MAV_TYPE", "THR_MDL_FAC")
+ROTOR_PARAMETERS: Final = (
+    "FRAME",
+    "MOT_",
+    "RCMAP_THROTTLE",
+    "CA_",
+    "SYS_",
+    "DSHOT_",
+    "UAVCAN_",
+    "SIM_GZ_",
+    "MAV_TYPE",
+    "THR_MDL_FAC",
+)
 """Beginnings of the names of parameters that describe motors."""
 
 _QUAD, _HEXA, _OCTA = 1, 2, 3  # FRAME_CLASS
@@ -223,7 +235,7 @@ def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
         placed = np.array([[values[f"CA_ROTOR{k}_{part}"] for part in parts] for k in range(count)])
         placed = placed.reshape(-1, 3)
         factors = np.stack([-placed[:, 1], placed[:, 0], placed[:, 2]], axis=1)
-        servos = _px4_servos(values, count)
+        servos, ends = _px4_outputs(values, count)
         size = next((name for name, n in (("quad", 4), ("hexa", 6), ("octa", 8)) if n == count), None)
     else:
         kind = _PX4_KINDS.get(int(values.get("MAV_TYPE", 0.0)))
@@ -231,6 +243,8 @@ def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
             return None
         type_ = 0 if int(values["SYS_AUTOSTART"]) // 1000 in _PX4_PLUS else 1
         factors = _factors(_FRAMES[kind, type_])
+        dshot = values["DSHOT_MIN"] if uses_dshot(values, "PWM_MAIN") else 0.0
+        ends = (1000.0 + 1000.0 * dshot, 2000.0)
         servos, size = tuple(range(1, len(factors) + 1)), f"{_SIZES[kind]} {_TYPES[type_]}"
     if size is None or np.linalg.matrix_rank(factors) < 3 or (np.abs(factors).max(axis=0) <= 0).any():
         return "frames with such an arrangement of rotors are not judged"
@@ -241,20 +255,32 @@ def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
     curve = (values["THR_MDL_FAC"] if airframe is not None else values.get("THR_MDL_FAC", 0.0)) or None
     lift = airframe == _PX4_STANDARD_VTOL
     size = f"lift {size}" if lift else size
-    return Rotors(size, servos, _shares(factors), bearings, *_PULSES_US, curve, lift, assumed)
+    return Rotors(size, servos, _shares(factors), bearings, *ends, curve, lift, assumed)
 
 
-def _px4_servos(values: Mapping[str, float], count: int) -> tuple[int, ...]:
-    prefixes = (("PWM_MAIN_FUNC", 0), ("PWM_AUX_FUNC", 16), ("HIL_ACT_FUNC", 0))
-    for prefix, first in prefixes:
-        found = {
-            int(values[f"{prefix}{n}"]) - _PX4_FIRST_MOTOR: first + n
-            for n in range(1, 17)
-            if values.get(f"{prefix}{n}", 0.0) >= _PX4_FIRST_MOTOR
-        }
+def _px4_outputs(values: Mapping[str, float], count: int) -> tuple[tuple[int, ...], tuple[float, float]]:
+    """Return the outputs of PX4's motors, none if some has none, and their idle and full pulses."""
+    for bus, functions in buses_of(values).items():
+        found = {function - _PX4_FIRST_MOTOR: n for n, function in functions.items()}
         if all(k in found for k in range(count)):
-            return tuple(found[k] for k in range(count))
-    return ()
+            servos = tuple(16 * bus.place + found[k] for k in range(count))
+            return servos, _px4_range(values, bus, [found[k] for k in range(count)])
+    return (), _PULSES_US
+
+
+def _px4_range(values: Mapping[str, float], bus: Bus, outputs: Sequence[int]) -> tuple[float, float]:
+    """Return the idle and the full pulse of PX4's motors on some outputs of a driver."""
+    if not bus.full and uses_dshot(values, bus.prefix):
+        return 1000.0 + 1000.0 * values["DSHOT_MIN"], 2000.0
+    names = [f"{bus.prefix}_{end}{n}" for end in ("MIN", "MAX") for n in outputs]
+    # Simulators have no such parameters, and their motors the usual range.
+    if not any(name.startswith((f"{bus.prefix}_MIN", f"{bus.prefix}_MAX")) for name in values):
+        return _PULSES_US
+    ends = np.array([values[name] for name in names]).reshape(2, -1)
+    if bus.full:
+        ends = 1000.0 + 1000.0 * ends / bus.full
+    low, high = np.median(ends, axis=1).tolist()
+    return low, high
 
 
 def _factors(places: tuple[tuple[float, int], ...]) -> Array:

@@ -84,6 +84,11 @@ FACTS: tuple[tuple[str, dict[str, Any], str, Any], ...] = (
     # ArduPilot's log messages: rad/s and m/s² of the IMU, degrees of the attitude and the course
     ("STAT", {"Armed": 1, "isFlying": 0}, "armed", [3, 1]),
     ("STAT", {"Armed": 0, "isFlying": 0}, "armed", [3, 0]),
+    ("ARM", {"ArmState": 1}, "arming", [3, 1]),
+    ("ARM", {"ArmState": 0}, "arming", [3, 0]),
+    ("EV", {"Id": 10}, "arming", [3, 1]),
+    ("EV", {"Id": 11}, "arming", [3, 0]),
+    ("RCOU", {"Ch1": 1500}, "outputs", [1500, *[NAN] * 15]),  # Copter before 3.4
     ("STAT", {"Armed": 1, "isFlying": 0}, "landed", [1]),
     ("STAT", {"Armed": 1, "isFlying": 1}, "landed", [2]),
     ("RCOU", {"C1": 1500, "C14": 1100, "C15": 0}, "outputs", [1500, *[NAN] * 12, 1100, NAN, NAN]),

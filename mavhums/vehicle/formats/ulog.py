@@ -33,7 +33,7 @@ from mavhums.vehicle.formats.base import (
 _ARMED: Final = 2  # vehicle_status.ARMING_STATE_ARMED
 _INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
 _VERSION_DIGITS: Final = 10  # of 2³²: a longer text is no version
-_MAIN, _AUX = 0, 1  # instances of actuator_outputs, which follow the order in which drivers start
+_MAIN, _AUX = 0, 1  # places of actuator_outputs, see px4_buses
 _CHANNELS: Final = 18  # of input_rc
 _INFO: Final = {"name": TEXT, "value": TEXT}
 
@@ -148,7 +148,7 @@ def _esc(table: Table, servos: Sequence[ServoIds]) -> Split:
 
 
 def _commands(table: Table, servos: Sequence[ServoIds]) -> Split:
-    """Yield the commands: instance 0 is taken for MAIN (servos 1–16), 1 for AUX (17–32), 2 for UAVCAN."""
+    """Yield the commands: place 0 is MAIN (servos 1–16), 1 AUX (17–32), 2 UAVCAN; see px4_buses."""
     if not table.holds({"output": OUTPUTS}):
         return
     for ids in servos:

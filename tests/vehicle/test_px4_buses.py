@@ -1,0 +1,82 @@
+"""PX4's outputs are those of their drivers, whatever the numbers of their instances and their units."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from mavhums.log import Table
+from mavhums.log.base.tables import Table as Rows
+from mavhums.vehicle.formats.px4_buses import PX4Buses
+
+SURFACES = {"PWM_AUX_FUNC1": 201.0, "PWM_AUX_FUNC3": 202.0}
+MOTORS = {f"PWM_MAIN_FUNC{n}": 100.0 + n for n in range(1, 5)}
+DSHOT = {"PWM_MAIN_TIM0": -3.0}
+CAN = {f"UAVCAN_EC_FUNC{n}": 100.0 + n for n in range(1, 5)}
+SENT = {  # the outputs of each driver before and after arming, and what pulses they stand for
+    "main": ([1000.0] * 4, [1200.0, 1300.0, 1400.0, 1500.0], [1200.0, 1300.0, 1400.0, 1500.0]),
+    "dshot": ([0.0] * 4, [110.0, 600.0, 1000.0, 1999.0], [1055.0, 1300.2, 1500.3, 2000.0]),
+    "can": ([0.0] * 4, [1.0, 2000.0, 4095.5, 8191.0], [1000.1, 1244.2, 1500.0, 2000.0]),
+    "aux": ([1500.0, 0.0, 1500.0], [1400.0, 0.0, 1600.0], [1400.0, 0.0, 1600.0]),
+    "none": ([0.0], [0.0], [0.0]),
+}
+
+
+def table(name: str, fields: np.ndarray, frames: np.ndarray, component: np.ndarray) -> Table:
+    count = len(fields)
+    one, zero = np.ones(count, dtype=np.uint8), np.zeros(count, dtype=np.uint8)
+    return Rows(name, frames, frames * 1000, one, component.astype(np.uint8), zero, zero, fields)
+
+
+def parameters(values: dict[str, float]) -> Table:
+    rows = np.array([(k.encode(), v) for k, v in values.items()], dtype=[("name", "S20"), ("value", "<f8")])
+    return table("parameter", rows, np.arange(-len(rows), 0), np.zeros(len(rows)))
+
+
+def outputs(instances: dict[int, str], rows: int = 20) -> Table:
+    """Ten rows of each instance before it is armed, ten after, in turns."""
+    sent = np.zeros(rows * len(instances), dtype=[("output", "<f4", (16,))])
+    component = np.tile(sorted(instances), rows)
+    for k, one in enumerate(component.tolist()):
+        values = SENT[instances[one]][int(k // len(instances) >= rows // 2)]
+        sent["output"][k, : len(values)] = values
+    return table("actuator_outputs", sent, np.arange(len(sent)), component)
+
+
+@pytest.mark.parametrize(
+    ("values", "drivers", "places"),
+    [
+        (MOTORS | SURFACES, ("main", "aux", "none"), (0, 1)),
+        (MOTORS | SURFACES | DSHOT, ("dshot", "aux", "none"), (0, 1)),
+        (CAN | SURFACES, ("can", "aux", "none"), (0, 1)),
+        ({"UAVCAN_ENABLE": 3.0}, ("can", "aux", "none"), (0, 1)),  # before there were functions
+        (SURFACES, ("aux", "none"), (1,)),
+    ],
+)
+def test_any_order_of_the_instances_gives_the_same_outputs(
+    values: dict[str, float], drivers: tuple[str, ...], places: tuple[int, ...]
+) -> None:
+    for order in permutations(range(len(drivers))):
+        instances = dict(zip(order, drivers, strict=True))
+        whole = outputs(instances)
+        for size in (1, 7, len(whole)):
+            buses = PX4Buses()
+            buses.feed({"parameter": parameters(values)})
+            parts = [
+                buses.feed({"actuator_outputs": whole.select(np.arange(k, min(k + size, len(whole))))})
+                for k in range(0, len(whole), size)
+            ]
+            found = Rows.concatenate([part["actuator_outputs"] for part in parts])
+            armed = found.frame >= len(whole) // 2
+            for driver, place in zip(drivers, places, strict=False):
+                expected = SENT[driver][2]
+                mine = found["output"][armed & (found.component == place)][:, : len(expected)]
+                mine = mine[
+                    mine.any(axis=1)
+                ]  # an instance that is silent keeps its place until another has it
+                assert len(mine) == 10, (order, driver)
+                assert mine == pytest.approx(np.tile(expected, (10, 1)), abs=0.1)
+            empty = whole.component == order[drivers.index("none")]
+            assert not set(found.component[empty & armed][1:].tolist()) & set(places)
