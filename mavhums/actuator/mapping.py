@@ -18,6 +18,7 @@ from mavhums.actuator.derive import REPORTED, Deriver
 from mavhums.actuator.freshness import NOT_USED, Freshness
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.actuator.telemetry import TIERS, Reading, read
+from mavhums.actuator.travel import Travel
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Table
@@ -190,6 +191,7 @@ class _ActuatorMapper:
         self.deriver = Deriver(actuator)
         self.gate = Gate(actuator)
         self.freshness = Freshness(actuator.min_rate_hz)
+        self.travel = Travel() if actuator.travel_deg is None and "V1" not in actuator.fields else None
         self.tier = ""
         self._used = np.zeros((0, len(KEYS)), dtype=np.int64)
         self._origins: list[NDArray[np.int8]] = []
@@ -203,6 +205,10 @@ class _ActuatorMapper:
             self._note(aligned)
             values = self.deriver.complete(aligned)
             measured = aligned.origin >= 0
+            if self.travel is not None:
+                by_pulse = np.array([source.tier == "pwm" for source in self.aligner.sources])
+                if self.travel.scale(values, measured & by_pulse[aligned.origin]):
+                    self.deriver.derived["V1"] = "{V1}, scaled to {V3}"
             if not aligned.signed:  # a magnitude's sign is derived
                 measured[:, MAGNITUDES] = False
             magnitudes = None if aligned.signed else aligned.values[:, MAGNITUDES]

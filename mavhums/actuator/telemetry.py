@@ -108,6 +108,8 @@ def tiers_by_content(tables: Mapping[str, Table]) -> set[tuple[int, str]]:
 
 _PULSES_US: Final = (500.0, 2500.0)
 """Pulses that are a command. Wider than those of an output in use: a servo may be calibrated to more."""
+NOMINAL_TRAVEL_DEG: Final = (-45.0, 45.0)
+"""What replaces the travel that a profile lacks: :mod:`~mavhums.actuator.travel` then scales it to the log."""
 _UAVCAN: Final = (0.0, 1000.0)  # PX4 sends the same command there as 0 to 1000
 
 
@@ -155,8 +157,8 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator
     yield from _mapped(tables, actuators)
     by_servo = {actuator.servo: actuator for actuator in actuators}
     ids = [ServoIds(actuator.servo, actuator.esc, actuator.csrv) for actuator in actuators]
-    # A pulse says an angle only where the profile gives the travel.
-    moved = [one for one in ids if by_servo[one.servo].travel_deg is not None]
+    # A pulse says an angle where the profile gives the travel, or where the log shows it beside the shaft's.
+    moved = [one for one in ids if by_servo[one.servo].travel_deg or by_servo[one.servo].ema is None]
     for source in SERVO_SOURCES:
         for found in servo_readings(source, tables, moved if source.tier == "pwm" else ids):
             actuator = by_servo[found.servo]
@@ -187,7 +189,7 @@ def _commanded(actuator: Actuator, pulse_us: Array) -> tuple[Any, Array] | None:
 
     A pulse beyond its calibration tells no angle. The pulse already contains a reversal.
     """
-    low_deg, high_deg = actuator.travel_deg or (0.0, 0.0)
+    low_deg, high_deg = actuator.travel_deg or NOMINAL_TRAVEL_DEG
     least, most = _PULSES_US if actuator.servo < FIRST_UAVCAN_OUTPUT else _UAVCAN
     least, most = max(least, actuator.range_us[0]), min(most, actuator.range_us[1])
     rows = np.flatnonzero((pulse_us >= least) & (pulse_us <= most))

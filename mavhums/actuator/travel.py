@@ -1,0 +1,57 @@
+"""The travel that a profile lacks, as a log shows it: how the shaft's angle follows from the pulse.
+
+A line from pulse to angle is fitted to the first seconds in which both move together, and then held: a shaft
+that stands later does not follow it. Of a shaft that does not follow from the beginning there is no line.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from mavhums.core.arrays import Array, Flags
+from mavhums.core.quantities import column
+
+_V1, _V3 = column("V1"), column("V3")
+
+_SAMPLES: Final = 500  # that a line rests on: 10 s at 50 Hz
+_MOVES_DEG: Final = 1.0  # standard deviation of an angle that moves: less is noise
+_TOGETHER: Final = 0.95  # correlation from which the shaft follows: its lag costs a few hundredths
+
+
+class Travel:
+    """Converts the pulses of one actuator to angles, block after block."""
+
+    def __init__(self) -> None:
+        self._sums = np.zeros(6)  # number, and sums of pulse, angle, and their squares and product
+        self._line: tuple[float, float] | None = None
+
+    def scale(self, values: Array, by_pulse: Flags) -> bool:
+        """Replace V1 of V1…V12, shape (n, 12), where it is a pulse; NaN until the line is known.
+
+        Return whether it is known.
+        """
+        rows = np.flatnonzero(by_pulse[:, _V1])
+        pulse, angle = values[rows, _V1], values[rows, _V3]
+        values[rows, _V1] = np.nan
+        first = 0
+        if self._line is None:
+            both = np.isfinite(angle)
+            x, y = np.where(both, pulse, 0.0), np.where(both, angle, 0.0)
+            columns = np.stack([both, x, y, x * x, y * y, x * y], axis=1)
+            sums = np.cumsum(np.vstack([self._sums, columns]), axis=0)
+            self._sums = sums[-1]
+            count, x, y, xx, yy, xy = sums[1:].T
+            across, along, joint = count * xx - x * x, count * yy - y * y, count * xy - x * y
+            moves = np.minimum(across, along) > (_MOVES_DEG * count) ** 2
+            known = np.flatnonzero(
+                (count >= _SAMPLES) & moves & (joint * joint >= _TOGETHER**2 * across * along)
+            )
+            if not known.size:
+                return False
+            first = int(known[0])
+            slope = joint[first] / across[first]
+            self._line = float(slope), float((y[first] - slope * x[first]) / count[first])
+        values[rows[first:], _V1] = self._line[0] * pulse[first:] + self._line[1]
+        return True
