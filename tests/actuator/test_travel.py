@@ -27,7 +27,7 @@ def tables(angle_deg: np.ndarray[tuple[int], np.dtype[np.float64]], rows: slice)
         for key, value in wide.items():
             fields[key] = value
         byte, frames = np.ones(TIME_S.size, dtype=np.uint8), np.arange(TIME_S.size) * 2 + frame
-        whole = Table(name, frames, np.int64(1e6 * TIME_S), byte, byte, byte, 0 * byte, fields)
+        whole = Table(name, frames, (1e6 * TIME_S).astype(np.int64), byte, byte, byte, 0 * byte, fields)
         return whole.select(np.isin(np.arange(TIME_S.size), np.arange(TIME_S.size)[rows]))
 
     position = table("CSRV", 1, Id=3, Pos=angle_deg, PosCmd=np.nan)
