@@ -64,7 +64,7 @@ def compile_rare_loops() -> None:
     Freshness(1.0).reasons()
     motors, still = np.zeros((1, 4)), np.zeros(1, dtype=bool)
     follow(
-        motors, np.zeros((1, 3)), np.ones(1), still, still,
+        motors, np.zeros((1, 3)), np.ones(1), np.ones(1), still, still,
         np.zeros((4, 3)), rules_for(4), new_state(4), np.zeros((1, COLUMNS)),
     )  # fmt: skip
 

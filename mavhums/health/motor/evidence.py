@@ -121,6 +121,7 @@ def follow(
     thrust: Array,
     rates: Array,
     upright: Array,
+    hover: Array,
     grounded: Flags,
     slow: Flags,
     columns: Array,
@@ -130,8 +131,8 @@ def follow(
 ) -> None:
     """Take rows, shape (n, …); write what they show to ``found``, shape (n, COLUMNS), 0 where nothing.
 
-    ``upright`` is the cosine of the bank, ``grounded`` tells where the vehicle reports to stand, ``slow``
-    where the outputs come more rarely than :data:`SLOW_HZ`.
+    ``upright`` is the cosine of the bank, ``hover`` the mean thrust of a hover, ``grounded`` tells where
+    it is not in free flight, ``slow`` where the outputs come more rarely than :data:`SLOW_HZ`.
     """
     motors = columns.shape[0]
     k = rules.scalars
@@ -142,7 +143,7 @@ def follow(
         for a in range(3):
             good = good and np.isfinite(rates[row, a])
         if good:
-            _take(rates[row], upright[row], grounded[row], columns, k, s)
+            _take(rates[row], upright[row], hover[row], grounded[row], columns, k, s)
             settled = s.counts[ALOFT] > k[13] and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0
             found[row, 7] = 1.0 if settled and upright[row] > 0.866 else 0.0
             if s.counts[ALOFT] > k[12] and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0:
@@ -155,7 +156,9 @@ def follow(
 
 
 @kernel
-def _take(rates: Array, upright: float, grounded: bool, columns: Array, k: Array, s: State) -> None:
+def _take(
+    rates: Array, upright: float, hover: float, grounded: bool, columns: Array, k: Array, s: State
+) -> None:
     """Take one row into the sums and the trim, and decide whether it may be judged."""
     motors = columns.shape[0]
     c = s.counts
@@ -174,16 +177,14 @@ def _take(rates: Array, upright: float, grounded: bool, columns: Array, k: Array
         s.effort[at, a] = s.effort[before, a] + effort
         s.rates[at, a] = rates[a]
     s.turned[at] = s.turned[before] + rates[2]
-    hover = s.now[3]
-    if not np.isfinite(hover):
-        hover = max(mean, 0.1)
+    s.now[3] = hover
     c[_WHOLE] += 1
-    low = mean < k[4] * hover or mean < 0.08
+    low = mean < k[4] * hover
     c[_DIP] = c[_DIP] + 1 if low else 0
     if grounded or (c[_DIP] > k[16] and mean < 0.5 * hover) or (c[ALOFT] == 0 and low):
         c[ALOFT], c[_WHOLE] = 0, 0
         s.recent[:] = 0.0
-        s.now[0:4] = np.nan
+        s.now[0:3] = np.nan
         s.payload[:] = 0.0
         return
     if c[_DIP] > k[16]:
@@ -200,14 +201,14 @@ def _take(rates: Array, upright: float, grounded: bool, columns: Array, k: Array
         if c[_DEAD] > 0:
             c[_DEAD] -= 1
             c[_WHOLE] = 0
-    if c[ALOFT] > k[12] / 2 and not low and c[_GRACE] == 0:
+    # The effort of a climb with much more thrust than a hover's is no trim.
+    if c[ALOFT] > k[12] / 2 and k[4] * hover < mean < hover / k[4] and c[_GRACE] == 0:
         share = max(1.0 / (c[ALOFT] - k[12] / 2), 1.0 / k[10])
         for a in range(3):
             effort = s.effort[at, a] - s.effort[before, a]
             # The effort of a turn is no trim.
             part = share / (1.0 + (rates[2] / k[20]) ** 2) if a == 2 else share
             s.now[a] = effort if not np.isfinite(s.now[a]) else s.now[a] + part * (effort - s.now[a])
-        s.now[3] = mean if not np.isfinite(s.now[3]) else s.now[3] + share * (mean - s.now[3])
     for a in range(3):
         s.trim[at, a] = s.now[a]
     s.hover[at] = s.now[3]

@@ -20,18 +20,14 @@ from mavhums.health.motor.thresholds import (
     EMERGENCY_LOSS,
     LEAST_TRIM_BLOCKS,
     NEEDED_FLIGHTS,
-    PRESSED_DEG,
-    PRESSED_RAD_S,
-    PRESSED_S,
-    RELEASED_S,
     SLOW_HZ,
     TRIM_BLOCK_S,
     WINDOWS_S,
 )
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
-from mavhums.vehicle.facts import ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
+from mavhums.vehicle.phases import Phases
 from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.signals import DERIVED, all_outputs
 from mavhums.vehicle.vtol import hovers
@@ -46,6 +42,9 @@ _ANOTHER_S: Final = 10.0
 _ANOTHER_WINDOW_S: Final = 0.8  # in shorter windows the rebound points at the opposite motor
 _TURNS, _LEANS = 0.1, 0.5
 """Mean thrust by full thrust, and cosine of the bank, above which speeds are compared: it flies upright."""
+_WOUND_UP: Final = (
+    0.5  # what is asked for by what is sent; of a copter that flies they differ by their curves
+)
 _REFINED_S: Final = 30.0
 """After an alarm the share lost is refined for as long: the first windows hold the moment before, too."""
 
@@ -181,7 +180,7 @@ class MotorMonitor:
         self._state = evidence.new_state(len(rotors.servos))
         self._trims = Trims(rotors.columns)
         self._speeds = SpeedsBesideThrust(speeds or EscSpeeds(), rotors.servos)
-        self._pressed, self._released = 0, 1 << 30  # rows
+        self.phases = Phases()
         self._loss: Loss | None = None
         self._several: tuple[int, ...] = ()
         self._reported: Condition = "undecided"
@@ -190,27 +189,32 @@ class MotorMonitor:
         """Take settled seconds; yield the changes of condition."""
         breaks = np.flatnonzero(np.diff(seconds.index) != 1) + 1
         for a, b in pairwise([0, *breaks.tolist(), len(seconds.index)]):
-            flat = {
-                name: values[a:b].reshape(-1, values.shape[-1]) for name, values in seconds.signals.items()
-            }
-            # The change of the attitude comes too late and too smooth for what a motor does within 0.5 s.
-            derived = np.repeat(seconds.ranks["rates"][a:b] == DERIVED, RATE_HZ)
-            flat["rates"] = np.where(derived[:, None], np.nan, flat["rates"])
-            yield from self._rows(int(seconds.index[a]), flat)
+            yield from self._run(seconds.part(a, b))
 
-    def _rows(self, first: int, flat: dict[str, Array]) -> Iterator[ConditionChanged]:
+    def _run(self, seconds: Seconds) -> Iterator[ConditionChanged]:
+        """Take seconds that follow each other."""
+        first = int(seconds.index[0])
+        flat = {name: values.reshape(-1, values.shape[-1]) for name, values in seconds.signals.items()}
+        # The change of the attitude comes too late and too smooth for what a motor does within 0.5 s.
+        derived = np.repeat(seconds.ranks["rates"] == DERIVED, RATE_HZ)
+        flat["rates"] = np.where(derived[:, None], np.nan, flat["rates"])
         spacing = flat["outputs_spacing"][:, 0]
-        upright = np.cos(flat["attitude"][:, 0]) * np.cos(flat["attitude"][:, 1])
-        upright = np.where(self._is_obstructed(flat), np.nan, upright)
         thrusts = self.rotors.thrusts(all_outputs(flat), flat["mixer"])
+        # The outputs of a copter that stands wind up without throttle: what is asked for does not.
+        sent, asked = thrusts.mean(axis=1), flat["mixer"][:, 3]
+        phases = self.phases.feed(seconds, np.where(asked < _WOUND_UP * sent, asked, sent))
+        upright = np.cos(flat["attitude"][:, 0]) * np.cos(flat["attitude"][:, 1])
+        upright = np.where(phases.held, np.nan, upright)
         # Beside a hover a quadplane's surfaces and its forward motor answer for what its lift motors do.
-        elsewhere = ~hovers(flat) if self.rotors.lift else np.zeros(len(thrusts), dtype=bool)
+        judged = phases.airborne & ~phases.knocked
+        judged &= hovers(flat) if self.rotors.lift else True
         found = np.zeros((len(thrusts), evidence.COLUMNS))
         evidence.follow(
             thrusts,
             flat["rates"],
             upright,
-            np.asarray(flat["landed"][:, 0] == ON_GROUND) | elsewhere,
+            phases.hover,
+            ~judged,
             np.asarray(spacing > 1.0 / SLOW_HZ),
             self.rotors.columns,
             self._rules,
@@ -222,19 +226,6 @@ class MotorMonitor:
             yield from self._alarm(first + row / RATE_HZ, float(spacing[row]), found[row])
         flown = (thrusts.mean(axis=1) > _TURNS) & (upright > _LEANS)
         self._speeds.add(first, thrusts, flown, self._loss.time_s if self._loss else None)
-
-    def _is_obstructed(self, flat: dict[str, Array]) -> Flags:
-        """Return in which rows an obstacle holds the craft, or did so shortly before, shape (n,)."""
-        off = np.abs(flat["attitude"][:, :2] - flat["demand"]).max(axis=1)
-        still = np.abs(flat["rates"]).max(axis=1) < PRESSED_RAD_S
-        rows = np.arange(len(off))
-        last_free = np.maximum.accumulate(np.where(still & (off > np.radians(PRESSED_DEG)), -1, rows))
-        run = np.where(last_free < 0, self._pressed + rows + 1, rows - last_free)
-        pressed = np.where(run >= PRESSED_S * RATE_HZ, rows, -(1 << 30))
-        pressed[0] = max(pressed[0], -self._released)
-        since = rows - np.maximum.accumulate(pressed)
-        self._pressed, self._released = int(run[-1]), int(since[-1]) + 1
-        return np.asarray(since <= RELEASED_S * RATE_HZ)
 
     def _alarm(self, row_s: float, spacing_s: float, found: Array) -> Iterator[ConditionChanged]:
         """Take a window in which a motor stands out."""

@@ -112,14 +112,6 @@ UPRIGHT_S: Final = 5.0
 LANDED_S: Final = 1.5
 """Below half of the hover thrust for as long is no dip: the flight is over, and its trim with it."""
 
-PRESSED_DEG: Final = 10.0
-PRESSED_RAD_S: Final = 0.15
-PRESSED_S: Final = 1.0
-"""An attitude that stays off its demand by more, at rates below, for as long: something holds the craft, and
-its effort winds up along a column. A motor that fails turns it, and one that weakens is answered sooner."""
-RELEASED_S: Final = 3.0
-"""After that nothing is judged for as long: the effort unwinds."""
-
 JUDGED_S: Final = 30.0
 """Seconds that must be judged before a flight without a fault says anything."""
 STEP_EXCLUDED: Final = 0.1

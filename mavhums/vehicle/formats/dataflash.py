@@ -118,6 +118,13 @@ def _parameters(table: Table) -> NDArray[Any]:
     return records_of_parameters(table["Name"], bits, _REAL32)
 
 
+_LANDINGS: Final = {18: ON_GROUND, 28: IN_AIR}  # of events: landed, not landed
+
+
+def _landing(table: Table) -> Array:
+    return np.array([float(_LANDINGS[number]) for number in table["Id"].tolist()])[:, None]
+
+
 _STAT: Final = {"Armed": 1, "isFlying": 1}
 
 NAME: Final = "dataflash"
@@ -130,6 +137,7 @@ SOURCES: Final = (
     Source("arming", "EV", {"Id": 1}, _arming, lambda t: np.isin(t["Id"], (_ARMS, _DISARMS))),
     Source("landed", "STAT", _STAT, _landed),
     Source("outputs", "RCOU", {}, _outputs(OUTPUTS)),
+    Source("landed", "EV", {"Id": 1}, _landing, lambda t: np.isin(t["Id"], [*_LANDINGS])),
     Source("outputs_2", "RCO2", {}, _outputs(ALL_OUTPUTS)),
     Source("outputs_3", "RCO3", {}, _outputs(ALL_OUTPUTS)),
     Source("receiver", "RCIN", {}, _outputs(OUTPUTS)),
@@ -142,6 +150,8 @@ SOURCES: Final = (
     Source("velocity", "GPS", {"Status": 1, "Spd": 1, "GCrs": 1}, _velocity, _first_sensor),
     plain("groundspeed", "GPS", "Spd", rows=_first_sensor),
     plain("altitude", "POS", "RelHomeAlt"),
+    plain("altitude", "CTUN", "Alt"),
+    plain("altitude", "BARO", "Alt", rows=_first_sensor),
     Source("mode", "MODE", {"ModeNum": 1}, _mode),
     Source("text", "MSG", {"Message": TEXT}, lambda t: t["Message"]),
     Source("uptime", "MSG", {"TimeUS": 1}, _uptime),

@@ -185,6 +185,7 @@ SOURCES: Final = (
     plain("velocity", "vehicle_local_position", "vx", "vy", "vz"),
     Source("groundspeed", "vehicle_local_position", {"vx": 1, "vy": 1}, _ground_speed),
     plain("altitude", "vehicle_local_position", "z", scale=-1.0),
+    plain("altitude", "vehicle_air_data", "baro_alt_meter"),
     Source("state", "vehicle_status", {"arming_state": 1, "system_type": 1, "nav_state": 1}, _state),
     plain("vtol", "vtol_vehicle_status", "vehicle_vtol_state"),
     Source("landed", "vehicle_land_detected", {"landed": 1}, _landed),

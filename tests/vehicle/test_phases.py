@@ -1,0 +1,125 @@
+"""Phases of a flight: what is evidence of flight, what is none, and that blocks do not matter."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mavhums.core.arrays import Array
+from mavhums.vehicle.grid import RATE_HZ, Seconds
+from mavhums.vehicle.phases import CONTACT, LANDING, TAKE_OFF, PhaseEvent, PhaseRows, Phases
+
+NAN = np.nan
+
+
+def seconds(**signals: Any) -> Seconds:
+    """Return seconds, each signal of one value a second; what is not given is not known."""
+    count = len(next(iter(signals.values())))
+    found = {}
+    for name, width in {
+        "state": 4, "landed": 1, "altitude": 1, "velocity": 3, "groundspeed": 1,
+        "attitude": 3, "demand": 2, "rates": 3,
+    }.items():  # fmt: skip
+        found[name] = np.full((count, RATE_HZ, width), 0.0 if name in ("attitude", "rates") else NAN)
+    for name, values in signals.items():
+        column = {"armed": 2, "climb": 2}.get(name, 0)
+        where = {"armed": "state", "climb": "velocity"}.get(name, name)
+        found[where][:, :, column] = np.asarray(values)[:, None]
+    ranks = {"altitude": np.zeros(count, dtype=np.int64), "rates": np.zeros(count, dtype=np.int64)}
+    return Seconds(np.arange(count), found, ranks)
+
+
+def followed(flown: Seconds, thrust: Any, block: int = 1000) -> tuple[Array, list[PhaseEvent], PhaseRows]:
+    phases, rows = Phases(), np.repeat(np.asarray(thrust, dtype=float), RATE_HZ)
+    parts = [
+        phases.feed(flown.part(k, k + block), rows[k * RATE_HZ : (k + block) * RATE_HZ])
+        for k in range(0, len(flown.index), block)
+    ]
+    airborne = np.concatenate([part.airborne for part in parts])[::RATE_HZ]
+    return airborne, [event for part in parts for event in part.events], parts[-1]
+
+
+def test_a_copter_that_runs_its_motors_on_the_ground_does_not_fly() -> None:
+    """85 s at a sixth of the thrust, 0.0 m high, as a detector of a manual mode says in the air."""
+    airborne, events, _ = followed(
+        seconds(altitude=np.zeros(100), landed=np.full(100, 2.0)), np.where(np.arange(100) < 10, 0.0, 0.13)
+    )
+    assert not airborne.any()
+    assert events == []
+
+
+@pytest.mark.parametrize(
+    ("signals", "thrust", "flies"),
+    [
+        ({"altitude": 1.0}, 0.2, True),  # a hover at knee height
+        ({"altitude": 30.0}, NAN, True),
+        ({"climb": -1.0}, NAN, True),
+        ({"groundspeed": 15.0}, NAN, True),  # a wing
+        ({}, 0.3, True),  # nothing else is recorded
+        ({"altitude": 30.0, "armed": 0.0}, 0.2, False),  # the altitude takes another origin
+        ({"altitude": 0.0}, 0.2, False),
+        ({"altitude": 1.0}, 0.01, False),  # a barometer in the wash, without throttle
+        ({"landed": 1.0}, 0.3, False),
+        ({"groundspeed": 3.0}, NAN, False),
+        ({}, NAN, False),
+    ],
+)
+def test_each_evidence_has_its_trust(signals: dict[str, float], thrust: float, flies: bool) -> None:
+    stands = np.arange(30) < 10
+    flown = seconds(
+        attitude=np.zeros(30),
+        **{k: np.where(stands, 0.0 if k == "altitude" else NAN, v) for k, v in signals.items()},
+    )
+    airborne, _, _ = followed(flown, np.where(stands, 0.0, thrust))
+    assert (bool(airborne[15:].all()), bool(airborne[:10].any())) == (flies, False)
+
+
+def test_the_hover_is_that_of_level_flight_and_blocks_do_not_matter() -> None:
+    """A climb at 0.76, a hover at 0.46, a landing: the climb is no hover."""
+    climbs, hovers = slice(5, 15), slice(15, 60)
+    altitude, climb, thrust = np.zeros((3, 70))
+    altitude[climbs], altitude[hovers] = np.arange(1, 11), 10.0
+    climb[climbs], thrust[climbs], thrust[hovers] = -1.0, 0.76, 0.46
+    flown = seconds(altitude=altitude, climb=climb)
+    airborne, events, rows = followed(flown, thrust)
+    assert [event.kind for event in events] == [TAKE_OFF, LANDING]
+    assert events[0].time_s == pytest.approx(5, abs=1)
+    assert events[1].time_s == pytest.approx(60, abs=1)
+    assert np.nanmin(rows.hover) == pytest.approx(np.nanmax(rows.hover)) == pytest.approx(0.46)
+    for block in (1, 7):
+        cut = followed(flown, thrust, block)
+        assert (cut[0].tolist(), cut[1]) == (airborne.tolist(), events)
+
+
+@pytest.mark.parametrize(
+    ("jump", "knocks"),
+    [((3.0, -3.0, 0.5), False), ((4.0, 0.0, 0.0), True), ((0.0, 0.0, 1.1), True)],
+    ids=["a motor stops", "knocked over", "turned"],
+)
+def test_a_jump_that_no_motor_makes_is_a_contact(jump: tuple[float, ...], knocks: bool) -> None:
+    flown = seconds(altitude=np.full(20, 5.0))
+    flown.signals["rates"][12, 5:] = jump
+    flown.signals["rates"][13:] = jump
+    for block in (1, 1000):
+        _, events, _ = followed(flown, np.full(20, 0.4), block)
+        contacts = [event for event in events if event.kind == CONTACT]
+        assert contacts == ([PhaseEvent(CONTACT, 12.25)] if knocks else [])
+
+
+@pytest.mark.parametrize(("off_deg", "rate", "rows", "held"), [
+    (10.1, 0.149, 20, True), (10.1, 0.149, 100, True),
+    (9.9, 0.149, 20, False), (10.1, 0.151, 20, False), (10.1, 0.149, 19, False),
+])  # fmt: skip
+def test_what_holds_the_craft_for_a_second_is_a_contact(
+    off_deg: float, rate: float, rows: int, held: bool
+) -> None:
+    flown = seconds(altitude=np.zeros(12))
+    flat = flown.signals["attitude"].reshape(-1, 3)
+    flat[10 : 10 + rows, 1] = -np.radians(off_deg)
+    flown.signals["demand"][:], flown.signals["rates"][:, :, 2] = 0.0, -rate
+    _, events, found = followed(flown, np.full(12, 0.4))
+    until = 10 + rows - 1 + 3 * RATE_HZ
+    assert np.flatnonzero(found.held).tolist() == ([*range(29, until + 1)] if held else [])
+    assert [event for event in events if event.kind == CONTACT] == ([(CONTACT, 1.45)] if held else [])
