@@ -27,7 +27,7 @@ from mavhums.engine.options import EngineOptions
 from mavhums.engine.usage import at_full_output, vehicle_usage
 from mavhums.engine.vehicle_setup import setup_notices
 from mavhums.health.decision.events import ActuatorRecord
-from mavhums.health.verdict import with_advice, with_supply
+from mavhums.health.verdict import of_several_senders, with_advice, with_supply
 from mavhums.health.verdict.actuator import (
     crowded_out,
     unjudged,
@@ -181,7 +181,8 @@ class Engine:
         They have windows and decisions if the option ``recorded`` is set. Without the estimates over the
         ``whole`` flight the call costs next to nothing.
         """
-        return self._monitors.records(whole=whole)
+        found = self._monitors.records(whole=whole)
+        return {key: found[key] for key in found if self._clocks.mixed(key[0]) is None}
 
     def profiles(self) -> dict[tuple[int, str], str]:
         """Return the name of the profile by which each vehicle's actuators are judged."""
@@ -311,7 +312,8 @@ class Engine:
         """Return the verdicts on a vehicle: its actuators first, then its axes."""
         sag = None if vehicle is None else self._rails.lowest.get(vehicle)
         first_us = self._decoder.first_time_us or 0
-        return [with_supply(one, sag, first_us) for one in self._alone(vehicle, tier, indicators)]
+        alone = [with_supply(one, sag, first_us) for one in self._alone(vehicle, tier, indicators)]
+        return [of_several_senders(one, self._clocks.mixed(vehicle)) for one in alone]
 
     def _alone(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> list[Verdict]:
         actuators = [*self._verdicts(vehicle, tier, indicators)]

@@ -44,6 +44,29 @@ def with_supply(verdict: Verdict, sag: Sag | None, first_us: int) -> Verdict:
     return verdict.model_copy(update={"candidates": (rail, *verdict.candidates)})
 
 
+def of_several_senders(verdict: Verdict, message: str | None) -> Verdict:
+    """Return a verdict without findings: its data are of more than one aircraft.
+
+    ``message`` is the one whose time stamps show it; None if nothing does.
+    """
+    if message is None or verdict.condition == "unmonitored":
+        return verdict
+    return Verdict(
+        subject=verdict.subject,
+        vehicle=verdict.vehicle,
+        actuator=verdict.actuator,
+        surfaces=verdict.surfaces,
+        condition="undecided",
+        worst="undecided",
+        tier=verdict.tier,
+        provenance=verdict.provenance,
+        reason=f"more than one sender transmits as vehicle {verdict.vehicle}: the time stamps of {message}"
+        " are of more than one clock",
+        remedy="give each aircraft a system id of its own (SYSID_THISMAV, MAV_SYSID or MAV_SYS_ID), and"
+        " record again; on a link, accept only signed frames (--key)",
+    )
+
+
 def with_advice(verdict: Verdict) -> Verdict:
     """Return a verdict with the recommended action.
 
