@@ -112,7 +112,7 @@ def free_port(wanted: int) -> int:
 
 _PORT, _WEB_PORT = 9876, 9090
 _EVERY_S: Final = 0.25
-_SERVER_MEMORY: Final = "256MiB"
+_SERVER_MEMORY: Final = "64MiB"
 
 
 class LiveViewer:
@@ -229,6 +229,8 @@ class LiveViewer:
         if shape != self._laid_out:
             self._laid_out = shape
             self._stream.send_blueprint(self._scene.live_layout(), make_active=True, make_default=True)
+        # Rerun queues hundreds of megabytes for a viewer that hangs; who waits here drops and counts them.
+        self._stream.flush()
 
     def _open(self) -> None:
         import rerun as rr

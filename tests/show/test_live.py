@@ -4,6 +4,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ import pytest
 from mavhums.core.errors import MavhumsError
 from mavhums.results.assessment import Assessment
 from mavhums.show import LiveViewer
+from mavhums.show.viewer import free_port, viewer_program
 
 if TYPE_CHECKING:
     from tests.show.conftest import Flight
@@ -93,6 +95,34 @@ def test_the_report_is_kept_up_to_date(
     assert len(texts) == 2
     assert "| elevator | **degraded** | 0.5" in texts[0][0]
     assert "| elevator | **emergency** | " in texts[1][0]
+
+
+@pytest.mark.slow
+def test_drawing_waits_for_a_viewer_that_hangs(flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mavhums.show.viewer._EVERY_S", 0.0)
+    port = free_port(0)
+    command = [str(viewer_program()), "--serve-grpc", "--bind", "127.0.0.1", "--port", str(port)]
+    hanging = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        with LiveViewer(f"rerun+http://127.0.0.1:{port}/proxy", recording_id="flight") as viewer:
+            first, *rest = flight.events()
+            viewer.consume([first])
+            hanging.send_signal(signal.SIGSTOP)
+
+            def draw() -> None:
+                for one in rest:
+                    viewer.consume([one])
+
+            drawing = threading.Thread(target=draw, daemon=True)
+            drawing.start()
+            drawing.join(20.0)
+            waited = drawing.is_alive()
+            hanging.send_signal(signal.SIGCONT)
+            drawing.join(60.0)
+            assert (waited, drawing.is_alive()) == (True, False)
+    finally:
+        hanging.kill()
+        hanging.wait()
 
 
 def test_two_links_have_ports_of_their_own(tmp_path: Path) -> None:
