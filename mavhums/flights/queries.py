@@ -186,7 +186,13 @@ def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Wor
     chosen = rows if most is None else rows[:most]
     judged = _verdicts_of(kept, {path for (_, path, *_), _ in chosen})
     return [
-        WorstActuator(aircraft, path, start_us, judged[aircraft, path, vehicle, actuator], standing)
+        WorstActuator(
+            aircraft,
+            path,
+            start_us,
+            kept.parsed(judged.__getitem__, (aircraft, path, vehicle, actuator)),
+            standing,
+        )
         for (aircraft, path, start_us, vehicle, actuator, *_), standing in chosen
     ]
 
@@ -221,7 +227,11 @@ def standings(store: Store, *, until_ns: int | None = None) -> dict[str, tuple[S
         "SELECT aircraft, arg_max(standings, stored) FROM standings WHERE stored <= ? GROUP BY aircraft",
         until_ns if until_ns is not None else 2**62,
     ).fetchall()
-    return {aircraft: found for aircraft, text in rows if (found := STANDINGS_OF.validate_json(text))}
+    return {
+        aircraft: found
+        for aircraft, text in rows
+        if (found := store.parsed(STANDINGS_OF.validate_json, text))
+    }
 
 
 def exit_code(store: str | os.PathLike[str]) -> ExitCode:
@@ -240,18 +250,14 @@ def exit_code(store: str | os.PathLike[str]) -> ExitCode:
 
 def verdicts(store: str | os.PathLike[str], aircraft: str) -> list[tuple[str, Verdict]]:
     """Return an aircraft's verdicts with its past, each with its log, in time order."""
-    rows = (
-        Store(store)
-        .opened()
-        .query(
-            "SELECT path, verdict FROM"
-            " (SELECT *, row_number() OVER () AS place FROM verdicts WHERE aircraft = ?)"
-            " ORDER BY start_us, path, place",
-            aircraft,
-        )
-        .fetchall()
-    )
-    return [(path, Verdict.model_validate_json(verdict)) for path, verdict in rows]
+    kept = Store(store).opened()
+    rows = kept.query(
+        "SELECT path, verdict FROM"
+        " (SELECT *, row_number() OVER () AS place FROM verdicts WHERE aircraft = ?)"
+        " ORDER BY start_us, path, place",
+        aircraft,
+    ).fetchall()
+    return [(path, kept.parsed(Verdict.model_validate_json, verdict)) for path, verdict in rows]
 
 
 def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
@@ -317,7 +323,7 @@ def flight(store: str | os.PathLike[str], aircraft: str, sha256: str) -> Assessm
     if not told:
         return alone
     return alone.model_copy(
-        update={"verdicts": tuple(Verdict.model_validate_json(verdict) for (verdict,) in told)}
+        update={"verdicts": tuple(kept.parsed(Verdict.model_validate_json, verdict) for (verdict,) in told)}
     )
 
 
@@ -341,7 +347,7 @@ def past_flights(store: Store, aircraft: str) -> Iterator[PastFlight]:
             vehicles=(),
             losses=Losses(),
         )
-        verdicts = tuple(map(Verdict.model_validate_json, told))
+        verdicts = tuple(store.parsed(Verdict.model_validate_json, verdict) for verdict in told)
         flight = Assessment(log=log, airframe=airframe, model=None, verdicts=verdicts)
         yield PastFlight(flight, start, start + timedelta(seconds=duration_s))
 
@@ -353,4 +359,4 @@ def _verdicts_of(store: Store, paths: Collection[str]) -> dict[tuple[str, str, i
     rows = store.query(
         f"SELECT aircraft, path, vehicle, actuator, verdict FROM verdicts WHERE path IN ({listed_sql(paths)})"
     ).fetchall()
-    return {(*key,): Verdict.model_validate_json(verdict) for *key, verdict in rows}
+    return {(*key,): store.parsed(Verdict.model_validate_json, verdict) for *key, verdict in rows}

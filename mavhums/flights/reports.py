@@ -201,7 +201,7 @@ def export(store: str | os.PathLike[str], output: str | os.PathLike[str] | None 
         for each in several:
             row = dict(zip(_READ.split(", "), each, strict=True))
             stands = now.get((row["aircraft"], row["vehicle"] or 0, row["actuator"], row["path"]))
-            rows.append(_of_flight(row) | (_of_last(stands) if stands else {}))
+            rows.append(kept.parsed(_of_flight, row) | (_of_last(stands) if stands else {}))
     frame = pd.DataFrame(rows, columns=[*_OF_FLIGHT, *_OF_LAST])
     frame = frame.astype(dict.fromkeys(_NUMBERS, float))
     frame["start_utc"] = pd.to_datetime(frame["start_utc"], unit="us", utc=True)

@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
+from pydantic import ValidationError
+
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.flights.store_tables import (
     COPIES,
@@ -33,6 +35,7 @@ FORMAT: Final = 1
 OF_THIS_FORMAT: Final = f"coalesce(format, 1) = {FORMAT}"
 """Holds of the logs whose flights this version reads; the first version stored none."""
 
+Key = TypeVar("Key")
 Result = TypeVar("Result")
 
 _LOG = logging.getLogger(__name__)
@@ -160,12 +163,27 @@ class Store:
         Raises
         ------
         MavhumsError
-            If the store does not exist.
+            If the store does not exist, or is damaged.
         """
         if not self._has(LOGS):
             remedy = "fill it: mavhums fleet scan LOGS --to STORE"
             raise MavhumsError(f"{self.place}: no store of a fleet", remedy)
+        if not self.is_shared:  # damage is an error also of a command that does not ask the damaged table
+            self.query(f"SELECT {', '.join(f'(SELECT count(*) FROM {table})' for table in schemas())}")
         return self
+
+    def parsed(self, parse: Callable[[Key], Result], text: Key) -> Result:
+        """Return what a text of the store contains or names.
+
+        Raises
+        ------
+        MavhumsError
+            If it was damaged.
+        """
+        try:
+            return parse(text)
+        except (ValidationError, KeyError) as error:
+            raise self._unreadable(error) from error
 
     def add_logs(self, rows: Sequence[Row], table: str = LOGS) -> None:
         """Commit logs, in one transaction."""

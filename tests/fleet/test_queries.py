@@ -13,6 +13,7 @@ from mavhums.flights.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
+from tests.conftest import Run
 from tests.flights import flown, shown, verdict
 
 pytest.importorskip("deltalake")
@@ -21,6 +22,9 @@ pytest.importorskip("duckdb")
 from mavhums import fleet
 from mavhums.flights import queries
 from mavhums.flights.queries import exit_code
+from mavhums.flights.reports import store_standings
+from mavhums.flights.store import Store
+from mavhums.flights.store_tables import VERDICTS
 from tests.fleet.stores import write_store
 
 CONDITIONS: tuple[Condition, ...] = ("normal", "degraded", "undecided", "emergency", "unchanged")
@@ -50,6 +54,35 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list
     known = {"D'A": flights(1, 7), "D-B": flights(2, 5), "": flights(3, 3) + flights(4, 2, dated=False)}
     write_store(store, known)
     return store, known
+
+
+COMMANDS = (("worst",), ("status",), ("digest",), ("export",), ("trend", "D-B"))
+
+
+@pytest.mark.parametrize("table", ["logs", "verdicts", "standings"])
+def test_a_damaged_table_is_an_error_of_every_command(run: Run, tmp_path: Path, table: str) -> None:
+    """Of those, too, that would not have asked it."""
+    store = tmp_path / "store"
+    write_store(store, {"D-B": flights(2, 3)})
+    store_standings(Store(store), "D-B")
+    damaged = next((store / table).glob("*.parquet"))
+    damaged.write_bytes(damaged.read_bytes()[:-20])
+    for command, *aircraft in COMMANDS:
+        output = ["-o", tmp_path / "out.csv"] if command == "export" else []
+        told = run("fleet", command, store, *aircraft, *output)
+        assert told.code == ExitCode.ERROR
+        assert damaged.name in told.err
+        assert "restore it from a backup" in told.err
+        assert len(told.err.splitlines()) == 2
+
+
+def test_a_text_that_is_damaged_is_an_error(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    write_store(store, {"D-B": flights(2, 1)})
+    Store(store).replace(VERDICTS, "D-B", [{"aircraft": "D-B", "path": "a", "verdict": '{"condition": "n'}])
+    for ask in (fleet.export, lambda place: fleet.verdicts(place, "D-B")):
+        with pytest.raises(MavhumsError, match="cannot be read"):
+            ask(store)
 
 
 def test_a_flight_is_told_with_its_verdicts_or_is_none(
