@@ -60,7 +60,7 @@ class State(NamedTuple):
     held: Integers
     paired: Integers
     recent: Array
-    bound: Array
+    bound: Integers
     turned: Array
     payload: Array
 
@@ -110,7 +110,7 @@ def new_state(motors: int) -> State:
         np.zeros((windows, 2), dtype=np.int64),
         np.zeros(windows, dtype=np.int64),
         np.zeros((2, motors)),
-        np.zeros(motors),
+        np.zeros((motors, 101), dtype=np.int64),
         np.zeros(_RING),
         np.zeros(2),
     )
@@ -247,7 +247,9 @@ def _test(slow: bool, columns: Array, rules: Rules, s: State, found: Array) -> N
         return
     c[JUDGED] += 1
     if c[JUDGED] % _LATER == 0:
-        s.bound[:] = np.maximum(s.bound, s.recent[1])
+        for i in range(motors):
+            if s.recent[1, i] > 0.0:
+                s.bound[i, min(int(np.ceil(100.0 * s.recent[1, i])), 100)] += 1
         s.recent[1] = s.recent[0]
         s.recent[0] = 0.0
 

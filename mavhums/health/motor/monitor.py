@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,9 +18,11 @@ from mavhums.health.motor import evidence
 from mavhums.health.motor.speeds import EscSpeeds, SpeedCause, SpeedsBesideThrust
 from mavhums.health.motor.thresholds import (
     BETWEEN_FLIGHTS,
+    BOUND_SHARE,
     EMERGENCY_LOSS,
     LEAST_TRIM_BLOCKS,
     NEEDED_FLIGHTS,
+    REFUTING_BLOCKS,
     SLOW_HZ,
     TRIM_BLOCK_S,
     WINDOWS_S,
@@ -79,17 +82,21 @@ class MotorFindings:
     loss
         The motor that lost thrust; None if none did.
     several
-        Motors between which the evidence does not decide; empty without doubt.
+        Motors between which the evidence does not decide; empty without doubt. With them ``loss`` is that of
+        the first motor, if one was named before.
     flown_s, judged_s
         Seconds in the air, and those that were judged.
     tipped
         Whether it leaned beyond what is judged, so that what happened then is not known.
     bound
-        By motor, the share of thrust that it has lost at most at any time, with 97.5 % confidence.
+        By motor, the share of thrust that it has lost at most, with 97.5 % confidence, in 80 % of the judged
+        seconds.
     trims
         By motor, what later flights are compared with.
     cause
         What the speed of the motor that lost thrust says about the cause; None if nothing.
+    withdrawn
+        The gravest loss that later seconds refuted, and until when it was held; None without any.
     """
 
     rotors: Rotors
@@ -101,6 +108,7 @@ class MotorFindings:
     bound: tuple[float, ...]
     trims: tuple[tuple[Indicator, ...], ...]
     cause: SpeedCause | None = None
+    withdrawn: tuple[Loss, float] | None = None
 
 
 class Trims:
@@ -117,6 +125,25 @@ class Trims:
         self._block: list[Array] = []
         self._blocks = 0
         self._mean, self._squares = np.zeros(3), np.zeros(3)
+        self._before = np.full(3, np.nan)
+        self._latest: deque[Array] = deque(maxlen=REFUTING_BLOCKS)
+
+    def suspect(self) -> None:
+        """Hold the blocks to come against those before now."""
+        self._before = self._mean if self._blocks else self._before
+        self._block.clear()
+        self._latest.clear()
+
+    def refutes(self, loss: Loss) -> bool:
+        """Return whether the blocks since the alarm show less than half of a loss, each by itself."""
+        weights = self._weights(loss.motor - 1)
+        shown = [float(weights @ (effort - self._before)) for effort in self._latest]
+        return len(shown) == REFUTING_BLOCKS and max(shown) < loss.share.low / 2
+
+    def _weights(self, motor: int) -> Array:
+        """Return the weights by which an effort shows the thrust of a motor, from 0, shape (3,)."""
+        weights = self._columns[motor] / BETWEEN_FLIGHTS**2
+        return np.asarray(weights / (weights @ self._columns[motor]))
 
     def add(self, thrusts: Array, flown: Flags) -> None:
         """Take whole seconds: thrusts, shape (n, motors), and in which rows it flew upright."""
@@ -129,6 +156,7 @@ class Trims:
                 self._block.clear()
                 self._blocks += 1
                 effort = asked @ self._columns / asked.mean()
+                self._latest.append(effort)
                 off = effort - self._mean
                 self._mean = self._mean + off / self._blocks
                 self._squares = self._squares + off * (effort - self._mean)
@@ -138,11 +166,9 @@ class Trims:
         if self._blocks < LEAST_TRIM_BLOCKS:
             return ()
         column = self._columns[motor]
-        weights = column / BETWEEN_FLIGHTS**2
-        weights = weights / (weights @ column)
         turns = np.array([0.0, 0.0, np.sign(column[2])])
         return (
-            self._indicator(TRIM, "thrust beyond its share", weights),
+            self._indicator(TRIM, "thrust beyond its share", self._weights(motor)),
             self._indicator(TRIM_YAW, "effort about yaw towards it", turns),
         )
 
@@ -182,6 +208,7 @@ class MotorMonitor:
         self._speeds = SpeedsBesideThrust(speeds or EscSpeeds(), rotors.servos)
         self.phases = Phases()
         self._loss: Loss | None = None
+        self._withdrawn: tuple[Loss, float] | None = None
         self._several: tuple[int, ...] = ()
         self._reported: Condition = "undecided"
 
@@ -221,11 +248,31 @@ class MotorMonitor:
             self._state,
             found,
         )
-        self._trims.add(thrusts, np.asarray(found[:, 7] > 0.0))
-        for row in np.flatnonzero(found[:, 0]).tolist():
-            yield from self._alarm(first + row / RATE_HZ, float(spacing[row]), found[row])
-        flown = (thrusts.mean(axis=1) > _TURNS) & (upright > _LEANS)
-        self._speeds.add(first, thrusts, flown, self._loss.time_s if self._loss else None)
+        flown = (sent > _TURNS) & (upright > _LEANS)
+        # Second by second, so that what follows an alarm does not depend on how the log was cut.
+        for row in range(0, len(thrusts), RATE_HZ):
+            rows = slice(row, row + RATE_HZ)
+            second = first + row // RATE_HZ
+            self._trims.add(thrusts[rows], np.asarray(found[rows, 7] > 0.0))
+            yield from self._withdraw(second + 1.0)
+            for at in (row + np.flatnonzero(found[rows, 0])).tolist():
+                yield from self._alarm(first + at / RATE_HZ, float(spacing[at]), found[at])
+            since_s = self._loss.time_s if self._loss else None
+            self._speeds.add(second, thrusts[rows], flown[rows], since_s)
+
+    def _withdraw(self, time_s: float) -> Iterator[ConditionChanged]:
+        """Withdraw a loss that the flight after it refutes: a climb at full thrust, a strong gust."""
+        loss = self._loss
+        if loss is None or self._several or not self._trims.refutes(loss):
+            return
+        self._loss, before, self._reported = None, self._reported, "undecided"
+        if self._withdrawn is None or loss.share.estimate > self._withdrawn[0].share.estimate:
+            self._withdrawn = (loss, time_s)
+        name = f"motor {loss.motor}"
+        rule = f"withdrawn: {name} gives its thrust again"
+        yield ConditionChanged(
+            self._vehicle, name, time_s, time_s, before, "undecided", rule, "thrust", "gives its thrust again"
+        )
 
     def _alarm(self, row_s: float, spacing_s: float, found: Array) -> Iterator[ConditionChanged]:
         """Take a window in which a motor stands out."""
@@ -238,16 +285,17 @@ class MotorMonitor:
         if self._several:
             return
         if loss is None:
-            self._loss = new
             if found[6]:
                 self._several = tuple(sorted((motor, int(found[6]))))
                 return
+            self._loss = new
+            self._trims.suspect()
             yield self._changed(new)
         elif found[6] or motor != loss.motor:
             if time_s - loss.time_s > _ANOTHER_S or window < _ANOTHER_WINDOW_S:
                 return
             self._several = tuple(sorted({loss.motor, motor, int(found[6]) or motor}))
-            yield self._undecided(loss.motor, time_s)
+            yield self._doubted(loss, time_s)
         elif time_s - loss.time_s < _REFINED_S and new.odds > loss.odds:
             since_s = min(loss.since_s, new.since_s) if window <= 1.4 else loss.since_s
             self._loss = Loss(motor, loss.time_s, since_s, share, new.odds)
@@ -270,16 +318,17 @@ class MotorMonitor:
             f"lost {100 * loss.share.estimate:.0f} % of thrust",
         )
 
-    def _undecided(self, motor: int, time_s: float) -> ConditionChanged:
-        before, self._reported = self._reported, "undecided"
+    def _doubted(self, loss: Loss, time_s: float) -> ConditionChanged:
+        """Return the change where another motor stands out, too: what was found stays, the motor is open."""
+        before, self._reported = self._reported, "emergency"
         return ConditionChanged(
             self._vehicle,
-            f"motor {motor}",
+            f"motor {loss.motor}",
             time_s,
-            time_s,
+            loss.since_s,
             before,
-            "undecided",
-            f"undecided: more than one motor (of {' and '.join(map(str, self._several))})",
+            "emergency",
+            f"emergency: more than one motor (of {' and '.join(map(str, self._several))})",
             "thrust",
         )
 
@@ -287,7 +336,12 @@ class MotorMonitor:
         """Return what the flight so far shows."""
         # A log that ends in the air has no touch-down that would have to be left out.
         aloft = self._state.counts[evidence.ALOFT] > 0
-        bound = np.maximum(self._state.bound, self._state.recent.max(axis=0) if aloft else 0.0)
+        blocks = self._state.bound.copy()
+        for recent in self._state.recent if aloft else ():
+            known = np.flatnonzero(recent > 0.0)
+            blocks[known, np.minimum(np.ceil(100 * recent[known]), 100).astype(np.int64)] += 1
+        passed = blocks.cumsum(axis=1)
+        bound = (passed >= BOUND_SHARE * passed[:, -1:]).argmax(axis=1) / 100
         return MotorFindings(
             rotors=self.rotors,
             loss=self._loss,
@@ -297,6 +351,7 @@ class MotorMonitor:
             tipped=bool(self._state.counts[evidence.TIPPED]),
             bound=tuple(bound.tolist()),
             cause=self._speeds.cause(self._loss.motor - 1, self._loss.since_s) if self._loss else None,
+            withdrawn=self._withdrawn,
             trims=tuple(self._trims.of_motor(motor) for motor in range(len(self.rotors.servos))),
         )
 

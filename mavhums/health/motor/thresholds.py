@@ -114,8 +114,8 @@ LANDED_S: Final = 1.5
 
 JUDGED_S: Final = 30.0
 """Seconds that must be judged before a flight without a fault says anything."""
-STEP_EXCLUDED: Final = 0.1
-"""Losses that a healthy flight excludes are given in these steps, as a share of the thrust."""
+BOUND_SHARE: Final = 0.8
+"""Share of the judged seconds over which a loss is excluded: one gust spoils no flight."""
 MOST_EXCLUDED: Final = 0.7
 """A flight that excludes no more than this is undecided: a motor may have failed unseen."""
 
@@ -132,6 +132,8 @@ NEEDED_FLIGHTS: Final = 3
 """The scatter between flights is known from others, so the mean is all that the own ones must give."""
 TRIM_BLOCK_S: Final = 10
 LEAST_TRIM_BLOCKS: Final = 3
+REFUTING_BLOCKS: Final = 2
+"""Such blocks that show less than half of a loss, one after the other, from which it is withdrawn."""
 """Blocks as long as gusts last, whose mean is the trim; fewer show no scatter. By hand."""
 TRIM_SCATTER_PER_MOTOR: Final = 0.011
 """Scatter of a motor's trim between flights, by the number of motors: that of the efforts, along the columns

@@ -23,11 +23,11 @@ from mavhums.health.motor.monitor import TRIM, TRIM_YAW, Loss, MotorFindings, co
 from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.thresholds import (
     BETWEEN_FLIGHTS,
+    BOUND_SHARE,
     JUDGED_S,
     LEAST_TRIM_CHANGE,
     MOST_BANK_DEG,
     MOST_EXCLUDED,
-    STEP_EXCLUDED,
     TRIM_SCATTER_PER_MOTOR,
     TRIM_SCATTER_WORTH,
     YAW_SHIFT,
@@ -96,15 +96,15 @@ def verdicts_of_motors(
         yield unjudged_motors(
             vehicle, without(missing, flight, received), to_record("motion", flight, received)
         )
+    elif findings.loss is not None:
+        yield _lost(vehicle, findings, findings.loss, start_utc)
     elif findings.several:
         numbers = " and ".join(map(str, findings.several))
         yield unjudged_motors(
             vehicle,
-            f"more than one motor seems to have lost thrust ({numbers}), and which did first is not certain",
-            f"do not fly; inspect the propellers, motors, ESCs and wiring of motors {numbers}",
+            f"two motors ({numbers}) stood out at once, as after a contact, and nothing is judged then",
+            "read the log by hand: a collision and a fault look alike there",
         )
-    elif findings.loss is not None:
-        yield _lost(vehicle, findings, findings.loss, start_utc)
     elif findings.tipped:
         why = (
             f"it leaned more than {MOST_BANK_DEG:.0f}° before any motor stood out, and nothing is judged then"
@@ -123,10 +123,11 @@ def verdicts_of_motors(
 
 
 def _lost(vehicle: int, findings: MotorFindings, loss: Loss, start_utc: datetime) -> Verdict:
-    condition = condition_of(loss.share)
-    share = loss.share
+    several, share = findings.several, loss.share
+    condition = "emergency" if several else condition_of(share)
+    which = f"motor {loss.motor} first " if several else ""
     rule = (
-        f"{condition}: lost {100 * share.estimate:.0f} % of its thrust "
+        f"{condition}: {which}lost {100 * share.estimate:.0f} % of its thrust "
         f"({100 * share.low:.0f} to {100 * share.high:.0f} %)"
     )
     kept = Interval(
@@ -135,7 +136,7 @@ def _lost(vehicle: int, findings: MotorFindings, loss: Loss, start_utc: datetime
     return Verdict(
         subject="motor",
         vehicle=vehicle,
-        actuator=f"motor {loss.motor}",
+        actuator=f"motors {' and '.join(map(str, several))}" if several else f"motor {loss.motor}",
         condition=condition,
         worst=condition,
         effectiveness=kept,
@@ -173,23 +174,38 @@ def _healthy(vehicle: int, findings: MotorFindings) -> Iterator[Verdict]:
 
     A flight that excludes too little can still be held against earlier ones.
     """
-    excluded = ceil(max(findings.bound) / STEP_EXCLUDED) * STEP_EXCLUDED
-    condition: Condition = "normal" if excluded <= MOST_EXCLUDED else "undecided"
+    bound = max(findings.bound)
+    condition: Condition = "normal" if bound <= MOST_EXCLUDED else "undecided"
     reason = (
-        f"{findings.rotors.frame}: no motor lost {100 * excluded:.0f} % or more of its thrust for over 2 s, "
-        "with 95 % confidence, turns and the last seconds before a landing left out"
+        f"{findings.rotors.frame}: no motor lost {ceil(round(100 * bound, 6))} % or more of its thrust for "
+        f"over 2 s, with 95 % confidence in {100 * BOUND_SHARE:.0f} % of the seconds, turns and the last "
+        "seconds before a landing left out"
     )
     remedy = "keep the log: a slower loss shows against later flights only"
     if condition == "undecided":
         reason = f"no motor stands out, but a loss of {100 * MOST_EXCLUDED:.0f} % would not have been certain"
         remedy = "choose a calmer flight, or record the outputs at 25 Hz or more"
     for number in range(1, len(findings.bound) + 1):
+        worst, evidence = condition, tuple[Evidence]()
+        if findings.withdrawn and findings.withdrawn[0].motor == number:
+            loss, until_s = findings.withdrawn
+            worst = condition_of(loss.share)
+            rule = (
+                f"{worst}: lost {100 * loss.share.estimate:.0f} % of its thrust; the flight after refutes it"
+            )
+            share = round(loss.share.estimate, 3)
+            evidence = (
+                Evidence(
+                    kind="thrust", start_s=round(loss.since_s, 2), end_s=until_s, value=share, rule=rule
+                ),
+            )
         yield Verdict(
             subject="motor",
             vehicle=vehicle,
             actuator=f"motor {number}",
             condition=condition,
-            worst=condition,
+            worst=worst,
+            evidence=evidence,
             coverage=_coverage(findings),
             provenance=_origin(findings, number),
             indicators=findings.trims[number - 1],

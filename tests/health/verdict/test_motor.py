@@ -52,7 +52,7 @@ def verdicts(findings: MotorFindings | None, rotors: Any = QUAD, *, lacks: str =
         ({}, "outputs", "the log lacks the outputs of its motors"),
         ({}, "attitude", "the log lacks the attitude"),
         ({}, "rates", "the log lacks the body rates"),
-        ({"several": (1, 3), "loss": LOSS}, "", "more than one motor seems to have lost thrust (1 and 3)"),
+        ({"several": (1, 3)}, "", "two motors (1 and 3) stood out at once, as after a contact"),
         ({"tipped": True}, "", "it leaned more than 60° before any motor stood out"),
         ({"judged_s": 29.9}, "", "29.9 s of flight could be judged, 30 are needed"),
         ({"judged_s": 12.0, "rotors": replace(QUAD, lift=True)}, "", "12 s of hover could be judged"),
@@ -118,9 +118,9 @@ def test_half_of_the_thrust_is_an_emergency(share: float, condition: Condition) 
 @pytest.mark.parametrize(
     ("bound", "condition", "reason"),
     [
-        (0.31, "normal", "no motor lost 40 % or more"),
-        (0.29, "normal", "no motor lost 30 % or more"),
-        (0.59, "normal", "no motor lost 60 % or more"),
+        (0.31, "normal", "no motor lost 31 % or more"),
+        (0.295, "normal", "no motor lost 30 % or more"),
+        (0.7, "normal", "no motor lost 70 % or more"),  # 0.1 · 7 is more
         (0.75, "undecided", "no motor stands out, but a loss of 70 % would not have been certain"),
     ],
 )
@@ -134,6 +134,22 @@ def test_a_flight_without_a_loss_says_which_one_it_excludes(
     assert all(reason in (one.reason or "") for one in found)
     assert [one.indicators[0].value.estimate for one in found] == [0.0, 1.0, 2.0, 3.0]
     assert [one.provenance["V1"][:8] for one in found] == [f"output {k}" for k in range(1, 5)]
+
+
+def test_a_loss_that_was_withdrawn_stays_the_worst_of_its_motor_with_its_end() -> None:
+    found = verdicts(replace(FINDINGS, withdrawn=(LOSS, 90.0)))
+    told = [one for one in found if one.worst != "normal"]
+    assert [(one.actuator, one.condition, one.worst) for one in told] == [
+        (f"motor {LOSS.motor}", "normal", condition_of(LOSS.share))
+    ]
+    assert [(one.start_s, one.end_s) for one in told[0].evidence] == [(round(LOSS.since_s, 2), 90.0)]
+
+
+def test_what_was_found_never_falls_where_another_motor_stands_out() -> None:
+    [found] = verdicts(replace(FINDINGS, several=(1, 3), loss=LOSS))
+    assert (found.actuator, found.condition, found.worst) == ("motors 1 and 3", "emergency", "emergency")
+    assert found.since is not None
+    assert found.evidence
 
 
 def indicator(fault: str, value: float) -> Indicator:
