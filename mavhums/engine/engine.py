@@ -44,6 +44,7 @@ from mavhums.results.sections import FlightIdentity, VehicleUsage
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
+from mavhums.vehicle.dates import date_shift_us
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, IDENTITY_MESSAGES, Identities, Identity, RecordedFlights
 from mavhums.vehicle.servo_rail import RAIL_MESSAGES, SAGS_SHARE, ServoRails
@@ -211,9 +212,13 @@ class Engine:
     def _identity(self, vehicle: int) -> FlightIdentity:
         """Return the identity of a vehicle's flight."""
         decoder = self._decoder
-        known = self._recorded.of(vehicle)
-        times = (known.boot_us, decoder.first_time_us, decoder.last_time_us)
-        boot, start, end = (None if t is None or decoder.undated else _utc(t).isoformat() for t in times)
+        known, shift_us = self._recorded.of(vehicle), self._date_shift_us()
+        shifts = (0 if known.dated else shift_us, shift_us, shift_us)
+        times = zip((known.boot_us, decoder.first_time_us, decoder.last_time_us), shifts, strict=True)
+        boot, start, end = (
+            None if t is None or by is None or shift_us is None else _utc(t + by).isoformat()
+            for t, by in times
+        )
         return FlightIdentity(vehicle=vehicle, board=known.board, boot_utc=boot, start_utc=start, end_utc=end)
 
     def _who(self, vehicle: int) -> Identity:
@@ -305,8 +310,14 @@ class Engine:
 
     def start_utc(self) -> datetime | None:
         """Return the start of the flight; None if no clock gives it."""
-        first = self._decoder.first_time_us
-        return None if first is None or self._decoder.undated else _utc(first)
+        first, shift_us = self._decoder.first_time_us, self._date_shift_us()
+        return None if first is None or shift_us is None else _utc(first + shift_us)
+
+    def _date_shift_us(self) -> int | None:
+        """Return what must be added to the log's times for UTC; None if nothing dates it."""
+        decoder = self._decoder
+        ahead_us = None if decoder.undated else decoder.ahead_us
+        return date_shift_us(decoder.first_time_us or 0, ahead_us, self._recorded.boots)
 
     def _of_vehicle(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> list[Verdict]:
         """Return the verdicts on a vehicle: its actuators first, then its axes."""

@@ -61,7 +61,7 @@ def compared(
     """
     start = _start_of(flight.assessment)
     if start is None:
-        return flight.assessment
+        return _not_compared(flight.assessment)
     comparisons, source = {}, cache(partial(_looked_up, baselines))
     for key, record in flight.records.items():
         own = of_subject(source(flight.profiles.get(key, ""), start), key)
@@ -122,7 +122,7 @@ class FlightComparison:
         alone = self._engine.assessment(path, sha256, indicators=indicators)
         start = _start_of(alone)
         if start is None:
-            return alone
+            return _not_compared(alone)
         comparisons = {key: one for key, one in self._comparisons.items() if one}
         records = self._engine.records(whole=False) if comparisons else {}
         flight = StandaloneAssessment(alone, records, self._engine.profiles(), self._false_alarms)
@@ -209,6 +209,13 @@ def _with_findings(
     both = zip(alone, verdicts, strict=True)
     advised = tuple(one if now is one else with_advice(now) for one, now in both)
     return flight.assessment.model_copy(update={"verdicts": advised})
+
+
+def _not_compared(assessment: Assessment) -> Assessment:
+    """Return an assessment that says why earlier flights do not count: which are earlier is not known."""
+    said = "not compared with earlier flights: the log has no date (no satellite fix, no clock that was set)"
+    log = assessment.log.model_copy(update={"notices": (*assessment.log.notices, said)})
+    return assessment.model_copy(update={"log": log})
 
 
 def _start_of(assessment: Assessment) -> datetime | None:

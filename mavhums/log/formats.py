@@ -187,6 +187,7 @@ class Decoder:
     first_time_us: int | None = _of_chosen("first_time_us")
     last_time_us: int | None = _of_chosen("last_time_us")
     undated: bool = _of_chosen("undated")
+    ahead_us: int = _of_chosen("ahead_us")
 
     @property
     def chosen(self) -> LogDecoder:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log import Table
+from mavhums.vehicle.dates import BootTimes
 from mavhums.vehicle.facts import ARDUPILOT, NO_AUTOPILOT, RANGES
 from mavhums.vehicle.formats import messages_of, reports
 from mavhums.vehicle.formats.base import Report
@@ -243,10 +244,14 @@ def _distinct(rows: NDArray[Any]) -> list[tuple[int, int, int]]:
 
 
 class FlightIds(NamedTuple):
-    """A board's unique id, and UTC at its boot in microseconds; None if the log does not contain it."""
+    """A board's unique id, and its boot in microseconds; None if the log does not contain it.
+
+    ``dated`` is whether the boot is UTC by the vehicle's own clocks; else it is in the log's times.
+    """
 
     board: str | None
     boot_us: int | None
+    dated: bool = False
 
 
 class RecordedFlights:
@@ -282,10 +287,17 @@ class RecordedFlights:
         for report in reports(tables, "uptime"):
             _keep_first(self._rough_boots, report, report.table.time_us - report.values)
 
+    @property
+    def boots(self) -> list[BootTimes]:
+        """The boot times of all vehicles, by both clocks."""
+        vehicles = sorted({*self._boots, *self._rough_boots})
+        return [BootTimes(self._boots.get(each), self._rough_boots.get(each)) for each in vehicles]
+
     def of(self, vehicle: int) -> FlightIds:
         """Return the board and the boot time of a vehicle, as known so far."""
         board = self._boards.get(vehicle, self._serials.get(vehicle))
-        return FlightIds(board, self._boots.get(vehicle, self._rough_boots.get(vehicle)))
+        boot_us = self._boots.get(vehicle, self._rough_boots.get(vehicle))
+        return FlightIds(board, boot_us, vehicle in self._boots)
 
 
 def _board_in(text: str) -> str | None:

@@ -136,6 +136,11 @@ class LogDecoder(Protocol):
         """Whether the log contains no date, so that times count from the vehicle's boot."""
         ...
 
+    @property
+    def ahead_us(self) -> int:
+        """What is added to the times for UTC, where the clock that dates them was set while it recorded."""
+        ...
+
     def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:
         """Return the messages that ``block`` completes, by name; ``final`` says that nothing follows."""
         ...

@@ -118,6 +118,7 @@ class DataFlashDecoder:
     {}
     """
 
+    ahead_us = 0
     format = "dataflash"
 
     def __init__(self, messages: Iterable[str] | None = None) -> None:

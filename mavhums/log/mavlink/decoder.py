@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mavhums.core.arrays import Records
 from mavhums.log.base.decoder import Losses
 from mavhums.log.base.records import Definition, DefinitionTable, RowContext
 from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import Table
+from mavhums.log.base.times import YEAR_2010_US
 from mavhums.log.mavlink.dialect import Dialect, load_dialect
 from mavhums.log.mavlink.scanner import FrameScanner
 from mavhums.log.mavlink.sequence import StreamStats
@@ -77,6 +79,7 @@ class MavlinkDecoder:
         self._intake = Intake(self._dialect)
         self._stats = StreamStats(self._dialect)
         self._clocks = _SenderClocks(self._dialect)
+        self._received = _ReceiveClock()
         self._guard = None if key is None else SignatureGuard(key)
         self._scanner: FrameScanner | None = None
 
@@ -111,6 +114,11 @@ class MavlinkDecoder:
         return self._intake.stamp == 0
 
     @property
+    def ahead_us(self) -> int:
+        """What is added to the times for UTC: by how much the receiver's clock was set while it recorded."""
+        return self._received.ahead_us
+
+    @property
     def losses(self) -> Losses:
         """Losses so far."""
         if self._scanner is None:
@@ -139,6 +147,8 @@ class MavlinkDecoder:
             batch = replace(batch, rows=batch.rows[self._guard.admit(batch)])
         if batch.stamp == 0:
             self._clocks.set_times(batch)
+        else:
+            self._received.join(batch.rows)
         context = RowContext(ordinal=self._stats.frames)
         self._stats.add(batch.rows)
         return self._definitions.gather(batch, self._wanted, context).tables
@@ -153,6 +163,29 @@ def vehicles_of(counts: Mapping[tuple[int, int, str], int]) -> tuple[int, ...]:
     (1,)
     """
     return tuple(sorted({system for system, _, name in counts if name in VEHICLE_MESSAGES}))
+
+
+class _ReceiveClock:
+    """Joins the times of a receiver whose clock began in 1970 and was then set to the date.
+
+    Its step is no pause of the flight: the times go on as before it.
+    """
+
+    def __init__(self) -> None:
+        self.ahead_us = 0
+        self._last_us = -1
+
+    def join(self, rows: Records) -> None:
+        """Take the step out of the times of these frames."""
+        if not rows.size:
+            return
+        times = rows["time_us"].copy()
+        before = np.concatenate([[self._last_us], times[:-1]])
+        steps = np.flatnonzero((before >= 0) & (before < YEAR_2010_US) & (times >= YEAR_2010_US))
+        if steps.size and not self.ahead_us:
+            self.ahead_us = int(times[steps[0]] - before[steps[0]])
+        self._last_us = int(times[-1])
+        rows["time_us"] = np.where(times >= YEAR_2010_US, times - self.ahead_us, times)
 
 
 class _SenderClocks:

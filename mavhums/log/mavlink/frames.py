@@ -86,12 +86,6 @@ def stamp_at(data: Bytes, place: int) -> int:
     return int(np.int64(out))
 
 
-@inlined
-def time_without_stamp(last: int) -> int:
-    """Return the time of a frame whose stamp was cut off."""
-    return last if last >= 0 else _YEAR_2000_US
-
-
 @kernel
 def _is_detour(last: int, time_us: int, following: int) -> bool:
     if following < 0:
@@ -128,6 +122,18 @@ def _judge_first_time(data: Bytes, time_us: int, following: int, end: int, final
     if not plausible(third) or abs(third - time_us) <= abs(third - following):
         return YES, time_us
     return NO, following
+
+
+@kernel
+def time_without_stamp(data: Bytes, end: int, last: int, final: bool) -> tuple[int, int]:
+    """Return that the stamp of a frame was cut off, and the time to use: the last one, else the next one."""
+    if last >= 0:
+        return NO, last
+    follow = follows(data, end, STAMP, final)
+    if follow == WAIT:
+        return WAIT, last
+    known = follow == YES and end < data.size and plausible(stamp_at(data, end))
+    return NO, stamp_at(data, end) if known else _YEAR_2000_US
 
 
 @inlined

@@ -283,7 +283,7 @@ def scan(
             continue
         sound, time_us = YES, state.time_us
         if not _has_stamp(state):
-            sound, time_us = NO, time_without_stamp(state.time_us)
+            sound, time_us = time_without_stamp(data, end, state.time_us, final)
         elif accepted == YES and stamp and message >= 0:
             sound, time_us = judge_time(data, position, end, state.time_us, final)
         if min(accepted, sound) == WAIT:

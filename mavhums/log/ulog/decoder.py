@@ -119,6 +119,7 @@ class UlogDecoder:
     {}
     """
 
+    ahead_us = 0
     format = "ulog"
 
     def __init__(self, messages: Collection[str] | None = None) -> None:
