@@ -24,6 +24,7 @@ TILTROTOR = {
     "Q_M_SPIN_MIN": 0.05,
     **PLANE,
     **{f"SERVO{n}_FUNCTION": f for n, f in ((5, 33.0), (6, 34.0), (7, 41.0))},
+    **{f"SERVO{n}_{end}": us for n in (1, 2, 4) for end, us in (("MIN", 1100.0), ("MAX", 1900.0))},
     "SERVO7_MIN": 1000.0,
     "SERVO7_MAX": 2000.0,
 }

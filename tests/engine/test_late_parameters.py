@@ -135,7 +135,9 @@ def short_memory(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("short_memory")
 def test_other_ranges_late_in_a_long_flight_take_nothing_away() -> None:
     flight = FLIGHTS["a lost aileron"]
-    assert verdicts(renamed(flight, 140.0, SERVO1_TRIM=1510, SERVO1_MAX=1980)) == verdicts(flight)
+    others = {f"SERVO{n}_{part}": us for n in (2, 4) for part, us in (("TRIM", 1500), ("MAX", 1900))}
+    ranges = {"SERVO1_TRIM": 1510, "SERVO1_MAX": 1980, **others}
+    assert verdicts(renamed(flight, 140.0, **ranges)) == verdicts(flight)
 
 
 @pytest.mark.usefixtures("short_memory")
