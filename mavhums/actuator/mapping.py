@@ -209,6 +209,8 @@ class _ActuatorMapper:
                 by_pulse = np.array([source.tier == "pwm" for source in self.aligner.sources])
                 if self.travel.scale(values, measured & by_pulse[aligned.origin]):
                     self.deriver.derived["V1"] = "{V1}, scaled to {V3}"
+                elif not np.isfinite(values).any():
+                    continue  # pulses alone, which have no angle
             if not aligned.signed:  # a magnitude's sign is derived
                 measured[:, MAGNITUDES] = False
             magnitudes = None if aligned.signed else aligned.values[:, MAGNITUDES]

@@ -314,6 +314,7 @@ def test_the_command_says_both_values_and_what_to_do(run: Run, tmp_path: Path, k
 def test_a_range_and_a_direction_are_said_and_the_axis_is_judged_by_the_log(run: Run, tmp_path: Path) -> None:
     log, profile = tmp_path / "flight.tlog", tmp_path / "mine.toml"
     ends = {"SERVO1_MIN": 1000.0, "SERVO1_MAX": 2000.0, "SERVO5_FUNCTION": 4.0, "SERVO5_REVERSED": 1.0}
+    ends |= {"SERVO5_MIN": 1300.0, "SERVO5_MAX": 1700.0}
     all_ = {f"SERVO{n}_{part}": us for n in (1, 2, 4, 5) for part, us in (("MIN", 1100.0), ("MAX", 1900.0))}
     all_ |= {f"SERVO{n}_REVERSED": 0.0 for n in (1, 2, 4)}
     log.write_bytes(Wired(parameters={**PLANE, **all_, **ends}).tlog())

@@ -211,7 +211,7 @@ def beside(value: float, limit: float) -> str:
     >>> beside(6.4, 8.0), beside(7.96, 8.0), beside(0.42, 0.5)
     ('6', '7.96', '0.4')
     """
-    shown = [f"{value:.{decimals}f}" for decimals in range(limit % 1 > 0, _MOST_DECIMALS + 1)]
+    shown = [f"{value:.{decimals}f}" for decimals in range(round(limit, 6) % 1 > 0, _MOST_DECIMALS + 1)]
     side = np.sign(round(value - limit, _MOST_DECIMALS))
     return next((one for one in shown if np.sign(float(one) - limit) == side), shown[0])
 
