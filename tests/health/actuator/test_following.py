@@ -64,19 +64,6 @@ def test_a_slow_shaft_falls_behind_without_any_constant_of_its_motor(slew_deg_s:
     assert [suspect.fault for suspect in findings.suspects] == ["following"] * (worst != "undecided")
 
 
-@pytest.mark.parametrize("rate_hz", [5.0, 8.0])
-def test_steps_between_slow_samples_are_no_fault(rate_hz: float) -> None:
-    """A healthy servo in pre-flight steps, which a slow log does not place between its samples."""
-    fine = np.arange(0.0, 60.0, 0.001)
-    command = 15.0 * np.sign(np.sin(2.0 * np.pi * fine / 0.93))
-    shaft = servo(command, fine, slew_deg_s=100.0)
-    seen = np.searchsorted(fine, np.arange(0.0, 59.0, 1.0 / rate_hz))
-    values = np.full((seen.size, 12), np.nan)
-    values[:, _V1], values[:, _V3] = command[seen], shaft[seen]
-    _, findings = watch(Telemetry(fine[seen], values), NO_CONSTANTS)
-    assert findings.worst == "undecided"
-
-
 def test_it_needs_the_slew_rate_and_a_sensor_at_the_shaft() -> None:
     blank: Actuator = actuator_of().model_copy(update={"slew_deg_s": None})
     assert not FollowingDetector.suits(blank)

@@ -93,13 +93,11 @@ class FollowingDetector(Detector):
         slots = seen.slots
         own = slots.values[slots.judged]
         shaft = np.where(own[:, SENSED] > 0, own[:, SHAFT], np.nan)
-        error, doubt = _errors(slots.time_s[slots.judged], own[:, _V1], shaft, self._model, self._state)
+        error = _errors(slots.time_s[slots.judged], own[:, _V1], shaft, self._model, self._state)
         known = np.isfinite(error)
-        shown = np.stack([known, np.nan_to_num(error) ** 2, doubt**2], axis=1)
-        count, *squares = slots.sums(shown.astype(np.float64)).T
-        # When between two samples the command stepped is not known: what a healthy shaft may miss by it.
-        with np.errstate(invalid="ignore"):
-            rms = np.maximum(np.sqrt(squares[0] / count) - np.sqrt(squares[1] / count), 0.0)
+        shown = np.stack([known, np.where(known, error, 0.0) ** 2], axis=1)
+        count, squares = slots.sums(shown.astype(np.float64)).T
+        rms = np.sqrt(np.divide(squares, count, out=np.full(count.size, np.nan), where=count > 0))
         travel, asked = (
             np.fmax.reduceat(angle, slots.start) - np.fmin.reduceat(angle, slots.start)
             for angle in (shaft, shaft - error)
@@ -115,13 +113,13 @@ class FollowingDetector(Detector):
 
 
 @kernel
-def _errors(time_s: Array, command: Array, shaft: Array, model: Array, state: Array) -> tuple[Array, Array]:
-    """Return the shaft's angle minus the model's, NaN where the model starts anew, and its doubt, (n,).
+def _errors(time_s: Array, command: Array, shaft: Array, model: Array, state: Array) -> Array:
+    """Return the shaft's angle minus the model's, NaN where the model starts anew, shape (n,).
 
     ``model`` holds lag, slew rate and stroke, ``state`` time, command and the model's angle between blocks.
     """
     lag, slew, low, high = model
-    error, doubt = np.full(time_s.size, np.nan), np.zeros(time_s.size)
+    error = np.full(time_s.size, np.nan)
     for k in range(time_s.size):
         if np.isnan(command[k]) or np.isnan(shaft[k]):
             continue
@@ -133,11 +131,10 @@ def _errors(time_s: Array, command: Array, shaft: Array, model: Array, state: Ar
             step = (asked - state[2]) * (1.0 - exp(-passed / lag))
             state[2] += min(max(step, -slew * passed), slew * passed)
             error[k] = shaft[k] - state[2]
-            doubt[k] = min(abs(command[k] - state[1]) / 2, slew * passed)
         else:
             state[2] = shaft[k]
         state[0], state[1] = time_s[k], command[k]
-    return error, doubt
+    return error
 
 
 class JamDetector(Detector):
