@@ -84,9 +84,16 @@ def test_what_the_parameters_contradict_is_judged_by_them(kind: str) -> None:
 def test_parameters_that_arrive_late_contradict_as_well(kind: str, told_s: float) -> None:
     verdicts, events, _ = judged([FORMATS[kind](Wired(told_s=told_s))])
     assert not alarms(events)
-    assert {verdict.worst for verdict in verdicts.values()} <= {"undecided", "unmonitored", "normal"}
+    assert {verdict.worst for verdict in verdicts.values()} <= {
+        "undecided",
+        "unmonitored",
+        "normal",
+        "unchanged",
+    }
     assert WRONG in str(verdicts["aileron_right"].reason)
-    assert verdicts["roll"].condition == "normal", "the whole flight is judged anew by the log's parameters"
+    assert verdicts["roll"].condition == "unchanged", (
+        "the whole flight is judged anew by the log's parameters"
+    )
 
 
 @pytest.mark.parametrize("kind", FORMATS)
@@ -273,7 +280,7 @@ def test_a_live_session_says_no_alarm_and_agrees_with_its_recording(tmp_path: Pa
     assert not alarms(rig.shown.events)
     verdicts = {verdict.actuator: verdict for verdict in assessment.verdicts}
     assert WRONG in str(verdicts["aileron_right"].reason)
-    assert verdicts["roll"].condition == "normal"
+    assert verdicts["roll"].condition == "unchanged"
     [status] = [one for one in rig.shown.statuses[-1].actuators if one.actuator == "aileron_right"]
     assert WRONG in str(status.reason)
 
@@ -291,7 +298,7 @@ def test_a_fleet_keeps_no_alarm_of_a_contradicted_profile(run: Run, tmp_path: Pa
     assert run("fleet", "scan", tmp_path / "logs", "--to", store, *options).code == 0
     worst = json.loads(run("fleet", "worst", store, "--json").out)
     conditions = {one["verdict"][key] for one in worst for key in ("condition", "worst")}
-    assert conditions <= {"normal", "undecided", "unmonitored"}
+    assert conditions <= {"normal", "unchanged", "undecided", "unmonitored"}
     assert WRONG in json.dumps(worst)
 
 
@@ -388,8 +395,8 @@ def test_healthy_flights_by_another_aircrafts_profile(run: Run, name: str) -> No
     outcome = run("analyse", REAL_LOGS / "sitl" / "control" / name, "--airframe", "paper", "--json")
     assert outcome.code == ExitCode.UNDECIDED
     verdicts = {v["actuator"]: v for v in json.loads(outcome.out)["verdicts"]}
-    assert {v["worst"] for v in verdicts.values()} <= {"normal", "undecided", "unmonitored"}
-    assert verdicts["roll"]["condition"] == "normal"
+    assert {v["worst"] for v in verdicts.values()} <= {"normal", "unchanged", "undecided", "unmonitored"}
+    assert verdicts["roll"]["condition"] == "unchanged"
     assert WRONG in verdicts["aileron_right"]["reason"]
 
 

@@ -43,7 +43,7 @@ COPTERS = {
     "ahmadkhanfar-TLOG__test.tlog": "normal",
     "onboard/beast_sample.bin": "undecided",
     "onboard/dani1.BIN": "undecided",
-    "onboard/gps_interference.ulg": "undecided",
+    "onboard/gps_interference.ulg": "normal",
     "onboard/hexa_real.bin": "emergency",  # software in the loop: motor 1 stops first
     "onboard/lrs17.BIN": "undecided",
     "onboard/sample.ulg": "undecided",
