@@ -29,10 +29,10 @@ def end_in_time() -> None:
     Python handles a signal once the main thread runs again, which it may never do; the number of the signal
     is written to a socket at once, and a thread waits there.
     """
-    told, tells = socket.socketpair()
-    tells.setblocking(False)
-    signal.set_wakeup_fd(tells.fileno(), warn_on_full_buffer=False)
-    threading.Thread(target=_watch, args=(told, tells), daemon=True).start()
+    receiver, sender = socket.socketpair()
+    sender.setblocking(False)
+    signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
+    threading.Thread(target=_watch, args=(receiver, sender), daemon=True).start()
 
 
 def first_ends_in_order(*, begun: bool) -> None:
@@ -41,10 +41,10 @@ def first_ends_in_order(*, begun: bool) -> None:
     _in_order = begun
 
 
-def _watch(told: socket.socket, _: socket.socket) -> None:
+def _watch(receiver: socket.socket, _: socket.socket) -> None:
     numbers = [getattr(signal, name, None) for name in _ENDING]
     while True:
-        [number] = told.recv(1)
+        [number] = receiver.recv(1)
         if number not in numbers:
             continue
         if _in_order:

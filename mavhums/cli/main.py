@@ -130,12 +130,12 @@ def main() -> None:
             say("mavhums: stopped; no output was left half-written", err=True)
             sys.exit(130)
         except UnicodeEncodeError as error:
-            remedy = "rename it: bytes of another encoding are no text of a table or a viewer"
+            remedy = "rename it: tables and viewers take UTF-8 alone"
             complain(MavhumsError(f"{error.object}: is not UTF-8", remedy))
             sys.exit(ExitCode.ERROR)
         except Exception:
             # Some libraries turn an interruption of their import into an error of their own.
-            time.sleep(_TOLD_S)
+            time.sleep(_NOTED_S)
             if (number := signal_received()) is None:
                 raise
             sys.exit(_BY_SIGNAL + number)
@@ -144,7 +144,7 @@ def main() -> None:
 
 
 _BY_SIGNAL = 128
-_TOLD_S = 0.05  # in which the thread that waits for signals has run
+_NOTED_S = 0.05  # in which the thread that waits for signals has run
 
 
 def _end_on_signals() -> None:

@@ -171,13 +171,9 @@ def connected(workers: int, scheduler: str | None) -> Iterator[Client]:
             except (OSError, ValueError) as error:
                 problem = f"{scheduler}: no scheduler answers"
                 raise MavhumsError(problem, "start one: dask scheduler, and dask worker ADDRESS") from error
-            except (
-                RuntimeError,
-                TypeError,
-            ) as error:  # the address is not tls://, or there is no certificate
-                problem = (
-                    f"{scheduler}: refused, because anybody could run code in it: no TLS with certificates"
-                )
+            except (RuntimeError, TypeError) as error:
+                # The address is not tls://, or there is no certificate.
+                problem = f"{scheduler}: refused, for without TLS anybody could run code in it"
                 raise MavhumsError(problem, _TLS) from error
             yield stack.enter_context(client)
             return
