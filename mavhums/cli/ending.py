@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import sys
 import threading
 import time
 from typing import Final
@@ -23,12 +24,21 @@ def signal_received() -> int | None:
     return _received[-1] if _received else None
 
 
+def open_closed_streams() -> None:
+    """Open the null device in place of streams that were closed; a file would take their numbers."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            os.dup2(os.open(os.devnull, os.O_RDWR), number)
+            setattr(sys, name, open(number, "w" if number else "r", encoding="utf-8", closefd=False))  # noqa: SIM115
+
+
 def end_in_time() -> None:
     """End the program some seconds after a signal, whatever it waits for: a pipe, a reader, a network.
 
     Python handles a signal once the main thread runs again, which it may never do; the number of the signal
     is written to a socket at once, and a thread waits there.
     """
+    open_closed_streams()  # before the socket takes their numbers
     receiver, sender = socket.socketpair()
     sender.setblocking(False)
     signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import re
 import sys
 from collections.abc import Callable, Iterator
@@ -14,6 +13,7 @@ from typing import Any
 
 import click
 
+from mavhums.cli.ending import open_closed_streams
 from mavhums.core import startup
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.output import printable
@@ -95,7 +95,7 @@ def sound_output() -> Iterator[None]:
     reads any more, or that was closed from the start, changes nothing else.
     """
     before = sys.stdout, sys.stderr
-    _open_closed_streams()
+    open_closed_streams()
     for name in ("stdout", "stderr"):
         _harden(name)
     code: object = 0
@@ -115,14 +115,6 @@ def sound_output() -> Iterator[None]:
     finally:
         sys.stdout, sys.stderr = before
     sys.exit(code)  # type: ignore[arg-type]
-
-
-def _open_closed_streams() -> None:
-    """Open the null device in place of streams that were closed; a file would take their numbers."""
-    for number, name in enumerate(("stdin", "stdout", "stderr")):
-        if getattr(sys, name) is None:
-            os.dup2(os.open(os.devnull, os.O_RDWR), number)
-            setattr(sys, name, open(number, "w" if number else "r", encoding="utf-8", closefd=False))  # noqa: SIM115
 
 
 def _raw(stream: Any) -> object:
