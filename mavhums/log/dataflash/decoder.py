@@ -15,7 +15,7 @@ from mavhums.log.base.decoder import Losses, join_tables
 from mavhums.log.base.records import RowContext
 from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import ODD_TIME, Table
-from mavhums.log.base.times import is_date, plausible
+from mavhums.log.base.times import is_date
 from mavhums.log.dataflash.layout import RecordDefinitions
 from mavhums.log.dataflash.scanner import RecordScanner
 
@@ -83,7 +83,7 @@ class Dating:
     def _date(self, positions: Table) -> None:
         status, weeks, ms, boot_us = map(positions.numbers, ("Status", "GWk", "GMS", "TimeUS"))
         utc_us = _GPS_EPOCH_US + weeks * _WEEK_US + ms * 1000
-        good = (status >= _FIX) & is_date(utc_us) & plausible(utc_us - boot_us)
+        good = (status >= _FIX) & is_date(utc_us) & (boot_us <= utc_us)
         good &= positions.flags & ODD_TIME == 0
         for first in np.flatnonzero(good)[:1].tolist():
             ahead_s = next((seconds for since, seconds in _LEAP_SECONDS if utc_us[first] >= since), 15)
