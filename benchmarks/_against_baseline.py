@@ -8,8 +8,19 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
-from _fleet import MODES, SURFACES, Judged, Task, added, baselines_of, flight, fly_all, judge
 
+from benchmarks._fleet import (
+    MODES,
+    SURFACES,
+    Judged,
+    Known,
+    Task,
+    added,
+    baselines_of,
+    flight,
+    fly_all,
+    judge,
+)
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums_sim import FlightRecord
 from mavhums_sim.conditions import Condition
@@ -30,7 +41,7 @@ NAMES = {"resistance": "winding_resistance"}
 
 def reference(
     args: argparse.Namespace, aircraft: range, rate_hz: float, modes: tuple[str, ...], **given: float
-) -> object:
+) -> Known:
     tasks = [
         Task(f"{a}/{k}", flight(k, a, rate_hz=rate_hz, mode=modes[k % len(modes)], **given))
         for a in aircraft
@@ -41,7 +52,7 @@ def reference(
 
 def _found(
     args: argparse.Namespace,
-    baselines: object,
+    baselines: Known | None,
     aircraft: range,
     rate_hz: float,
     modes: tuple[str, ...],
@@ -110,9 +121,9 @@ def alarms(args: argparse.Namespace) -> Rows:
     yield f"False alarms: friction {found}, any other detector {other}."
 
 
-def _delays(name: str, record: FlightRecord, *, baselines: object, crossed_s: float) -> list[float]:
+def _delays(name: str, record: FlightRecord, *, baselines: Known | None, crossed_s: float) -> list[float]:
     delays = []
-    for one in judge(name, record, baselines=baselines):  # type: ignore[arg-type]
+    for one in judge(name, record, baselines=baselines):
         alarms_s = [c.time_s for c in one.changes if c.after in ("degraded", "emergency")]
         delay = (alarms_s[0] - crossed_s) * one.truth["moving"] if alarms_s else np.inf
         delays.append(float(delay))
@@ -146,9 +157,9 @@ def _named(one: Judged) -> str:
     return suspects[0].fault if suspects else "healthy"
 
 
-def _named_in_tiers(name: str, record: FlightRecord, *, baselines: dict[str, object]) -> dict[str, list[str]]:
+def _named_in_tiers(name: str, record: FlightRecord, *, baselines: dict[str, Known]) -> dict[str, list[str]]:
     return {
-        tier: [_named(one) for one in judge(name, record, tier=tier, baselines=known)]  # type: ignore[arg-type]
+        tier: [_named(one) for one in judge(name, record, tier=tier, baselines=known)]
         for tier, known in baselines.items()
     }
 

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from _fleet import ACTUATORS, MODES, Task, at_all_frictions, fly_all, judge, quantities
 
+from benchmarks._fleet import ACTUATORS, MODES, Task, at_all_frictions, fly_all, judge, quantities
 from mavhums import analyse
 from mavhums.core.arrays import Array
-from mavhums_sim import FlightRecord, write_tlog
+from mavhums_sim import ActuatorRecord, FlightRecord, write_tlog
 from mavhums_sim.rates import Rates
 
 Rows = Iterator[str]
@@ -110,10 +110,10 @@ def _estimates(name: str, record: FlightRecord) -> list[tuple[str, float, float,
     return rows
 
 
-def _oracle(surface: str, flown: object) -> list[float]:
+def _oracle(surface: str, flown: ActuatorRecord) -> list[float]:
     """Estimate T_c in 10 s windows with exactly known load, inertia, drag and torque constant."""
-    times, values = quantities(flown, ACTUATORS[surface], "instrumented")  # type: ignore[arg-type]
-    own = flown.individual  # type: ignore[attr-defined]
+    times, values = quantities(flown, ACTUATORS[surface], "instrumented")
+    own = flown.individual
     speed = values[:, 6] * ACTUATORS[surface].rad_s(1.0)
     inertia = ACTUATORS[surface].inertia_output * own.inertia + 0.004
     torque = values[:, 4] * 4.38235 * own.torque_constant - values[:, 10]

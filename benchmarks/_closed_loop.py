@@ -219,9 +219,13 @@ def _some(hours: float) -> Iterator[Planned]:
         yield from planned[:: max(1, len(planned) // 8)]
 
 
-if __name__ == "__main__":
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--hours", type=float, default=0.5, help="of healthy flight")
     arguments = parser.parse_args()
     print(write(_some(arguments.hours), arguments.folder))
+
+
+if __name__ == "__main__":
+    main()

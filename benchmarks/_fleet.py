@@ -49,6 +49,10 @@ class DriftingFlight(Flight):
         return replace(own, torque_constant=own.torque_constant * (1.0 + self.drift * rng.uniform(-1.0, 1.0)))
 
 
+# Baselines of each aircraft, surface and fault.
+Known = dict[str, dict[str, dict[str, Baseline]]]
+
+
 class Task(NamedTuple):
     """One flight: its name in the results, and its description."""
 
@@ -142,7 +146,7 @@ def judge(
     *,
     tier: str = "instrumented",
     keep_windows: bool = False,
-    baselines: dict[str, dict[str, dict[str, Baseline]]] | None = None,
+    baselines: Known | None = None,
 ) -> list[Judged]:
     """Judge every actuator of a flight; ``baselines`` by aircraft (the name's first part) and surface."""
     known = (baselines or {}).get(name.split("/", maxsplit=1)[0], {})
@@ -187,7 +191,7 @@ def fly_all(
     yield from track(consume(tasks, consumer, workers), total=len(tasks), description=f"{len(tasks)} flights")
 
 
-def baselines_of(flights: list[tuple[str, list[Judged]]]) -> dict[str, dict[str, dict[str, Baseline]]]:
+def baselines_of(flights: list[tuple[str, list[Judged]]]) -> Known:
     """Return baselines by aircraft, surface and fault from healthy flights."""
     shown: dict[tuple[str, str, str], list[object]] = {}
     for name, judged in flights:

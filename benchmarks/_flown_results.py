@@ -9,9 +9,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from _closed_loop import Labelled, Planned
-from _flown_faults import CONFOUNDERS, Fault, Flight, judge_bytes
-
+from benchmarks._closed_loop import Labelled, Planned
+from benchmarks._flown_faults import CONFOUNDERS, Fault, Flight, judge_bytes
 from mavhums.log import Decoder
 
 

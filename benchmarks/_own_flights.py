@@ -9,9 +9,9 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from _fleet import ACTUATORS, MODES, added, flight
 
 import mavhums_sim.flight
+from benchmarks._fleet import ACTUATORS, MODES, added, flight
 from mavhums.core.arrays import Array
 from mavhums.health.estimation.equations import OWN_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation

@@ -160,7 +160,7 @@ def servo_flights(rows: pd.DataFrame, meta: pd.DataFrame, gear_ratio: float) -> 
         load = arm * GRAVITY * np.sin(whole["position"].to_numpy(dtype=np.float64))
         time_s = whole["time"].to_numpy(dtype=np.float64)
         yield Flight(
-            int(number), int(first["case"]), int(first["rep"]), time_s, values,
+            int(str(number)), int(first["case"]), int(first["rep"]), time_s, values,
             whole["current"].to_numpy(dtype=np.float64), load,
         )  # fmt: skip
 

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from _fleet import SURFACES, Task, fly_all
 
+from benchmarks._fleet import SURFACES, Task, fly_all
 from mavhums import analyse
 from mavhums.core.conditions import Condition
 from mavhums_sim import EmaParameters, Flight, FlightRecord, write_tlog

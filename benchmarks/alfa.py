@@ -25,8 +25,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
-from _flown_faults import Flight, Outcome, judge, judge_bytes, read_labels, summary
-
+from benchmarks._flown_faults import Flight, Outcome, judge, judge_bytes, read_labels, summary
 from mavhums.core.errors import MavhumsError
 from mavhums.vehicle.parameters import read_parameters
 from mavhums_sim.perturb import perturb

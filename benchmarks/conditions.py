@@ -240,7 +240,7 @@ def picture(path: Path) -> None:
     figure.savefig(path, dpi=90)
 
 
-if __name__ == "__main__":
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--picture", type=Path, metavar="FILE.png")
     picture_file = parser.parse_args().picture
@@ -250,3 +250,7 @@ if __name__ == "__main__":
     print("\n".join(severity_table()))
     if picture_file:
         picture(picture_file)
+
+
+if __name__ == "__main__":
+    main()

@@ -20,9 +20,10 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
-from _closed_loop import confounders, healthy, jams, losses, others
-from _flown_results import Result, results
 from scipy.stats import beta, chi2
+
+from benchmarks._closed_loop import confounders, healthy, jams, losses, others
+from benchmarks._flown_results import Result, results
 
 _SURE = 0.95
 

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from _closed_loop import TURBULENCE
 
+from benchmarks._closed_loop import TURBULENCE
 from mavhums import Options
 from mavhums.app.analysis import analyse_alone
 from mavhums.engine.events import StandaloneAssessment

@@ -22,8 +22,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-import _dataflash
-import _decode_ulog
+from benchmarks import _dataflash, _decode_ulog
 
 NEEDED = ["ATTITUDE", "DEBUG_FLOAT_ARRAY", "ESC_TELEMETRY_1_TO_4", "SERVO_OUTPUT_RAW"]
 START_US = 1_700_000_000_000_000
@@ -147,7 +146,7 @@ def pymavlink(path: str, needed: bool) -> int:
 
 def fasttlogparser(path: str, needed: bool) -> int:
     import pandas as pd
-    from fasttlogparser import parseTLog
+    from fasttlogparser import parseTLog  # type: ignore[import-not-found]
 
     messages, _ = parseTLog(path, whitelist=NEEDED) if needed else parseTLog(path)
     frames = []

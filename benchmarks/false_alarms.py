@@ -15,9 +15,9 @@ from collections import Counter
 from functools import partial
 
 import numpy as np
-from _fleet import MODES, SURFACES, Task, flight, fly_all, judge
 
 import mavhums_sim.flight
+from benchmarks._fleet import MODES, SURFACES, Task, flight, fly_all, judge
 from mavhums.core.conditions import SEVERITY
 from mavhums_sim import FlightRecord
 from mavhums_sim.motion import simulate
@@ -44,7 +44,7 @@ def told(name: str, record: FlightRecord) -> list[tuple[str, str, str]]:
     for tier in TIERS:
         for one in judge(name, record, tier=tier):
             worst = one.findings.worst
-            kind = "alarm" if SEVERITY[worst] > SEVERITY["normal"] else one.findings.condition
+            kind: str = "alarm" if SEVERITY[worst] > SEVERITY["normal"] else one.findings.condition
             faults = ", ".join(suspect.fault for suspect in one.findings.suspects)
             found.append((tier, kind, f"{one.surface}, {tier}, {name}: {worst} ({faults})"))
     return found

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 import tempfile
 import threading
 import time
@@ -39,8 +38,6 @@ from mavhums.flights.folder import FlightFolder, keep_assessment, read_history
 from mavhums.flights.queries import exit_code
 from mavhums.flights.store import Store
 from mavhums_sim import Flight, fly, write_tlog
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.fleet.stores import row_of
 from tests.fleet_logs import moved
 from tests.flights import START, flown, shown, verdict, write_wear
@@ -188,7 +185,7 @@ def growth(folder: Path) -> None:
     alone = analyse_alone(folder / "one.tlog", Options().resolved())
     store = Store(folder / "store")
     for first in range(0, AIRCRAFT, 10):
-        rows, held = [], []
+        rows, held = [], list[dict[str, object]]()
         for aircraft in range(first, first + 10):
             for flight in copies_of(alone, folder, aircraft, 10_000 // AIRCRAFT):
                 rows.append(row_of(flight.assessment, f"D-{aircraft:03}", flight))
@@ -307,7 +304,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("parts", nargs="*", metavar="PART", help="all parts if none is named")
+    parser.add_argument(
+        "parts", nargs="*", metavar="PART", choices=[[], *PARTS], help="all parts if none is named"
+    )
     parts = parser.parse_args().parts or list(PARTS)
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     for part in parts:

@@ -27,8 +27,6 @@ from distributed import Security
 from mavhums import MavhumsError, Options, analyse, fleet
 from mavhums.flights.folder import keep_assessment
 from mavhums_sim import Flight, fly, write_tlog
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.fleet_logs import joined, moved
 
 AIRCRAFT = 12
@@ -85,7 +83,7 @@ def one_by_one(logs: Path, history: Path, flights: int, rate: float, aircraft: S
         kept.mkdir(parents=True)
         for log in sorted((logs / f"D-{number:03d}").iterdir()):
             repaired = number == REPAIRED and int(log.stem) >= flights // 2
-            since = {None: repair_date(flights)} if repaired else None
+            since: dict[str | None, datetime] | None = {None: repair_date(flights)} if repaired else None
             try:
                 assessment = analyse(log, Options(history=kept, since=since, false_alarms=rate))
             except MavhumsError:

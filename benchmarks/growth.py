@@ -13,8 +13,8 @@ import argparse
 from collections.abc import Callable
 
 import numpy as np
-from trend import following, normal
 
+from benchmarks.trend import following, normal
 from mavhums.core.arrays import Array
 from mavhums.health.decision.growth import Course, course_of, last_step
 from mavhums.health.decision.thresholds import TREND_FLIGHTS

@@ -14,11 +14,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-from _against_baseline import alarms, conditions, early, growth
-from _against_limits import flights, friction, windows
-from _fleet import ACTUATORS, MODES, flight, quantities, replayed
-from _unsigned import unsigned
 
+from benchmarks._against_baseline import alarms, conditions, early, growth
+from benchmarks._against_limits import flights, friction, windows
+from benchmarks._fleet import ACTUATORS, MODES, flight, quantities, replayed
+from benchmarks._unsigned import unsigned
 from mavhums.core.arrays import Array
 from mavhums.health.actuator.monitor import Monitor
 from mavhums_sim import fly

@@ -79,7 +79,10 @@ def long_signatures() -> Iterator[str]:
     """Yield the public functions above the limit, also where pyproject.toml makes an exception."""
     command = [sys.executable, "-m", "ruff", "check", "--isolated", "--select=PLR0913", "--quiet"]
     command += ["--output-format=json", f"--config=lint.pylint.max-args={LIMIT}", str(PACKAGE)]
-    for found in json.loads(subprocess.run(command, capture_output=True, check=False).stdout):
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if not done.stdout:  # it prints a list, if only an empty one, unless it cannot start
+        sys.exit(f"{done.stderr.strip()}: signatures are not counted; pip install 'mavhums[lint]'")
+    for found in json.loads(done.stdout):
         path, row = Path(found["filename"]), found["location"]["row"]
         name = path.read_text(encoding="utf-8").splitlines()[row - 1].split("def ")[-1].partition("(")[0]
         if not name.startswith("_") or name == "__init__":
@@ -89,7 +92,6 @@ def long_signatures() -> Iterator[str]:
 
 def names_of_messages() -> Iterator[str]:
     """Yield the files that name a message, outside of those that may; the test of formats has the rule."""
-    sys.path.insert(0, str(ROOT))
     from tests.vehicle import test_formats as rule
 
     for path in sorted(PACKAGE.rglob("*.py")):
@@ -103,7 +105,7 @@ def words(*patterns: str) -> int:
     return sum(len(path.read_text(encoding="utf-8").split()) for path in paths)
 
 
-if __name__ == "__main__":
+def main() -> None:
     print(*rooms(), sep="\n")
     analyse = [sys.executable, "-c", ANALYSE, str(LOG)]
     modules = subprocess.run(analyse, capture_output=True, text=True, check=True, cwd=ROOT).stdout.split()
@@ -111,8 +113,12 @@ if __name__ == "__main__":
     print(f"words: README {words('README.md')}, docs {words('docs/**/*.md')}")
     for title, lines in (
         ("class names of two modules", names_of_two_classes()),
-        (f"public functions above {LIMIT} parameters", long_signatures()),
         ("files that name a message", names_of_messages()),
+        (f"public functions above {LIMIT} parameters", long_signatures()),
     ):
         found = [*lines]
         print(f"\n{title}: {len(found)}", *(f"  {line}" for line in found), sep="\n", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -22,7 +22,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -65,7 +65,7 @@ def main() -> None:
     if options.send:
         send(options.seconds)
         return
-    parts = {
+    parts: dict[str, Callable[[], Iterator[Row]]] = {
         "throughput": throughput,
         "share": lambda: share(options.seconds),
         "memory": lambda: memory(options.hours),
@@ -168,7 +168,7 @@ def latencies(recording: Path, objects: list[dict[str, object]]) -> np.ndarray:
         rows = np.flatnonzero(table["array_id"] == servo)
         for line in objects:
             if line["event"] == "window" and line["actuator"] == actuator:
-                k = int(np.searchsorted(flight_s[rows], line["end_s"]))
+                k = int(np.searchsorted(flight_s[rows], float(str(line["end_s"]))))
                 if k < rows.size:
                     written = np.datetime64(str(line["utc"])[:-6], "us").astype(np.int64)
                     out.append((written - arrived_us[rows[k]]) / 1e3)

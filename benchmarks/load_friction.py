@@ -19,9 +19,9 @@ from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
-from _fleet import MODES
 
 import mavhums
+from benchmarks._fleet import MODES
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
 from mavhums.results.verdict import Verdict
@@ -50,7 +50,7 @@ def sheet_rows(folder: Path, seconds: float) -> Iterator[str]:
     """Yield the table of the data sheet, row by row."""
     yield "| μ of the EMA | read by | profile says | right | wrong | undecided | error of friction, N·m |"
     yield "|---|---|---|---|---|---|---|"
-    airframes = {}
+    airframes: dict[str, Path] = {}
     paper = (files("mavhums.actuator") / "airframes" / "paper.toml").read_text(encoding="utf-8")
     for said, line in PROFILES.items():
         airframes[said] = folder / f"profile-{len(airframes)}.toml"
@@ -121,7 +121,7 @@ def _own_row(folder: Path, blank: Path, registers: Registers | None, seconds: fl
         surface: [PastRecord(one[surface].own, f"2025-01-{k:02d}", True) for k, one in enumerate(before, 1)]
         for surface in SURFACES
     }
-    least, judged_by = [], Counter[str]()
+    least, judged_by = list[float](), Counter[str]()
     said = {rise: Counter[str]() for rise in RISES}
     for rise in RISES:
         for number in range(each):
@@ -129,9 +129,9 @@ def _own_row(folder: Path, blank: Path, registers: Registers | None, seconds: fl
             for surface, verdict in flown.items():
                 found = compare_with_own_flights(verdict, past[surface])
                 said[rise][found.condition] += 1
-                shown = [one for one in found.indicators if one.least_rise is not None]
-                judged_by.update(one.fault for one in shown)
-                least += [one.least_rise for one in shown if not rise]
+                rises = {one.fault: one.least_rise for one in found.indicators if one.least_rise is not None}
+                judged_by.update(rises)
+                least += () if rise else rises.values()
     of = said[0.0].total()
     healthy = ", ".join(f"{count} {text}" for text, count in said[0.0].most_common())
     spread = f"{np.median(least):.0%} ({min(least):.0%}–{max(least):.0%})" if least else "–"
@@ -139,7 +139,7 @@ def _own_row(folder: Path, blank: Path, registers: Registers | None, seconds: fl
     return f"{', '.join(judged_by) or '–'} | {healthy} | {spread} | {cells}"
 
 
-if __name__ == "__main__":
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--each", type=int, default=12, help="judged flights of each rise, own history")
@@ -153,3 +153,7 @@ if __name__ == "__main__":
             print()
             for line in own_rows(Path(name), args.seconds, args.each):
                 print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()

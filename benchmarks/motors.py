@@ -185,6 +185,8 @@ def report(cases: Sequence[Case]) -> None:
     for size in sizes:
         own = [c for c in healthy if c.frame.startswith(size)]
         bounds = np.array([c.bound for c in own if not c.named])
+        if not bounds.size:
+            continue
         print(
             f"  {size}: {sum(c in false for c in own)} in {sum(c.flown_s for c in own) / 3600:.1f} h; "
             f"losses excluded above: median {np.median(bounds):.2f}, 90 % {np.quantile(bounds, 0.9):.2f}"

@@ -19,16 +19,16 @@ cost        processor time to count the votes of 6,000 samples
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from time import process_time
 
 import numpy as np
-from _windows import windows
 from rich.console import Console
 from rich.table import Table
 from sklearn.ensemble import HistGradientBoostingClassifier
 
+from benchmarks._windows import windows
 from mavhums.actuator import load_airframe
 from mavhums.core.quantities import KEYS, column
 from mavhums.health.actuator.votes import count_votes
@@ -344,7 +344,7 @@ def main() -> None:
     options = parser.parse_args()
     console = Console(width=150)
     models = dict(zip(TELEMETRY, packaged_models(), strict=True))
-    parts = {
+    parts: dict[str, Callable[[], Table | None]] = {
         "modes": lambda: modes(models, options.flights),
         "population": lambda: population(models, options.flights),
         "faults": lambda: faults(models, options.flights),

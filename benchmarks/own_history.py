@@ -15,11 +15,22 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from _fleet import ACTUATORS, MODES, Judged, added, baselines_of, flight, fly_all, judge, quantities
-from _fleet import Task as Sheet
-from _own_flights import BLANK, TIERS, Row, Task, flown, scattered
 from scipy.stats import chi2
 
+from benchmarks._fleet import (
+    ACTUATORS,
+    MODES,
+    Judged,
+    Known,
+    added,
+    baselines_of,
+    flight,
+    fly_all,
+    judge,
+    quantities,
+)
+from benchmarks._fleet import Task as Sheet
+from benchmarks._own_flights import BLANK, TIERS, Row, Task, flown, scattered
 from mavhums.core.arrays import Array
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.flight_sums import KEPT
@@ -190,10 +201,11 @@ def confusion_table(fleet: Fleet) -> Iterator[str]:
         yield f"| {kind}{severity} | {' | '.join(cells)} |"
 
 
-def _by_data_sheet(
-    name: str, record: FlightRecord, *, baselines: object = None
-) -> tuple[list[bool], list[Judged]]:
-    judged = judge(name, record, tier="esc-signed", baselines=baselines)  # type: ignore[arg-type]
+ByDataSheet = tuple[list[bool], list[Judged]]
+
+
+def _by_data_sheet(name: str, record: FlightRecord, *, baselines: Known | None = None) -> ByDataSheet:
+    judged = judge(name, record, tier="esc-signed", baselines=baselines)
     return [any(s.fault == "friction" for s in one.findings.suspects) for one in judged], judged
 
 
@@ -201,7 +213,9 @@ def sheet_table(args: argparse.Namespace) -> Iterator[str]:
     """Judge the 50 Hz logs with the data sheet as well: friction in N·m against the same baseline."""
     aircraft = range(args.first, args.first + args.sheet)
 
-    def fly_them(severity: float, first: int, count: int, baselines: object) -> list[tuple[str, object]]:
+    def fly_them(
+        severity: float, first: int, count: int, baselines: Known | None
+    ) -> list[tuple[str, ByDataSheet]]:
         tasks = [
             Sheet(
                 f"{a}/{k}",
@@ -218,12 +232,12 @@ def sheet_table(args: argparse.Namespace) -> Iterator[str]:
         ]
         return list(fly_all(tasks, partial(_by_data_sheet, baselines=baselines), args.workers))
 
-    known = baselines_of([(name, judged) for name, (_, judged) in fly_them(0.0, 0, 20, None)])  # type: ignore[misc]
+    known = baselines_of([(name, judged) for name, (_, judged) in fly_them(0.0, 0, 20, None)])
     yield "| esc-signed, 50 Hz, with data sheet | found | of |"
     yield "|---|---|---|"
     for n, severity in enumerate((0.0, *FRICTIONS[1:3])):
         flown_ = fly_them(severity, 9000 + 100 * n, args.each, known)
-        said = [one for _, (found, _) in flown_ for one in found]  # type: ignore[misc]
+        said = [one for _, (found, _) in flown_ for one in found]
         yield f"| +{severity:g} N·m | {np.mean(said):.0%} | {len(said)} |"
 
 

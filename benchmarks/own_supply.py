@@ -11,9 +11,8 @@ import argparse
 from collections import Counter, defaultdict
 from dataclasses import replace
 
-from _fleet import MODES
-from _own_flights import TIERS, Task, flown
-
+from benchmarks._fleet import MODES
+from benchmarks._own_flights import TIERS, Task, flown
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.wear import shows
 from mavhums.health.self_baseline.comparison import compare

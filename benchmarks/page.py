@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
 import urllib.error
@@ -22,7 +21,6 @@ from pathlib import Path
 import click
 import psutil
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
 from mavhums_sim import Flight, fly, write_tlog
 from tests.serve.browser import BROWSER, Browser, Served, served
 

@@ -24,10 +24,10 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
-from _closed_loop import healthy
-from _flown_faults import Flight, judge_bytes, read_labels
 from scipy.stats import chi2
 
+from benchmarks._closed_loop import healthy
+from benchmarks._flown_faults import Flight, judge_bytes, read_labels
 from mavhums_sim.perturb import KINDS, perturb
 
 _SURE = 0.95

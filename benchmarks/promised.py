@@ -119,8 +119,12 @@ def rows(draws: int) -> Iterator[str]:
         yield f"| {shares} | {' | '.join(cells)} |"
 
 
-if __name__ == "__main__":
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draws", type=int, default=1000, help="sets of earlier flights a row")
     for line in rows(parser.parse_args().draws):
         print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()

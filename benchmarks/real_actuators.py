@@ -17,7 +17,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from _real_logs import (
+
+import mavhums
+from benchmarks._real_logs import (
     CURRENTS,
     GEAR_RATIO,
     SHEETS,
@@ -32,8 +34,6 @@ from _real_logs import (
     with_current,
     write_log,
 )
-
-import mavhums
 from mavhums.actuator.profile import Ema
 from mavhums.app.identify import identify
 from mavhums.core.errors import MavhumsError
@@ -82,13 +82,13 @@ def sheet_table(
 
 
 def _sheet_row(kind: str, name: str, verdicts: Iterable[Verdict]) -> str:
-    said, ever, values, why = Counter(), 0, [], Counter()
+    said, ever, values, why = Counter[str](), 0, list[float](), Counter[str]()
     for verdict in verdicts:
         faults = ",".join(suspect.fault for suspect in verdict.suspects)
         said[f"{verdict.condition}{f' ({faults})' if faults else ''}"] += 1
         ever += verdict.worst == "emergency"
         if verdict.condition == "undecided":
-            why[verdict.reason] += 1
+            why[str(verdict.reason)] += 1
         values += [one.value.estimate for one in verdict.indicators if one.fault == "friction"]
     span = f"{min(values):.2f}–{max(values):.2f}" if values else "–"
     reasons = "; ".join(f"{count} × {text}" for text, count in why.most_common(2))
@@ -126,7 +126,8 @@ def history(verdicts: Iterable[Verdict]) -> list[PastRecord]:
 
 
 def _own_row(kind: str, flights: Sequence[Flight], levels: dict[float, list[Verdict]]) -> str:
-    rng, count, least, why = np.random.default_rng(34), len(flights), [], Counter()
+    rng, count = np.random.default_rng(34), len(flights)
+    least, why = list[float](), Counter[str]()
     said: dict[float, Counter[str]] = {r: Counter() for r in levels}
     faults: Counter[str] = Counter()
     learning = min(LEARNING, count - 2)
@@ -138,10 +139,12 @@ def _own_row(kind: str, flights: Sequence[Flight], levels: dict[float, list[Verd
                 found = compare_with_own_flights(verdicts[k], past)
                 said[r][found.condition] += 1
                 if r == 0.0:
-                    why[found.reason.split("(")[0][:90]] += 1
-                    shown = [one for one in found.indicators if one.least_rise is not None]
-                    least += [one.least_rise for one in shown]
-                    faults.update(one.fault for one in shown)
+                    why[str(found.reason).split("(")[0][:90]] += 1
+                    rises = {
+                        one.fault: one.least_rise for one in found.indicators if one.least_rise is not None
+                    }
+                    least += rises.values()
+                    faults.update(rises)
     of = sum(said[0.0].values())
     spread = f"{np.median(least):.0%} ({min(least):.0%}–{max(least):.0%})" if least else "–"
     healthy = ", ".join(f"{n} {text}" for text, n in said[0.0].most_common())
@@ -191,7 +194,7 @@ def screw_table(folder: Path, data: Path) -> Iterator[str]:
     yield "\n| condition | load | said | changed | change (least rise) |\n|---|---|---|---|---|"
     above: list[bool] = []
     for at, verdicts in sorted(runs.items()):
-        said, faults = Counter(), Counter()
+        said, faults = Counter[str](), Counter[str]()
         shown: dict[str, list[Indicator]] = defaultdict(list)
         for k, verdict in enumerate(verdicts):
             past = history(runs[other][j] for other, j in normal if (other, j) != (at, k))

@@ -19,9 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
 from examples.picture import alike
 from mavhums.actuator import load_airframe
+from mavhums.core.conditions import Condition
 from mavhums.engine.events import AirframeNamed, Attitude, ConditionChanged, Event, Position, Samples, Window
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
@@ -68,7 +68,7 @@ def flight(seconds: int, actuators: int, rate: int) -> Iterator[list[Event]]:
             if second >= 9:
                 value = 0.5 if k == 0 and second > seconds / 2 else 0.225
                 interval = Interval(estimate=value, low=value - 0.02, high=value + 0.02)
-                state = "degraded" if value > 0.4 else "normal"
+                state: Condition = "degraded" if value > 0.4 else "normal"
                 events.append(Window(1, name, second - 9.0, second + 1.0, 0.8, interval, 0.01, state))
                 if second == seconds // 2 + 1 and k == 0:
                     since = float(seconds // 2)
@@ -139,8 +139,18 @@ def show(path: Path, patience_s: float = 120.0) -> tuple[float, float]:
 def main() -> None:
     """Print the table."""
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
-    titles = ("flight", "write, s", "goal", "CPU, s", "MB", "goal", "writer grows by, MB")
-    titles += ("open and draw, s", "goal", "viewer, MB")
+    titles = (
+        "flight",
+        "write, s",
+        "goal",
+        "CPU, s",
+        "MB",
+        "goal",
+        "writer grows by, MB",
+        "open and draw, s",
+        "goal",
+        "viewer, MB",
+    )
     print(f"| {' | '.join(titles)} |", flush=True)
     print("|---" * len(titles) + "|")
     with tempfile.TemporaryDirectory() as folder:

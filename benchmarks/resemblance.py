@@ -16,9 +16,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from _closed_loop import Planned, healthy
+import pandas as pd
 
 import mavhums
+from benchmarks._closed_loop import Planned, healthy
 from mavhums.core.arrays import Array
 from mavhums_sim.closed_loop.outputs import Outputs
 
@@ -40,9 +41,8 @@ class Signals:
 
     def raw(self, message: str, field: str) -> tuple[Array, Array]:
         table = self._messages[message]
-        return table.index.tz_localize(None).to_numpy(dtype="datetime64[ns]").astype(np.int64) / 1e9, table[
-            field
-        ].to_numpy(dtype=np.float64)
+        times = pd.DatetimeIndex(table.index).tz_localize(None).to_numpy(dtype="datetime64[ns]")
+        return times.astype(np.int64) / 1e9, table[field].to_numpy(dtype=np.float64)
 
     def at(self, message: str, field: str, late_s: float = 0.0) -> Array:
         times, values = self.raw(message, field)
@@ -127,7 +127,7 @@ def show(flights: list[dict[str, float]]) -> None:
         print(f"{name:36} {np.median(values):8.2f}   {min(values):.2f}…{max(values):.2f}")
 
 
-if __name__ == "__main__":
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("logs", nargs="*", type=Path)
     parser.add_argument("--outputs", default="1,2,4", help="of aileron, elevator, rudder")
@@ -139,3 +139,7 @@ if __name__ == "__main__":
         show([describe(p, (first, second, third), 1500.0, arguments.travel, 1.0) for p in arguments.logs])
     else:
         show(list(simulated(arguments.flights)))
+
+
+if __name__ == "__main__":
+    main()

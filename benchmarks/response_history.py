@@ -16,8 +16,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
-from _flown_faults import Fault, Flight, read_labels
-
+from benchmarks._flown_faults import Fault, Flight, read_labels
 from mavhums import Options
 from mavhums.app.analysis import analyse_alone
 from mavhums.engine.events import StandaloneAssessment

@@ -13,8 +13,8 @@ import argparse
 from collections.abc import Iterator
 
 import numpy as np
-from _fleet import MODES, SURFACES, Task, added, flight, fly_all, judge
 
+from benchmarks._fleet import MODES, SURFACES, Task, added, flight, fly_all, judge
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums_sim import FlightRecord

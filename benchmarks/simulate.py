@@ -104,10 +104,10 @@ def closed_loop(duration_s: float) -> None:
             print(f"{'their tlog, beside that':40} {speed:12,.0f}   {size / 1e6:.1f} MB")
 
 
-if __name__ == "__main__":
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="a tenth of the flights")
-    share = 10 if parser.parse_args().quick else 1
+    parser.add_argument("--quick", action="store_true", help="a hundredth of the flights")
+    share = 100 if parser.parse_args().quick else 1
     load = os.getloadavg()[0]
     print(
         f"{platform.machine()}, {os.cpu_count()} cores, load {load:.1f}, Python {platform.python_version()}"
@@ -115,3 +115,7 @@ if __name__ == "__main__":
     models()
     flights(1000 // share, 100 // share)
     closed_loop(600.0 if share == 1 else 120.0)
+
+
+if __name__ == "__main__":
+    main()

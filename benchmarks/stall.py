@@ -14,9 +14,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from _fleet import MODES
 
 import mavhums
+from benchmarks._fleet import MODES
 from mavhums.health.estimation.motor_identification import identified
 from mavhums.health.self_baseline.motor import friction_current, shares
 from mavhums.results.standing import Interval

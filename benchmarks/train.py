@@ -52,7 +52,7 @@ def fifty(keys: tuple[str, ...], every: int, networks: int, solver: str) -> list
     scores = np.concatenate([each.member_scores(tested, truth) for each in ones])
     rows.append(row(len(keys), "mavhums, one at a time", alone, batched, scores))
     scaler = MinMaxScaler().fit(values)
-    begin, scores = perf_counter(), []
+    begin, reached = perf_counter(), []
     for seed in range(networks):
         network = MLPClassifier(
             (HIDDEN[seed % len(HIDDEN)],), activation="tanh", solver=solver, alpha=1e-4, random_state=seed
@@ -60,9 +60,9 @@ def fifty(keys: tuple[str, ...], every: int, networks: int, solver: str) -> list
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)
             network.fit(scaler.transform(values), classes)
-        scores.append(network.score(scaler.transform(tested), truth))
+        reached.append(network.score(scaler.transform(tested), truth))
     name = f"scikit-learn, {solver}, one after another"
-    rows.append(row(len(keys), name, perf_counter() - begin, batched, np.array(scores)))
+    rows.append(row(len(keys), name, perf_counter() - begin, batched, np.array(reached)))
     return rows
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import os
 import platform
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -25,8 +24,6 @@ from mavhums.core.arrays import Array
 from mavhums.flights.folder import read_history
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.growth import course_of
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.flights import write_wear
 
 START, EMERGENCY, BETWEEN = 0.225, 0.875, 0.008

@@ -49,10 +49,14 @@ def describe(flown: FlownLoop) -> list[float]:
     return [*degrees, float(flown.column("q")[after].std())]
 
 
-if __name__ == "__main__":
+def main() -> None:
     print("fault, severity; SD of roll error °, pitch error °, elevator beside its demand °, q rad/s; end")
     for fault, severity in CASES:
         flights = [fly(fault, severity, seed) for seed in (1, 2)]
         values = np.mean([describe(flown) for flown in flights], axis=0)
         row = "".join(f"{value:16.3f}" for value in values)
         print(f"{fault:18} {severity:4g} {row}   {', '.join(flown.end for flown in flights)}")
+
+
+if __name__ == "__main__":
+    main()
