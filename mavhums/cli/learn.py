@@ -199,7 +199,7 @@ def study() -> None:
 
 @study.command("paper", short_help="Set the paper's tables and figures beside ours.")
 @click.option("-o", "--output", required=True, type=PATH, metavar="DIR", help="Folder for the report.")
-@click.option("--quick", is_flag=True, help="Fewer networks and iterations; under a minute.")
+@click.option("--quick", is_flag=True, help="Fewer networks and iterations.")
 @click.option("--seed", default=1, show_default=True, type=int, help="Of the networks; not of the flights.")
 def study_paper(output: Path, quick: bool, seed: int) -> None:
     """Set the tables and figures of the paper beside ours: report, CSV tables and a Rerun recording."""
@@ -214,7 +214,7 @@ def study_paper(output: Path, quick: bool, seed: int) -> None:
 @study.command("real", short_help="Run the paper's stages on recordings of a real rig.")
 @click.argument("data", type=PATH, metavar="DIR")
 @click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="Folder for the report.")
-@click.option("--quick", is_flag=True, help="Fewer folds, networks and trees; a minute.")
+@click.option("--quick", is_flag=True, help="Fewer folds, networks and trees.")
 @click.option("--seed", default=1, show_default=True, type=int, help="Of folds, networks and trees.")
 def study_real(data: Path, output: Path, quick: bool, seed: int) -> None:
     """Run the paper's selection and networks on the recordings of a rig with seeded faults.

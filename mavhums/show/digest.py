@@ -10,7 +10,7 @@ from mavhums.health.verdict import with_advice
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Standing
-from mavhums.results.verdict import ALL, MOTORS, Verdict
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.show.servo_tables import ServoTable, reserve, usage
 from mavhums.show.standing import sentences, since_words, soonest_words
 from mavhums.show.verdict_words import (
@@ -34,7 +34,9 @@ from mavhums.show.words import (
     percent,
 )
 
-NOT_JUDGED: Final = "not judged (mavhums judges fixed wings, multirotors, and servos with telemetry)"
+NOT_JUDGED: Final = (
+    "not judged (mavhums judges fixed wings, multirotors, steering, and servos with telemetry)"
+)
 """What is said of a vehicle with neither wings nor rotors that are judged, after its kind."""
 
 _NAMED: Final = 3  # more names than that push the other columns of a table out of sight
@@ -353,9 +355,6 @@ def _without_wingless(assessment: Assessment) -> tuple[Assessment, list[str]]:
 def _wingless(own: Sequence[Verdict]) -> str | None:
     """Return what is said of a vehicle without wings and without servos that report; None of any other."""
     axes = next((v for v in own if v.subject == "axis" and v.remedy == NO_WINGS), None)
-    if axes is None and any(v.subject == "motor" and v.actuator == MOTORS for v in own):
-        # Why its motors are not judged is said as of any subject; that it has no servos is not.
-        return None
     if axes is None:
         return None
     for verdict in own:

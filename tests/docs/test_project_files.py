@@ -35,3 +35,13 @@ def test_the_workflow_calls_what_ci_runs_on_every_python() -> None:
     assert jobs["full"]["steps"][-1]["run"] == ".ci/run"
     for path in re.findall(r"tests/\w+", jobs["short"]["steps"][-1]["run"]):
         assert (ROOT / path).is_dir()
+
+
+def test_every_document_that_the_code_names_exists() -> None:
+    folders = [ROOT / name for name in ("mavhums", "sim", "benchmarks", "examples", "bridge")]
+    files = [
+        path for folder in folders for kind in ("*.py", "*.toml", "*.lua") for path in folder.rglob(kind)
+    ]
+    texts = {path: path.read_text(encoding="utf-8") for path in (*files, ROOT / "pyproject.toml")}
+    named = {(path, name) for path, text in texts.items() for name in re.findall(r"\bdocs/[\w/-]+\.md", text)}
+    assert not [(path, name) for path, name in named if not (ROOT / name).is_file()]

@@ -13,6 +13,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Verdict
 from mavhums.show import markdown, render
+from mavhums.show.digest import NOT_JUDGED
 from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.html import in_brief, page
 from mavhums.show.verdict_words import certainty, control_left
@@ -159,7 +160,7 @@ def test_a_copter_is_one_line(new_assessment: Assess) -> None:
         remedy=PROPELLERS_ONLY,
     )
     assessment = new_assessment(axes, every)
-    line = "A quadrotor: not judged (mavhums judges fixed wings, multirotors, and servos with telemetry)"
+    line = f"A quadrotor: {NOT_JUDGED}"
     text = shown(assessment).splitlines()
     assert text[0] == line
     assert text[1].startswith("Log losses")

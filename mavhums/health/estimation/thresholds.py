@@ -122,7 +122,7 @@ OWN_FLIGHTS: Final = 10
 TRACKING_FLIGHTS: Final = 20
 
 # Largest share of the load that a gear's friction is: spur gears of small servos lose 0.29–0.34 of it on a
-# bench (docs/health.md); a worm or a screw that holds its load by itself has 0.5.
+# bench (docs/method/verdicts.md); a worm or a screw that holds its load by itself has 0.5.
 MOST_LOAD_FRICTION: Final = 0.5
 
 # Slots over which the balance that gives the load is remembered: hinge moments change with the airspeed
