@@ -12,6 +12,7 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any, ClassVar, Final
 from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
+from itsdangerous import BadSignature, Signer
 from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
 SESSION: Final = "mavhums.session"
@@ -26,7 +27,6 @@ _LARGE: Final = (UPLOADS, f"{API}/logs")
 
 
 _BODY: Final = 1 << 20
-_BODY_S: Final = 30.0
 _POLICY: Final = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
@@ -91,6 +91,7 @@ class Guard:
         self._names = {"localhost"} if self._local else {"localhost", host.lower(), *_own_names()}
         self._token = token
         self._cookie = cookie
+        self._signer = Signer(secrets.token_bytes(32))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or refuse it."""
@@ -111,12 +112,13 @@ class Guard:
         if "content-length" in headers and scope["path"] not in _LARGE and _length(headers) > _BODY:
             await _refuse(scope, receive, send, 413, "too large; only a log may be larger than 1 MiB")
             return
-        session = cookies.get(f"{self._cookie}-session", "")
-        new = len(session) != len(_secret())
-        if new:
-            session = _secret()
-        scope[SESSION] = session
-        given = (self._cookie_header(scope, "session", session),) if new and not _is_api(scope) else ()
+        cookie, given = cookies.get(f"{self._cookie}-session", ""), []
+        try:  # only a session that this server has named
+            scope[SESSION] = self._signer.unsign(cookie).decode()
+        except BadSignature:
+            scope[SESSION] = secrets.token_urlsafe(24)
+            cookie = self._signer.sign(scope[SESSION]).decode()
+            given = [] if _is_api(scope) else [self._cookie_header(scope, "session", cookie)]
         bounded = receive if scope["path"] in _LARGE or scope["type"] != "http" else _Bounded(receive)
         await self.app(scope, bounded, _with_headers(send, given))
 
@@ -175,22 +177,15 @@ class Guard:
 
 
 class _Bounded:
-    """Ends a request whose body is too large, or not there in time; the answer may take longer."""
+    """Ends a request whose body is too large."""
 
     def __init__(self, receive: Receive) -> None:
         self._receive = receive
         self._left = _BODY
-        self._end_s: float | None = asyncio.get_running_loop().time() + _BODY_S
 
     async def __call__(self) -> Message:
-        try:
-            async with asyncio.timeout_at(self._end_s):
-                message = await self._receive()
-        except TimeoutError:
-            return {"type": "http.disconnect"}
+        message = await self._receive()
         self._left -= len(message.get("body", b""))
-        if not message.get("more_body", False):
-            self._end_s = None
         return message if self._left >= 0 else {"type": "http.disconnect"}
 
 
@@ -267,12 +262,8 @@ def _own_names() -> set[str]:
     return {name, f"{name}.local", socket.getfqdn().lower()} - {""}
 
 
-def _secret() -> str:
-    return secrets.token_urlsafe(24)
-
-
-HEADER_S: Final = 10.0
-"""Time for a header, s: a phone on a poor link needs one, and a stalled client holds its place no longer."""
+HALF_S: Final = 5.0
+"""Time in which the pace of a connection halves, s: see :class:`_LimitedConnection`."""
 
 MOST: Final = 200
 """Connections at a time; the rest of a process's 1,024 files is for logs and judging processes."""
@@ -280,6 +271,8 @@ MOST: Final = 200
 MOST_OF_ADDRESS: Final = 64
 """Connections of one address: ten open pages of a browser take about 20."""
 
+_FULL: Final = 1 << 16
+_LEAST: Final = 1 << 10
 _BUSY: Final = (
     b"HTTP/1.1 503 Service Unavailable\r\ncontent-type: text/plain\r\nconnection: close\r\n\r\n"
     b"too many connections; try again in a moment\n"
@@ -287,17 +280,22 @@ _BUSY: Final = (
 
 
 class _LimitedConnection(AutoHTTPProtocol):  # type: ignore[valid-type,misc]
-    """A connection of uvicorn's with these limits; it ends where a websocket takes over."""
+    """A connection of uvicorn's with these limits; it ends where a websocket takes over.
 
-    header_s: ClassVar[float] = HEADER_S
+    Its pace is what the client has sent of a body or taken of an answer, in bytes, halved every 5 s. A
+    connection, each header and each answer begin with 64 kB, from which the bytes of a header count down:
+    a client that moves nothing has 30 s to the least pace of 1 kB, one that moves 150 B/s keeps its place.
+    Where places are short, the connection with the least pace that waits for its client loses its own.
+    """
+
+    half_s: ClassVar[float] = HALF_S
     most: ClassVar[int] = MOST
     most_of_address: ClassVar[int] = MOST_OF_ADDRESS
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
-        self._begun_s = self.loop.time()
-        self._looked_at: object = None
-        self._looks: asyncio.TimerHandle | None = self.loop.call_later(self.header_s, self._look)
+        self._moved, self._moved_s, self._unsent = float(_FULL), self.loop.time(), 0
+        self._looks: asyncio.TimerHandle | None = self.loop.call_later(self.half_s, self._look)
         others = self.connections - {self}
         own = [each for each in others if _client_of(each) == _client_of(self)]
         if len(own) >= self.most_of_address:
@@ -313,24 +311,53 @@ class _LimitedConnection(AutoHTTPProtocol):  # type: ignore[valid-type,misc]
         self._stop_looking()
         super().handle_websocket_upgrade(*given)
 
+    def data_received(self, data: bytes) -> None:
+        cycle = self.cycle
+        super().data_received(data)
+        if self.cycle is not cycle:
+            self._move(_FULL)
+        else:  # the bytes of a header move nothing, and an endless one ends
+            self._move(-len(data) if self._idle else len(data))
+            if self.pace < _LEAST:
+                self.transport.abort()
+
+    def resume_writing(self) -> None:
+        self._move(_FULL)  # so much was taken of the answer
+        super().resume_writing()
+
+    @property
+    def pace(self) -> float:
+        """What the client has moved lately, in bytes."""
+        return float(self._moved * 0.5 ** ((self.loop.time() - self._moved_s) / self.half_s))
+
     @property
     def waits(self) -> bool:
-        """Whether it waits for its client: no request is being answered."""
+        """Whether it waits for its client: for a header, for a body, or that the answer is taken."""
+        unread = not self._idle and self.cycle.more_body and not self.flow.read_paused
+        return self._idle or unread or self.transport.get_write_buffer_size() > 0
+
+    @property
+    def _idle(self) -> bool:
         return self.cycle is None or bool(self.cycle.response_complete)
 
+    def _move(self, size: float) -> None:
+        self._moved, self._moved_s = min(self.pace + size, _FULL), self.loop.time()
+
     def _look(self) -> None:
-        if self.waits and self.cycle is self._looked_at:
+        unsent = self.transport.get_write_buffer_size()
+        self._move(max(self._unsent - unsent, 0) if self.waits else _FULL)
+        self._unsent = unsent
+        if self.pace < _LEAST:
             self.transport.abort()
             return
-        self._looked_at = self.cycle
-        self._looks = self.loop.call_later(self.header_s, self._look)
+        self._looks = self.loop.call_later(self.half_s, self._look)
 
     def _make_room(self, others: Iterable[Any]) -> None:
         waiting = [each for each in others if isinstance(each, _LimitedConnection) and each.waits]
         if waiting:
-            oldest = min(waiting, key=lambda each: each._begun_s)
-            oldest.transport.abort()
-            self.connections.discard(oldest)  # it is lost only after this turn of the loop
+            slowest = min(waiting, key=lambda each: each.pace)
+            slowest.transport.abort()
+            self.connections.discard(slowest)  # it is lost only after this turn of the loop
             return
         self.transport.write(_BUSY)
         self.transport.close()
@@ -342,18 +369,18 @@ class _LimitedConnection(AutoHTTPProtocol):  # type: ignore[valid-type,misc]
 
 
 def held_connections(
-    *, header_s: float = HEADER_S, most: int = MOST, most_of_address: int = MOST_OF_ADDRESS
+    *, half_s: float = HALF_S, most: int = MOST, most_of_address: int = MOST_OF_ADDRESS
 ) -> type[asyncio.Protocol]:
     """Return the class of the connections for uvicorn's option ``http``.
 
     Parameters
     ----------
-    header_s
-        Time for a header, s.
+    half_s
+        Time in which the pace of a connection halves, s; one that moves nothing ends after six of them.
     most, most_of_address
         Connections at a time, of all addresses and of one.
     """
-    limits = {"header_s": header_s, "most": most, "most_of_address": most_of_address}
+    limits = {"half_s": half_s, "most": most, "most_of_address": most_of_address}
     return type("HeldConnection", (_LimitedConnection,), limits)
 
 

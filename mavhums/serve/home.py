@@ -31,16 +31,16 @@ class Home:
 
     Parameters
     ----------
-    sessions, session
-        All sessions, and that of this page.
+    sessions, user
+        All sessions, and the id of that of this page.
     fleet
         The store in which logs can be kept; None without one.
     where
         What the page says about the place of the logs.
     """
 
-    def __init__(self, sessions: Sessions, session: UserSession, fleet: Fleet | None, where: str) -> None:
-        self._sessions, self._session, self._fleet = sessions, session, fleet
+    def __init__(self, sessions: Sessions, user: str, fleet: Fleet | None, where: str) -> None:
+        self._sessions, self._user, self._fleet = sessions, user, fleet
         self._rows: dict[str, _LogItem] = {}
         self._chosen = False
         self._shown: tuple[str, str] | None = None
@@ -61,8 +61,6 @@ class Home:
             if self._shown and self._shown[0] == id_:
                 self._show(None)
         for log in self._session.logs.values():
-            if log.state == "arriving":
-                continue
             if log.id not in self._rows:
                 with self._list:
                     self._rows[log.id] = _LogItem(self, log)
@@ -93,6 +91,10 @@ class Home:
             log.kept, log.asked = error.problem, error.proposed
         except MavhumsError as error:
             log.kept = f"not kept: {error}"
+
+    @property
+    def _session(self) -> UserSession:
+        return self._sessions.get(self._user)  # it begins with its first log
 
     @property
     def keeps(self) -> bool:

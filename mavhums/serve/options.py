@@ -22,14 +22,14 @@ class Quotas:
     ----------
     log_bytes
         Size of a log.
-    upload_s, silence_s
-        Time for an upload, and time without a byte of it.
+    upload_s
+        Time for an upload.
     judge_s, memory_bytes
         Wall-clock time and memory of one judgement; memory is limited on Linux only.
     logs
         Logs of one session.
     sessions
-        Sessions at a time.
+        Sessions that hold a log, at a time.
     session_s
         Time after which the logs of a session without an open page are removed.
     workers
@@ -38,7 +38,6 @@ class Quotas:
 
     log_bytes: int = 1 << 30
     upload_s: float = 900.0
-    silence_s: float = 30.0
     judge_s: float = 300.0
     memory_bytes: int = 2 << 30
     logs: int = 50

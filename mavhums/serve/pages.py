@@ -64,26 +64,17 @@ def add_pages(sessions: Sessions, options: ServeOptions) -> None:
     @ui.page("/", title="mavhums: drop a log")
     def home(request: Request) -> None:
         begin("/")
-        try:
-            session = sessions.get(request.scope[SESSION])
-        except MavhumsError as error:
-            markup(render("problem.html", problem=str(error)))
-            return
         where = (
             "nothing leaves it"
             if is_loopback(options.host) and options.public is None
             else "where mavhums runs"
         )
-        Home(sessions, session, options.fleet, where)
+        Home(sessions, request.scope[SESSION], options.fleet, where)
 
     @ui.page("/trends", title="mavhums: trends over the dropped logs", response_timeout=_PATIENCE_S)
     async def trends_page(request: Request) -> None:
         begin("/")
-        try:
-            logs = list(sessions.get(request.scope[SESSION]).logs.values())
-        except MavhumsError as error:
-            markup(render("problem.html", problem=str(error)))
-            return
+        logs = list(sessions.get(request.scope[SESSION]).logs.values())
         found, others = await asyncio.to_thread(dropped_trends, logs)
         aircraft = [
             {"board": board, "flights": flights, "headline": headline(report), "trends": _trends(report)}

@@ -6,7 +6,7 @@ import asyncio
 import csv
 import io
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 from urllib.parse import quote
@@ -76,9 +76,8 @@ def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> None:
     @app.post(UPLOADS)
     async def upload(request: Request) -> Response:
         try:
-            session = sessions.get(request.scope[SESSION])
             name = request.query_params.get("name", "")
-            log = await sessions.add(session, name, request.stream())
+            log = await sessions.add(request.scope[SESSION], name, request.stream())
         except MavhumsError as error:
             answer = {"problem": error.problem, "remedy": error.remedy}
             return JSONResponse(answer, status_code=422, headers={"connection": "close"})
@@ -252,7 +251,7 @@ def _add_logs(app: FastAPI, sessions: Sessions) -> None:
         """Judge a log, the body of the request, as `mavhums analyse --json` does; nothing of it is kept."""
         if request.headers.get("content-type", "").startswith("multipart/"):
             remedy = "send the bytes of the log alone: curl --data-binary @flight.tlog"
-            return _problem(415, "the body is a form", remedy)
+            return _problem(415, "the body is a form", remedy, {"connection": "close"})
         if sessions.is_full:
             return _problem(503, "too many logs at a time", "send it again in a moment", _TRIES)
         user = f"api {request.client.host if request.client else ''}"  # behind a proxy, all are one user
@@ -317,7 +316,7 @@ def _answer_problems(app: FastAPI) -> None:
     async def other(_: Request, error: HTTPException) -> Response:
         detail: Any = error.detail
         reason = detail if isinstance(detail, tuple) else (str(detail).lower(), _ASK)
-        return _problem(error.status_code, *reason)
+        return _problem(error.status_code, reason[0], reason[1], error.headers)
 
 
 def _gives(model: type[BaseModel] | Any) -> dict[str, Any]:
@@ -329,5 +328,5 @@ def _json(content: str | bytes) -> Response:
     return Response(content, media_type="application/json", headers={"cache-control": "no-store"})
 
 
-def _problem(status: int, problem: str, remedy: str, headers: dict[str, str] | None = None) -> Response:
+def _problem(status: int, problem: str, remedy: str, headers: Mapping[str, str] | None = None) -> Response:
     return JSONResponse({"problem": problem, "remedy": remedy}, status, headers)

@@ -20,7 +20,7 @@ from mavhums.serve.options import Quotas
 from mavhums.serve.uploads import is_archive, receive, safe_name
 from mavhums.serve.workers import Job, Progress, Workers
 
-State = Literal["arriving", "waiting", "judging", "done", "failed"]
+State = Literal["waiting", "judging", "done", "failed"]
 
 
 @dataclass(slots=True, eq=False)
@@ -41,7 +41,7 @@ class Dropped:
 
     id: str
     path: Path
-    state: State = "arriving"
+    state: State = "waiting"
     size: int = 0
     read: int = 0
     condition: Condition = "undecided"
@@ -85,14 +85,14 @@ class UserSession:
     """One user's logs, in the order in which they came."""
 
     id: str
-    folder: Path
     logs: dict[str, Dropped] = field(default_factory=dict)
     seen_s: float = field(default_factory=time.monotonic)
+    opened: bool = False
     tasks: set[asyncio.Task[None]] = field(default_factory=set)
 
     def touch(self) -> None:
         """Note that a page of the session is open."""
-        self.seen_s = time.monotonic()
+        self.seen_s, self.opened = time.monotonic(), True
 
 
 class Sessions:
@@ -117,48 +117,53 @@ class Sessions:
         self._passing = 0
 
     def get(self, id_: str) -> UserSession:
-        """Return the session of a cookie; a new one for a new cookie.
-
-        Raises
-        ------
-        MavhumsError
-            If there are too many.
-        """
-        if id_ not in self._sessions:
-            if len(self._sessions) >= self.limits.sessions:
-                raise MavhumsError("too many users at a time", "close other pages, or wait half an hour")
-            self._sessions[id_] = UserSession(id_, self.folder / secrets.token_hex(8))
-        session = self._sessions[id_]
-        session.touch()
-        return session
+        """Return the session of an id; it is kept only while it holds a log."""
+        return self._sessions.get(id_) or UserSession(id_)
 
     def log(self, session: str, log: str) -> Dropped | None:
         """Return a log of a session; None if it is not this user's."""
         found = self._sessions.get(session)
         return found.logs.get(log) if found else None
 
-    async def add(self, session: UserSession, name: str, stream: AsyncIterator[bytes]) -> Dropped:
-        """Receive a log and have it judged; return at its arrival.
+    async def add(self, user: str, name: str, stream: AsyncIterator[bytes]) -> Dropped:
+        """Receive a log for the session of this id and have it judged; return at its arrival.
 
         Raises
         ------
         MavhumsError
             If it is refused.
         """
-        if len(session.logs) >= self.limits.logs:
-            raise MavhumsError(f"{self.limits.logs} logs are here already", "remove some of them first")
+        self._check_number(user)
         id_ = secrets.token_hex(8)
-        log = Dropped(id_, session.folder / id_ / safe_name(name))
-        session.logs[id_] = log
+        log = Dropped(id_, self.folder / id_ / safe_name(name))
         try:
             log.report.parent.mkdir(parents=True, mode=0o700)
             log.size = await receive(stream, log.path, self.limits)
+            self._make_room(user)
         except BaseException:
-            self.remove(session, log)
+            shutil.rmtree(log.path.parent, ignore_errors=True)
             raise
-        log.state = "waiting"
+        session = self._sessions.setdefault(user, UserSession(user))
+        session.logs[id_] = log
         self._begin(session, self._judge(session, log))
         return log
+
+    def _make_room(self, user: str) -> None:
+        """Refuse a log too many; for a session too many, the one whose page was closed first ends.
+
+        A session that no page ever showed comes before all others, so that a program without cookies, each
+        log of which begins a session, ends only its own.
+        """
+        self._check_number(user)
+        if user not in self._sessions and len(self._sessions) >= self.limits.sessions:
+            oldest = min(self._sessions.values(), key=lambda one: (one.opened, one.seen_s))
+            if oldest.opened and oldest.seen_s > time.monotonic() - _OPEN_S:
+                raise MavhumsError("too many users at a time", "close other pages, or wait half an hour")
+            self.forget(oldest)
+
+    def _check_number(self, user: str) -> None:
+        if len(self.get(user).logs) >= self.limits.logs:
+            raise MavhumsError(f"{self.limits.logs} logs are here already", "remove some of them first")
 
     @property
     def is_full(self) -> bool:
@@ -215,16 +220,16 @@ class Sessions:
             self._begin(session, self._record(session, log))
 
     def remove(self, session: UserSession, log: Dropped) -> None:
-        """Remove a log and everything made of it."""
+        """Remove a log and everything made of it; with its last log, its session."""
         session.logs.pop(log.id, None)
         shutil.rmtree(log.path.parent, ignore_errors=True)
+        if not session.logs:
+            self._sessions.pop(session.id, None)
 
     def forget(self, session: UserSession) -> None:
-        """Remove a session and its logs."""
-        for task in session.tasks:
-            task.cancel()
-        self._sessions.pop(session.id, None)
-        shutil.rmtree(session.folder, ignore_errors=True)
+        """Remove a session and its logs; a process goes on with one that it judges, for nobody."""
+        for log in list(session.logs.values()):
+            self.remove(session, log)
 
     async def forget_old(self) -> None:
         """Remove sessions without an open page, until cancelled."""
@@ -236,8 +241,6 @@ class Sessions:
 
     def close(self) -> None:
         """Remove everything."""
-        for session in list(self._sessions.values()):
-            self.forget(session)
         shutil.rmtree(self.folder, ignore_errors=True)
 
     async def _judge(self, session: UserSession, log: Dropped) -> None:
@@ -282,7 +285,7 @@ class Sessions:
     def _take(self, session: UserSession, path: Path, note: str) -> None:
         """Judge a log that lies on this computer already."""
         id_ = secrets.token_hex(8)
-        log = Dropped(id_, session.folder / id_ / path.name, "waiting", path.stat().st_size, note=note)
+        log = Dropped(id_, self.folder / id_ / path.name, size=path.stat().st_size, note=note)
         log.report.parent.mkdir(parents=True, mode=0o700)
         path.rename(log.path)
         session.logs[id_] = log
@@ -313,4 +316,5 @@ def _judging(log: Dropped) -> Job:
 
 
 _NAMED = 10
+_OPEN_S = 10.0  # an open page is seen five times a second
 _BRIEF = ("condition", "headline", "todo")

@@ -71,11 +71,7 @@ async def receive(stream: AsyncIterator[bytes], target: Path, limits: Quotas) ->
     try:
         with target.open("xb") as file:
             async with asyncio.timeout(limits.upload_s):
-                while True:
-                    async with asyncio.timeout(limits.silence_s):
-                        part = await anext(stream, None)
-                    if part is None:
-                        break
+                async for part in stream:
                     size += len(part)
                     if size > limits.log_bytes:
                         check_size(size, target.parent, limits)

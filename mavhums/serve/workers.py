@@ -135,7 +135,12 @@ class Workers:
         """Return the answer to a job, or a ``problem`` with its ``remedy``.
 
         A user with many jobs does not delay a user with one: the user with the fewest running jobs is next.
+        A process may be killed for what is not in its log: the job is run once more.
         """
+        return await self._once(user, job, progress, last=False) or await self._once(user, job, progress)
+
+    async def _once(self, user: str, job: Job, progress: Progress, *, last: bool = True) -> Job:
+        """Return the answer; nothing where the process ended and this is not the last attempt."""
         worker = await self._acquire(user)
         self._running[user] += 1
         try:
@@ -148,6 +153,8 @@ class Workers:
             return {"problem": problem, "remedy": "judge it with `mavhums analyse`", "how": how}
         except (ConnectionError, ValueError):
             how = await worker.end()
+            if not last:
+                return {}
             remedy = "it may need more memory than the page allows: judge it with `mavhums analyse`"
             return {"problem": f"the process that judged it {how}", "remedy": remedy}
         except asyncio.CancelledError:

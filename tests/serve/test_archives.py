@@ -69,9 +69,9 @@ def test_the_page_judges_each_log_of_an_archive(mixed: Path, tmp_path: Path) -> 
         await workers.start()
         sessions = Sessions(Quotas(), Options(airframe="paper"), workers)
         try:
+            await sessions.add("a", "flights.zip", content(mixed.read_bytes()))
             session = sessions.get("a")
-            await sessions.add(session, "flights.zip", content(mixed.read_bytes()))
-            await sessions.add(session, "texts.zip", content(useless.getvalue()))
+            await sessions.add("a", "texts.zip", content(useless.getvalue()))
             await settled(session)
             assert all(log.report.is_file() for log in session.logs.values() if log.state == "done")
             return session

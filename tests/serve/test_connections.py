@@ -17,16 +17,24 @@ pytest.importorskip("uvicorn", reason="the page needs the extra 'serve'")
 
 import uvicorn
 
-from mavhums.serve import guard as guards
-from mavhums.serve.guard import Guard, held_connections
+from mavhums.serve.guard import held_connections
 from tests.serve.browser import served
 
 HALF = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-"
 
 
 async def application(scope: MutableMapping[str, Any], receive: Any, send: Any) -> None:
-    """Answer after as many seconds as the path says."""
+    """Answer after as many seconds as the path says, after a whole body, or with 50 MB."""
     if scope["type"] == "lifespan":
+        return
+    if scope["path"] == "/body":
+        while (await receive()).get("more_body"):
+            pass
+        return
+    if scope["path"] == "/big":
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        for more in [True] * 800 + [False]:
+            await send({"type": "http.response.body", "body": b"x" * (1 << 16), "more_body": more})
         return
     await asyncio.sleep(float(scope["path"][1:] or 0))
     await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"2")]})
@@ -80,14 +88,14 @@ def test_half_headers_keep_no_one_out(limits: dict[str, int]) -> None:
 
 
 def test_a_stalled_client_loses_its_place() -> None:
-    with serving(header_s=0.3) as port:
+    with serving(half_s=0.05) as port:
         for one in stalled(port, 3):
             with one:
                 assert is_closed(one)
 
 
 def test_a_client_that_sends_a_header_byte_by_byte_loses_its_place() -> None:
-    with serving(header_s=0.3) as port, socket.create_connection(("127.0.0.1", port), timeout=30) as one:
+    with serving(half_s=0.05) as port, socket.create_connection(("127.0.0.1", port), timeout=30) as one:
         one.settimeout(0.05)
         one.sendall(HALF)
         end = time.monotonic() + 30
@@ -104,7 +112,7 @@ def test_a_client_that_sends_a_header_byte_by_byte_loses_its_place() -> None:
 
 
 def test_an_answer_that_takes_longer_than_a_header_arrives() -> None:
-    with serving(header_s=0.2, most_of_address=1) as port:
+    with serving(half_s=0.03, most_of_address=1) as port:
         assert answer(port, "/1") == 200
 
 
@@ -118,24 +126,70 @@ def test_where_all_are_at_work_the_new_one_is_told() -> None:
         assert b"200 OK" in busy.recv(100)
 
 
-def test_a_body_that_does_not_come_ends_the_request(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(guards, "_BODY_S", 0.1)
-    got: list[str] = []
+BIG = b"GET /big HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+UPLOAD = b"POST /body HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 100000000\r\n\r\n"
 
-    async def behind(scope: Any, receive: Any, send: Any) -> None:
-        got.extend([(await receive())["type"], (await receive())["type"]])
 
-    messages = [{"type": "http.request", "body": b"x", "more_body": True}]
+@pytest.mark.parametrize("begins", [BIG, UPLOAD], ids=["reads nothing", "sends nothing"])
+def test_who_neither_reads_nor_sends_keeps_no_one_out_and_loses_the_place(begins: bytes) -> None:
+    with contextlib.ExitStack() as exits:
+        port = exits.enter_context(serving(most_of_address=4, half_s=0.2))
+        several = [exits.enter_context(socket.create_connection(("127.0.0.1", port))) for _ in range(4)]
+        for one in several:
+            one.sendall(begins)
+        time.sleep(0.2)
+        assert [answer(port) for _ in range(8)] == [200] * 8
+        time.sleep(3)
+        for one in several:
+            one.settimeout(30)
+            with contextlib.suppress(ConnectionError):
+                while one.recv(1 << 20):  # what lies in the buffers of the system
+                    pass
 
-    async def receive() -> Any:
-        return messages.pop() if messages else await asyncio.sleep(60)
 
-    async def send(_: Any) -> None:
-        pass
+def test_a_client_that_drips_loses_the_place_and_a_slow_one_keeps_it() -> None:
+    with contextlib.ExitStack() as exits:
+        port = exits.enter_context(serving(half_s=0.1))
+        slow, drips = (exits.enter_context(socket.create_connection(("127.0.0.1", port))) for _ in range(2))
+        for one in (slow, drips):
+            one.settimeout(30)
+            one.sendall(UPLOAD)
+        with contextlib.suppress(ConnectionError):
+            for _ in range(40):
+                slow.sendall(b"x" * 2000)
+                time.sleep(0.05)
+                drips.sendall(b"x")
+        assert is_closed(drips)
+        slow.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            slow.recv(1)
 
-    scope = {"type": "http", "path": "/", "method": "POST", "headers": [(b"host", b"127.0.0.1")]}
-    asyncio.run(Guard(behind, "127.0.0.1", None)(scope, receive, send))
-    assert got == ["http.request", "http.disconnect"]
+
+def test_the_slowest_makes_room() -> None:
+    with contextlib.ExitStack() as exits:
+        port = exits.enter_context(serving(most_of_address=3))
+        several = [exits.enter_context(socket.create_connection(("127.0.0.1", port))) for _ in range(3)]
+        for one, size in zip(several, (1 << 20, 1, 1 << 20), strict=True):
+            one.sendall(UPLOAD)
+            one.sendall(b"x" * size)
+        time.sleep(0.2)
+        for one in several[::2]:
+            one.sendall(b"x" * 1000)
+        time.sleep(0.2)
+        assert answer(port) == 200
+        several[1].settimeout(30)
+        assert is_closed(several[1])
+        for one in several[::2]:
+            one.setblocking(False)
+            with pytest.raises(BlockingIOError):
+                one.recv(1)
+
+
+def test_an_endless_header_ends() -> None:
+    with serving() as port, socket.create_connection(("127.0.0.1", port), timeout=30) as one:
+        with contextlib.suppress(ConnectionError):
+            one.sendall(HALF + b"x" * 10_000_000)
+        assert is_closed(one)
 
 
 @pytest.mark.slow

@@ -189,8 +189,10 @@ def test_each_browser_gets_a_session_of_its_own_once() -> None:
     _, again = ask(guard, {"host": LOCAL, "cookie": first["set-cookie"].split(";")[0]})
     assert "set-cookie" not in again
     assert behind.sessions[2] == behind.sessions[0] != behind.sessions[1]
-    _, short = ask(guard, {"host": LOCAL, "cookie": "mavhums-1-session=chosen"})
-    assert "set-cookie" in short
+    for chosen in ("chosen", "x" * 32, f"{behind.sessions[0]}", f"{behind.sessions[0]}.{'x' * 27}"):
+        _, other = ask(guard, {"host": LOCAL, "cookie": f"mavhums-1-session={chosen}"})
+        assert "set-cookie" in other
+        assert behind.sessions[-1] not in (chosen, behind.sessions[0]), "the server chooses it"
 
 
 def test_a_page_can_load_nothing_from_elsewhere() -> None:

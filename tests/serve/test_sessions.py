@@ -59,8 +59,8 @@ async def settled(session: UserSession) -> None:
 
 def test_a_log_is_judged_with_the_options_of_the_page() -> None:
     async def use(sessions: Sessions) -> None:
+        log = await sessions.add("a", "../../x/flight.tlog", content(b"abc", b"de"))
         session = sessions.get("a")
-        log = await sessions.add(session, "../../x/flight.tlog", content(b"abc", b"de"))
         assert (log.name, log.size, log.state) == ("flight.tlog", 5, "waiting")
         assert log.path.read_bytes() == b"abcde"
         assert log.path.is_relative_to(sessions.folder)
@@ -79,8 +79,8 @@ def test_a_log_is_judged_with_the_options_of_the_page() -> None:
 
 def test_a_failure_is_told() -> None:
     async def use(sessions: Sessions) -> None:
+        log = await sessions.add("a", "a.tlog", content(b"a"))
         session = sessions.get("a")
-        log = await sessions.add(session, "a.tlog", content(b"a"))
         await settled(session)
         assert (log.state, log.problem, log.remedy) == ("failed", "no log", "check it")
         sessions.record(session, log)
@@ -91,7 +91,7 @@ def test_a_failure_is_told() -> None:
 
 def test_another_user_has_no_access() -> None:
     async def use(sessions: Sessions) -> None:
-        log = await sessions.add(sessions.get("a"), "a.tlog", content(b"a"))
+        log = await sessions.add("a", "a.tlog", content(b"a"))
         assert sessions.log("a", log.id) is log
         assert sessions.log("b", log.id) is None
         sessions.get("b")
@@ -102,14 +102,14 @@ def test_another_user_has_no_access() -> None:
 
 def test_what_is_removed_is_gone() -> None:
     async def use(sessions: Sessions) -> None:
+        log = await sessions.add("a", "a.tlog", content(b"a"))
         session = sessions.get("a")
-        log = await sessions.add(session, "a.tlog", content(b"a"))
         sessions.remove(session, log)
         assert not log.path.parent.exists()
         await settled(session)
         assert sessions.log("a", log.id) is None
-        other = await sessions.add(session, "b.tlog", content(b"b"))
-        sessions.forget(session)
+        other = await sessions.add("a", "b.tlog", content(b"b"))
+        sessions.forget(sessions.get("a"))
         assert not other.path.exists()
         assert sessions.get("a").logs == {}
 
@@ -118,8 +118,8 @@ def test_what_is_removed_is_gone() -> None:
 
 def test_a_session_without_an_open_page_ends() -> None:
     async def use(sessions: Sessions) -> Path:
+        log = await sessions.add("a", "a.tlog", content(b"a"))
         session = sessions.get("a")
-        log = await sessions.add(session, "a.tlog", content(b"a"))
         janitor = asyncio.create_task(sessions.forget_old())
         for _ in range(3):
             await asyncio.sleep(0.05)
@@ -134,23 +134,57 @@ def test_a_session_without_an_open_page_ends() -> None:
     assert not using(use, Quotas(session_s=0.1)).exists()
 
 
-def test_logs_and_sessions_are_limited_and_a_refused_log_takes_no_place() -> None:
+def test_logs_are_limited_and_a_refused_log_takes_no_place() -> None:
     async def use(sessions: Sessions) -> None:
-        session = sessions.get("a")
         for _ in range(3):
             with pytest.raises(MavhumsError, match="empty"):
-                await sessions.add(session, "a.tlog", content())
-        assert not list(session.folder.iterdir())
+                await sessions.add("a", "a.tlog", content())
+        assert not list(sessions.folder.iterdir())
         for _ in range(2):
-            await sessions.add(session, "a.tlog", content(b"a"))
+            await sessions.add("a", "a.tlog", content(b"a"))
         with pytest.raises(MavhumsError, match="2 logs are here already"):
-            await sessions.add(session, "a.tlog", content(b"a"))
-        sessions.get("b")
-        with pytest.raises(MavhumsError, match="too many users"):
-            sessions.get("c")
-        assert sessions.get("a") is session
+            await sessions.add("a", "a.tlog", content(b"a"))
 
-    using(use, Quotas(logs=2, sessions=2))
+    using(use, Quotas(logs=2))
+
+
+def test_uploads_without_a_page_take_no_session_from_a_user_with_one() -> None:
+    async def use(sessions: Sessions) -> None:
+        first = await sessions.add("user", "a.tlog", content(b"a"))
+        sessions.get("user").touch()
+        for number in range(9):
+            await sessions.add(f"visitor {number}", "a.tlog", content(b"a"))
+        assert sessions.log("user", first.id) is first
+        assert first.path.exists()
+        assert len(list(sessions.folder.iterdir())) == 3
+        await sessions.add("other", "a.tlog", content(b"a"))
+        for user in ("other", "third"):
+            await sessions.add(user, "a.tlog", content(b"a"))
+            sessions.get(user).touch()
+        with pytest.raises(MavhumsError, match="too many users"):
+            await sessions.add("fourth", "a.tlog", content(b"a"))
+
+    using(use, Quotas(sessions=3))
+
+
+def test_a_session_costs_nothing_without_a_log() -> None:
+    async def use(sessions: Sessions) -> None:
+        for number in range(9):
+            sessions.get(f"visitor {number}").touch()
+
+        async def stalls() -> AsyncIterator[bytes]:
+            yield b"a"
+            await asyncio.sleep(60)
+
+        begun = [asyncio.create_task(sessions.add(f"{n}", "a.tlog", stalls())) for n in range(9)]
+        await asyncio.sleep(0)
+        log = await sessions.add("a", "a.tlog", content(b"a"))
+        sessions.remove(sessions.get("a"), log)
+        await sessions.add("b", "a.tlog", content(b"a"))
+        for one in begun:
+            one.cancel()
+
+    using(use, Quotas(sessions=1))
 
 
 def test_of_a_log_that_is_only_assessed_nothing_stays_and_there_are_not_too_many_at_a_time() -> None:

@@ -22,6 +22,9 @@ print(json.dumps({"ready": True}), flush=True)
 for line in sys.stdin:
     job = json.loads(line)
     if job["do"] == "crash": os.abort()
+    if job["do"] == "killed once" and not os.path.exists(job["seen"]):
+        open(job["seen"], "w").close()
+        os.kill(os.getpid(), 9)
     if job["do"] == "hang": time.sleep(1000)
     if job["do"] == "babble": print("no json", flush=True)
     print(json.dumps({"read": 1}), flush=True)
@@ -65,6 +68,13 @@ def test_a_crash_and_a_hang_end_only_their_own_log() -> None:
         assert "pid" in await ask(workers, "judge")
 
     with_workers(use, judge_s=2.0)
+
+
+def test_the_log_of_a_killed_process_is_judged_once_more(tmp_path: Path) -> None:
+    async def use(workers: Workers) -> None:
+        assert "pid" in await ask(workers, "killed once", seen=str(tmp_path / "seen"))
+
+    with_workers(use, count=1)
 
 
 def test_no_process_stays() -> None:
