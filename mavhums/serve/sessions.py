@@ -115,6 +115,8 @@ class Sessions:
         self._workers = workers
         self._sessions: dict[str, UserSession] = {}
         self._passing = 0
+        # A hundred logs that somebody sends without a page keep nobody waiting who looks at one.
+        workers.yields = lambda user: user in self._sessions and not self._sessions[user].opened
 
     def get(self, id_: str) -> UserSession:
         """Return the session of an id; it is kept only while it holds a log."""

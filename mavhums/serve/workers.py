@@ -114,6 +114,11 @@ class Workers:
         Number of processes, and time and memory of one job.
     command
         The program; None for :mod:`mavhums.serve.worker`.
+
+    Attributes
+    ----------
+    yields
+        Whether a user comes after all others who have as many running jobs.
     """
 
     def __init__(self, limits: Quotas, command: Sequence[str] | None = None) -> None:
@@ -125,6 +130,7 @@ class Workers:
         self._running: Counter[str] = Counter()
         self._all: set[_Worker] = set()
         self._closed = False
+        self.yields: Callable[[str], bool] = lambda _: False
 
     async def start(self) -> None:
         """Start the processes; they get ready meanwhile."""
@@ -202,12 +208,12 @@ class Workers:
         self._hand(worker)
 
     def _hand(self, worker: _Worker) -> None:
-        """Give a worker to the waiting user with the fewest running jobs, or keep it."""
+        """Give a worker to the waiting user whose turn it is, or keep it."""
         waiting = [one for one in self._waiting if not one[1].cancelled()]
         if not waiting:
             self._free.append(worker)
             return
-        entry = min(waiting, key=lambda one: self._running[one[0]])
+        entry = min(waiting, key=lambda one: (self._running[one[0]], self.yields(one[0])))
         self._waiting.remove(entry)
         entry[1].set_result(worker)
 

@@ -2,30 +2,28 @@
 
     python -m tests.serve.attacks [NAME …]
 
-starts ``mavhums serve`` for each attack. While the attack goes on for at most 100 s, a user opens the page,
-drops a log of half a megabyte and waits for its assessment; printed are the seconds until each.
+starts ``mavhums serve`` for each attack. While the attack goes on for at most 60 s, a user opens the page,
+drops a log of half a megabyte and waits for its verdict, in a headless Chromium. Printed are the seconds.
 A client that drips and loses its place takes the next one within 6 s.
 """
 
 from __future__ import annotations
 
 import contextlib
-import json
 import socket
 import sys
 import threading
 import time
-import urllib.error
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from tests.serve.browser import served
+from tests.serve.browser import BROWSER, Browser, served
 
 LOG: Final = Path(__file__).parents[1] / "data" / "healthy.tlog"
 HERE: Final = "127.0.0.1"
-_LASTS_S: Final = 100.0
+_LASTS_S: Final = 60.0
 _HEAD: Final = f"HTTP/1.1\r\nHost: {HERE}\r\n"
 Client = Callable[[socket.socket], None]
 
@@ -74,39 +72,34 @@ def _attack(port: int, begin: Client, more: bytes, over: threading.Event) -> Non
         over.wait(1.0)
 
 
-def user(url: str) -> str:
-    """Return how soon a user opens the page, and how soon there is an assessment."""
-    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
-    begin, refused = time.monotonic(), 0
-    path, told = "/", list[str]()
-    for name in ("page", "upload", "assessment"):
-        while True:
-            if time.monotonic() - begin > _LASTS_S:
-                return ", ".join([*told, f"{name}: never in {_LASTS_S:.0f} s, {refused} refusals"])
-            try:
-                body = LOG.read_bytes() if name == "upload" else None
-                with opener.open(f"{url}{path}", body, timeout=30) as answer:
-                    content = answer.read()
-                    break
-            except urllib.error.HTTPError as error:
-                refused += error.code != 404
-            except OSError:
-                refused += 1
-            time.sleep(0.2)
-        if name == "page":
-            path = "/logs?name=a.tlog"
-        elif name == "upload":
-            path = f"/logs/{json.loads(content)['id']}/assessment.json"
-        told.append(f"{name} after {time.monotonic() - begin:.1f} s")
-    return ", ".join([*told, f"{refused} refusals"])
+def user(browser: Browser, url: str) -> str:
+    """Return how soon a user opens the page, and how soon there is a verdict on a dropped log."""
+    browser.call("Network.clearBrowserCookies")
+    begin, told = time.monotonic(), list[str]()
+    browser.call("Page.navigate", url="about:blank")
+    while time.monotonic() - begin < _LASTS_S:
+        browser.call("Page.navigate", url=url)
+        with contextlib.suppress(AssertionError):
+            browser.wait("document.querySelector('#logs')", 5.0)
+            break
+    else:
+        return f"page: never in {_LASTS_S:.0f} s"
+    told.append(f"page after {time.monotonic() - begin:.1f} s")
+    time.sleep(1.0)  # until its script listens
+    browser.choose([LOG])
+    try:
+        browser.wait("document.querySelector('.headline')", _LASTS_S)
+    except AssertionError:
+        return f"{told[0]}, verdict: never in {_LASTS_S:.0f} s"
+    return f"{told[0]}, verdict after {time.monotonic() - begin:.1f} s"
 
 
 def cost(count: int, begin: Client, more: bytes) -> str:
     """Return what a user sees of a page under an attack."""
-    with served() as page:
+    assert BROWSER, "needs Chromium"
+    with served() as page, Browser(BROWSER) as browser:
         port = int(page.url.rpartition(":")[2])
-        for _ in range(2):
-            user(page.url)  # the viewer's files, and the judging processes, are ready
+        user(browser, page.url)  # the judging processes are ready
         with urllib.request.urlopen(f"{page.url}/viewer/re_viewer.js", timeout=120) as answer:
             answer.read()
         over = threading.Event()
@@ -115,7 +108,7 @@ def cost(count: int, begin: Client, more: bytes) -> str:
             one.start()
         time.sleep(3.0)
         try:
-            return user(page.url)
+            return user(browser, page.url)
         finally:
             over.set()
             for one in several:

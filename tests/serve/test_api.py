@@ -114,15 +114,6 @@ def test_every_wrong_question_is_answered_with_problem_and_remedy(client: httpx.
         assert set(told) == {"problem", "remedy"}
 
 
-def test_a_wrong_method_is_answered_with_the_right_one(page: Served, client: httpx.Client) -> None:
-    for path, allowed in (("/version", "GET"), ("/logs", "POST")):
-        answer = client.delete(path)
-        assert (answer.status_code, answer.headers["allow"]) == (405, allowed)
-    for path, allowed in (("/logs", "POST"), ("/static/page.js", "GET")):
-        answer = httpx.delete(str(client.base_url).replace("/api/", path), headers=client.headers)
-        assert (answer.status_code, answer.headers["allow"]) == (405, allowed)
-
-
 def test_a_store_is_asked_as_on_the_command_line(client: httpx.Client, store: Path) -> None:
     def command(*arguments: str) -> object:
         done = subprocess.run(

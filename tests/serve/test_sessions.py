@@ -167,6 +167,41 @@ def test_uploads_without_a_page_take_no_session_from_a_user_with_one() -> None:
     using(use, Quotas(sessions=3))
 
 
+def test_who_looks_at_a_page_does_not_wait_for_logs_that_nobody_looks_at() -> None:
+    order: list[str] = []
+
+    class Slow(Judged):
+        async def run(self, user: str, job: Job, progress: Progress) -> Job:
+            return await Workers.run(self, user, job, progress)
+
+    class Worker:
+        usable = True
+
+        async def wait_ready(self) -> None:
+            pass
+
+        async def ask(self, job: Job, progress: Progress) -> Job:
+            order.append(Path(job["log"]).name)
+            await asyncio.sleep(0)
+            return {"brief": BRIEF}
+
+    async def whole() -> None:
+        workers = Slow()
+        sessions = Sessions(Quotas(), Options(airframe="paper"), workers)
+        for number in range(9):
+            await sessions.add(f"{number}", f"{number}.tlog", content(b"a"))
+        await sessions.add("user", "user.tlog", content(b"a"))
+        sessions.get("user").touch()
+        await asyncio.sleep(0)  # all of them wait
+        workers._hand(Worker())  # type: ignore[arg-type]
+        for user in [*map(str, range(9)), "user"]:
+            await settled(sessions.get(user))
+        sessions.close()
+
+    asyncio.run(whole())
+    assert order == ["user.tlog", *(f"{number}.tlog" for number in range(9))]
+
+
 def test_a_session_costs_nothing_without_a_log() -> None:
     async def use(sessions: Sessions) -> None:
         for number in range(9):
@@ -200,3 +235,19 @@ def test_of_a_log_that_is_only_assessed_nothing_stays_and_there_are_not_too_many
             await sessions.assess("api", "a.tlog", content(b"a"))
 
     using(use, problem="no log", remedy="check it")
+
+
+def test_a_wrong_method_is_answered_with_the_right_one() -> None:
+    pytest.importorskip("nicegui", reason="the page needs the extra 'serve'")
+    import httpx  # NiceGUI brings it
+
+    from mavhums.serve.routes import api
+
+    async def use(sessions: Sessions) -> list[httpx.Response]:
+        transport = httpx.ASGITransport(app=api(sessions, None))
+        async with httpx.AsyncClient(transport=transport, base_url="http://api") as client:
+            return [await client.delete(path) for path in ("/version", "/logs")]
+
+    answers = using(use)
+    assert [answer.status_code for answer in answers] == [405, 405]
+    assert [answer.headers["allow"] for answer in answers] == ["GET", "POST"]
