@@ -76,7 +76,7 @@ def user(browser: Browser, url: str) -> str:
     """Return how soon a user opens the page, and how soon there is a verdict on a dropped log."""
     browser.call("Network.clearBrowserCookies")
     begin, told = time.monotonic(), list[str]()
-    browser.call("Page.navigate", url="about:blank")
+    browser.call("Page.navigate", url="data:text/html,")
     while time.monotonic() - begin < _LASTS_S:
         browser.call("Page.navigate", url=url)
         with contextlib.suppress(AssertionError):
