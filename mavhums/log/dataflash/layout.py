@@ -120,12 +120,17 @@ def define(data: Bytes, position: int, epoch: int, types: Records, bodies: Bytes
         return -1
     if not _is_text(data, position + _COLUMNS, position + FMT_SIZE):
         return -1
-    if length <= HEAD or _size_told(data, position + _FORMAT, position + _COLUMNS) != length:
+    told = _size_told(data, position + _FORMAT, position + _COLUMNS)
+    if length <= HEAD or told == 0:
         return -1
     number = int(data[position + HEAD])
-    if number == FMT:
+    if number == FMT and told == length:
         return known
     kind = types[number]
+    # Firmware defines messages that it never writes with a length of its own (ArduCopter 3.4: EKF5, BAR3).
+    # Such a definition defines nothing; a record of its kind, if one comes, is damage.
+    if told != length:
+        return known if kind.length == 0 else -1
     if kind.length > 0:
         same = True
         for k in range(BODY):

@@ -5,6 +5,7 @@ Results do not depend on where a block of bytes ends: an unfinished record waits
 A record has no checksum. The rules, in the order in which they are applied at each position:
 
 1. Two magic bytes and a type that a FMT record has defined; a FMT record must be plausible in itself.
+   One whose length is not that of its fields defines nothing.
 2. It must be followed by a record's magic bytes, the end of the log, or one byte repeated to its end.
    In step a record also counts if it is followed by a magic with one bit flipped, or by a gap that begins
    directly after it: at a sector boundary, or zeros after a nonzero byte.

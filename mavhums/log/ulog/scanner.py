@@ -54,7 +54,7 @@ STATE = np.dtype(
     [
         (name, "i8")
         for name in (
-            "base", "position", "found", "ended", "lost_step", "skipped", "filler", "time_us",
+            "base", "position", "found", "ended", "lost_step", "skipped", "filler", "begun_us", "time_us",
             "astray", "run", "odd_times", "jumps", "unknown", "pauses", "cut",
         )
     ]
@@ -64,9 +64,9 @@ STATE = np.dtype(
 ``base`` is the stream offset of the buffer's first byte, ``position`` where in the buffer the scan
 stopped, ``found`` and ``ended`` how many rows and regions of this buffer are written. Since the last
 message ``lost_step`` tells whether the next was not where it ought to be, ``skipped`` counts the bytes
-skipped and ``filler`` the zero bytes at their end. ``time_us`` is the clock, ``astray`` the last time
-that was too far from it, ``run`` how many in a row were near that one. ``unknown`` counts messages of
-unknown kinds, ``cut`` tells whether a message is cut by the end.
+skipped and ``filler`` the zero bytes at their end. ``begun_us`` is the header's time, ``time_us`` the
+clock, ``astray`` the last time that was too far from it, ``run`` how many in a row were near that one.
+``unknown`` counts messages of unknown kinds, ``cut`` tells whether a message is cut by the end.
 """
 
 MOST_PAUSES = 1 << 16
@@ -86,7 +86,7 @@ def _judge_time(state: Record, told_us: int) -> bool:
     Several topics are logged with one time: where it is wrong, it is one wrong time. A header without a time
     tells no clock.
     """
-    if not plausible(told_us):
+    if not plausible(told_us) or told_us < state.begun_us:
         return False
     if abs(told_us - state.time_us) <= _STEP_US or (state.time_us == 0 and told_us > 0):
         state.time_us = told_us
@@ -132,7 +132,8 @@ def _note_row(state: Record, row: Record, data: Bytes, position: int, topics: Re
                 topic.timed = 1
             else:
                 row.flags = ODD_TIME
-                state.odd_times += topic.timed
+                # What was published before the logger began is old, not damaged.
+                state.odd_times += topic.timed and not 0 <= told_us < state.begun_us
     row.time_us = state.time_us
 
 
@@ -367,7 +368,7 @@ class UlogScanner(BlockScanner):
         if damaged:
             self._add_damage(np.array([(0, HEADER)], dtype=REGION))
         begun_us = int.from_bytes(head[8:HEADER], "little")
-        self._carried["time_us"] = begun_us if plausible(begun_us) else 0
+        self._carried["begun_us"] = self._carried["time_us"] = begun_us if plausible(begun_us) else 0
         place = min(HEADER, len(head))
         if place < HEADER:
             self._cut = place

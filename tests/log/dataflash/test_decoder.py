@@ -181,3 +181,24 @@ def test_a_text_dump_is_refused(tmp_path: Path) -> None:
         read_log(path)
     assert "text" in refused.value.problem
     assert ".BIN" in refused.value.remedy
+
+
+def test_a_definition_of_another_length_than_its_fields_is_no_damage_unless_records_follow() -> None:
+    """ArduCopter 3.4 defines EKF5 so, and never writes one."""
+    slip = bytearray(definition(164, "EKF5", "QBhhhcccCCfff", "TimeUS,NI,FIX,FIY,AFI,HAGL"))
+    slip[4] = 28
+    log = one_log()
+    sound, found = DataFlashDecoder(), DataFlashDecoder()
+    tables, without = (
+        found.feed(log.replace(HEAD, HEAD + bytes(slip)), final=True),
+        sound.feed(log, final=True),
+    )
+    assert not found.losses.any
+    assert "EKF5" not in tables
+    assert [*tables] == [*without]
+    damaged = DataFlashDecoder()
+    damaged.feed(
+        log.replace(HEAD, HEAD + bytes(slip)) + bytes([0xA3, 0x95, 164]) + bytes(25) + rcou(9_000_000)
+    )
+    damaged.feed(b"", final=True)
+    assert damaged.losses.any

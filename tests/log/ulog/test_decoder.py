@@ -110,6 +110,16 @@ def test_an_odd_time_is_flagged_and_does_not_move_the_clock() -> None:
     assert decoder.losses.implausible_times == 1
 
 
+def test_what_was_published_before_the_logger_began_is_no_damage_and_no_jump() -> None:
+    begun, old = (
+        300_000_000,
+        [301_000_000, 0, 100_000_000, 100_000_001, 100_000_002, 100_000_003, 301_010_000],
+    )
+    tables, decoder = decode(writer.header(begun) + TOPIC + b"".join(map(row, old)))
+    assert tables["topic"].time_us.tolist() == [301_000_000] * 6 + [301_010_000]
+    assert not decoder.losses.any
+
+
 def test_three_times_in_a_row_set_the_clock() -> None:
     later = 9_000_000_000
     times = [1_000_000, later, later + 1, later + 2, later + 3]
