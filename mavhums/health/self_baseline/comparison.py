@@ -70,7 +70,7 @@ class Comparison:
     since
         First flight with the change; None if it is this flight, or if there is no change.
     why
-        Reason of ``undecided``.
+        Reason of ``undecided``, and of a second baseline.
     load
         Load at which the quantity is told, in its unit; None where it does not grow with the load.
     useful_at
@@ -107,8 +107,19 @@ def compare(
     false_alarms
         Allowed false alarms per 100 hours of the actuator.
     """
+    return _compare(equation, own, past, false_alarms, ())
+
+
+def _compare(
+    equation: OwnEquation,
+    own: OwnRecord,
+    past: Sequence[PastRecord],
+    false_alarms: float,
+    outside: tuple[Difference, ...],
+) -> Comparison:
+    """Compare a flight with those outside the same baselines."""
     needed = equation.min_flights
-    reference, after = compared(equation, own, past)
+    reference, after = compared(equation, own, past, outside)
     records = tuple(record for _, _, record in reference)
     healthy = (
         _ReferenceFlights.of(equation, records, own.temperature_c is not None)
@@ -120,14 +131,15 @@ def compare(
         alone = wear(own, None)
         if alone is None:
             return _still(equation, flights)
-        return Comparison("learning", _interval(alone), min(flights + 1, needed), needed)
+        why = f"it was {outside[-1].beyond(own)} than those of the baseline before" if outside else ""
+        return Comparison("learning", _interval(alone), min(flights + 1, needed), needed, why=why)
     own_wear = wear(own, healthy.nuisances)
     if own_wear is None:
         return _still(equation, healthy.shown)
-    # Outside the baseline's range the line over temperature or activity is a guess.
-    if healthy.beyond(own):
-        why = f"its flight was {healthy.beyond(own)} than any of its baseline"
-        return Comparison("undecided", _interval(own_wear), healthy.shown, needed, why=why)
+    # Outside the baseline's range the line over temperature, activity or load is a guess: the flights there
+    # make a baseline of their own.
+    if beyond := healthy.beyond(own):
+        return _compare(equation, own, past, false_alarms, (*outside, beyond))
     rise, bound, found = healthy.rise(own_wear, own, false_alarms)
     least_rise = found / abs(healthy.mean(own))
     trailing = after[-TRAILING_FLIGHTS:]
@@ -193,9 +205,9 @@ class _ReferenceFlights:
         known = self.nuisances
         return known.load if isinstance(known, Nuisances) and known.load_friction else None
 
-    def beyond(self, record: OwnRecord) -> str:
-        """Return the comparative of a flight to which the reference flights would be extrapolated."""
-        return next((word for known in self.differences if (word := known.beyond(record))), "")
+    def beyond(self, record: OwnRecord) -> Difference | None:
+        """Return the difference over which the reference flights would be extrapolated to a flight."""
+        return next((known for known in self.differences if known.beyond(record)), None)
 
     def mean(self, record: OwnRecord) -> float:
         """Return the expected value of a flight."""

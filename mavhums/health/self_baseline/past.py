@@ -37,16 +37,18 @@ def record_of(records: Sequence[OwnRecord], name: str) -> OwnRecord | None:
 
 
 def compared(
-    equation: OwnEquation, own: OwnRecord, past: Sequence[PastRecord]
+    equation: OwnEquation, own: OwnRecord, past: Sequence[PastRecord], beyond: Sequence[Difference] = ()
 ) -> tuple[list[tuple[int, str, OwnRecord]], list[tuple[int, str, OwnRecord]]]:
     """Return the reference flights and the later ones, all with the same set-up as this flight.
 
-    Each comes with its number among all flights, from 1, and its date.
+    Each comes with its number among all flights, from 1, and its date. They lie beyond the same
+    baselines as this flight, whose differences ``beyond`` are.
     """
     alike = [
         (number, flight.date, flight.healthy, record)
         for number, flight in enumerate(past, 1)
         if (record := record_of(flight.records, equation.name)) and _alike(own, record) and shows(record)
+        if all(before.beyond(record) == before.beyond(own) for before in beyond)
     ]
     healthy = [number for number, _, sound, _ in alike if sound]
     # The first healthy ones for good: a baseline that follows would learn slow wear.

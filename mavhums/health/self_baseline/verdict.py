@@ -187,7 +187,8 @@ def comparison_text(equation: OwnEquation, found: Comparison) -> str:
     'flight 6 of the 10 that its baseline takes; no absolute limit known'
     """
     if found.condition == "learning":
-        return f"flight {found.flights} of the {found.needed} that its baseline takes; {_NO_LIMIT}"
+        why = found.why and f", for {found.why}"
+        return f"flight {found.flights} of the {found.needed} that its baseline takes{why}; {_NO_LIMIT}"
     if found.change is None:
         return found.why
     at_load = "" if found.load is None else f" at a load of {found.load:.2g} {equation.unit}"

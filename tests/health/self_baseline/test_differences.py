@@ -52,11 +52,21 @@ def test_what_the_activity_explains_is_no_scatter() -> None:
     )
 
 
-def test_a_flight_beyond_the_activity_of_the_others_is_undecided() -> None:
-    rough, calm = lively(RECORDS[0], 5.0), lively(RECORDS[0], 0.2)
-    assert compare(BY_ACTIVITY, rough, PAST).why == "its flight was rougher than any of its baseline"
-    assert compare(BY_ACTIVITY, calm, PAST).why == "its flight was calmer than any of its baseline"
-    assert compare(EQUATION, rough, PAST).condition != "undecided"
+def test_flights_beyond_the_activity_of_the_others_make_a_baseline_of_their_own() -> None:
+    def at(seed: int, times: float, friction_a: float = 0.05) -> OwnRecord:
+        return lively(left(Servo(inertia=0.0, friction_a=friction_a), seed, seconds=60.0), times)
+
+    past = [*PAST, *(PastRecord((flown(30 + k),), "2026-03-02", True) for k in range(6))]
+    for times, word in ((5.0, "rougher"), (0.2, "calmer")):
+        first = compare(BY_ACTIVITY, at(40, times), past)
+        assert (first.condition, first.flights) == ("learning", 1)
+        assert first.why == f"it was {word} than those of the baseline before"
+        others = [at(50 + k, times) for k in range(12)]
+        both = [*past, *(PastRecord((record,), "2026-04-01", True) for record in others)]
+        assert compare(BY_ACTIVITY, at(41, times), both).condition == "unchanged"
+        assert compare(BY_ACTIVITY, at(42, times, 0.08), both).condition == "changed"
+        assert compare(BY_ACTIVITY, RECORDS[0], both) == compare(BY_ACTIVITY, RECORDS[0], past)
+    assert compare(EQUATION, lively(RECORDS[0], 5.0), PAST).condition != "learning"
 
 
 def test_the_activity_is_the_logarithm_of_the_acceleration_where_flights_differ_in_it() -> None:
