@@ -15,12 +15,13 @@ from mavhums.log import Table
 from mavhums.log.base.decoder import Losses
 from mavhums.log.base.tables import text_of
 from mavhums.vehicle.clocks import Clocks
+from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import esc_speeds, reports
 from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.parameters import OUTPUT_PARAMETERS, Parameters, ReceivedParameters
-from mavhums.vehicle.rotors import ROTOR_PARAMETERS
+from mavhums.vehicle.rotors import ROTOR_PARAMETERS, Rotors
 from mavhums.vehicle.signals import SignalReader
 from mavhums.vehicle.vtol import VTOL_PARAMETERS
 
@@ -34,12 +35,17 @@ class Axes:
     ----------
     airframe
         The profile for every vehicle; None if each vehicle reports its own outputs.
+    events
+        Where the events of each vehicle go; None for nowhere else.
     angles
         Whether to yield the demanded and the flown angles as well, for a recording.
     """
 
-    def __init__(self, airframe: Airframe | None = None, *, angles: bool = False) -> None:
+    def __init__(
+        self, airframe: Airframe | None = None, events: FlightEvents | None = None, *, angles: bool = False
+    ) -> None:
         self._angles = angles
+        self._events = events or FlightEvents()
         self._airframe = airframe
         self._signals = SignalReader()
         self._received = ReceivedParameters()
@@ -53,6 +59,11 @@ class Axes:
     def vehicles(self) -> tuple[int, ...]:
         """Return the vehicles that reported something about their flight."""
         return tuple(self._vehicles)
+
+    def by_rotors(self) -> frozenset[int]:
+        """Return the vehicles that rotors alone carry."""
+        known = ((vehicle, axes.motors.rotors) for vehicle, axes in self._vehicles.items())
+        return frozenset(v for v, rotors in known if isinstance(rotors, Rotors) and not rotors.lift)
 
     def received(self, vehicle: int) -> dict[str, Received]:
         """Return, by message, how many of a vehicle's samples were kept, came late, or came twice."""
@@ -87,7 +98,8 @@ class Axes:
 
         def axes_of(vehicle: int) -> VehicleAxes:
             if vehicle not in self._vehicles:
-                new = VehicleAxes(vehicle, start_us, self._airframe, angles=self._angles)
+                own = self._events.of(vehicle)
+                new = VehicleAxes(vehicle, start_us, self._airframe, own, angles=self._angles)
                 self._vehicles[vehicle] = new
             return self._vehicles[vehicle]
 
@@ -99,8 +111,11 @@ class Axes:
             axes_of(vehicle)
         self._hear(tables, by_vehicle, axes_of, admits)
         for vehicle, esc, time_us, speeds in esc_speeds(tables):
+            time_s = (time_us - start_us) / 1e6
             if vehicle in self._vehicles:
-                self._vehicles[vehicle].motors.speeds.hear(esc, (time_us - start_us) / 1e6, speeds)
+                self._vehicles[vehicle].motors.speeds.hear(esc, time_s, speeds)
+            if admits(vehicle):
+                self._events.of(vehicle).hear_source(f"ESC {esc + 1}", time_s)
         for vehicle, axes in self._vehicles.items():
             yield from axes.feed(by_vehicle.get(vehicle, ()), final=final)
 

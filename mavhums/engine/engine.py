@@ -45,11 +45,19 @@ from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.dates import date_shift_us
+from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, IDENTITY_MESSAGES, Identities, Identity, RecordedFlights
 from mavhums.vehicle.servo_rail import RAIL_MESSAGES, SAGS_SHARE, ServoRails
 from mavhums.vehicle.signals import SIGNAL_MESSAGES
-from mavhums.vehicle.states import STATE_MESSAGES, TEXT_MESSAGES, VehicleStates, texts
+from mavhums.vehicle.states import (
+    MODE_MESSAGES,
+    STATE_MESSAGES,
+    TEXT_MESSAGES,
+    FlightMode,
+    VehicleStates,
+    texts,
+)
 from mavhums.vehicle.usage import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.vtol import refined_identity, rotor_servos
 
@@ -90,10 +98,12 @@ class Engine:
         self._vehicle_limit = VehicleLimit(telemetry - TEXT_MESSAGES)
         wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | FLIGHT_MESSAGES
         wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES | RAIL_MESSAGES
-        wanted |= STATE_MESSAGES if options.vehicle_states else set()
+        wanted |= STATE_MESSAGES if options.vehicle_states else MODE_MESSAGES
         wanted |= SIGNAL_MESSAGES
-        self._axes = Axes(airframe, angles=options.vehicle_states)
-        self._states = VehicleStates() if options.vehicle_states else None
+        self._events = FlightEvents()
+        self._axes = Axes(airframe, self._events, angles=options.vehicle_states)
+        self._show_states = options.vehicle_states
+        self._states = VehicleStates(modes_only=not options.vehicle_states)
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
         self._identities, self._recorded = Identities(), RecordedFlights()
         self._mappers = VehicleMappers(airframe)
@@ -121,6 +131,7 @@ class Engine:
                 events.extend(self._forget(vehicle, actuator, self._end_s(vehicle)))
             else:
                 events.extend(monitor.finish())
+        self._events.finish()
         return events
 
     def assessment(
@@ -140,6 +151,7 @@ class Engine:
         names = self._mappers.airframes
         looks = [self._look(vehicle, told.get(vehicle, {}), indicators) for vehicle in vehicles or (None,)]
         verdicts = tuple(with_advice(verdict) for look in looks for verdict in look.verdicts)
+        events, left_out = self._events.gathered(self._axes.by_rotors(), self._clocks.mixed)
         voted = {verdict.network.model for verdict in verdicts if verdict.network}
         return Assessment(
             log=LogSummary(
@@ -157,6 +169,8 @@ class Engine:
             model=next((said for said in map(summary_of, self._monitors.models) if said in voted), None),
             verdicts=verdicts,
             usage=tuple(look.usage for look in looks if look.usage is not None),
+            events=events,
+            events_left_out=left_out,
         )
 
     def _look(
@@ -246,14 +260,21 @@ class Engine:
         for vehicle, sag in self._rails.feed(tables):
             text = f"the servo rail falls below {SAGS_SHARE * sag.usual_v:.1f} V: it feeds every surface"
             yield Notice(self._flight_time(sag.start_us), vehicle, text)
-        if self._states:
-            yield from self._states.feed(tables, start_us=self._decoder.first_time_us or 0)
+            if self._vehicle_limit.admits(vehicle):
+                least_v = round(SAGS_SHARE * sag.usual_v, 2)
+                self._events.of(vehicle).add("supply", self._flight_time(sag.start_us), value=least_v)
+        for state in self._states.feed(tables, start_us=self._decoder.first_time_us or 0):
+            if isinstance(state, FlightMode) and self._vehicle_limit.admits(state.vehicle):
+                self._events.of(state.vehicle).add("mode", state.time_s, said=state.mode)
+            if self._show_states:
+                yield state
         start_us = self._decoder.first_time_us or 0
         yield from self._axes.feed(tables, start_us, admits=self._vehicle_limit.admits, final=final)
         settled = list(self._mappers.feed(tables, final=final))
         for vehicle, time_us in self._clocks.jumps():
             if not self._vehicle_limit.admits(vehicle):
                 continue
+            self._events.of(vehicle).add("reboot", self._flight_time(time_us))
             text = "its clock jumped: it rebooted, or its time was set"
             yield Notice(self._flight_time(time_us), vehicle, text)
         for mapper, mapped in settled:
@@ -275,11 +296,14 @@ class Engine:
         for spoken in texts(tables):
             if spoken.text and not spoken.text.startswith("mavhums airframe="):
                 yield Notice(self._flight_time(spoken.time_us), spoken.vehicle, spoken.text)
+                if self._vehicle_limit.admits(spoken.vehicle):
+                    self._events.of(spoken.vehicle).hear_text(self._flight_time(spoken.time_us), spoken.text)
 
     def _judge(self, mapper: Mapper, mapped: MappedSamples) -> Iterator[Event]:
         actuator = mapped.actuator
         time_s = (mapped.utc_us - (self._decoder.first_time_us or 0)) / 1e6
         yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)
+        self._events.of(mapped.vehicle).hear_source(actuator.name, time_s)
         mapped = mapped.evidence()
         airspeed = self._airspeeds.at(mapped.vehicle, mapped.utc_us)
         refused = self._axes.setups(mapped.vehicle).refused(actuator.name, time_s)

@@ -7,15 +7,19 @@ from datetime import datetime
 from math import inf
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
+from mavhums.core.arrays import Array
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.verdict.axis import unjudged_axes
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, Obstacle
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle.flight import Flight
-from mavhums.vehicle.grid import Received, Seconds
+from mavhums.vehicle.grid import RATE_HZ, Received, Seconds
 from mavhums.vehicle.identity import Identity
-from mavhums.vehicle.rotors import Rotors
+from mavhums.vehicle.rotors import Rotors, mean_thrust
+from mavhums.vehicle.signals import all_outputs
 from mavhums.vehicle.surfaces import STEERING
 
 if TYPE_CHECKING:
@@ -56,6 +60,14 @@ class VehicleMotors:
         """The motors that are judged; why they are not known; None if it is not known to be a multirotor."""
         # A motor that loses its output in flight, as an override has it, is still the aircraft's.
         return self._monitor.rotors if self._monitor else self.by_parameters
+
+    def thrust(self, seconds: Seconds) -> Array:
+        """Return the thrust asked of the motors, a share of all they have, (rows,); NaN where unknown."""
+        rotors = self.rotors
+        if not isinstance(rotors, Rotors):
+            return np.full(len(seconds.index) * RATE_HZ, np.nan)
+        flat = {name: values.reshape(-1, values.shape[-1]) for name, values in seconds.signals.items()}
+        return mean_thrust(rotors.thrusts(all_outputs(flat), flat["mixer"]), flat["mixer"])
 
     def feed(self, seconds: Seconds) -> Iterator[ConditionChanged]:
         """Take settled seconds; yield the changes of condition."""

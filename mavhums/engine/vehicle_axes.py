@@ -19,6 +19,7 @@ from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.results.sections import AxisLimits
+from mavhums.vehicle.events import VehicleEvents
 from mavhums.vehicle.facts import ALL_OUTPUTS, Signal
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
@@ -55,6 +56,8 @@ class VehicleAxes:
         Start of flight time, microseconds of UTC.
     airframe
         A profile; None if the log is to define the surfaces.
+    events
+        Where the events of its flight go; None for nowhere else.
     angles
         Whether to yield the demanded and the flown angles as well, for a recording.
 
@@ -71,7 +74,13 @@ class VehicleAxes:
     """
 
     def __init__(
-        self, vehicle: int, start_us: int, airframe: Airframe | None = None, *, angles: bool = False
+        self,
+        vehicle: int,
+        start_us: int,
+        airframe: Airframe | None = None,
+        events: VehicleEvents | None = None,
+        *,
+        angles: bool = False,
     ) -> None:
         self.setups = SetupHistory(airframe)
         self.surfaces = self.setups.last.surfaces
@@ -81,6 +90,7 @@ class VehicleAxes:
         self.grid = Grid(start_us)
         self.motors = VehicleMotors(vehicle)
         self._vehicle, self._angles = vehicle, angles
+        self._events = events or VehicleEvents(vehicle)
         self._setup = self.setups.last
         self._answers: dict[str, str] = {}
         self._now_s, self._tries = 0, 0
@@ -102,6 +112,7 @@ class VehicleAxes:
             yield from self._apply(self.setups.at(first))
             yield from self._look(first)
             now, seconds = self._next(seconds)
+            self._events.feed(now, self.motors.thrust(now))
             yield from self.motors.feed(now)
             yield from self._follow(now)
         if final:

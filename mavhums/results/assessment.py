@@ -19,6 +19,7 @@ from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract, Frozen
 from mavhums.core.quantities import KEYS
 from mavhums.log.base.decoder import Losses
+from mavhums.results.events import FlightEvent
 from mavhums.results.sections import FlightCopy, FlightIdentity, ModelSummary, VehicleUsage
 from mavhums.results.standing import Standing
 from mavhums.results.verdict import MEASURED, Verdict
@@ -59,7 +60,8 @@ class Assessment(Contract):
 
     ``model`` is the richest network among those of the verdicts, ``usage`` the usage of each
     vehicle's servos. ``standings`` is the state of each actuator and axis over its flights, including this
-    one, where there is a history; worst first.
+    one, where there is a history; worst first. ``events`` lists what happened in the flight, in order of
+    time, ``events_left_out`` counts those that the list does not keep, as too many of one kind came.
 
     Examples
     --------
@@ -81,6 +83,8 @@ class Assessment(Contract):
     verdicts: tuple[Verdict, ...]
     usage: tuple[VehicleUsage, ...] = ()
     standings: tuple[Standing, ...] = ()
+    events: tuple[FlightEvent, ...] = ()
+    events_left_out: int = Field(default=0, ge=0)
 
     def to_json(self, *, indent: int | None = 2) -> str:
         """Return the assessment as JSON that follows ``schema/assessment-2.json``."""

@@ -33,6 +33,7 @@ from mavhums.show._rows import send
 from mavhums.show._tracks import Track, path_part
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
 from mavhums.show.digest import digest, listed
+from mavhums.show.event_words import event_words
 from mavhums.show.markdown_report import live_markdown, markdown
 from mavhums.show.words import clock, name
 
@@ -119,6 +120,10 @@ class Scene:
             track.finish()  # an axis after the actuators whose surfaces it colours
         for vehicle in self._vehicles.values():
             vehicle.finish()
+        for happened in assessment.events:
+            if happened.kind != "mode":  # logged as it came
+                text = f"vehicle {happened.vehicle}: {event_words(happened)}"
+                self._log_text(happened.time_s, "INFO", text)
         self._flush_texts()
         report = rr.TextDocument(markdown(assessment), media_type=rr.MediaType.MARKDOWN)
         self._stream.log("/report", report, static=True)

@@ -11,6 +11,7 @@ from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Standing
 from mavhums.results.verdict import ALL, Verdict
+from mavhums.show.event_words import event_lines, foremost
 from mavhums.show.servo_tables import ServoTable, reserve, usage
 from mavhums.show.standing import sentences, since_words, soonest_words
 from mavhums.show.verdict_words import (
@@ -100,6 +101,8 @@ class Digest(NamedTuple):
         What stands, grows or changed over the flights, where there is a history.
     tables
         Reserve of torque, and the use of each vehicle's servos.
+    events, foremost
+        A line on each event of the flight, and up to three lines on the most important ones.
     whose, losses
         Sentences on whose flight it is; what the log lost.
     """
@@ -116,6 +119,8 @@ class Digest(NamedTuple):
     network: list[str]
     over_flights: list[str]
     tables: list[ServoTable]
+    events: list[str]
+    foremost: list[str]
     flight_notes: list[str]
     losses: str
 
@@ -152,6 +157,8 @@ def digest(assessment: Assessment, *, brief: bool = False) -> Digest:
         network=_network(rest),
         over_flights=[f"{title}: {said}" for title, said in _over_flights(rest)],
         tables=[table for table in tables if table],
+        events=event_lines(assessment),
+        foremost=foremost(assessment),
         flight_notes=flight_notes(assessment.log),
         losses=losses(assessment.log.losses),
     )

@@ -66,6 +66,10 @@ def markdown(assessment: Assessment) -> str:
     for table in said.tables:
         rows = _rows((table.head, ("---",) * len(table.head), *(map(_literal, row) for row in table.rows)))
         sections.append(f"## {_literal(table.title)}" + (f"\n\n{rows}" if table.rows else ""))
+    if said.events:
+        sections.append(
+            "## Events of the flight\n\n" + "\n".join(f"- {_literal(one)}." for one in said.events)
+        )
     sections.append(_log(said, assessment))
     sections += _provenance(said.assessment)
     return "\n\n".join(sections) + "\n"

@@ -48,7 +48,7 @@ def render(assessment: Assessment, console: Console, *, verbose: bool = False) -
         _print("Physics and network", said.network, console)
     for table in said.tables if verbose else ():
         _print(table.title, table.lines, console)
-    plain = [*said.without_wings, *said.flight_notes]
+    plain = [*said.without_wings, *said.foremost, *said.flight_notes]
     if verbose:
         plain += [_unmonitored(found) for found in said.unmonitored]
     for line in plain:

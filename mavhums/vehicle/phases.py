@@ -19,7 +19,7 @@ from mavhums.vehicle.facts import IN_AIR, ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.signals import DERIVED
 
-TAKE_OFF, LANDING, CONTACT = "take-off", "landing", "contact"
+TAKE_OFF, LANDING, CONTACT, HELD = "take-off", "landing", "contact", "held"
 
 # Log odds that a second adds. Signals repeat themselves, so none is worth as much as its noise alone gives.
 _DISARMED: Final = -8.0  # motors that are off carry nothing
@@ -38,6 +38,10 @@ _USUAL_HOVER: Final = 0.12
 """Share of full thrust: the least of usual copters, before the own hover is known."""
 _LEAST, _MOST, _TAKES_OFF, _LANDS = -3.0, 3.0, 1.0, 0.0
 """Bounds of the sum, and where the state turns."""
+
+_HIGH_M, _FAST_M_S, _CARRIED_S = 5.0, 5.0, 10
+"""A flight that was as high, as fast or carried by its motors for as many seconds is certain: vehicles that
+stand, with a drifting barometer, show 2 m for 20 s."""
 
 _LEAP_M: Final = 30.0  # in a second: an altitude from another origin, not a climb
 _GROUND_SHARE: Final = 0.2  # of a second in the mean altitude of the ground: slower than a lift-off
@@ -61,10 +65,14 @@ motor that fails turns it, and one that weakens is answered sooner."""
 
 
 class PhaseEvent(NamedTuple):
-    """A take-off, a landing or a contact: its kind and its flight time, s."""
+    """A take-off, a landing, a knock by a contact, or where one holds it: its kind and its flight time, s.
+
+    ``certain`` is whether the flight that a landing ends left no doubt: a drifting altitude looks like one.
+    """
 
     kind: str
     time_s: float
+    certain: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,7 +113,7 @@ class Phases:
     """
 
     def __init__(self) -> None:
-        self.airborne = False
+        self.airborne = self.certain = False
         self._odds = 0.0
         self._since_s: float | None = None
         self._ground_m, self._altitude_m = np.nan, np.nan
@@ -114,6 +122,11 @@ class Phases:
         self._rates = np.full((1, 3), np.nan)
         self._next, self._pressed = 0, 0
         self._knocked_ago = self._held_ago = 1 << 30  # rows
+
+    @property
+    def turning(self) -> bool:
+        """Whether the latest second speaks against the present state."""
+        return self._since_s is not None
 
     def feed(self, seconds: Seconds, thrust: Array) -> PhaseRows:
         """Take settled seconds that follow each other.
@@ -131,8 +144,13 @@ class Phases:
         for k, second in enumerate(seconds.index.tolist()):
             climb = self._climb(measured, k)
             if self._step(second, climb, measured, k, float(asked[k])):
-                events.append(PhaseEvent(TAKE_OFF if self.airborne else LANDING, self._since_s or 0.0))
+                kind = TAKE_OFF if self.airborne else LANDING
+                events.append(PhaseEvent(kind, self._since_s or 0.0, self.airborne or self.certain))
+                self._since_s = None  # what spoke for this state does not speak for the next one
             airborne[k] = self.airborne
+            height, speed = abs(self._altitude_m - self._ground_m), float(measured.speed[k])
+            sure = height > _HIGH_M or speed > _FAST_M_S or self._hovered >= _CARRIED_S
+            self.certain = self.airborne and (self.certain or sure)
             level[k] = self.airborne and not climb > _LEVEL_M_S and measured.upright[k] > _LEVEL_COS
             if self._hovered:
                 hover[k] = self._hover
@@ -216,7 +234,9 @@ class Phases:
         knocked, self._knocked_ago, first = _lasting(knocks, self._knocked_ago)
         held, self._held_ago, second = _lasting(run >= _PRESSED_S * RATE_HZ, self._held_ago)
         began = np.flatnonzero(first | second)
-        return knocked, held, [PhaseEvent(CONTACT, start + row / RATE_HZ) for row in began.tolist()]
+        kinds = np.where(first, CONTACT, HELD)[began].tolist()
+        times = (start + began / RATE_HZ).tolist()
+        return knocked, held, [*map(PhaseEvent, kinds, times)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

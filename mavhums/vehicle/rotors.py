@@ -78,6 +78,8 @@ _SPINS: Final = (0.15, 0.95)  # idle and full output of Copter before 3.4, share
 _EXPO: Final = 0.65  # usual MOT_THST_EXPO
 _OVERRIDDEN: Final = 0.15
 """Share of full thrust by which an output differs from what the mixer asks of it: less is the sampling."""
+_WOUND_UP: Final = 0.5
+"""What is asked for by what is sent: of a copter that flies they differ by their curves."""
 _PX4_EXPONENT: Final = 1.5
 """Exponent of thrust by output where THR_MDL_FAC is not given: between the propeller's 2 and the ESC's 1."""
 
@@ -149,6 +151,21 @@ class Rotors:
         x = np.clip(x, 0.0, 1.0)
         e = self.curve
         return np.asarray(x**_PX4_EXPONENT if e is None else (1 - e) * x + e * x**2)
+
+
+def mean_thrust(thrusts: Array, mixer: Array) -> Array:
+    """Return the thrust asked of all motors, a share of all they have, shape (n,).
+
+    Parameters
+    ----------
+    thrusts
+        Of each motor, as :meth:`Rotors.thrusts` returns it, shape (n, motors).
+    mixer
+        What the mixer was asked for: roll, pitch, yaw and thrust, shape (n, 4), NaN where unknown.
+    """
+    # The outputs of a copter that stands wind up without throttle: what is asked for does not.
+    sent, asked = thrusts.mean(axis=1), mixer[:, 3]
+    return np.where(asked < _WOUND_UP * sent, asked, sent)
 
 
 def rotors_of(parameters: Parameters) -> Rotors | str | None:

@@ -23,6 +23,9 @@ TEXT_MESSAGES: Final = messages_of("text")
 STATE_MESSAGES: Final = messages_of("attitude", "position", "mode", "text")
 """What :class:`VehicleStates` reads."""
 
+MODE_MESSAGES: Final = messages_of("mode")
+"""Messages that carry the flight mode."""
+
 _NO_FIX_DEG: Final = 0.01  # before the first fix autopilots send positions about 0° N 0° E
 _WAITING: Final = 100  # modes that wait for the text that names the kind of vehicle
 _KIND: Final = re.compile(
@@ -164,13 +167,19 @@ def _changes(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, FormatModu
 class VehicleStates:
     """Follows the state of every vehicle, block by block.
 
+    Parameters
+    ----------
+    modes_only
+        Whether to leave attitudes and positions out.
+
     Examples
     --------
     >>> list(VehicleStates().feed({}, start_us=0))
     []
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, modes_only: bool = False) -> None:
+        self._modes_only = modes_only
         self._latest_us: dict[tuple[str, int], int] = {}
         self._components: dict[tuple[str, int], int] = {}
         self._modes = ModeChanges()
@@ -179,11 +188,11 @@ class VehicleStates:
         self, tables: Mapping[str, Table], *, start_us: int
     ) -> Iterator[Attitude | Position | FlightMode]:
         """Yield the states in these messages; flight times count from ``start_us``, microseconds of UTC."""
-        for vehicle, time_us, angles in self._each(tables, "attitude"):
+        for vehicle, time_us, angles in () if self._modes_only else self._each(tables, "attitude"):
             good = np.isfinite(angles).all(axis=1)
             if good.any():
                 yield Attitude(vehicle, (time_us - start_us)[good] / 1e6, angles[good])
-        for vehicle, time_us, place in self._each(tables, "position"):
+        for vehicle, time_us, place in () if self._modes_only else self._each(tables, "position"):
             degrees = place[:, :2]
             good = (np.abs(degrees) > _NO_FIX_DEG).any(axis=1) & (np.abs(degrees) <= (90, 180)).all(axis=1)
             if good.any():

@@ -87,8 +87,10 @@ def _joined(events: list[Any]) -> Any:
 
 
 def follow(parts: Iterable[bytes]) -> list[Event]:
+    """Return the events of the engine and then those of the assessment."""
     engine = Engine(EngineOptions(vehicle_states=True))
-    return [*(event for part in parts for event in engine.feed(part)), *engine.finish()]
+    events = [*(event for part in parts for event in engine.feed(part)), *engine.finish()]
+    return [*events, *cast(list[Event], engine.assessment().events)]
 
 
 @pytest.fixture(scope="module")
@@ -107,6 +109,7 @@ def test_the_log_brings_about_every_kind_of_event(whole: dict[Any, Any]) -> None
         "Attitude",
         "Followed",
         "FlightMode",
+        "FlightEvent",
     }
     assert ("AirframeNamed", 1, None, None) in whole
 

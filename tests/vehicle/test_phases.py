@@ -9,7 +9,7 @@ import pytest
 
 from mavhums.core.arrays import Array
 from mavhums.vehicle.grid import RATE_HZ, Seconds
-from mavhums.vehicle.phases import CONTACT, LANDING, TAKE_OFF, PhaseEvent, PhaseRows, Phases
+from mavhums.vehicle.phases import CONTACT, HELD, LANDING, TAKE_OFF, PhaseEvent, PhaseRows, Phases
 
 NAN = np.nan
 
@@ -122,4 +122,4 @@ def test_what_holds_the_craft_for_a_second_is_a_contact(
     _, events, found = followed(flown, np.full(12, 0.4))
     until = 10 + rows - 1 + 3 * RATE_HZ
     assert np.flatnonzero(found.held).tolist() == ([*range(29, until + 1)] if held else [])
-    assert [event for event in events if event.kind == CONTACT] == ([(CONTACT, 1.45)] if held else [])
+    assert [event for event in events if event.kind == HELD] == ([(HELD, 1.45)] if held else [])

@@ -31,7 +31,7 @@ from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.phases import Phases
-from mavhums.vehicle.rotors import Rotors
+from mavhums.vehicle.rotors import Rotors, mean_thrust
 from mavhums.vehicle.signals import DERIVED, all_outputs
 from mavhums.vehicle.vtol import hovers
 
@@ -45,9 +45,6 @@ _ANOTHER_S: Final = 10.0
 _ANOTHER_WINDOW_S: Final = 0.8  # in shorter windows the rebound points at the opposite motor
 _TURNS, _LEANS = 0.1, 0.5
 """Mean thrust by full thrust, and cosine of the bank, above which speeds are compared: it flies upright."""
-_WOUND_UP: Final = (
-    0.5  # what is asked for by what is sent; of a copter that flies they differ by their curves
-)
 _REFINED_S: Final = 30.0
 """After an alarm the share lost is refined for as long: the first windows hold the moment before, too."""
 
@@ -227,9 +224,7 @@ class MotorMonitor:
         flat["rates"] = np.where(derived[:, None], np.nan, flat["rates"])
         spacing = flat["outputs_spacing"][:, 0]
         thrusts = self.rotors.thrusts(all_outputs(flat), flat["mixer"])
-        # The outputs of a copter that stands wind up without throttle: what is asked for does not.
-        sent, asked = thrusts.mean(axis=1), flat["mixer"][:, 3]
-        phases = self.phases.feed(seconds, np.where(asked < _WOUND_UP * sent, asked, sent))
+        phases = self.phases.feed(seconds, mean_thrust(thrusts, flat["mixer"]))
         upright = np.cos(flat["attitude"][:, 0]) * np.cos(flat["attitude"][:, 1])
         upright = np.where(phases.held, np.nan, upright)
         # Beside a hover a quadplane's surfaces and its forward motor answer for what its lift motors do.
@@ -248,7 +243,7 @@ class MotorMonitor:
             self._state,
             found,
         )
-        flown = (sent > _TURNS) & (upright > _LEANS)
+        flown = (thrusts.mean(axis=1) > _TURNS) & (upright > _LEANS)
         # Second by second, so that what follows an alarm does not depend on how the log was cut.
         for row in range(0, len(thrusts), RATE_HZ):
             rows = slice(row, row + RATE_HZ)

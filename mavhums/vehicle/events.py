@@ -1,0 +1,228 @@
+"""The events of a flight: seen once, while the log is read, and said everywhere.
+
+Whatever sees one adds it to the list of its vehicle. What depends on the flight as a whole, as whether a
+source of telemetry came back, is decided when the list is asked for. So the list depends neither on how the
+log was cut nor on when it was asked for before.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence, Set
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from mavhums.core.arrays import Array
+from mavhums.results.events import EventKind, FlightEvent
+from mavhums.vehicle.facts import ON_GROUND
+from mavhums.vehicle.grid import RATE_HZ, Seconds
+from mavhums.vehicle.phases import CONTACT, LANDING, TAKE_OFF, Phases
+
+_MOST: Final = 100  # of a kind and vehicle: what comes later is counted, as memory is bounded
+_SUBJECTS: Final = 64  # whose telemetry is followed
+_AT_ONCE_S: Final = 2.0  # a flight whose evidence is there from the first seconds began before the log
+_TOUCHES_S, _ENDS_WITHIN_S = 2.0, 10.0
+"""Between a contact and the landing or the end that it leads to: less is a touch-down, and what turns an
+aircraft that flies on as no motor can may as well be the vibration of its gyros."""
+_MISSING_S: Final = 10.0  # a source of telemetry that is silent for less may be lost on a bad link
+_MISSING: Final = 20  # ... and of a slow one so many of its usual distances
+_NEVER_AIRBORNE: Final = frozenset({5, 6, 10, 11, 12})
+"""MAV_TYPEs of what does not fly: antenna tracker, ground station, rover, boat, submarine."""
+
+_FAILSAFE: Final = re.compile(r"fail-?safe", re.IGNORECASE)
+_NO_FAILSAFE: Final = re.compile(
+    r"^(?:pre-?)?arm|clear|\boff\b|disabled|recover|resum|restored|ended|not |no failsafe|param|set ",
+    re.IGNORECASE,
+)
+"""Of texts that name a failsafe: what ends one, sets one up or refuses to arm."""
+
+
+class VehicleEvents:
+    """Follows the events of one vehicle in bounded memory.
+
+    Parameters
+    ----------
+    vehicle
+        System id.
+    """
+
+    def __init__(self, vehicle: int) -> None:
+        self._vehicle = vehicle
+        self._kept: dict[EventKind, list[FlightEvent]] = {}
+        self._phases = Phases()
+        self._armed = np.nan
+        self._kind = np.nan
+        self._on_ground = False
+        self._first_s: int | None = None
+        self._begun: tuple[EventKind, float] = "begins_in_air", 0.0
+        self._last_s = 0.0
+        self._sources: dict[str, tuple[float, float, int]] = {}
+        self._ended = False
+        self.left_out = 0
+
+    def add(
+        self,
+        kind: EventKind,
+        time_s: float,
+        *,
+        subject: str | None = None,
+        said: str | None = None,
+        value: float | None = None,
+    ) -> None:
+        """Add an event."""
+        kept = self._kept.setdefault(kind, [])
+        if len(kept) < _MOST:
+            kept.append(self._event(kind, time_s, subject=subject, said=said, value=value))
+        else:
+            self.left_out += 1
+
+    def hear_text(self, time_s: float, text: str) -> None:
+        """Take a text of the vehicle."""
+        if _FAILSAFE.search(text) and not _NO_FAILSAFE.search(text):
+            self.add("failsafe", time_s, said=text)
+
+    def hear_source(self, subject: str, time_s: Array) -> None:
+        """Take the flight times, s, shape (n,), at which a source of telemetry reported."""
+        if time_s.size and (subject in self._sources or len(self._sources) < _SUBJECTS):
+            first, last, count = self._sources.get(subject, (float(time_s[0]), -np.inf, 0))
+            self._sources[subject] = first, max(last, float(time_s.max())), count + time_s.size
+
+    def feed(self, seconds: Seconds, thrust: Array) -> None:
+        """Take settled seconds.
+
+        Parameters
+        ----------
+        thrust
+            Thrust asked of a multirotor's motors, a share of all they have, shape (rows,); NaN where unknown.
+        """
+        breaks = np.flatnonzero(np.diff(seconds.index) != 1) + 1
+        for a, b in pairwise([0, *breaks.tolist(), len(seconds.index)]):
+            self._run(seconds.part(a, b), thrust[a * RATE_HZ : b * RATE_HZ])
+
+    def _run(self, seconds: Seconds, thrust: Array) -> None:
+        first = int(seconds.index[0])
+        self._first_s = first if self._first_s is None else self._first_s
+        self._last_s = float(seconds.index[-1] + 1)
+        states = seconds.signals["state"].reshape(-1, 4)
+        kinds = states[np.isfinite(states[:, 0]), 0]
+        self._kind = float(kinds[-1]) if kinds.size else self._kind
+        known = np.flatnonzero(np.isfinite(states[:, 2]))
+        armed = np.append(self._armed, states[known, 2] > 0)
+        for change in np.flatnonzero(np.isfinite(armed[:-1]) & (np.diff(armed) != 0)).tolist():
+            self.add("armed" if armed[change + 1] else "disarmed", first + known[change] / RATE_HZ)
+        self._armed = float(armed[-1])
+        self._on_ground |= bool(_stands(seconds)[: int(_AT_ONCE_S)].any()) and first == self._first_s
+        for event in self._phases.feed(seconds, thrust).events:
+            if event.kind == TAKE_OFF:
+                at_once = event.time_s - self._first_s <= _AT_ONCE_S and not self._on_ground
+                self._begun = "begins_in_air" if at_once else "take_off", max(event.time_s, 0.0)
+            elif event.kind == CONTACT:
+                self.add("contact", event.time_s)
+            elif event.kind == LANDING and event.certain:
+                self.add(*self._begun)
+                self.add("landing", event.time_s)
+
+    def finish(self) -> None:
+        """End the input."""
+        self._ended = True
+
+    def events(self, *, rotors: bool) -> list[FlightEvent]:
+        """Return what happened so far, in order of time.
+
+        Parameters
+        ----------
+        rotors
+            Whether it is carried by rotors alone: only of these a contact is told from ordinary flight.
+        """
+        found = [event for kept in self._kept.values() for event in kept]
+        flies = self._phases.certain and self._kind not in _NEVER_AIRBORNE
+        found += [self._event(*self._begun)] if flies else []
+        flights = [*self._flights(found)]
+        found = [event for event in found if self._holds(event, flights, rotors=rotors)]
+        if flies and self._ended and not self._phases.turning:
+            found.append(self._event("ends_in_air", self._last_s))
+        for subject, (first, last, count) in self._sources.items():
+            missing = max(_MISSING_S, _MISSING * (last - first) / count)
+            until = next((end for begin, end in flights if begin <= last and end - last > missing), None)
+            if until is not None and count >= _MISSING:
+                found.append(
+                    self._event("telemetry_ends", last, subject=subject, value=round(until - last, 1))
+                )
+        return found
+
+    def _event(
+        self,
+        kind: EventKind,
+        time_s: float,
+        *,
+        subject: str | None = None,
+        said: str | None = None,
+        value: float | None = None,
+    ) -> FlightEvent:
+        return FlightEvent(
+            kind=kind, vehicle=self._vehicle, time_s=round(time_s, 2), subject=subject, said=said, value=value
+        )
+
+    def _flights(self, found: Sequence[FlightEvent]) -> Iterator[tuple[float, float]]:
+        """Yield when it took off and landed; of a flight that has not ended the latest second."""
+        if self._kind in _NEVER_AIRBORNE:
+            return
+        begins = [one.time_s for one in found if one.kind in ("begins_in_air", "take_off")]
+        ends = [one.time_s for one in self._kept.get("landing", ())]
+        for begin in sorted(begins):
+            yield begin, next((end for end in ends if end >= begin), self._last_s)
+
+    def _holds(self, event: FlightEvent, flights: list[tuple[float, float]], *, rotors: bool) -> bool:
+        """Return whether an event is one, given the flights of the log."""
+        if event.kind in ("take_off", "landing", "begins_in_air"):
+            return self._kind not in _NEVER_AIRBORNE
+        if event.kind == "reboot":
+            return any(begin < event.time_s < end for begin, end in flights)
+        if event.kind == "contact":
+            left_s = [end - event.time_s for begin, end in flights if begin < event.time_s <= end]
+            return rotors and any(_TOUCHES_S < one <= _ENDS_WITHIN_S for one in left_s)
+        return True
+
+
+def _stands(seconds: Seconds) -> Array:
+    """Return in which seconds the vehicle itself reports that it is disarmed or on the ground, shape (k,)."""
+    disarmed = seconds.signals["state"][:, :, 2] == 0.0
+    landed = seconds.signals["landed"][:, :, 0] == ON_GROUND
+    return np.asarray((disarmed | landed).any(axis=1))
+
+
+class FlightEvents:
+    """The events of every vehicle of a log."""
+
+    def __init__(self) -> None:
+        self._vehicles: dict[int, VehicleEvents] = {}
+
+    def of(self, vehicle: int) -> VehicleEvents:
+        """Return the events of a vehicle."""
+        return self._vehicles.setdefault(vehicle, VehicleEvents(vehicle))
+
+    def finish(self) -> None:
+        """End the input."""
+        for one in self._vehicles.values():
+            one.finish()
+
+    def gathered(
+        self, rotors: Set[int], mixed: Callable[[int], object] = lambda _: None
+    ) -> tuple[tuple[FlightEvent, ...], int]:
+        """Return the events of all vehicles in order of time, and how many of them are not kept.
+
+        Parameters
+        ----------
+        rotors
+            The vehicles that are carried by rotors alone.
+        mixed
+            Whether several senders share the id of a vehicle: what one does looks like another's event.
+        """
+        found, left_out = list[FlightEvent](), 0
+        for vehicle, one in self._vehicles.items():
+            events = one.events(rotors=vehicle in rotors)
+            found += [] if mixed(vehicle) else events
+            left_out += one.left_out + (len(events) if mixed(vehicle) else 0)
+        return tuple(sorted(found, key=lambda event: (event.time_s, event.vehicle, event.kind))), left_out

@@ -1,0 +1,145 @@
+"""The list of a flight's events: what is on it, what is not, and that it is bounded."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mavhums.app.analysis import analyse
+from mavhums.results.events import FlightEvent
+from mavhums.vehicle.events import FlightEvents, VehicleEvents
+from mavhums.vehicle.grid import RATE_HZ
+from tests.conftest import CARRIED
+from tests.vehicle.test_phases import seconds
+
+NAN = np.nan
+FLIGHT = np.r_[np.zeros(10), np.linspace(0, 20, 10), np.full(40, 20.0)]
+"""Altitude, m: 10 s on the ground, a climb, a hover at 20 m."""
+
+
+def flown(altitude: Any = FLIGHT, kind: float = 2.0, **others: Any) -> VehicleEvents:
+    """Return the events of a vehicle of a MAV_TYPE that was there, seen in two blocks."""
+    events, of_seconds = VehicleEvents(1), seconds(altitude=altitude, **others)
+    of_seconds.signals["state"][:, :, 0] = kind
+    for part in (of_seconds.part(0, 17), of_seconds.part(17, len(altitude))):
+        events.feed(part, np.full(len(part.index) * RATE_HZ, NAN))
+    return events
+
+
+def kinds(events: VehicleEvents, *, rotors: bool = True) -> list[str]:
+    found = sorted(events.events(rotors=rotors), key=lambda event: event.time_s)
+    return [event.kind for event in found]
+
+
+def test_a_flight_has_its_events_in_order() -> None:
+    armed = np.where(np.arange(70) < 5, 0.0, np.where(np.arange(70) < 66, 1.0, 0.0))
+    events = flown(np.r_[FLIGHT, np.zeros(10)], armed=armed)
+    events.finish()
+    assert kinds(events) == ["armed", "take_off", "landing", "disarmed"]
+
+
+@pytest.mark.parametrize(
+    ("altitude", "kind", "others", "expected"),
+    [
+        (FLIGHT, 2, {}, ["take_off", "ends_in_air"]),
+        (FLIGHT[10:], 2, {}, ["begins_in_air", "ends_in_air"]),
+        (FLIGHT[10:], 2, {"landed": np.r_[1.0, np.full(49, 2.0)]}, ["take_off", "ends_in_air"]),
+        (FLIGHT, 10, {}, []),  # a rover on a hill
+        (np.r_[np.zeros(20), np.full(20, 1.5), np.zeros(20)], 1, {}, []),  # a barometer that drifts
+        (np.r_[FLIGHT, np.zeros(2)], 2, {}, ["take_off"]),  # it has come down, and no more is certain
+    ],
+    ids=["ends", "begins", "begins on the ground", "rover", "drift", "just landed"],
+)
+def test_where_the_log_begins_and_ends(
+    altitude: Any, kind: float, others: dict[str, Any], expected: list[str]
+) -> None:
+    events = flown(altitude, kind, **others)
+    assert "ends_in_air" not in kinds(events), "the log goes on"
+    events.finish()
+    assert kinds(events) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "is_one"),
+    [
+        ("Throttle failsafe on", True),
+        ("Throttle failsafe off", False),
+        ("Radio Failsafe - Disarming", True),
+        ("Radio Failsafe Cleared", False),
+        ("[failsafe] Failsafe activated", True),
+        ("PreArm: Battery failsafe", False),
+        ("Flight mode change failed", False),
+    ],
+)
+def test_a_failsafe_is_what_the_vehicle_says(text: str, is_one: bool) -> None:
+    events = VehicleEvents(1)
+    events.hear_text(3.0, text)
+    said = [FlightEvent(kind="failsafe", vehicle=1, time_s=3.0, said=text)]
+    assert events.events(rotors=False) == (said if is_one else [])
+
+
+@pytest.mark.parametrize(
+    ("until", "step", "missing"),
+    [(30.0, 0.1, True), (55.0, 0.1, False), (30.0, 2.0, False), (12.0, 1.0, False)],
+    ids=["ends", "of late", "of a slow source", "too few to know"],
+)
+def test_a_source_that_ends_in_flight(until: float, step: float, missing: bool) -> None:
+    events, times = flown(), np.arange(0, until, step)
+    for part in np.array_split(times, 3):
+        events.hear_source("ESC 2", part)
+    found = [event for event in events.events(rotors=True) if event.kind == "telemetry_ends"]
+    value = pytest.approx(60 - times[-1], abs=0.1)
+    assert [(one.subject, one.value) for one in found] == ([("ESC 2", value)] if missing else [])
+
+
+def test_a_jump_of_the_clock_counts_in_flight_alone() -> None:
+    events = flown()
+    events.add("reboot", 3.0)
+    events.add("reboot", 40.0)
+    assert [e.time_s for e in events.events(rotors=True) if e.kind == "reboot"] == [40.0]
+
+
+def test_a_contact_brings_a_copter_down() -> None:
+    """Neither a touch-down, nor what a copter that flies on felt, nor what a wing did."""
+    events = flown(np.r_[FLIGHT, np.zeros(10)])
+    [landing] = [one.time_s for one in events.events(rotors=True) if one.kind == "landing"]
+    for time_s in (landing - 30.0, landing - 5.0, landing - 1.0):
+        events.add("contact", time_s)
+    found = [[e.time_s for e in events.events(rotors=r) if e.kind == "contact"] for r in (True, False)]
+    assert found == [[landing - 5.0], []]
+
+
+def test_the_list_is_bounded_and_what_is_left_out_is_counted() -> None:
+    events = FlightEvents()
+    for k in range(250):
+        events.of(1).add("mode", float(k), said=str(k))
+        events.of(1).hear_source(f"servo {k}", np.array([float(k)]))
+    found, left_out = events.gathered(frozenset())
+    assert (len(found), found[0].said, left_out) == (100, "0", 150)
+    assert events.gathered(frozenset(), lambda _: "two senders") == ((), 250)
+
+
+def test_every_place_shows_the_events() -> None:
+    from rich.console import Console
+
+    from mavhums.show.event_words import event_lines, foremost
+    from mavhums.show.evidence import EvidenceCollector
+    from mavhums.show.html import page
+    from mavhums.show.markdown_report import markdown
+    from mavhums.show.terminal import render
+
+    assessment = analyse(CARRIED / "healthy.tlog")
+    lines = event_lines(assessment)
+    assert lines[2:4] == ["12.0s: take-off", "25.3s: flight mode LOITER"]
+    assert foremost(assessment) == ["2m30s: the records end in the air"]
+    more = (FlightEvent(kind="failsafe", vehicle=1, time_s=float(k), said="{x} <b>") for k in range(3))
+    assessment = assessment.model_copy(update={"events": (*assessment.events, *more)})
+    assert foremost(assessment)[0] == '0.0s: failsafe: the vehicle says "{x} <b>" (and 2 more such events)'
+    console = Console(width=100, record=True)
+    render(assessment, console)
+    assert "records end in the air" in console.export_text()
+    assert "take-off" in markdown(assessment)
+    assert "take-off" in page(assessment, EvidenceCollector())
+    assert "&lt;b&gt;" in page(assessment, EvidenceCollector())
