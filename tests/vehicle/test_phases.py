@@ -122,4 +122,4 @@ def test_what_holds_the_craft_for_a_second_is_a_contact(
     _, events, found = followed(flown, np.full(12, 0.4))
     until = 10 + rows - 1 + 3 * RATE_HZ
     assert np.flatnonzero(found.held).tolist() == ([*range(29, until + 1)] if held else [])
-    assert [event for event in events if event.kind == HELD] == ([(HELD, 1.45)] if held else [])
+    assert [event for event in events if event.kind == HELD] == ([PhaseEvent(HELD, 1.45)] if held else [])
