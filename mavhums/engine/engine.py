@@ -44,7 +44,7 @@ from mavhums.results.sections import FlightIdentity, VehicleUsage
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
 from mavhums.vehicle.clocks import Clocks
-from mavhums.vehicle.dates import date_shift_us
+from mavhums.vehicle.dates import date_of_file, date_shift_us
 from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, IDENTITY_MESSAGES, Identities, Identity, RecordedFlights
@@ -152,18 +152,23 @@ class Engine:
         looks = [self._look(vehicle, told.get(vehicle, {}), indicators) for vehicle in vehicles or (None,)]
         verdicts = tuple(with_advice(verdict) for look in looks for verdict in look.verdicts)
         events, left_out = self._events.gathered(self._axes.by_rotors(), self._clocks.mixed)
+        duration_s = 0.0 if first is None or last is None else (last - first) / 1e6
+        begun, notices = self.start_utc(), [*self._notices(vehicles)]
+        if begun is None and path is not None and (dated := date_of_file(path, duration_s)):
+            begun = dated[0]
+            notices.append(dated[1])
         voted = {verdict.network.model for verdict in verdicts if verdict.network}
         return Assessment(
             log=LogSummary(
                 path=None if path is None else as_utf8(path),
                 sha256=sha256,
-                start_utc=begun.isoformat() if (begun := self.start_utc()) else None,
-                duration_s=0.0 if first is None or last is None else (last - first) / 1e6,
+                start_utc=begun.isoformat() if begun else None,
+                duration_s=duration_s,
                 vehicles=vehicles,
                 losses=with_drops(decoder.losses, self._clocks, self._axes),
                 format=decoder.format,
                 flight=tuple(map(self._identity, vehicles)),
-                notices=tuple(self._notices(vehicles)),
+                notices=tuple(notices),
             ),
             airframe=", ".join(names) or None,
             model=next((said for said in map(summary_of, self._monitors.models) if said in voted), None),

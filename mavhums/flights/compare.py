@@ -40,6 +40,7 @@ from mavhums.health.verdict import with_advice
 from mavhums.health.verdict.actuator import against_baseline, with_refused
 from mavhums.health.verdict.motor import compare_motors
 from mavhums.results.assessment import Assessment
+from mavhums.results.sections import NOT_COMPARED
 from mavhums.results.verdict import Verdict
 
 _LARGEST = 256 << 20
@@ -213,7 +214,7 @@ def _with_findings(
 
 def _not_compared(assessment: Assessment) -> Assessment:
     """Return an assessment that says why earlier flights do not count: which are earlier is not known."""
-    said = "not compared with earlier flights: the log has no date (no satellite fix, no clock that was set)"
+    said = f"{NOT_COMPARED}: the log has no date (no satellite fix, no clock that was set, no file)"
     log = assessment.log.model_copy(update={"notices": (*assessment.log.notices, said)})
     return assessment.model_copy(update={"log": log})
 

@@ -137,6 +137,9 @@ class AxisLimits(Contract):
         return self
 
 
+NOT_COMPARED = "not compared with earlier flights"
+"""How the notice begins that says why."""
+
 CLOCKS_APART_S = 30.0
 """Two recordings of one flight differ by at most this much in the boot time."""
 

@@ -18,6 +18,7 @@ from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError
 from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
+from mavhums.results.sections import NOT_COMPARED
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.show.digest import Digest, Paragraph, Subject, advice, digest
 from mavhums.show.verdict_words import explanation
@@ -40,6 +41,9 @@ def render(assessment: Assessment, console: Console, *, verbose: bool = False) -
     """
     said = digest(assessment, brief=not verbose)
     console.print(Text(printable(said.headline), style="bold"))
+    first = [note for note in said.flight_notes if note.startswith(capital(NOT_COMPARED))]
+    for note in first:
+        console.print(Text(printable(f"{note}.")))
     monitored = [one for one in said.subjects if one.verdict.gravest != "unmonitored"]
     if any(one.verdict.gravest != "undecided" or one.verdict.coverage.windows for one in monitored):
         console.print(_table(monitored, console.width))
@@ -48,7 +52,7 @@ def render(assessment: Assessment, console: Console, *, verbose: bool = False) -
         _print("Physics and network", said.network, console)
     for table in said.tables if verbose else ():
         _print(table.title, table.lines, console)
-    plain = [*said.without_wings, *said.foremost, *said.flight_notes]
+    plain = [*said.without_wings, *said.foremost, *(one for one in said.flight_notes if one not in first)]
     if verbose:
         plain += [_unmonitored(found) for found in said.unmonitored]
     for line in plain:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+import os
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 import mavhums
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.engine.engine import Engine
+from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.compare import compared
+from mavhums.show import render
 from tests.fleet_logs import records
 from tests.live.conftest import verdicts
 
@@ -55,11 +59,39 @@ def test_a_log_that_begins_within_a_frame_begins_with_the_next_time(cut: int) ->
     assert found.log.duration_s == pytest.approx((sound[-1][0] - sound[0][0]) / 1e6, abs=1.0)
 
 
-def test_a_log_without_a_date_says_that_it_is_not_compared(tmp_path: Path) -> None:
-    stamped = [(time_us % 10**9, frame) for time_us, frame in whole(HEALTHY.read_bytes())[:400]]
-    log = tmp_path / "undated.tlog"
-    log.write_bytes(log_of(stamped))
+def undated() -> bytes:
+    return log_of([(time_us % 10**9, frame) for time_us, frame in whole(HEALTHY.read_bytes())[:400]])
+
+
+def test_a_log_without_a_date_says_first_that_it_is_not_compared() -> None:
+    alone = judged(undated(), 1 << 16)
+    assert alone.log.start_utc is None
+    found = compared(StandaloneAssessment(alone, {}, {}, 1.0), {})
+    assert "no date" in found.log.notices[-1]
+    assert verdicts(found) == verdicts(alone)
+    console = Console(record=True, width=200)
+    render(found, console)
+    assert console.export_text().splitlines()[1].startswith("Not compared with earlier flights: the log")
+
+
+@pytest.mark.parametrize(
+    ("name", "began", "source"),
+    [
+        ("2022-05-24_15-52-12.tlog", "2022-05-24T15:52:12+00:00", "name"),
+        ("20220524 155212.tlog", "2022-05-24T15:52:12+00:00", "name"),
+        ("2022-13-41_15-52-12.tlog", None, "time"),
+        ("flight.tlog", None, "time"),
+    ],
+)
+def test_a_log_without_a_date_is_compared_by_that_of_its_file(
+    tmp_path: Path, name: str, began: str | None, source: str
+) -> None:
+    log = tmp_path / name
+    log.write_bytes(undated())
+    os.utime(log, (1_700_000_000, 1_700_000_000))
     flight = analyse_alone(log, Options().resolved())
-    assert flight.assessment.log.start_utc is None
-    assert "no date" in compared(flight, {}).log.notices[-1]
-    assert verdicts(compared(flight, {})) == verdicts(flight.assessment)
+    summary = compared(flight, {}).log
+    ended = datetime.fromtimestamp(1_700_000_000 - summary.duration_s, UTC).isoformat()
+    assert summary.start_utc == (began or ended)
+    assert summary.notices[-1].startswith(f"dated by the {source} of its file: nothing in the log")
+    assert summary.flight[0].start_utc is None  # other logs of the flight are found by clocks alone
