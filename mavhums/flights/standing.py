@@ -212,6 +212,13 @@ def _is_beyond(one: Indicator) -> bool:
     return one.limit is not None and one.fault not in LOSSES and one.value.low > one.limit
 
 
+def highest(verdict: Verdict, one: Indicator) -> float | None:
+    """Return the highest estimate of a flight: the mean over it may lie below a limit that was passed."""
+    if one.fault in LOSSES:
+        return None
+    return max((each.value for each in verdict.evidence if each.kind == one.fault), default=None)
+
+
 def _finding(verdict: Verdict, condition: Condition) -> dict[str, Any]:
     """Return fault, quantity, value and limit of what a verdict rests on."""
     rules = [each for each in verdict.evidence if each.rule.startswith(condition)]
@@ -225,6 +232,7 @@ def _finding(verdict: Verdict, condition: Condition) -> dict[str, Any]:
             "quantity": one.quantity,
             "unit": one.unit,
             "value": one.value,
+            "highest": highest(verdict, one),
             "limit": limit,
         }
     for rule in rules:

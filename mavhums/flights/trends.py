@@ -19,7 +19,7 @@ from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
 from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
 from mavhums.flights.folder import read_history
 from mavhums.flights.history import EarlierFlights, FlightHistory, PastFlight, UndatedError
-from mavhums.flights.standing import Flown, growth_of, mirrored, reason_of, standing_of, step_of
+from mavhums.flights.standing import Flown, growth_of, highest, mirrored, reason_of, standing_of, step_of
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import Course, course_of, last_step
@@ -284,7 +284,7 @@ def _trend(flown: list[Flown], pairs: _Shown, baseline: Baseline | None, counted
                     "start_utc": each.start_utc,
                     "log": each.flight.assessment.log.path,
                     "value": one.value,
-                    "highest": _highest(each.verdict, one),
+                    "highest": highest(each.verdict, one),
                     "end": _at_end(each.verdict, one),
                     "condition": each.gravest,
                 }
@@ -307,13 +307,6 @@ def _grew(course: Course, numbers: Array, values: Array, errors: Array, begin: i
         for back in range(1, CLEAR_FLIGHTS)
     )
     return any(one is not None and one.grows for one in earlier)
-
-
-def _highest(verdict: Verdict, one: Indicator) -> float | None:
-    """Return the highest estimate of a flight: the mean over it may lie below a limit that was passed."""
-    if one.fault in LOSSES:
-        return None
-    return max((each.value for each in verdict.evidence if each.kind == one.fault), default=None)
 
 
 def _at_end(verdict: Verdict, one: Indicator) -> float | None:

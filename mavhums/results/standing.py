@@ -110,6 +110,8 @@ class Standing(Contract):
         Judged flights since the last one that showed the fault.
     fault, quantity, unit, value, limit
         The basis of the finding: its quantity in the last flight that shows it, and the limit.
+    highest
+        The highest estimate of that flight that decided a condition; None where there is none.
     growth
         The one with the fewest flights left; None where nothing certainly grows.
     step
@@ -133,6 +135,7 @@ class Standing(Contract):
     quantity: str | None = None
     unit: str | None = None
     value: Interval | None = None
+    highest: float | None = None
     limit: float | None = None
     growth: Growth | None = None
     step: Step | None = None

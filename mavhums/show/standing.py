@@ -53,8 +53,13 @@ def value_words(standing: Standing) -> str:
     """Return the finding's own quantity with its value and limit."""
     unit = _unit(standing.unit)
     if standing.value is not None:
-        limit = "" if standing.limit is None else f" (limit {standing.limit:.3g}{unit})"
-        return f"{standing.quantity} {standing.value.estimate:.3g}{unit}{limit}"
+        most, bound = standing.highest, standing.limit
+        limit = "" if bound is None else f" (limit {bound:.3g}{unit})"
+        shown = f"{standing.value.estimate:.3g}"
+        # The mean over the flight may lie below a limit that was passed in it.
+        if bound is not None and most is not None and standing.value.estimate <= bound < most:
+            shown = f"up to {most:.3g}"
+        return f"{standing.quantity} {shown}{unit}{limit}"
     if standing.quantity is not None:
         return standing.quantity.partition(": ")[2] or standing.quantity
     return (standing.fault or standing.reason or "").replace("_", " ")

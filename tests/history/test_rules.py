@@ -29,8 +29,8 @@ from mavhums.flights.folder import keep_assessment
 from mavhums.flights.history import PastFlight
 from mavhums.flights.naming import aircraft_in_store, check_aircraft_named, foreign_board_among
 from mavhums.flights.reports import _flights_left, _is_soon, _kinds, _of_flight, _of_last, _silent
-from mavhums.flights.standing import Flown, _finding, flights_left, reason_of, standing_of, step_of
-from mavhums.flights.trends import _at_end, _change, _error, _highest, _life, _rank, _why_unknown
+from mavhums.flights.standing import Flown, _finding, flights_left, highest, reason_of, standing_of, step_of
+from mavhums.flights.trends import _at_end, _change, _error, _life, _rank, _why_unknown
 from mavhums.results.standing import FlightsLeft, Growth, Interval, Standing, Step
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Verdict
 from tests.flights import START, flown, identity, shown, verdict
@@ -240,7 +240,7 @@ def test_numbers_of_a_trend_by_hand() -> None:
         for kind, value in (("friction", 0.2), ("friction", 0.4), ("backlash", 0.9), ("effectiveness", 0.7))
     )
     judged = verdict().model_copy(update={"evidence": evidence, "friction_nm": expected})
-    assert [_highest(judged, shown(0.1, fault=each)) for each in ("friction", "effectiveness", "jam")] == [
+    assert [highest(judged, shown(0.1, fault=each)) for each in ("friction", "effectiveness", "jam")] == [
         *(0.4, None, None)
     ]
     assert [_at_end(judged, shown(0.1, fault=each)) for each in ("friction", "backlash")] == [0.1, None]

@@ -29,6 +29,7 @@ from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.events import ComparisonInput, ConditionChanged
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Evidence
+from mavhums.show.standing import sentence
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run
@@ -470,3 +471,5 @@ def test_an_emergency_is_listed_with_its_highest_value_and_its_end(run: Run, tmp
     assert "elevator: up to 0.951 N·m in the last flight, 0.93 N·m at its end; 0.56 N·m is its mean." in told
     frame = mavhums.trend(tmp_path)
     assert frame[["estimate", "highest", "end"]].iloc[0].tolist() == [0.56, 0.951, 0.93]
+    [stood] = trend_report(read_history(tmp_path)).standings
+    assert sentence(stood).endswith("friction up to 0.951 N·m (limit 0.875 N·m)")
