@@ -9,6 +9,8 @@ from pydantic import Field
 from mavhums.core.models import Contract
 
 EventKind = Literal[
+    "crash",
+    "sinks",
     "failsafe",
     "reboot",
     "supply",
@@ -33,7 +35,8 @@ class FlightEvent(Contract):
     ``time_s`` counts from the first record of the log, ``subject`` is what it happened to, where that is not
     the vehicle: an actuator, an ESC. ``said`` is what the vehicle itself named: its mode, its text.
     ``value`` is the number that decided, in the unit that the kind has: of ``supply`` the voltage below
-    which it fell, of ``telemetry_ends`` the seconds for which it was missing in the air.
+    which it fell, of ``telemetry_ends`` the seconds for which it was missing in the air, of ``sinks`` the
+    metres that it sank below the altitude that its autopilot demanded.
     """
 
     kind: EventKind

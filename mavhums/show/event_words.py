@@ -10,6 +10,9 @@ from mavhums.results.events import IMPORTANCE, EventKind, FlightEvent
 from mavhums.show.words import capital, clock
 
 _WORDS: Final[Mapping[EventKind, str]] = {
+    "crash": 'crash: the vehicle says "{said}"',
+    "sinks": "it sinks {value:.0f} m below the altitude that it held and still demands: "
+    "it lacks thrust or control, as inferred",
     "failsafe": 'failsafe: the vehicle says "{said}"',
     "reboot": "its clock jumps in the air: it rebooted, or its time was set",
     "supply": "the servo rail falls below {value:.1f} V",

@@ -8,15 +8,16 @@ log was cut nor on when it was asked for before.
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence, Set
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array, Flags
 from mavhums.results.events import EventKind, FlightEvent
-from mavhums.vehicle.facts import ON_GROUND
+from mavhums.vehicle.facts import ARDUPILOT, ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.phases import CONTACT, LANDING, TAKE_OFF, Phases
 
@@ -31,6 +32,13 @@ _MISSING: Final = 20  # ... and of a slow one so many of its usual distances
 _NEVER_AIRBORNE: Final = frozenset({5, 6, 10, 11, 12})
 """MAV_TYPEs of what does not fly: antenna tracker, ground station, rover, boat, submarine."""
 
+_HELD_S, _HOLDS_M, _SINKS_S, _SINKS_M = 20, 10.0, 10, 8.0
+_STAYS_M, _FOLLOWS_RAD = 2.0, 0.15
+"""A wing that held its altitude for as long, and then sinks below it though its autopilot demands the same
+one and its attitude follows, lacks thrust, or control: on purpose it sinks with its demand."""
+_HOLDING_MODES: Final = (6, 7, 10, 11, 12, 15)
+"""FBWB, CRUISE, AUTO, RTL, LOITER, GUIDED of ArduPlane: in others the pilot decides how high it flies."""
+_CRASH: Final = re.compile(r"crash(:| detected)", re.IGNORECASE)
 _FAILSAFE: Final = re.compile(r"fail-?safe", re.IGNORECASE)
 _NO_FAILSAFE: Final = re.compile(
     r"^(?:pre-?)?arm|clear|\boff\b|disabled|recover|resum|restored|ended|not |no failsafe|param|set ",
@@ -60,6 +68,8 @@ class VehicleEvents:
         self._last_s = 0.0
         self._sources: dict[str, tuple[float, float, int]] = {}
         self._ended = False
+        self._course: deque[tuple[float, ...]] = deque(maxlen=_HELD_S + _SINKS_S)
+        self._sank_s = -np.inf
         self.left_out = 0
 
     def add(
@@ -80,6 +90,8 @@ class VehicleEvents:
 
     def hear_text(self, time_s: float, text: str) -> None:
         """Take a text of the vehicle."""
+        if _CRASH.match(text):
+            self.add("crash", time_s, said=text)
         if _FAILSAFE.search(text) and not _NO_FAILSAFE.search(text):
             self.add("failsafe", time_s, said=text)
 
@@ -114,7 +126,9 @@ class VehicleEvents:
             self.add("armed" if armed[change + 1] else "disarmed", first + known[change] / RATE_HZ)
         self._armed = float(armed[-1])
         self._on_ground |= bool(_stands(seconds)[: int(_AT_ONCE_S)].any()) and first == self._first_s
-        for event in self._phases.feed(seconds, thrust).events:
+        phases = self._phases.feed(seconds, thrust)
+        self._look_for_sinking(seconds, phases.airborne[::RATE_HZ])
+        for event in phases.events:
             if event.kind == TAKE_OFF:
                 at_once = event.time_s - self._first_s <= _AT_ONCE_S and not self._on_ground
                 self._begun = "begins_in_air" if at_once else "take_off", max(event.time_s, 0.0)
@@ -123,6 +137,29 @@ class VehicleEvents:
             elif event.kind == LANDING and event.certain:
                 self.add(*self._begun)
                 self.add("landing", event.time_s)
+
+    def _look_for_sinking(self, seconds: Seconds, airborne: Flags) -> None:
+        """Look for a second up to which it sinks although its autopilot demands no less altitude."""
+        signals = seconds.signals
+        altitude, below = (signals[name][:, :, 0].mean(axis=1) for name in ("altitude", "altitude error"))
+        off = np.abs(signals["attitude"][:, :, :2] - signals["demand"]).mean(axis=1).max(axis=1)
+        state = signals["state"][:, -1]
+        holds = airborne & (state[:, 1] == ARDUPILOT) & np.isin(state[:, 3], _HOLDING_MODES)
+        off = np.where(holds, off, np.nan)
+        for row in zip(seconds.index.tolist(), altitude, altitude + below, off, strict=True):
+            if self._course and row[0] != self._course[-1][0] + 1:
+                self._course.clear()
+            self._course.append(row)
+            if len(self._course) < _HELD_S + _SINKS_S:
+                continue
+            _, height, demanded, turned = np.array(self._course).T
+            held = height[:_HELD_S]
+            sunk = float(held.min() - height[-1])
+            follows = np.isfinite(turned).all() and np.median(turned[_HELD_S:]) < _FOLLOWS_RAD
+            if follows and np.ptp(demanded) < _STAYS_M and np.ptp(held) < _HOLDS_M and sunk >= _SINKS_M:
+                if row[0] - self._sank_s > _HELD_S:
+                    self.add("sinks", row[0], value=round(sunk, 1))
+                self._sank_s = row[0]
 
     def finish(self) -> None:
         """End the input."""
@@ -180,6 +217,8 @@ class VehicleEvents:
             return self._kind not in _NEVER_AIRBORNE
         if event.kind == "reboot":
             return any(begin < event.time_s < end for begin, end in flights)
+        if event.kind == "sinks":
+            return not rotors and any(begin <= event.time_s < end for begin, end in flights)
         if event.kind == "contact":
             left_s = [end - event.time_s for begin, end in flights if begin < event.time_s <= end]
             return rotors and any(_TOUCHES_S < one <= _ENDS_WITHIN_S for one in left_s)

@@ -46,6 +46,7 @@ CONTINUOUS: Final[Mapping[str, int]] = {
     "velocity": 3,  # over ground, north, east and down, m/s
     "groundspeed": 1,  # m/s
     "altitude": 1,  # above where it started or above sea level, m
+    "altitude error": 1,  # how far it is below the altitude that its autopilot demands, m
 }
 """Signals that change steadily, and their number of columns."""
 
@@ -90,6 +91,7 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "velocity": (-1e4, 1e4),
     "groundspeed": (-1e4, 1e4),
     "altitude": (-1e6, 1e6),
+    "altitude error": (-1e6, 1e6),
     "position": (-1e6, 1e6),
     "state": (0, 2**32),
     "vtol": (0, 255),

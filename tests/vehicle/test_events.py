@@ -94,6 +94,34 @@ def test_a_source_that_ends_in_flight(until: float, step: float, missing: bool) 
     assert [one.value for one in found] == pytest.approx([60 - times[-1]] * missing, abs=0.1)
 
 
+@pytest.mark.parametrize(
+    ("below", "mode", "off_deg", "found"),
+    [("stays", 15, 3.0, [47.0]), ("follows", 15, 3.0, []), ("stays", 5, 3.0, []), ("stays", 15, 20.0, [])],
+    ids=["engine out", "descends", "a pilot descends", "turned over"],
+)
+def test_a_wing_that_sinks_below_its_demand(
+    below: str, mode: int, off_deg: float, found: list[float]
+) -> None:
+    """It holds 100 m for 40 s, and then sinks at 1.2 m/s."""
+    sunk = np.clip(np.arange(60) - 40, 0, None) * 1.2
+    of_seconds = seconds(altitude=100 - sunk, groundspeed=np.full(60, 15.0), demand=np.zeros(60))
+    of_seconds.signals["state"][:] = (1, 3, 1, mode)
+    of_seconds.signals["demand"][:] = np.radians(off_deg)
+    of_seconds.signals["altitude error"][:, :, 0] = (sunk if below == "stays" else 0 * sunk)[:, None]
+    events = VehicleEvents(1)
+    for second in range(60):
+        events.feed(of_seconds.part(second, second + 1), np.full(RATE_HZ, NAN))
+    assert [e.time_s for e in events.events(rotors=False) if e.kind == "sinks"] == found
+    assert [e.kind for e in events.events(rotors=True) if e.kind == "sinks"] == []
+
+
+def test_a_crash_is_what_the_vehicle_says() -> None:
+    events = VehicleEvents(1)
+    for text in ("Crash: Disarming: AngErr=160>30", "crash check disabled"):
+        events.hear_text(3.0, text)
+    assert [event.kind for event in events.events(rotors=True)] == ["crash"]
+
+
 def test_a_jump_of_the_clock_counts_in_flight_alone() -> None:
     events = flown()
     events.add("reboot", 3.0)

@@ -19,7 +19,7 @@ def seconds(**signals: Any) -> Seconds:
     count = len(next(iter(signals.values())))
     found = {}
     for name, width in {
-        "state": 4, "landed": 1, "altitude": 1, "velocity": 3, "groundspeed": 1,
+        "state": 4, "landed": 1, "altitude": 1, "altitude error": 1, "velocity": 3, "groundspeed": 1,
         "attitude": 3, "demand": 2, "rates": 3,
     }.items():  # fmt: skip
         found[name] = np.full((count, RATE_HZ, width), 0.0 if name in ("attitude", "rates") else NAN)

@@ -152,6 +152,7 @@ SOURCES: Final = (
     plain("altitude", "POS", "RelHomeAlt"),
     plain("altitude", "CTUN", "Alt"),
     plain("altitude", "BARO", "Alt", rows=_first_sensor),
+    Source("altitude error", "TECS", {"h": 1, "hdem": 1}, lambda t: (t["hdem"] - t["h"])[:, None]),
     Source("mode", "MODE", {"ModeNum": 1}, _mode),
     Source("text", "MSG", {"Message": TEXT}, lambda t: t["Message"]),
     Source("uptime", "MSG", {"TimeUS": 1}, _uptime),

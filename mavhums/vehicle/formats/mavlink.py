@@ -185,6 +185,7 @@ SOURCES: Final = (
     plain("altitude", "GLOBAL_POSITION_INT", "relative_alt", scale=1e-3),
     plain("altitude", "VFR_HUD", "alt"),
     plain("altitude", "LOCAL_POSITION_NED", "z", scale=-1.0),
+    plain("altitude error", "NAV_CONTROLLER_OUTPUT", "alt_error"),
     plain("vtol", "EXTENDED_SYS_STATE", "vtol_state"),
     plain("landed", "EXTENDED_SYS_STATE", "landed_state"),
     Source("mode", "HEARTBEAT", _HEARTBEAT, _mode, _has_autopilot),
