@@ -124,9 +124,10 @@ def _begins_with_frame(head: bytes) -> bool:
 
 
 _FOREIGN_SIGNATURES = (
-    (b"RRF2", "a Rerun recording"),
-    (b"\x1f\x8b", "gzip-compressed"),
-    (b"PK\x03\x04", "a zip archive"),
+    (b"RRF2", "a Rerun recording", None),
+    (b"\x1f\x8b", "gzip-compressed", "unpack it first"),
+    (b"PK\x03\x04", "a zip archive", "unpack it first"),
+    (b"ULogEnc", "an encrypted ULog", "decrypt it first with your key (PX4: Tools/decrypt_ulog.py)"),
 )
 _DUMP = re.compile(rb"\s*FMT, *128, *89,")
 _PROFILE = re.compile(rb"^\s*\[\[ *actuators *\]\]", re.MULTILINE)
@@ -253,10 +254,10 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
         return
     if _contains_frames(head, dialect):
         return
-    for signature, kind in _FOREIGN_SIGNATURES:
+    for signature, kind, remedy in _FOREIGN_SIGNATURES:
         if head.startswith(signature):
-            remedy = "unpack it first" if "compressed" in kind or "archive" in kind else _RECORD
-            raise UnreadableLogError(f"{name}: this is {kind}, not an aircraft's log", remedy)
+            problem = f"{name}: this is {kind}"
+            raise UnreadableLogError(problem if remedy else f"{problem}, not a log", remedy or _RECORD)
     if _DUMP.match(head):
         raise UnreadableLogError(
             f"{name}: this is a DataFlash log dumped as text", "download the .BIN itself from the autopilot"

@@ -17,8 +17,8 @@ from mavhums.health.axis.reference import STANDARDS, Second
 from mavhums.health.axis.residuals import Residual, SideForce
 from mavhums.health.axis.response import ResponseSums
 from mavhums.health.axis.thresholds import (
-    FROM_TAKE_OFF_S,
     FULL_S,
+    GROUND_SPEED_SHARE,
     JUDGED_ERROR,
     LATEST_REFERENCE_S,
     MASKED_S,
@@ -95,11 +95,11 @@ class AxisMonitor:
         self._axes = {axis: _AxisState() for axis in axes}
         self._side, self._skids = Residual(SideForce()), Skids()
         self._skidded_s = self._astray_s = -(1 << 30)
-        self._flew, self._waited_rows = False, 0
+        self._flew, self._slowest_m_s = False, np.inf
 
     def feed(self, rows: Rows) -> Iterator[ConditionChanged | Indication]:
         """Process rows; yield the effectiveness of each axis, then the changes of condition in time order."""
-        self._count_ground_rows(rows)
+        self._look_for_take_off(rows)
         seconds = {axis: gain.feed(rows) for axis, gain in self._gains.items()}
         for response in self._responses.values():
             response.feed(rows)
@@ -130,12 +130,13 @@ class AxisMonitor:
                 if found or second is not None:
                     yield from self._take(axis, second, found, end_s)
 
-    def _count_ground_rows(self, rows: Rows) -> None:
-        """Count the seconds before the first one of flight."""
+    def _look_for_take_off(self, rows: Rows) -> None:
+        """Take the slowest second before the first one of flight."""
         if not self._flew:
             self._flew = bool(rows.flying.any())
-            before = rows.speed[: int(np.argmax(rows.flying))] if self._flew else rows.speed
-            self._waited_rows += int(np.isfinite(before).sum())
+            waits_s = int(np.argmax(rows.flying)) // RATE_HZ if self._flew else rows.seconds
+            before = rows.speed.reshape(-1, RATE_HZ)[:waits_s].max(axis=1)
+            self._slowest_m_s = float(np.fmin.reduce(before, initial=self._slowest_m_s))
 
     def _indications(self, seconds: dict[str, list[Second]]) -> Iterator[Indication]:
         for axis, found in seconds.items():
@@ -153,7 +154,7 @@ class AxisMonitor:
     def _take(
         self, axis: str, second: Second | None, found: list[Alarm], end_s: int
     ) -> Iterator[ConditionChanged]:
-        state, well = self._axes[axis], self.well
+        state, well = self._axes[axis], self.well(axis)
         before = state.condition
         if second is not None:
             self._count(state, second)
@@ -198,13 +199,14 @@ class AxisMonitor:
                 self._vehicle, axis, float(end_s), since_s, before, state.condition, rule, fault, finding
             )
 
-    @property
-    def well(self) -> Condition:
-        """The condition of an axis that responds as in its reference.
+    def well(self, axis: str) -> Condition:
+        """Return the condition of an axis that responds as in its reference.
 
         A reference from a flight that was already damaged would call the damage normal.
         """
-        return "normal" if self._waited_rows >= FROM_TAKE_OFF_S * RATE_HZ else "unchanged"
+        reference = self._gains[axis].reference
+        took_off = reference and self._slowest_m_s < GROUND_SPEED_SHARE * reference.basis.speed
+        return "normal" if took_off else "unchanged"
 
     def _may_hold_fault(self, axis: str) -> bool:
         """Return whether the reference ends while a fault stands: it shows neither its size nor its end."""

@@ -185,9 +185,9 @@ SINGLED_OUT: Final = 0.9
 # Seconds after a hard-over rudder in which findings about other axes are its consequence. Development.
 MASKED_S: Final = 20
 
-# Seconds known before the first of flight that show a take-off: a log's beginning is known to within
-# seconds.
-FROM_TAKE_OFF_S: Final = 10
+# Share of the reference's speed that a second before flight must be below to show a take-off: what flies at
+# half of its usual speed stalls. By hand.
+GROUND_SPEED_SHARE: Final = 0.5
 
 # Additional lags that are tested, s: neighbours differ by a quarter of the gain; healthy flights have up to
 # 0.3.

@@ -86,10 +86,11 @@ def verdicts_of_motors(
         Start of the log, and the numbers of samples by message.
     """
     if findings is None:
-        known = rotors if isinstance(rotors, str) else None
-        yield unjudged_motors(
-            vehicle, *((known, "only quad, hexa and octa frames are judged") if known else _PARAMETERS)
-        )
+        why, remedy = _PARAMETERS
+        if isinstance(rotors, str):
+            why = rotors
+            remedy = "only quad, hexa and octa frames are judged" if why.endswith("not judged") else remedy
+        yield unjudged_motors(vehicle, why, remedy)
         return
     missing = {name: words for name, words in _NEEDED.items() if name not in flight.heard}
     if missing:

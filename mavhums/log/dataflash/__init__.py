@@ -28,6 +28,11 @@ def refusal(head: bytes) -> Refusal | None:
             "this DataFlash log is older than TimeUS (ArduPilot of before 2015)",
             "update the autopilot's firmware, or judge the telemetry log (.tlog) of the flight",
         )
+    if any(b"StartTime" in fields for fields in columns):
+        return Refusal(
+            "this is a log of PX4 from before ULog (sdlog2)",
+            "update the autopilot's firmware, or judge the telemetry log (.tlog) of the flight",
+        )
     return Refusal(
         "this DataFlash log does not define its records (no FMT in its first megabyte)",
         "in a copy, put the first 20 kB of another log of the same firmware before it",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from mavhums.core.conditions import Condition
 from mavhums.health.axis.detectors import Alarm, AxisInput
 from mavhums.health.axis.monitor import _MOST_EPISODES, AxisMonitor, _AxisState, _percent, _since_s
 from mavhums.health.axis.reference import Second
-from mavhums.health.axis.thresholds import FROM_TAKE_OFF_S, FULL_S, JUDGED_ERROR, MASKED_S
+from mavhums.health.axis.thresholds import FULL_S, JUDGED_ERROR, MASKED_S
 from mavhums.health.decision.events import Indication
 from mavhums.results.standing import Interval
 from mavhums.vehicle.grid import RATE_HZ
@@ -69,19 +70,25 @@ def test_many_episodes_keep_the_first_and_the_last_ones() -> None:
     assert kept == [k for k in range(1, _MOST_EPISODES + 2) if k != _MOST_EPISODES // 2 + 1]
 
 
-@pytest.mark.parametrize(("missing", "known"), [(0, True), (1, False)])
-def test_ten_seconds_on_the_ground_show_a_take_off(missing: int, known: bool) -> None:
-    """Rows without a speed do not count, nor do those after the first one in flight."""
-    made = steady(FROM_TAKE_OFF_S + 4)
-    made["speed"][: RATE_HZ + missing] = np.nan
+@pytest.mark.parametrize(("share", "missing", "known"), [(0.49, 0, True), (0.51, 0, False), (0.49, 1, False)])
+def test_a_second_at_less_than_half_the_speed_of_flight_shows_a_take_off(
+    monkeypatch: pytest.MonkeyPatch, share: float, missing: int, known: bool
+) -> None:
+    made = steady(14)
+    made["speed"][2 * RATE_HZ : 3 * RATE_HZ] = share * made["speed"][4 * RATE_HZ]
+    made["speed"][2 * RATE_HZ : 2 * RATE_HZ + missing] = np.nan
+    made["speed"][9 * RATE_HZ : 10 * RATE_HZ] = 0.0  # in flight: it shows nothing
     flown = rows(made)
-    flown.flying[: (FROM_TAKE_OFF_S + 1) * RATE_HZ] = False
+    flown.flying[: 4 * RATE_HZ] = False
     flown.flying[-RATE_HZ:] = False
     for block in (1, 5, 14):
         monitor = AxisMonitor(1)
         for begin in range(0, flown.seconds, block):
             list(monitor.feed(flown.cut(begin, min(begin + block, flown.seconds))))
-        assert (monitor.well == "normal") is known
+        assert monitor.well("roll") == "unchanged", "without a reference"
+        reference = SimpleNamespace(basis=SimpleNamespace(speed=float(flown.speed[4 * RATE_HZ])))
+        monkeypatch.setattr(monitor._gains["roll"], "reference", reference)
+        assert (monitor.well("roll") == "normal") is known
 
 
 def second(value: float | None, error: float = 0.1, **changes: Any) -> Second:

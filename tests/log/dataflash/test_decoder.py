@@ -165,6 +165,14 @@ def test_a_log_older_than_timeus_is_refused(tmp_path: Path) -> None:
     assert ".tlog" in refused.value.remedy
 
 
+def test_a_log_of_px4_from_before_ulog_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "old.px4log"
+    columns = [(2, "ATT", "fff", "Roll,Pitch,Yaw"), (129, "TIME", "Q", "StartTime")]
+    path.write_bytes(b"".join(definition(*one) for one in columns) + bytes(300))
+    with pytest.raises(UnreadableLogError, match="PX4 from before ULog"):
+        read_log(path)
+
+
 def test_a_log_without_definitions_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "headless.bin"
     path.write_bytes(b"".join(stream(1, 200)[10:]))
