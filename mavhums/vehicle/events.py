@@ -147,15 +147,17 @@ class VehicleEvents:
         holds = airborne & (state[:, 1] == ARDUPILOT) & np.isin(state[:, 3], _HOLDING_MODES)
         off = np.where(holds, off, np.nan)
         for row in zip(seconds.index.tolist(), altitude, altitude + below, off, strict=True):
-            if self._course and row[0] != self._course[-1][0] + 1:
+            known = bool(np.isfinite(row).all())
+            if not known or (self._course and row[0] != self._course[-1][0] + 1):
                 self._course.clear()
-            self._course.append(row)
+            if known:
+                self._course.append(row)
             if len(self._course) < _HELD_S + _SINKS_S:
                 continue
             _, height, demanded, turned = np.array(self._course).T
             held = height[:_HELD_S]
             sunk = float(held.min() - height[-1])
-            follows = np.isfinite(turned).all() and np.median(turned[_HELD_S:]) < _FOLLOWS_RAD
+            follows = np.median(turned[_HELD_S:]) < _FOLLOWS_RAD
             if follows and np.ptp(demanded) < _STAYS_M and np.ptp(held) < _HOLDS_M and sunk >= _SINKS_M:
                 if row[0] - self._sank_s > _HELD_S:
                     self.add("sinks", row[0], value=round(sunk, 1))
