@@ -396,7 +396,9 @@ def _no_reference(findings: AxisFindings) -> Iterator[Obstacle]:
         share = beside(100 * best.explained, 100 * needs.explained)
         what = f"its surfaces explain {share} % of how it moves in {axis}"
         if axis == STEERING:
-            what = f"its steering explains {share} % of how it turns"
+            # Whether the steering is dead or too little was driven, the log does not show.
+            what = f"the commands to its steering explain {share} % of how it turns"
+            remedy = f"check on the ground that the steering follows its commands, then {remedy}"
         if axis == "yaw":
             what = (
                 "rudder and aileron cannot be told apart: the rudder explains "

@@ -329,11 +329,17 @@ def test_seconds_that_make_no_reference() -> None:
     ground = findings("steering", needs=needs)
     assert undecided(ground, steers) == ("in no 45 s of two minutes of driving forward its steering moved")
     weak = replace(ground, best=reference(0.7, 0.1))
-    assert undecided(weak, steers) == "its steering explains 70 % of how it turns, 75 % are needed"
+    assert undecided(weak, steers) == (
+        "the commands to its steering explain 70 % of how it turns, 75 % are needed"
+    )
     for axis, remedy in (
         ("roll", "fly more turns and climbs in the first three minutes"),
         ("yaw", "pulse the rudder alone for a few seconds early in the flight"),
-        ("steering", "drive more turns in the first three minutes"),
+        (
+            "steering",
+            "check on the ground that the steering follows its commands, then drive more turns in the first "
+            "three minutes",
+        ),
     ):
         one, moved = findings(axis, best=reference(0.7, 0.1), needs=needs), replace(steers, moved=MOVED)
         found = why_undecided(one, steers if axis == "steering" else moved, flight(), {})
