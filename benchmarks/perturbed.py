@@ -6,7 +6,8 @@
 FOLDER holds flights and a ``labels.csv`` (``benchmarks/alfa.py``); those without a fault are used, and with
 ``--confounded`` those in which something other than a surface fails. ``--simulated`` adds flights in closed
 loop (``benchmarks/_closed_loop.py``). Each flight is changed in each way of ``mavhums_sim.perturb``, once a
-seed: the parameters come late, twice, half at first, or never; the beginning is cut off; bytes are damaged.
+seed: the parameters come late, twice, half at first, or never; the beginning is cut off, at 17 places or
+more; bytes are damaged.
 An alarm is a change of an axis to degraded or emergency, even if it is withdrawn later. The rate counts logs
 with an alarm per 100 h of forward flight, with its 95 % upper bound (Poisson). ``--keep FILE`` writes each
 result as it comes and takes from it what a former run has done.
@@ -32,6 +33,7 @@ from mavhums_sim.perturb import KINDS, perturb
 
 _SURE = 0.95
 _UNCHANGED = "unchanged"
+_BEGINNINGS = 17  # of a flight, at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,12 +90,16 @@ def _cases(arguments: argparse.Namespace) -> Iterator[list[Case]]:
     first, last = (int(number) for number in arguments.seeds.split("-"))
     kinds = [kind for kind in (_UNCHANGED, *KINDS) if re.search(arguments.kinds, kind)]
     for source in sources:
-        once = (_UNCHANGED, "parameters absent")
         yield [
-            Case(*source, kind, seed)
-            for kind in kinds
-            for seed in range(first, (first if kind in once else last) + 1)
+            Case(*source, kind, seed) for kind in kinds for seed in range(first, _last(kind, first, last) + 1)
         ]
+
+
+def _last(kind: str, first: int, last: int) -> int:
+    """Return the last seed of a kind: each place at which a log begins is another reference."""
+    if kind in (_UNCHANGED, "parameters absent"):
+        return first
+    return max(last, first + _BEGINNINGS - 1) if kind.startswith("beginning cut") else last
 
 
 def _judge_all(cases: list[Case]) -> list[dict[str, object]]:
