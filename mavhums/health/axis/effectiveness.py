@@ -178,11 +178,13 @@ class EffectivenessTracker:
         gain = float(cross.sum()) / total
         variance = float(((cross - gain * drive2) ** 2).sum()) / total
         least = self._standards.scatter * gain**2
-        error = float(np.sqrt(variance / total)) / abs(gain) if gain else np.inf
+        # The reference may lie in quiet air, and the rest of the flight in rough air.
+        seen, variance = variance, max(variance, least)
+        # A weak drive in quiet air shows how the autopilot answers gusts, not what a manoeuvre does.
+        error = float(np.sqrt((variance if self._form.feels_gusts else seen) / total)) / abs(gain or np.nan)
         power = float(drive2.mean())
         first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1
-        # The reference may lie in quiet air, and the rest of the flight in rough air.
-        variance, deviation = max(variance, least), float(np.sqrt(left))
+        deviation = float(np.sqrt(left))
         return Reference(
             basis, shape, gain, beta[1:], variance, error, explained, deviation, power, first, last
         )

@@ -100,9 +100,12 @@ def origins(faulty: Mapping[str, Sequence[Evidence]], mixed: Collection[str]) ->
     first = min(begun, key=lambda axis: begun[axis])
     # A deflected rudder rolls and pitches the aircraft before the side force is certain.
     skids = [item.start_s for item in faulty.get("yaw", ()) if item.kind == "hard_over"]
+    kinds = {axis: {item.kind for item in found} for axis, found in faulty.items()}
     if skids and min(skids) <= begun[first] + MASKED_S:
         first = "yaw"
-    kinds = {axis: {item.kind for item in found} for axis, found in faulty.items()}
+    # An onset is known to within a manoeuvre; the rudder's effect is measured beside that of the ailerons.
+    elif first == "yaw" and "roll" in begun and begun["roll"] <= begun["yaw"] + MASKED_S:
+        first = "roll" if kinds["roll"] - _ASTRAY else first
     end_s = max(item.end_s for item in faulty[first])
 
     def explains(axis: str) -> bool:
@@ -134,6 +137,7 @@ class _CoupledForm(Form):
     def __init__(self, form: Form, other: str) -> None:
         self._form, self._other = form, other
         self.axis, self.nuisances, self.derivative = form.axis, form.nuisances + 1, form.derivative
+        self.trimmed = form.trimmed
 
     def drive(self, demand: Array, relative: Array) -> Array:
         return self._form.drive(demand, relative)

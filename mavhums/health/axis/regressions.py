@@ -117,6 +117,10 @@ class Form:
     """Whether the response is the rate of change of ``answer``."""
     least_speed_share = LEAST_SPEED_SHARE
     """Share of the reference's speed below which it is not judged."""
+    trimmed = False
+    """Whether it is not judged as far above the reference's speed as below: v² no longer shows the trim."""
+    feels_gusts = False
+    """Whether gusts move the axis without moving a nuisance."""
 
     def drive(self, demand: Array, relative: Array) -> Array:
         """Return the moment of the lagged demand at a speed relative to the reference, (n,): v²·δ."""
@@ -249,6 +253,7 @@ class Chain:
             answer = (now[:, -1] - before[:, -1]) * RATE_HZ
             now = (now + before) / 2
         usable = judgeable(rows, self._basis, min(self._least_share, form.least_speed_share))
+        usable &= (not form.trimmed) | (relative * self._least_share <= 1.0)
         good = usable & np.isfinite(now[:, :-1]).all(axis=1) & np.isfinite(answer)
         return Columns(now[:, 0], now[:, 1:-1], answer, good)
 
@@ -258,6 +263,7 @@ class RollForm(Form):
 
     axis = "roll"
     nuisances = 2
+    feels_gusts = True
 
     def drive(self, demand: Array, relative: Array) -> Array:
         """Return v·δ."""
@@ -282,6 +288,7 @@ class SteeringForm(RollForm):
     axis = STEERING
     nuisances = 1
     least_speed_share = 0.0  # wheels steer at any speed
+    feels_gusts = False
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
         """Return v for the trim."""
@@ -302,6 +309,7 @@ class PitchForm(Form):
     axis = "pitch"
     nuisances = 3
     derivative = True
+    trimmed = True
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
         """Return v² for the trim, v·q for the damping, n for the stability."""

@@ -15,12 +15,12 @@ from mavhums.health.axis.thresholds import (
     FASTEST_ROLL_DEG_S,
     LEAST_ROWS_PER_S,
     NOSE_LOW_DEG,
+    NOSE_RISES_DEG_S,
     OFFSET_SPREAD_RAD,
     PITCH_DELAY_S,
     PITCH_RESPONSE_RAD_S,
     PITCH_TRACKING_FLOOR_RAD,
     RESIDUAL_REFERENCE_S,
-    RISING_S,
     ROLL_RESPONSE_RAD_S,
     ROLL_TRACKING_FLOOR_RAD,
     SHIFT_S,
@@ -34,6 +34,7 @@ from mavhums.vehicle.rows import Rows
 
 _FREE: Final = 1e9  # no prior
 _ROLLS_RAD_S: Final = float(np.radians(FASTEST_ROLL_DEG_S))
+_RISES_RAD_S: Final = float(np.radians(NOSE_RISES_DEG_S))
 _NOSE_LOW_RAD: Final = float(np.radians(NOSE_LOW_DEG))
 
 
@@ -244,9 +245,9 @@ class _OwnSpeed:
 class PitchTracking:
     """``θ − (demanded θ, 0.6 s later, through a second order of 4 rad/s)``, less its part in turns.
 
-    If the nose is below the demand and the aircraft is slow, it stalls or has lost its engine: this is
-    no evidence against the elevator. Nor is the dive that brings the speed back, as long as the nose rises
-    in it: the elevator answers at its stop.
+    A slow aircraft with its nose below the demand may have stalled, or lost its engine. When the speed is
+    back, a working elevator raises the nose at 5°/s or more. What lies between this recovery and the
+    demand is no evidence, what is below it counts.
     """
 
     kind: Literal["mean", "rms"] = "rms"
@@ -260,30 +261,29 @@ class PitchTracking:
     def _begin(self) -> None:
         self._demand = AttitudeResponse(PITCH_RESPONSE_RAD_S)
         self._late = Tail(1, round(PITCH_DELAY_S * RATE_HZ))
-        self._before, self._sank = Tail(1, round(RISING_S * RATE_HZ)), False
+        self._recovered = np.inf
 
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
         """Return the regressors 1 and sin² φ, the pitch residual, and the mask of flight rows with both."""
         if rows.fresh:
             self._begin()
         late = self._late.feed(self._demand.feed(rows.pitch_demand)[:, None])[: len(rows), 0]
-        answer = rows.pitch - late
-        own = self._own.feed(rows)
-        good = rows.flying & np.isfinite(rows.pitch_demand) & np.isfinite(answer) & ~self._sinking(rows, own)
+        recovery = np.minimum(self._recovery(rows, self._own.feed(rows)), late)
+        answer = rows.pitch - np.clip(rows.pitch, recovery, late)
+        good = rows.flying & np.isfinite(rows.pitch_demand) & np.isfinite(answer)
         turning = np.nan_to_num(np.sin(rows.roll)) ** 2
         return np.column_stack([np.ones(len(rows)), turning]), answer, good
 
-    def _sinking(self, rows: Rows, own: Array) -> Flags:
-        """Return where the nose is low because the aircraft stalls or has lost its engine, (n,)."""
+    def _recovery(self, rows: Rows, own: Array) -> Array:
+        """Return the pitch that a nose which was low in slow flight has since regained at least, (n,)."""
         low = rows.pitch < rows.pitch_demand - _NOSE_LOW_RAD
-        slow = low & (rows.speed < SLOW_FLIGHT_SHARE * own)
-        rising = rows.pitch > self._before.feed(rows.pitch[:, None])[: len(rows), 0]
-        at = np.arange(1, len(rows) + 1)
-        begun = np.maximum.accumulate(np.where(slow, at, 0 if self._sank else -1))
-        ended = np.maximum.accumulate(np.where(low & (slow | rising), -1, at))
-        sinking: Flags = begun > ended
-        self._sank = bool(sinking[-1])
-        return sinking
+        stalls = low & (rows.speed < SLOW_FLIGHT_SHARE * own)
+        at = np.arange(len(rows))
+        last = np.maximum.accumulate(np.where(stalls, at, -1))
+        begun = np.where(last < 0, self._recovered, rows.pitch[last])
+        recovery: Array = begun + _RISES_RAD_S * STEP_S * (at - last)
+        self._recovered = float(recovery[-1])
+        return recovery
 
 
 class SideForce:

@@ -107,7 +107,8 @@ class ResponseSums:
         form = FORMS[axis]
         delay_s, tau_s = RESPONSE_SHAPES[axis]
         # Relative to 1 m/s, whatever measured it: each part has its own speed, from one source.
-        self._chain = Chain(form, Basis(1.0, 0.0), Shape(round(delay_s * RATE_HZ), tau_s))
+        shape = Shape(round(delay_s * RATE_HZ), tau_s)
+        self._chain = Chain(form, Basis(1.0, 0.0), shape, least_share=0.0)
         self._filters = [HighPass(STANDARDS[axis].memory_s) for _ in range(form.nuisances + 2)]
         self._parts: dict[int, list[_Part]] = {}
         self._lengths: dict[int, int] = {}

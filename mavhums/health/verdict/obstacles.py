@@ -383,9 +383,11 @@ def _no_reference(findings: AxisFindings) -> Iterator[Obstacle]:
         yield Obstacle(reason, "drive turns in the first three minutes")
         return
     if best is None:
+        least = 100 * LEAST_SPEED_SHARE
+        speeds = f"{least:.0f} to {1e4 / least:.0f}" if axis == "pitch" else f"{least:.0f}"
         reason = (
             f"no {REFERENCE_S} s within two minutes were flown within {MOST_BANK_DEG}° of bank, "
-            f"{MOST_PITCH_DEG}° of pitch and {100 * LEAST_SPEED_SHARE:.0f} % of the usual speed, with the "
+            f"{MOST_PITCH_DEG}° of pitch and {speeds} % of the usual speed, with the "
             f"surfaces of {axis} in motion"
         )
         yield Obstacle(reason, "fly straight legs and gentle turns in the first three minutes")

@@ -246,3 +246,18 @@ def test_the_pieces_do_not_matter(cuts: list[int]) -> None:
     assert found == expected
     for axis in ("roll", "pitch", "yaw"):
         np.testing.assert_equal(asdict(pieces.findings(axis)), asdict(whole.findings(axis)))
+
+
+def test_a_weak_drive_in_quiet_air_makes_no_reference() -> None:
+    """A log begins in a calm straight leg, where the answer to gusts looks like twice the gain."""
+    flight, time_s = steady(240), np.arange(240 * 20) / 20
+    calm = time_s < 100
+    demand = excited(240) * np.where(calm, 0.05, 1.0)
+    noise = 0.002 * np.random.default_rng(2).normal(size=demand.size)
+    flight["outputs"][:, 0] = demand
+    flight["roll_rate"] = np.where(calm, 4.4, 2.2) * np.concatenate([np.zeros(4), demand[:-4]]) + noise
+    monitor = AxisMonitor(1)
+    assert {change.after for change in changes_of(monitor, rows(flight))} == {"unchanged"}
+    reference = monitor.findings("roll").reference
+    assert reference is not None
+    assert reference.gain == pytest.approx(2.2, rel=0.1)

@@ -141,7 +141,10 @@ def evidence(kind: str, start_s: float, end_s: float) -> Evidence:
         (("effectiveness", 10), ("effectiveness", 11), None, ("roll", "pitch"), {"pitch": "roll"}),
         (("effectiveness", 10), ("effectiveness", 11), None, ("pitch", "yaw"), {}),
         (("effectiveness", 10), None, ("effectiveness", 11), (), {"yaw": "roll"}),
-        (("effectiveness", 11), None, ("effectiveness", 10), (), {}),
+        # Onsets are known to within a manoeuvre, and the rudder is measured beside the ailerons.
+        (("effectiveness", 10 + MASKED_S), None, ("effectiveness", 10), (), {"yaw": "roll"}),
+        (("effectiveness", 11 + MASKED_S), None, ("effectiveness", 10), (), {}),
+        (("tracking", 11), None, ("effectiveness", 10), (), {"roll": "yaw"}),
         (None, ("effectiveness", 10), ("effectiveness", 11), (), {}),
         # A rudder that stands deflected is the origin up to so long after the others, no longer.
         (("hard_over", 10), None, ("hard_over", 10 + MASKED_S), (), {"roll": "yaw"}),

@@ -114,6 +114,15 @@ def delayed(values: Array, row_count: int) -> Array:
     return np.concatenate([np.full(row_count, np.nan), values[: len(values) - row_count]])
 
 
+@pytest.mark.parametrize(("axis", "bounded"), [("roll", False), ("pitch", True), ("yaw", False)])
+def test_pitch_is_not_judged_far_above_the_speed_of_the_reference(axis: str, bounded: bool) -> None:
+    made = random()
+    made["speed"] = np.where(np.arange(len(made["speed"])) < 200, 22.0, 27.0)
+    good = Chain(FORMS[axis], Basis(22.0, 0.0), Shape(0, 0.0)).feed(rows(made)).good
+    assert good[20:200].all()
+    assert good[220:].any() == (not bounded)
+
+
 @pytest.mark.parametrize("delay", [0, 3])
 @pytest.mark.parametrize(
     ("axis", "truth"),
@@ -127,6 +136,7 @@ def delayed(values: Array, row_count: int) -> Array:
 def test_the_columns_recover_the_coefficients_of_the_axis(axis: str, truth: list[float], delay: int) -> None:
     """Each axis as its equation says, without noise; pitching by the trapezoid rule."""
     made = random()
+    made["speed"] = np.minimum(made["speed"], 16.0 / LEAST_SPEED_SHARE)
     v, (a, e, r) = made["speed"] / 16.0, (delayed(one, delay) for one in made["outputs"].T)
     k, *rest = truth
     if axis == "roll":
