@@ -18,7 +18,7 @@ from mavhums.actuator.contradictions import (
 )
 from mavhums.actuator.profile import Airframe
 from mavhums.vehicle.parameters import Parameters, assigned_outputs
-from mavhums.vehicle.rotors import Rotors, rotors_of
+from mavhums.vehicle.rotors import TURNED, Rotors, rotors_of
 from mavhums.vehicle.surfaces import Surfaces, of_parameters
 
 _APPLIES_S: Final = 10
@@ -65,10 +65,12 @@ class VehicleSetup(NamedTuple):
 
 
 def setup_notices(setup: VehicleSetup, surfaces: Surfaces | None) -> Iterator[str]:
-    """Yield what contradicts the profile and stands in no actuator's verdict."""
+    """Yield what contradicts the profile, and what is not judged, where no verdict says so."""
     others = [one for one in setup.contradictions if one.key != "servo"]
     if others:
         yield f"{against_log(others)}; {remedy(others)}"
+    if setup.rotors == TURNED:
+        yield TURNED
     contradicted = surfaces.contradicted if surfaces else {}
     by_log = [axis for axis in contradicted if surfaces and axis in surfaces.by_log]
     if by_log:

@@ -366,7 +366,7 @@ def _wingless(own: Sequence[Verdict]) -> str | None:
         return None
     for verdict in own:
         silent = verdict.condition == "unmonitored" or verdict.remedy == PROPELLERS_ONLY
-        if verdict is not axes and (verdict.actuator != ALL or not silent):
+        if verdict is not axes and not silent:
             return None
     kind = (axes.reason or "").partition(":")[0]
     return f"{kind}: {NOT_JUDGED}"

@@ -60,7 +60,7 @@ _KINDS: Final = {
     43: "multirotor",
     47: "VTOL gyrodyne",
 }
-_MULTIROTORS: Final = frozenset({2, 13, 14, 29, 35, 43})
+_MULTIROTORS: Final = frozenset({2, 13, 14, 15, 29, 35, 43})
 _MULTIROTOR: Final = 43
 PERIPHERALS: Final = {
     5: "antenna tracker",

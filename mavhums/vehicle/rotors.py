@@ -57,6 +57,7 @@ _FRAMES: Final[Mapping[tuple[int, int], tuple[tuple[float, int], ...]]] = {
 }  # fmt: skip
 """Place, degrees clockwise from the nose, and direction of each motor, by FRAME_CLASS and FRAME_TYPE."""
 
+TURNED: Final = "its lift motors pull forward, too (tiltrotor, tailsitter), and are not judged"
 _PAIRED: Final = "motors in pairs, one above the other, so which of a pair failed is not certain: they"
 _UNJUDGED: Final = {
     4: f"an octa-quad has {_PAIRED}",
@@ -191,7 +192,7 @@ def _of_ardupilot(values: Mapping[str, float]) -> Rotors | str | None:
         needed = {"Q_TAILSIT_ENABLE": "Q_TILT_ENABLE" in values}
         needed |= {"Q_TILT_MASK": values.get("Q_TILT_ENABLE") != 0.0}
         if turns_its_motors(values):
-            return None
+            return TURNED
         if missing := [name for name, is_needed in needed.items() if is_needed and name not in values]:
             raise KeyError(*missing)
     # A quadplane's lift motors have a copter's parameters under other names.

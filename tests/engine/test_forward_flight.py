@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mavhums.health.verdict.obstacles import why_not_at_all
+from mavhums.show.digest import NOT_JUDGED, headline
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.vtol import lift_of, refined_identity, rotor_servos
@@ -165,6 +166,14 @@ def test_the_servos_of_a_helicopters_rotors_are_unmonitored() -> None:
     assert "helicopter: " in str(of(assessment, "axes").reason)
     servos = {v.actuator: v.condition for v in assessment.verdicts if v.subject == "actuator"}
     assert servos["swashplate 1 (servo 1)"] == servos["tail rotor (servo 4)"] == "unmonitored"
+    assert headline(assessment) == f"Helicopter: {NOT_JUDGED}"
+
+
+@pytest.mark.parametrize("parameters", [{"Q_TILT_MASK": 5.0}, {"Q_TAILSIT_ENABLE": 1.0}])
+def test_motors_that_pull_forward_too_are_said_to_be_not_judged(parameters: dict[str, float]) -> None:
+    assessment, _ = judged(Wired(seconds=20, parameters={"Q_ENABLE": 1.0, **parameters}).tlog())
+    assert assessment.log.notices[-1].startswith("its lift motors pull forward, too")
+    assert not [one for one in assessment.verdicts if one.subject == "motor"]
 
 
 def test_differential_spoilers_are_split_elevons() -> None:

@@ -67,7 +67,9 @@ def test_kinds_are_those_of_mavlink() -> None:
         frame = one.astype(np.int64)
         found.feed({"HEARTBEAT": Table("HEARTBEAT", frame, frame, one, one, one, one, row)})
         assert found.vehicles == (() if kind in PERIPHERALS else (1,))
-        assert found.of(1).multirotor == ("ROTOR" in name and "VTOL" not in name), name
+        assert found.of(1).multirotor == ("VTOL" not in name and ("ROTOR" in name or "TRICOPTER" in name)), (
+            name
+        )
 
 
 def test_autopilots_are_those_of_mavlink() -> None:
