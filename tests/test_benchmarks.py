@@ -79,7 +79,7 @@ RUNS: dict[str, list[Small]] = {
     "start": [Small(constants={"TIMES": 1}, slow=True)],
     "steering": [Small("--drives 1 --hours 0.1")],
     "tiers": [Small(constants={"RATES_HZ": (25.0,), "PAPER_FRICTION_NM": (0.225,)}, slow=True)],
-    "train": [Small("--quick --part fifty", slow=True)],
+    "train": [Small("--quick --part fifty --solver lbfgs --inputs 4", slow=True)],
     "trend": [Small("--quick", {"TAILS": {"normal": normal}}, slow=True)],
     "worn": [Small(constants={"CASES": (("none", 0.0),)})],
 }
