@@ -31,6 +31,7 @@ pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
 import rerun as rr
 
+from mavhums.results.events import FlightEvent
 from mavhums.show import Recorder, layout
 from mavhums.show._craft import words
 from mavhums.show._rows import open_stream
@@ -166,6 +167,16 @@ def test_flight_modes_have_a_lane_and_are_told(tmp_path: Path, new_assessment: A
     assert (time.tolist(), states) == ([0, 5, 9], [["MANUAL"], ["AUTO"], ["MANUAL"]])
     assert static(path, "/flight_mode/vehicle_1")["StateConfiguration:values"] == ["MANUAL", "AUTO"]
     assert rows(path, "/events", "TextLog:text")[1][1] == ["vehicle 1: flight mode AUTO"]
+
+
+def test_the_events_of_the_flight_are_recorded(tmp_path: Path, new_assessment: Assess) -> None:
+    happened = (
+        FlightEvent(kind="mode", vehicle=1, time_s=1.0, said="AUTO"),  # recorded as it comes
+        FlightEvent(kind="landing", vehicle=1, time_s=7.0),
+    )
+    assessment = new_assessment().model_copy(update={"events": happened})
+    time, texts = rows(write(tmp_path / "events.rrd", [], assessment), "/events", "TextLog:text")
+    assert (time.tolist(), texts) == ([7.0], [["vehicle 1: landing"]])
 
 
 @pytest.mark.parametrize("wanted", [True, False])
