@@ -65,7 +65,7 @@ RUNS: dict[str, list[Small]] = {
     ],
     "own_supply": [Small(constants={"_BASELINE": 1, "LOST_V": (0.0,)})],
     "page": [Small(constants={"DROPS": 1, "TWENTY": 1}, slow=True, needs=BROWSER)],
-    "perturbed": [Small("FLIGHTS --kinds cut --seeds 0-0 --jobs 1")],
+    "perturbed": [Small("FLIGHTS --kinds cut --seeds 0-0 --jobs 1", slow=True)],
     "promised": [Small("--draws 1")],
     "real_actuators": [
         Small("ACTUATORS --only sheet --reps 0 --kinds sensor --workers 1", slow=True, needs=ACTUATORS)
