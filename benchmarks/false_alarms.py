@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from functools import partial
+from unittest.mock import patch
 
 import numpy as np
 
@@ -27,8 +28,6 @@ RATES_HZ = (10.0, 20.0, 25.0, 50.0, 100.0)
 _AIRCRAFT = 4_000
 _FLIGHT_S = 600.0
 _STEP_S = 5e-4  # of the physics: nearly twice as fast as 0.1 ms, and the gear's wind-up still resolved
-
-mavhums_sim.flight.simulate = partial(simulate, step_s=_STEP_S)  # type: ignore[attr-defined]
 
 
 def task(number: int) -> Task:
@@ -61,18 +60,21 @@ def main() -> None:
     flights = max(round(args.hours * 3600 / _FLIGHT_S), 1)
     counts: Counter[tuple[str, str]] = Counter()
     tasks = [task(number) for number in range(args.first, args.first + flights)]
-    for done, (_, found) in enumerate(fly_all(tasks, told, args.workers), start=1):
-        for tier, kind, text in found:
-            counts[tier, kind] += 1
-            if kind == "alarm":
-                print(f"ALARM {text}", flush=True)
-        if done % 10 == 0 or done == flights:
-            hours = done * _FLIGHT_S / 3600
-            print(f"\n{hours:.1f} flight-hours, {hours * len(SURFACES):.1f} actuator-hours in each tier\n")
-            print("| tier | normal | undecided | alarms |\n|---|---|---|---|")
-            for tier in TIERS:
-                numbers = (str(counts[tier, kind]) for kind in ("normal", "undecided", "alarm"))
-                print(f"| {tier} | {' | '.join(numbers)} |", flush=True)
+    with patch.object(mavhums_sim.flight, "simulate", partial(simulate, step_s=_STEP_S)):  # workers are forks
+        for done, (_, found) in enumerate(fly_all(tasks, told, args.workers), start=1):
+            for tier, kind, text in found:
+                counts[tier, kind] += 1
+                if kind == "alarm":
+                    print(f"ALARM {text}", flush=True)
+            if done % 10 == 0 or done == flights:
+                hours = done * _FLIGHT_S / 3600
+                print(
+                    f"\n{hours:.1f} flight-hours, {hours * len(SURFACES):.1f} actuator-hours in each tier\n"
+                )
+                print("| tier | normal | undecided | alarms |\n|---|---|---|---|")
+                for tier in TIERS:
+                    numbers = (str(counts[tier, kind]) for kind in ("normal", "undecided", "alarm"))
+                    print(f"| {tier} | {' | '.join(numbers)} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -173,8 +173,9 @@ def main() -> None:
             agree.append(compare(f"fleet, {workers} workers", expected, found, begun))
         begun = time.perf_counter()
         arriving = random.Random(2).sample(logs, len(logs))
-        found = by_fleet(arriving, folder / "store-shuffled", flights, parts=5, workers=2)
-        agree.append(compare("fleet, shuffled, in five scans", expected, found, begun))
+        scans = min(5, flights)  # the first one must know the aircraft of a repair
+        found = by_fleet(arriving, folder / "store-shuffled", flights, parts=scans, workers=2)
+        agree.append(compare(f"fleet, shuffled, in {scans} scans", expected, found, begun))
         begun = time.perf_counter()
         with cluster(folder) as scheduler:
             found = by_fleet(logs, folder / "store-scheduler", flights, scheduler=scheduler)

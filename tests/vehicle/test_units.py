@@ -59,6 +59,8 @@ FACTS: tuple[tuple[str, dict[str, Any], str, Any], ...] = (
     ("ATTITUDE", {"time_boot_ms": 1500}, "uptime", 1_500_000),
     ("ATTITUDE_TARGET", COMMANDED, "demand", [0, np.pi / 3]),
     ("ATTITUDE_TARGET", COMMANDED | {"type_mask": 0b1000_0000}, "demand", [NAN, NAN]),
+    ("NAV_CONTROLLER_OUTPUT", {"alt_error": 2.5}, "altitude error", [2.5]),
+    ("TECS", {"h": 100.0, "hdem": 102.5}, "altitude error", [2.5]),
     ("NAV_CONTROLLER_OUTPUT", {"nav_roll": 90.0, "nav_pitch": -45.0}, "demand", [QUARTER, -QUARTER / 2]),
     ("VFR_HUD", {"airspeed": 17.0}, "airspeed", [17]),
     ("VFR_HUD", {"airspeed": 17.0}, "sensed airspeed", [17]),
