@@ -37,10 +37,10 @@ class Small(NamedTuple):
 
 
 RUNS: dict[str, list[Small]] = {
-    "alfa": [Small("FLIGHTS"), Small("FLIGHTS --radio 1", slow=True)],
+    "alfa": [Small("FLIGHTS", slow=True), Small("FLIGHTS --radio 1", slow=True)],
     "bridge": [Small()],
     "conditions": [Small(constants={"SEEDS": range(20, 22), "CLEAR": {"friction": 0.4}}, slow=True)],
-    "control": [Small("--healthy-hours 0.1 --share 0 --jobs 1")],
+    "control": [Small("--healthy-hours 0.1 --share 0 --jobs 1", slow=True)],
     "control_history": [Small("--aircraft 1 --flights 1 --tests 1 --jobs 1 --fault none", slow=True)],
     "damaged": [Small("--count 1", slow=True)],
     "decode": [
@@ -50,8 +50,8 @@ RUNS: dict[str, list[Small]] = {
     "false_alarms": [Small("--hours 0.01", {"_FLIGHT_S": 30.0})],
     "fleet": [Small("landings", {"LANDINGS": (10,)})],
     "fleet_equality": [Small("--flights 1", slow=True)],
-    "fleet_year": [Small("--aircraft 1 --days 7")],
-    "growth": [Small("--histories 1 --every 50")],
+    "fleet_year": [Small("--aircraft 1 --days 7", slow=True)],
+    "growth": [Small("--histories 1 --every 50", slow=True)],
     "health": [Small("friction --scale 0.001 --workers 1")],
     "holes": [Small("--every 100 LOG")],
     "house": [Small(slow=True)],
@@ -63,7 +63,7 @@ RUNS: dict[str, list[Small]] = {
     "own_history": [
         Small("--aircraft 1 --each 1 --healthy 1 --sheet 0 --identify 0 --only motor", slow=True)
     ],
-    "own_supply": [Small(constants={"_BASELINE": 1, "LOST_V": (0.0,)})],
+    "own_supply": [Small(constants={"_BASELINE": 1, "LOST_V": (0.0,)}, slow=True)],
     "page": [Small(constants={"DROPS": 1, "TWENTY": 1}, slow=True, needs=BROWSER)],
     "perturbed": [Small("FLIGHTS --kinds cut --seeds 0-0 --jobs 1", slow=True)],
     "promised": [Small("--draws 1")],
@@ -71,7 +71,7 @@ RUNS: dict[str, list[Small]] = {
         Small("ACTUATORS --only sheet --reps 0 --kinds sensor --workers 1", slow=True, needs=ACTUATORS)
     ],
     "record": [Small(constants={"CASES": {}})],
-    "resemblance": [Small("--flights 1")],
+    "resemblance": [Small("--flights 1", slow=True)],
     "response_history": [Small("FLIGHTS")],
     "severities": [Small("friction --seeds 1 --seconds 20 --workers 1", {"STEPS": 2})],
     "simulate": [Small("--quick", slow=True)],
@@ -81,7 +81,7 @@ RUNS: dict[str, list[Small]] = {
     "tiers": [Small(constants={"RATES_HZ": (25.0,), "PAPER_FRICTION_NM": (0.225,)}, slow=True)],
     "train": [Small("--quick --part fifty --solver lbfgs --inputs 4", slow=True)],
     "trend": [Small("--quick", {"TAILS": {"normal": normal}}, slow=True)],
-    "worn": [Small(constants={"CASES": (("none", 0.0),)})],
+    "worn": [Small(constants={"CASES": (("none", 0.0),)}, slow=True)],
 }
 
 
@@ -161,6 +161,7 @@ def parse(name: str, arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> N
         assert not arguments
 
 
+@pytest.mark.slow
 def test_each_command_of_the_documents_is_one_that_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     commands = [command for document in DOCUMENTS for command in shown(document)]
     assert len(commands) > 60
