@@ -80,3 +80,14 @@ def test_any_order_of_the_instances_gives_the_same_outputs(
                 assert mine == pytest.approx(np.tile(expected, (10, 1)), abs=0.1)
             empty = whole.component == order[drivers.index("none")]
             assert not set(found.component[empty & armed][1:].tolist()) & set(places)
+
+
+def test_outputs_of_a_damaged_definition_stay_as_they_are() -> None:
+    whole = outputs({0: "main", 1: "aux"})
+    numbers = np.zeros(len(whole), dtype=[("output", "<i4", (16,))])
+    numbers["output"] = whole["output"]
+    damaged = table("actuator_outputs", numbers, whole.frame, whole.component)
+    buses = PX4Buses()
+    buses.feed({"parameter": parameters(SURFACES)})
+    found = buses.feed({"actuator_outputs": damaged})["actuator_outputs"]
+    np.testing.assert_array_equal(found["output"], damaged["output"])

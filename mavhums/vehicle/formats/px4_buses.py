@@ -98,6 +98,8 @@ class PX4Buses:
         table = tables.get(_TOPIC)
         if table is None or not table.holds({"output": _OUTPUTS}) or not len(table):
             return dict(tables)
+        if table["output"].dtype.kind != "f":  # as a damaged definition says: it cannot hold what is unknown
+            return dict(tables)
         place, output = table.component.copy(), table["output"].astype(np.float64)
         for system in np.unique(table.system).tolist():
             self._place(table, system, place, output)
