@@ -10,7 +10,7 @@ from mavhums.core.models import Contract
 
 EventKind = Literal[
     "crash",
-    "sinks",
+    "altitude_loss",
     "failsafe",
     "reboot",
     "supply",
@@ -35,8 +35,8 @@ class FlightEvent(Contract):
     ``time_s`` counts from the first record of the log, ``subject`` is what it happened to, where that is not
     the vehicle: an actuator, an ESC. ``said`` is what the vehicle itself named: its mode, its text.
     ``value`` is the number that decided, in the unit that the kind has: of ``supply`` the voltage below
-    which it fell, of ``telemetry_ends`` the seconds for which it was missing in the air, of ``sinks`` the
-    metres that it sank below the altitude that its autopilot demanded.
+    which it fell, of ``telemetry_ends`` the seconds for which it was missing in the air, of
+    ``altitude_loss`` the metres that it sank below the altitude that its autopilot demanded.
     """
 
     kind: EventKind

@@ -10,16 +10,16 @@ from mavhums.results.events import IMPORTANCE, EventKind, FlightEvent
 from mavhums.show.words import capital, clock
 
 _WORDS: Final[Mapping[EventKind, str]] = {
-    "crash": 'crash: the vehicle says "{said}"',
-    "sinks": "it sinks {value:.0f} m below the altitude that it held and still demands: "
-    "it lacks thrust or control, as inferred",
-    "failsafe": 'failsafe: the vehicle says "{said}"',
-    "reboot": "its clock jumps in the air: it rebooted, or its time was set",
+    "crash": 'crash: the vehicle reports "{said}"',
+    "altitude_loss": "the aircraft sinks {value:.0f} m while the autopilot holds its altitude demand: "
+    "probably a loss of thrust or control",
+    "failsafe": 'failsafe: the vehicle reports "{said}"',
+    "reboot": "the autopilot's clock jumps in flight: a reboot, or its time was set",
     "supply": "the servo rail falls below {value:.1f} V",
-    "telemetry_ends": "the telemetry of {subject} ends {value:.0f} s before the flight does",
-    "contact": "it turns as no motor turns it and then comes down: it touched something, as inferred",
-    "begins_in_air": "the records begin in the air",
-    "ends_in_air": "the records end in the air",
+    "telemetry_ends": "telemetry of {subject} ends {value:.0f} s before the end of the flight",
+    "contact": "angular acceleration beyond what motors can produce, then a descent: probably a contact",
+    "begins_in_air": "the log begins in flight",
+    "ends_in_air": "the log ends in flight",
     "take_off": "take-off",
     "landing": "landing",
     "armed": "armed",

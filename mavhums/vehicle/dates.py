@@ -64,7 +64,7 @@ def date_of_file(path: str, duration_s: float) -> tuple[datetime, str] | None:
     >>> began.isoformat(), said.partition(":")[0]
     ('2022-05-24T15:52:12+00:00', 'dated by the name of its file')
     """
-    said = "dated by the {} of its file: nothing in the log gives a date"
+    said = "dated by the {} of its file: the log has no date"
     if match := _NAMED.search(Path(path).name):
         try:
             return datetime(*map(int, match.groups()), tzinfo=UTC), said.format("name")  # type: ignore[misc,arg-type]
@@ -76,6 +76,4 @@ def date_of_file(path: str, duration_s: float) -> tuple[datetime, str] | None:
         return None
     if not is_date((ended_s - duration_s) * 1e6):
         return None
-    return datetime.fromtimestamp(
-        ended_s - duration_s, UTC
-    ), f"{said.format('time')}; a copy may have another"
+    return datetime.fromtimestamp(ended_s - duration_s, UTC), f"{said.format('time')}; copying may change it"

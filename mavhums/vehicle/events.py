@@ -72,19 +72,11 @@ class VehicleEvents:
         self._sank_s = -np.inf
         self.left_out = 0
 
-    def add(
-        self,
-        kind: EventKind,
-        time_s: float,
-        *,
-        subject: str | None = None,
-        said: str | None = None,
-        value: float | None = None,
-    ) -> None:
-        """Add an event."""
+    def add(self, kind: EventKind, time_s: float, **about: str | float) -> None:
+        """Add an event; ``about`` are further fields of :class:`mavhums.results.events.FlightEvent`."""
         kept = self._kept.setdefault(kind, [])
         if len(kept) < _MOST:
-            kept.append(self._event(kind, time_s, subject=subject, said=said, value=value))
+            kept.append(self._event(kind, time_s, **about))
         else:
             self.left_out += 1
 
@@ -160,7 +152,7 @@ class VehicleEvents:
             follows = np.median(turned[_HELD_S:]) < _FOLLOWS_RAD
             if follows and np.ptp(demanded) < _STAYS_M and np.ptp(held) < _HOLDS_M and sunk >= _SINKS_M:
                 if row[0] - self._sank_s > _HELD_S:
-                    self.add("sinks", row[0], value=round(sunk, 1))
+                    self.add("altitude_loss", row[0], value=round(sunk, 1))
                 self._sank_s = row[0]
 
     def finish(self) -> None:
@@ -191,18 +183,9 @@ class VehicleEvents:
                 )
         return found
 
-    def _event(
-        self,
-        kind: EventKind,
-        time_s: float,
-        *,
-        subject: str | None = None,
-        said: str | None = None,
-        value: float | None = None,
-    ) -> FlightEvent:
-        return FlightEvent(
-            kind=kind, vehicle=self._vehicle, time_s=round(time_s, 2), subject=subject, said=said, value=value
-        )
+    def _event(self, kind: EventKind, time_s: float, **about: str | float) -> FlightEvent:
+        fields = {"kind": kind, "vehicle": self._vehicle, "time_s": round(time_s, 2), **about}
+        return FlightEvent.model_validate(fields)
 
     def _flights(self, found: Sequence[FlightEvent]) -> Iterator[tuple[float, float]]:
         """Yield when it took off and landed; of a flight that has not ended the latest second."""
@@ -219,7 +202,7 @@ class VehicleEvents:
             return self._kind not in _NEVER_AIRBORNE
         if event.kind == "reboot":
             return any(begin < event.time_s < end for begin, end in flights)
-        if event.kind == "sinks":
+        if event.kind == "altitude_loss":
             return not rotors and any(begin <= event.time_s < end for begin, end in flights)
         if event.kind == "contact":
             left_s = [end - event.time_s for begin, end in flights if begin < event.time_s <= end]

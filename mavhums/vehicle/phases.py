@@ -19,7 +19,7 @@ from mavhums.vehicle.facts import IN_AIR, ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.signals import DERIVED
 
-TAKE_OFF, LANDING, CONTACT, HELD = "take-off", "landing", "contact", "held"
+TAKE_OFF, LANDING, CONTACT = "take-off", "landing", "contact"
 
 # Log odds that a second adds. Signals repeat themselves, so none is worth as much as its noise alone gives.
 _DISARMED: Final = -8.0  # motors that are off carry nothing
@@ -65,7 +65,7 @@ motor that fails turns it, and one that weakens is answered sooner."""
 
 
 class PhaseEvent(NamedTuple):
-    """A take-off, a landing, a knock by a contact, or where one holds it: its kind and its flight time, s.
+    """A take-off, a landing, or a knock by a contact: its kind and its flight time, s.
 
     ``certain`` is whether the flight that a landing ends left no doubt: a drifting altitude looks like one.
     """
@@ -208,7 +208,7 @@ class Phases:
         return turned
 
     def _contacts(self, seconds: Seconds) -> tuple[Flags, Flags, list[PhaseEvent]]:
-        """Return where something knocks the vehicle or holds it, and the contacts that begin."""
+        """Return where something knocks the vehicle or holds it, and the knocks that begin."""
         start = int(seconds.index[0])
         if start != self._next:
             self._rates, self._pressed = np.full((1, 3), np.nan), 0
@@ -232,11 +232,9 @@ class Phases:
         run = np.where(last_free < 0, self._pressed + rows + 1, rows - last_free)
         self._pressed = int(run[-1])
         knocked, self._knocked_ago, first = _lasting(knocks, self._knocked_ago)
-        held, self._held_ago, second = _lasting(run >= _PRESSED_S * RATE_HZ, self._held_ago)
-        began = np.flatnonzero(first | second)
-        kinds = np.where(first, CONTACT, HELD)[began].tolist()
-        times = (start + began / RATE_HZ).tolist()
-        return knocked, held, [*map(PhaseEvent, kinds, times)]
+        held, self._held_ago, _ = _lasting(run >= _PRESSED_S * RATE_HZ, self._held_ago)
+        times = (start + np.flatnonzero(first) / RATE_HZ).tolist()
+        return knocked, held, [PhaseEvent(CONTACT, time_s) for time_s in times]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -57,7 +57,7 @@ _FRAMES: Final[Mapping[tuple[int, int], tuple[tuple[float, int], ...]]] = {
 }  # fmt: skip
 """Place, degrees clockwise from the nose, and direction of each motor, by FRAME_CLASS and FRAME_TYPE."""
 
-TURNED: Final = "its lift motors pull forward, too (tiltrotor, tailsitter), and are not judged"
+TURNED: Final = "lift motors that also drive forward flight (tiltrotor, tailsitter) are not judged"
 _PAIRED: Final = "motors in pairs, one above the other, so which of a pair failed is not certain: they"
 _UNJUDGED: Final = {
     4: f"an octa-quad has {_PAIRED}",

@@ -85,7 +85,7 @@ def test_a_multirotor_is_told_that_it_has_no_surfaces(run: Run, tmp_path: Path) 
     assert not vehicle["judged"]
     # Its motors are what it is judged by, and this log has no parameters.
     assert (verdict["subject"], verdict["condition"]) == ("motor", "undecided")
-    assert "which motor sits where" in verdict["reason"]
+    assert "where each motor is" in verdict["reason"]
 
 
 def test_a_fresh_draft_says_what_it_lacks(run: Run, tmp_path: Path) -> None:

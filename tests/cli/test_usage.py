@@ -77,7 +77,7 @@ def test_inspect_says_what_a_copters_log_lacks(run: Run, tmp_path: Path) -> None
     path = tmp_path / "other.tlog"
     path.write_bytes(flown(20, kind=2))
     text = " ".join(run("inspect", path).out.split())
-    assert "motors: cannot be judged: nothing in the log tells which motor sits where" in text
+    assert "motors: cannot be judged: the log does not show where each motor is" in text
     assert "remedy: record the parameters" in text
 
 

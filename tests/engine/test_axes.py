@@ -135,7 +135,7 @@ def test_outputs_that_nothing_names_are_inferred_from_the_flight() -> None:
 @pytest.mark.parametrize(
     ("options", "why"),
     [
-        ({"kind": 2}, "which motor sits where"),
+        ({"kind": 2}, "where each motor is"),
         ({"kind": 10}, "a ground rover"),
         ({"kind": 12}, "a submarine"),
         ({"kind": 20}, "never flew forward"),

@@ -172,7 +172,7 @@ def test_the_servos_of_a_helicopters_rotors_are_unmonitored() -> None:
 @pytest.mark.parametrize("parameters", [{"Q_TILT_MASK": 5.0}, {"Q_TAILSIT_ENABLE": 1.0}])
 def test_motors_that_pull_forward_too_are_said_to_be_not_judged(parameters: dict[str, float]) -> None:
     assessment, _ = judged(Wired(seconds=20, parameters={"Q_ENABLE": 1.0, **parameters}).tlog())
-    assert assessment.log.notices[-1].startswith("its lift motors pull forward, too")
+    assert assessment.log.notices[-1].startswith("lift motors that also drive forward flight")
     assert not [one for one in assessment.verdicts if one.subject == "motor"]
 
 

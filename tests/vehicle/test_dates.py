@@ -93,5 +93,5 @@ def test_a_log_without_a_date_is_compared_by_that_of_its_file(
     summary = compared(flight, {}).log
     ended = datetime.fromtimestamp(1_700_000_000 - summary.duration_s, UTC).isoformat()
     assert summary.start_utc == (began or ended)
-    assert summary.notices[-1].startswith(f"dated by the {source} of its file: nothing in the log")
+    assert summary.notices[-1].startswith(f"dated by the {source} of its file: the log has no date")
     assert summary.flight[0].start_utc is None  # other logs of the flight are found by clocks alone

@@ -111,8 +111,8 @@ def test_a_wing_that_sinks_below_its_demand(
     events = VehicleEvents(1)
     for second in range(60):
         events.feed(of_seconds.part(second, second + 1), np.full(RATE_HZ, NAN))
-    assert [e.time_s for e in events.events(rotors=False) if e.kind == "sinks"] == found
-    assert [e.kind for e in events.events(rotors=True) if e.kind == "sinks"] == []
+    assert [e.time_s for e in events.events(rotors=False) if e.kind == "altitude_loss"] == found
+    assert [e.kind for e in events.events(rotors=True) if e.kind == "altitude_loss"] == []
 
 
 def test_a_crash_is_what_the_vehicle_says() -> None:
@@ -161,13 +161,13 @@ def test_every_place_shows_the_events() -> None:
     assessment = analyse(CARRIED / "healthy.tlog")
     lines = event_lines(assessment)
     assert lines[2:4] == ["12.0s: take-off", "25.3s: flight mode LOITER"]
-    assert foremost(assessment) == ["2m30s: the records end in the air"]
+    assert foremost(assessment) == ["2m30s: the log ends in flight"]
     more = (FlightEvent(kind="failsafe", vehicle=1, time_s=float(k), said="{x} <b>") for k in range(3))
     assessment = assessment.model_copy(update={"events": (*assessment.events, *more)})
-    assert foremost(assessment)[0] == '0.0s: failsafe: the vehicle says "{x} <b>" (and 2 more such events)'
+    assert foremost(assessment)[0] == '0.0s: failsafe: the vehicle reports "{x} <b>" (and 2 more such events)'
     console = Console(width=100, record=True)
     render(assessment, console)
-    assert "records end in the air" in console.export_text()
+    assert "log ends in flight" in console.export_text()
     assert "take-off" in markdown(assessment)
     assert "take-off" in page(assessment, EvidenceCollector())
     assert "&lt;b&gt;" in page(assessment, EvidenceCollector())

@@ -132,9 +132,9 @@ NEEDED_FLIGHTS: Final = 3
 """The scatter between flights is known from others, so the mean is all that the own ones must give."""
 TRIM_BLOCK_S: Final = 10
 LEAST_TRIM_BLOCKS: Final = 3
+"""Blocks as long as gusts last, whose mean is the trim; fewer show no scatter. By hand."""
 REFUTING_BLOCKS: Final = 2
 """Such blocks that show less than half of a loss, one after the other, from which it is withdrawn."""
-"""Blocks as long as gusts last, whose mean is the trim; fewer show no scatter. By hand."""
 TRIM_SCATTER_PER_MOTOR: Final = 0.011
 """Scatter of a motor's trim between flights, by the number of motors: that of the efforts, along the columns
 of quads, hexas and octas."""

@@ -131,7 +131,7 @@ def _compare(
         alone = wear(own, None)
         if alone is None:
             return _still(equation, flights)
-        why = f"it was {outside[-1].beyond(own)} than those of the baseline before" if outside else ""
+        why = f"it was {outside[-1].beyond(own)} than the flights of the first baseline" if outside else ""
         return Comparison("learning", _interval(alone), min(flights + 1, needed), needed, why=why)
     own_wear = wear(own, healthy.nuisances)
     if own_wear is None:

@@ -40,7 +40,7 @@ from mavhums.vehicle.grid import Received
 from mavhums.vehicle.rotors import Rotors
 
 _PARAMETERS: Final = (
-    "nothing in the log tells which motor sits where",
+    "the log does not show where each motor is",
     "record the parameters, too (refresh the ground station's list, or use the on-board log)",
 )
 _NEEDED: Final = {

@@ -293,7 +293,7 @@ def test_without_parameters_it_says_so(tmp_path: Path) -> None:
     source.close()
     [verdict] = motors(tmp_path / "bare.tlog")
     assert (verdict.actuator, verdict.condition) == ("motors", "undecided")
-    assert "which motor sits where" in (verdict.reason or "")
+    assert "where each motor is" in (verdict.reason or "")
 
 
 Told = tuple[float, float, str, str]

@@ -60,7 +60,7 @@ def test_flights_beyond_the_activity_of_the_others_make_a_baseline_of_their_own(
     for times, word in ((5.0, "rougher"), (0.2, "calmer")):
         first = compare(BY_ACTIVITY, at(40, times), past)
         assert (first.condition, first.flights) == ("learning", 1)
-        assert first.why == f"it was {word} than those of the baseline before"
+        assert first.why == f"it was {word} than the flights of the first baseline"
         others = [at(50 + k, times) for k in range(12)]
         both = [*past, *(PastRecord((record,), "2026-04-01", True) for record in others)]
         assert compare(BY_ACTIVITY, at(41, times), both).condition == "unchanged"

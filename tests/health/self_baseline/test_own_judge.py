@@ -127,7 +127,7 @@ def test_the_temperature_of_the_log_explains_what_it_can() -> None:
     assert compare(EQUATION, cold, warm).condition == "unchanged"
     found = compare(EQUATION, at(91, -5.0), warm)
     assert (found.condition, found.flights) == ("learning", 1)
-    assert found.why == "it was colder than those of the baseline before"
+    assert found.why == "it was colder than the flights of the first baseline"
     known = compare(EQUATION, cold, warm).least_rise
     blind = compare(EQUATION, cold, [p._replace(records=(_untold(p.records[0]),)) for p in warm]).least_rise
     assert known is not None

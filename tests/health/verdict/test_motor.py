@@ -67,7 +67,7 @@ def test_why_no_motor_is_judged(changes: dict[str, Any], lacks: str, reason: str
 
 @pytest.mark.parametrize(
     ("rotors", "reason"),
-    [(None, "nothing in the log tells which motor sits where"), ("a tricopter", "a tricopter")],
+    [(None, "the log does not show where each motor is"), ("a tricopter", "a tricopter")],
 )
 def test_motors_that_are_not_known(rotors: str | None, reason: str) -> None:
     [found] = verdicts(None, rotors)
