@@ -39,6 +39,8 @@ from mavhums.show.words import clock, name
 
 _LEVELS: Final[dict[str, str]] = {"degraded": "WARN", "emergency": "ERROR"}
 _TEXTS_PER_CHUNK: Final = 4096
+_LOGGED: Final = frozenset({"mode", "crash", "failsafe", "supply", "reboot"})
+"""Kinds of events that come as modes, texts or notices, too, and are logged as these."""
 
 
 class Scene:
@@ -121,7 +123,7 @@ class Scene:
         for vehicle in self._vehicles.values():
             vehicle.finish()
         for happened in assessment.events:
-            if happened.kind != "mode":  # logged as it came
+            if happened.kind not in _LOGGED:
                 text = f"vehicle {happened.vehicle}: {event_words(happened)}"
                 self._log_text(happened.time_s, "INFO", text)
         self._flush_texts()

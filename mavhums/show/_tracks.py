@@ -213,9 +213,10 @@ class Track:
         self.worst = max(self.worst, event.after, key=SEVERITY.__getitem__)
 
     def conclude(self, verdict: Verdict) -> None:
-        """Show over the whole flight what only its comparison with earlier flights shows."""
+        """Show over the whole flight what only its end, or a comparison with earlier flights, shows."""
         condition = verdict.condition
-        if condition == "unmonitored":
+        # Whether motors are sound is decided over the flight: no change of condition says so.
+        if condition == "unmonitored" or (verdict.subject == "motor" and self.worst == "undecided"):
             self.condition = self.worst = condition
             self._states.clear()
             self._state_s = None

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from mavhums.core.conditions import Condition
 from mavhums.engine.events import ConditionChanged
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import OutputUsage, VehicleUsage
@@ -95,3 +96,18 @@ def test_the_recording_draws_the_motors_in_their_colours(assessment: Assessment,
     assert sorted(coloured) == sorted(PLACES)
     assert not any(map(any, coloured.values())), "a static colour would hide those of the conditions"
     assert sum(map(len, coloured.values())) > len(PLACES), "the lost motor's changes"
+
+
+@pytest.mark.parametrize("condition", ["normal", "undecided"])
+def test_a_motor_that_never_changes_has_the_condition_of_its_verdict(
+    condition: Condition, assessment: Assessment, new_assessment: Callable[..., Assessment], tmp_path: Path
+) -> None:
+    from mavhums.show.recording import Recorder
+    from tests.show.test_recording import rows
+
+    pytest.importorskip("rerun.chunk")
+    [lost] = assessment.verdicts
+    verdict = lost.model_copy(update={"condition": condition, "worst": condition, "effectiveness": None})
+    with Recorder(tmp_path / "c.rrd", recording_id="c") as recorder:
+        recorder.close(new_assessment(verdict))
+    assert rows(tmp_path / "c.rrd", "/vehicle_1/motor_3", "StateChange:state")[1] == [[condition]]

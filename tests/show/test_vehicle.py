@@ -172,6 +172,7 @@ def test_flight_modes_have_a_lane_and_are_told(tmp_path: Path, new_assessment: A
 def test_the_events_of_the_flight_are_recorded(tmp_path: Path, new_assessment: Assess) -> None:
     happened = (
         FlightEvent(kind="mode", vehicle=1, time_s=1.0, said="AUTO"),  # recorded as it comes
+        FlightEvent(kind="crash", vehicle=1, time_s=7.0, said="Crash: Disarming"),  # as its text
         FlightEvent(kind="landing", vehicle=1, time_s=7.0),
     )
     assessment = new_assessment().model_copy(update={"events": happened})
