@@ -1,6 +1,5 @@
 import hashlib
 import json
-import stat
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
@@ -106,11 +105,6 @@ def test_a_save_that_fails_leaves_the_old_file_and_nothing_else(
         save_model(path, replace(network, b2=np.zeros(2)), card)
     assert path.read_bytes() == before
     assert list(path.parent.iterdir()) == [path]
-
-
-def test_others_may_read_a_saved_model(path: Path) -> None:
-    path.with_name("plain").touch()
-    assert stat.S_IMODE(path.stat().st_mode) == stat.S_IMODE(path.with_name("plain").stat().st_mode)
 
 
 def test_a_folder_that_does_not_exist_is_named(tmp_path: Path, network: Network, card: Card) -> None:
