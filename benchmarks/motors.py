@@ -22,6 +22,7 @@ from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.vehicle.facts import OUTPUTS, Signal
 from mavhums.vehicle.grid import Grid
 from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.phases import Phases
 from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums_sim.multirotor.craft import FRAMES, Event, draw_craft, draw_plan
 from mavhums_sim.multirotor.flight import Flown, fly
@@ -97,7 +98,7 @@ def case(task: tuple[int, str, float, float, str]) -> Case:
     grid, monitor = Grid(0), MotorMonitor(1, rotors(frame))
     settled = grid.feed([*signals(flown, rates, seed)], final=True)
     first = None
-    for change in monitor.feed(settled) if settled else ():
+    for change in monitor.feed(settled, Phases().feed(settled, monitor.rotors)) if settled else ():
         first = first or change
     found = monitor.findings()
     said = found.loss

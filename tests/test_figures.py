@@ -259,7 +259,8 @@ MOTORS = {
 def test_of_motors(name: str) -> None:
     frame, loss, hz = MOTORS[name]
     monitor = MotorMonitor(1, test_monitor.rotors(frame))
-    events = list(monitor.feed(test_monitor.settled(test_monitor.fly_with(loss, frame, 6), hz, 6)))
+    flight = test_monitor.settled(test_monitor.fly_with(loss, frame, 6), hz, 6)
+    events = test_monitor.judged(monitor, flight)
     found, state = monitor.findings(), monitor._state
     parts = ("loss", "several", "flown_s", "judged_s", "tipped", "bound", "trims")
     shown = {part: dumped(getattr(found, part)) for part in parts}

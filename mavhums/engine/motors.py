@@ -7,19 +7,16 @@ from datetime import datetime
 from math import inf
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
-from mavhums.core.arrays import Array
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.verdict.axis import unjudged_axes
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, Obstacle
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle.flight import Flight
-from mavhums.vehicle.grid import RATE_HZ, Received, Seconds
+from mavhums.vehicle.grid import Received, Seconds
 from mavhums.vehicle.identity import Identity
-from mavhums.vehicle.rotors import Rotors, mean_thrust
-from mavhums.vehicle.signals import all_outputs
+from mavhums.vehicle.phases import PhaseRows, Phases
+from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.surfaces import STEERING
 
 if TYPE_CHECKING:
@@ -61,26 +58,19 @@ class VehicleMotors:
         # A motor that loses its output in flight, as an override has it, is still the aircraft's.
         return self._monitor.rotors if self._monitor else self.by_parameters
 
-    def thrust(self, seconds: Seconds) -> Array:
-        """Return the thrust asked of the motors, a share of all they have, (rows,); NaN where unknown."""
-        rotors = self.rotors
-        if not isinstance(rotors, Rotors):
-            return np.full(len(seconds.index) * RATE_HZ, np.nan)
-        flat = {name: values.reshape(-1, values.shape[-1]) for name, values in seconds.signals.items()}
-        return mean_thrust(rotors.thrusts(all_outputs(flat), flat["mixer"]), flat["mixer"])
-
-    def feed(self, seconds: Seconds) -> Iterator[ConditionChanged]:
-        """Take settled seconds; yield the changes of condition."""
+    def feed(self, seconds: Seconds, phases: PhaseRows) -> Iterator[ConditionChanged]:
+        """Take settled seconds and the phases in them; yield the changes of condition."""
         rotors = self.by_parameters
         if isinstance(rotors, Rotors) and (self._monitor is None or rotors != self._monitor.rotors):
             from mavhums.health.motor.monitor import MotorMonitor  # most vehicles have wings
 
             self._monitor = MotorMonitor(self._vehicle, rotors, self.speeds)
+            again = Phases()  # with the thrust, which was not known
             for earlier in self._early:
-                yield from self._monitor.feed(earlier)
+                yield from self._monitor.feed(earlier, again.feed(earlier, rotors))
             self._early.clear()
         if self._monitor is not None:
-            yield from self._monitor.feed(seconds)
+            yield from self._monitor.feed(seconds, phases)
             return
         if self._began_s is None:
             self._began_s = int(seconds.index[0])

@@ -112,8 +112,8 @@ class VehicleAxes:
             yield from self._apply(self.setups.at(first))
             yield from self._look(first)
             now, seconds = self._next(seconds)
-            self._events.feed(now, self.motors.thrust(now))
-            yield from self.motors.feed(now)
+            phases = self._events.feed(now, self.motors.rotors)
+            yield from self.motors.feed(now, phases)
             yield from self._follow(now)
         if final:
             yield from self._apply(self.setups.last)
@@ -166,10 +166,11 @@ class VehicleAxes:
         return surfaces if found is None or found == surfaces else found
 
     def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
-        """Return the seconds until the surfaces may change, and the rest."""
+        """Return the seconds that follow each other until the surfaces may change, and the rest."""
         first = int(seconds.index[0])
         due = self.setups.next_s(first)
-        ends = [] if due is None else [due]
+        gap = np.flatnonzero(np.diff(seconds.index) > 1)[:1]
+        ends = [*(seconds.index[gap] + 1).tolist(), *([] if due is None else [due])]
         if self._eager() or self._doubtful():
             ends.append(first + 1)
         elif self.surfaces is None or self.surfaces.origin == "inferred" or self._receives:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence, Set
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -19,7 +18,8 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.results.events import EventKind, FlightEvent
 from mavhums.vehicle.facts import ARDUPILOT, ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
-from mavhums.vehicle.phases import CONTACT, LANDING, TAKE_OFF, Phases
+from mavhums.vehicle.phases import CONTACT, LANDING, TAKE_OFF, PhaseRows, Phases
+from mavhums.vehicle.rotors import Rotors
 
 _MOST: Final = 100  # of a kind and vehicle: what comes later is counted, as memory is bounded
 _SUBJECTS: Final = 64  # whose telemetry is followed
@@ -93,19 +93,14 @@ class VehicleEvents:
             first, last, count = self._sources.get(subject, (float(time_s[0]), -np.inf, 0))
             self._sources[subject] = first, max(last, float(time_s.max())), count + time_s.size
 
-    def feed(self, seconds: Seconds, thrust: Array) -> None:
-        """Take settled seconds.
+    def feed(self, seconds: Seconds, rotors: Rotors | str | None = None) -> PhaseRows:
+        """Take settled seconds that follow each other; return the phases of the flight in them.
 
         Parameters
         ----------
-        thrust
-            Thrust asked of a multirotor's motors, a share of all they have, shape (rows,); NaN where unknown.
+        rotors
+            The motors of a multirotor; anything else where they are not known.
         """
-        breaks = np.flatnonzero(np.diff(seconds.index) != 1) + 1
-        for a, b in pairwise([0, *breaks.tolist(), len(seconds.index)]):
-            self._run(seconds.part(a, b), thrust[a * RATE_HZ : b * RATE_HZ])
-
-    def _run(self, seconds: Seconds, thrust: Array) -> None:
         first = int(seconds.index[0])
         self._first_s = first if self._first_s is None else self._first_s
         self._last_s = float(seconds.index[-1] + 1)
@@ -118,7 +113,7 @@ class VehicleEvents:
             self.add("armed" if armed[change + 1] else "disarmed", first + known[change] / RATE_HZ)
         self._armed = float(armed[-1])
         self._on_ground |= bool(_stands(seconds)[: int(_AT_ONCE_S)].any()) and first == self._first_s
-        phases = self._phases.feed(seconds, thrust)
+        phases = self._phases.feed(seconds, rotors)
         self._look_for_sinking(seconds, phases.airborne[::RATE_HZ])
         for event in phases.events:
             if event.kind == TAKE_OFF:
@@ -129,6 +124,7 @@ class VehicleEvents:
             elif event.kind == LANDING and event.certain:
                 self.add(*self._begun)
                 self.add("landing", event.time_s)
+        return phases
 
     def _look_for_sinking(self, seconds: Seconds, airborne: Flags) -> None:
         """Look for a second up to which it sinks although its autopilot demands no less altitude."""

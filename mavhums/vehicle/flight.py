@@ -165,8 +165,7 @@ class Flight:
             yield self._rows(first, fresh, seconds.part(a, b))
 
     def _rows(self, first: int, fresh: bool, seconds: Seconds) -> Rows:
-        signals = seconds.signals
-        flat = {name: values.reshape(-1, values.shape[-1]) for name, values in signals.items()}
+        signals, flat = seconds.signals, seconds.rows
         self.heard |= {name for name in flat.keys() - self.heard if np.isfinite(flat[name]).any()}
         # A vehicle whose surfaces are all on the second message has outputs as well.
         if self.heard & {"outputs_2", "outputs_3"}:

@@ -182,6 +182,11 @@ class Seconds:
     signals: Mapping[str, Array]
     ranks: Mapping[str, Integers] = field(default_factory=dict)
 
+    @property
+    def rows(self) -> dict[str, Array]:
+        """The signals row by row, shape (k * RATE_HZ, columns)."""
+        return {name: values.reshape(-1, values.shape[-1]) for name, values in self.signals.items()}
+
     def part(self, a: int, b: int) -> Seconds:
         """Return the seconds from place ``a`` to before place ``b``."""
         signals = {name: values[a:b] for name, values in self.signals.items()}

@@ -17,7 +17,8 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.vehicle.facts import IN_AIR, ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
-from mavhums.vehicle.signals import DERIVED
+from mavhums.vehicle.rotors import Rotors, mean_thrust
+from mavhums.vehicle.signals import DERIVED, all_outputs
 
 TAKE_OFF, LANDING, CONTACT = "take-off", "landing", "contact"
 
@@ -91,6 +92,8 @@ class PhaseRows:
         Where it turns as no motor turns it, or did so up to 3 s before.
     held
         Where an obstacle holds it, or did so up to 3 s before.
+    thrusts
+        Thrust asked of each motor, a share of its full thrust, shape (n, motors); no motors if unknown.
     events
         What begins in these seconds, in order of time.
     """
@@ -100,6 +103,7 @@ class PhaseRows:
     hover: Array
     knocked: Flags
     held: Flags
+    thrusts: Array
     events: tuple[PhaseEvent, ...]
 
 
@@ -128,14 +132,20 @@ class Phases:
         """Whether the latest second speaks against the present state."""
         return self._since_s is not None
 
-    def feed(self, seconds: Seconds, thrust: Array) -> PhaseRows:
+    def feed(self, seconds: Seconds, rotors: Rotors | str | None = None) -> PhaseRows:
         """Take settled seconds that follow each other.
 
         Parameters
         ----------
-        thrust
-            Thrust asked of its motors, a share of all they have, shape (rows,); NaN where unknown.
+        rotors
+            Its motors; anything else where they are not known.
         """
+        rows = len(seconds.index) * RATE_HZ
+        thrusts, thrust = np.empty((rows, 0)), np.full(rows, np.nan)
+        if isinstance(rotors, Rotors):
+            flat = seconds.rows
+            thrusts = rotors.thrusts(all_outputs(flat), flat["mixer"])
+            thrust = mean_thrust(thrusts, flat["mixer"])
         asked = _means(thrust.reshape(-1, RATE_HZ))
         measured = _Measured.of(seconds)
         airborne, level = np.zeros((2, len(asked)), dtype=bool)
@@ -165,6 +175,7 @@ class Phases:
             np.repeat(hover, RATE_HZ),
             knocked,
             held,
+            thrusts,
             tuple(sorted([*events, *contacts], key=lambda event: event.time_s)),
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,15 +14,18 @@ from mavhums.engine.actuators import network_answer
 from mavhums.engine.axes import with_drops
 from mavhums.engine.motors import VehicleMotors, beside_motors
 from mavhums.engine.usage import _facts_by_servo, _motors, _output, _OutputFacts, at_full_output
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, Obstacle
 from mavhums.log.base.decoder import Losses
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.grid import Received, Seconds
 from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.phases import Phases
 from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.surfaces import STEERING, SurfaceOutput, Surfaces
 from mavhums.vehicle.usage import OutputUse
 from tests.flights import START, verdict
+from tests.vehicle.test_phases import MOTOR, seconds
 
 
 def rotors(*servos: int, lift: bool = False) -> Rotors:
@@ -138,19 +142,23 @@ def test_motors_are_kept_for_the_first_twenty_seconds_until_parameters_come(
         def __init__(self, vehicle: int, judged: Rotors, speeds: object) -> None:
             self.rotors = judged
 
-        def feed(self, seconds: Seconds) -> list[Any]:
+        def feed(self, seconds: Seconds, phases: object) -> list[Any]:
             fed.append(seconds.index.tolist())
             return []
 
+    def feed(first: int, last: int) -> list[ConditionChanged]:
+        part = replace(seconds(altitude=np.zeros(last - first)), index=np.arange(first, last))
+        return [*several.feed(part, phases.feed(part))]
+
     monkeypatch.setattr("mavhums.health.motor.monitor.MotorMonitor", Monitor)
-    several, forgotten = VehicleMotors(1), []
+    several, phases, forgotten = VehicleMotors(1), Phases(), []
     monkeypatch.setattr(several.speeds, "forget", lambda *given: forgotten.append(given))
     for first, last in ((100, 110), (110, 130), (130, 140)):
-        assert [*several.feed(Seconds(np.arange(first, last), {}))] == []
+        assert feed(first, last) == []
     assert (several.rotors, fed) == (None, [])
     assert forgotten == [(2 * (last - 60), np.inf) for last in (109, 129, 139)]
-    several.by_parameters = rotors(1)
-    assert [*several.feed(Seconds(np.arange(140, 142), {}))] == []
+    several.by_parameters = MOTOR
+    assert feed(140, 142) == []
     assert fed == [[*range(100, 110)], [*range(110, 120)], [140, 141]]
     several.by_parameters = None
     assert several.rotors is not None, "a motor that loses its output in flight is still the aircraft's"

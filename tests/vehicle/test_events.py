@@ -10,7 +10,6 @@ import pytest
 from mavhums.app.analysis import analyse
 from mavhums.results.events import FlightEvent
 from mavhums.vehicle.events import FlightEvents, VehicleEvents
-from mavhums.vehicle.grid import RATE_HZ
 from tests.conftest import CARRIED
 from tests.vehicle.test_phases import seconds
 
@@ -24,7 +23,7 @@ def flown(altitude: Any = FLIGHT, kind: float = 2.0, **others: Any) -> VehicleEv
     events, of_seconds = VehicleEvents(1), seconds(altitude=altitude, **others)
     of_seconds.signals["state"][:, :, 0] = kind
     for part in (of_seconds.part(0, 17), of_seconds.part(17, len(altitude))):
-        events.feed(part, np.full(len(part.index) * RATE_HZ, NAN))
+        events.feed(part)
     return events
 
 
@@ -110,7 +109,7 @@ def test_a_wing_that_sinks_below_its_demand(
     of_seconds.signals["altitude error"][:, :, 0] = (sunk if below == "stays" else 0 * sunk)[:, None]
     events = VehicleEvents(1)
     for second in range(60):
-        events.feed(of_seconds.part(second, second + 1), np.full(RATE_HZ, NAN))
+        events.feed(of_seconds.part(second, second + 1))
     assert [e.time_s for e in events.events(rotors=False) if e.kind == "altitude_loss"] == found
     assert [e.kind for e in events.events(rotors=True) if e.kind == "altitude_loss"] == []
 

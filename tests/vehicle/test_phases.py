@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from mavhums.core.arrays import Array
+from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.phases import CONTACT, LANDING, TAKE_OFF, PhaseEvent, PhaseRows, Phases
+from mavhums.vehicle.rotors import Rotors
 
 NAN = np.nan
+MOTOR = Rotors("one motor", (1,), ((1.0, 1.0, 1.0),), (0.0,), 1000.0, 2000.0, 0.0)
 
 
 def seconds(**signals: Any) -> Seconds:
@@ -20,7 +23,8 @@ def seconds(**signals: Any) -> Seconds:
     found = {}
     for name, width in {
         "state": 4, "landed": 1, "altitude": 1, "altitude error": 1, "velocity": 3, "groundspeed": 1,
-        "attitude": 3, "demand": 2, "rates": 3,
+        "attitude": 3, "demand": 2, "rates": 3, "mixer": 4, "outputs": 1, "outputs_2": ALL_OUTPUTS,
+        "outputs_3": ALL_OUTPUTS,
     }.items():  # fmt: skip
         found[name] = np.full((count, RATE_HZ, width), 0.0 if name in ("attitude", "rates") else NAN)
     for name, values in signals.items():
@@ -32,11 +36,10 @@ def seconds(**signals: Any) -> Seconds:
 
 
 def followed(flown: Seconds, thrust: Any, block: int = 1000) -> tuple[Array, list[PhaseEvent], PhaseRows]:
-    phases, rows = Phases(), np.repeat(np.asarray(thrust, dtype=float), RATE_HZ)
-    parts = [
-        phases.feed(flown.part(k, k + block), rows[k * RATE_HZ : (k + block) * RATE_HZ])
-        for k in range(0, len(flown.index), block)
-    ]
+    """Follow a flight whose one motor is asked for a thrust, second by second."""
+    phases = Phases()
+    flown.signals["outputs"][:, :, 0] = 1000 + 1000 * np.asarray(thrust, dtype=float)[:, None]
+    parts = [phases.feed(flown.part(k, k + block), MOTOR) for k in range(0, len(flown.index), block)]
     airborne = np.concatenate([part.airborne for part in parts])[::RATE_HZ]
     return airborne, [event for part in parts for event in part.events], parts[-1]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -30,9 +29,9 @@ from mavhums.health.motor.thresholds import (
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
 from mavhums.vehicle.grid import RATE_HZ, Seconds
-from mavhums.vehicle.phases import Phases
-from mavhums.vehicle.rotors import Rotors, mean_thrust
-from mavhums.vehicle.signals import DERIVED, all_outputs
+from mavhums.vehicle.phases import PhaseRows
+from mavhums.vehicle.rotors import Rotors
+from mavhums.vehicle.signals import DERIVED
 from mavhums.vehicle.vtol import hovers
 
 TRIM: Final = "trim"
@@ -203,28 +202,18 @@ class MotorMonitor:
         self._state = evidence.new_state(len(rotors.servos))
         self._trims = Trims(rotors.columns)
         self._speeds = SpeedsBesideThrust(speeds or EscSpeeds(), rotors.servos)
-        self.phases = Phases()
         self._loss: Loss | None = None
         self._withdrawn: tuple[Loss, float] | None = None
         self._several: tuple[int, ...] = ()
         self._reported: Condition = "undecided"
 
-    def feed(self, seconds: Seconds) -> Iterator[ConditionChanged]:
-        """Take settled seconds; yield the changes of condition."""
-        breaks = np.flatnonzero(np.diff(seconds.index) != 1) + 1
-        for a, b in pairwise([0, *breaks.tolist(), len(seconds.index)]):
-            yield from self._run(seconds.part(a, b))
-
-    def _run(self, seconds: Seconds) -> Iterator[ConditionChanged]:
-        """Take seconds that follow each other."""
-        first = int(seconds.index[0])
-        flat = {name: values.reshape(-1, values.shape[-1]) for name, values in seconds.signals.items()}
+    def feed(self, seconds: Seconds, phases: PhaseRows) -> Iterator[ConditionChanged]:
+        """Take settled seconds that follow each other and the phases in them; yield changes of condition."""
+        first, flat, thrusts = int(seconds.index[0]), seconds.rows, phases.thrusts
         # The change of the attitude comes too late and too smooth for what a motor does within 0.5 s.
         derived = np.repeat(seconds.ranks["rates"] == DERIVED, RATE_HZ)
         flat["rates"] = np.where(derived[:, None], np.nan, flat["rates"])
         spacing = flat["outputs_spacing"][:, 0]
-        thrusts = self.rotors.thrusts(all_outputs(flat), flat["mixer"])
-        phases = self.phases.feed(seconds, mean_thrust(thrusts, flat["mixer"]))
         upright = np.cos(flat["attitude"][:, 0]) * np.cos(flat["attitude"][:, 1])
         upright = np.where(phases.held, np.nan, upright)
         # Beside a hover a quadplane's surfaces and its forward motor answer for what its lift motors do.

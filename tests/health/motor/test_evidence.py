@@ -212,23 +212,21 @@ def test_each_second_keeps_its_time_and_what_is_known_of_it(monkeypatch: pytest.
         found[:, 7] = settled[np.isin(index, times[len(handed)])].repeat(RATE_HZ)
         handed.append([one[::RATE_HZ] for one in (thrusts[:, 0], rates[:, 2], upright, ground, slow)])
 
-    def phases(seconds: Seconds, sent: Array) -> PhaseRows:
+    def phases(part: Seconds) -> PhaseRows:
+        sent, airborne = part.rows["outputs"][:, :4], part.rows["landed"][:, 0] == 0.0
         nowhere = np.zeros(len(sent), dtype=bool)
-        airborne = seconds.signals["landed"].ravel() == 0.0
-        return PhaseRows(airborne, airborne, np.full(len(sent), HOVER), nowhere, nowhere, ())
+        return PhaseRows(airborne, airborne, np.full(len(sent), HOVER), nowhere, nowhere, sent, ())
 
     times, kept, flown = [[3, 4], [7, 8, 9], [12]], [], []
     assert isinstance(QUADCOPTER, Rotors)
     monitor: Any = MotorMonitor(1, QUADCOPTER)
     monkeypatch.setattr(e, "follow", follow)
-    monitor.phases = SimpleNamespace(feed=phases)
-    monitor.rotors = SimpleNamespace(
-        thrusts=lambda pulses, _: pulses[:, :4], lift=False, columns=QUADCOPTER.columns
-    )
     monitor._alarm = lambda row_s, spacing_s, _: [(row_s, spacing_s)]
     monitor._trims = SimpleNamespace(add=lambda _, upright: kept.extend(upright[::RATE_HZ]))
     monitor._speeds = SimpleNamespace(add=lambda first, _, flew, __: flown.append((first, flew[::RATE_HZ])))
-    alarms = [*monitor.feed(Seconds(index, signals, {"rates": np.where(derived, DERIVED, 0)}))]
+    seconds = Seconds(index, signals, {"rates": np.where(derived, DERIVED, 0)})
+    parts = [seconds.part(*ends) for ends in ((0, 2), (2, 5), (5, 6))]
+    alarms = [one for part in parts for one in monitor.feed(part, phases(part))]
     assert alarms == list(zip(index.tolist(), spacing.tolist(), strict=True))
     asked, rates, upright, ground, slow = (np.concatenate(one) for one in zip(*handed, strict=True))
     assert asked.tolist() == thrust.tolist()

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from mavhums.show.digest import digest, headline
 from mavhums.vehicle.facts import OUTPUTS, Signal
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
 from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.phases import PhaseRows, Phases
 from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums_sim.multirotor.craft import FRAMES, Event, draw_craft, draw_plan
 from mavhums_sim.multirotor.flight import Flown, fly
@@ -213,9 +215,14 @@ def test_an_obstacle_that_holds_the_craft_is_no_motor(held: bool) -> None:
 
 def told(seconds: Seconds, size: int) -> list[ConditionChanged]:
     """Return what is said of a quad's seconds that come in blocks of a size."""
-    monitor, count = MotorMonitor(1, rotors("quad x")), len(seconds.index)
+    return judged(MotorMonitor(1, rotors("quad x")), seconds, size)
+
+
+def judged(monitor: MotorMonitor, seconds: Seconds, size: int = 1000) -> list[ConditionChanged]:
+    """Return what a monitor says of seconds that come in blocks of a size."""
+    count, phases = len(seconds.index), Phases()
     parts = (seconds.part(k, min(k + size, count)) for k in range(0, count, size))
-    return [change for part in parts for change in monitor.feed(part)]
+    return [one for part in parts for one in monitor.feed(part, phases.feed(part, monitor.rotors))]
 
 
 def test_the_lift_motors_of_a_quadplane_are_judged_in_a_hover() -> None:
@@ -244,7 +251,7 @@ def test_the_lift_motors_of_a_quadplane_are_judged_in_a_hover() -> None:
     assert isinstance(on_four, Rotors)
     for mode, motors in ((19.0, ["motor 2"]), (10.0, []), (21.0, [])):
         monitor = MotorMonitor(1, on_four)
-        found = [*monitor.feed(settled(flown, 25.0, 8, mode))]
+        found = judged(monitor, settled(flown, 25.0, 8, mode))
         assert [change.actuator for change in found] == motors, mode
         assert (monitor.findings().judged_s > 0) is bool(motors)
 
@@ -258,7 +265,7 @@ def test_a_shifted_payload_beside_a_turn_is_no_motor(seed: int, hz: float) -> No
     event = Event(payload_s=rng.uniform(40, 180), mass=rng.uniform(0.85, 1.25), shift=tuple(shift))
     flown = fly(craft, draw_plan(rng, 240.0, event=event, lands=rng.random() < 0.4), seed)
     monitor = MotorMonitor(1, rotors("octa x"))
-    assert [*monitor.feed(settled(flown, hz, seed))] == []
+    assert judged(monitor, settled(flown, hz, seed)) == []
     assert monitor.findings().loss is None
 
 
@@ -269,16 +276,32 @@ def test_parameters_that_come_late_find_the_same_seconds_however_blocks_end() ->
     late = 40  # by then only some of the first seconds are kept
 
     def told(size: int) -> list[ConditionChanged]:
-        motors = VehicleMotors(1)
+        motors, phases = VehicleMotors(1), Phases()
         found: list[ConditionChanged] = []
         for first, last in ((0, late), (late, len(seconds.index))):
             for k in range(first, last, size):
-                found += motors.feed(seconds.part(k, min(k + size, last)))
+                part = seconds.part(k, min(k + size, last))
+                found += motors.feed(part, phases.feed(part, motors.rotors))
             motors.by_parameters = rotors("quad x")
         return found
 
     assert [change.actuator for change in told(1000)] == ["motor 2"]
     assert told(1) == told(7) == told(1000)
+
+
+def test_the_phases_of_a_flight_are_followed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken, feed = list[int](), Phases.feed
+
+    def counted(phases: Phases, seconds: Seconds, *rotors: Any) -> PhaseRows:
+        taken.extend(seconds.index.tolist())
+        return feed(phases, seconds, *rotors)
+
+    monkeypatch.setattr(Phases, "feed", counted)
+    path = log(tmp_path / "f.tlog", "quad x", 0.0)
+    assert mavhums.analyse(path).verdicts
+    later = [second for second in taken if second >= 20]  # the parameters are known by then
+    assert len(later) > 40
+    assert sorted(set(later)) == later
 
 
 def test_without_parameters_it_says_so(tmp_path: Path) -> None:
