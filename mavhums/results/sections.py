@@ -41,8 +41,9 @@ class OutputUsage(Contract):
 class VehicleUsage(Contract):
     """Usage of one vehicle in a log.
 
-    ``armed_s`` is null where the log does not record the arming state, ``forward_s`` counts the seconds in
-    forward flight as a fixed wing, of a rover or a boat those of driving forward.
+    ``armed_s`` is null where the log does not record the arming state, or none before a disarming;
+    ``forward_s`` counts the seconds in forward flight as a fixed wing, of a rover or a boat those of driving
+    forward.
     """
 
     vehicle: int

@@ -54,7 +54,7 @@ def usage(used: VehicleUsage, *, several: bool) -> ServoTable:
     'Usage: fixed wing, PX4; armed 1m30s, forward flight 1m15s'
     """
     who = ", ".join(printable(words) for words in (used.kind, used.firmware) if words)
-    armed = "arming not recorded" if used.armed_s is None else f"armed {clock(used.armed_s)}"
+    armed = "armed time not recorded" if used.armed_s is None else f"armed {clock(used.armed_s)}"
     motion = "driven forward" if used.kind in ("ground rover", "surface boat") else "forward flight"
     times = [armed, *([f"{motion} {clock(used.forward_s)}"] if used.forward_s else [])]
     vehicle = f" of vehicle {used.vehicle}" if several else ""

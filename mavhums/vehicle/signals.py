@@ -49,6 +49,7 @@ class SignalReader:
         self._kinds: dict[int, tuple[int, float]] = {}
         self._modes: dict[int, float] = {}
         self._arming: dict[int, tuple[float, float]] = {}
+        self._began: set[int] = set()
         self._follows: dict[int, int] = {}  # frame of the first record that follows whether it is armed
 
     def read(self, tables: Mapping[str, Table]) -> Iterator[Signal]:
@@ -115,6 +116,10 @@ class SignalReader:
                 held = values[np.searchsorted(frames[order], part.table.frame) - 1]
                 known = (part.table.frame < self._follows.get(vehicle, 1 << 62)) & np.isfinite(held[:, 0])
                 if known.any():
+                    # A first change that disarms says that the log began armed, and not since when.
+                    if vehicle not in self._began and held[known.argmax(), 1] == 0:
+                        held[known.argmax(), 1] = np.nan
+                    self._began.add(vehicle)
                     yield self._state(vehicle, part.select(known), held[known], modes)
         for report in sorted(changes, key=lambda one: int(one.table.frame[-1])):
             last = zip(report.table.system.tolist(), report.values.tolist(), strict=True)

@@ -92,12 +92,12 @@ class Usage:
         self._time = np.zeros(1, dtype=np.int64)
         self._armed = np.nan
         self._armed_at_us: int | None = None
-        self._armed_us = 0
+        self._armed_us, self._complete = 0, False
 
     @property
     def armed_s(self) -> float | None:
-        """Armed time; None if the log does not contain it."""
-        return None if self._armed_at_us is None else self._armed_us / 1e6
+        """Armed time; None if the log does not contain it, or not from its beginning."""
+        return self._armed_us / 1e6 if self._complete else None
 
     @property
     def outputs(self) -> dict[int, OutputUse]:
@@ -128,6 +128,8 @@ class Usage:
     def _state(self, signal: Signal) -> None:
         if not len(signal.time_us):
             return
+        if self._armed_at_us is None:
+            self._complete = bool(np.isfinite(signal.values[0, 2]))
         start = signal.time_us[0] if self._armed_at_us is None else self._armed_at_us
         times = np.concatenate([[start], signal.time_us])
         armed = np.concatenate([[self._armed], signal.values[:-1, 2]]) > 0

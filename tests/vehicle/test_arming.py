@@ -44,3 +44,17 @@ def test_armed_time_is_that_between_the_events(log: Path) -> None:
         cut.feed(block)
     cut.finish()
     assert cut.assessment().usage == (usage,)
+
+
+@pytest.mark.parametrize("size", [777, 1 << 20])
+def test_the_time_before_a_first_disarming_is_not_known(log: Path, size: int) -> None:
+    """A log that begins while armed records the disarming alone."""
+    arms = records("EV", np.array([ARMED_S]), Id=10).rows.tobytes()
+    content, cut = log.read_bytes(), Engine()
+    assert content.count(arms) == 1
+    content = content.replace(arms, b"")
+    for k in range(0, len(content), size):
+        cut.feed(content[k : k + size])
+    cut.finish()
+    [usage] = cut.assessment().usage
+    assert usage.armed_s is None
