@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import pytest
 from hypothesis import settings
@@ -34,7 +34,6 @@ REAL_LOGS = Path(os.environ.get("MAVHUMS_REAL_LOGS") or os.devnull)
 CARRIED = Path(__file__).parent / "data"  # simulated flights that travel with the tests
 SINGLE = (".", "sitl", "onboard")  # folders of logs that each differ
 CAMPAIGNS = ("alfa", "sitl/control")  # folders of many flights of one kind
-LARGE_BYTES = 800_000
 
 
 def carried_logs() -> list[Path]:
@@ -52,21 +51,35 @@ def real_logs(*folders: str) -> list[Path]:
     )
 
 
+Test = TypeVar("Test", bound=Callable[..., object])
+
+
+def needs(path: Path) -> Callable[[Test], Test]:
+    """Mark a test of real logs: skipped where ``path`` is absent, and read only with ``make test-all``."""
+
+    def mark(test: Test) -> Test:
+        absent = pytest.mark.skipif(
+            not (path.is_dir() or path.is_file()), reason=f"{path.name} is not beside MAVHUMS_REAL_LOGS"
+        )
+        marked: Test = pytest.mark.slow(absent(test))
+        return marked
+
+    return mark
+
+
 LONGEST = "test_many_landings"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip real logs that are absent; read the large ones and the campaigns only with ``make test-all``."""
-    campaigns = [REAL_LOGS / folder for folder in CAMPAIGNS]
+    """Skip real logs that are absent; read those that are there only with ``make test-all``."""
     for item in items:
         parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
         for path in parameters:
             if not isinstance(path, Path) or not path.is_relative_to(REAL_LOGS):
                 continue
+            item.add_marker(pytest.mark.slow)
             if not path.is_file():
                 item.add_marker(pytest.mark.skip(f"{path.name} is not in MAVHUMS_REAL_LOGS"))
-            elif path.parent in campaigns or path.stat().st_size > LARGE_BYTES:
-                item.add_marker(pytest.mark.slow)
     items.sort(key=lambda item: item.name != LONGEST)  # minutes on one core
 
 

@@ -13,7 +13,7 @@ from mavhums.results.assessment import Assessment
 from mavhums_sim import Flight, fly
 from mavhums_sim.conditions import Condition
 from mavhums_sim.dataflash import write_dataflash
-from tests.conftest import REAL_LOGS, Run
+from tests.conftest import REAL_LOGS, Run, needs
 
 NAMED = b"mavhums airframe=paper"
 CSRV_LOG = REAL_LOGS / "sitl" / "plane_lua_csrv.link1.tlog"
@@ -81,7 +81,7 @@ def test_a_profile_that_is_given_is_used(unnamed: Path, run: Run) -> None:
     assert not assessment.log.notices
 
 
-@pytest.mark.skipif(not CSRV_LOG.exists(), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+@needs(CSRV_LOG)
 def test_what_named_values_mean_stays_a_guess() -> None:
     """A script forwards servo feedback as S1Pos and the like; an aileron's servo jams in the air."""
     assessment = mavhums.analyse(CSRV_LOG)

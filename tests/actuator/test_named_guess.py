@@ -9,7 +9,7 @@ import pytest
 import mavhums
 from mavhums.actuator import load_airframe
 from mavhums.actuator.draft import draft_profile, guesses_for
-from tests.conftest import REAL_LOGS
+from tests.conftest import REAL_LOGS, needs
 
 LUA = REAL_LOGS / "sitl" / "plane_lua_csrv.link1.tlog"
 
@@ -28,7 +28,7 @@ def test_each_output_gets_its_own_names_in_the_quantities_order() -> None:
     assert list(guesses_for(2, names)) == []
 
 
-@pytest.mark.skipif(not LUA.exists(), reason="no real logs")
+@needs(LUA)
 def test_a_drafted_profile_finds_the_jam_unedited(tmp_path: Path) -> None:
     drafted = tmp_path / "drafted.toml"
     drafted.write_text(draft_profile(LUA), encoding="utf-8")

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 import mavhums
 from examples import analyse_a_log, own_recording, quantities_to_pandas
 from mavhums.actuator.draft import draft_profile
-from tests.conftest import REAL_LOGS, Run
+from tests.conftest import REAL_LOGS, Run, needs
 from tests.logs import write_log
 
 FIXED_WING, QUADROTOR = 1, 2
@@ -112,7 +112,7 @@ def test_export_without_a_profile_writes_what_the_log_carries(run: Run, tmp_path
     assert not (tmp_path / "w.csv").exists()
 
 
-@pytest.mark.skipif(not (REAL_LOGS / "onboard").is_dir(), reason="the real logs are absent")
+@needs(REAL_LOGS / "onboard")
 @pytest.mark.parametrize(("name", "message"), [("dani1.BIN", "RCOU"), ("sample.ulg", "actuator_outputs")])
 def test_export_suggests_a_message_of_the_logs_own_format(
     run: Run, tmp_path: Path, name: str, message: str

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from mavhums_sim import Flight, fly, write_dataflash
-from tests.conftest import REAL_LOGS, Run
+from tests.conftest import REAL_LOGS, Run, needs
 from tests.log.dataflash.synthetic import definition, fmt_of_fmt
 
 F25 = REAL_LOGS / "sitl" / "control" / "f25_jam_bin.BIN.gz"
@@ -93,7 +93,7 @@ def test_rerun_opens_it(log: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not F25.exists(), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+@needs(F25)
 def test_a_jam_is_seen_through_csrv(run: Run, tmp_path: Path) -> None:
     import gzip
 

@@ -19,7 +19,7 @@ from mavhums.core.errors import ExitCode
 from mavhums.engine.events import ConditionChanged
 from mavhums.vehicle.parameters import Parameters, _number, control_surfaces, read_parameters
 from mavhums_sim import Flight, fly, write_tlog
-from tests.conftest import REAL_LOGS, Run, real_logs
+from tests.conftest import REAL_LOGS, Run, needs, real_logs
 from tests.logs import heartbeat, write_log
 
 CSRV = Path(__file__).parents[2] / "examples" / "profiles" / "csrv.toml"
@@ -252,7 +252,7 @@ def test_a_script_s_named_values_become_command_and_angle(run: Run, tmp_path: Pa
     assert history.frame["V3"].tolist() == [10.0 + k / 2 for k in range(40)]
 
 
-@pytest.mark.skipif(not CSRV_LOG.exists(), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+@needs(CSRV_LOG)
 def test_the_jam_of_a_real_script_s_log_is_visible() -> None:
     """An aileron's servo jams in the air: its command moves on, its angle does not; its twin follows."""
     histories = mavhums.actuators(mavhums.read_log(CSRV_LOG), str(CSRV))
@@ -267,7 +267,7 @@ def test_the_jam_of_a_real_script_s_log_is_visible() -> None:
         assert (np.ptp(jammed["V3"]) < 0.5) == jams
 
 
-@pytest.mark.skipif(not CSRV_LOG.exists(), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+@needs(CSRV_LOG)
 def test_the_times_of_a_jam_agree_in_event_and_evidence() -> None:
     events: list[ConditionChanged] = []
     assessment = mavhums.analyse(
@@ -284,7 +284,7 @@ def test_the_times_of_a_jam_agree_in_event_and_evidence() -> None:
 PLANES = [path for path in real_logs() if path.name.startswith(("plane_", "Jordinaa", "EAICS__flight.tlog"))]
 
 
-@pytest.mark.skipif(not PLANES, reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+@needs(REAL_LOGS)
 @pytest.mark.parametrize("log", [p for p in PLANES if p.suffix == ".tlog"], ids=lambda path: path.name)
 def test_the_draft_of_a_real_log_can_be_used_at_once(run: Run, log: Path, tmp_path: Path) -> None:
     mine = tmp_path / "mine.toml"

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from tests.conftest import REAL_LOGS, Run
+from tests.conftest import REAL_LOGS, Run, needs
 from tests.engine.test_axes import flown
 
 PROFILE = Path(__file__).parents[2] / "benchmarks" / "alfa.toml"
 JAMMED = "alfa/2018-09-11-17-55-30_1_right_aileron_failure.tlog"
 
-needs_logs = pytest.mark.skipif(not (REAL_LOGS / "alfa").is_dir(), reason="the real logs are absent")
+needs_logs = needs(REAL_LOGS / "alfa")
 
 
 @pytest.fixture(scope="module")

@@ -16,13 +16,13 @@ from mavhums.engine.events import ConditionChanged
 from mavhums.engine.options import EngineOptions
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
-from tests.conftest import REAL_LOGS
+from tests.conftest import REAL_LOGS, needs
 from tests.health.axis.flights import excited
 
 START_US = 1_700_000_000_000_000
 PROFILE = Path(__file__).parents[2] / "benchmarks" / "alfa.toml"
 
-needs_logs = pytest.mark.skipif(not (REAL_LOGS / "alfa").is_dir(), reason="the real logs are absent")
+needs_logs = needs(REAL_LOGS / "alfa")
 
 
 def of(assessment: Assessment, name: str) -> Verdict:
@@ -203,7 +203,7 @@ def test_a_jam_is_seen_as_half_the_aileron_from_ordinary_messages() -> None:
     assert any(60 <= e.start_s <= 125 for e in roll.evidence)
 
 
-@pytest.mark.skipif(not (REAL_LOGS / "onboard").is_dir(), reason="the real logs are absent")
+@needs(REAL_LOGS / "onboard")
 def test_an_onboard_log_of_a_copter_has_motors_and_no_axes() -> None:
     """It leans on an obstacle for a minute, which is no motor's fault."""
     assessment = mavhums.analyse(REAL_LOGS / "onboard" / "lrs17.BIN")

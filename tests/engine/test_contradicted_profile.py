@@ -26,7 +26,7 @@ from mavhums.results.verdict import Verdict
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.surfaces import SurfaceOutput
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
-from tests.conftest import REAL_LOGS, Run
+from tests.conftest import REAL_LOGS, Run, needs
 from tests.engine.test_events import canonical
 from tests.engine.wired import PLANE, PX4_PLANE, START_US, Wired
 from tests.fleet_logs import moved
@@ -389,7 +389,7 @@ def test_the_motion_contradicts_wrong_outputs_alone(seed: int, noise: float) -> 
     assert trial({**demand, 5: still}, rate, 1, 5) == ""
 
 
-@pytest.mark.skipif(not (REAL_LOGS / "sitl" / "control").is_dir(), reason="the real logs are absent")
+@needs(REAL_LOGS / "sitl" / "control")
 @pytest.mark.parametrize("name", ["h02_light_mixed.tlog", "h20_wind6.tlog"])
 def test_healthy_flights_by_another_aircrafts_profile(run: Run, name: str) -> None:
     outcome = run("analyse", REAL_LOGS / "sitl" / "control" / name, "--airframe", "paper", "--json")
@@ -400,7 +400,7 @@ def test_healthy_flights_by_another_aircrafts_profile(run: Run, name: str) -> No
     assert WRONG in verdicts["aileron_right"]["reason"]
 
 
-@pytest.mark.skipif(not (REAL_LOGS / "alfa").is_dir(), reason="the real logs are absent")
+@needs(REAL_LOGS / "alfa")
 def test_a_flight_without_parameters_by_another_aircrafts_profile() -> None:
     log = REAL_LOGS / "alfa" / "2018-07-18-15-53-31_1_engine_failure.tlog"
     verdicts = {v.actuator: v for v in mavhums.analyse(log, mavhums.Options(airframe="paper")).verdicts}
@@ -442,7 +442,7 @@ def test_a_rudder_that_moves_with_the_ailerons_does_not_refute_their_loss(loose:
     )
 
 
-@pytest.mark.skipif(not (REAL_LOGS / "alfa").is_dir(), reason="the real logs are absent")
+@needs(REAL_LOGS / "alfa")
 def test_names_lose_no_alarm_of_a_real_flight() -> None:
     log = REAL_LOGS / "alfa" / "2018-10-05-14-37-22_3_left_aileron_failure.tlog"
     verdicts, _, _ = judged([log.read_bytes()], load_airframe(ALFA))

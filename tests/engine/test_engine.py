@@ -31,7 +31,7 @@ from mavhums.results.verdict import Verdict
 from mavhums_sim import Flight, FlightRecord, fly, write_tlog
 from mavhums_sim.conditions import Condition
 from mavhums_sim.telemetry import messages
-from tests.conftest import SINGLE, real_logs
+from tests.conftest import REAL_LOGS, SINGLE, needs, real_logs
 from tests.logs import write_log
 from tests.strategies import START_US, blocks, cuts
 
@@ -356,7 +356,7 @@ JUDGED = {
 }  # the second: a copter's motors
 
 
-@pytest.mark.skipif(not REAL, reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+@needs(REAL_LOGS)
 @pytest.mark.parametrize("airframe", [None, "paper"])
 @pytest.mark.parametrize("path", REAL, ids=lambda path: path.name)
 def test_no_real_log_is_called_normal(path: Path, airframe: str | None, model: Model) -> None:

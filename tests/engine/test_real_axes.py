@@ -15,7 +15,10 @@ from mavhums.log import read_blocks
 from mavhums.results.verdict import Verdict
 from tests.conftest import REAL_LOGS
 
-pytestmark = pytest.mark.skipif(not (REAL_LOGS / "sitl").is_dir(), reason="the real logs are absent")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not (REAL_LOGS / "sitl").is_dir(), reason="the real logs are absent"),
+]
 
 GROUND = "it never flew forward"
 SUBMARINE = "a submarine"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from mavhums import Assessment, Engine
-from tests.conftest import CARRIED, REAL_LOGS
+from tests.conftest import CARRIED, REAL_LOGS, needs
 from tests.links import records
 from tests.strategies import START_US
 
@@ -63,7 +63,7 @@ def test_a_reboot_a_late_route_and_a_few_false_frames_are_one_sender() -> None:
         assert not any("more than one sender" in (verdict.reason or "") for verdict in one.verdicts)
 
 
-@pytest.mark.skipif(not REPORTED.is_file(), reason="needs MAVHUMS_REAL_LOGS")
+@needs(REPORTED)
 def test_the_reported_log_is_of_two() -> None:
     from mavhums import analyse
 

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from mavhums.log import Table, read_log
 from mavhums.log.base.tables import ODD_TIME
-from tests.conftest import SINGLE, carried_logs, real_logs
+from tests.conftest import REAL_LOGS, carried_logs, needs, real_logs
 
 DAMAGED = ("Avalanche", "LucaGemma", "ardusub_log_tools", "mavrik-control")
 WITHOUT_STAMPS = ".tlog.raw"
@@ -112,7 +112,7 @@ def payload_of(message: Any) -> bytes:
     return buffer[head : head + buffer[1]]
 
 
-@pytest.mark.skipif(not real_logs(*SINGLE), reason="the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
+@needs(REAL_LOGS)
 def test_a_log_without_time_stamps_holds_what_pymavlink_parses() -> None:
     raw = next(path for path in real_logs() if path.name.endswith(WITHOUT_STAMPS))
     parser = ardupilotmega.MAVLink(None)

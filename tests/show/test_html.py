@@ -25,7 +25,7 @@ from mavhums.show.evidence import Curve, CurveKey, EvidenceCollector, Limit
 from mavhums.show.html import ICONS, page
 from mavhums.show.html_plot import plot
 from mavhums.show.outline import outline
-from tests.conftest import REAL_LOGS
+from tests.conftest import REAL_LOGS, needs
 from tests.show.chromium import Chromium, find
 
 New = Callable[..., Verdict]
@@ -374,7 +374,7 @@ def test_every_alarm_of_an_actuator_shows_its_curve_though_it_has_passed(
     assert "elevator: backlash" in told.text
 
 
-@pytest.mark.skipif(not (REAL_LOGS / "alfa").exists(), reason="needs the real logs")
+@needs(REAL_LOGS / "alfa")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "log",

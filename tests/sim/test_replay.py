@@ -13,7 +13,7 @@ from mavhums_sim import Flight, FlightRecord, fly, write_tlog
 from mavhums_sim.link import EPOCH_US, Link
 from mavhums_sim.rates import Rates
 from mavhums_sim.replay import replay
-from tests.conftest import REAL_LOGS
+from tests.conftest import REAL_LOGS, needs
 
 HIGH_RATE = REAL_LOGS / "sitl" / "plane_hirate.link1.tlog"
 
@@ -102,7 +102,7 @@ def test_only_the_main_outputs_of_the_busiest_vehicle_count(tmp_path: Path) -> N
     assert not played.cyclogram.airspeed.any()
 
 
-@pytest.mark.skipif(not HIGH_RATE.exists(), reason="the real logs are not at hand")
+@needs(HIGH_RATE)
 def test_real_log_moves_the_actuators() -> None:
     played = replay(HIGH_RATE)
     assert played.channels == {"aileron_left": 1, "elevator": 2, "rudder": 4}

@@ -288,6 +288,7 @@ def servo_jam() -> Assessment:
     return mavhums.analyse(path, mavhums.Options(airframe=CSRV))
 
 
+@pytest.mark.slow
 def test_a_real_jam_is_found_when_it_was(servo_jam: Assessment) -> None:
     aileron = next(v for v in servo_jam.verdicts if v.actuator == "aileron_1")
     assert aileron.worst == "emergency"
@@ -298,6 +299,7 @@ def test_a_real_jam_is_found_when_it_was(servo_jam: Assessment) -> None:
     assert jam.end_s == pytest.approx(127.0, abs=5.0)
 
 
+@pytest.mark.slow
 def test_nothing_but_the_real_jam_is_found(servo_jam: Assessment) -> None:
     for verdict in (v for v in servo_jam.verdicts if v.subject == "actuator"):
         assert verdict.condition == "undecided"

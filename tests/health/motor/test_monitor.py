@@ -34,7 +34,7 @@ from mavhums_sim.multirotor.log import (
     write_dataflash,
     write_tlog,
 )
-from tests.conftest import REAL_LOGS, Run
+from tests.conftest import REAL_LOGS, Run, needs
 
 GROUND_S = 12.0
 """What the log shows before the flight."""
@@ -407,7 +407,7 @@ def test_the_words_of_an_alarm_and_a_late_sample() -> None:
 FLIGHTS = REAL_LOGS.parent / "flights" / "motors"
 
 
-@pytest.mark.skipif(not FLIGHTS.is_dir(), reason="the flights are absent")
+@needs(FLIGHTS)
 @pytest.mark.parametrize(
     ("name", "motor"),
     [
@@ -428,7 +428,7 @@ def test_flights_of_others_name_the_motor(name: str, motor: str) -> None:
 PUBLIC = FLIGHTS.parent / "public"
 
 
-@pytest.mark.skipif(not PUBLIC.is_dir(), reason="the flights are absent")
+@needs(PUBLIC)
 @pytest.mark.parametrize(
     ("name", "condition", "worst"),
     [
@@ -446,7 +446,7 @@ def test_ground_runs_climbs_and_contacts_are_no_faults(name: str, condition: str
     assert not any("do not fly" in f"{one.reason} {one.remedy}" for one in found)
 
 
-@pytest.mark.skipif(not FLIGHTS.is_dir(), reason="the flights are absent")
+@needs(FLIGHTS)
 def test_several_motors_are_not_one() -> None:
     [verdict] = motors(FLIGHTS / "real_q2_several_motors.BIN")
     assert verdict.condition == "undecided"
@@ -456,13 +456,13 @@ def test_several_motors_are_not_one() -> None:
 HEALTHY = [*sorted(path.name for path in FLIGHTS.glob("cut*.BIN")), "real_q3_healthy.BIN"]
 
 
-@pytest.mark.skipif(not FLIGHTS.is_dir(), reason="the flights are absent")
+@needs(FLIGHTS)
 @pytest.mark.parametrize("name", HEALTHY)
 def test_real_flights_without_a_loss_in_flight_raise_no_alarm(name: str) -> None:
     assert {verdict.condition for verdict in motors(FLIGHTS / name)} <= {"normal", "undecided"}
 
 
-@pytest.mark.skipif(not FLIGHTS.is_dir(), reason="the flights are absent")
+@needs(FLIGHTS)
 def test_a_cut_propeller_shows_against_flights_with_whole_ones(run: Run, tmp_path: Path) -> None:
     for name in ("cut00_hover1", "cut00_hover2", "cut00_line1"):
         run("analyse", FLIGHTS / f"{name}.BIN", "--history", tmp_path, "--keep")

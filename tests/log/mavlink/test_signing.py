@@ -17,7 +17,7 @@ from mavhums.log.mavlink.scanner import FrameScanner
 from mavhums.log.mavlink.signing import TICKS_PER_MINUTE, KeyFileError, SignatureGuard, load_key
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
-from tests.conftest import REAL_LOGS, Run
+from tests.conftest import REAL_LOGS, Run, needs
 from tests.strategies import START_US, blocks, cuts
 
 KEY = bytes(range(32))
@@ -153,7 +153,7 @@ def test_the_remedy_makes_the_key_of_a_passphrase() -> None:
     assert len(hashlib.sha256(b"PASSPHRASE").hexdigest()) == 64
 
 
-@pytest.mark.skipif(not (REAL_LOGS / "sitl").is_dir(), reason="the real logs are absent")
+@needs(REAL_LOGS / "sitl")
 def test_a_real_signed_link() -> None:
     """The autopilot signs all; the ground station's first frames came before it was told the key."""
     log = REAL_LOGS / "sitl" / "plane_signed.link1.tlog"
