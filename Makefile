@@ -13,7 +13,7 @@ TORCH := $(shell grep ^torch== constraints.txt)$(if $(filter Linux,$(shell uname
 # Tests start hundreds of programs, and where byte code is not kept, each of them compiles its modules again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all test-lowest lock lint model docs pictures clean
+.PHONY: demo test test-slow test-all test-lowest lock lint model docs pictures clean
 
 demo: .venv/.demo
 	$(BIN)/mavhums warm-up
@@ -23,10 +23,14 @@ demo: .venv/.demo
 test: .venv/.ready
 	$(BIN)/python -m pytest -q -n $(CORES) --dist worksteal -m "not slow"
 
-# Everything, with coverage: the long tests, too (hostile links, stalled readers, training, sweeps).
+# The long tests and those of real logs (MAVHUMS_REAL_LOGS): hostile links, stalled readers, training, sweeps.
+test-slow: .venv/.ready
+	$(BIN)/python -m pytest -q -n $(CORES) --dist worksteal -m slow
+
+# Everything, with coverage of both parts together.
 test-all: .venv/.ready
 	$(BIN)/coverage erase
-	$(BIN)/python -m pytest -q -n $(CORES) --dist worksteal --cov --cov-report=
+	PYTEST_ADDOPTS="--cov --cov-append --cov-report=" $(MAKE) test test-slow
 	$(BIN)/coverage report --fail-under=95
 
 # The site is part of it: its strict build finds dead links and fields without a description.
