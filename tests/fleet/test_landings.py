@@ -22,7 +22,6 @@ from mavhums.flights.store_tables import LOGS, SETTLED, Tables
 from tests.fleet.stores import row_of
 
 HOUR_S = 3_600.0
-LANDINGS = 70  # more than the small files that a store leaves as they are
 
 
 @pytest.fixture(scope="module")
@@ -110,18 +109,3 @@ def test_fleet_commands_say_nothing_on_standard_error(log: bytes, tmp_path: Path
         done = command("fleet", *arguments)
         assert done.stderr == "", arguments
         assert done.returncode in (0, 12), arguments
-
-
-@pytest.mark.slow
-def test_many_landings(log: bytes, tmp_path: Path) -> None:
-    store = tmp_path / "store"
-    options = fleet.ScanOptions(aircraft="folder", workers=0)
-    for number in range(LANDINGS - 8):
-        assert fleet.scan([landed(log, tmp_path, number)], store, options) == (1, 0, 0)
-    for number in range(LANDINGS - 8, LANDINGS):
-        path = landed(log, tmp_path, number)
-        done = command("fleet", "scan", path, "--to", store, "--aircraft", "folder", "--workers", "0")
-        assert (done.returncode, done.stderr) == (0, ""), number
-    assert len({path for path, _ in fleet.verdicts(store, "D-A")}) == LANDINGS
-    tables = Tables(str(store))
-    assert max(tables.files(name) for name in (LOGS, SETTLED)) <= 65
