@@ -11,7 +11,7 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column, products
 from mavhums.core.statistics import DEGREES_S_PER_REV_MIN
-from mavhums.health.estimation.slots import APART, BUS, MAGNITUDES, TURNED, Slots
+from mavhums.health.estimation.slots import APART, BUS, MAGNITUDES, SENSED, TURNED, Slots
 from mavhums.health.estimation.thresholds import GUARD_S, LONGEST_GAP_PERIODS
 
 _LASTING_S = GUARD_S - 5e-7  # times are whole microseconds; rounding must not affect the comparison
@@ -35,6 +35,8 @@ class Motion(NamedTuple):
         current depend on the phase of the step.
     values
         V1…V12, shape (n, 12).
+    behind
+        Command minus the output shaft's angle, °; NaN where no sensor measured the angle.
     bus_v
         Voltage of the supply bus, V; NaN if the log does not carry it.
     apart
@@ -52,6 +54,7 @@ class Motion(NamedTuple):
     acceleration: Array
     speed_around: Array
     values: Array
+    behind: Array
     bus_v: Array
     apart: Flags
     turned: Flags
@@ -77,6 +80,7 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
         acceleration[own],
         around[own],
         values[:, : len(KEYS)],
+        np.where(values[:, SENSED] > 0, values[:, _V1] - values[:, _V3], np.nan),
         values[:, BUS],
         values[:, APART] > 0,
         values[:, TURNED] > 0,

@@ -116,8 +116,10 @@ class TestEvery:
         for rate_hz in (100.0, 25.0):
             record = flown(case.condition, rate_hz=rate_hz, esc_side=case.esc_side)
             events, findings = watch(telemetry(record), actuator_of(esc_side=case.esc_side))
-            assert [suspect.fault for suspect in findings.suspects] == [fault]
-            assert findings.suspects[0].confidence > 0.99
+            # What is wrong may be found beside what follows from it.
+            named = {suspect.fault: suspect.confidence for suspect in findings.suspects}
+            assert {fault} <= set(named) <= {fault, case.condition.fault}
+            assert named[fault] > 0.99
             assert findings.condition in ("degraded", "emergency")
             assert any(e.kind == fault and e.value > 0 for e in findings.evidence)
             shown = [e for e in events if isinstance(e, Indication) and e.fault == fault]
@@ -273,7 +275,6 @@ def test_a_profile_that_says_little_leaves_the_jam_alone() -> None:
     faults = [detector.fault for detector in detectors_for(open_limits)]
     assert "friction" not in faults
     assert {"jam", "torque_constant"} <= set(faults)
-    assert "supply_sag" not in [detector.fault for detector in detectors_for(actuator_of())]
 
 
 REAL = [path for path in real_logs() if path.suffix == ".tlog"]
@@ -327,3 +328,24 @@ def test_a_constant_contradicts_the_data_sheet_when_half_of_it_is_surely_missing
     found, shown = contradicts(fit, ema, turned=False)
     assert found.tolist() == [surely]
     assert shown.tolist() == [share]
+
+
+@pytest.mark.parametrize("seed", [2, 4])
+def test_the_motors_voltage_shows_the_supply_where_the_shaft_lags(seed: int) -> None:
+    sag = flown(
+        Condition.constant("supply_sag", 20.0), rate_hz=25.0, cyclogram="takeoff", seconds=100.0, seed=seed
+    )
+    seen, measured = telemetry(sag), np.ones(12, dtype=bool)
+    (shown,) = [one for one in watch(seen)[1].indicators if one.fault == "supply_sag"]
+    assert shown.value.estimate == pytest.approx(20.0, abs=0.3)
+    # An angle that no sensor measured drifts away from any command.
+    measured[2] = False
+    assert "supply_sag" not in [one.fault for one in watch(seen, measured=measured)[1].indicators]
+
+
+@pytest.mark.parametrize(("fault", "severity"), [("friction", 2.0), ("sensor_bias", 10.0), ("jam", 5.0)])
+def test_no_other_fault_is_blamed_on_the_supply(fault: str, severity: float) -> None:
+    for cyclogram in ("takeoff", "gusts"):
+        record = flown(Condition.constant(fault, severity), rate_hz=25.0, cyclogram=cyclogram)
+        _, findings = watch(telemetry(record))
+        assert "supply_sag" not in [suspect.fault for suspect in findings.suspects]

@@ -55,6 +55,7 @@ def motion_of(
         acceleration=np.full(count, 7.0),
         speed_around=np.full(count, 3.0),
         values=V,
+        behind=np.full(count, np.nan),
         bus_v=np.full(count, np.nan),
         apart=np.ones(count, dtype=bool),
         turned=np.zeros(count, dtype=bool),

@@ -125,14 +125,17 @@ class SupplySagDetector(EquationDetector):
 
     @classmethod
     def suits(cls, actuator: Actuator) -> bool:
-        """Return whether the ESC is at the bus and the profile has the healthy supply's voltage."""
+        """Return whether the profile has the healthy supply's voltage, and shows where it is measured."""
         known = actuator.ema is not None and actuator.ema.supply_voltage is not None
-        return known and actuator.esc_side == "bus"
+        return known and (actuator.esc_side == "bus" or actuator.slew_deg_s is not None)
 
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
-        """Return the sag; undecidable without the voltage at the bus."""
+        """Return the sag; undecidable where no voltage is the supply's."""
         fit = fits["supply"]
         voltage, error = fit["voltage"]
         # The sensor's own error does not average out.
         error = np.hypot(error, SUPPLY_SENSOR_V)
-        return Estimates.of(self._supply - voltage, error, fit.freedom, fit.spread)
+        # A voltage at the motor that scatters by more than the limit is the controller's, not the supply's.
+        steady = np.sqrt(fit.variance) < (self.levels.normal or np.inf)
+        shown = fit.spread & (steady | (self.actuator.esc_side == "bus"))
+        return Estimates.of(self._supply - voltage, error, fit.freedom, shown)

@@ -190,7 +190,13 @@ def _supply_prior(actuator: Actuator) -> Prior:
 
 def _supply_rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Flags]:
     """Return terms (n, 1), left side (n,), V, and the mask of usable samples (n,)."""
-    return np.ones((len(motion.bus_v), 1)), motion.bus_v, np.isfinite(motion.bus_v)
+    # A voltage at the motor is the controller's. It is the supply's where a shaft lags its command as far as
+    # a healthy one does at full speed, and moves: of a jammed one the controller may limit the current.
+    full_speed_deg = (actuator.slew_deg_s or np.inf) * actuator.response_lag_s
+    asked = motion.moving & (np.abs(motion.behind) >= full_speed_deg) & (actuator.esc_side == "motor")
+    at_motor = np.where(asked, np.abs(motion.values[:, _V4]), np.nan)
+    volts = np.where(np.isfinite(motion.bus_v), motion.bus_v, at_motor)
+    return np.ones((len(volts), 1)), volts, np.isfinite(volts)
 
 
 VOLTAGE = Equation("voltage", ("resistance", "back_emf", "offset"), _voltage_prior, _voltage_rows)
