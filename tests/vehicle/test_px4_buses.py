@@ -91,3 +91,12 @@ def test_outputs_of_a_damaged_definition_stay_as_they_are() -> None:
     buses.feed({"parameter": parameters(SURFACES)})
     found = buses.feed({"actuator_outputs": damaged})["actuator_outputs"]
     np.testing.assert_array_equal(found["output"], damaged["output"])
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_signalling_nan_is_an_output_that_is_unknown() -> None:
+    damaged = outputs({0: "main"})
+    damaged["output"].view("<u4")[12, 3] = 0x7F800001
+    found = PX4Buses().feed({"actuator_outputs": damaged})["actuator_outputs"]
+    assert np.isnan(found["output"][12, 3])
+    assert np.isnan(found["output"]).sum() == 1

@@ -88,6 +88,7 @@ class PX4Buses:
         self._values: dict[int, dict[str, float]] = {}
         self._known: dict[int, dict[int, _Instance]] = {}
 
+    @np.errstate(invalid="ignore")  # a damaged number may be a NaN that signals
     def feed(self, tables: Mapping[str, Table]) -> dict[str, Table]:
         """Return the tables, of the outputs with the places as components and pulses as values."""
         named = tables.get("parameter")
