@@ -238,7 +238,8 @@ class Engine:
             None if t is None or by is None or shift_us is None else _utc(t + by).isoformat()
             for t, by in times
         )
-        return FlightIdentity(vehicle=vehicle, board=known.board, boot_utc=boot, start_utc=start, end_utc=end)
+        dates = {"boot_utc": boot, "start_utc": start, "end_utc": end}
+        return FlightIdentity(vehicle=vehicle, board=known.board, boots=known.boots, **dates)
 
     def _who(self, vehicle: int) -> Identity:
         """Return the identity of a vehicle, with the kind that its parameters tell."""

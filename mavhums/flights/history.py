@@ -87,6 +87,18 @@ class PastFlight:
         log = self.assessment.log
         return log.sha256 or f"{log.path} {log.start_utc}"
 
+    @property
+    def boots(self) -> tuple[int, tuple[int, str | None, str | None]] | None:
+        """The count of boots and whose it is, of a log that only its file dates; None of any other."""
+        for one in self.assessment.log.flight:
+            if one.start_utc is None and one.boots is not None and one.board is not None:
+                return one.boots, (one.vehicle, one.board, self.assessment.airframe)
+        return None
+
+    def order(self) -> tuple[datetime, int, str, str]:
+        """Return what orders flights in time."""
+        return self.start, self.boots[0] if self.boots else 0, self.log, self.assessment.airframe or ""
+
     def without(self, *fields: str) -> PastFlight:
         """Return the flight without its usage, and without some fields of its verdicts."""
         nothing: dict[str, object] = {name: {} if name == "provenance" else () for name in fields}
@@ -267,10 +279,22 @@ def _once(flights: Iterable[PastFlight]) -> tuple[PastFlight, ...]:
     once: dict[tuple[str | None, ...], PastFlight] = {}
     for flight in sorted(flights, key=lambda flight: (flight.written, str(flight.file))):
         once[flight.log, flight.assessment.airframe] = flight
-    in_order = sorted(
-        once.values(), key=lambda flight: (flight.start, flight.log, flight.assessment.airframe or "")
-    )
-    return tuple(in_order)
+    return tuple(sorted(_by_boots(once.values()), key=PastFlight.order))
+
+
+def _by_boots(flights: Iterable[PastFlight]) -> Iterator[PastFlight]:
+    """Yield the flights; those of a board that only files date get each other's dates in the order of boots.
+
+    Copying a log may change the time of its file, and does not change the count of boots in it.
+    """
+    several: dict[object, list[PastFlight]] = defaultdict(list)
+    for flight in sorted(flights, key=PastFlight.order):
+        several[flight.boots and flight.boots[1]].append(flight)
+    yield from several.pop(None, ())
+    for own in several.values():
+        booted = sorted(own, key=lambda flight: flight.boots or ())
+        for flight, dated in zip(booted, own, strict=True):
+            yield replace(flight, start=dated.start, end=dated.start + (flight.end - flight.start))
 
 
 class EarlierFlights(Protocol):

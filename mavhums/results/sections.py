@@ -160,6 +160,8 @@ class FlightIdentity(Contract):
         Of the log; None if it has no date.
     aircraft
         Name of the aircraft by the operator's table or rule; None if they name none.
+    boots
+        How often the board has booted, by its own count; None if it does not count.
 
     Examples
     --------
@@ -175,6 +177,7 @@ class FlightIdentity(Contract):
     start_utc: str | None = None
     end_utc: str | None = None
     aircraft: str | None = None
+    boots: int | None = None
 
     def is_same(self, other: FlightIdentity) -> bool:
         """Return whether both are recordings of one flight.

@@ -91,6 +91,7 @@ _FIRMWARE = re.compile(
 _BOARD: Final = re.compile(r"\S+ ([0-9A-F]{8}) ([0-9A-F]{8}) ([0-9A-F]{8})")
 _SIMULATED: Final = re.compile(r"(.?)([0-9a-f]{31})", re.DOTALL)
 _SERIAL: Final = b"BRD_SERIAL_NUM"
+_BOOT_COUNT: Final = b"STAT_BOOTCNT"
 _RELEASES: Final = {192: "-rc", 128: "-beta", 64: "-alpha", 0: "-dev"}
 
 
@@ -246,12 +247,14 @@ def _distinct(rows: NDArray[Any]) -> list[tuple[int, int, int]]:
 class FlightIds(NamedTuple):
     """A board's unique id, and its boot in microseconds; None if the log does not contain it.
 
-    ``dated`` is whether the boot is UTC by the vehicle's own clocks; else it is in the log's times.
+    ``dated`` is whether the boot is UTC by the vehicle's own clocks; else it is in the log's times. ``boots``
+    is how often the board has booted, by its own count.
     """
 
     board: str | None
     boot_us: int | None
     dated: bool = False
+    boots: int | None = None
 
 
 class RecordedFlights:
@@ -262,7 +265,7 @@ class RecordedFlights:
 
     def __init__(self) -> None:
         self._boards: dict[int, str] = {}
-        self._serials: dict[int, str] = {}
+        self._numbers: dict[tuple[int, bytes], int] = {}
         self._boots: dict[int, int] = {}
         self._rough_boots: dict[int, int] = {}
 
@@ -276,11 +279,11 @@ class RecordedFlights:
             for system, board in zip(report.table.system.tolist(), report.texts, strict=True):
                 self._boards.setdefault(system, board)
         for report in reports(tables, "parameter"):
-            own = report.values["name"] == _SERIAL
-            numbers = report.values["bits"][own].view("<f4").tolist()
-            for system, number in zip(report.table.system[own].tolist(), numbers, strict=True):
-                if 0 < number <= RANGES["parameter"][1]:
-                    self._serials.setdefault(system, f"serial {number:.0f}")
+            own = np.isin(report.values["name"], (_SERIAL, _BOOT_COUNT))
+            names, numbers = report.values["name"][own].tolist(), report.values["bits"][own].view("<f4")
+            for system, name, number in zip(report.table.system[own].tolist(), names, numbers, strict=True):
+                if 1 <= number <= RANGES["parameter"][1]:
+                    self._numbers.setdefault((system, name), int(number))
         for report in reports(tables, "boot"):
             _keep_first(self._boots, report, report.values)
         # By the time of reception: some latency is in it, so that the clocks' own date comes first.
@@ -295,9 +298,10 @@ class RecordedFlights:
 
     def of(self, vehicle: int) -> FlightIds:
         """Return the board and the boot time of a vehicle, as known so far."""
-        board = self._boards.get(vehicle, self._serials.get(vehicle))
+        serial = self._numbers.get((vehicle, _SERIAL))
+        board = self._boards.get(vehicle, f"serial {serial}" if serial else None)
         boot_us = self._boots.get(vehicle, self._rough_boots.get(vehicle))
-        return FlightIds(board, boot_us, vehicle in self._boots)
+        return FlightIds(board, boot_us, vehicle in self._boots, self._numbers.get((vehicle, _BOOT_COUNT)))
 
 
 def _board_in(text: str) -> str | None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from mavhums.results.standing import Interval
 from mavhums.results.verdict import Evidence
 from mavhums.show.standing import sentence
 from mavhums_sim import Flight, fly, write_tlog
+from mavhums_sim.dataflash import records, write_records
 from mavhums_sim.link import Link
 from tests.conftest import Run
 from tests.flights import START, flown, shown, verdict, write_wear
@@ -143,6 +145,34 @@ def test_flights_of_one_window_are_weighted_by_their_interval() -> None:
         return one_trend.level.estimate
 
     assert level(0.002) != level(0.02)
+
+
+def test_flights_that_only_their_files_date_are_in_the_order_of_boots(tmp_path: Path) -> None:
+    """A board counts its boots; the logs have no date, and copies of them have the times of the copying."""
+
+    def trend(days: Sequence[int]) -> Any:
+        flights = []
+        for boots, day in enumerate(days, start=7):
+            path = tmp_path / f"{boots}.BIN"
+            written_s = (START + timedelta(days=day)).timestamp()
+            board = b"CubeOrange 00112233 44556677 8899AABB"
+            told = [
+                records("MSG", np.zeros(1), Message=board),
+                records("PARM", np.zeros(1), Name=b"STAT_BOOTCNT", Value=boots),
+                records("RCOU", np.arange(0.0, 20.0, 0.1), C1=1500),
+            ]
+            write_records(told, path)
+            os.utime(path, (written_s, written_s))
+            judged = [verdict(shown(0.22 + 0.01 * boots + 0.001 * (boots % 3)))]
+            assessment = mavhums.analyse(path)
+            flights.append(PastFlight.of(assessment.model_copy(update={"verdicts": tuple(judged)})))
+        return trend_report(FlightHistory(tuple(flights))).trends
+
+    [right], [wrong] = trend(range(8)), trend([3, 2, 7, 0, 1, 6, 5, 4])
+    assert right == wrong
+    [same] = trend([0] * 8)
+    assert (same.change, same.per_flight) == (right.change, right.per_flight)
+    assert right.per_flight is not None
 
 
 def test_a_repair_is_told_by_its_date(run: Run, tmp_path: Path) -> None:

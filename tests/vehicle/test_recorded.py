@@ -62,7 +62,13 @@ def test_a_serial_number_stands_for_a_board_that_is_not_told() -> None:
     serial = v2.MAVLink_param_value_message(b"BRD_SERIAL_NUM", 17.0, 9, 1, 0)
     unset = v2.MAVLink_param_value_message(b"BRD_SERIAL_NUM", 0.0, 9, 1, 0)
     text = v2.MAVLink_statustext_message(6, b"CubeOrange 00112233 44556677 8899AABB")
+    boots = v2.MAVLink_param_value_message(b"STAT_BOOTCNT", 205.0, 9, 1, 0)
     assert heard(serial).of(1).board == "serial 17"
+    assert (heard(boots).of(1).board, heard(boots, serial).of(1).boots, heard(serial).of(1).boots) == (
+        None,
+        205,
+        None,
+    )
     assert heard(unset).of(1).board is None
     assert heard(serial, text).of(1).board == "00112233445566778899AABB"
 
