@@ -222,7 +222,8 @@ def _mapped_in(table: Table, actuator: Actuator, mappings: Mapping[str, FieldMap
         values = _column(table, field)
         chosen &= values == (wanted.encode() if isinstance(wanted, str) else wanted)
     which = ",".join(str(value) for value in where.values())
-    parts = [_column(table, m.field).astype(np.float64) * m.scale + m.offset for m in mappings.values()]
+    with np.errstate(all="ignore"):  # of damaged numbers
+        parts = [_column(table, m.field).astype(np.float64) * m.scale + m.offset for m in mappings.values()]
     for vehicle, rows in each(table.system, chosen):
         yield Reading(
             vehicle,
