@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mavhums.actuator.align import Aligned, Aligner
 from mavhums.actuator.derive import REPORTED, Deriver
 from mavhums.actuator.freshness import NOT_USED, Freshness
+from mavhums.actuator.one_servo import OneServo
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.actuator.telemetry import TIERS, Reading, read
 from mavhums.actuator.travel import Travel
@@ -191,6 +192,7 @@ class _ActuatorMapper:
         self.deriver = Deriver(actuator)
         self.gate = Gate(actuator)
         self.freshness = Freshness(actuator.min_rate_hz)
+        self.one_servo = OneServo()
         self.travel = Travel() if actuator.travel_deg is None and "V1" not in actuator.fields else None
         self.tier = ""
         self._used = np.zeros((0, len(KEYS)), dtype=np.int64)
@@ -201,6 +203,7 @@ class _ActuatorMapper:
     ) -> Iterator[MappedSamples]:
         """Yield the samples that these readings complete."""
         admitted = [reading._replace(values=self.gate.admit(reading.values)) for reading in readings]
+        self.one_servo.feed(admitted, loose)
         for aligned in self.aligner.feed(admitted, loose=loose, final=final):
             self._note(aligned)
             values = self.deriver.complete(aligned)
@@ -309,6 +312,11 @@ class Mapper:
         """Return the number of out-of-order or repeated values, which are ignored."""
         track = self._tracks.get((vehicle, actuator.name))
         return track.aligner.late if track else 0
+
+    def shared(self, vehicle: int, actuator: Actuator) -> bool:
+        """Return whether several servos report as one actuator."""
+        track = self._tracks.get((vehicle, actuator.name))
+        return track is not None and track.one_servo.shared
 
     def implausible(self, vehicle: int, actuator: Actuator) -> dict[str, tuple[int, int]]:
         """Return, by quantity, the number of implausible values and the number of all values.

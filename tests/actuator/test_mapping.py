@@ -140,3 +140,31 @@ def test_columns_are_in_the_papers_order() -> None:
     assert [column(key) for key in KEYS] == list(range(12))
     with pytest.raises(ValueError, match="not in tuple"):
         column("V13")
+
+
+@pytest.mark.parametrize("apart_ms", [0, 2])
+@pytest.mark.parametrize("servos", [1, 2])
+def test_two_servos_under_one_id_are_seen_whatever_the_cut(servos: int, apart_ms: int) -> None:
+    """One servo that steps, and comes twice as over two links, is one."""
+    rng = np.random.default_rng(5)
+    angle = np.repeat(10.0 * np.sign(np.sin(np.arange(100) / 5)), 2) + rng.normal(0.0, 0.1, 200)
+    if servos == 1:
+        angle[1::2] = angle[::2]
+    else:
+        angle[1::2] *= -1.0
+    times_us = np.arange(200) // 2 * 40_000 + np.arange(200) % 2 * apart_ms * 1000
+    values = [[np.nan] * 2 + [float(one)] for one in angle]
+    tables = decode(
+        *(
+            array_message(3, [*value, *[np.nan] * 9], time_us=START_US + int(at))
+            for value, at in zip(values, times_us, strict=True)
+        )
+    )
+    for cut in (200, 7):
+        mapper = Mapper(load_airframe("paper"))
+        for at in range(0, 200, cut):
+            mapper.feed(
+                {name: table.select(np.arange(at, min(at + cut, 200))) for name, table in tables.items()}
+            )
+        (elevator,) = [one for one in mapper.airframe.actuators if one.servo == 3]
+        assert mapper.shared(1, elevator) == (servos == 2)
