@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from mavhums.actuator.align import Aligned, Aligner
 from mavhums.actuator.derive import REPORTED, Deriver
 from mavhums.actuator.freshness import NOT_USED, Freshness
-from mavhums.actuator.one_servo import OneServo
+from mavhums.actuator.one_servo import SHARED_ID, OneServo
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.actuator.telemetry import TIERS, Reading, read
-from mavhums.actuator.travel import Travel
+from mavhums.actuator.travel import NEVER_FOLLOWS, Travel
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Table
@@ -313,10 +313,12 @@ class Mapper:
         track = self._tracks.get((vehicle, actuator.name))
         return track.aligner.late if track else 0
 
-    def shared(self, vehicle: int, actuator: Actuator) -> bool:
-        """Return whether several servos report as one actuator."""
+    def obstacle(self, vehicle: int, actuator: Actuator) -> tuple[str, str] | None:
+        """Return reason and remedy where the telemetry is not that of one servo which answers; else None."""
         track = self._tracks.get((vehicle, actuator.name))
-        return track is not None and track.one_servo.shared
+        if track is not None and track.one_servo.shared:
+            return SHARED_ID
+        return NEVER_FOLLOWS if track and track.travel and track.travel.never_follows else None
 
     def implausible(self, vehicle: int, actuator: Actuator) -> dict[str, tuple[int, int]]:
         """Return, by quantity, the number of implausible values and the number of all values.

@@ -1,7 +1,8 @@
 """The travel that a profile lacks, as a log shows it: how the shaft's angle follows from the pulse.
 
 A line from pulse to angle is fitted to the first seconds in which both move together, and then held: a shaft
-that stands later does not follow it. Of a shaft that does not follow from the beginning there is no line.
+that stands later does not follow it. Of a shaft that does not follow from the beginning there is no line,
+which is said where the pulse moved.
 """
 
 from __future__ import annotations
@@ -16,8 +17,15 @@ from mavhums.core.quantities import column
 _V1, _V3 = column("V1"), column("V3")
 
 _SAMPLES: Final = 500  # that a line rests on: 10 s at 50 Hz
-_MOVES_DEG: Final = 1.0  # standard deviation of an angle that moves: less is noise
+_MOVES_DEG: Final = 1.0  # standard deviation of what moves: less is noise
 _TOGETHER: Final = 0.95  # correlation from which the shaft follows: its lag costs a few hundredths
+_APART: Final = 0.3  # correlation, of either sign, below which the angle has nothing of the pulse
+
+NEVER_FOLLOWS: Final = (
+    "its angle does not follow its pulse from the beginning: it does not move, or its id is another servo's",
+    "check on the ground that the surface moves with its output, and that the servo has the output's number",
+)
+"""Reason and remedy of an actuator that never answers."""
 
 
 class Travel:
@@ -26,6 +34,15 @@ class Travel:
     def __init__(self) -> None:
         self._sums = np.zeros(6)  # number, and sums of pulse, angle, and their squares and product
         self._line: tuple[float, float] | None = None
+
+    @property
+    def never_follows(self) -> bool:
+        """Whether the pulse moved so far and the angle did not go with it, in whatever unit it is."""
+        count, x, y, xx, yy, xy = self._sums
+        across, along, joint = count * xx - x * x, count * yy - y * y, count * xy - x * y
+        along = max(along, 1e-9 * count * yy)  # of an angle that is one number only rounding is left
+        moves = count >= _SAMPLES and across > (_MOVES_DEG * count) ** 2
+        return self._line is None and bool(moves and joint * joint <= _APART**2 * across * along)
 
     def scale(self, values: Array, by_pulse: Flags) -> bool:
         """Replace V1 of V1…V12, shape (n, 12), where it is a pulse; NaN until the line is known.

@@ -16,7 +16,6 @@ import numpy as np
 
 from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import MappedSamples, Mapper, messages_for
-from mavhums.actuator.one_servo import SHARED_ID
 from mavhums.actuator.telemetry import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.output import as_utf8
@@ -401,9 +400,8 @@ class Engine:
             own = mapper.tier(vehicle, actuator)
             provenance = mapper.provenance(vehicle, actuator)
             against = setup.against(actuator.name)
-            shared = mapper.shared(vehicle, actuator)
-            if against or shared:
-                why = (against_log(against), remedy(against)) if against else SHARED_ID
+            contradicted = (against_log(against), remedy(against)) if against else None
+            if why := contradicted or mapper.obstacle(vehicle, actuator):
                 sent = tier_named(own) if own else tier
                 yield unjudged(vehicle, actuator.name, why, sent, provenance)
                 continue

@@ -10,6 +10,7 @@ import pytest
 from mavhums.actuator import Airframe
 from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.profile import Actuator
+from mavhums.actuator.travel import NEVER_FOLLOWS
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.log import Table
 
@@ -51,3 +52,4 @@ def test_a_position_that_stands_while_the_pulse_moves_is_a_jam(
             np.testing.assert_allclose(new.values[follows, 0], new.values[follows, 2], atol=0.05)
     list(monitor.finish())
     assert monitor.worst == worst
+    assert mapper.obstacle(1, ELEVATOR) == (NEVER_FOLLOWS if jam_s == 0.0 else None)
