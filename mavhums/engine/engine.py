@@ -150,8 +150,10 @@ class Engine:
             told.get(key[0], {})[key] = count
         names = self._mappers.airframes
         looks = [self._look(vehicle, told.get(vehicle, {}), indicators) for vehicle in vehicles or (None,)]
-        verdicts = tuple(with_advice(verdict) for look in looks for verdict in look.verdicts)
-        events, left_out = self._events.gathered(self._axes.by_rotors(), self._clocks.mixed)
+        mixed = self._clocks.mixed
+        alone = [verdict for look in looks for verdict in look.verdicts]
+        verdicts = tuple(with_advice(of_several_senders(one, mixed.get(one.vehicle))) for one in alone)
+        events, left_out = self._events.gathered(self._axes.by_rotors(), mixed)
         duration_s = 0.0 if first is None or last is None else (last - first) / 1e6
         begun, notices = self.start_utc(), [*self._notices(vehicles)]
         if begun is None and path is not None and (dated := date_of_file(path, duration_s)):
@@ -202,7 +204,8 @@ class Engine:
         ``whole`` flight the call costs next to nothing.
         """
         found = self._monitors.records(whole=whole)
-        return {key: found[key] for key in found if self._clocks.mixed(key[0]) is None}
+        mixed = self._clocks.mixed
+        return {key: found[key] for key in found if key[0] not in mixed}
 
     def profiles(self) -> dict[tuple[int, str], str]:
         """Return the name of the profile by which each vehicle's actuators are judged."""
@@ -353,8 +356,7 @@ class Engine:
         """Return the verdicts on a vehicle: its actuators first, then its axes."""
         sag = None if vehicle is None else self._rails.lowest.get(vehicle)
         first_us = self._decoder.first_time_us or 0
-        alone = [with_supply(one, sag, first_us) for one in self._alone(vehicle, tier, indicators)]
-        return [of_several_senders(one, self._clocks.mixed(vehicle)) for one in alone]
+        return [with_supply(one, sag, first_us) for one in self._alone(vehicle, tier, indicators)]
 
     def _alone(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> list[Verdict]:
         actuators = [*self._verdicts(vehicle, tier, indicators)]

@@ -123,12 +123,14 @@ class Clocks:
         self._restarts.clear()
         return found
 
-    def mixed(self, vehicle: int | None) -> str | None:
-        """Return a message whose stamps are of more than one clock; None if the vehicle is one sender."""
-        now = {
-            name for (name, sender), order in self._orders.items() if sender >> 8 == vehicle and order.mixed
-        }
-        return min(now | self._mixed.get(vehicle, set()), default=None)
+    @property
+    def mixed(self) -> dict[int | None, str]:
+        """The vehicles that are several senders, and of each a message whose stamps are of several clocks."""
+        found = {vehicle: set(names) for vehicle, names in self._mixed.items()}
+        for (name, sender), order in self._orders.items():
+            if order.mixed:
+                found.setdefault(sender >> 8, set()).add(name)
+        return {vehicle: min(names) for vehicle, names in found.items() if names}
 
     def _kept(
         self,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence, Set
+from collections.abc import Container, Iterator, Sequence, Set
 from typing import Final
 
 import numpy as np
@@ -229,7 +229,7 @@ class FlightEvents:
             one.finish()
 
     def gathered(
-        self, rotors: Set[int], mixed: Callable[[int], object] = lambda _: None
+        self, rotors: Set[int], mixed: Container[int | None] = ()
     ) -> tuple[tuple[FlightEvent, ...], int]:
         """Return the events of all vehicles in order of time, and how many of them are not kept.
 
@@ -238,11 +238,11 @@ class FlightEvents:
         rotors
             The vehicles that are carried by rotors alone.
         mixed
-            Whether several senders share the id of a vehicle: what one does looks like another's event.
+            The vehicles whose id several senders share: what one does looks like another's event.
         """
         found, left_out = list[FlightEvent](), 0
         for vehicle, one in self._vehicles.items():
             events = one.events(rotors=vehicle in rotors)
-            found += [] if mixed(vehicle) else events
-            left_out += one.left_out + (len(events) if mixed(vehicle) else 0)
+            found += [] if vehicle in mixed else events
+            left_out += one.left_out + (len(events) if vehicle in mixed else 0)
         return tuple(sorted(found, key=lambda event: (event.time_s, event.vehicle, event.kind))), left_out
