@@ -375,7 +375,6 @@ def test_every_alarm_of_an_actuator_shows_its_curve_though_it_has_passed(
 
 
 @needs(REAL_LOGS / "alfa")
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "log",
     [
