@@ -11,15 +11,27 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks._fleet import ACTUATORS, MODES, Task, at_all_frictions, fly_all, judge, quantities
+from benchmarks._fleet import (
+    ACTUATORS,
+    MODES,
+    SURFACES,
+    Task,
+    at_all_frictions,
+    flight,
+    fly_all,
+    judge,
+    quantities,
+)
 from mavhums import analyse
 from mavhums.core.arrays import Array
 from mavhums_sim import ActuatorRecord, FlightRecord, write_tlog
+from mavhums_sim.conditions import Condition
 from mavhums_sim.rates import Rates
 
 Rows = Iterator[str]
 
 MIDDLE = 0.625
+JAMS_S = (1.0, 1.5, 2.0, 3.0, 6.0)
 
 
 def _windows(name: str, record: FlightRecord) -> dict[str, list[tuple[float, float, float, float]]]:
@@ -143,3 +155,32 @@ def friction(args: argparse.Namespace, cyclograms: tuple[object, ...] = MODES) -
         covers = np.mean((low <= truth) & (truth <= high))
         shown = "—" if np.isnan(low).all() else f"{covers:.1%}"
         yield f"| {mode} | {tier} | {truth.size} | {error.mean():+.4f} | {error.std():.4f} | {shown} |"
+
+
+def _jams(name: str, record: FlightRecord) -> Counter[tuple[str, str, str]]:
+    return Counter(
+        (tier, name, one.findings.worst)
+        for tier in ("csrv", "esc-signed", "esc-unsigned")
+        for one in judge(name, record, tier=tier)
+    )
+
+
+def jams(args: argparse.Namespace) -> Rows:
+    """Yield what is said of jams of 10 N·m by their length; all four surfaces jam at the same time."""
+    tasks = []
+    for k in range(args.count(4) * len(MODES)):
+        at_s = float(np.random.default_rng([k, 27]).uniform(15.0, 50.0))
+        for lasts_s in JAMS_S:
+            jam = dict.fromkeys(SURFACES, (Condition("jam", 10.0, 10.0, at_s, at_s + lasts_s),))
+            mode, rate_hz = MODES[k % len(MODES)], (10.0, 25.0, 50.0)[k % 3]
+            flown = flight(k, 880 + k, rate_hz=rate_hz, mode=mode, duration_s=60.0, conditions=jam)
+            tasks.append(Task(f"{mode}/{lasts_s:g}", flown))
+    said: Counter[tuple[str, str, str]] = Counter()
+    for _, found in fly_all(tasks, _jams, args.workers):
+        said += found
+    yield f"| mode | tier | found of | {' | '.join(f'{lasts_s:g} s' for lasts_s in JAMS_S)} |"
+    yield "|---" * (3 + len(JAMS_S)) + "|"
+    for mode in MODES:
+        for tier in ("csrv", "esc-signed", "esc-unsigned"):
+            found_of = " | ".join(str(said[tier, f"{mode}/{lasts_s:g}", "emergency"]) for lasts_s in JAMS_S)
+            yield f"| {mode} | {tier} | {args.count(4) * len(SURFACES)} | {found_of} |"

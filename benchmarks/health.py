@@ -1,7 +1,7 @@
 """Accuracy, delay and certainty of verdicts: ``python benchmarks/health.py [SECTION…] [--scale 1.0]``.
 
-Sections: windows, flights, friction, early, alarms, growth, conditions, unsigned, replay, bounds, cost; all
-if none is named.
+Sections: windows, flights, friction, jams, early, alarms, growth, conditions, unsigned, replay, bounds, cost;
+all if none is named.
 Every flight is flown by two-mass individuals with dispersion, from seeds that training never used, at
 100 s and five flight modes in turn, unless said otherwise. ``--scale`` changes the number of flights.
 """
@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks._against_baseline import alarms, conditions, early, growth
-from benchmarks._against_limits import flights, friction, windows
+from benchmarks._against_limits import flights, friction, jams, windows
 from benchmarks._fleet import ACTUATORS, MODES, flight, quantities, replayed
 from benchmarks._unsigned import unsigned
 from mavhums.core.arrays import Array
@@ -85,6 +85,7 @@ SECTIONS: dict[str, Callable[[argparse.Namespace], Rows]] = {
     "windows": windows,
     "flights": flights,
     "friction": friction,
+    "jams": jams,
     "early": early,
     "alarms": alarms,
     "growth": growth,

@@ -52,7 +52,7 @@ RUNS: dict[str, list[Small]] = {
     "fleet_equality": [Small("--flights 1", slow=True)],
     "fleet_year": [Small("--aircraft 1 --days 7", slow=True)],
     "growth": [Small("--histories 1 --every 50", slow=True)],
-    "health": [Small("friction --scale 0.001 --workers 1")],
+    "health": [Small("friction --scale 0.001 --workers 1"), Small("jams --scale 0.1 --workers 1", slow=True)],
     "holes": [Small("--every 100 LOG")],
     "house": [Small(slow=True)],
     "links": [Small("LINKS", slow=True, needs=LINKS)],

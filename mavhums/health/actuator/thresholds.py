@@ -88,8 +88,9 @@ JAM_PARTS: Final = (11, 40)
 # Last parts whose command does not count, a second: the shaft may not have followed yet.
 JAM_LATEST_PARTS: Final = 4
 
-# Time through which a jam lasts that one window shows, s.
-JAM_SPAN_S: Final = 3.0
+# Time before the end of the first window that shows a jam at which it begins, s: 1 to 2 by the stall, 3 to 4
+# by the travel.
+JAM_SPAN_S: Final = 2.5
 
 # Travel of a rotor before its jammed shaft, °: of a gear of 400 N·m/rad and 0.1° of play, by 5 N·m to
 # either side.
@@ -106,8 +107,9 @@ SURELY_FOLLOWS_SHARE: Final = 2.0
 # N·m of friction 0.66 (docs/method/verdicts.md).
 STALLED_SHARE: Final = 0.8
 
-# Seconds of ten that a motor must push in vain: a reversal at a stop takes less. By hand.
-STALLED_SECONDS: Final = 1.0
+# Seconds of two that a motor must push in vain: none of healthy actuators, 0.1 with 2.0 N·m of friction
+# (docs/evidence/actuators.md, short jams).
+STALLED_SECONDS: Final = 0.5
 
 # A window says emergency above this probability: the network's own boundary between its two classes.
 EVEN_PROBABILITY: Final = 0.5

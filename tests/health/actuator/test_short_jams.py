@@ -21,7 +21,7 @@ BARE = actuator_of().model_copy(update={"ema": None, "limits": None})
 
 @pytest.mark.parametrize(
     ("start_s", "lasting_s", "rate_hz"),
-    [(20.0, 3.0, 10.0), (23.37, 3.0, 50.0), (25.6, 4.0, 10.0), (21.2, 6.0, 50.0), (20.9, 8.0, 10.0)],
+    [(20.0, 1.5, 10.0), (23.37, 2.0, 50.0), (23.37, 3.0, 50.0), (21.2, 6.0, 50.0), (20.9, 8.0, 10.0)],
 )
 def test_a_short_jam_is_told_with_its_beginning_and_end(
     start_s: float, lasting_s: float, rate_hz: float
@@ -31,8 +31,8 @@ def test_a_short_jam_is_told_with_its_beginning_and_end(
     assert (findings.condition, findings.worst) == ("normal", "emergency")
     told = [e for e in findings.evidence if e.kind == "jam" and e.rule.startswith("emergency")]
     assert len(told) == 1
-    assert told[0].start_s == pytest.approx(start_s, abs=1.5)
-    assert told[0].end_s == pytest.approx(start_s + lasting_s, abs=1.5)
+    assert told[0].start_s == pytest.approx(start_s, abs=2.0)
+    assert told[0].end_s == pytest.approx(start_s + lasting_s, abs=2.0)
 
 
 @pytest.mark.parametrize("phase_s", np.arange(0.0, 1.0, 0.125).tolist())
@@ -103,12 +103,12 @@ def test_a_bound_of_the_travel_does_not_depend_on_the_blocks(cut: list[int]) -> 
 @pytest.mark.parametrize(("share", "worst"), [(0.95, "emergency"), (0.6, "undecided")])
 @pytest.mark.parametrize("signed", [True, False])
 def test_a_shaft_that_stands_at_stall_has_jammed(share: float, worst: str, *, signed: bool) -> None:
-    """Too little is commanded to see it by the angle."""
+    """It follows before and after, so that no longer time leaves out most of the command."""
     time_s, ema = np.arange(0.0, 30.0, 0.04), actuator_of().known_ema()
     current = share * 27.0 / ema.resistance * np.sign(np.sin(time_s))
-    pushes = (time_s > 15.0) & (time_s < 16.5)
+    pushes = (time_s > 15.0) & (time_s < 15.7)
     values = np.full((time_s.size, 12), np.nan)
-    values[:, _V1] = values[:, _V3] = np.sin(time_s)
+    values[:, _V1] = values[:, _V3] = 8.0 * np.sin(time_s)
     magnitudes = np.full((time_s.size, 3), np.nan)
     columns, there = (values, [4, 6]) if signed else (magnitudes, [1, 2])
     columns[:, there] = 0.0

@@ -19,8 +19,8 @@ A speed without its sign bounds the travel: no shaft travels farther than the in
 shaft moves to and fro does not show that it follows, so the bound shows a jam, and ends one only where it is
 twice what was commanded.
 
-Where little is commanded, the current shows a jam: a shaft that stands although the motor pushes with most of
-its torque at stall, for a second of ten altogether. The current's sign does not matter.
+The current shows a jam, too, however short and however little is commanded: a shaft that stands although the
+motor pushes with most of its torque at stall, for half a second. The current's sign does not matter.
 """
 
 from __future__ import annotations
@@ -142,7 +142,8 @@ class JamDetector(Detector):
 
     If three seconds contain too little commanded travel, ten seconds are used. The last second of the command
     does not count, because the shaft may not have followed yet. One such window is a jam: no actuator that
-    follows leaves out most of 4°, and a jam may be over before several windows agree.
+    follows leaves out most of 4°, and a jam may be over before several windows agree. A shaft that just stood
+    at stall leaves out all, whatever it flew before and after.
     """
 
     fault: ClassVar[str] = "jam"
@@ -162,7 +163,7 @@ class JamDetector(Detector):
         self._stall_a = supply_v / ema.resistance if ema and supply_v else np.nan
         self._standing = actuator.moving_speed_rev_min if ema else np.nan
         self._windows = Windows(9, max(JAM_PARTS), empty=-np.inf)
-        self._in_vain = Windows(1)
+        self._in_vain = Windows(1, slots=2)  # half a second may lie in two
 
     def feed(self, seen: DetectorInput) -> Estimates:
         """Return the fraction; undecidable if less than 4° of travel was commanded."""
@@ -186,7 +187,7 @@ class JamDetector(Detector):
             left_out = np.where(np.isnan(left_out), share, left_out)
         slot = part[start] // JAM_PARTS_PER_SLOT
         most = np.fmax.reduceat(left_out, np.flatnonzero(np.diff(slot, prepend=slot[0] - 1)))
-        most = np.where(np.isnan(most) & self._stalls(seen.slots), 1.0, most)
+        most = np.where(self._stalls(seen.slots), 1.0, most)
         return Estimates.of(most, np.zeros_like(most), np.ones_like(most), np.isfinite(most))
 
     def _parts(self, slots: Slots) -> Integers:
@@ -200,7 +201,7 @@ class JamDetector(Detector):
         return np.asarray(slot * JAM_PARTS_PER_SLOT + part)
 
     def _stalls(self, slots: Slots) -> Flags:
-        """Return in which windows the shaft stands while the motor pushes, for a second, shape (k,)."""
+        """Return in which pairs of slots the shaft stands while the motor pushes, shape (k,)."""
         values, time_s = slots.values, slots.time_s
         _, unsigned_a, unsigned_rev_min = values[:, MAGNITUDES].T
         pushes = np.fmax(np.abs(values[:, _V5]), unsigned_a) >= STALLED_SHARE * self._stall_a
