@@ -49,7 +49,7 @@ RUNS: dict[str, list[Small]] = {
     ],
     "false_alarms": [Small("--hours 0.01", {"_FLIGHT_S": 30.0})],
     "fleet": [Small("landings", {"LANDINGS": (10,)})],
-    "fleet_equality": [Small("--flights 1", slow=True)],
+    "fleet_equality": [Small("--flights 1", {"AIRCRAFT": 4, "TWO_VEHICLES": (3,)}, slow=True)],
     "fleet_year": [Small("--aircraft 1 --days 7", slow=True)],
     "growth": [Small("--histories 1 --every 50", slow=True)],
     "health": [Small("friction --scale 0.001 --workers 1"), Small("jams --scale 0.1 --workers 1", slow=True)],

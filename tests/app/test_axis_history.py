@@ -112,6 +112,7 @@ def test_outputs_that_were_inferred_are_not_compared(tmp_path: Path) -> None:
     assert not verdict.indicators
 
 
+@pytest.mark.slow
 def test_the_limits_are_those_of_the_profile(tmp_path: Path) -> None:
     profile = tmp_path / "own.toml"
     profile.write_text(STRICT)

@@ -55,6 +55,7 @@ def outcomes(logs: Sequence[Path], keep: Path, jobs: int) -> list[tuple[str, str
     ]
 
 
+@pytest.mark.slow
 def test_several_processes_say_the_same_in_the_same_order(logs: list[Path], tmp_path: Path) -> None:
     alone = outcomes(logs, tmp_path / "one", 1)
     together = outcomes(logs, tmp_path / "two", 2)
@@ -123,6 +124,7 @@ class Deadly:
         return 2 * number
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("deaths", "lost"), [(1, []), (2, [5])])
 def test_a_process_that_dies_loses_only_the_item_that_kills_it_again(
     tmp_path: Path, deaths: int, lost: list[int]
@@ -223,6 +225,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "program", [INTERRUPTED_START, INTERRUPTED_WAIT], ids=["while a process starts", "and no wait wakes"]
 )
@@ -243,6 +246,7 @@ def test_the_processes_end_with_a_command_that_is_killed(stuck: subprocess.Popen
     assert not alive
 
 
+@pytest.mark.slow
 def test_analyse_loads_nothing_heavy_that_it_does_not_need(logs: list[Path]) -> None:
     heavy = {
         "torch",

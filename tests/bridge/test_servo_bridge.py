@@ -276,6 +276,7 @@ def test_the_profile_alone_shows_the_quantities_and_judges_nothing_as_normal(
     assert "elevator" in outcome.out
 
 
+@pytest.mark.slow
 def test_the_page_states_the_cost_that_the_benchmark_prints(capsys: pytest.CaptureFixture[str]) -> None:
     cost.main()
     assert capsys.readouterr().out.strip() in README.read_text(encoding="utf-8")

@@ -60,6 +60,7 @@ def test_analyse_writes_recordings(run: Run, growing_log: Path, healthy_log: Pat
     assert sorted(path.name for path in folder.iterdir()) == ["growing.rrd", "healthy.rrd"]
 
 
+@pytest.mark.slow
 def test_one_bad_log_does_not_hide_the_others(run: Run, healthy_log: Path, tmp_path: Path) -> None:
     outcome = run("analyse", tmp_path / "missing.tlog", healthy_log)
     assert outcome.code == ExitCode.ERROR
@@ -99,6 +100,7 @@ def test_a_folder_for_recordings_that_cannot_be_made(
     assert "--rrd names a folder" in outcome.err
 
 
+@pytest.mark.slow
 def test_open_starts_the_viewer(
     run: Run, healthy_log: Path, growing_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -136,6 +138,7 @@ def test_inspect_names_tier_sources_and_rates(run: Run, growing_log: Path) -> No
     assert rates["HEARTBEAT"] == pytest.approx(1, rel=0.05)
 
 
+@pytest.mark.slow
 def test_inspect_counts_what_mavlogdump_counts(run: Run, growing_log: Path) -> None:
     from collections import Counter
 
@@ -298,6 +301,7 @@ def test_no_finding_ends_before_it_begins(run: Run, tmp_path: Path) -> None:
     assert "to 0.0s" not in run("analyse", log).out
 
 
+@pytest.mark.slow
 def test_a_reader_that_goes_away_is_no_traceback(growing_log: Path) -> None:
     command = f"{sys.executable} -m mavhums inspect {growing_log} | head -n 1"
     outcome = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)

@@ -48,6 +48,7 @@ def test_any_encoding_carries_the_answer(
         assert "aileron_left" in text
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_output_is_one_line(short_log: Path) -> None:
     with Path("/dev/full").open("w") as full:
@@ -65,6 +66,7 @@ def test_a_full_output_is_one_line(short_log: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell of POSIX")
 @pytest.mark.parametrize(
     ("command", "code"),
@@ -131,6 +133,7 @@ def test_hostile_names_reach_no_terminal(run: Run, tmp_path: Path, short_log: Pa
             assert all(letter.isprintable() or letter == "\n" for letter in text), arguments
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="names of other systems are texts")
 def test_a_name_that_is_not_utf_8_is_a_text_of_the_answer(
     run: Run, tmp_path: Path, short_log: Path, growing_log: Path
@@ -168,6 +171,7 @@ def test_formulas_are_texts_in_a_spreadsheet(tmp_path: Path) -> None:
     assert set(read["estimate"]) == {-0.5}
 
 
+@pytest.mark.slow
 def test_several_logs_are_told_apart(run: Run, short_log: Path, growing_log: Path, tmp_path: Path) -> None:
     absent = tmp_path / "absent.tlog"
     outcome = run("analyse", short_log, absent, growing_log, "--verbose")

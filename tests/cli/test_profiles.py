@@ -189,6 +189,7 @@ def test_of_several_vehicles_one_is_chosen(run: Run, tmp_path: Path) -> None:
     assert "no parameters of vehicle 3" in run("profile", "new", log, "--vehicle", "3").err
 
 
+@pytest.mark.slow
 def test_a_draft_shows_the_quantities_and_compares_with_the_own_past_alone(
     run: Run, growing_log: Path, tmp_path: Path
 ) -> None:

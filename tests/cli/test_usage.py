@@ -48,6 +48,7 @@ def test_inspect_and_analyse_tell_the_same(run: Run, log: Path) -> None:
     assert vehicle["usage"] == usage
 
 
+@pytest.mark.slow
 def test_inspect_says_what_can_be_judged_before_one_tries(run: Run, log: Path) -> None:
     told = json.loads(run("inspect", log, "--json").out)["vehicles"][0]["subjects"]
     verdicts = json.loads(run("analyse", log, "--json").out)["verdicts"]

@@ -96,6 +96,7 @@ def test_parameters_that_arrive_late_contradict_as_well(kind: str, told_s: float
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FORMATS)
 def test_without_parameters_the_motion_contradicts(kind: str) -> None:
     verdicts, events, _ = judged([FORMATS[kind](Wired(parameters={}))])
@@ -151,6 +152,7 @@ def test_an_alarm_is_withdrawn_where_the_parameters_are_corrected_after_it(airfr
     assert (roll.condition, roll.worst, roll.evidence) == ("unchanged", "unchanged", ())
 
 
+@pytest.mark.slow
 def test_an_alarm_that_only_a_wrong_profile_raises_is_not_reported() -> None:
     flight = Wired(coordinated_s=100.0, told_s=140.0)
     verdicts, events, _ = judged([flight.tlog()], SWAPPED)
@@ -161,6 +163,7 @@ def test_an_alarm_that_only_a_wrong_profile_raises_is_not_reported() -> None:
     assert verdicts["roll"].worst == "unchanged"
 
 
+@pytest.mark.slow
 def test_a_wrong_profile_that_is_named_late_raises_no_alarm_of_the_past() -> None:
     """What was flown before the vehicle names its profile is judged by it, and the motion is asked."""
     flight = Wired(parameters={}, texts=NAMED, named_s=150.0)
@@ -227,6 +230,7 @@ def swapped(**moved: int) -> Airframe:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["tlog", "BIN"])
 def test_the_telemetry_of_another_surface_is_no_verdict(run: Run, tmp_path: Path, kind: str) -> None:
     """The elevator's friction is an emergency; the profile takes its output for the left aileron's."""

@@ -51,6 +51,7 @@ def test_no_damaged_number_warns(path: Path, monkeypatch: pytest.MonkeyPatch) ->
     judge(path.read_bytes(), monkeypatch, Engine())
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_no_damaged_value_that_a_profile_maps_warns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     profile = CSRV.read_text(encoding="utf-8").replace("Cmd", "V01").replace("Pos", "V03")

@@ -275,6 +275,7 @@ def test_what_the_telemetry_leaves_out_is_named(growing_record: FlightRecord) ->
     assert "leaves out servo 4" in str(rudder.reason)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("missing", "reason"), [((6,), "V7"), ((3, 4, 7), "V4, V5 or V8")])
 def test_an_open_torque_balance_is_named(
     growing_record: FlightRecord, missing: tuple[int, ...], reason: str
@@ -293,6 +294,7 @@ def test_an_open_torque_balance_is_named(
     assert f"{reason} not measured" in str(verdict.reason)
 
 
+@pytest.mark.slow
 def test_two_vehicles_in_one_log_are_kept_apart(growing_record: FlightRecord) -> None:
     healthy = fly(Flight(seed=21, duration_s=40.0))
     both = sorted(packed(growing_record, system=1) + packed(healthy, system=2, shift_us=3_000))
@@ -394,6 +396,7 @@ def test_silence_is_never_normal(growing_record: FlightRecord) -> None:
     assert [v.actuator for v in assessment.ranked()][:2] == ["elevator", "rudder"]
 
 
+@pytest.mark.slow
 def test_a_reboot_in_flight_is_reported_and_survived() -> None:
     """The vehicle's clock starts anew at 30 s; the history goes on."""
     record = fly(Flight(seed=22, duration_s=60.0, friction_nm={"elevator": (1.0, 1.0)}))

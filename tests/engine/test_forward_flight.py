@@ -61,6 +61,7 @@ def test_a_transition_that_is_not_finished_is_named_with_its_seconds(
     assert "fastest 18 m/s" in reason
 
 
+@pytest.mark.slow
 def test_parameters_that_come_late_give_the_same_forward_flight() -> None:
     flight = Wired(parameters=TILTROTOR, others=transition())
     late = judged(replace(flight, told_s=100.0).tlog())[0]

@@ -115,6 +115,7 @@ def test_a_list_without_an_end_gathers_before_it_applies() -> None:
     assert changes(events) == [("undecided", "unchanged")]
 
 
+@pytest.mark.slow
 def test_inferred_outputs_that_part_are_inferred_anew() -> None:
     flight = without_parameters(FLIGHTS["a rudder that moves with the ailerons"])
     _, events = judged(flight)
@@ -140,6 +141,7 @@ def test_other_ranges_late_in_a_long_flight_take_nothing_away() -> None:
     assert verdicts(renamed(flight, 140.0, **ranges)) == verdicts(flight)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("short_memory")
 def test_other_outputs_late_in_a_long_flight_say_from_when_on_it_is_judged() -> None:
     flight = renamed(flown(300, left=1.0, parted_s=0), 200.0, SERVO4_FUNCTION=4, SERVO1_FUNCTION=21)

@@ -23,6 +23,7 @@ def roll(flight: Wired, form: Literal["tlog", "dataflash", "ulog"], block: int =
     return next(v for v in engine.assessment().verdicts if v.actuator == "roll")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["tlog", "dataflash", "ulog"])
 @pytest.mark.parametrize("left", [1.0, 0.4])
 def test_the_receivers_channels_are_the_command(

@@ -36,6 +36,7 @@ def judged(data: bytes, size: int) -> Assessment:
     return engine.assessment()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay_s", [1.0, 7.03, 45.0])
 def test_verdicts_on_two_aircraft_with_one_id_are_undecided(delay_s: float) -> None:
     """Whatever lies between their clocks; the finding on the faulty one could be on either."""
@@ -50,6 +51,7 @@ def test_verdicts_on_two_aircraft_with_one_id_are_undecided(delay_s: float) -> N
     assert judged(data, 40_000) == found
 
 
+@pytest.mark.slow
 def test_a_reboot_a_late_route_and_a_few_false_frames_are_one_sender() -> None:
     """A finding stays: the aircraft is heard again from its boot, over two links, or beside a forger."""
     alone = judged(FAULTY.read_bytes(), 1 << 20)

@@ -99,6 +99,7 @@ def test_the_command_ends_with_0_whatever_is_new_unless_asked(run: Run, store: P
     assert run("fleet", "digest", store, "--since", "yesterday").code == ExitCode.USAGE
 
 
+@pytest.mark.slow
 def test_a_table_and_the_status_tell_the_flights_left(run: Run, store: Path, tmp_path: Path) -> None:
     (growth,) = (row.standing.growth for row in worst(store) if row.standing and row.standing.growth)
     assert growth.to_emergency is not None

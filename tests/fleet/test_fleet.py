@@ -168,6 +168,7 @@ def test_broken_logs_are_rows_and_stop_nothing(
     assert run("fleet", "worst", tmp_path / "store").code == ExitCode.ERROR
 
 
+@pytest.mark.slow
 def test_a_log_of_an_unknown_aircraft_is_held_against_no_other(
     logs: Path, options: fleet.ScanOptions, tmp_path: Path
 ) -> None:
@@ -183,6 +184,7 @@ def test_a_log_of_an_unknown_aircraft_is_held_against_no_other(
     assert len(fleet.worst(store)) == 4 * FLIGHTS
 
 
+@pytest.mark.slow
 def test_the_board_names_an_aircraft_where_no_rule_does(
     logs: Path, options: fleet.ScanOptions, tmp_path: Path
 ) -> None:
@@ -281,6 +283,7 @@ def test_the_worst_of_all_aircraft_comes_first(scanned: Path, run: Run) -> None:
     assert told[0]["verdict"]["worst"] == "emergency"
 
 
+@pytest.mark.slow
 def test_trend_status_and_export_tell_what_the_store_holds(scanned: Path, run: Run, tmp_path: Path) -> None:
     assert "24 logs of 2 aircraft" in run("fleet", "status", scanned).out
     assert json.loads(run("fleet", "status", scanned, "--json").out)["judged"] == 24

@@ -154,6 +154,7 @@ def test_a_folder_that_is_no_store_is_one_aircrafts_history(run: Run, kept: Path
     assert "mavhums analyse LOG --history" in error.value.remedy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a store", "100 % ü", "store [1]"])
 def test_a_store_may_be_called_anything(kept: Path, tmp_path: Path, name: str) -> None:
     store = shutil.copytree(kept / "store", tmp_path / name)

@@ -80,6 +80,7 @@ def test_joining_removes_files_that_no_version_of_the_last_week_needs(
     assert len(stores.Store(tmp_path).query("SELECT * FROM logs").fetchall()) == 2
 
 
+@pytest.mark.slow
 def test_a_scan_whose_tidying_fails_has_not_failed(
     log: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -112,6 +112,7 @@ def test_a_webhook_gets_the_contract_and_a_mailbox_the_text(run: Run, store: Pat
     assert "D-N elevator: emergency since flight 1" in message.replace("=\r\n", "")
 
 
+@pytest.mark.slow
 def test_nothing_to_say_sends_nothing_unless_asked(
     run: Run, store: Path, webhook: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -111,6 +111,7 @@ def test_a_scan_with_a_new_date_opens_no_log(run: Run, tmp_path: Path) -> None:
     assert run(*command, "--baseline-from", "D-A/=yesterday").code == 2
 
 
+@pytest.mark.slow
 def test_a_scan_names_the_aircraft_that_nobody_has(run: Run, short_log: Path, tmp_path: Path) -> None:
     """Whether an aircraft exists is known once its logs are judged: they are kept, the date is not."""
     folder = tmp_path / "D-A"

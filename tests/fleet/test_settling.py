@@ -265,6 +265,7 @@ def test_verdicts_whose_state_was_lost_are_made_again(
     assert told(tmp_path / "store") == afresh(tmp_path / "all", flights)[0]  # type: ignore[index]
 
 
+@pytest.mark.slow
 def test_flights_judged_again_before_an_interruption_are_waiting(
     kinds: list[StandaloneAssessment], tmp_path: Path
 ) -> None:

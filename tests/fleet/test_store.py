@@ -147,6 +147,7 @@ def test_flights_of_an_aircraft_come_in_order_of_time_each_in_its_latest_judgeme
     assert store.query(f"SELECT count(*), count(DISTINCT scanned) FROM {LOGS}").fetchone() == (6, 6)
 
 
+@pytest.mark.slow
 def test_a_store_remembers_the_rule_and_the_boards_of_its_scans(tmp_path: Path) -> None:
     store = Store(tmp_path)
     board = Installation(aircraft="D-A", board="0A")

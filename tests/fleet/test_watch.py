@@ -74,6 +74,7 @@ def test_a_log_is_judged_once_it_stands_still_and_a_bad_one_stops_nothing(
     assert fleet.status(store).judged == 2
 
 
+@pytest.mark.slow
 def test_the_command_prints_a_line_a_log_and_ends_cleanly(
     run: Run, inbox: Path, tmp_path: Path, data: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:

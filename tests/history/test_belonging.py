@@ -116,6 +116,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return paths
 
 
+@pytest.mark.slow
 def test_analyse_refuses_another_aircrafts_flight(run: Run, logs: list[Path], tmp_path: Path) -> None:
     folder = tmp_path / "flights"
     assert run("analyse", logs[0], "--history", folder, "--keep").code == ExitCode.OK

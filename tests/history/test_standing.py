@@ -212,6 +212,7 @@ def test_what_grows_on_is_not_gone() -> None:
     assert "grows by" in why
 
 
+@pytest.mark.slow
 def test_growth_that_was_certain_does_not_go_with_one_flight() -> None:
     """The evidence falls below its threshold and rises again; a list would say "grows", "normal", "grows"."""
     rng = np.random.default_rng(1)

@@ -147,6 +147,7 @@ def test_flights_of_one_window_are_weighted_by_their_interval() -> None:
     assert level(0.002) != level(0.02)
 
 
+@pytest.mark.slow
 def test_flights_that_only_their_files_date_are_in_the_order_of_boots(tmp_path: Path) -> None:
     """A board counts its boots; the logs have no date, and copies of them have the times of the copying."""
 

@@ -91,6 +91,7 @@ def test_a_healthy_flight_is_quiet_and_a_silent_link_is_stale(tmp_path: Path) ->
     rig.end()
 
 
+@pytest.mark.slow
 def test_a_motor_that_stops_is_told_while_it_flies(tmp_path: Path) -> None:
     rng = np.random.default_rng([3, 1])
     plan = draw_plan(rng, 55.0, event=Event(fault_s=40.0, motor=1, loss=1.0))

@@ -221,6 +221,7 @@ def small_disk() -> Iterator[Callable[[int | None], None]]:
     signal.signal(signal.SIGXFSZ, handler)
 
 
+@pytest.mark.slow
 def test_the_disk_is_full_while_recording(
     rig: Rig, worn_pieces: list[Piece], small_disk: Callable[[int | None], None]
 ) -> None:
@@ -333,6 +334,7 @@ def test_noise_at_the_vehicles_own_address(rig: Rig, worn_pieces: list[Piece]) -
     assert rig.stamper.counts.bytes_skipped > 60 * 19_000
 
 
+@pytest.mark.slow
 def test_every_fault_at_once(rig: Rig, worn: FlightRecord) -> None:
     dice = random.Random(10)
     link = Link(loss=0.2, burst=2.0, late=0.05, links=2, reboot_at_s=16.0, outage_s=1.0)

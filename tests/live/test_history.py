@@ -85,6 +85,7 @@ def test_its_own_flights_are_its_history(worn_pieces: list[Piece], board: str, t
     assert live.log.notices == replayed.log.notices
 
 
+@pytest.mark.slow
 def test_a_history_without_boards_is_accepted_with_a_notice(worn_pieces: list[Piece], tmp_path: Path) -> None:
     follows, _ = session(tmp_path, history=kept(tmp_path / "flights", None))
     assert hear(follows, worn_pieces) == len(worn_pieces)

@@ -262,6 +262,7 @@ def text_of(rig: Rig, told: tuple[str, ...] = ()) -> str:
     return console.file.getvalue()
 
 
+@pytest.mark.slow
 def test_the_view_shows_verdicts_rates_ages_and_losses(rig: Rig, worn_pieces: list[Piece]) -> None:
     flown(rig, worn_pieces)
     shown = text_of(rig, ("16.0s  elevator: \x1b[31mnormal",))
@@ -274,6 +275,7 @@ def test_the_view_shows_verdicts_rates_ages_and_losses(rig: Rig, worn_pieces: li
     assert "elevator: �[31mnormal" in shown, "what comes from outside is not obeyed"
 
 
+@pytest.mark.slow
 def test_the_view_never_shows_a_silent_actuator_as_normal(rig: Rig, worn_pieces: list[Piece]) -> None:
     flown(rig, worn_pieces).wait_until(EPOCH_US + 25_000_000)
     shown = text_of(rig)
@@ -304,6 +306,7 @@ def test_the_view_stays_in_place_and_leaves_nothing(rig: Rig, worn_pieces: list[
     assert "sent to the ground station: elevator EMERGENCY: friction, land now" in screen.getvalue()
 
 
+@pytest.mark.slow
 def test_lines_follow_the_schema(rig: Rig, worn_pieces: list[Piece]) -> None:
     lines: list[str] = []
     written = JsonLines(lines.append, rig.clock.now_us, rig.session.status)
@@ -330,6 +333,7 @@ def test_notices_are_told(rig: Rig) -> None:
     assert json.loads(lines[0])["text"] == "PreArm: check"
 
 
+@pytest.mark.slow
 def test_plain_lines_tell_changes_and_silence(rig: Rig, worn_pieces: list[Piece]) -> None:
     lines: list[str] = []
     rig.session.sinks.append(PlainLines(lines.append))

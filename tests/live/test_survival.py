@@ -27,6 +27,7 @@ def test_a_time_that_cannot_be_ends_no_session(rig: Rig, worn_pieces: list[Piece
     assert conditions(rig.end()) == RIGHT
 
 
+@pytest.mark.slow
 def test_an_error_in_the_assessment_is_shown_and_the_session_goes_on(
     rig: Rig, worn_pieces: list[Piece], monkeypatch: pytest.MonkeyPatch
 ) -> None:

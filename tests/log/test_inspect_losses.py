@@ -84,6 +84,7 @@ def test_a_jump_of_the_clock_is_said(tmp_path: Path) -> None:
     assert "jumps ahead 1 times" in said(path)
 
 
+@pytest.mark.slow
 def test_the_standard_input_is_inspected() -> None:
     data = heartbeats([START_US, START_US + 1])
     command = [sys.executable, "-m", "mavhums", "inspect", "-", "--json"]

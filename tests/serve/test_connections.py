@@ -130,6 +130,7 @@ BIG = b"GET /big HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 UPLOAD = b"POST /body HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 100000000\r\n\r\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("begins", [BIG, UPLOAD], ids=["reads nothing", "sends nothing"])
 def test_who_neither_reads_nor_sends_keeps_no_one_out_and_loses_the_place(begins: bytes) -> None:
     with contextlib.ExitStack() as exits:

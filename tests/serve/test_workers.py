@@ -188,6 +188,7 @@ sys.exit(2)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
 def test_memory_beyond_the_limit_is_refused() -> None:
     import subprocess

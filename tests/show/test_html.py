@@ -292,6 +292,7 @@ def measure(browser: Chromium, file: Path, width: int) -> Any:
     raise AssertionError("the page does not load")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no browser; Debian has one in the package chromium")
 def test_a_browser_opens_it_from_disk_without_a_network(
     assessment: Assessment, new_verdict: New, new_assessment: Assess, tmp_path: Path

@@ -38,6 +38,7 @@ def judged(log: bytes, size: int) -> mavhums.Assessment:
     return engine.assessment()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [10_000, 1 << 22])
 def test_a_clock_that_is_set_in_flight_is_no_pause(size: int) -> None:
     sound = whole(HEALTHY.read_bytes())

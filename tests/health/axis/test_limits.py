@@ -86,6 +86,7 @@ def test_a_tolerant_limit_tolerates_a_weaker_surface() -> None:
     assert (strict.findings("roll").worst, tolerant.findings("roll").worst) == ("degraded", "unchanged")
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(left=st.floats(0.0, 0.6), at_s=st.integers(70, 110), seconds=st.integers(25, 70))
 @example(left=0.0, at_s=94, seconds=36)

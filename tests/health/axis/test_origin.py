@@ -41,6 +41,7 @@ def mixed(side: str, left: float) -> Rows:
     return rows(flight)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("side", "left"), [("left", 0.0), ("right", 0.0), ("left", 0.2), ("both", 0.5)])
 def test_the_coupling_tells_mixed_surfaces_apart(side: str, left: float) -> None:
     monitor, flight = AxisMonitor(1, mixed=ELEVONS), mixed(side, left)

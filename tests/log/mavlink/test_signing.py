@@ -166,6 +166,7 @@ def test_a_real_signed_link() -> None:
     assert sum(decoder.counts.values()) == sum(plain.counts.values()) - 67
 
 
+@pytest.mark.slow
 def test_analyse_takes_a_key(run: Run, tmp_path: Path) -> None:
     record = fly(Flight(seed=5, duration_s=16.0, rate_hz=25.0, friction_nm={"rudder": (1.0, 1.0)}))
     signed, key, other = tmp_path / "signed.tlog", tmp_path / "key", tmp_path / "other"

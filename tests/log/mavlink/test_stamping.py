@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -30,6 +31,7 @@ def frames_in(data: bytes) -> list[bytes]:
     return out
 
 
+@pytest.mark.slow
 @given(one=records(), other=records(), data=st.data())
 @settings(max_examples=80, deadline=None)
 def test_every_frame_becomes_a_record_however_it_is_cut(
