@@ -12,6 +12,7 @@ from statistics import median
 import numpy as np
 
 from mavhums import Engine, load_airframe
+from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import ConditionChanged, Event, Indication
 from mavhums.engine.options import EngineOptions
 from mavhums.log import read_blocks, read_log
@@ -102,6 +103,10 @@ def read_labels(folder: Path) -> Iterator[Flight]:
     flights: dict[str, Flight] = {}
     with (folder / "labels.csv").open(newline="", encoding="utf-8") as file:
         for row in csv.DictReader(file):
+            if not row.keys() >= {"file", "surface"}:
+                raise MavhumsError(
+                    f"{file.name}: labels no surfaces", "name a folder of flights of fixed wings"
+                )
             path = folder / row["file"]
             flight = flights.setdefault(row["file"], Flight(path))
             fault = _alfa(row, path) if "t_fault_s" in row else _booted(row, path)
