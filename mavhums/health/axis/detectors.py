@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import degrees, exp, isnan, nan
+from math import degrees, exp, hypot, isnan, nan
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -76,7 +76,8 @@ class AxisInput:
         reference = self.trackers[axis].reference
         if reference is None or second.shift is None:
             return nan
-        return abs(second.shift) / max(reference.deviation, SHIFT_FLOOR_RAD_S)
+        # A strong manoeuvre leaves a response by the error of the gain alone.
+        return abs(second.shift) / hypot(max(reference.deviation, SHIFT_FLOOR_RAD_S), second.shift_error)
 
 
 class AxisDetector(Protocol):
@@ -156,7 +157,7 @@ class EffectivenessDetector:
         # overs.
         if self._axis not in ("roll", STEERING) or second.shift is None or second.lost_s >= DOUBTFUL_S:
             return True
-        return abs(second.shift) <= TRIM_SHIFT_DEVIATIONS * max(reference.deviation, SHIFT_FLOOR_RAD_S)
+        return given.shift_deviations(self._axis, second) <= TRIM_SHIFT_DEVIATIONS
 
     def _alarm(self, second: Second) -> Alarm:
         left = second.left_over if second.left_over is not None else 1.0

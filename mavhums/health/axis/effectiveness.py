@@ -279,6 +279,7 @@ class EffectivenessTracker:
             self._recent.clear()
             self._servo_lag = ServoLag()
         slow_s, later = self._servo_lag.feed(self._recent, reference.gain)
+        shift, shift_error = self._shifted(reference.error)
         # At the lag that explains most: a slow servo's share in time is no loss.
         at_lag = [sums[self._servo_lag.lag] for sums in self._recent]
         left_over, left_error = _measured(at_lag, reference)
@@ -290,21 +291,23 @@ class EffectivenessTracker:
             self._since,
             slow_s,
             later,
-            self._shifted(),
+            shift,
             left_over,
             left_error,
             len(self._recent),
             excluded,
             driven=self._driven.whole(),
             steady=self._driven.steady(),
+            shift_error=shift_error,
         )
 
-    def _shifted(self) -> float | None:
+    def _shifted(self, gain_error: float) -> tuple[float | None, float]:
+        """Return the unexplained mean response, and what of it the error of the reference's gain makes."""
         count = sum(rows for _, rows in self._left)
         if count < SHIFT_S * LEAST_ROWS_PER_S:
-            return None
+            return None, 0.0
         answered, driven = np.sum([left[self._servo_lag.lag] for left, _ in self._left], axis=0) / count
-        return self._form.unexplained(float(answered), float(driven))
+        return self._form.unexplained(float(answered), float(driven)), gain_error * abs(float(driven))
 
     def _informs(self, reference: Reference) -> bool:
         """Return whether demand, not gusts, dominates the last seconds.

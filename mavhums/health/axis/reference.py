@@ -140,9 +140,9 @@ class Second:
         Additional lag that explains the response better than a loss; None if there is none.
     later
         Whether an additional lag explains the response slightly better, so that the kind of fault is open.
-    shift
+    shift, shift_error
         Mean of the unexplained response over the last three seconds, at the additional lag that explained
-        more since ``since_s``; None if it is not known.
+        more since ``since_s``, and its error by that of the reference's gain; None if it is not known.
     left_over, left_error, lost_s
         Effectiveness since ``since_s``, at the additional lag that explained more since then, over at most 20
         judged seconds, its standard error, and the number of these seconds.
@@ -173,6 +173,7 @@ class Second:
     driven: Interval | None = None
     steady: bool = True
     mixed: Array | None = None
+    shift_error: float = 0.0
 
 
 class Constant(NamedTuple):

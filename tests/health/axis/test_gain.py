@@ -33,6 +33,22 @@ def test_the_gain_of_the_reference_is_found() -> None:
     assert reference.end_s == 45 + reference.start_s
 
 
+@pytest.mark.parametrize(("size", "known"), [(0.022, False), (0.03, True)])
+def test_a_reference_of_roll_knows_the_gain_to_six_percent(size: float, known: bool) -> None:
+    """In the noise of any second the weaker drive gives the gain to 8 %."""
+    gain = new_tracker("roll")
+    gain.feed(rolling(60, lost(99, 1.0), noise=0.003, size=size))
+    assert (gain.reference is not None) is known
+
+
+def test_the_error_of_the_gain_is_no_shift_of_the_trim() -> None:
+    """A strong manoeuvre that is answered by a tenth less than before is no deflected surface."""
+    flight = rolling(200, lost(100, 0.9), size=0.03, noise=0.003)
+    flight.outputs[2000:, 0] = np.where(np.arange(2000) // 100 % 2, -2.0, 2.0)
+    flight.roll_rate[2000:] = 2.2 * 0.9 * flight.outputs[1996:-4, 0]
+    assert not [c for c in changes_of(AxisMonitor(1), flight) if c.fault == "hard_over"]
+
+
 @pytest.mark.parametrize(("left", "condition"), [(0.5, "emergency"), (0.0, "emergency"), (0.7, "degraded")])
 def test_a_loss_is_found_and_measured(left: float, condition: str) -> None:
     monitor = AxisMonitor(1)
