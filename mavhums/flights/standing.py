@@ -221,7 +221,7 @@ def highest(verdict: Verdict, one: Indicator) -> float | None:
 
 def _finding(verdict: Verdict, condition: Condition) -> dict[str, Any]:
     """Return fault, quantity, value and limit of what a verdict rests on."""
-    rules = [each for each in verdict.evidence if each.rule.startswith(condition)]
+    rules = [each for each in verdict.evidence if each.condition == condition]
     named = [one.fault for one in verdict.suspects] + [one.kind.removesuffix("_drift") for one in rules]
     beyond = [one for one in verdict.indicators if _is_beyond(one)]
     shown = [one for fault in named for one in verdict.indicators if one.fault == fault]
@@ -242,7 +242,7 @@ def _finding(verdict: Verdict, condition: Condition) -> dict[str, Any]:
 
 def reason_of(verdict: Verdict, gravest: Condition) -> str | None:
     """Return the rule of the gravest finding, else why nothing was decided."""
-    rules = (each.rule for each in verdict.evidence if each.rule.startswith(gravest))
+    rules = (each.rule for each in verdict.evidence if each.condition == gravest)
     return next(rules, verdict.reason)
 
 

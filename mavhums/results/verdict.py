@@ -87,6 +87,11 @@ class Evidence(Contract):
     limit: float | None = None
     rule: str
 
+    @property
+    def condition(self) -> str:
+        """The condition that it gives, which its rule begins with."""
+        return self.rule.partition(" ")[0].rstrip(":")
+
 
 class Indicator(Contract):
     """A physical quantity that shows a fault, estimated over the whole flight.

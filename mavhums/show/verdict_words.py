@@ -49,7 +49,7 @@ def control_left(verdict: Verdict) -> str | None:
         return None
     if condition == "undecided" and coverage.decidable < NORMAL_S:
         return f"not reliable: {coverage.decidable} of {NORMAL_S} s judged"
-    if left.high - left.low > _WIDEST:
+    if not _is_reliable(verdict):
         return "not reliable"
     if SEVERITY[condition] == SEVERITY["normal"] and left.high >= 1.0:
         return "no loss"
@@ -57,6 +57,13 @@ def control_left(verdict: Verdict) -> str | None:
     if late and all(item.kind != "effectiveness" for item in verdict.evidence):
         return f"gain intact, {late[-1].value:.2g} s late"
     return effectiveness(left)
+
+
+def _is_reliable(verdict: Verdict) -> bool:
+    """Return whether what an axis keeps of its control was judged for long enough, and is known well."""
+    left, few = verdict.effectiveness, verdict.coverage.decidable < NORMAL_S
+    brief = verdict.subject == "axis" and verdict.condition == "undecided" and few
+    return left is not None and not brief and left.high - left.low <= _WIDEST
 
 
 def course(verdict: Verdict) -> tuple[Condition, str] | None:
@@ -72,7 +79,7 @@ def course(verdict: Verdict) -> tuple[Condition, str] | None:
         return None
     if SEVERITY[worst] <= SEVERITY["normal"]:
         return worst, ""
-    shown = [item for item in verdict.evidence if item.rule.startswith(f"{worst}:")] or verdict.evidence
+    shown = [item for item in verdict.evidence if item.condition == worst] or verdict.evidence
     if not shown:
         return worst, "during the flight"
     return worst, f"{clock(min(e.start_s for e in shown))}–{clock(max(e.end_s for e in shown))}"
@@ -142,7 +149,7 @@ def certainty(verdict: Verdict) -> str:
     '0 of 0 windows are decidable'
     """
     sure = []
-    if verdict.effectiveness and not (control_left(verdict) or "").startswith("not reliable"):
+    if verdict.effectiveness and _is_reliable(verdict):
         left = effectiveness(verdict.effectiveness)
         what = "its thrust" if verdict.subject == "motor" else "the reference's control effectiveness"
         sure.append(f"{left} of {what} with its 95 % interval")
@@ -214,7 +221,7 @@ def network_sentence(verdict: Verdict) -> str | None:
         return f"the physics is undecided; the network {said.model.name} says {said.condition}: {share}"
     emergency, faulty = said.condition == "emergency", SEVERITY[verdict.worst] > SEVERITY["normal"]
     rubs = faulty and any(
-        item.kind in ("friction", "friction_drift") and not item.rule.startswith("normal")
+        item.kind in ("friction", "friction_drift") and item.condition != "normal"
         for item in verdict.evidence
     )
     if rubs and verdict.worst == "degraded":

@@ -57,7 +57,16 @@ _FRAMES: Final[Mapping[tuple[int, int], tuple[tuple[float, int], ...]]] = {
 }  # fmt: skip
 """Place, degrees clockwise from the nose, and direction of each motor, by FRAME_CLASS and FRAME_TYPE."""
 
-TURNED: Final = "lift motors that also drive forward flight (tiltrotor, tailsitter) are not judged"
+
+class UnjudgedFrame(str):
+    """Why the motors of a frame are not judged, however it is set up."""
+
+    __slots__ = ()
+
+
+TURNED: Final = UnjudgedFrame(
+    "lift motors that also drive forward flight (tiltrotor, tailsitter) are not judged"
+)
 _PAIRED: Final = "motors in pairs, one above the other, so which of a pair failed is not certain: they"
 _UNJUDGED: Final = {
     4: f"an octa-quad has {_PAIRED}",
@@ -205,7 +214,7 @@ def _of_ardupilot(values: Mapping[str, float]) -> Rotors | str | None:
     places = _FRAMES.get((int(kind), int(type_)))
     if places is None:
         why = _UNJUDGED.get(int(kind), f"frames of FRAME_CLASS {kind:.0f} and FRAME_TYPE {type_:.0f}")
-        return f"{why} are not judged"
+        return UnjudgedFrame(f"{why} are not judged")
     functions = {n: int(values.get(f"SERVO{n}_FUNCTION", 0.0)) for n in range(1, ALL_OUTPUTS + 1)}
     found = {_MOTORS[function]: n for n, function in functions.items() if function in _MOTORS}
     if fixed:
@@ -265,7 +274,7 @@ def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
         ends = (1000.0 + 1000.0 * dshot, 2000.0)
         servos, size = tuple(range(1, len(factors) + 1)), f"{_SIZES[kind]} {_TYPES[type_]}"
     if size is None or np.linalg.matrix_rank(factors) < 3 or (np.abs(factors).max(axis=0) <= 0).any():
-        return "frames with such an arrangement of rotors are not judged"
+        return UnjudgedFrame("frames with such an arrangement of rotors are not judged")
     if len(servos) < len(factors):
         return "the parameters assign no output to some of its motors (PWM_MAIN_FUNCn)"
     bearings = tuple(np.degrees(np.arctan2(-factors[:, 0], factors[:, 1])).round(1).tolist())

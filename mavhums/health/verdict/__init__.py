@@ -37,7 +37,7 @@ def with_supply(verdict: Verdict, sag: Sag | None, first_us: int) -> Verdict:
     if sag is None or verdict.subject == "motor":
         return verdict
     start_s, end_s = (sag.start_us - first_us) / 1e6, (sag.end_us - first_us) / 1e6 + _RECOVERY_S
-    alarms = [one for one in verdict.evidence if one.rule.startswith(("emergency", "degraded"))]
+    alarms = [one for one in verdict.evidence if one.condition in ("emergency", "degraded")]
     if not alarms or any(one.end_s < start_s or one.start_s > end_s for one in alarms):
         return verdict
     rail = Candidate(surface="servo rail", servo=0, probability=None, because=str(sag))

@@ -37,7 +37,7 @@ from mavhums.results.standing import Interval
 from mavhums.results.verdict import MOTORS, Coverage, Evidence, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import Received
-from mavhums.vehicle.rotors import Rotors
+from mavhums.vehicle.rotors import Rotors, UnjudgedFrame
 
 _PARAMETERS: Final = (
     "the log does not show where each motor is",
@@ -89,7 +89,8 @@ def verdicts_of_motors(
         why, remedy = _PARAMETERS
         if isinstance(rotors, str):
             why = rotors
-            remedy = "only quad, hexa and octa frames are judged" if why.endswith("not judged") else remedy
+        if isinstance(rotors, UnjudgedFrame):
+            remedy = "only quad, hexa and octa frames are judged"
         yield unjudged_motors(vehicle, why, remedy)
         return
     missing = {name: words for name, words in _NEEDED.items() if name not in flight.heard}

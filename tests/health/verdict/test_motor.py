@@ -27,7 +27,7 @@ from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Indicator, Verdict
 from mavhums.vehicle.grid import RATE_HZ
-from mavhums.vehicle.rotors import Rotors
+from mavhums.vehicle.rotors import Rotors, UnjudgedFrame
 from tests.health.motor.test_past import COLUMNS, QUAD
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
@@ -67,11 +67,16 @@ def test_why_no_motor_is_judged(changes: dict[str, Any], lacks: str, reason: str
 
 @pytest.mark.parametrize(
     ("rotors", "reason"),
-    [(None, "the log does not show where each motor is"), ("a tricopter", "a tricopter")],
+    [
+        (None, "the log does not show where each motor is"),
+        ("its outputs are not known", "its outputs are not known"),
+        (UnjudgedFrame("a tricopter"), "a tricopter"),
+    ],
 )
 def test_motors_that_are_not_known(rotors: str | None, reason: str) -> None:
     [found] = verdicts(None, rotors)
     assert (found.condition, found.reason) == ("undecided", reason)
+    assert ("only quad" in (found.remedy or "")) is isinstance(rotors, UnjudgedFrame)
 
 
 def test_a_loss_is_one_verdict_on_its_motor() -> None:
