@@ -64,13 +64,18 @@ def test_a_slow_shaft_falls_behind_without_any_constant_of_its_motor(slew_deg_s:
     assert [suspect.fault for suspect in findings.suspects] == ["following"] * (worst != "undecided")
 
 
-def test_it_needs_the_slew_rate_and_a_sensor_at_the_shaft() -> None:
+def test_it_needs_the_slew_rate() -> None:
     blank: Actuator = actuator_of().model_copy(update={"slew_deg_s": None})
     assert not FollowingDetector.suits(blank)
     assert FollowingDetector.suits(NO_CONSTANTS)
-    seen, measured = flight(20.0, 15.0, 1.2), np.ones(12, dtype=bool)
+
+
+@pytest.mark.parametrize(("slew_deg_s", "worst"), [(100.0, "undecided"), (20.0, "emergency")])
+def test_an_angle_that_drifts_shows_the_lag_within_a_second(slew_deg_s: float, worst: str) -> None:
+    seen, measured = flight(slew_deg_s, 15.0, 1.2), np.ones(12, dtype=bool)
+    seen.values[:, _V3] += 9.0 + 0.1 * seen.time_s
     measured[_V3] = False
-    assert watch(seen, NO_CONSTANTS, measured=measured)[1].suspects == ()
+    assert watch(seen, NO_CONSTANTS, measured=measured)[1].worst == worst
 
 
 @pytest.mark.parametrize("cyclogram", ["takeoff", "gusts"])

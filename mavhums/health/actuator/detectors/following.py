@@ -1,8 +1,10 @@
 """A shaft that does not do what is commanded: it lags too far behind, or does not move at all.
 
 **Following** finds a shaft that moves, but not as commanded: a weak supply, motor or winding, or a gear near
-to jamming. It needs the command, a sensor of the output shaft's angle, and from the data sheet the slew rate
-and the stroke; none of the motor's constants.
+to jamming. It needs the command, the output shaft's angle, and from the data sheet the slew rate
+and the stroke; none of the motor's constants. An angle that no sensor measured may be off by a constant, and
+shows what changes within a second.
+
 A model follows the command as a healthy actuator would: with the lag of its controller, no faster than its
 slew rate and no farther than its stroke. What the shaft lags behind the model, no healthy actuator lags:
 friction, load and play move it by less than the limit.
@@ -92,12 +94,17 @@ class FollowingDetector(Detector):
         """Return the error; undecidable where fewer than three seconds of ten show a moving shaft."""
         slots = seen.slots
         own = slots.values[slots.judged]
-        shaft = np.where(own[:, SENSED] > 0, own[:, SHAFT], np.nan)
+        sensed = np.maximum.reduceat(own[:, SENSED], slots.start) > 0
+        # Of two sources in one second only the sensor counts: from one to the other the angle jumps.
+        shaft = np.where(np.repeat(sensed, slots.count()) > own[:, SENSED], np.nan, own[:, SHAFT])
         error = _errors(slots.time_s[slots.judged], own[:, _V1], shaft, self._model, self._state)
         known = np.isfinite(error)
-        shown = np.stack([known, np.where(known, error, 0.0) ** 2], axis=1)
-        count, squares = slots.sums(shown.astype(np.float64)).T
-        rms = np.sqrt(np.divide(squares, count, out=np.full(count.size, np.nan), where=count > 0))
+        steps = np.where(known, error, 0.0)
+        count, total, squares = slots.sums(np.stack([known, steps, steps**2], axis=1)).T
+        # An integrated angle drifts, and begins where nobody knows: a second shows how its error changes.
+        constant = np.where(sensed, 0.0, total**2)
+        whole = np.maximum(count * squares - constant, 0.0)
+        rms = np.divide(np.sqrt(whole), count, out=np.full(count.size, np.nan), where=count > 0)
         travel, asked = (
             np.fmax.reduceat(angle, slots.start) - np.fmin.reduceat(angle, slots.start)
             for angle in (shaft, shaft - error)
