@@ -71,13 +71,15 @@ class AxisInput:
     trackers: Mapping[str, EffectivenessTracker]
     sides: Mapping[int, Deviation]
 
-    def shift_deviations(self, axis: str, second: Second) -> float:
-        """Return the shift of an axis's trim, in deviations of the reference; NaN if it is not known."""
+    def shift_deviations(self, axis: str, second: Second, error: float = 0.0) -> float:
+        """Return the shift of an axis's trim, in deviations of the reference; NaN if it is not known.
+
+        ``error`` is that of the shift itself, rad/s.
+        """
         reference = self.trackers[axis].reference
         if reference is None or second.shift is None:
             return nan
-        # A strong manoeuvre leaves a response by the error of the gain alone.
-        return abs(second.shift) / hypot(max(reference.deviation, SHIFT_FLOOR_RAD_S), second.shift_error)
+        return abs(second.shift) / hypot(max(reference.deviation, SHIFT_FLOOR_RAD_S), error)
 
 
 class AxisDetector(Protocol):
@@ -301,7 +303,9 @@ class HardOverDetector:
         alarms = []
         for second in given.seconds[self._axis]:
             deviations = given.shift_deviations(self._axis, second)
-            since_s = self._persistent.feed(second.end_s, deviations)
+            # A strong manoeuvre leaves a response by the error of the gain alone.
+            certain = given.shift_deviations(self._axis, second, second.shift_error)
+            since_s = self._persistent.feed(second.end_s, certain)
             if since_s is None or second.shift is None:
                 continue
             side = given.sides.get(second.end_s)
@@ -320,7 +324,7 @@ class HardOverDetector:
                 f"as if {what} stood deflected or did not move"
             )
             end_s, limit = second.end_s, self._limit
-            alarms.append(Alarm(axis, end_s, "hard_over", "emergency", since_s, deviations, limit, rule))
+            alarms.append(Alarm(axis, end_s, "hard_over", "emergency", since_s, certain, limit, rule))
         return alarms
 
 

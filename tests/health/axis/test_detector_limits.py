@@ -172,6 +172,16 @@ def deflected(
     return detector.feed(given(*seconds, axis=axis, sides=sides))
 
 
+def test_the_error_of_the_gain_makes_no_skid_of_an_aileron() -> None:
+    """It lessens how certain the shift is, not how far the roll goes astray beside the side force."""
+    detector = HardOverDetector(AxisLimits(trim_deviations=5.0), "roll")
+    shift = 1.1 * SKID_DEVIATIONS * DEVIATION
+    seconds = [second(end_s=100 + k, shift=shift, shift_error=0.6 * DEVIATION) for k in range(PERSISTENT_S)]
+    side = Deviation(seconds[-1].end_s, 2.0, 1.05 * SKID_DEVIATIONS)
+    [found] = detector.feed(given(*seconds, sides=(side,)))
+    assert found.axis == "roll"
+
+
 @pytest.mark.parametrize(
     ("deviations", "side", "value", "axis"),
     [
