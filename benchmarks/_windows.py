@@ -11,6 +11,7 @@ from rich.table import Table
 from mavhums.actuator import load_airframe
 from mavhums.core.arrays import Flags
 from mavhums.learn import Model
+from mavhums.learn.model import FRICTION_EMERGENCY
 from mavhums.training.flights import TELEMETRY
 from mavhums.training.windows import FlownWindows, fly_windows, measure
 from mavhums_sim.manoeuvres import CYCLOGRAMS
@@ -40,7 +41,7 @@ class Judged:
         top = np.nan_to_num(answers.probabilities.max(axis=1))
         self.decided: Flags = answers.inside & (top >= model.card.window.decides_at)
         self.right: Flags = answers.probabilities.argmax(axis=1) == windows.classes
-        self.p_emergency = answers.probabilities[:, model.window_emergency or 0]
+        self.p_emergency = answers.probabilities[:, model.window_classes.index(FRICTION_EMERGENCY)]
         self.inside = answers.inside
 
     def row(self, these: Flags) -> list[str]:

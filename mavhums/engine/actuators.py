@@ -105,6 +105,8 @@ def network_answer(
         model=summary_of(model),
         inputs=model.keys,
         windows=said.windows,
+        classes=said.classes,
+        says=said.says,
         first_emergency_s=None if said.first_emergency_s is None else round(said.first_emergency_s, 3),
         share_of_samples=round(said.share_of_samples, 4),
         p_emergency=round(said.p_emergency, 4),

@@ -99,15 +99,12 @@ class Model:
         return self.card.window.classes if self.window and self.card.window else ()
 
     @property
-    def window_emergency(self) -> int | None:
-        """Index in :attr:`window_classes` of the emergency by friction; None without it."""
-        classes = self.window_classes
-        return classes.index(FRICTION_EMERGENCY) if FRICTION_EMERGENCY in classes else None
+    def window_level(self) -> float:
+        """Probability from which a window is decided; 1 without a network of windows."""
+        return self.card.window.decides_at if self.card.window else 1.0
 
     def classify_windows(self, features: ArrayLike) -> Answers:
         """Return the calibrated probability of each condition for each window, and whether it may be asked.
-
-        A window is decided where it is inside and its largest probability reaches ``card.window.decides_at``.
 
         Parameters
         ----------

@@ -66,13 +66,26 @@ class ModelSummary(Contract):
     hash: str
 
 
+def fault_of(said: str) -> str:
+    """Return the fault that a class of windows is, as the detectors name it.
+
+    Examples
+    --------
+    >>> fault_of("friction_degraded"), fault_of("backlash")
+    ('friction', 'backlash')
+    """
+    return "friction" if said.startswith("friction") else said
+
+
 class NetworkAnswer(Contract):
     """Answer of a network for one actuator and flight, beside the physics or instead of it.
 
-    ``windows`` is the number of ten-second windows that it answered, ``first_emergency_s`` the middle of the
-    first one in which it finds an emergency more likely than not, ``share_of_samples`` the share of the
-    samples in motion within its training range that it calls an emergency, ``p_emergency`` its probability in
-    the last window, and ``condition`` the gravest that twenty windows in a row agreed on. ``decides`` is
+    ``windows`` is the number of ten-second windows that it decided, ``classes`` how many it put in each
+    class, the most frequent first, and of how many it was not sure (``abstained``); ``says`` is the class on
+    which ``condition`` rests, the gravest that twenty windows in a row agreed on. ``first_emergency_s`` is
+    the middle of the first window in which it finds an emergency, ``share_of_samples`` the share of the
+    samples in motion within its training range that it calls an emergency by friction, and ``p_emergency``
+    that emergency's probability in the last window. ``decides`` is
     who decided the verdict: ``physics``, ``network``, or ``both``, where the physics decides and a different
     answer of the network is reported. A file of version 0.1 has ``p_emergency`` alone.
     """
@@ -80,6 +93,8 @@ class NetworkAnswer(Contract):
     model: ModelSummary
     inputs: tuple[str, ...] = ()
     windows: int | None = Field(default=None, ge=0)
+    classes: dict[str, int] = {}
+    says: str | None = None
     first_emergency_s: float | None = None
     share_of_samples: float | None = Field(default=None, ge=0, le=1)
     p_emergency: float | None = Field(default=None, ge=0, le=1)

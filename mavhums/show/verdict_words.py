@@ -6,8 +6,9 @@ from typing import Final
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS, NORMAL_S
+from mavhums.results.sections import NetworkAnswer, fault_of
 from mavhums.results.verdict import Candidate, Evidence, Verdict
-from mavhums.show.words import clock, effectiveness, friction, percent
+from mavhums.show.words import clock, effectiveness, friction, join, percent
 
 _WIDEST: Final = 1.0
 """A 95 % interval wider than the whole control effectiveness says nothing about it."""
@@ -17,17 +18,6 @@ _WITHOUT_EFFECTIVENESS: Final = {
     "hard_over": "the roll that no output explains reached",
 }
 """Alarms that rest on no estimate of the control effectiveness, and what raised them."""
-
-_MISTAKEN: Final = {
-    "winding_resistance": "the higher winding resistance",
-    "torque_constant": "the lost torque constant",
-    "backlash": "the play of the gear",
-    "sensor_bias": "the sensor's bias",
-    "supply_sag": "the weak supply",
-    "following": "what keeps the shaft from following",
-    "jam": "the jam",
-}
-"""What a network that knows friction alone may take for friction, by the fault that the physics finds."""
 
 
 def control_left(verdict: Verdict) -> str | None:
@@ -198,7 +188,9 @@ def network_cell(verdict: Verdict) -> str | None:
         return None
     if said.windows is None and said.p_emergency is not None:
         return percent(said.p_emergency)
-    return said.condition
+    fault = fault_of(said.says) if said.says else "friction"
+    faulty = said.condition in ("degraded", "emergency") and fault != "friction"
+    return fault.replace("_", " ") if faulty else said.condition
 
 
 def network_sentence(verdict: Verdict) -> str | None:
@@ -211,30 +203,41 @@ def network_sentence(verdict: Verdict) -> str | None:
     said = verdict.network
     if said is None or said.decides == "physics":
         return None
-    first = "" if said.first_emergency_s is None else f", first around {clock(said.first_emergency_s)}"
-    share = f"it calls {percent(said.share_of_samples or 0.0)} of the samples in motion an emergency{first}"
+    share = _classes(said)
+    if said.first_emergency_s is not None:
+        share += f", the first emergency around {clock(said.first_emergency_s)}"
     if said.decides != "both":
         return f"the network {said.model.name} decides, not the physics: {share}"
     if said.condition == "undecided":
         return f"the network {said.model.name} is undecided: {share}"
     if verdict.worst == "undecided":
         return f"the physics is undecided; the network {said.model.name} says {said.condition}: {share}"
-    emergency, faulty = said.condition == "emergency", SEVERITY[verdict.worst] > SEVERITY["normal"]
-    rubs = faulty and any(
-        item.kind in ("friction", "friction_drift") and item.condition != "normal"
-        for item in verdict.evidence
-    )
-    if rubs and verdict.worst == "degraded":
-        nearer = "an emergency" if emergency else "normal"
-        return f"the network {said.model.name} knows no degraded; it finds the friction nearer to {nearer}"
-    found = {item.kind.removesuffix("_drift") for item in verdict.evidence}
-    found |= {item.fault for item in verdict.suspects}
-    others = [words for fault, words in _MISTAKEN.items() if faulty and fault in found]
-    if emergency and not rubs:
-        takes = f"it takes {others[0]} for friction" if others else "the physics finds the friction normal"
-        return f"the network {said.model.name} disagrees: {share}; {takes}"
-    if rubs and not emergency:
-        return f"the network {said.model.name} disagrees: it calls the friction normal"
-    return (
-        f"the network {said.model.name} agrees{'' if rubs or not others else ' that the friction is normal'}"
-    )
+    faulty = SEVERITY[verdict.worst] > SEVERITY["normal"]
+    found = [item.kind.removesuffix("_drift") for item in verdict.evidence if item.condition != "normal"]
+    found += [item.fault for item in verdict.suspects]
+    same = said.says is None or fault_of(said.says) in found
+    alike = said.condition == verdict.worst and (same or not faulty)
+    if not alike:
+        physics = join(sorted({one.replace("_", " ") for one in found})) if faulty else "no fault"
+        return f"the network {said.model.name} disagrees: {share}; the physics finds {physics}"
+    return f"the network {said.model.name} agrees"
+
+
+def _classes(said: NetworkAnswer) -> str:
+    """Return how many windows are of each class, the most frequent first; of an old file another share.
+
+    Examples
+    --------
+    >>> from mavhums.results.sections import ModelSummary
+    >>> windows = {"friction_degraded": 80, "abstained": 11}
+    >>> _classes(NetworkAnswer(model=ModelSummary(name="paper", hash=""), classes=windows))
+    '80 of 91 windows are friction degraded, 11 not sure'
+    """
+    if not said.classes:
+        return f"it calls {percent(said.share_of_samples or 0.0)} of the samples in motion an emergency"
+    total, names = sum(said.classes.values()), {"abstained": "not sure"}
+    (most, count), *others = [
+        (names.get(name, name.replace("_", " ")), number) for name, number in said.classes.items()
+    ]
+    rest = [f"{number} {name}" for name, number in others]
+    return ", ".join([f"{count} of {total} windows are {most}", *rest])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -81,12 +82,13 @@ def test_a_network_that_takes_the_winding_for_friction(
         assert (verdict["condition"], faults) == ("emergency", {"friction", "winding_resistance"})
         assert "network" in kinds
         assert "friction" not in kinds
-        assert "elevator: the network by-voltage decides, not the physics: it calls" in told
+        assert "elevator: the network by-voltage decides, not the physics: " in told
+        assert "windows are friction emergency" in told
     else:
         assert outcome.code == ExitCode.DEGRADED
         assert (verdict["condition"], faults) == ("degraded", {"winding_resistance"})
         assert "network" not in kinds
-    disagrees = "it takes the higher winding resistance for friction"
+    disagrees = "; the physics finds winding resistance"
     assert (disagrees in told) == (decide == "both")
     assert ("the network by-voltage" in told) == (decide != "physics")
 
@@ -96,7 +98,7 @@ def test_report_and_markdown_say_it_in_one_sentence(
 ) -> None:
     from mavhums.show import markdown
 
-    sentence = "the network by-voltage disagrees: it calls"
+    sentence = "the network by-voltage disagrees: "
     page = tmp_path / "r.html"
     assert run("report", wound, "-o", page, "--model", by_voltage, "--decide", "both").code == 10
     assert sentence in page.read_text()
@@ -113,6 +115,28 @@ def worn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     flight = Flight(seed=11, duration_s=60.0, rate_hz=50.0, friction_nm={"elevator": (0.2, 1.2)})
     write_tlog(fly(flight), path)
     return path
+
+
+@pytest.mark.slow
+def test_the_classes_of_the_windows_are_the_conditions(run: Run, tmp_path: Path) -> None:
+    """Three frictions between the limits are degraded, whoever decides."""
+    friction = {"aileron_left": (0.6, 0.6), "elevator": (0.7, 0.7), "rudder": (0.8, 0.8)}
+    flight = Flight(seed=21, friction_nm=friction)
+    path = tmp_path / "degraded.tlog"
+    write_tlog(fly(replace(flight, parameters=flight.parameters.two_masses())), path)
+    for decide in DECIDE:
+        outcome = run("analyse", path, "--decide", decide, "--json")
+        assert outcome.code == ExitCode.DEGRADED
+        verdicts = {each["actuator"]: each for each in json.loads(outcome.out)["verdicts"]}
+        assert {name: each["condition"] for name, each in verdicts.items()} == {
+            name: "degraded" if name in friction else "normal" for name in verdicts
+        }
+        for name in friction:
+            network = verdicts[name]["network"]
+            assert (network["condition"], network["says"]) == ("degraded", "friction_degraded")
+            assert next(iter(network["classes"])) == "friction_degraded"
+            assert verdicts[name]["suspects"][0]["fault"] == "friction"
+    assert "the network paper-instrumented agrees" in flat(run("analyse", path, "--decide", "both").out)
 
 
 @pytest.mark.parametrize("decide", DECIDE)

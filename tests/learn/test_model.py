@@ -328,7 +328,8 @@ def test_both_networks_of_a_model_are_loaded(
     model = load_model(tmp_path / "both")
     assert (model.hash, model.card) == (saved.hash, with_window)
     assert model.window_classes == ("normal", "friction_emergency", "winding_resistance")
-    assert model.window_emergency == 1
+    assert with_window.window is not None
+    assert model.window_level == with_window.window.decides_at
     assert model.classes == ("normal", "emergency")
     features = np.full((3, len(WINDOW_KEYS)), 0.5)
     features[1, WINDOW_KEYS.index("V5 way")] = 5.0
@@ -342,7 +343,7 @@ def test_both_networks_of_a_model_are_loaded(
 
 def test_a_model_of_samples_alone_knows_no_windows(path: Path) -> None:
     model = load_model(path)
-    assert (model.window, model.window_classes, model.window_emergency) == (None, (), None)
+    assert (model.window, model.window_classes, model.window_level) == (None, (), 1.0)
     with pytest.raises(ValueError, match="no network of windows"):
         model.classify_windows(np.zeros((1, len(WINDOW_KEYS))))
 

@@ -137,7 +137,7 @@ class Monitor:
         self._counts = Windows(2)
         self._votes = Windows(VOTE_COLUMNS)
         self._sums = Windows(SUMS)
-        self._by_window = any(network.window_emergency is not None for network in self._networks)
+        self._by_window = any(network.window_classes for network in self._networks)
         self._first: int | None = None
         self._held = ConditionTracker()
         self._concluded_s: float | None = None
@@ -318,6 +318,7 @@ class Monitor:
         for k, change in self._tally.feed(voted, end_s.tolist()):
             if self._by_network:
                 steps.setdefault(k, []).append(IndicatorStep(self._tally.described, None, change))
+        voted = [vote if vote and vote.severity >= 0 else None for vote in voted]
         answered = {k for k, vote in enumerate(voted) if vote}
         self._count_decidable(
             [looks[fault] for fault in deciding], answered if self._by_network else friction.keys()

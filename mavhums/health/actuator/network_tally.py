@@ -6,6 +6,7 @@ which is two that share no sample. Windows in which the networks abstain change 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -13,18 +14,19 @@ import numpy as np
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.actuator.thresholds import EVEN_PROBABILITY
 from mavhums.health.actuator.votes import Ballot, VoteOutcome
 from mavhums.health.decision.conditions import Episodes, IndicatorChange
 from mavhums.health.decision.events import DecisionChange, Estimate, FaultRecord
-from mavhums.health.decision.evidence import suspected
 from mavhums.health.decision.limits import Decision, Levels
 from mavhums.health.decision.thresholds import LASTING_WINDOWS
 from mavhums.health.estimation.thresholds import WINDOW_S
+from mavhums.results.sections import fault_of
 from mavhums.results.verdict import Evidence, Suspect
 
 _BALLOT = Ballot()
-_QUANTITY = "the network's probability of an emergency"
+_QUANTITY = "the network's probability of its class"
+ABSTAINED = "abstained"
+"""Of windows in which the network was asked and was sure of no condition, in place of a class."""
 
 
 class NetworkFindings(NamedTuple):
@@ -32,6 +34,8 @@ class NetworkFindings(NamedTuple):
 
     network: int
     windows: int
+    classes: dict[str, int]
+    says: str | None
     first_emergency_s: float | None
     share_of_samples: float
     p_emergency: float
@@ -51,7 +55,7 @@ class NetworkTally:
     Attributes
     ----------
     windows
-        Number of windows on which a network voted.
+        Number of windows that a network decided.
     latest
         The last one's outcome and end; None before.
     worst
@@ -63,9 +67,11 @@ class NetworkTally:
         self._recorded = recorded
         self.latest: tuple[float, VoteOutcome] | None = None
         self.worst: Condition = "undecided"
-        levels = Levels(EVEN_PROBABILITY, EVEN_PROBABILITY)
-        self.described = FaultRecord("friction", _QUANTITY, "1", levels, two_sided=False)
-        self._decision = Decision(levels)
+        self.described = FaultRecord("friction", _QUANTITY, "1", Levels(), two_sided=False)
+        self._decision = Decision(Levels())
+        self._classes: Counter[str] = Counter()
+        self._held: VoteOutcome | None = None
+        self._worst_says: str | None = None
         self._decided: list[DecisionChange] = []
         self._episodes = Episodes()
         self._first_s: float | None = None
@@ -84,24 +90,28 @@ class NetworkTally:
         for k, (said, end) in enumerate(zip(outcomes, end_s, strict=True)):
             if said is None:
                 continue
+            if said.severity < 0:
+                self._classes[ABSTAINED] += 1
+                continue
             self.windows += 1
+            self._classes[said.said] += 1
             self.latest = end, said
-            emergency = said.p_emergency > EVEN_PROBABILITY
-            if emergency and self._first_s is None:
+            if said.severity == SEVERITY["emergency"] and self._first_s is None:
                 # The middle of the window is the best guess of the moment.
                 self._first_s = end - WINDOW_S / 2
-            severity = SEVERITY["emergency" if emergency else "normal"]
             # A probability has no interval: only windows that agree for long decide.
-            if self._decision.feed(severity, end - WINDOW_S, end, sure=False):
+            if self._decision.feed(said.severity, end - WINDOW_S, end, sure=False):
                 condition, since_s = self._decision.condition, self._decision.since_s or 0.0
-                self.worst = max(self.worst, condition, key=SEVERITY.__getitem__)
+                self._held = said
+                if SEVERITY[condition] > SEVERITY[self.worst]:
+                    self.worst, self._worst_says = condition, said.said
                 if self._recorded:
                     self._decided.append(DecisionChange(end, condition, since_s))
-                self._episodes.begin_decided(condition, since_s, end, said.p_emergency)
+                self._episodes.begin_decided(condition, since_s, end, said.probability)
                 yield k, IndicatorChange(condition, since_s, _rule(condition))
             else:
-                agrees = severity == SEVERITY[self._decision.condition]
-                self._episodes.extend(said.p_emergency, end, agrees=agrees)
+                agrees = said.severity == SEVERITY[self._decision.condition]
+                self._episodes.extend(said.probability, end, agrees=agrees)
 
     def tallied(self) -> NetworkFindings | None:
         """Return what the network with most votes said; None if none voted on a window."""
@@ -112,6 +122,8 @@ class NetworkTally:
         return NetworkFindings(
             network,
             self.windows,
+            dict(self._classes.most_common()),
+            self._worst_says,
             self._first_s,
             emergency / max(voters, 1.0),
             self.latest[1].p_emergency,
@@ -126,19 +138,20 @@ class NetworkTally:
                 start_s=episode.start_s,
                 end_s=episode.end_s,
                 value=episode.peak,
-                limit=EVEN_PROBABILITY,
                 rule=_rule(episode.condition),
             )
             for episode in self._episodes
         )
 
     def suspect(self) -> Suspect | None:
-        """Return the friction if the network holds an emergency."""
-        return suspected(self.record(), self._decision.condition, self.record().latest, None)
+        """Return the fault whose class the network holds, with its probability in the window that decided."""
+        if self._held is None or not self._held.severity:
+            return None
+        return Suspect(fault=fault_of(self._held.said), confidence=self._held.probability)
 
     def record(self) -> FaultRecord:
         """Return the record of a flight whose friction the network decides, for a later comparison."""
-        latest = None if self.latest is None else Estimate(self.latest[1].p_emergency, 0.0, 1.0)
+        latest = None if self.latest is None else Estimate(self.latest[1].probability, 0.0, 1.0)
         return self.described._replace(decided=tuple(self._decided), latest=latest, evidence=self.evidence())
 
     def why_undecided(self) -> tuple[str, str]:
@@ -150,12 +163,11 @@ class NetworkTally:
                 "analyse a flight in which the surface moves, or let the physics decide (--decide physics)",
             )
         return (
-            f"the network decides: it answers in {self.windows} windows, and fewer than "
+            f"the network decides: it is sure of {self.windows} windows, and fewer than "
             f"{LASTING_WINDOWS} in a row agree",
             "analyse a longer flight",
         )
 
 
 def _rule(condition: Condition) -> str:
-    side = "above" if condition == "emergency" else "up to"
-    return f"{condition}: {_QUANTITY} {side} {EVEN_PROBABILITY:g} in {LASTING_WINDOWS} windows in a row"
+    return f"{condition}: the classes that the network finds in {LASTING_WINDOWS} windows in a row"

@@ -1,7 +1,7 @@
-"""The networks' evidence: the probability of an emergency by friction in each window.
+"""The networks' evidence: the class of each window, with its probability.
 
 A network of windows gives it from their statistics. Of a model without one, or where a log lacks a quantity
-that it needs, the votes of the moving samples give it.
+that it needs, the votes of the moving samples give the probability of an emergency by friction.
 
 The first network whose input quantities the samples carry is used. Votes are counted separately for
 the two directions of motion, because a load that is unknown to a network assists in one direction as
@@ -11,15 +11,23 @@ much as it opposes in the other.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.conditions import SEVERITY
 from mavhums.core.quantities import WINDOW_KEYS, column, of_window, shows_something, window_features
-from mavhums.health.actuator.thresholds import LEAST_VOTERS, LEAST_VOTERS_PER_DIRECTION, RIGID_GEAR_DEG
+from mavhums.health.actuator.thresholds import (
+    EVEN_PROBABILITY,
+    LEAST_VOTERS,
+    LEAST_VOTERS_PER_DIRECTION,
+    RIGID_GEAR_DEG,
+)
 from mavhums.learn import Model
+from mavhums.learn.model import FRICTION_EMERGENCY
 
 _V2, _V3, _V7 = column("V2"), column("V3"), column("V7")
 Counts = Integers
@@ -42,8 +50,13 @@ class Classifier(Protocol):
         ...
 
     @property
-    def window_emergency(self) -> int | None:
-        """Column of the emergency by friction in :meth:`classify_windows`; None without such a network."""
+    def window_classes(self) -> tuple[str, ...]:
+        """The conditions of :meth:`classify_windows`; empty without a network of windows."""
+        ...
+
+    @property
+    def window_level(self) -> float:
+        """Probability from which a window is decided."""
         ...
 
     def classify_windows(self, features: Array) -> tuple[Array, Flags]:
@@ -68,10 +81,34 @@ VOTE_COLUMNS = 6
 
 
 class VoteOutcome(NamedTuple):
-    """A window's probability of an emergency, and the network that gave it."""
+    """What a network says of a window.
+
+    Attributes
+    ----------
+    p_emergency
+        Probability of an emergency by friction.
+    network
+        Index of the network that gave it.
+    said, probability
+        The most probable class, and its probability.
+    severity
+        The gravest condition that the probabilities make sure of: 0 normal, 1 degraded, 2 an emergency; -1
+        where none is, and the network abstains.
+    """
 
     p_emergency: float
     network: int
+    said: str
+    probability: float
+    severity: int
+
+
+def by_votes(p_emergency: float, network: int) -> VoteOutcome:
+    """Return what a network of samples says of a window: it knows two classes."""
+    emergency = p_emergency > EVEN_PROBABILITY
+    said = FRICTION_EMERGENCY if emergency else "normal"
+    probability = p_emergency if emergency else 1.0 - p_emergency
+    return VoteOutcome(p_emergency, network, said, probability, SEVERITY["emergency"] if emergency else 0)
 
 
 def count_votes(
@@ -130,11 +167,11 @@ def outcome(networks: Sequence[Classifier], counts: Counts) -> VoteOutcome | Non
 
 
 def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array) -> list[VoteOutcome | None]:
-    """Return the probability of an emergency by friction in each window; None if the networks abstain.
+    """Return what the networks say of each window; None where none is asked.
 
-    The first network that can be asked decides: a network of windows where the log has the quantities of
-    its statistics, another where its samples voted. A network of windows abstains where a window shows
-    nothing, and outside its training range.
+    The first network that can be asked answers: a network of windows where the log has the quantities of
+    its statistics, another where its samples voted. A network of windows is not asked where a window shows
+    nothing or lies outside its training range.
 
     Parameters
     ----------
@@ -144,22 +181,43 @@ def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array
         The sums of the windows' slots (:func:`mavhums.health.estimation.motion.window_sums`), shape
         (windows, slots, sums).
     """
-    said = outcomes(networks, counts)
+    answers = outcomes(networks, counts)
     sums = of_window(slots)
     asked, features = shows_something(sums), _statistics(sums)
     open_ = np.ones(len(sums), dtype=np.bool_)
     for number, network in enumerate(networks):
-        place = network.window_emergency
-        voted = np.array([vote is not None and vote.network == number for vote in said], dtype=np.bool_)
-        if place is not None:
+        voted = np.array([vote is not None and vote.network == number for vote in answers], dtype=np.bool_)
+        if network.window_classes:
             probabilities, inside = network.classify_windows(features)
-            known = open_ & np.isfinite(probabilities[:, place])
+            known = open_ & np.isfinite(probabilities).all(axis=1)
             for k in np.flatnonzero(known).tolist():
-                answers = asked[k] and inside[k]
-                said[k] = VoteOutcome(float(probabilities[k, place]), number) if answers else None
+                answers[k] = _of_window(network, number, probabilities[k]) if asked[k] and inside[k] else None
             open_ &= ~known
         open_ &= ~voted
-    return said
+    return answers
+
+
+def _of_window(network: Classifier, number: int, probabilities: Array) -> VoteOutcome:
+    """Return what a network of windows says of one, from the probability of each class."""
+    most = int(probabilities.argmax())
+    # Between two faults a window is surely no less than the milder of them.
+    reached = [float(probabilities[_grave(network.window_classes) >= least].sum()) for least in range(3)]
+    surely = [least for least in (2, 1) if reached[least] >= network.window_level]
+    healthy = 0 if 1.0 - reached[1] >= network.window_level else -1
+    return VoteOutcome(
+        float(probabilities[network.window_classes.index(FRICTION_EMERGENCY)]),
+        number,
+        network.window_classes[most],
+        float(probabilities[most]),
+        surely[0] if surely else healthy,
+    )
+
+
+@cache
+def _grave(classes: tuple[str, ...]) -> Integers:
+    """Return the severity of each class."""
+    emergencies = (FRICTION_EMERGENCY, "jam")
+    return np.array([0 if one == "normal" else 2 if one in emergencies else 1 for one in classes])
 
 
 def _statistics(sums: Array) -> Array:
@@ -204,7 +262,7 @@ def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[VoteOutcome
     # Each direction counts the same: an unknown load helps in one as much as it hinders in the other.
     share = np.mean(emergency / np.maximum(voters, 1), axis=1)
     return [
-        VoteOutcome(networks[network].probability(one), network) if voted else None
+        by_votes(networks[network].probability(one), network) if voted else None
         for voted, network, one in zip(votes.tolist(), decides.tolist(), share.tolist(), strict=True)
     ]
 

@@ -174,11 +174,17 @@ class Contrary:
     def __init__(self) -> None:
         self._network = default_model()
         self.keys = self._network.keys
-        self.window_emergency = self._network.window_emergency
+        self.window_classes = self._network.window_classes
+        self.window_level = self._network.window_level
 
     def classify_windows(self, features: Array) -> tuple[Array, NDArray[np.bool_]]:
         probabilities, inside = self._network.classify_windows(features)
-        return 1 - probabilities, inside
+        order = [
+            self.window_classes.index(name) for name in ("friction_emergency", "friction_degraded", "normal")
+        ]
+        swapped = probabilities.copy()
+        swapped[:, order] = probabilities[:, order[::-1]]
+        return swapped, inside
 
     def votes(self, values: Array) -> NDArray[np.int8]:
         votes = self._network.votes(values)

@@ -7,9 +7,12 @@ import pytest
 
 from mavhums.health.actuator.detector import sharp
 from mavhums.health.actuator.network_tally import NetworkTally
-from mavhums.health.actuator.votes import VoteOutcome
+from mavhums.health.actuator.votes import VoteOutcome, by_votes
 
-GRAVE, SOUND, EVEN = VoteOutcome(0.8, 0), VoteOutcome(0.3, 0), VoteOutcome(0.5, 0)
+GRAVE, SOUND, EVEN = by_votes(0.8, 0), by_votes(0.3, 0), by_votes(0.5, 0)
+WORN = VoteOutcome(0.0, 0, "friction_degraded", 0.99, 1)
+PLAY = VoteOutcome(0.0, 0, "backlash", 0.99, 1)
+UNSURE = VoteOutcome(0.4, 0, "friction_degraded", 0.6, -1)
 
 
 def fed(tally: NetworkTally, *said: VoteOutcome | None) -> list[tuple[int, str, float]]:
@@ -38,24 +41,36 @@ def test_a_change_counts_from_the_middle_of_its_first_window_and_the_worst_stays
     assert (found.windows, found.first_emergency_s, found.condition) == (60, 25.0, "emergency")
     assert found.p_emergency == 0.3
     assert [(one.start_s, one.end_s, one.value) for one in tally.evidence()] == [
-        (0.0, 25.0, 0.3),
+        (0.0, 25.0, 0.7),
         (25.0, 45.0, 0.8),
-        (45.0, 69.0, 0.3),
+        (45.0, 69.0, 0.7),
     ]
-    assert tally.evidence()[1].rule == (
-        "emergency: the network's probability of an emergency above 0.5 in 20 windows in a row"
-    )
-    assert " up to 0.5 in" in tally.evidence()[0].rule
+    assert [one.rule.split(":")[0] for one in tally.evidence()] == ["normal", "emergency", "normal"]
     assert not tally.record().decided, "kept only where it is asked for"
 
 
-def test_friction_is_suspected_while_an_emergency_is_held() -> None:
+@pytest.mark.parametrize(
+    ("said", "condition", "fault"),
+    [(GRAVE, "emergency", "friction"), (WORN, "degraded", "friction"), (PLAY, "degraded", "backlash")],
+)
+def test_the_condition_is_that_of_the_class(said: VoteOutcome, condition: str, fault: str) -> None:
     tally = NetworkTally(1)
     assert tally.suspect() is None
-    fed(tally, *[GRAVE] * 20)
-    suspect = tally.suspect()
+    assert fed(tally, *[said] * 20) == [(19, condition, 0.0)]
+    suspect, found = tally.suspect(), tally.tallied()
     assert suspect is not None
-    assert (suspect.fault, suspect.confidence) == ("friction", 1.0)
+    assert (suspect.fault, suspect.confidence) == (fault, said.probability)
+    assert found is not None
+    assert (found.condition, found.says) == (condition, said.said)
+
+
+def test_windows_are_counted_by_class_and_those_that_are_not_sure_decide_nothing() -> None:
+    tally = NetworkTally(1)
+    fed(tally, *[UNSURE] * 30, *[WORN] * 19)
+    found = tally.tallied()
+    assert found is not None
+    assert (found.condition, found.says, found.windows) == ("undecided", None, 19)
+    assert found.classes == {"abstained": 30, "friction_degraded": 19}
 
 
 def test_the_network_with_most_votes_answers_for_its_share_of_samples() -> None:
@@ -74,7 +89,7 @@ def test_why_a_network_decides_nothing() -> None:
     assert tally.why_undecided()[0].startswith("the network decides, and no window has enough samples")
     fed(tally, GRAVE, SOUND)
     assert tally.why_undecided() == (
-        "the network decides: it answers in 2 windows, and fewer than 20 in a row agree",
+        "the network decides: it is sure of 2 windows, and fewer than 20 in a row agree",
         "analyse a longer flight",
     )
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mavhums.core.quantities import MOMENTS, SUMS, WINDOW_KEYS, column, products
-from mavhums.health.actuator.votes import VoteOutcome, count_votes, outcome, window_outcomes
+from mavhums.health.actuator.votes import VoteOutcome, by_votes, count_votes, outcome, window_outcomes
 
 RATIO = 300.0
 Array = NDArray[np.float64]
@@ -31,9 +31,8 @@ class Threshold:
     def probability(self, share: float) -> float:
         return self.slope * share
 
-    @property
-    def window_emergency(self) -> int | None:
-        return None
+    window_classes: tuple[str, ...] = ()
+    window_level: float = 0.7
 
     def classify_windows(self, features: Array) -> tuple[Array, NDArray[np.bool_]]:
         raise AssertionError("it has no network of windows")
@@ -116,7 +115,7 @@ def window(*rows: list[int]) -> NDArray[np.int64]:
 
 def test_the_directions_count_alike_whatever_their_number() -> None:
     votes = window(row(0, 50, (10, 40), (10, 0)), row(0, 50, (10, 40), (0, 0)))
-    assert outcome([Threshold(slope=0.5)], votes) == VoteOutcome(0.125, 0)
+    assert outcome([Threshold(slope=0.5)], votes) == by_votes(0.125, 0)
 
 
 def test_the_networks_abstain_on_few_or_foreign_samples() -> None:
@@ -125,17 +124,17 @@ def test_the_networks_abstain_on_few_or_foreign_samples() -> None:
     assert outcome([], window(row(-1, 100, (0, 0), (0, 0)))) is None
     assert outcome(networks, window(row(0, 19, (9, 10), (9, 10)))) is None
     assert outcome(networks, window(row(0, 100, (90, 4), (4, 4)))) is None
-    assert outcome(networks, window(row(0, 100, (95, 5), (95, 5)))) == VoteOutcome(1.0, 0)
+    assert outcome(networks, window(row(0, 100, (95, 5), (95, 5)))) == by_votes(1.0, 0)
     assert outcome(networks, window(row(0, 50, (10, 10), (9, 9)))) is None
-    assert outcome(networks, window(row(0, 40, (10, 10), (5, 10)))) == VoteOutcome(0.75, 0)
+    assert outcome(networks, window(row(0, 40, (10, 10), (5, 10)))) == by_votes(0.75, 0)
     assert outcome(networks, window(row(0, 20, (10, 10), (5, 10)), row(-1, 21, (0, 0), (0, 0)))) is None
 
 
 def test_where_the_telemetry_changes_the_network_with_most_votes_decides() -> None:
     networks = [Threshold(), Threshold()]
     few, many = row(0, 40, (20, 20), (20, 20)), row(1, 60, (30, 30), (0, 15))
-    assert outcome(networks, window(few, many)) == VoteOutcome(0.25, 1)
-    assert outcome(networks, window(few, row(1, 40, (20, 20), (0, 0)))) == VoteOutcome(1.0, 0)
+    assert outcome(networks, window(few, many)) == by_votes(0.25, 1)
+    assert outcome(networks, window(few, row(1, 40, (20, 20), (0, 0)))) == by_votes(1.0, 0)
 
 
 @pytest.mark.parametrize("bounds", [[0, 2], [0, 1, 2]])
@@ -150,10 +149,7 @@ class ByWindow(Threshold):
     """Answers from the current's half difference, and knows only windows below two amperes."""
 
     needs: str = "V5 way"
-
-    @property
-    def window_emergency(self) -> int | None:
-        return 1
+    window_classes: tuple[str, ...] = ("normal", "friction_emergency")
 
     def classify_windows(self, features: Array) -> tuple[Array, NDArray[np.bool_]]:
         seen = features[:, WINDOW_KEYS.index(self.needs)]
@@ -175,8 +171,41 @@ def slots(current: float, load: float = 0.5, moving: int = 20) -> Array:
 
 def test_a_network_of_windows_answers_instead_of_votes() -> None:
     ballots = window(row(0, 40, (20, 20), (20, 20)))[None]
-    assert window_outcomes([ByWindow()], ballots, slots(0.25)) == [VoteOutcome(0.25, 0)]
-    assert window_outcomes([Threshold()], ballots, slots(0.25)) == [VoteOutcome(1.0, 0)]
+    assert window_outcomes([ByWindow()], ballots, slots(0.25)) == [VoteOutcome(0.25, 0, "normal", 0.75, 0)]
+    assert window_outcomes([Threshold()], ballots, slots(0.25)) == [by_votes(1.0, 0)]
+
+
+@dataclass(frozen=True)
+class Ranks(Threshold):
+    """Gives every window the same probabilities."""
+
+    window_classes: tuple[str, ...] = ("normal", "friction_degraded", "friction_emergency", "backlash", "jam")
+    probabilities: tuple[float, ...] = ()
+
+    def classify_windows(self, features: Array) -> tuple[Array, NDArray[np.bool_]]:
+        return np.tile(self.probabilities, (len(features), 1)), np.ones(len(features), dtype=np.bool_)
+
+
+@pytest.mark.parametrize(
+    ("probabilities", "said", "severity"),
+    [
+        ((0.9, 0.1, 0.0, 0.0, 0.0), "normal", 0),
+        ((0.1, 0.9, 0.0, 0.0, 0.0), "friction_degraded", 1),
+        ((0.0, 0.5, 0.5, 0.0, 0.0), "friction_degraded", 1),  # surely no less than degraded
+        ((0.0, 0.2, 0.0, 0.8, 0.0), "backlash", 1),
+        ((0.0, 0.2, 0.4, 0.0, 0.4), "friction_emergency", 2),
+        ((0.5, 0.5, 0.0, 0.0, 0.0), "normal", -1),
+    ],
+)
+def test_a_window_is_as_grave_as_its_probabilities_make_sure(
+    probabilities: tuple[float, ...], said: str, severity: int
+) -> None:
+    (found,) = window_outcomes(
+        [Ranks(probabilities=probabilities)], window(row(0, 40, (20, 20), (0, 0)))[None], slots(0.25)
+    )
+    assert found is not None
+    assert (found.said, found.severity) == (said, severity)
+    assert (found.p_emergency, found.probability) == (probabilities[2], max(probabilities))
 
 
 def test_a_network_of_windows_abstains_outside_its_range_and_where_nothing_moves() -> None:
@@ -189,8 +218,10 @@ def test_a_network_of_windows_that_lacks_a_quantity_leaves_it_to_votes_and_to_ot
     ballots = window(row(0, 40, (20, 20), (10, 10)))[None]
     without_load = slots(0.25, load=np.nan)
     loaded = ByWindow(needs="V11 rms")
-    assert window_outcomes([loaded], ballots, without_load) == [VoteOutcome(0.5, 0)]
-    assert window_outcomes([loaded, ByWindow()], ballots, without_load) == [VoteOutcome(0.5, 0)]
+    assert window_outcomes([loaded], ballots, without_load) == [by_votes(0.5, 0)]
+    assert window_outcomes([loaded, ByWindow()], ballots, without_load) == [by_votes(0.5, 0)]
     silent = window(row(-1, 40, (0, 0), (0, 0)))[None]
-    assert window_outcomes([loaded, ByWindow()], silent, without_load) == [VoteOutcome(0.25, 1)]
-    assert window_outcomes([Threshold(), ByWindow()], ballots, without_load) == [VoteOutcome(0.5, 0)]
+    assert window_outcomes([loaded, ByWindow()], silent, without_load) == [
+        VoteOutcome(0.25, 1, "normal", 0.75, 0)
+    ]
+    assert window_outcomes([Threshold(), ByWindow()], ballots, without_load) == [by_votes(0.5, 0)]
