@@ -223,6 +223,8 @@ def test_the_answer_of_a_network_says_who_decides(by_network: bool, decide: Any,
     said = SimpleNamespace(
         network=1,
         windows=9,
+        classes={"normal": 9},
+        says="normal",
         first_emergency_s=1.23456,
         share_of_samples=0.123456,
         p_emergency=0.98766,
