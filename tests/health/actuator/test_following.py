@@ -64,6 +64,15 @@ def test_a_slow_shaft_falls_behind_without_any_constant_of_its_motor(slew_deg_s:
     assert [suspect.fault for suspect in findings.suspects] == ["following"] * (worst != "undecided")
 
 
+def test_a_shaft_that_moves_without_a_command_does_not_follow_it() -> None:
+    """A servo that jitters by 4° to either side of a held command, three times a second."""
+    seen = flight(100.0, 0.0, 1.2)
+    assert watch(seen, NO_CONSTANTS)[1].worst == "undecided"
+    seen.values[:, _V3] = 4.0 * np.sin(2 * np.pi * 3.0 * seen.time_s)
+    findings = watch(seen, NO_CONSTANTS)[1]
+    assert (findings.worst, [suspect.fault for suspect in findings.suspects]) == ("degraded", ["following"])
+
+
 def test_it_needs_the_slew_rate() -> None:
     blank: Actuator = actuator_of().model_copy(update={"slew_deg_s": None})
     assert not FollowingDetector.suits(blank)
