@@ -47,6 +47,7 @@ def align(batches: list[list[Reading]], loose: NDArray[np.int64] | None = None) 
     return times / 1000, values
 
 
+@pytest.mark.slow
 def test_the_current_gives_the_clock_and_others_are_interpolated() -> None:
     current = reading(4, [0, 4, 7], [10, 110, 210], [1.0, 2.0, 3.0])
     command = reading(0, [1, 3, 6, 9], [0, 100, 200, 300], [0.0, 10.0, 20.0, 30.0])

@@ -45,6 +45,7 @@ def judged(content: bytes, piece: int) -> Assessment:
     return engine.assessment()
 
 
+@pytest.mark.slow
 def test_a_jam_is_found_without_a_profile(unnamed: Path) -> None:
     assessment = mavhums.analyse(unnamed)
     verdicts = {verdict.actuator: verdict for verdict in assessment.verdicts if verdict.subject == "actuator"}

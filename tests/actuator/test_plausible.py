@@ -64,6 +64,7 @@ def elevator(assessment: Assessment) -> Verdict:
     return next(verdict for verdict in assessment.verdicts if verdict.actuator == "elevator")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [3e38, -np.inf, 1e8, 1e5])
 def test_an_emergency_stays_one_among_absurd_values(judged: Callable[..., Assessment], value: float) -> None:
     verdict = elevator(judged(value))
@@ -97,6 +98,7 @@ def test_values_of_another_unit_are_named(judged: Callable[..., Assessment]) -> 
     assert "unit and scale" in verdict.remedy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("current", [0.0, 0.5])
 def test_a_current_that_stands_still_shows_no_friction(
     judged: Callable[..., Assessment], current: float

@@ -21,6 +21,7 @@ def test_holes_in_the_parameters_make_no_alarm() -> None:
     assert runpy.run_path(str(HOLES))["main"]([]) == 0
 
 
+@pytest.mark.slow
 def test_a_missing_parameter_leaves_the_motors_undecided(tmp_path: Path) -> None:
     rng, path = np.random.default_rng(3), tmp_path / "quad.BIN"
     write_dataflash(fly(draw_craft(rng, "quad x"), draw_plan(rng, 60.0), 3), path)

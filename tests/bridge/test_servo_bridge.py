@@ -242,6 +242,7 @@ def test_mavhums_reads_the_quantities_that_the_servos_had(growing: FlightRecord,
             assert f"S{number}{name}" in history.provenance[key]
 
 
+@pytest.mark.slow
 def test_with_data_sheet_and_limits_the_wear_is_found(growing_log: Path, tmp_path: Path) -> None:
     profile = tmp_path / "mine.toml"
     profile.write_text(with_data_sheet(PROFILE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -61,6 +61,7 @@ def flat(text: str) -> str:
     return " ".join(text.split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decide", DECIDE)
 def test_a_network_that_takes_the_winding_for_friction(
     run: Run, wound: Path, by_voltage: Path, decide: str

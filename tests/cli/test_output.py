@@ -28,6 +28,7 @@ from tests.flights import flown, verdict
 HOSTILE = "evil\x1b]0;owned\x07\x1b[2J\x9b31m.tlog"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ["cp1252", "cp437", "ascii"])
 @pytest.mark.parametrize("as_json", [True, False])
 def test_any_encoding_carries_the_answer(

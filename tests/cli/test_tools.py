@@ -42,6 +42,7 @@ def test_exported_quantities_are_the_histories(run: Run, short_log: Path, tmp_pa
         pd.testing.assert_frame_equal(own[list(KEYS)], history.frame, check_freq=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [None, *mavhums.models()])
 def test_classified_samples_are_what_the_model_says_of_the_exported_quantities(
     run: Run, growing_log: Path, tmp_path: Path, name: str | None

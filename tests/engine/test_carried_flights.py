@@ -28,6 +28,7 @@ def test_every_carried_flight_is_judged() -> None:
         assert json.loads((CARRIED / name).with_suffix(".truth.json").read_text())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "lost"), LOST.items(), ids=LOST)
 def test_the_lost_axis_is_found_and_no_other(name: str, lost: dict[str, float]) -> None:
     assessment = mavhums.analyse(CARRIED / name)

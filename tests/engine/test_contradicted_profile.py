@@ -59,6 +59,7 @@ def alarms(events: Iterable[Event]) -> list[ConditionChanged]:
     return [e for e in events if isinstance(e, ConditionChanged) and e.after in ("degraded", "emergency")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FORMATS)
 def test_what_the_parameters_contradict_is_judged_by_them(kind: str) -> None:
     verdicts, events, assessment = judged([FORMATS[kind](Wired())])
@@ -136,6 +137,7 @@ def corrected(flight: Wired, first: dict[str, float]) -> bytes:
     return b"".join(both)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("airframe", [None, SWAPPED], ids=["parameters", "profile"])
 def test_an_alarm_is_withdrawn_where_the_parameters_are_corrected_after_it(airframe: Airframe | None) -> None:
     """Until 100 s rudder and aileron move together, so that nothing tells which of them the log names."""
@@ -182,6 +184,7 @@ def test_a_real_loss_is_found_whether_the_profile_is_right_or_not() -> None:
     assert "the profile may name the wrong output" in str(verdicts["roll"].reason)
 
 
+@pytest.mark.slow
 def test_a_surface_lost_before_take_off_is_not_laid_on_a_profile_that_the_parameters_confirm() -> None:
     """The aircraft answers to the rudder alone: nothing but the parameters can tell the two cases apart."""
     flight = Wired(left=0.0, lost_s=0)
@@ -306,6 +309,7 @@ def test_a_fleet_keeps_no_alarm_of_a_contradicted_profile(run: Run, tmp_path: Pa
     assert WRONG in json.dumps(worst)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FORMATS)
 def test_the_command_says_both_values_and_what_to_do(run: Run, tmp_path: Path, kind: str) -> None:
     log = tmp_path / f"flight.{kind}"
@@ -322,6 +326,7 @@ def test_the_command_says_both_values_and_what_to_do(run: Run, tmp_path: Path, k
     assert WRONG in inspected
 
 
+@pytest.mark.slow
 def test_a_range_and_a_direction_are_said_and_the_axis_is_judged_by_the_log(run: Run, tmp_path: Path) -> None:
     log, profile = tmp_path / "flight.tlog", tmp_path / "mine.toml"
     ends = {"SERVO1_MIN": 1000.0, "SERVO1_MAX": 2000.0, "SERVO5_FUNCTION": 4.0, "SERVO5_REVERSED": 1.0}

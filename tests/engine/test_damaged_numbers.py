@@ -45,6 +45,7 @@ def judge(log: bytes, monkeypatch: pytest.MonkeyPatch, engine: Engine) -> None:
     engine.assessment().to_json()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("path", [*carried_logs(), *real_logs("onboard")], ids=lambda path: path.name)
 def test_no_damaged_number_warns(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

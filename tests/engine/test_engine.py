@@ -193,6 +193,7 @@ def test_a_short_flight_is_undecided_with_a_reason() -> None:
     assert assessment.exit_code == ExitCode.UNDECIDED
 
 
+@pytest.mark.slow
 def test_a_standing_actuator_is_undecided() -> None:
     record = fly(Flight(seed=3, duration_s=20.0))
     still = packed(record)
@@ -433,6 +434,7 @@ def carrying(record: FlightRecord, *tiers: str) -> FlightRecord:
     return dataclasses.replace(record, flight=dataclasses.replace(record.flight, tiers=tiers))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tiers", "tier", "source"),
     [
@@ -480,6 +482,7 @@ def test_blocks_do_not_matter_when_every_tier_speaks(
     assert whole.model is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tiers", "name"),
     [
@@ -593,6 +596,7 @@ def test_the_supplys_sag_is_seen_by_an_esc_at_the_bus() -> None:
     assert of(assessment, "rudder").worst == "undecided"
 
 
+@pytest.mark.slow
 def test_baselines_reach_the_actuator_that_they_are_of(growing_record: FlightRecord) -> None:
     own = Baseline(mean=0.10, error=0.001, flights=10, between=0.002, spread=0.003)
     baselines = {(1, "rudder", "friction"): own, (2, "aileron_left", "friction"): own}

@@ -96,6 +96,7 @@ def test_a_tilt_that_the_log_does_not_carry_is_told_by_the_motors_that_do_not_ti
     assert tilts_all.works(pulses).all(), "hovering and flying cannot be told apart"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "why"),
     [

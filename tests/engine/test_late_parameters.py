@@ -80,6 +80,7 @@ def test_when_the_parameters_come_changes_no_verdict(name: str, share: float, se
     assert verdicts(patch_parameters(flight, share, np.random.default_rng(seed))) == early
 
 
+@pytest.mark.slow
 def test_the_same_parameters_again_change_nothing_at_all() -> None:
     flight = FLIGHTS["a lost aileron"]
     _, before = judged(flight)
@@ -108,6 +109,7 @@ def test_what_rested_on_other_outputs_is_withdrawn() -> None:
     assert times == sorted(times)
 
 
+@pytest.mark.slow
 def test_a_list_without_an_end_gathers_before_it_applies() -> None:
     """Half of a list names servo 4 alone; the rest comes within seconds."""
     flight = renamed(without_parameters(FLIGHTS["healthy"]), 100.0, SERVO4_FUNCTION=4)

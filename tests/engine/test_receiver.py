@@ -45,12 +45,14 @@ def test_it_does_not_depend_on_the_blocks() -> None:
     assert roll(flight, "tlog") == roll(flight, "tlog", 1_000)
 
 
+@pytest.mark.slow
 def test_outputs_that_come_are_the_command_from_then_on() -> None:
     found = roll(Wired(seconds=300, idle_us=0, until_s=80.0), "tlog")
     assert found.surfaces == ("aileron (servo 1)",)
     assert found.condition == "unchanged"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("idle_us", "parameters", "said", "remedy"),
     [

@@ -237,6 +237,7 @@ def test_a_store_that_cannot_be_written_says_so(
         fleet.scan([logs], tmp_path / "file", options)
 
 
+@pytest.mark.slow
 def test_a_damaged_store_names_the_remedy(scanned: Path, tmp_path: Path) -> None:
     import shutil
 

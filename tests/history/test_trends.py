@@ -371,6 +371,7 @@ def test_of_several_logs_each_is_held_against_those_before(
     assert known == [3, 3, 3]
 
 
+@pytest.mark.slow
 def test_each_actuator_is_compared_with_its_own_baselines(
     logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

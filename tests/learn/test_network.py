@@ -57,6 +57,7 @@ def test_units_do_not_matter() -> None:
     np.testing.assert_array_equal(other.predict_proba(scaled), probability)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_network_whatever_the_state_of_torch() -> None:
     torch.manual_seed(1)
     first = fitted(validation_fraction=0.2)

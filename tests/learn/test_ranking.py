@@ -77,6 +77,7 @@ def test_order_of_samples_and_features_does_not_matter(strategy: Any, data: Data
     np.testing.assert_allclose(shuffled, scores[columns], rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow
 @given(data=datasets())
 def test_names_of_the_classes_do_not_matter(data: Dataset) -> None:
     features, label = data
@@ -87,6 +88,7 @@ def test_names_of_the_classes_do_not_matter(data: Dataset) -> None:
     )
 
 
+@pytest.mark.slow
 @given(data=datasets())
 def test_statistic_is_bounded_by_samples_and_classes(data: Dataset) -> None:
     features, label = data

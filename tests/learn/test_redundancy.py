@@ -86,6 +86,7 @@ def test_the_given_ranking_decides_and_is_not_changed() -> None:
     np.testing.assert_array_equal(fitted.ranking_.scores_, ranking.fit(FEATURES, LABEL).scores_)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_order_of_samples_and_features_does_not_matter(seed: int) -> None:

@@ -108,6 +108,7 @@ def test_r2_from_the_compressed_basis_is_that_of_the_regression_itself(order: in
     assert first.r2_all == pytest.approx(direct.r2_, abs=1e-9)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.floats(1e-3, 1e3), min_size=6, max_size=6))
 def test_units_do_not_change_the_groups(scale: list[float]) -> None:

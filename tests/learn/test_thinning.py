@@ -43,6 +43,7 @@ def test_the_unit_of_a_feature_has_no_say() -> None:
     np.testing.assert_array_equal(first.indices_, second.indices_)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.integers(1, 40), st.integers(0, 3))
 def test_weights_sum_to_the_samples_whatever_repeats(count: int, seed: int) -> None:

@@ -74,6 +74,7 @@ def test_the_network_tells_flights_it_never_saw(flights: Flights) -> None:
     assert result.training_accuracy > 0.9
 
 
+@pytest.mark.slow
 def test_whole_flights_are_held_out_where_there_are_enough(flights: Flights, trained_on: list[Any]) -> None:
     values, emergency, numbers = flights(0.2, 0.25, 0.3, 0.9, 1.0, 0.95)
     result = train_network(values, emergency, numbers * 7 + 3, **FEW)
@@ -127,6 +128,7 @@ def test_selection_does_not_see_what_is_held_out(flights: Flights, monkeypatch: 
     assert rows == [480]
 
 
+@pytest.mark.slow
 def test_the_best_on_the_held_out_samples_is_chosen(flights: Flights) -> None:
     result = train_network(
         *flights(0.3, 0.45, 0.55, 0.7), seed=1, scheme=replace(PAIRS, networks=5, hidden=(1, 2, 3, 4))

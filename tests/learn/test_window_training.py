@@ -47,6 +47,7 @@ def test_the_stages_give_a_network_that_knows_other_flights(network: WindowNetwo
     assert np.mean(found.argmax(axis=1) == other.classes) > 0.8
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_network(network: WindowNetwork) -> None:
     again = train_windows(windows(1), classes=3, keys=KEYS, seed=1, scheme=Scheme(networks=5, vectors=300))
     for name, tensor in again.network.tensors.items():

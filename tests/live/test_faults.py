@@ -283,6 +283,7 @@ def test_replayed_frames_do_not_count(make_rig: MakeRig, worn: FlightRecord, tmp
     assert verdicts(alone.end()) == verdicts(live)
 
 
+@pytest.mark.slow
 def test_a_session_of_yesterday_is_not_accepted(make_rig: MakeRig, worn: FlightRecord) -> None:
     """Its frames are older than the newest of former sessions, by more than a minute."""
     true = pieces(worn, Link(key=KEY))

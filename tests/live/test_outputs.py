@@ -175,6 +175,7 @@ def test_a_viewer_that_hangs_holds_nothing_up(rig: Rig, worn_pieces: list[Piece]
     viewer.gate.open.set()
 
 
+@pytest.mark.slow
 def test_a_viewer_that_keeps_up_sees_everything(rig: Rig, worn_pieces: list[Piece]) -> None:
     viewer, released = Hanging(), threading.Event()
     viewer.gate.open.set()

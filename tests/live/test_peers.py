@@ -119,6 +119,7 @@ def strangers(session: Session) -> Iterator[list[Stranger]]:
         stranger.socket.close()
 
 
+@pytest.mark.slow
 def test_alerts_are_not_reflected(
     session: Session, strangers: list[Stranger], worn_pieces: list[Piece]
 ) -> None:

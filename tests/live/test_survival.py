@@ -17,6 +17,7 @@ from tests.live.attacks import attitude, random_message
 from tests.live.conftest import RIGHT, Rig, conditions
 
 
+@pytest.mark.slow
 def test_a_time_that_cannot_be_ends_no_session(rig: Rig, worn_pieces: list[Piece]) -> None:
     voice = v2.MAVLink(None, srcSystem=9, srcComponent=1)
     date = bytes(v2.MAVLink_system_time_message(10**18, 1000).pack(voice))

@@ -88,6 +88,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory, flight: Flight, assessme
     return write(tmp_path_factory.mktemp("show") / "flight.rrd", flight.events(), assessment)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("actuator", ["elevator", "rudder"])
 def test_every_sample_is_there_to_the_last_bit(actuator: str, recording: Path, flight: Flight) -> None:
     expected = flight.samples(actuator, 0, 1)

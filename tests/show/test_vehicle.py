@@ -90,6 +90,7 @@ def test_without_v3_the_command_moves_the_surface_and_without_both_it_rests(
     assert rows(path, SURFACE, "Transform3D:rotation_axis_angle")[1] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("angles", "ahead", "left"),
     [

@@ -75,6 +75,7 @@ def by_actuator(assessment: Assessment) -> dict[str, Verdict]:
     return {verdict.actuator: verdict for verdict in assessment.verdicts}
 
 
+@pytest.mark.slow
 def test_a_flight_recorded_twice_gets_the_same_verdicts(
     record: FlightRecord, on_board: Path, tmp_path: Path
 ) -> None:

@@ -53,6 +53,7 @@ def test_reception_never_goes_back_and_takes_its_latency(record: FlightRecord) -
     assert all(b.received_us >= a.received_us for a, b in pairwise(got))
 
 
+@pytest.mark.slow
 def test_a_flight_of_another_day_differs_in_nothing_else(record: FlightRecord) -> None:
     today, later = frames(record, Link()), frames(record, Link(day=1.5))
     assert [f.received_us + 36 * 3_600_000_000 for f in today] == [f.received_us for f in later]
@@ -98,6 +99,7 @@ def clocks(got: list[Frame], name: str = "SERVO_OUTPUT_RAW") -> tuple[Any, Any]:
     return received, np.array([decoded(f).time_usec for f in kept]) / 1e6
 
 
+@pytest.mark.slow
 def test_clock_is_off_and_drifts(record: FlightRecord) -> None:
     received, sender = clocks(frames(record, Link(clock_offset_s=5.0, clock_drift_ppm=1000.0)))
     slope, offset = np.polyfit(received, sender - received, 1)
@@ -105,6 +107,7 @@ def test_clock_is_off_and_drifts(record: FlightRecord) -> None:
     assert offset == pytest.approx(35.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_clock_stops_at_zero_and_wraps_where_its_field_does(record: FlightRecord) -> None:
     _, before_boot = clocks(frames(record, Link(clock_offset_s=-40.0)))
     assert before_boot.min() == 0.0
@@ -117,6 +120,7 @@ def test_clock_stops_at_zero_and_wraps_where_its_field_does(record: FlightRecord
     assert np.ptp(wide) == pytest.approx(20.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_reboot_is_silent_then_starts_from_zero(record: FlightRecord) -> None:
     got = frames(record, Link(reboot_at_s=8.0, outage_s=2.0))
     received, sender = clocks(got, "DEBUG_FLOAT_ARRAY")
@@ -129,6 +133,7 @@ def test_reboot_is_silent_then_starts_from_zero(record: FlightRecord) -> None:
     assert decoded(first).get_seq() == 0
 
 
+@pytest.mark.slow
 def test_signed_frames_verify_and_forged_ones_do_not(record: FlightRecord) -> None:
     got = frames(record, Link(key=KEY))[:300]
     receiver = mavlink.MAVLink(None)
@@ -142,6 +147,7 @@ def test_signed_frames_verify_and_forged_ones_do_not(record: FlightRecord) -> No
         decoded(got[0], stranger)
 
 
+@pytest.mark.slow
 def test_mavlink_1_carries_what_it_can(record: FlightRecord) -> None:
     got = frames(record, Link(mavlink=1))
     assert {f.name for f in got} == CARRIED_BY_1
@@ -187,6 +193,7 @@ def test_clock_of_every_tier_restarts() -> None:
     assert max(sender) == pytest.approx(3.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_log_holds_what_the_link_delivered(record: FlightRecord, tmp_path: Path) -> None:
     link = Link(loss=0.2, links=2)
     path = tmp_path / "lossy.tlog"

@@ -20,6 +20,7 @@ STATED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CYCLOGRAMS)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_cyclogram_moves_and_loads_as_stated(name: str, seed: int) -> None:
@@ -29,6 +30,7 @@ def test_cyclogram_moves_and_loads_as_stated(name: str, seed: int) -> None:
         assert load[0] <= np.abs(record.motion.load).max() <= load[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CYCLOGRAMS)
 def test_cyclogram_depends_on_its_seed(name: str) -> None:
     one, again, other = (CYCLOGRAMS[name](seed, 20.0) for seed in (3, 3, 4))

@@ -28,6 +28,7 @@ def logged(record: FlightRecord, path: Path, link: Link | None = None) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mavlink", [1, 2])
 def test_replayed_log_gives_back_commands_and_airspeed(
     flown: FlightRecord, tmp_path: Path, mavlink: int
@@ -48,6 +49,7 @@ def test_replayed_log_gives_back_commands_and_airspeed(
     assert record.actuators["elevator"].motion.moving_fraction > 0.8
 
 
+@pytest.mark.slow
 def test_held_commands_are_steps(flown: FlightRecord, tmp_path: Path) -> None:
     path = logged(flown, tmp_path / "flight.tlog")
     held = replay(path, {"rudder": 4}, "hold").cyclogram

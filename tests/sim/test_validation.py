@@ -16,6 +16,7 @@ from mavhums_sim.validation import CHECKS, Check, validate
 ONE = EmaParameters.from_data_sheet()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("checks", CHECKS, ids=lambda checks: checks.__name__)
 def test_physics(checks: Callable[[], Iterator[Check]]) -> None:
     for check in checks():

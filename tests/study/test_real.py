@@ -65,6 +65,7 @@ def test_what_is_taken_off_is_gone_and_the_rest_stays(rig: Path) -> None:
     assert (stroke[:, error] == recorded[:, error]).all()
 
 
+@pytest.mark.slow
 def test_no_split_but_that_of_sequences_has_a_run_on_both_sides(rig: Path) -> None:
     table = examples(read_rig(rig)[0], "run")[0]
     seen = dict.fromkeys((MIXED, RUNS, LOADS, STAGES), 0)

@@ -137,6 +137,7 @@ def test_its_telemetry_is_as_slow_as_the_profile_allows() -> None:
         assert why in found[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lost", [0.55, 0.7, 0.8, 0.9])
 @pytest.mark.parametrize("rate_hz", [25.0, 100.0])
 def test_a_lost_torque_constant_is_a_verdict_and_no_reason(lost: float, rate_hz: float) -> None:

@@ -35,6 +35,7 @@ def test_a_short_jam_is_told_with_its_beginning_and_end(
     assert told[0].end_s == pytest.approx(start_s + lasting_s, abs=2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase_s", np.arange(0.0, 1.0, 0.125).tolist())
 @pytest.mark.parametrize("flown_deg", [0.1, 1.6])
 def test_three_seconds_are_enough_whenever_they_begin(phase_s: float, flown_deg: float) -> None:

@@ -68,6 +68,7 @@ def test_a_reference_taken_while_a_fault_stands_does_not_end_it(block: int) -> N
     assert found.coverage.decidable == 0
 
 
+@pytest.mark.slow
 def test_a_finding_against_earlier_flights_holds_from_a_late_reference_on() -> None:
     monitor = AxisMonitor(1)
     list(monitor.feed(flown(600, left=0.4)))

@@ -47,6 +47,7 @@ def course(numbers: Array, values: Array, errors: Array, begin: int = 0) -> Cour
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("begin", "flights"), [(0, 40), (40, 30), (100, 25)])
 def test_growth_is_certain_before_its_limit_whenever_it_begins(begin: int, flights: int) -> None:
     """Ten flights before it crosses the limit; the growth may be as old as the aircraft or late."""

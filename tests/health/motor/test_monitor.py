@@ -76,6 +76,7 @@ def test_a_motor_that_stops_is_named(tmp_path: Path, frame: str, within_s: float
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("loss", "told"), [(0.0, ["normal"] * 4), (0.5, ["degraded"]), (1.0, ["emergency"])])
 def test_the_on_board_log_says_what_the_link_says(tmp_path: Path, loss: float, told: list[str]) -> None:
     flown = fly_with(loss, "quad x", 3)
@@ -94,6 +95,7 @@ def test_the_on_board_log_says_what_the_link_says(tmp_path: Path, loss: float, t
             assert one.since.flight_time_s == pytest.approx(other.since.flight_time_s, abs=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("loss", "by_propeller", "told"),
     [(0.5, False, "lags"), (0.5, True, "follows"), (1.0, False, "collapsed"), (1.0, True, "follows")],

@@ -47,6 +47,7 @@ def test_closed_loop_flight_and_its_truth(tmp_path: Path, monkeypatch: pytest.Mo
     assert truth["messages"]["ATTITUDE_TARGET"] == pytest.approx(4 * 30, abs=2)
 
 
+@pytest.mark.slow
 def test_a_fault_of_an_ema_brings_the_emas_and_their_telemetry(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -57,6 +57,7 @@ def log(flown: FlownLoop) -> Log:
     return decode(encode(report(flown, Streams(rate=10.0)), 6))
 
 
+@pytest.mark.slow
 def test_both_writers_send_the_same_messages(flown: FlownLoop, log: Log, tmp_path: Path) -> None:
     counts = write_loop(flown, tmp_path / "one.tlog", Streams(rate=10.0))
     one_by_one = decode((tmp_path / "one.tlog").read_bytes())

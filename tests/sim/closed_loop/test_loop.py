@@ -50,6 +50,7 @@ def roll_gain(flight: FlownLoop, begin: float, end: float) -> float:
     return float(np.linalg.lstsq(np.stack(average[:-1], axis=1), average[-1], rcond=None)[0][0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mission", ["waypoints", "loiter", "heading", "manual", "mixed"])
 def test_missions_are_flown(mission: Any) -> None:
     flight = fly_closed_loop(
@@ -74,6 +75,7 @@ def test_seeds_airframes_and_air_make_other_flights(healthy: FlownLoop) -> None:
         assert not np.array_equal(healthy.log[:5000], other.log[:5000]), changes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", sorted(LAYOUTS))
 def test_every_layout_flies_the_same_axes(layout: str, healthy: FlownLoop) -> None:
     other = flown(layout=layout)
