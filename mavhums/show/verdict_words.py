@@ -219,7 +219,7 @@ def network_sentence(verdict: Verdict) -> str | None:
     alike = said.condition == verdict.worst and (same or not faulty)
     if not alike:
         physics = join(sorted({one.replace("_", " ") for one in found})) if faulty else "no fault"
-        return f"the network {said.model.name} disagrees: {share}; the physics finds {physics}"
+        return f"the network {said.model.name} disagrees: {share}; by the physics: {physics}"
     return f"the network {said.model.name} agrees"
 
 

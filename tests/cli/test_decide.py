@@ -89,7 +89,7 @@ def test_a_network_that_takes_the_winding_for_friction(
         assert outcome.code == ExitCode.DEGRADED
         assert (verdict["condition"], faults) == ("degraded", {"winding_resistance"})
         assert "network" not in kinds
-    disagrees = "; the physics finds winding resistance"
+    disagrees = "; by the physics: winding resistance"
     assert (disagrees in told) == (decide == "both")
     assert ("the network by-voltage" in told) == (decide != "physics")
 

@@ -199,18 +199,15 @@ def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array
 
 def _of_window(network: Classifier, number: int, probabilities: Array) -> VoteOutcome:
     """Return what a network of windows says of one, from the probability of each class."""
-    most = int(probabilities.argmax())
+    classes, most = network.window_classes, int(probabilities.argmax())
     # Between two faults a window is surely no less than the milder of them.
-    reached = [float(probabilities[_grave(network.window_classes) >= least].sum()) for least in range(3)]
+    reached = [float(probabilities[_grave(classes) >= least].sum()) for least in range(3)]
     surely = [least for least in (2, 1) if reached[least] >= network.window_level]
     healthy = 0 if 1.0 - reached[1] >= network.window_level else -1
-    return VoteOutcome(
-        float(probabilities[network.window_classes.index(FRICTION_EMERGENCY)]),
-        number,
-        network.window_classes[most],
-        float(probabilities[most]),
-        surely[0] if surely else healthy,
-    )
+    # A model of a file may know other classes than the packaged ones.
+    p_emergency = dict(zip(classes, probabilities.tolist(), strict=True)).get(FRICTION_EMERGENCY, 0.0)
+    severity = surely[0] if surely else healthy
+    return VoteOutcome(p_emergency, number, classes[most], float(probabilities[most]), severity)
 
 
 @cache

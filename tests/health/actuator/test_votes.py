@@ -208,6 +208,12 @@ def test_a_window_is_as_grave_as_its_probabilities_make_sure(
     assert (found.p_emergency, found.probability) == (probabilities[2], max(probabilities))
 
 
+def test_a_network_that_knows_no_emergency_by_friction_names_its_classes() -> None:
+    network = Ranks(window_classes=("normal", "backlash"), probabilities=(0.1, 0.9))
+    (found,) = window_outcomes([network], window(row(0, 40, (20, 20), (0, 0)))[None], slots(0.25))
+    assert found == VoteOutcome(0.0, 0, "backlash", 0.9, 1)
+
+
 def test_a_network_of_windows_abstains_outside_its_range_and_where_nothing_moves() -> None:
     ballots = window(row(0, 40, (20, 20), (20, 20)))[None]
     assert window_outcomes([ByWindow()], ballots, slots(3.0)) == [None]
