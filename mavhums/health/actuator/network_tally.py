@@ -170,4 +170,4 @@ class NetworkTally:
 
 
 def _rule(condition: Condition) -> str:
-    return f"{condition}: the classes that the network finds in {LASTING_WINDOWS} windows in a row"
+    return f"{condition}: the network says so of {LASTING_WINDOWS} windows in a row"
