@@ -107,7 +107,7 @@ class Tally:
             self.windows += 1
             self.still += count < 20
             if found:
-                self.share.append(found.p_emergency)
+                self.share.append(found.p_fault)
                 self.friction.append(flown.friction_nm)
 
     @property

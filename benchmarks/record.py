@@ -69,7 +69,9 @@ def flight(seconds: int, actuators: int, rate: int) -> Iterator[list[Event]]:
                 value = 0.5 if k == 0 and second > seconds / 2 else 0.225
                 interval = Interval(estimate=value, low=value - 0.02, high=value + 0.02)
                 state: Condition = "degraded" if value > 0.4 else "normal"
-                events.append(Window(1, name, second - 9.0, second + 1.0, 0.8, interval, 0.01, state))
+                events.append(
+                    Window(1, name, second - 9.0, second + 1.0, 0.8, interval, state, "normal", 0.99, 0.01)
+                )
                 if second == seconds // 2 + 1 and k == 0:
                     since = float(seconds // 2)
                     events.append(

@@ -79,7 +79,7 @@ def _row(name: str, verdict: Verdict, start: float, end: float) -> list[str]:
         name,
         f"{start:.3f}" if start == end else f"{start:.3f}–{end:.3f}",
         f"{friction.estimate:.3f} ({friction.low:.3f}–{friction.high:.3f})" if friction else "—",
-        f"{100 * network.p_emergency:.0f} %" if network and network.p_emergency is not None else "—",
+        f"{network.latest.replace('_', ' ')} {network.probability:.0%}" if network else "—",
         verdict.condition,
     ]
 

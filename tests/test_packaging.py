@@ -86,7 +86,7 @@ def test_the_base_install_judges_a_log(site: Path, growing_log: Path, tmp_path: 
     outcome = python(*without_extras("analyse", str(growing_log), "--json"), cwd=tmp_path, path=site)
     assert outcome.returncode == 11, outcome.stderr
     assert '"condition": "emergency"' in outcome.stdout
-    assert '"p_emergency": 1.0' in outcome.stdout
+    assert '"latest": "friction_emergency"' in outcome.stdout
 
 
 @pytest.mark.slow

@@ -15,10 +15,13 @@ import pandas as pd
 from mavhums.actuator.mapping import MappedSamples, messages_for
 from mavhums.actuator.profile import Actuator, Airframe, ProfileError, load_airframe
 from mavhums.actuator.vehicle_mappers import VehicleMappers
+from mavhums.app.analysis import analyse
+from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import TableWriter, writer_for, written_whole
 from mavhums.core.packed import is_stream
 from mavhums.core.quantities import KEYS
+from mavhums.engine.events import Event, Window
 from mavhums.health.actuator.votes import answer_samples
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log import Decoder, decode_blocks
@@ -27,6 +30,17 @@ from mavhums.vehicle.formats import message_of
 from mavhums.vehicle.states import TEXT_MESSAGES
 
 Progress = Callable[[int], None] | None
+_OF_WINDOWS = {
+    "vehicle": "vehicle",
+    "actuator": "actuator",
+    "start_s": "start_s",
+    "end_s": "end_s",
+    "network": "class",
+    "probability": "probability",
+    "p_fault": "p_fault",
+}
+"""Fields of a window that are written, and their columns."""
+_TYPES = {"class": "string", "probability": "float64", "p_fault": "float64"}
 _RANGE_US = (1000, 1500, 2000)
 _NAMELESS = Airframe(
     name="none",
@@ -57,7 +71,10 @@ def export_quantities(
 
     With ``classify`` three more say what the network says of each sample: ``p_emergency``, the most probable
     ``class``, both empty where the sample lacks an input of the network, and ``inside``, whether the sample
-    lies within the training range; outside it the network abstains.
+    lies within the training range; outside it the network abstains. A second file, ``flight-windows.csv``
+    beside ``flight.csv``, has a row for each ten seconds: ``start_s`` and ``end_s`` in flight time, the
+    ``class`` (``abstained`` where the network is not sure, ``outside`` its training range, empty where it is
+    not asked), its ``probability``, and that of all faults together, ``p_fault``.
 
     Parameters
     ----------
@@ -97,6 +114,8 @@ def export_quantities(
     given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
     output = Path(output)
     writer_for(output)
+    if classify and is_stream(path):
+        raise MavhumsError(f"{path}: --classify needs a file that can be read twice", "save the log first")
     asked = _SampleClassifier(path, _models(model)) if classify else None
     decoder, fleet, rows = _write(path, output, given, asked, progress)
     if not fleet.airframes:
@@ -105,7 +124,26 @@ def export_quantities(
         decoder, fleet, rows = _write(path, output, _NAMELESS, None, progress)
     if not rows:
         raise MavhumsError(*_nothing(path, given, fleet, message_of("outputs", decoder.format)))
-    return {output: rows}
+    return {output: rows} | (_write_windows(path, output, given, asked.models) if asked else {})
+
+
+def _write_windows(
+    path: str | os.PathLike[str], output: Path, airframe: Airframe | None, models: Sequence[Model]
+) -> dict[Path, int]:
+    """Write what the networks say of each window, by the same engine that judges the flight."""
+    file = output.with_name(f"{output.stem}-windows{output.suffix}")
+    with suppress(_EmptyError), written_whole(file) as temporary, writer_for(file)(temporary) as table:
+
+        def take(events: Sequence[Event]) -> None:
+            windows = [event for event in events if isinstance(event, Window)]
+            if windows:
+                rows = [[getattr(window, field) for field in _OF_WINDOWS] for window in windows]
+                table.write(pd.DataFrame(rows, columns=[*_OF_WINDOWS.values()]).astype(_TYPES))
+
+        analyse(path, Options(airframe=airframe, model=models), consume=take)
+        if not table.rows:
+            raise _EmptyError
+    return {file: table.rows} if table.rows else {}
 
 
 class _SampleClassifier:
@@ -120,13 +158,13 @@ class _SampleClassifier:
     """
 
     def __init__(self, path: str | os.PathLike[str], models: Sequence[Model]) -> None:
-        self._path, self._models = path, models
+        self._path, self.models = path, models
         self._answered = False
         self._carried: set[str] = set()
 
     def columns(self, mapped: MappedSamples, airframe: str) -> dict[str, Any]:
         """Return the columns that hold the answers on these samples."""
-        serving = [model for model in self._models if model.card.airframe == airframe]
+        serving = [model for model in self.models if model.card.airframe == airframe]
         ema = mapped.actuator.ema
         answers = answer_samples(serving, mapped.values, ema.gear_ratio if ema else None)
         names = np.array([*answers.classes, None], dtype=object)[answers.said]
@@ -144,7 +182,7 @@ class _SampleClassifier:
             return
         takes = "; ".join(
             f"{model.card.name} takes {', '.join(model.keys)} of {model.card.airframe}"
-            for model in self._models
+            for model in self.models
         )
         has = ", ".join(key for key in KEYS if key in self._carried)
         raise MavhumsError(

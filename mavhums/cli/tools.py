@@ -62,7 +62,8 @@ def check(log: Path, airframe: str | None, dialect: Path | None, as_json: bool) 
 @click.option(
     "--classify",
     is_flag=True,
-    help="Add what the network says of each sample: p_emergency, class, inside (its training range).",
+    help="Add what the network says of each sample: p_emergency, class, inside (its training range). What it"
+    " says of each ten seconds becomes a file of its own, whose name ends in -windows.",
 )
 @MODEL
 def export(

@@ -12,7 +12,7 @@ from mavhums.actuator.mapping import MappedSamples
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.options import EngineOptions
 from mavhums.health.decision.events import ActuatorRecord, Classified
-from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer
+from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer, WindowsOfClass
 
 if TYPE_CHECKING:
     from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
@@ -103,13 +103,17 @@ def network_answer(
     otherwise: Decide = "both" if decide == "both" else "physics"
     return NetworkAnswer(
         model=summary_of(model),
-        inputs=model.keys,
+        inputs={"samples": model.keys, "windows": model.window_quantities},
         windows=said.windows,
-        classes=said.classes,
+        classes={
+            name: WindowsOfClass(windows=windows, probability=round(probability, 4))
+            for name, (windows, probability) in said.classes.items()
+        },
         says=said.says,
+        latest=said.latest.said,
+        probability=round(said.latest.probability, 4),
         first_emergency_s=None if said.first_emergency_s is None else round(said.first_emergency_s, 3),
         share_of_samples=round(said.share_of_samples, 4),
-        p_emergency=round(said.p_emergency, 4),
         condition=said.condition,
         decides="network" if findings.by_network else otherwise,
     )

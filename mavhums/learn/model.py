@@ -18,6 +18,7 @@ from pydantic import ValidationError
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import written_whole
+from mavhums.core.quantities import KEYS, WINDOW_FEATURES
 from mavhums.learn.card import Card, WindowCard
 from mavhums.learn.inference import Network, WindowNetwork
 
@@ -97,6 +98,13 @@ class Model:
     def window_classes(self) -> tuple[str, ...]:
         """The conditions of windows, in the order of their probabilities; empty without such a network."""
         return self.card.window.classes if self.window and self.card.window else ()
+
+    @property
+    def window_quantities(self) -> tuple[str, ...]:
+        """The quantities of whose statistics the network of windows knows; empty without one."""
+        keys = self.window.keys if self.window else ()
+        needed = {quantity for key in keys for quantity in WINDOW_FEATURES[key].needs}
+        return tuple(key for key in KEYS if key in needed)
 
     @property
     def window_level(self) -> float:

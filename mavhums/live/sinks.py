@@ -38,7 +38,8 @@ from mavhums.results.live import (
     StatusObject,
     WindowObject,
 )
-from mavhums.show.words import COLOURS, clock, friction, percent
+from mavhums.show.verdict_words import class_words
+from mavhums.show.words import COLOURS, clock, friction
 
 if TYPE_CHECKING:
     from mavhums.show.recording import Recorder
@@ -335,7 +336,7 @@ def _table(actuators: Sequence[ActuatorStatus]) -> Table:
             printable(status.actuator),
             _condition(status),
             friction(status.friction_nm) if status.friction_nm else "—",
-            percent(status.p_emergency) if status.p_emergency is not None else "—",
+            class_words(status.network, status.probability),
             f"{status.rate_hz:.0f} Hz",
             "—" if status.age_s is None else f"{status.age_s:.1f} s",
             f"{status.late:,}",

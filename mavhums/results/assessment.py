@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "mavhums.assessment/2"
 READABLE = ("mavhums.assessment/1", SCHEMA)
-"""Versions whose objects are still read: version 2 adds fields; ``network`` replaces one number."""
+"""Versions whose objects are still read: version 2 adds fields, and says more of a network."""
 
 RECORD: Final[dict[str, Any]] = {"verdicts": {"__all__": {"own"}}}
 """Fields that only a later comparison needs: in a kept flight's record, and not in the public JSON."""

@@ -67,8 +67,9 @@ class WindowObject(_Event):
     end_s: float
     moving_fraction: float
     friction_nm: Interval | None
-    p_emergency: float | None
     condition: Condition
+    network: str | None
+    probability: float | None
 
 
 class ConditionObject(_Event):
@@ -120,7 +121,8 @@ class ActuatorStatus(Contract):
     age_s: float | None
     rate_hz: float
     friction_nm: Interval | None
-    p_emergency: float | None
+    network: str | None
+    probability: float | None
     suspects: tuple[Suspect, ...]
     tier: str | None
     late: int

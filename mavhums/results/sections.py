@@ -77,27 +77,45 @@ def fault_of(said: str) -> str:
     return "friction" if said.startswith("friction") else said
 
 
+ABSTAINED, OUTSIDE = "abstained", "outside"
+"""What a network says of a window in place of a class: sure of no condition; outside its training range."""
+
+_Probability = Annotated[float, Field(ge=0, le=1)]
+
+
+class WindowsOfClass(Contract):
+    """How many windows a network put in one class, and the mean probability of that class in them.
+
+    The windows that it ``abstained`` on, or that lie ``outside`` its training range, have the mean
+    probability of the likeliest class.
+    """
+
+    windows: int = Field(ge=1)
+    probability: _Probability
+
+
 class NetworkAnswer(Contract):
     """Answer of a network for one actuator and flight, beside the physics or instead of it.
 
-    ``windows`` is the number of ten-second windows that it decided, ``classes`` how many it put in each
-    class, the most frequent first, and of how many it was not sure (``abstained``); ``says`` is the class on
-    which ``condition`` rests, the gravest that twenty windows in a row agreed on. ``first_emergency_s`` is
-    the middle of the first window in which it finds an emergency, ``share_of_samples`` the share of the
-    samples in motion within its training range that it calls an emergency by friction, and ``p_emergency``
-    that emergency's probability in the last window. ``decides`` is
-    who decided the verdict: ``physics``, ``network``, or ``both``, where the physics decides and a different
-    answer of the network is reported. A file of version 0.1 has ``p_emergency`` alone.
+    ``inputs`` are the quantities of which the network of samples takes values, and that of windows
+    statistics. ``windows`` is the number of ten-second windows that it decided, ``classes`` what it said of
+    all that it was asked about, the most frequent first; ``says`` is the class on which ``condition`` rests,
+    the gravest that twenty windows in a row agreed on, and ``latest`` what it said of the last window, with
+    its ``probability``. ``first_emergency_s`` is the middle of the first window in which it finds an
+    emergency, ``share_of_samples`` the share of the samples in motion within its training range that it
+    calls an emergency by friction. ``decides`` is who decided the verdict: ``physics``, ``network``, or
+    ``both``, where the physics decides and a different answer of the network is reported.
     """
 
     model: ModelSummary
-    inputs: tuple[str, ...] = ()
-    windows: int | None = Field(default=None, ge=0)
-    classes: dict[str, int] = {}
-    says: str | None = None
-    first_emergency_s: float | None = None
-    share_of_samples: float | None = Field(default=None, ge=0, le=1)
-    p_emergency: float | None = Field(default=None, ge=0, le=1)
+    inputs: dict[Literal["samples", "windows"], tuple[str, ...]]
+    windows: int = Field(ge=0)
+    classes: dict[str, WindowsOfClass]
+    says: str | None
+    latest: str
+    probability: _Probability
+    first_emergency_s: float | None
+    share_of_samples: _Probability
     condition: Condition = "undecided"
     decides: Decide = "physics"
 

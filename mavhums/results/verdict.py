@@ -220,13 +220,10 @@ class Verdict(Contract):
     @model_validator(mode="before")
     @classmethod
     def _read_version_0_1(cls, data: Any) -> Any:
-        """Accept a verdict of version 0.1: its network gave ``p_emergency`` of the last window alone."""
-        if not isinstance(data, dict) or not {"p_emergency", "model"} & data.keys():
+        """Accept a verdict of version 0.1, without its network's probability of the last window."""
+        if not isinstance(data, dict):
             return data
-        kept = {key: value for key, value in data.items() if key not in ("p_emergency", "model")}
-        if data.get("model") is not None and data.get("p_emergency") is not None:
-            kept["network"] = {"model": data["model"], "p_emergency": data["p_emergency"]}
-        return kept
+        return {key: value for key, value in data.items() if key not in ("p_emergency", "model")}
 
     @property
     def gravest(self) -> Condition:

@@ -35,6 +35,7 @@ from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
 from mavhums.show.digest import digest, listed
 from mavhums.show.event_words import event_words
 from mavhums.show.markdown_report import live_markdown, markdown
+from mavhums.show.verdict_words import class_words
 from mavhums.show.words import clock, name
 
 _LEVELS: Final[dict[str, str]] = {"degraded": "WARN", "emergency": "ERROR"}
@@ -160,7 +161,8 @@ class Scene:
         rows = []
         for track in self.ranked():
             seen = track.latest
-            evidence = (seen.friction_nm, seen.p_emergency) if seen else (None, None)
+            words = class_words(seen.network, seen.probability) if seen else "—"
+            evidence = (seen.friction_nm if seen else None, words)
             condition = f"{track.condition}, stale" if track.stale else track.condition
             rows.append((self._title(track), condition, *evidence, track.since_s))
         text = live_markdown(rows)

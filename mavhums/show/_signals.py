@@ -1,4 +1,4 @@
-"""V1…V12 of one actuator and its network's class of each sample, in full or, for a long flight, thinned.
+"""V1…V12 of one actuator and its networks' classes, in full or, for a long flight, thinned.
 
 The classes are those of the paper's figures 16 to 19.
 """
@@ -6,15 +6,16 @@ The classes are those of the paper's figures 16 to 19.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
 import rerun as rr
 
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array, Integers
 from mavhums.core.quantities import KEYS
 from mavhums.health.decision.events import Classified
+from mavhums.results.sections import ABSTAINED, OUTSIDE
 from mavhums.show._rows import Thinner, send
 from mavhums.show.words import COLOURS, PALE_BLUE, SERIES, STALE_COLOUR
 
@@ -160,7 +161,6 @@ def _given(values: Array) -> set[str]:
     return {KEYS[place] for place in np.flatnonzero(np.isfinite(values).any(axis=0)).tolist()}
 
 
-_ABSTAINS: Final = "abstains"
 _STYLE: Final = rr.SeriesLines(
     names="of each sample",
     colors=PALE_BLUE,
@@ -170,7 +170,7 @@ _STYLE: Final = rr.SeriesLines(
 
 
 class Classes:
-    """Writes the probability of an emergency and the class of each sample.
+    """Writes the probability of an emergency and the class of each sample, and the class of each window.
 
     All samples of a flight up to 32,768 are written; of a longer one groups of neighbours keep their smallest
     and largest value, so that no other class within a group is lost. A class is written where it changes.
@@ -185,16 +185,17 @@ class Classes:
     Attributes
     ----------
     any
-        Whether a sample was classified.
+        Whether a sample or a window was classified.
     """
 
     def __init__(self, stream: rr.RecordingStream, path: str, *, live: bool) -> None:
         self.any = False
         self._stream, self._path, self._live = stream, path, live
-        self._names: list[str] = [_ABSTAINS]
+        self._names: list[str] = [ABSTAINED]
+        self._lane = _Lane(stream, f"{path}/class/samples")
+        self._of_windows = _Lane(stream, f"{path}/class/windows")
         self._thinner = Thinner(2, 4 if live else _CAPACITY)
         self._recent: list[tuple[Array, Array]] = []
-        self._last = np.nan
         self._drawn = False
 
     def add(self, event: Classified) -> None:
@@ -210,6 +211,14 @@ class Classes:
             self._recent.append((event.time_s, rows))
         else:
             self._thinner.add(event.time_s, rows)
+
+    def add_windows(self, time: Sequence[float], said: Sequence[str | None]) -> None:
+        """Write the class of windows, at their middle; one about which no network was asked is no class."""
+        self.any |= any(said)
+        if self.any:
+            names = sorted({name or ABSTAINED for name in said})
+            codes = np.array([names.index(name or ABSTAINED) for name in said])
+            self._of_windows.write(np.array(time), names, codes)
 
     def flush(self) -> None:
         """Write new samples for a live viewer."""
@@ -227,21 +236,39 @@ class Classes:
         if not self._drawn:
             self._drawn = True
             self._stream.log(f"{self._path}/samples", _STYLE, static=True)
-            self._stream.log(f"{self._path}/class", _states(self._names), static=True)
-        codes = rows[:, 1]
-        turns = np.flatnonzero(np.diff(codes, prepend=self._last) != 0)
-        self._last = float(codes[-1])
-        if turns.size:
-            names = [self._names[int(code)] for code in codes[turns].tolist()]
-            send(self._stream, f"{self._path}/class", time[turns], rr.StateChange.columns(state=names))
+        self._lane.write(time, self._names, rows[:, 1].astype(np.int64))
         gaps = np.flatnonzero(np.diff(time) > _GAP_S).astype(np.int64)
         shown = np.insert(rows[:, 0], gaps + 1, np.nan)
         at_s = np.insert(time, gaps + 1, time[gaps] + 1e-3)
         send(self._stream, f"{self._path}/samples", at_s, rr.Scalars.columns(scalars=shown))
 
 
+class _Lane:
+    """Writes classes where they change, and their colours when a new one comes."""
+
+    def __init__(self, stream: rr.RecordingStream, path: str) -> None:
+        self._stream, self._path = stream, path
+        self._known: list[str] = []
+        self._last = ""
+
+    def write(self, time: Array, names: Sequence[str], codes: Integers) -> None:
+        """Write the class of each time: ``codes`` are indices into ``names``, shape (n,)."""
+        said = np.array(names)[codes]
+        turns = np.flatnonzero(said != np.concatenate([[self._last], said[:-1]]))
+        if not turns.size:
+            return
+        states = said[turns].tolist()
+        if not set(names) <= set(self._known):
+            self._known += [name for name in names if name not in self._known]
+            self._stream.log(self._path, _states(self._known), static=True)
+        self._last = states[-1]
+        send(self._stream, self._path, time[turns], rr.StateChange.columns(state=states))
+
+
 def _states(names: list[str]) -> rr.StateConfiguration:
     others = iter(SERIES * len(names))
-    known = {str(name): rgb for name, rgb in COLOURS.items()} | {_ABSTAINS: STALE_COLOUR}
+    known = {str(name): rgb for name, rgb in COLOURS.items()}
+    known |= {f"friction_{name}": rgb for name, rgb in known.items()}
+    known |= {ABSTAINED: STALE_COLOUR, OUTSIDE: STALE_COLOUR}
     colours = [known.get(name) or next(others) for name in names]
     return rr.StateConfiguration(values=names, labels=names, colors=[(*rgb, 255) for rgb in colours])

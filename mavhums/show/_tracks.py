@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import Classified, ConditionChanged, Followed, Indication, Samples, Window
 from mavhums.health.actuator.detector import Detector
-from mavhums.results.sections import AxisLimits
+from mavhums.results.sections import OUTSIDE, AxisLimits
 from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Motor, Surface
 from mavhums.show._rows import Times, send
@@ -138,8 +138,8 @@ class Track:
 
     @property
     def present(self) -> frozenset[str]:
-        """Quantities with data, and ``friction``, ``network`` and its ``classes`` if there are any."""
-        return frozenset(self._signals.present | self._drawn | ({"classes"} if self._classes.any else set()))
+        """Quantities with data, and ``friction`` and ``network`` if there are any."""
+        return frozenset(self._signals.present | self._drawn | ({"network"} if self._classes.any else set()))
 
     def take(self, event: Samples | Window | Indication | Followed | Classified) -> None:
         """Add data of any kind."""
@@ -174,7 +174,7 @@ class Track:
         """Add the results of a window."""
         self._note_span(event.start_s, event.end_s)
         self.condition = event.condition
-        if event.friction_nm is not None or event.p_emergency is not None:
+        if event.friction_nm is not None or event.network is not None:
             self.latest = event
         self._windows.append(event)
         if len(self._windows) >= _ROWS_PER_CHUNK:
@@ -302,7 +302,11 @@ class Track:
             (found.estimate, found.low, found.high) if (found := window.friction_nm) else (np.nan,) * 3
             for window in windows
         ]
-        votes = [np.nan if window.p_emergency is None else window.p_emergency for window in windows]
+        self._classes.add_windows(time, [window.network for window in windows])
+        votes = [
+            np.nan if window.p_fault is None or window.network == OUTSIDE else window.p_fault
+            for window in windows
+        ]
         for leaf, rows in (("friction", np.array(friction)), ("network", np.array(votes))):
             if leaf not in self._drawn and np.isnan(rows).all():
                 continue

@@ -54,7 +54,7 @@ class Lane(NamedTuple):
     condition, worst
         Its current and its worst condition.
     present
-        Data to draw: the quantities in the log, ``friction``, ``network`` and its ``classes`` of samples.
+        Data to draw: the quantities in the log, ``friction`` and ``network``.
     faults
         Indicators of other faults.
     cause
@@ -201,8 +201,8 @@ def _actuator(lane: Lane, axes: _TimeRange) -> rrb.Container:
     answer: list[rrb.View | rrb.Container] = list(_faults(lane, axes.evidence))
     if len(answer) > 1:
         answer = [rrb.Tabs(*answer, active_tab=0)]
-    if keys & {"network", "classes"}:
-        answer.append(_network(root, axes.evidence, classes="classes" in keys))
+    if "network" in keys:
+        answer.append(_network(root, axes.evidence))
     groups = [(subject, [key for key in members if key in keys]) for subject, members in _PLOTS]
     signals = [_signals(root, subject, found, axes.signals) for subject, found in groups if found]
     if lane.angles:
@@ -217,19 +217,17 @@ def _actuator(lane: Lane, axes: _TimeRange) -> rrb.Container:
     )
 
 
-def _network(root: str, axis: rrb.TimeAxis, *, classes: bool) -> rrb.View | rrb.Container:
-    """Return the network's answer: its probability, of windows and samples, and behind it their class."""
+def _network(root: str, axis: rrb.TimeAxis) -> rrb.Container:
+    """Return the network's answer: the classes, and behind them the probability of a fault."""
     contents = [f"{root}/network", f"{root}/network/samples"]
-    plot = _plot("Network: P(emergency)", contents, axis, legend=classes, span=(-0.05, 1.05))
-    if not classes:
-        return plot
+    plot = _plot("P(fault)", contents, axis, legend=True, span=(-0.05, 1.05))
     lane = rrb.StateTimelineView(
         origin="/",
-        contents=[f"{root}/network/class"],
-        name="Class of each sample",
+        contents=[f"{root}/network/class/windows", f"{root}/network/class/samples"],
+        name="Network: classes",
         time_view=axis,
     )
-    return rrb.Tabs(plot, lane, active_tab=0)
+    return rrb.Tabs(lane, plot, active_tab=0)
 
 
 def _faults(lane: Lane, axis: rrb.TimeAxis) -> list[rrb.View]:

@@ -22,9 +22,10 @@ from mavhums.engine.events import (
     Window,
 )
 from mavhums.results.assessment import Assessment
-from mavhums.results.sections import AxisLimits
+from mavhums.results.sections import OUTSIDE, AxisLimits
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.show._rows import Thinner
+from mavhums.show.verdict_words import windows_by_class
 from mavhums.show.words import clock, name, percent
 
 _POINTS: Final = 1200
@@ -186,9 +187,9 @@ class EvidenceCollector:
         if isinstance(event, Classified):
             kept, time_s = self._samples, event.time_s
             values = np.where(event.inside, event.p_emergency, np.nan)
-        elif event.p_emergency is not None:
+        elif event.p_fault is not None and event.network != OUTSIDE:
             kept, time_s = self._votes, np.array([(event.start_s + event.end_s) / 2])
-            values = np.array([event.p_emergency])
+            values = np.array([event.p_fault])
         else:
             return
         _add(kept, (event.vehicle, event.actuator), time_s, values[:, None])
@@ -301,14 +302,16 @@ def _all_evidence(assessment: Assessment, gathered: EvidenceCollector) -> Iterat
 
 def _network(verdict: Verdict, said: Curve, assessment: Assessment) -> CaptionedCurve:
     """Return the network's answer over the flight, as the paper's figures 16 to 19 show it."""
-    network = verdict.network.model.name if verdict.network else "the network"
-    caption = "probability of an emergency; thick: ten seconds, at their middle; thin: each sample inside the"
-    caption += " training range"
-    if verdict.network and verdict.network.share_of_samples is not None:
-        caption += f"; it calls {percent(verdict.network.share_of_samples)} of those in motion an emergency"
+    caption = "probability of a fault in ten seconds; thin: of an emergency by friction in each sample"
+    network = verdict.network
+    if network:
+        caption += (
+            f"; {windows_by_class(network)}; of the samples in motion within its training range it calls"
+        )
+        caption += f" {percent(network.share_of_samples)} an emergency"
     assert verdict.vehicle is not None
-    title = f"{name(verdict, assessment)}: {network} on each sample"
-    return CaptionedCurve(verdict.vehicle, title, caption, said, (Limit(0.5, "emergency above"),))
+    title = f"{name(verdict, assessment)}: {network.model.name if network else 'the network'}"
+    return CaptionedCurve(verdict.vehicle, title, caption, said, (Limit(0.5, "likelier a fault above"),))
 
 
 def _attitude(verdict: Verdict, axis: str, curve: Curve, assessment: Assessment) -> CaptionedCurve:

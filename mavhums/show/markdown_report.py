@@ -84,23 +84,23 @@ def _paragraph(found: Paragraph) -> str:
     return f"## {_literal(found.title)}: {found.condition}\n\n**Why:** {why}.\n\n**What to do:** {todo}."
 
 
-def live_markdown(actuators: Iterable[tuple[str, str, Interval | None, float | None, float | None]]) -> str:
+def live_markdown(actuators: Iterable[tuple[str, str, Interval | None, str, float | None]]) -> str:
     """Return the report of a flight in progress.
 
     Parameters
     ----------
     actuators
-        The worst first: name, condition, friction, the network's vote, and since when it is so.
+        The worst first: name, condition, friction, what the network says, and since when it is so.
     """
     rows = [
         (
             _literal(title),
             condition if condition == "normal" else f"**{condition}**",
             friction(torque) if torque else "—",
-            percent(vote) if vote is not None else "—",
+            said,
             clock(since_s) if since_s is not None else "—",
         )
-        for title, condition, torque, vote, since_s in actuators
+        for title, condition, torque, said, since_s in actuators
     ]
     table = _rows((_LIVE_COLUMNS, ("---",) * len(_LIVE_COLUMNS), *rows))
     end = "The report at the end of the flight gives reasons and advice."

@@ -6,7 +6,7 @@ from typing import Final
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS, NORMAL_S
-from mavhums.results.sections import NetworkAnswer, fault_of
+from mavhums.results.sections import ABSTAINED, OUTSIDE, NetworkAnswer, fault_of
 from mavhums.results.verdict import Candidate, Evidence, Verdict
 from mavhums.show.words import clock, effectiveness, friction, join, percent
 
@@ -178,7 +178,7 @@ def _how_much(verdict: Verdict, *, alarmed: bool) -> str:
 
 
 def network_cell(verdict: Verdict) -> str | None:
-    """Return the condition of the network; of an old file its last probability.
+    """Return the network's condition, or the fault that it names.
 
     The share of single samples would mislead here: without the load torque a quarter of a healthy flight's
     samples may say emergency, and no window does.
@@ -186,11 +186,8 @@ def network_cell(verdict: Verdict) -> str | None:
     said = verdict.network
     if said is None:
         return None
-    if said.windows is None and said.p_emergency is not None:
-        return percent(said.p_emergency)
-    fault = fault_of(said.says) if said.says else "friction"
-    faulty = said.condition in ("degraded", "emergency") and fault != "friction"
-    return fault.replace("_", " ") if faulty else said.condition
+    fault = fault_of(said.says or "normal")
+    return said.condition if fault in ("normal", "friction") else fault.replace("_", " ")
 
 
 def network_sentence(verdict: Verdict) -> str | None:
@@ -203,7 +200,7 @@ def network_sentence(verdict: Verdict) -> str | None:
     said = verdict.network
     if said is None or said.decides == "physics":
         return None
-    share = _classes(said)
+    share = windows_by_class(said)
     if said.first_emergency_s is not None:
         share += f", the first emergency around {clock(said.first_emergency_s)}"
     if said.decides != "both":
@@ -223,21 +220,23 @@ def network_sentence(verdict: Verdict) -> str | None:
     return f"the network {said.model.name} agrees"
 
 
-def _classes(said: NetworkAnswer) -> str:
-    """Return how many windows are of each class, the most frequent first; of an old file another share.
+def windows_by_class(said: NetworkAnswer) -> str:
+    """Return how many windows are of each class and how probable it is in them, the most frequent first."""
+    (most, first), *others = said.classes.items()
+    total = first.windows + sum(one.windows for _, one in others)
+    shown = f"{first.windows} of {total} windows are {class_words(most, first.probability)}"
+    return ", ".join([shown, *(f"{one.windows} {class_words(key, one.probability)}" for key, one in others)])
+
+
+def class_words(said: str | None, probability: float | None) -> str:
+    """Return what a network says of a window.
 
     Examples
     --------
-    >>> from mavhums.results.sections import ModelSummary
-    >>> windows = {"friction_degraded": 80, "abstained": 11}
-    >>> _classes(NetworkAnswer(model=ModelSummary(name="paper", hash=""), classes=windows))
-    '80 of 91 windows are friction degraded, 11 not sure'
+    >>> class_words("friction_degraded", 0.987), class_words("abstained", 0.6), class_words(None, None)
+    ('friction degraded (98.7 %)', 'not sure', '—')
     """
-    if not said.classes:
-        return f"it calls {percent(said.share_of_samples or 0.0)} of the samples in motion an emergency"
-    total, names = sum(said.classes.values()), {"abstained": "not sure"}
-    (most, count), *others = [
-        (names.get(name, name.replace("_", " ")), number) for name, number in said.classes.items()
-    ]
-    rest = [f"{number} {name}" for name, number in others]
-    return ", ".join([f"{count} of {total} windows are {most}", *rest])
+    if said is None or probability is None:
+        return "—"
+    unsure = {ABSTAINED: "not sure", OUTSIDE: "outside its training range"}
+    return unsure.get(said) or f"{said.replace('_', ' ')} ({percent(probability)})"

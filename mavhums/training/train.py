@@ -217,7 +217,7 @@ class _NetworkAnswers:
         for vote, moving in windows(actuator, [model], flown):
             self.working += clear and moving >= _WORKING
             if vote:
-                self.share.append(vote.p_emergency)
+                self.share.append(vote.p_fault)
                 self.event.append(event)
                 self.clear.append(clear)
         if clear:

@@ -188,7 +188,7 @@ def test_what_another_profile_judged_is_no_evidence(logs: dict[str, Path]) -> No
         comparison.feed(logs["short"].read_bytes())
         for k, end in enumerate(ends):
             named = [AirframeNamed(end[0], 1, load_airframe("paper"))] if k == named_after else []
-            window = Window(1, "rudder", *end, 1.0, None, None, "undecided")
+            window = Window(1, "rudder", *end, 1.0, None, "undecided")
             told = comparison.follow([*named, ComparisonInput(1, "rudder", *end, (step,)), window])
             if any(isinstance(event, ConditionChanged) for event in told):
                 return k + 1
@@ -207,9 +207,7 @@ def test_an_actuator_that_is_forgotten_takes_its_drift_back() -> None:
     for k in range(8):
         steps = (IndicatorStep(indicator, Estimate(0.3, 0.01, 9.0), None),)
         told += comparison.follow(ComparisonInput(1, "rudder", 10.0 * k, 10.0 * k + 10.0, steps))
-        told += comparison.follow(
-            Window(1, "rudder", 10.0 * k, 10.0 * k + 10.0, 1.0, None, None, "undecided")
-        )
+        told += comparison.follow(Window(1, "rudder", 10.0 * k, 10.0 * k + 10.0, 1.0, None, "undecided"))
     told += comparison.follow(Forgotten(1, "rudder", 85.0, "undecided: it moves something else"))
     drifted, revised = (event for event in told if isinstance(event, ConditionChanged))
     assert (drifted.before, drifted.after, drifted.since_s) == ("undecided", "degraded", 0.0)

@@ -162,8 +162,7 @@ def test_the_network_votes_and_its_model_is_named(growing_log: Path, model: Mode
     elevator, rudder = of(assessment, "elevator").network, of(assessment, "rudder").network
     assert elevator is not None
     assert rudder is not None
-    assert (elevator.p_emergency or 0) > 0.9
-    assert (rudder.p_emergency or 0) < 0.1
+    assert (elevator.latest, rudder.latest) == ("friction_emergency", "normal")
 
 
 def test_a_model_serves_only_the_airframe_of_its_card(growing_log: Path, model: Model) -> None:
@@ -506,8 +505,7 @@ def test_each_telemetry_gets_the_network_for_what_it_carries(
         assert elevator.network is not None
         assert rudder.network is not None
         assert elevator.network.model.name == name
-        assert (elevator.network.p_emergency or 0) > 0.9
-        assert (rudder.network.p_emergency or 0) < 0.1
+        assert (elevator.network.latest, rudder.network.latest) == ("friction_emergency", "normal")
     if name == "paper-esc":
         assert of(judge_records(records, models=models[:1]), "elevator").network is None
 
@@ -529,7 +527,7 @@ def test_without_the_load_torque_the_network_that_does_not_need_it_votes(
     assert assessment.model.name == "paper-instrumented"
     elevator = of(assessment, "elevator").network
     assert elevator is not None
-    assert (elevator.p_emergency or 0) > 0.9
+    assert elevator.latest == "friction_emergency"
 
 
 def test_a_bus_side_esc_is_undecided_with_its_reason() -> None:

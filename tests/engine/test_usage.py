@@ -17,6 +17,7 @@ from mavhums.engine.usage import _facts_by_servo, _motors, _output, _OutputFacts
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, Obstacle
 from mavhums.log.base.decoder import Losses
+from mavhums.results.sections import WindowsOfClass
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.grid import Received, Seconds
 from mavhums.vehicle.parameters import Parameters
@@ -223,27 +224,30 @@ def test_the_answer_of_a_network_says_who_decides(by_network: bool, decide: Any,
     said = SimpleNamespace(
         network=1,
         windows=9,
-        classes={"normal": 9},
+        classes={"normal": (9, 0.98766)},
         says="normal",
+        latest=SimpleNamespace(said="normal", probability=0.98766),
         first_emergency_s=1.23456,
         share_of_samples=0.123456,
-        p_emergency=0.98766,
         condition="normal",
     )
     findings: Any = SimpleNamespace(network=said, by_network=by_network)
     serving: Any = [
         None,
-        SimpleNamespace(card=SimpleNamespace(name="small"), hash="0" * 64, keys=("V3", "V5")),
+        SimpleNamespace(
+            card=SimpleNamespace(name="small"), hash="0" * 64, keys=("V3", "V5"), window_quantities=("V7",)
+        ),
     ]
     answer = network_answer(findings, serving, decide)
     assert answer is not None
     assert (answer.decides, answer.model.name, answer.inputs, answer.windows) == (
         decides,
         "small",
-        ("V3", "V5"),
+        {"samples": ("V3", "V5"), "windows": ("V7",)},
         9,
     )
-    assert (answer.first_emergency_s, answer.share_of_samples, answer.p_emergency) == (1.235, 0.1235, 0.9877)
+    assert (answer.first_emergency_s, answer.share_of_samples, answer.probability) == (1.235, 0.1235, 0.9877)
+    assert answer.classes == {"normal": WindowsOfClass(windows=9, probability=0.9877)}
     said.first_emergency_s = None
     without = network_answer(findings, serving, decide)
     assert without is not None

@@ -28,8 +28,8 @@ def changed(after: Condition, before: Condition = "normal", fault: str = "fricti
 def status(actuator: str, condition: Condition, vehicle: int = 3) -> ActuatorStatus:
     return ActuatorStatus(
         vehicle=vehicle, actuator=actuator, condition=condition, held=condition, worst=condition,
-        stale=False, age_s=0.1, rate_hz=100.0, friction_nm=None, p_emergency=None, suspects=(), tier=None,
-        late=0, reason=None,
+        stale=False, age_s=0.1, rate_hz=100.0, friction_nm=None, network=None, probability=None, suspects=(),
+        tier=None, late=0, reason=None,
     )  # fmt: skip
 
 

@@ -448,7 +448,7 @@ def test_an_event_is_a_line_with_its_fields() -> None:
         [
             samples("rudder", 3),
             AirframeNamed(1.5, 7, profile),
-            Window(1, "rudder", 10.0, 20.0, 0.123456, None, 0.25, "normal"),
+            Window(1, "rudder", 10.0, 20.0, 0.123456, None, "normal", "normal", 0.75, 0.25),
             ConditionChanged(1, "rudder", 20.0, 10.0, "normal", "degraded", "rule", "jam"),
             ConditionChanged(1, "rudder", 30.0, 25.0, "degraded", "normal", "rule", "jam"),
             Notice(4.0, None, "PreArm"),
@@ -461,7 +461,14 @@ def test_an_event_is_a_line_with_its_fields() -> None:
     well = {"time_s": 30.0, "since_s": 25.0, "before": "degraded", "after": "normal", "fault": None}
     assert lines == [
         {"event": "airframe", "time_s": 1.5, "vehicle": 7, "airframe": "paper"},
-        {"event": "window", **rudder, **window, "p_emergency": 0.25, "condition": "normal"},
+        {
+            "event": "window",
+            **rudder,
+            **window,
+            "network": "normal",
+            "probability": 0.75,
+            "condition": "normal",
+        },
         {"event": "condition", **rudder, **worse, "rule": "rule"},
         {"event": "condition", **rudder, **well, "rule": "rule"},
         {"event": "notice", "time_s": 4.0, "vehicle": None, "text": "PreArm"},
@@ -505,7 +512,8 @@ def test_the_table_on_the_terminal_has_a_row_for_each_actuator() -> None:
     first = status("rudder", "emergency").model_copy(
         update={
             "friction_nm": Interval(estimate=0.5, low=0.4, high=0.6),
-            "p_emergency": 0.25,
+            "network": "friction_degraded",
+            "probability": 0.25,
             "rate_hz": 49.6,
             "age_s": 0.26,
             "late": 1234,
@@ -528,7 +536,7 @@ def test_the_table_on_the_terminal_has_a_row_for_each_actuator() -> None:
         return [" ".join(line.split()) for line in text.splitlines() if line.strip()]
 
     lines = shown(state, "1:00 latest")
-    assert "3 rudder EMERGENCY: jam 0.500 (0.400–0.600) 25 % 50 Hz 0.3 s 1,234" in lines
+    assert "3 rudder EMERGENCY: jam 0.500 (0.400–0.600) friction degraded (25 %) 50 Hz 0.3 s 1,234" in lines
     assert "— roll STALE, was normal — — 100 Hz — 0" in lines
     assert lines[-6:] == [
         "1:00 latest",

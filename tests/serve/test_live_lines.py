@@ -48,7 +48,14 @@ def start() -> dict[str, Any]:
 def status(uptime_s: float, condition: str = "normal") -> dict[str, Any]:
     actuator = {"vehicle": 1, "actuator": "<b>elevator", "condition": condition, "held": condition}
     actuator |= {"worst": condition, "stale": False, "age_s": 0.0, "rate_hz": 50.0, "friction_nm": None}
-    actuator |= {"p_emergency": None, "suspects": [], "tier": None, "late": 0, "reason": None}
+    actuator |= {
+        "network": None,
+        "probability": None,
+        "suspects": [],
+        "tier": None,
+        "late": 0,
+        "reason": None,
+    }
     return {
         "event": "status",
         "utc": UTC,

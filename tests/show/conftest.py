@@ -18,7 +18,7 @@ from mavhums.core.quantities import KEYS
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
-from mavhums.results.sections import ModelSummary, NetworkAnswer
+from mavhums.results.sections import ModelSummary, NetworkAnswer, WindowsOfClass
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Since, Suspect, Verdict
 
@@ -69,23 +69,17 @@ class Flight:
 
     def window(self, actuator: str, end: int) -> Window:
         if actuator == "rudder":
-            return Window(1, actuator, end - 10.0, float(end), 0.0, None, None, "undecided")
+            return Window(1, actuator, end - 10.0, float(end), 0.0, None, "undecided")
         pause = actuator == "aileron_right" and 40 <= end < 55
         estimate = float(self.friction(actuator, np.array([end - 5.0]))[0]) + 0.01 * np.sin(end)
         estimated = Interval(estimate=estimate, low=estimate - 0.03, high=estimate + 0.03)
         vote = float(1 / (1 + np.exp(-(estimate - 0.65) * 18)))
         moving = 0.05 if pause else 0.72
         interval = None if pause else estimated
-        return Window(
-            1,
-            actuator,
-            end - 10.0,
-            float(end),
-            moving,
-            interval,
-            None if pause else vote,
-            condition(estimated),
+        said = (
+            () if pause else ("friction_emergency", vote, vote) if vote > 0.5 else ("normal", 1 - vote, vote)
         )
+        return Window(1, actuator, end - 10.0, float(end), moving, interval, condition(estimated), *said)
 
     def events(self) -> Iterator[Event]:
         held: dict[str, Condition] = dict.fromkeys(NAMES, "undecided")
@@ -148,6 +142,7 @@ def verdict(actuator: str, state: Condition, estimate: float, since: float | Non
                 rule="the friction interval reaches the emergency limit",
             ),
         )
+    said = "friction_emergency" if state == "emergency" else "normal"
     return Verdict(
         vehicle=1,
         actuator=actuator,
@@ -155,11 +150,14 @@ def verdict(actuator: str, state: Condition, estimate: float, since: float | Non
         worst=state,
         network=NetworkAnswer(
             model=ModelSummary(name="paper-ema", hash="abc"),
-            inputs=("V5", "V7"),
+            inputs={"samples": ("V5", "V7"), "windows": ()},
             windows=91,
+            classes={said: WindowsOfClass(windows=91, probability=0.998)},
+            says=said,
+            latest=said,
+            probability=0.998,
             first_emergency_s=56.0 if state == "emergency" else None,
             share_of_samples=0.62 if state == "emergency" else 0.0006,
-            p_emergency=0.998 if state == "emergency" else 0.0006,
             condition="emergency" if state == "emergency" else "normal",
         ),
         friction_nm=Interval(estimate=estimate, low=estimate - 0.03, high=estimate + 0.03),

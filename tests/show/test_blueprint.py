@@ -45,7 +45,7 @@ def test_the_answer_comes_first_then_the_worst_actuator(assessment: Assessment) 
         "Condition of every axis and actuator",
         "elevator: emergency",
         "Friction, N·m, against its limits",
-        "Network: P(emergency)",
+        "Network: classes",
     ]
     assert found.index("rudder: undecided") < found.index("aileron_left: normal") < found.index(EVENTS)
     assert found[-1] == "Report"
@@ -65,7 +65,7 @@ def test_what_is_absent_gets_no_plot(assessment: Assessment) -> None:
     assert "V3 angle, °" in found
     assert not [name for name in found if name.startswith("Network") or name.startswith("rudder")]
     only = tree(assessment, elevator=frozenset({"network"}))
-    assert only[1:] == ["elevator: emergency", "Network: P(emergency)", EVENTS, "Report"]
+    assert only[1:] == ["elevator: emergency", "Network: classes", "P(fault)", EVENTS, "Report"]
 
 
 def test_a_tab_says_what_was_worse(new_verdict: New, new_assessment: Assess) -> None:

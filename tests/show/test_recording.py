@@ -113,7 +113,7 @@ def test_friction_lies_at_the_middle_of_its_window_with_gaps_where_nothing_was_e
             assert row.tolist() == [interval.estimate, interval.low, interval.high]
     assert np.isnan(found).any()
     _, votes = scalars(recording, "/vehicle_1/elevator/network")
-    assert votes[:, 0].tolist() == [flight.window("elevator", end).p_emergency for end in range(10, 101)]
+    assert votes[:, 0].tolist() == [flight.window("elevator", end).p_fault for end in range(10, 101)]
 
 
 def test_limits_come_from_the_profile_that_the_log_names(recording: Path) -> None:
@@ -195,7 +195,7 @@ def test_what_falls_silent_leaves_a_gap_and_not_a_straight_line(
         return Samples(1, "elevator", start + np.arange(4096) / 100, values)
 
     blocks = [block(0, math.nan), block(100, 0.5), block(200, math.nan), block(300, 0.7)]
-    window = Window(1, "elevator", 0.0, 10.0, 0.5, None, 0.5, "normal")
+    window = Window(1, "elevator", 0.0, 10.0, 0.5, None, "normal", "normal", 0.5, 0.5)
     path = write(tmp_path / "gap.rrd", [*blocks, window], new_assessment())
     time, found = scalars(path, "/vehicle_1/elevator/quantities", "mavhums:V5")
     given = time[np.isfinite(found[:, 0])]
@@ -228,7 +228,9 @@ def test_long_flights_are_written_as_they_come(tmp_path: Path, new_assessment: A
     with Recorder(path, recording_id="flight") as recorder:
         for second in range(5000):
             end = float(second)
-            recorder.consume([Window(1, "rudder", end - 10, end, 1.0, interval, 0.1, "normal")])
+            recorder.consume(
+                [Window(1, "rudder", end - 10, end, 1.0, interval, "normal", "normal", 0.9, 0.1)]
+            )
             recorder.consume([ConditionChanged(1, "rudder", end, end, "normal", "degraded", "r")])
             recorder.consume([Notice(end, None, "x")])
         recorder.close(new_assessment())
@@ -243,7 +245,7 @@ def test_long_flights_are_written_as_they_come(tmp_path: Path, new_assessment: A
 
 def test_a_state_found_late_never_hides_below_an_earlier_one(tmp_path: Path, new_assessment: Assess) -> None:
     empty = Samples(1, "rudder", np.zeros(0), np.zeros((0, 12)))
-    window = Window(1, "rudder", 2.0, 12.0, 1.0, None, None, "undecided")
+    window = Window(1, "rudder", 2.0, 12.0, 1.0, None, "undecided")
     changes = [
         ConditionChanged(1, "rudder", 20.0, 15.0, "undecided", "degraded", "r"),
         ConditionChanged(1, "rudder", 21.0, 14.0, "degraded", "emergency", "r"),

@@ -270,13 +270,12 @@ class Monitor:
 
         It has windows and decisions if the flight is ``recorded``, and estimates over the ``whole`` flight.
         """
-        flight, latest = self._fits.whole() if whole else {}, self._tally.latest
+        flight = self._fits.whole() if whole else {}
         faults = tuple(record_of(tracker, flight) for tracker in self._deciding().values())
         return ActuatorRecord(
             false_alarms=self._false_alarms,
             concluded_s=self._concluded_s,
             end_s=self._latest_s,
-            vote=None if latest is None else (latest[0], latest[1].p_emergency),
             faults=(*faults, self._tally.record()) if self._by_network else faults,
         )
 
@@ -318,8 +317,7 @@ class Monitor:
         for k, change in self._tally.feed(voted, end_s.tolist()):
             if self._by_network:
                 steps.setdefault(k, []).append(IndicatorStep(self._tally.described, None, change))
-        voted = [vote if vote and vote.severity >= 0 else None for vote in voted]
-        answered = {k for k, vote in enumerate(voted) if vote}
+        answered = {k for k, vote in enumerate(voted) if vote and vote.severity >= 0}
         self._count_decidable(
             [looks[fault] for fault in deciding], answered if self._by_network else friction.keys()
         )
@@ -382,6 +380,6 @@ class Monitor:
         self._windows += 1
         if friction is not None:
             self._friction = friction
-        said, condition = vote.p_emergency if vote else None, self._held.condition
-        start_s, name = end_s - WINDOW_S, self.actuator.name
-        return Window(self.vehicle, name, start_s, end_s, moving, friction, said, condition)
+        start_s, name, said = end_s - WINDOW_S, self.actuator.name, self._held.condition
+        answer = (vote.said, vote.probability, vote.p_fault) if vote else ()
+        return Window(self.vehicle, name, start_s, end_s, moving, friction, said, *answer)

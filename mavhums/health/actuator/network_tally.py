@@ -6,7 +6,7 @@ which is two that share no sample. Windows in which the networks abstain change 
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -20,13 +20,11 @@ from mavhums.health.decision.events import DecisionChange, Estimate, FaultRecord
 from mavhums.health.decision.limits import Decision, Levels
 from mavhums.health.decision.thresholds import LASTING_WINDOWS
 from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.results.sections import fault_of
+from mavhums.results.sections import ABSTAINED, OUTSIDE, fault_of
 from mavhums.results.verdict import Evidence, Suspect
 
 _BALLOT = Ballot()
 _QUANTITY = "the network's probability of its class"
-ABSTAINED = "abstained"
-"""Of windows in which the network was asked and was sure of no condition, in place of a class."""
 
 
 class NetworkFindings(NamedTuple):
@@ -34,11 +32,11 @@ class NetworkFindings(NamedTuple):
 
     network: int
     windows: int
-    classes: dict[str, int]
+    classes: dict[str, tuple[int, float]]
     says: str | None
+    latest: VoteOutcome
     first_emergency_s: float | None
     share_of_samples: float
-    p_emergency: float
     condition: Condition
 
 
@@ -54,22 +52,19 @@ class NetworkTally:
 
     Attributes
     ----------
-    windows
-        Number of windows that a network decided.
-    latest
-        The last one's outcome and end; None before.
     worst
         The gravest condition that was held.
     """
 
     def __init__(self, networks: int, *, recorded: bool = False) -> None:
-        self.windows = 0
         self._recorded = recorded
-        self.latest: tuple[float, VoteOutcome] | None = None
         self.worst: Condition = "undecided"
         self.described = FaultRecord("friction", _QUANTITY, "1", Levels(), two_sided=False)
         self._decision = Decision(Levels())
-        self._classes: Counter[str] = Counter()
+        self._windows: Counter[str] = Counter()
+        self._probabilities: defaultdict[str, float] = defaultdict(float)
+        self._latest: VoteOutcome | None = None
+        self._sure: VoteOutcome | None = None
         self._held: VoteOutcome | None = None
         self._worst_says: str | None = None
         self._decided: list[DecisionChange] = []
@@ -90,12 +85,12 @@ class NetworkTally:
         for k, (said, end) in enumerate(zip(outcomes, end_s, strict=True)):
             if said is None:
                 continue
+            self._latest = said
+            self._windows[said.said] += 1
+            self._probabilities[said.said] += said.probability
             if said.severity < 0:
-                self._classes[ABSTAINED] += 1
                 continue
-            self.windows += 1
-            self._classes[said.said] += 1
-            self.latest = end, said
+            self._sure = said
             if said.severity == SEVERITY["emergency"] and self._first_s is None:
                 # The middle of the window is the best guess of the moment.
                 self._first_s = end - WINDOW_S / 2
@@ -114,19 +109,19 @@ class NetworkTally:
                 self._episodes.extend(said.probability, end, agrees=agrees)
 
     def tallied(self) -> NetworkFindings | None:
-        """Return what the network with most votes said; None if none voted on a window."""
-        if self.latest is None:
+        """Return what the network with most votes said; None if none was asked about a window."""
+        if self._latest is None:
             return None
         network = int(self._samples[:, 0].argmax())
         voters, emergency = self._samples[network].tolist()
         return NetworkFindings(
             network,
-            self.windows,
-            dict(self._classes.most_common()),
+            self._decided_windows,
+            {said: (n, self._probabilities[said] / n) for said, n in self._windows.most_common()},
             self._worst_says,
+            self._latest,
             self._first_s,
             emergency / max(voters, 1.0),
-            self.latest[1].p_emergency,
             self.worst,
         )
 
@@ -151,22 +146,32 @@ class NetworkTally:
 
     def record(self) -> FaultRecord:
         """Return the record of a flight whose friction the network decides, for a later comparison."""
-        latest = None if self.latest is None else Estimate(self.latest[1].probability, 0.0, 1.0)
+        latest = None if self._sure is None else Estimate(self._sure.probability, 0.0, 1.0)
         return self.described._replace(decided=tuple(self._decided), latest=latest, evidence=self.evidence())
 
     def why_undecided(self) -> tuple[str, str]:
         """Return reason and remedy if the network decides and held no condition."""
-        if not self.windows:
+        by_physics = "let the physics decide (--decide physics)"
+        if self._latest is None:
             return (
-                "the network decides, and no window has enough samples in motion that carry its inputs and "
-                "lie within its training range",
-                "analyse a flight in which the surface moves, or let the physics decide (--decide physics)",
+                "the network decides, and no window has enough samples in motion that carry its inputs",
+                f"analyse a flight in which the surface moves, or {by_physics}",
+            )
+        total, outside = self._windows.total(), self._windows[OUTSIDE]
+        if outside > total / 2:
+            return (
+                f"the network decides, and {outside} of {total} windows are outside its training range",
+                f"train a network on flights of such aircraft (mavhums train), or {by_physics}",
             )
         return (
-            f"the network decides: it is sure of {self.windows} windows, and fewer than "
+            f"the network decides: it is sure of {self._decided_windows} of {total} windows, and fewer than "
             f"{LASTING_WINDOWS} in a row agree",
-            "analyse a longer flight",
+            f"analyse a longer flight, or {by_physics}",
         )
+
+    @property
+    def _decided_windows(self) -> int:
+        return self._windows.total() - self._windows[ABSTAINED] - self._windows[OUTSIDE]
 
 
 def _rule(condition: Condition) -> str:

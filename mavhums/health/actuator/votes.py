@@ -28,6 +28,7 @@ from mavhums.health.actuator.thresholds import (
 )
 from mavhums.learn import Model
 from mavhums.learn.model import FRICTION_EMERGENCY
+from mavhums.results.sections import ABSTAINED, OUTSIDE
 
 _V2, _V3, _V7 = column("V2"), column("V3"), column("V7")
 Counts = Integers
@@ -85,30 +86,30 @@ class VoteOutcome(NamedTuple):
 
     Attributes
     ----------
-    p_emergency
-        Probability of an emergency by friction.
     network
-        Index of the network that gave it.
-    said, probability
-        The most probable class, and its probability.
+        Index of the network that answered.
+    said
+        The most probable class; ``ABSTAINED`` where no condition is sure, ``OUTSIDE`` where the window lies
+        outside the training range.
     severity
         The gravest condition that the probabilities make sure of: 0 normal, 1 degraded, 2 an emergency; -1
-        where none is, and the network abstains.
+        where none is, or outside.
+    probability, p_fault
+        Probability of the most probable class, and of all classes but *normal*; no evidence outside.
     """
 
-    p_emergency: float
     network: int
     said: str
-    probability: float
     severity: int
+    probability: float
+    p_fault: float
 
 
 def by_votes(p_emergency: float, network: int) -> VoteOutcome:
     """Return what a network of samples says of a window: it knows two classes."""
-    emergency = p_emergency > EVEN_PROBABILITY
-    said = FRICTION_EMERGENCY if emergency else "normal"
-    probability = p_emergency if emergency else 1.0 - p_emergency
-    return VoteOutcome(p_emergency, network, said, probability, SEVERITY["emergency"] if emergency else 0)
+    if p_emergency > EVEN_PROBABILITY:
+        return VoteOutcome(network, FRICTION_EMERGENCY, SEVERITY["emergency"], p_emergency, p_emergency)
+    return VoteOutcome(network, "normal", SEVERITY["normal"], 1.0 - p_emergency, p_emergency)
 
 
 def count_votes(
@@ -171,7 +172,7 @@ def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array
 
     The first network that can be asked answers: a network of windows where the log has the quantities of
     its statistics, another where its samples voted. A network of windows is not asked where a window shows
-    nothing or lies outside its training range.
+    nothing.
 
     Parameters
     ----------
@@ -191,23 +192,22 @@ def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array
             probabilities, inside = network.classify_windows(features)
             known = open_ & np.isfinite(probabilities).all(axis=1)
             for k in np.flatnonzero(known).tolist():
-                answers[k] = _of_window(network, number, probabilities[k]) if asked[k] and inside[k] else None
+                answers[k] = _of_window(network, number, probabilities[k], inside[k]) if asked[k] else None
             open_ &= ~known
         open_ &= ~voted
     return answers
 
 
-def _of_window(network: Classifier, number: int, probabilities: Array) -> VoteOutcome:
+def _of_window(network: Classifier, number: int, probabilities: Array, inside: bool) -> VoteOutcome:
     """Return what a network of windows says of one, from the probability of each class."""
     classes, most = network.window_classes, int(probabilities.argmax())
     # Between two faults a window is surely no less than the milder of them.
     reached = [float(probabilities[_grave(classes) >= least].sum()) for least in range(3)]
     surely = [least for least in (2, 1) if reached[least] >= network.window_level]
     healthy = 0 if 1.0 - reached[1] >= network.window_level else -1
-    # A model of a file may know other classes than the packaged ones.
-    p_emergency = dict(zip(classes, probabilities.tolist(), strict=True)).get(FRICTION_EMERGENCY, 0.0)
-    severity = surely[0] if surely else healthy
-    return VoteOutcome(p_emergency, number, classes[most], float(probabilities[most]), severity)
+    severity = -1 if not inside else surely[0] if surely else healthy
+    said = OUTSIDE if not inside else ABSTAINED if severity < 0 else classes[most]
+    return VoteOutcome(number, said, severity, float(probabilities[most]), reached[1])
 
 
 @cache

@@ -84,8 +84,6 @@ class ActuatorRecord(NamedTuple):
         Flight time from which the whole flight was judged; None if it was not, for example after a jam.
     end_s
         Flight time of the last sample.
-    vote
-        End of the last window that a network voted on, and its probability of an emergency; None without.
     faults
         In the order of the detectors.
     """
@@ -93,7 +91,6 @@ class ActuatorRecord(NamedTuple):
     false_alarms: float
     concluded_s: float | None
     end_s: float
-    vote: tuple[float, float] | None
     faults: tuple[FaultRecord, ...]
 
 
@@ -101,7 +98,9 @@ class ActuatorRecord(NamedTuple):
 class Window:
     """Results of one ten-second window of one actuator.
 
-    ``friction_nm`` and ``p_emergency`` are None if the window has no evidence for them;
+    ``friction_nm`` is None if the window has no evidence for it. ``network`` is the class that a network
+    gives the window, ``abstained`` or ``outside`` its training range, and None if none was asked;
+    ``probability`` that of the class, or of the likeliest, and ``p_fault`` of all faults together.
     ``condition`` is the actuator's condition at the window's end.
     """
 
@@ -111,8 +110,10 @@ class Window:
     end_s: float
     moving_fraction: float
     friction_nm: Interval | None
-    p_emergency: float | None
     condition: Condition
+    network: str | None = None
+    probability: float | None = None
+    p_fault: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

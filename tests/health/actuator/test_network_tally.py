@@ -10,9 +10,10 @@ from mavhums.health.actuator.network_tally import NetworkTally
 from mavhums.health.actuator.votes import VoteOutcome, by_votes
 
 GRAVE, SOUND, EVEN = by_votes(0.8, 0), by_votes(0.3, 0), by_votes(0.5, 0)
-WORN = VoteOutcome(0.0, 0, "friction_degraded", 0.99, 1)
-PLAY = VoteOutcome(0.0, 0, "backlash", 0.99, 1)
-UNSURE = VoteOutcome(0.4, 0, "friction_degraded", 0.6, -1)
+WORN = VoteOutcome(0, "friction_degraded", 1, 0.99, 1.0)
+PLAY = VoteOutcome(0, "backlash", 1, 0.99, 0.99)
+UNSURE = VoteOutcome(0, "abstained", -1, 0.6, 0.6)
+ALIEN = VoteOutcome(0, "outside", -1, 1.0, 1.0)
 
 
 def fed(tally: NetworkTally, *said: VoteOutcome | None) -> list[tuple[int, str, float]]:
@@ -26,7 +27,6 @@ def test_twenty_windows_in_a_row_decide_and_abstentions_do_not_count() -> None:
     assert fed(NetworkTally(1), *[GRAVE] * 20) == [(19, "emergency", 0.0)]
     tally = NetworkTally(1, recorded=True)
     assert fed(tally, *[EVEN, None] * 20) == [(38, "normal", 0.0)]
-    assert tally.windows == 20
     assert [one.condition for one in tally.record().decided] == ["normal"]
     assert NetworkTally(1).record().decided == ()
 
@@ -39,7 +39,12 @@ def test_a_change_counts_from_the_middle_of_its_first_window_and_the_worst_stays
     found = tally.tallied()
     assert found is not None
     assert (found.windows, found.first_emergency_s, found.condition) == (60, 25.0, "emergency")
-    assert found.p_emergency == 0.3
+    assert found.latest == SOUND
+    assert {said: windows for said, (windows, _) in found.classes.items()} == {
+        "normal": 40,
+        "friction_emergency": 20,
+    }
+    assert [mean for _, mean in found.classes.values()] == pytest.approx([0.7, 0.8])
     assert [(one.start_s, one.end_s, one.value) for one in tally.evidence()] == [
         (0.0, 25.0, 0.7),
         (25.0, 45.0, 0.8),
@@ -66,11 +71,16 @@ def test_the_condition_is_that_of_the_class(said: VoteOutcome, condition: str, f
 
 def test_windows_are_counted_by_class_and_those_that_are_not_sure_decide_nothing() -> None:
     tally = NetworkTally(1)
-    fed(tally, *[UNSURE] * 30, *[WORN] * 19)
+    fed(tally, *[UNSURE] * 30, *[WORN] * 19, *[ALIEN] * 2)
     found = tally.tallied()
     assert found is not None
     assert (found.condition, found.says, found.windows) == ("undecided", None, 19)
-    assert found.classes == {"abstained": 30, "friction_degraded": 19}
+    assert {said: windows for said, (windows, _) in found.classes.items()} == {
+        "abstained": 30,
+        "friction_degraded": 19,
+        "outside": 2,
+    }
+    assert found.latest == ALIEN
 
 
 def test_the_network_with_most_votes_answers_for_its_share_of_samples() -> None:
@@ -89,9 +99,11 @@ def test_why_a_network_decides_nothing() -> None:
     assert tally.why_undecided()[0].startswith("the network decides, and no window has enough samples")
     fed(tally, GRAVE, SOUND)
     assert tally.why_undecided() == (
-        "the network decides: it is sure of 2 windows, and fewer than 20 in a row agree",
-        "analyse a longer flight",
+        "the network decides: it is sure of 2 of 2 windows, and fewer than 20 in a row agree",
+        "analyse a longer flight, or let the physics decide (--decide physics)",
     )
+    fed(tally, *[ALIEN] * 3)
+    assert "3 of 5 windows are outside its training range" in tally.why_undecided()[0]
 
 
 @pytest.mark.parametrize(
