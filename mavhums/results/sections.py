@@ -100,11 +100,12 @@ class NetworkAnswer(Contract):
     ``inputs`` are the quantities of which the network of samples takes values, and that of windows
     statistics. ``windows`` is the number of ten-second windows that it decided, ``classes`` what it said of
     all that it was asked about, the most frequent first; ``says`` is the class on which ``condition`` rests,
-    the gravest that twenty windows in a row agreed on, and ``latest`` what it said of the last window, with
-    its ``probability``. ``first_emergency_s`` is the middle of the first window in which it finds an
-    emergency, ``share_of_samples`` the share of the samples in motion within its training range that it
-    calls an emergency by friction. ``decides`` is who decided the verdict: ``physics``, ``network``, or
-    ``both``, where the physics decides and a different answer of the network is reported.
+    the gravest that two windows without a common sample, and those between, agreed on, and ``latest`` what
+    it said of the last window, with its ``probability``. ``first_emergency_s`` is the middle of the first
+    window in which it finds an emergency, ``share_of_samples`` the share of the samples in motion within its
+    training range that it calls an emergency by friction. ``decides`` is who decided the verdict:
+    ``physics``, ``network``, or ``both``, where the physics decides and a different answer of the network is
+    reported.
     """
 
     model: ModelSummary

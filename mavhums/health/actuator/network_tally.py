@@ -1,7 +1,8 @@
 """What the networks say of one actuator over a flight: counts in bounded memory, and a condition by runs.
 
-The condition follows the rule of the physics for windows that carry no interval: twenty in a row must agree,
-which is two that share no sample. Windows in which the networks abstain change nothing.
+A condition is held once two windows that share no sample, and all between them, say at least so; a milder one
+once they all say at most so. A window that the network is not sure of ends such a
+run if it leans the other way.
 """
 
 from __future__ import annotations
@@ -17,8 +18,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.actuator.votes import Ballot, VoteOutcome
 from mavhums.health.decision.conditions import Episodes, IndicatorChange
 from mavhums.health.decision.events import DecisionChange, Estimate, FaultRecord
-from mavhums.health.decision.limits import Decision, Levels
-from mavhums.health.decision.thresholds import LASTING_WINDOWS
+from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.sections import ABSTAINED, OUTSIDE, fault_of
 from mavhums.results.verdict import Evidence, Suspect
@@ -60,7 +60,8 @@ class NetworkTally:
         self._recorded = recorded
         self.worst: Condition = "undecided"
         self.described = FaultRecord("friction", _QUANTITY, "1", Levels(), two_sided=False)
-        self._decision = Decision(Levels())
+        self._agreement = _Agreement()
+        self._like: dict[int, VoteOutcome] = {}
         self._windows: Counter[str] = Counter()
         self._probabilities: defaultdict[str, float] = defaultdict(float)
         self._latest: VoteOutcome | None = None
@@ -88,24 +89,25 @@ class NetworkTally:
             self._latest = said
             self._windows[said.said] += 1
             self._probabilities[said.said] += said.probability
+            changed = said.said != OUTSIDE and self._agreement.feed(said, end - WINDOW_S)
             if said.severity < 0:
                 continue
             self._sure = said
             if said.severity == SEVERITY["emergency"] and self._first_s is None:
                 # The middle of the window is the best guess of the moment.
                 self._first_s = end - WINDOW_S / 2
-            # A probability has no interval: only windows that agree for long decide.
-            if self._decision.feed(said.severity, end - WINDOW_S, end, sure=False):
-                condition, since_s = self._decision.condition, self._decision.since_s or 0.0
-                self._held = said
+            self._like[said.severity] = said
+            if changed:
+                condition, since_s = _CONDITIONS[self._agreement.severity], self._agreement.since_s
+                self._held = self._like.get(self._agreement.severity, said)
                 if SEVERITY[condition] > SEVERITY[self.worst]:
-                    self.worst, self._worst_says = condition, said.said
+                    self.worst, self._worst_says = condition, self._held.said
                 if self._recorded:
                     self._decided.append(DecisionChange(end, condition, since_s))
                 self._episodes.begin_decided(condition, since_s, end, said.probability)
                 yield k, IndicatorChange(condition, since_s, _rule(condition))
             else:
-                agrees = said.severity == SEVERITY[self._decision.condition]
+                agrees = said.severity == self._agreement.severity
                 self._episodes.extend(said.probability, end, agrees=agrees)
 
     def tallied(self) -> NetworkFindings | None:
@@ -164,8 +166,8 @@ class NetworkTally:
                 f"train a network on flights of such aircraft (mavhums train), or {by_physics}",
             )
         return (
-            f"the network decides: it is sure of {self._decided_windows} of {total} windows, and fewer than "
-            f"{LASTING_WINDOWS} in a row agree",
+            f"the network decides: it is sure of {self._decided_windows} of {total} windows, and no two "
+            "without a common sample agree, with those between",
             f"analyse a longer flight, or {by_physics}",
         )
 
@@ -175,4 +177,32 @@ class NetworkTally:
 
 
 def _rule(condition: Condition) -> str:
-    return f"{condition}: the network says so of {LASTING_WINDOWS} windows in a row"
+    return f"{condition}: the network says so of two windows that share no sample, and of all between"
+
+
+class _Agreement:
+    """The severity that windows agree on, and from when on; -1 before they do."""
+
+    def __init__(self) -> None:
+        self.severity, self.since_s = -1, 0.0
+        # The first sure window since which all say at least, or at most, a severity; NaN without one.
+        self._at_least = {1: np.nan, 2: np.nan}
+        self._at_most = {1: np.nan, 0: np.nan}
+
+    def feed(self, said: VoteOutcome, start_s: float) -> bool:
+        """Take what a network says of the window that starts then; return whether it changes the severity."""
+        before = self.severity
+        for runs, way in ((self._at_most, -1), (self._at_least, 1)):
+            for level, first_s in runs.items():
+                if way * (said.leaning - level) < 0:
+                    runs[level] = np.nan
+                elif said.severity >= 0 and way * (said.severity - level) >= 0:
+                    runs[level] = start_s if np.isnan(first_s) else first_s
+                    known = before if before >= 0 else 0.5  # before any agreement, neither sound nor faulty
+                    if first_s + WINDOW_S <= start_s and way * (level - known) > 0:
+                        # The first condition of a flight holds from its window's start; a change lies within.
+                        self.severity, self.since_s = level, first_s if before < 0 else first_s + WINDOW_S / 2
+        return self.severity != before
+
+
+_CONDITIONS: tuple[Condition, ...] = ("normal", "degraded", "emergency")

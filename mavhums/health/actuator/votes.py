@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.core.conditions import SEVERITY
 from mavhums.core.quantities import WINDOW_KEYS, column, of_window, shows_something, window_features
 from mavhums.health.actuator.thresholds import (
     EVEN_PROBABILITY,
@@ -94,6 +93,8 @@ class VoteOutcome(NamedTuple):
     severity
         The gravest condition that the probabilities make sure of: 0 normal, 1 degraded, 2 an emergency; -1
         where none is, or outside.
+    leaning
+        The gravest condition that is likelier than not.
     probability, p_fault
         Probability of the most probable class, and of all classes but *normal*; no evidence outside.
     """
@@ -101,6 +102,7 @@ class VoteOutcome(NamedTuple):
     network: int
     said: str
     severity: int
+    leaning: int
     probability: float
     p_fault: float
 
@@ -108,8 +110,8 @@ class VoteOutcome(NamedTuple):
 def by_votes(p_emergency: float, network: int) -> VoteOutcome:
     """Return what a network of samples says of a window: it knows two classes."""
     if p_emergency > EVEN_PROBABILITY:
-        return VoteOutcome(network, FRICTION_EMERGENCY, SEVERITY["emergency"], p_emergency, p_emergency)
-    return VoteOutcome(network, "normal", SEVERITY["normal"], 1.0 - p_emergency, p_emergency)
+        return VoteOutcome(network, FRICTION_EMERGENCY, 2, 2, p_emergency, p_emergency)
+    return VoteOutcome(network, "normal", 0, 0, 1.0 - p_emergency, p_emergency)
 
 
 def count_votes(
@@ -207,7 +209,8 @@ def _of_window(network: Classifier, number: int, probabilities: Array, inside: b
     healthy = 0 if 1.0 - reached[1] >= network.window_level else -1
     severity = -1 if not inside else surely[0] if surely else healthy
     said = OUTSIDE if not inside else ABSTAINED if severity < 0 else classes[most]
-    return VoteOutcome(number, said, severity, float(probabilities[most]), reached[1])
+    leaning = max(least for least in range(3) if reached[least] >= EVEN_PROBABILITY)
+    return VoteOutcome(number, said, severity, leaning, float(probabilities[most]), reached[1])
 
 
 @cache

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from mavhums.core.conditions import SEVERITY
 from mavhums.health.actuator.detector import sharp
 from mavhums.health.actuator.network_tally import NetworkTally
 from mavhums.health.actuator.votes import VoteOutcome, by_votes
 
 GRAVE, SOUND, EVEN = by_votes(0.8, 0), by_votes(0.3, 0), by_votes(0.5, 0)
-WORN = VoteOutcome(0, "friction_degraded", 1, 0.99, 1.0)
-PLAY = VoteOutcome(0, "backlash", 1, 0.99, 0.99)
-UNSURE = VoteOutcome(0, "abstained", -1, 0.6, 0.6)
-ALIEN = VoteOutcome(0, "outside", -1, 1.0, 1.0)
+WORN = VoteOutcome(0, "friction_degraded", 1, 1, 0.99, 1.0)
+PLAY = VoteOutcome(0, "backlash", 1, 1, 0.99, 0.99)
+UNSURE = VoteOutcome(0, "abstained", -1, 1, 0.6, 0.6)
+ALIEN = VoteOutcome(0, "outside", -1, 2, 1.0, 1.0)
 
 
 def fed(tally: NetworkTally, *said: VoteOutcome | None) -> list[tuple[int, str, float]]:
@@ -22,20 +25,40 @@ def fed(tally: NetworkTally, *said: VoteOutcome | None) -> list[tuple[int, str, 
     return [(k, change.condition, change.since_s) for k, change in tally.feed(said, ends)]
 
 
-def test_twenty_windows_in_a_row_decide_and_abstentions_do_not_count() -> None:
-    assert fed(NetworkTally(1), *[GRAVE] * 19) == []
-    assert fed(NetworkTally(1), *[GRAVE] * 20) == [(19, "emergency", 0.0)]
+def test_two_windows_that_share_no_sample_decide_and_doubts_that_lean_alike_do_not_matter() -> None:
+    assert fed(NetworkTally(1), *[GRAVE] * 10) == []
+    assert fed(NetworkTally(1), *[GRAVE] * 11) == [(10, "emergency", 0.0)]
+    assert fed(NetworkTally(1), WORN, *[UNSURE, None, ALIEN] * 4, WORN) == [(13, "degraded", 0.0)]
+    assert fed(NetworkTally(1), SOUND, *[UNSURE] * 9, SOUND) == []
     tally = NetworkTally(1, recorded=True)
-    assert fed(tally, *[EVEN, None] * 20) == [(38, "normal", 0.0)]
+    assert fed(tally, *[EVEN, None] * 20) == [(10, "normal", 0.0)]
     assert [one.condition for one in tally.record().decided] == ["normal"]
     assert NetworkTally(1).record().decided == ()
+
+
+@given(st.lists(st.sampled_from([SOUND, WORN, PLAY, GRAVE, UNSURE, ALIEN]), max_size=80))
+def test_what_is_held_lies_within_what_the_windows_say(said: list[VoteOutcome]) -> None:
+    """Worse windows are never a milder verdict: each taken one class up, the worst is no less."""
+    worse = {SOUND: WORN, WORN: GRAVE, PLAY: GRAVE}
+    tally, other = NetworkTally(1), NetworkTally(1)
+    fed(tally, *said)
+    fed(other, *[worse.get(one, one) for one in said])
+    assert SEVERITY[other.worst] >= SEVERITY[tally.worst]
+    sure = [one.severity for one in said if one.severity >= 0]
+    if tally.worst != "undecided":
+        assert min(sure) <= SEVERITY[tally.worst] <= max(sure)
+
+
+def test_degraded_windows_among_emergencies_are_at_least_degraded() -> None:
+    assert fed(NetworkTally(1), *[GRAVE, WORN] * 10) == [(10, "degraded", 0.0)]
+    assert fed(NetworkTally(1), *[SOUND, WORN] * 10) == []
 
 
 def test_a_change_counts_from_the_middle_of_its_first_window_and_the_worst_stays() -> None:
     tally = NetworkTally(1)
     assert tally.tallied() is None
     changes = fed(tally, *[SOUND] * 20, *[GRAVE] * 20, *[SOUND] * 20)
-    assert changes == [(19, "normal", 0.0), (39, "emergency", 25.0), (59, "normal", 45.0)]
+    assert changes == [(10, "normal", 0.0), (30, "emergency", 25.0), (50, "normal", 45.0)]
     found = tally.tallied()
     assert found is not None
     assert (found.windows, found.first_emergency_s, found.condition) == (60, 25.0, "emergency")
@@ -61,7 +84,7 @@ def test_a_change_counts_from_the_middle_of_its_first_window_and_the_worst_stays
 def test_the_condition_is_that_of_the_class(said: VoteOutcome, condition: str, fault: str) -> None:
     tally = NetworkTally(1)
     assert tally.suspect() is None
-    assert fed(tally, *[said] * 20) == [(19, condition, 0.0)]
+    assert fed(tally, *[said] * 20) == [(10, condition, 0.0)]
     suspect, found = tally.suspect(), tally.tallied()
     assert suspect is not None
     assert (suspect.fault, suspect.confidence) == (fault, said.probability)
@@ -71,13 +94,13 @@ def test_the_condition_is_that_of_the_class(said: VoteOutcome, condition: str, f
 
 def test_windows_are_counted_by_class_and_those_that_are_not_sure_decide_nothing() -> None:
     tally = NetworkTally(1)
-    fed(tally, *[UNSURE] * 30, *[WORN] * 19, *[ALIEN] * 2)
+    fed(tally, *[UNSURE] * 30, *[WORN] * 9, *[ALIEN] * 2)
     found = tally.tallied()
     assert found is not None
-    assert (found.condition, found.says, found.windows) == ("undecided", None, 19)
+    assert (found.condition, found.says, found.windows) == ("undecided", None, 9)
     assert {said: windows for said, (windows, _) in found.classes.items()} == {
         "abstained": 30,
-        "friction_degraded": 19,
+        "friction_degraded": 9,
         "outside": 2,
     }
     assert found.latest == ALIEN
@@ -99,7 +122,8 @@ def test_why_a_network_decides_nothing() -> None:
     assert tally.why_undecided()[0].startswith("the network decides, and no window has enough samples")
     fed(tally, GRAVE, SOUND)
     assert tally.why_undecided() == (
-        "the network decides: it is sure of 2 of 2 windows, and fewer than 20 in a row agree",
+        "the network decides: it is sure of 2 of 2 windows, and no two without a common sample agree, with "
+        "those between",
         "analyse a longer flight, or let the physics decide (--decide physics)",
     )
     fed(tally, *[ALIEN] * 3)

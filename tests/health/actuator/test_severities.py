@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
-from mavhums.core.conditions import URGENCY, Condition
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.quantities import KEYS, column
+from mavhums.learn import packaged_models
 from mavhums_sim.conditions import FAULTS
 from mavhums_sim.conditions import Condition as Fault
+from mavhums_sim.manoeuvres import CYCLOGRAMS
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch
 
 TIERS = {
@@ -57,6 +59,27 @@ def verdicts(fault: str, severity: float, seed: int, cyclogram: str) -> dict[str
         _, findings = watch(seen, measured=measured)
         found[tier] = max(findings.condition, findings.worst, key=URGENCY.__getitem__)
     return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cyclogram", CYCLOGRAMS)
+def test_a_worse_friction_is_never_milder_whoever_decides(cyclogram: str) -> None:
+    """In every tier and mode; by a network a verdict may be undecided below the first fault."""
+    seed = 941 + [*CYCLOGRAMS].index(cyclogram)
+    said: dict[tuple[str, bool], list[int]] = {}
+    for friction in (0.0, 0.1, 0.2, 0.35, 0.5, 0.65, 0.75, 0.95):
+        worn = Fault.constant("friction", friction)
+        flight = flown(worn, rate_hz=25.0, seconds=60.0, cyclogram=cyclogram, seed=seed, individuals=seed)
+        for tier, by_network in itertools.product(TIERS, (False, True)):
+            seen, measured = reported(telemetry(flight), tier)
+            _, found = watch(seen, measured=measured, networks=packaged_models(), by_network=by_network)
+            gravest = max(found.condition, found.worst, key=URGENCY.__getitem__)
+            said.setdefault((tier, by_network), []).append(max(SEVERITY[gravest], 0))
+    assert all(conditions == sorted(conditions) for conditions in said.values()), said
+    assert {conditions[0] for conditions in said.values()} == {0}
+    for (tier, by_network), conditions in said.items():
+        # Of a cruise that hardly moves, magnitudes leave too few windows.
+        assert conditions[-1] == 2 or (cyclogram, tier, by_network) == ("cruise", "esc-unsigned", True)
 
 
 def held(fault: str, severities: list[float], seed: int, cyclogram: str) -> None:
