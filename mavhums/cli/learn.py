@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import sys
+import time
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from mavhums.cli.options import AIRFRAME, LOG, PATH
+from mavhums.cli.options import AIRFRAME, LOGS, PATH
 from mavhums.cli.output import reading, say, steps
 
 if TYPE_CHECKING:
     from mavhums.learn.chain import Select
-    from mavhums.learn.precedents import Label
+    from mavhums.learn.precedents import Origin
 
 _BASE = click.option(
     "-d",
@@ -26,7 +29,7 @@ _BASE = click.option(
 )
 
 
-@click.command(short_help="Train a model on simulated flights.")
+@click.command(short_help="Train a model on simulated and labelled flights.")
 @click.option("--airframe", default="paper", show_default=True, metavar="NAME|FILE", help="Airframe profile.")
 @click.option(
     "--tier",
@@ -35,7 +38,13 @@ _BASE = click.option(
     type=click.Choice(["instrumented", "without-load", "esc"]),
     help="Telemetry that the model is for: all of V1-V12, without V11 and V12, or of the ESCs.",
 )
-@click.option("--flights", default=24, show_default=True, type=click.IntRange(1), help="Flights per class.")
+@click.option(
+    "--flights",
+    default=24,
+    show_default=True,
+    type=click.IntRange(0),
+    help="Simulated flights per class; 0 trains on the precedents alone, without constants and limits.",
+)
 @click.option(
     "--select",
     default="algorithm-1",
@@ -76,7 +85,7 @@ _BASE = click.option(
     "--networks", default=50, show_default=True, type=click.IntRange(1), help="Networks to choose from."
 )
 @click.option("--seed", default=1, show_default=True, type=int, help="Makes the model repeatable.")
-@click.option("--precedents", type=PATH, metavar="DIR", help="Flights that supplement the simulation.")
+@click.option("--precedents", type=PATH, metavar="DIR", help="Labelled flights that train too.")
 @click.option(
     "--flown-weight",
     default=1.0,
@@ -100,24 +109,34 @@ def train(
     flown_weight: float,
     output: Path,
 ) -> None:
-    """Train a model for an airframe's actuators on simulated flights, and write it to MODEL.
+    """Train a model for an airframe's actuators on simulated and labelled flights, and write it to MODEL.
 
     Training flies each class in the simulator in all flight modes and runs the paper's scheme: chi-square
     ranks the quantities, Algorithm 1 drops those that others explain, similar vectors are thinned, and
     networks of 4 to 16 tanh neurons choose the best subset of the rest and, on it, the best network. Flights
     that nothing was trained on calibrate its votes, and others again measure it. The same stages on the
-    statistics of windows give a second network, which knows every fault that the simulator flies. Each stage
-    prints what it kept; `mavhums model show MODEL` repeats it.
+    statistics of windows give a second network, which knows every fault that the simulator flies. Precedents
+    teach both; with three logs of a condition or more, whole logs of them calibrate and measure in place of
+    simulated flights. Each stage prints what it kept, its time, and the most memory that training has taken
+    so far; `mavhums model show MODEL` repeats what it kept.
     """
     from mavhums.actuator.profile import load_airframe
-    from mavhums.learn import PrecedentBase, Scheme, save_model
+    from mavhums.learn import CommandLeakWarning, PrecedentBase, Scheme, save_model
     from mavhums.training.train import train_model
 
     profile = load_airframe(airframe)
     names = tuple(name.strip() for name in functions.split(","))
     scheme = Scheme(select, names, order, r2, vectors or None, networks)
     base = PrecedentBase(precedents) if precedents else None
-    with steps("training") as progress:
+    started, latest = time.monotonic(), [time.monotonic()]
+
+    def tell(line: str) -> None:
+        elapsed, latest[0] = time.monotonic() - latest[0], time.monotonic()
+        say(line if line.startswith(" ") else f"{line}  [{elapsed:.1f} s{_peak_memory()}]")
+
+    with steps("training") as progress, warnings.catch_warnings():
+        warnings.simplefilter("always", CommandLeakWarning)
+        warnings.showwarning = lambda message, *_: say(f"warning: {message}", err=True)
         network, card, window = train_model(
             profile,
             tier=tier,
@@ -126,13 +145,24 @@ def train(
             scheme=scheme,
             precedents=base,
             flown_weight=flown_weight,
-            tell=say,
+            tell=tell,
             progress=progress,
         )
     model = save_model(output, network, card, window)
-    say(f"{output}: {' '.join(card.features)} → {card.name}, sha256 {model.hash[:12]}")
+    took_s = time.monotonic() - started
+    say(f"{output}: {' '.join(card.features)} → {card.name}, sha256 {model.hash[:12]}, {took_s:.0f} s")
     for name, value in (card.calibration.metrics if card.calibration else {}).items():
         say(f"  {name.replace('_', ' ')}: {value:.4g}")
+
+
+def _peak_memory() -> str:
+    """Return the most memory that the process has taken so far, as a text; empty where it is not known."""
+    if sys.platform == "win32":
+        return ""
+    import resource
+
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return f", {most / (2**20 if sys.platform == 'darwin' else 2**10):.0f} MiB"
 
 
 @click.group(short_help="Keep labelled flights for training.")
@@ -140,9 +170,20 @@ def precedents() -> None:
     """Keep labelled flights that supplement the simulation in training."""
 
 
-@precedents.command("add", short_help="Add a log that an inspection has labelled.")
-@LOG
-@click.option("--label", required=True, type=click.Choice(["normal", "emergency"]), help="The condition.")
+@precedents.command("add", short_help="Add logs that an inspection has labelled.")
+@LOGS
+@click.option(
+    "--labels",
+    "table",
+    type=PATH,
+    metavar="FILE",
+    help="CSV table with the columns log, actuator and label; no actuator: all others of the log.",
+)
+@click.option(
+    "--label",
+    metavar="CONDITION",
+    help="The condition, in place of a table: normal, emergency (by friction), or another class.",
+)
 @_BASE
 @click.option("--actuator", "names", multiple=True, metavar="NAME", help="Only this one; can be repeated.")
 @AIRFRAME
@@ -152,32 +193,45 @@ def precedents() -> None:
     help="Whether the log is of a simulator or of an aircraft. Default: flown, but simulated if its board is"
     " that of mavhums-sim.",
 )
-def add_precedent(
-    log: Path,
-    label: Label,
+def add_precedents(
+    logs: tuple[Path, ...],
+    table: Path | None,
+    label: str | None,
     folder: Path,
     names: tuple[str, ...],
     airframe: str | None,
     simulated: bool | None,
 ) -> None:
-    """Add the actuators of LOG, in a condition that an inspection has established, to the base DIR."""
+    """Add the actuators of LOGs, in conditions that an inspection has established, to the base DIR.
+
+    The conditions are the classes of the networks: normal, friction_degraded, friction_emergency (or
+    emergency), winding_resistance, torque_constant, backlash, supply_sag, sensor_bias and jam.
+    """
     from mavhums.actuator.profile import load_airframe
     from mavhums.learn import PrecedentBase
-    from mavhums.training.flights import add_log
+    from mavhums.learn.precedents import PrecedentError, label_of, read_labels
+    from mavhums.training.flown import add_log
 
-    with reading(log) as progress:
-        added = add_log(
-            PrecedentBase(folder),
-            log,
-            label=label,
-            actuators=names,
-            airframe=load_airframe(airframe) if airframe else None,
-            origin=None if simulated is None else "simulated" if simulated else "flown",
-            progress=progress,
+    if (table is None) == (label is None) or (table and names):
+        raise click.UsageError("name the conditions either with --labels, or with --label and --actuator")
+    of_all = dict.fromkeys(names or ("",), label_of(label)) if label else {}
+    by_log = read_labels(table) if table else {log.name: of_all for log in logs}
+    if unlabelled := [str(log) for log in logs if log.name not in by_log]:
+        raise PrecedentError(
+            f"{table}: has no row of {', '.join(unlabelled)}", "add one, or leave the log out"
         )
-    for precedent in added:
-        said = precedent.provenance
-        say(f"{precedent.path}: {said.actuator}, {label}, {said.origin}, {precedent.samples} samples")
+    if absent := sorted(by_log.keys() - {log.name for log in logs}):
+        say(f"{table}: left out, for their logs are not named: {', '.join(absent)}", err=True)
+    profile, base = load_airframe(airframe) if airframe else None, PrecedentBase(folder)
+    origin: Origin | None = None if simulated is None else "simulated" if simulated else "flown"
+    for log in logs:
+        with reading(log) as progress:
+            added = add_log(base, log, by_log[log.name], airframe=profile, origin=origin, progress=progress)
+        for precedent in added:
+            said = precedent.provenance
+            say(
+                f"{precedent.path}: {said.actuator}, {said.label}, {said.origin}, {precedent.samples} samples"
+            )
 
 
 @precedents.command("list")
@@ -189,7 +243,7 @@ def list_precedents(folder: Path) -> None:
     for precedent in PrecedentBase(folder):
         said = precedent.provenance
         whose = f"{said.airframe} {said.actuator} (vehicle {said.vehicle}, {said.tier})"
-        say(f"{said.label:9}  {said.origin:9}  {whose}  {precedent.samples} samples  {said.log}")
+        say(f"{said.label:18}  {said.origin:9}  {whose}  {precedent.samples} samples  {said.log}")
 
 
 @click.group(short_help="Reproduce published results.")

@@ -272,7 +272,7 @@ def reduce_vectors(
     offered, checked
         Training vectors of the selected features, and those held out.
     tell
-        Called with a line about each stage, those of ``selection`` first.
+        Called with a line about each stage when it is done, those of ``selection`` first.
 
     Returns
     -------
@@ -280,18 +280,27 @@ def reduce_vectors(
         The thinned vectors, still with all features; mask of the chosen features, shape (k,);
         ``selection`` with the results of both stages.
     """
-    before, chosen = selection.stage_lines(), np.ones(len(selection.selected), dtype=bool)
+    told = 0
+
+    def report() -> None:
+        nonlocal told
+        lines = selection.stage_lines(selection.chosen(chosen))
+        if tell:
+            for line in lines[told:]:
+                tell(line)
+        told = len(lines)
+
+    chosen = np.ones(len(selection.selected), dtype=bool)
+    report()
     vectors = _thin(offered, scheme.vectors, seed=seed)
     selection = selection.model_copy(update={"thinned": Thinned(offered=len(offered), kept=len(vectors))})
+    report()
     if scheme.select != "none" and len(chosen) > 1:
         chosen, wrapped = search_subsets(
             vectors, checked, scheme.select, seed=seed, rounds=rounds or Rounds()
         )
         selection = selection.model_copy(update={"wrapped": wrapped})
-    if tell:
-        after = selection.stage_lines(selection.chosen(chosen))[len(before) :]
-        for line in (*before, *after):
-            tell(line)
+        report()
     return vectors, chosen, selection
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.errors import MavhumsError
 from mavhums.learn.card import Calibration
 from mavhums.learn.inference import WindowNetwork
 
@@ -24,8 +25,8 @@ def hold_out(
     """Hold out a quarter of each class's flights, or of its blocks of time if flights are too few.
 
     If each class has at least two flights, whole flights are held out; a flight belongs to the
-    class of most of its samples. With fewer flights, as in the paper's split, each flight is
-    divided into twelve equal blocks of time, and whole blocks are held out.
+    class of most of its samples, or to both classes if they would be too few. With fewer flights, as in
+    the paper's split, each flight is divided into twelve equal blocks of time, and whole blocks are held out.
 
     Parameters
     ----------
@@ -49,6 +50,10 @@ def hold_out(
     chosen = _choose(emergency, flight, random)
     if chosen is not None:
         return np.isin(flight, chosen), "flights"
+    # Where most flights have both classes, as those of an aircraft with one worn actuator.
+    divided = split_flights(emergency, flight, seed=0)
+    if divided is not None:
+        return np.isin(np.arange(len(flight)), divided[1]), "flights"
     blocks = np.empty_like(flight)
     for number in np.unique(flight):
         rows = np.flatnonzero(flight == number)
@@ -70,6 +75,37 @@ def _choose(emergency: Flags, group: Integers, random: np.random.Generator) -> I
             return None
         drawn.append(random.permutation(members)[: max(1, round(_HELD_OUT * len(members)))])
     return np.concatenate(drawn)
+
+
+def split_flights(
+    classes: Integers | Flags, flights: Integers, *, seed: int
+) -> tuple[Integers, Integers] | None:
+    """Divide rows by whole flights, every class in both parts: a quarter is held out, or more of few flights.
+
+    Parameters
+    ----------
+    classes, flights
+        Class and flight of each row, shape (n,).
+    seed
+        Of the division.
+
+    Returns
+    -------
+    tuple of NDArray or None
+        Indices of the rows that stay, and of those held out; None if no such division is found.
+    """
+    from sklearn.model_selection import StratifiedGroupKFold
+
+    every = np.unique(classes)
+    fewest = min(len(np.unique(flights[classes == one])) for one in every)
+    if len(every) < 2 or fewest < 2:
+        return None
+    folds = StratifiedGroupKFold(min(fewest, round(1 / _HELD_OUT)), shuffle=True, random_state=seed)
+    divided = folds.split(classes, classes, flights)
+    return next(
+        (rows for rows in divided if all(np.array_equal(np.unique(classes[part]), every) for part in rows)),
+        None,
+    )
 
 
 _COMMAND_BINS = 12
@@ -199,6 +235,8 @@ def calibrate(share: ArrayLike, event: ArrayLike) -> Calibration:
     ------
     ValueError
         If the windows do not contain both outcomes.
+    MavhumsError
+        If a larger share of votes does not make the event likelier: the votes would be turned round.
 
     References
     ----------
@@ -215,9 +253,15 @@ def calibrate(share: ArrayLike, event: ArrayLike) -> Calibration:
     shares = np.asarray(share, dtype=np.float64)
     model = LogisticRegression(C=100.0).fit(shares[:, np.newaxis], np.asarray(event, dtype=np.bool_))
     # Rounded, so that a solver's last digits do not enter the model's hash.
-    return Calibration(
-        slope=round(float(model.coef_[0, 0]), 6), intercept=round(float(model.intercept_[0]), 6)
-    )
+    slope, intercept = round(float(model.coef_[0, 0]), 6), round(float(model.intercept_[0]), 6)
+    if slope <= 0:
+        raise MavhumsError(
+            f"the network contradicts the flights that calibrate it: the larger its share of votes for an "
+            f"emergency, the rarer is one (slope {slope:g}, which must be positive)",
+            "check that no labels are exchanged; if they are right, give precedents a larger --flown-weight, "
+            "or add flights",
+        )
+    return Calibration(slope=slope, intercept=intercept)
 
 
 def brier_score(probability: ArrayLike, event: ArrayLike) -> float:

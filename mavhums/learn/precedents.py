@@ -6,11 +6,13 @@ that reads Parquet can query the base.
 
 from __future__ import annotations
 
+import csv
 import os
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import numpy as np
 
@@ -22,12 +24,83 @@ from mavhums.core.quantities import KEYS
 if TYPE_CHECKING:
     from pyarrow import Schema
 
-Label = Literal["normal", "emergency"]
+Label = Literal[
+    "normal",
+    "friction_degraded",
+    "friction_emergency",
+    "winding_resistance",
+    "torque_constant",
+    "backlash",
+    "supply_sag",
+    "sensor_bias",
+    "jam",
+]
+LABELS: Final[tuple[Label, ...]] = get_args(Label)
+"""The conditions that a label names: the classes of the network of windows."""
 Origin = Literal["flown", "simulated"]
 
 
 class PrecedentError(MavhumsError):
-    """The precedent base cannot be read or written."""
+    """The precedent base or a table of labels cannot be read or written."""
+
+
+def label_of(text: str) -> Label:
+    """Return the condition that a text names; ``emergency``, the paper's class, is that of the friction.
+
+    Raises
+    ------
+    PrecedentError
+        If it names none.
+
+    Examples
+    --------
+    >>> label_of("emergency")
+    'friction_emergency'
+    """
+    name = text.strip()
+    for label in LABELS:
+        if name == label or (name == "emergency" and label == "friction_emergency"):
+            return label
+    raise PrecedentError(f"no condition is named {name[:40]!r}", f"name one of: {', '.join(LABELS)}")
+
+
+_EXAMPLE = "write a CSV table with the columns log, actuator and label: worn.tlog,rudder,friction_emergency"
+
+
+def read_labels(path: str | os.PathLike[str]) -> dict[str, dict[str, Label]]:
+    """Return the labels of a table, by log and actuator; the actuator "" is every other one of its log.
+
+    Parameters
+    ----------
+    path
+        A CSV file with the columns ``log``, the log's name without its folder, ``actuator``, which may be
+        empty or missing, and ``label``.
+
+    Raises
+    ------
+    PrecedentError
+        If it cannot be read, lacks a column, contradicts itself, or has a label that is no condition.
+    """
+    found: dict[str, dict[str, Label]] = defaultdict(dict)
+    try:
+        with Path(path).open(encoding="utf-8-sig", newline="") as file:
+            rows = csv.DictReader(file, strict=True, skipinitialspace=True)
+            for row in rows:
+                where = f"{path}:{rows.line_num}"
+                if not row.get("log") or not row.get("label"):
+                    raise PrecedentError(f"{where}: names no log or no label", _EXAMPLE)
+                try:
+                    label = label_of(row["label"])
+                except PrecedentError as error:
+                    raise PrecedentError(f"{where}: {error.problem}", error.remedy) from error
+                log, actuator = Path(row["log"].strip()).name, (row.get("actuator") or "").strip()
+                if found[log].setdefault(actuator, label) != label:
+                    raise PrecedentError(
+                        f"{where}: another row labels {actuator or log} differently", _EXAMPLE
+                    )
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise PrecedentError(f"{path}: no readable table: {error}", _EXAMPLE) from error
+    return dict(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,18 +214,20 @@ class PrecedentBase:
             try:
                 with pq.ParquetFile(path) as file:
                     first = next(file.iter_batches(1, columns=_PROVENANCE)).to_pylist()[0]
-                    yield Precedent(path, Provenance(**first), file.metadata.num_rows)
-            except (pa.ArrowException, OSError, StopIteration, TypeError) as error:
+                    said = Provenance(**first | {"label": label_of(first["label"])})
+                    yield Precedent(path, said, file.metadata.num_rows)
+            except (pa.ArrowException, OSError, StopIteration, TypeError, PrecedentError) as error:
                 raise PrecedentError(
                     f"{path}: not a precedent", "remove it, and add its log again"
                 ) from error
 
-    def read(self, precedent: Precedent) -> Array:
-        """Return V1…V12 of a precedent, shape (n, 12)."""
+    def read(self, precedent: Precedent) -> tuple[Array, Array]:
+        """Return the times of a precedent, s from its first sample, shape (n,), and V1…V12, shape (n, 12)."""
         import pyarrow.parquet as pq
 
-        table = pq.read_table(precedent.path, columns=list(KEYS), partitioning=None)
-        return np.column_stack([table[key].to_numpy() for key in KEYS])
+        table = pq.read_table(precedent.path, columns=["time", *KEYS], partitioning=None)
+        utc_us = table["time"].to_numpy().astype(np.int64)
+        return (utc_us - utc_us[:1]) * 1e-6, np.column_stack([table[key].to_numpy() for key in KEYS])
 
 
 _PROVENANCE = [field.name for field in fields(Provenance)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from typing import Literal
 
@@ -18,7 +18,7 @@ from mavhums.core.quantities import KEYS, WINDOW_KEYS, column
 from mavhums.learn._estimators import train_networks
 from mavhums.learn.card import Card, Selection
 from mavhums.learn.chain import Rounds, Scheme, Vectors, reduce_vectors, select_columns, select_features
-from mavhums.learn.evaluation import hold_out
+from mavhums.learn.evaluation import hold_out, split_flights
 from mavhums.learn.inference import Network, TanhNetwork, WindowNetwork
 from mavhums.learn.networks import TanhNetworkEnsemble
 from mavhums.learn.ranking import ChiSquareRanking
@@ -266,11 +266,14 @@ class LabelledWindows:
         Index of each window's condition, shape (n,).
     flights
         Number of each window's flight, shape (n,); flights of the same number are never told apart.
+    still
+        Number of further windows that show nothing: standing, or a sag that the supply never limits.
     """
 
     features: Array
     classes: Integers
     flights: Integers
+    still: int = field(default=0, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.features)
@@ -296,6 +299,7 @@ def train_windows(
     keys: Sequence[str],
     seed: int,
     scheme: Scheme | None = None,
+    weights: ArrayLike | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> WindowResult:
     """Run the paper's stages on the statistics of windows, and choose a network without test data.
@@ -313,7 +317,7 @@ def train_windows(
         Number of conditions.
     keys
         The statistics to choose from, those that the telemetry tier provides.
-    seed, scheme, tell
+    seed, scheme, weights, tell
         As for :func:`mavhums.learn.train_network`; a fifth of ``scheme.networks`` is trained.
 
     Raises
@@ -322,9 +326,11 @@ def train_windows(
         If torch, or pygad for the genetic search, is not installed.
     """
     columns = [WINDOW_KEYS.index(key) for key in keys]
-    whole = windows.part(np.asarray(np.isfinite(windows.features[:, columns]).all(axis=1)))
+    finite = np.asarray(np.isfinite(windows.features[:, columns]).all(axis=1))
+    whole = windows.part(finite)
+    own = None if weights is None else np.asarray(weights)[finite]
     part = LabelledWindows(whole.features[:, columns], whole.classes, whole.flights)
-    found = train_classes(part, classes=classes, names=keys, seed=seed, scheme=scheme, tell=tell)
+    found = train_classes(part, classes=classes, names=keys, seed=seed, scheme=scheme, weights=own, tell=tell)
     network = WindowNetwork(keys=found.inputs, **found.network.tensors)
     return WindowResult(network, found.selection, found.candidates)
 
@@ -346,20 +352,25 @@ def train_classes(
     names: Sequence[str],
     seed: int,
     scheme: Scheme | None = None,
+    weights: ArrayLike | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> ClassesResult:
     """Do the same with any finite features, shape (n, k), of these ``names``."""
     scheme = scheme or Scheme()
     split = GroupShuffleSplit(1, test_size=_HELD_OUT, random_state=seed)
     halves = next(split.split(examples.features, groups=examples.flights))
+    if any(len(np.unique(examples.classes[half])) < len(np.unique(examples.classes)) for half in halves):
+        # Of few flights a draw easily leaves a class out of a part.
+        halves = split_flights(examples.classes, examples.flights, seed=seed) or halves
+    weight = np.ones(len(examples)) if weights is None else np.asarray(weights, dtype=np.float64)
     offered, checked = map(examples.part, halves)
     ranking = ChiSquareRanking(strategy="quantile")
     selection = select_columns(offered.features, offered.classes, names, replace(scheme, order=1), ranking)
     kept = [list(names).index(name) for name in selection.selected]
     target, of_all = np.eye(classes, dtype=bool), offered.features[:, kept]
     vectors, held_out = (
-        Vectors(part.features[:, kept], target[part.classes], np.ones(len(part)))
-        for part in (offered, checked)
+        Vectors(part.features[:, kept], target[part.classes], weight[rows])
+        for part, rows in zip((offered, checked), halves, strict=True)
     )
     vectors, chosen, selection = reduce_vectors(
         vectors, held_out, selection, scheme, seed=seed, rounds=_ROUNDS, tell=tell

@@ -1,4 +1,4 @@
-"""Flights for training: simulated ones, and precedents from logs; windows for calibration and measurement.
+"""Simulated flights for training; windows for calibration and measurement.
 
 The fleet consists of individual two-mass actuators; each telemetry tier reports them with the
 noise and quantisation of its messages.
@@ -6,29 +6,21 @@ noise and quantisation of its messages.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
-from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
-from mavhums.actuator.profile import Actuator, Airframe, Limits
-from mavhums.app.analysis import analyse
-from mavhums.app.settings import Options
-from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.core.errors import MavhumsError
+from mavhums.actuator.profile import Actuator, Limits
+from mavhums.core.arrays import Array, Integers
 from mavhums.core.quantities import KEYS, column
-from mavhums.engine.events import Event, Samples
 from mavhums.health.actuator.votes import Classifier, VoteOutcome, count_votes, outcome
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.thresholds import WINDOW_SLOTS
-from mavhums.learn.precedents import Label, Origin, Precedent, PrecedentBase, Provenance
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.ema import EmaParameters
@@ -90,6 +82,20 @@ class ActuatorFlight(NamedTuple):
     friction_nm: float
     time_s: Array
     values: Array
+
+
+class History(Protocol):
+    """An actuator's flight, simulated or from a log."""
+
+    @property
+    def time_s(self) -> Array:
+        """Times, s, shape (n,)."""
+        ...
+
+    @property
+    def values(self) -> Array:
+        """V1…V12, shape (n, 12)."""
+        ...
 
 
 def fly_fleet(
@@ -190,7 +196,7 @@ def parameters_of(actuator: Actuator) -> EmaParameters:
     )
 
 
-def moving_samples(actuator: Actuator, flown: ActuatorFlight) -> tuple[Array, Integers]:
+def moving_samples(actuator: Actuator, flown: History) -> tuple[Array, Integers]:
     """Return a flight's moving samples, shape (n, 12), and the second of each, shape (n,)."""
     cutter = SlotCutter()
     parts = [cutter.feed(flown.time_s, with_extra_columns(flown.values)), cutter.finish()]
@@ -204,138 +210,14 @@ def moving_samples(actuator: Actuator, flown: ActuatorFlight) -> tuple[Array, In
 
 
 def windows(
-    actuator: Actuator, networks: Sequence[Classifier], flown: ActuatorFlight
+    actuator: Actuator, networks: Sequence[Classifier], flown: History
 ) -> Iterator[tuple[VoteOutcome | None, int]]:
     """Yield the network's result and the samples of each complete, non-overlapping ten-second window."""
     moving, seconds = moving_samples(actuator, flown)
     count = int(flown.time_s[-1] + 0.5) // WINDOW_SLOTS * WINDOW_SLOTS
     bounds = np.searchsorted(seconds, np.arange(count + 1))
-    counts = count_votes(networks, moving, bounds, actuator.known_ema().gear_ratio)
+    ratio = actuator.ema.gear_ratio if actuator.ema else None
+    counts = count_votes(networks, moving, bounds, ratio)
     for start in range(0, count, WINDOW_SLOTS):
         window = counts[start : start + WINDOW_SLOTS]
         yield outcome(networks, window), int(bounds[start + WINDOW_SLOTS] - bounds[start])
-
-
-_SIMULATED = "4D415648554D5353"
-"""Beginning of the unique id of every board that ``mavhums-sim`` flies: MAVHUMSS in ASCII."""
-
-
-def add_log(
-    base: PrecedentBase,
-    log: str | os.PathLike[str],
-    *,
-    label: Label,
-    actuators: Sequence[str] = (),
-    airframe: Airframe | None = None,
-    origin: Origin | None = None,
-    progress: Callable[[int], None] | None = None,
-) -> list[Precedent]:
-    """Add the actuators of a log to the base, all in the same condition.
-
-    Parameters
-    ----------
-    base
-        The precedent base.
-    log
-        A ``.tlog`` file.
-    label
-        The true condition, known for example from an inspection, never from this program's verdict.
-    actuators
-        Names of the actuators; all in the log if empty. The label emergency needs names.
-    airframe
-        Airframe profile; None uses the one that the log names.
-    origin
-        Whether the log was flown or simulated; None for what its board says: simulated if it is of
-        the simulator that comes with mavhums, else flown.
-    progress
-        Called with the number of bytes read.
-
-    Raises
-    ------
-    MavhumsError
-        If the log cannot be read, names no airframe, or has no data of the actuators.
-    """
-    if label == "emergency" and not actuators:
-        raise MavhumsError("an emergency of every actuator at once is unlikely", "name them with --actuator")
-    found: dict[tuple[int, str], list[Samples]] = {}
-
-    def collect(events: Sequence[Event]) -> None:
-        for event in events:
-            if isinstance(event, Samples):
-                found.setdefault((event.vehicle, event.actuator), []).append(event)
-
-    assessment = analyse(log, Options(airframe=airframe), consume=collect, progress=progress)
-    carried = sorted({actuator for _, actuator in found})
-    absent = sorted(set(actuators) - set(carried))
-    if not carried or absent:
-        wanted = absent[0] if absent else "any actuator"
-        remedy = (
-            f"it carries: {', '.join(carried)}" if carried else "list its contents with `mavhums inspect`"
-        )
-        raise MavhumsError(f"{log}: does not carry {wanted} of a known airframe", remedy)
-    start_utc = assessment.log.start_utc
-    start_us = round(datetime.fromisoformat(start_utc).timestamp() * 1e6) if start_utc else 0
-    tiers = {(verdict.vehicle, verdict.actuator): verdict.tier for verdict in assessment.verdicts}
-    boards = {flight.vehicle: flight.board or "" for flight in assessment.log.flight}
-    added = []
-    for (vehicle, actuator), blocks in found.items():
-        if actuators and actuator not in actuators:
-            continue
-        provenance = Provenance(
-            log=Path(log).name,
-            sha256=assessment.log.sha256 or "",
-            vehicle=vehicle,
-            actuator=actuator,
-            airframe=assessment.airframe or "",
-            tier=str(tiers.get((vehicle, actuator))),
-            label=label,
-            origin=origin or ("simulated" if boards.get(vehicle, "").startswith(_SIMULATED) else "flown"),
-        )
-        time_s = np.concatenate([block.time_s for block in blocks])
-        values = np.concatenate([block.values for block in blocks])
-        added.append(base.add(provenance, start_us + np.rint(time_s * 1e6).astype(np.int64), values))
-    return added
-
-
-def flown_samples(base: PrecedentBase, airframe: Airframe, *, every: int) -> tuple[Array, Flags, Integers]:
-    """Return the moving samples of an airframe's precedents: values, emergency, flight number.
-
-    All actuators of one log share a flight number, so that splits keep whole flights together.
-
-    Parameters
-    ----------
-    base
-        The precedent base; flown and simulated precedents are treated alike.
-    airframe
-        The airframe profile whose precedents are read.
-    every
-        Decimation: every n-th moving sample is kept.
-
-    Returns
-    -------
-    tuple of NDArray
-        Shapes (n, 12), (n,) and (n,).
-
-    Raises
-    ------
-    MavhumsError
-        If the base has no precedent of the airframe.
-    """
-    values, emergency, flights = [], [], []
-    logs: dict[str, int] = {}
-    parts = {actuator.name: actuator for actuator in airframe.actuators}
-    for precedent in base:
-        said = precedent.provenance
-        if said.airframe != airframe.name or said.actuator not in parts:
-            continue
-        history = base.read(precedent)
-        moving = history[np.abs(history[:, 6]) > parts[said.actuator].moving_speed_rev_min][::every]
-        values.append(moving)
-        emergency.append(np.full(len(moving), said.label == "emergency"))
-        flights.append(np.full(len(moving), logs.setdefault(said.sha256, len(logs))))
-    if not values:
-        raise MavhumsError(
-            f"{base.folder}: no precedent of the airframe {airframe.name}",
-            f"add one with `mavhums precedents add LOG --airframe {airframe.name}`",
-        )
-    return np.concatenate(values), np.concatenate(emergency), np.concatenate(flights)

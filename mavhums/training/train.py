@@ -1,9 +1,10 @@
-"""Training of a model for an airframe on simulated flights; the only link of simulator and learning."""
+"""Training of a model for an airframe on simulated flights and precedents."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from itertools import count
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import JsonValue
@@ -11,7 +12,7 @@ from pydantic import JsonValue
 from mavhums.actuator.profile import Actuator, Airframe, Limits
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
-from mavhums.core.quantities import column
+from mavhums.core.quantities import KEYS, column
 from mavhums.learn import (
     Calibration,
     Card,
@@ -28,14 +29,14 @@ from mavhums.learn import (
 )
 from mavhums.training.flights import (
     TELEMETRY,
-    ActuatorFlight,
+    History,
     Telemetry,
-    flown_samples,
     fly_fleet,
     friction_range,
     moving_samples,
     windows,
 )
+from mavhums.training.flown import CALIBRATES, MEASURES, TAUGHT, TRAINS, FlownFlights
 from mavhums.training.windows import flight_counts, train_window_network
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.manoeuvres import CYCLOGRAMS
@@ -59,10 +60,10 @@ def train_model(
     flown_weight: float = 1.0,
     tell: Callable[[str], None] | None = None,
     progress: Progress | None = None,
-) -> tuple[Network, Card, WindowNetwork]:
-    """Simulate both classes, run the paper's scheme on them, and calibrate and measure on other flights.
+) -> tuple[Network, Card, WindowNetwork | None]:
+    """Run the paper's scheme on simulated flights and precedents, and calibrate and measure on other flights.
 
-    The fleet consists of individual two-mass actuators. The friction of healthy actuators is 0.6 to
+    The simulated fleet consists of individual two-mass actuators. The friction of healthy actuators is 0.6 to
     1 times the normal limit, that of worn actuators 1 to 1.17 times the emergency limit: the paper's
     0.225 … 0.375 and 0.875 … 1.025 N·m. The flights take all six cyclograms in turn, each with its own
     command, so the command does not reveal the class. Every twentieth moving sample is kept; a
@@ -75,7 +76,11 @@ def train_model(
     The network of windows comes from the same stages on flights of their own, in which every condition that
     the simulator flies and the telemetry shows is flown over the same commands
     (:mod:`mavhums.training.windows`).
-    Precedents have two classes, and supplement only the network of samples.
+
+    Precedents teach both networks: that of samples takes those that are normal or an emergency by friction,
+    that of windows takes all classes. Where enough are there, whole flights of them calibrate and measure in
+    place of the simulated ones (:class:`mavhums.training.flown.FlownFlights`). Without simulated flights they
+    train alone, which needs no constants and no limits; without constants there is no network of windows.
 
     Parameters
     ----------
@@ -84,24 +89,29 @@ def train_model(
     tier
         The model's telemetry: a name in :data:`mavhums.training.flights.TELEMETRY`.
     flights
-        Number of flights of each class, of four actuators each.
+        Number of simulated flights of each class, of four actuators each; 0 for precedents alone.
     seed, scheme, tell
         See :func:`mavhums.learn.train_network`.
     precedents
-        Flights that supplement the simulation, as the paper intends. The network omits quantities
-        that are missing in any of their samples.
+        Labelled flights, as the paper intends. The networks omit quantities that they lack.
     flown_weight
-        Weight of a precedent's sample relative to a simulated one.
+        Weight of a precedent's sample or window relative to a simulated one.
     progress
         Called with the number of flights flown and the total.
 
     Raises
     ------
     MavhumsError
-        If the scheme is not possible, the actuators differ, the profile lacks their constants or
-        limits, the telemetry is unknown, or the base has no precedent of the airframe.
+        If the scheme is not possible, the actuators differ, the profile lacks the constants or limits of a
+        simulation, the telemetry is unknown, the base has no precedent of the airframe or, alone, too few,
+        or a network contradicts the flights that calibrate it.
     MissingExtraError
         If torch is not installed.
+
+    Warns
+    -----
+    CommandLeakWarning
+        If the command distinguishes the classes.
     """
     actuator = airframe.actuators[0]
     if any((other.ema, other.limits) != (actuator.ema, actuator.limits) for other in airframe.actuators):
@@ -110,35 +120,45 @@ def train_model(
         )
     if tier not in TELEMETRY:
         raise MavhumsError(f"no model is for telemetry {tier!r}", f"name one of: {', '.join(TELEMETRY)}")
-    telemetry, limits, scheme = TELEMETRY[tier], actuator.known_limits(), scheme or Scheme()
-    step, steps = count(1), 6 * flights + sum(flight_counts(flights))
+    telemetry, scheme, say = TELEMETRY[tier], scheme or Scheme(), tell or (lambda _: None)
+    flown = FlownFlights(precedents, airframe, seed=seed) if precedents else None
+    if not flights:
+        _check_alone(flown)
+    elif actuator.blanks:
+        raise MavhumsError(
+            f"{airframe.name}: a simulation needs {' and '.join(actuator.blanks)} in the profile",
+            "fill them in, or train on labelled logs alone: --flights 0 --precedents DIR",
+        )
+    held_out = flown is not None and flown.held_out
+    step, windows_flown = count(1), flight_counts(flights)
+    steps = (2 if held_out else 6) * flights + (windows_flown[0] if held_out else sum(windows_flown))
 
     def tick() -> None:
         if progress:
             progress(next(step), steps)
 
-    supplement = None if precedents is None else flown_samples(precedents, airframe, every=_EVERY)
-    samples, classes, flight = _both_classes(actuator, telemetry, flights, 1_000_000 * seed, tick)
-    weights, keys = np.ones(len(samples)), telemetry.keys
-    given, flown_conditions = "", dict[str, JsonValue]()
-    if precedents is not None and supplement is not None:
+    groups, keys = [], telemetry.keys
+    if flights:
+        groups.append(_both_classes(actuator, telemetry, flights, 1_000_000 * seed, tick))
+        say(f"samples of {2 * flights} simulated flights: {_classes_text(groups[0][1])}")
+    given, conditions = "", dict[str, JsonValue]()
+    if flown and precedents:
         given = f" --precedents {precedents.folder.name} --flown-weight {flown_weight:g}"
-        logs = sorted({precedent.provenance.sha256 for precedent in precedents})
-        flown_conditions = {"precedent_logs": [*logs], "flown_weight": flown_weight}
-        flown, flown_classes, flown_flights = supplement
-        keys = tuple(key for key in keys if np.isfinite(flown[:, column(key)]).all())
-        samples, classes = np.concatenate([samples, flown]), np.concatenate([classes, flown_classes])
-        flight = np.concatenate([flight, 2 * flights + flown_flights])
-        weights = np.concatenate([weights, np.full(len(flown), flown_weight)])
+        conditions = {"precedent_logs": flown.logs.tolist(), "flown_weight": flown_weight}
+        say(f"precedents: {flown.counts()}")
+        own = flown_samples(flown, say)
+        keys = tuple(key for key in keys if np.isfinite(own[0][:, column(key)]).all())
+        say(f"samples of precedents: {_classes_text(own[1])}")
+        groups.append(own)
+    samples, classes, flight = (np.concatenate(parts) for parts in zip(*groups, strict=True))
+    weights = np.where(flight < 0, flown_weight, 1.0)
+    if not keys or len(np.unique(classes)) < 2:
+        raise MavhumsError(
+            "the samples in motion carry no quantity in common, or are all of one class",
+            "add logs with the same telemetry, normal ones and ones labelled friction_emergency",
+        )
     result = train_network(
-        samples,
-        classes,
-        flight,
-        seed=seed,
-        keys=keys,
-        scheme=scheme,
-        weights=None if precedents is None else weights,
-        tell=tell,
+        samples, classes, flight, seed=seed, keys=keys, scheme=scheme, weights=weights, tell=tell
     )
     card = result.card(
         name=f"{airframe.name}-{tier}",
@@ -148,25 +168,78 @@ def train_model(
             f"mavhums train --airframe {airframe.name} --tier {tier} --flights {flights} "
             f"--seed {seed} {scheme.command}{given} -o MODEL"
         ),
-        conditions={
-            "cyclograms": [*CYCLOGRAMS],
-            "flights_per_class": flights,
-            "friction_normal_nm": _rounded(friction_range(limits)[0], limits.normal),
-            "friction_emergency_nm": _rounded(limits.emergency, friction_range(limits)[1]),
-            "actuators": "individuals with two masses, four a flight",
-            "samples": "every twentieth moving sample at 100 Hz",
-            **flown_conditions,
-        },
+        conditions=_simulated(actuator, flights) | conditions,
     )
     draft = Model(result.network, card, "")
-    calibration, measured = _calibration(actuator, telemetry, draft, 2 * flights, 1_000_000 * seed, tick)
-    say = tell or (lambda _: None)
-    say(_metrics_text(measured))
-    window, window_card = train_window_network(
-        actuator, telemetry, flights, seed=seed, scheme=scheme, tell=say, tick=tick
+
+    def asked(part: int) -> Iterator[_Asked]:
+        if flown and held_out:
+            return _ask_flown(flown, part)
+        of_part = 1_000_000 * seed + (_CALIBRATION if part == CALIBRATES else _MEASUREMENT)
+        return _ask_simulated(actuator, telemetry, 2 * flights, of_part, tick)
+
+    event = (
+        "the label friction_emergency, not normal, of precedents"
+        if held_out
+        else f"friction above {_middle(actuator.known_limits()):g} N·m, the middle between the limits"
     )
-    update = {"calibration": calibration, "metrics": card.metrics | measured, "window": window_card}
-    return result.network, card.model_copy(update=update), window
+    calibration, measured = _calibration(draft, asked, event)
+    say(_metrics_text(card.metrics | measured, "precedents" if held_out else "simulated flights"))
+    update = {"calibration": calibration, "metrics": card.metrics | measured}
+    if actuator.ema is None:
+        say("no network of windows: its statistics need the gear ratio, in [actuators.ema] of the profile")
+        return result.network, card.model_copy(update=update), None
+    window, window_card = train_window_network(
+        actuator,
+        telemetry,
+        flights,
+        seed=seed,
+        scheme=scheme,
+        tell=say,
+        tick=tick,
+        flown=flown,
+        flown_weight=flown_weight,
+    )
+    return result.network, card.model_copy(update=update | {"window": window_card}), window
+
+
+_ALONE = 4
+"""Flights that each class needs where precedents train alone: to train, choose, calibrate and measure."""
+
+
+def _check_alone(flown: FlownFlights | None) -> None:
+    """Refuse a training without simulated flights that has too few precedents."""
+    counts = flown.counts() if flown else "no precedents"
+    if flown is None or not flown.held_out or min(map(flown.flights_of, TAUGHT)) < _ALONE:
+        raise MavhumsError(
+            f"without simulated flights, normal and friction_emergency need {_ALONE} logs each: {counts}",
+            "add logs with `mavhums precedents add`, or simulate too: --flights 24",
+        )
+
+
+def flown_samples(flown: FlownFlights, say: Callable[[str], None]) -> tuple[Array, Flags, Integers]:
+    """Return samples, classes and flights, below zero, of the precedents that train; check their command."""
+    values, classes, flights, unit = [np.empty((0, len(KEYS)))], [], [], []
+    for number, each in enumerate(flown.read(TRAINS, TAUGHT)):
+        moving, _ = moving_samples(each.actuator, each)
+        values.append(moving[::_EVERY])
+        count_ = len(values[-1])
+        classes.append(np.full(count_, each.label != "normal"))
+        flights.append(np.full(count_, -1 - each.flight))
+        unit.append(np.full(count_, number))
+    samples, emergency = np.concatenate(values), np.concatenate([np.empty(0, dtype=np.bool_), *classes])
+    if not len(samples):
+        raise MavhumsError(
+            "no precedent that trains has a sample in motion",
+            "add logs in which the surfaces move; without [actuators.ema] they must carry V10",
+        )
+    of = np.concatenate(unit)
+    commanded = np.isfinite(samples[:, 0])
+    if len(np.unique(emergency[commanded])) == 2:
+        leak = check_command(samples[commanded, 0], emergency[commanded], of[commanded])
+        chance = "" if leak.p_value is None else f" (p {leak.p_value:.2g})"
+        say(f"command of the precedents: Cramér's V {leak.cramers_v:.2f} between the classes{chance}")
+    return samples, emergency, np.concatenate(flights)
 
 
 def _both_classes(
@@ -199,21 +272,29 @@ def _both_classes(
     return samples, classes, number
 
 
+class _Asked(NamedTuple):
+    """An actuator's flight, whether it is an emergency, and whether it has a class or lies between."""
+
+    actuator: Actuator
+    flown: History
+    event: bool
+    clear: bool
+
+
 class _NetworkAnswers:
     """Answers of a network on flights of its own: votes on samples, and shares of votes in windows."""
 
-    def __init__(self, limits: Limits) -> None:
-        self.limits = limits
-        self.middle = (limits.normal + limits.emergency) / 2
+    def __init__(self, model: Model, asked: Iterable[_Asked]) -> None:
         self.share: list[float] = []
         self.event: list[bool] = []
         self.clear: list[bool] = []
         self.samples = self.voted = self.right = self.working = 0
+        for each in asked:
+            self._take(model, each)
 
-    def take(self, actuator: Actuator, model: Model, flown: ActuatorFlight) -> None:
+    def _take(self, model: Model, asked: _Asked) -> None:
         """Count the samples of the two classes, and the windows of any friction."""
-        clear = not self.limits.normal < flown.friction_nm < self.limits.emergency
-        event = flown.friction_nm > self.middle
+        actuator, flown, event, clear = asked
         for vote, moving in windows(actuator, [model], flown):
             self.working += clear and moving >= _WORKING
             if vote:
@@ -238,38 +319,43 @@ class _NetworkAnswers:
         }
 
 
+def _ask_flown(flown: FlownFlights, part: int) -> Iterator[_Asked]:
+    for each in flown.read(part, TAUGHT):
+        yield _Asked(each.actuator, each, each.label != "normal", clear=True)
+
+
+def _ask_simulated(
+    actuator: Actuator, telemetry: Telemetry, flights: int, seed: int, tick: Callable[[], None]
+) -> Iterator[_Asked]:
+    """Fly frictions over the whole range; those between the limits are of no class."""
+    limits, random = actuator.known_limits(), np.random.default_rng(seed)
+    total = flights * len(SURFACES)
+    low, high = friction_range(limits)
+    frictions = low + (high - low) * (random.permutation(total) + random.random(total)) / total
+    fleet = fly_fleet(
+        actuator,
+        telemetry,
+        frictions.reshape(flights, len(SURFACES)),
+        seed=seed,
+        cyclograms=[*CYCLOGRAMS],
+        rates_hz=_RATES_HZ,
+    )
+    for k, flown in enumerate(fleet):
+        clear = not limits.normal < flown.friction_nm < limits.emergency
+        yield _Asked(actuator, flown, flown.friction_nm > _middle(limits), clear)
+        if k % len(SURFACES) == 0:
+            tick()
+
+
+def _middle(limits: Limits) -> float:
+    return (limits.normal + limits.emergency) / 2
+
+
 def _calibration(
-    actuator: Actuator,
-    telemetry: Telemetry,
-    model: Model,
-    flights: int,
-    seed: int,
-    tick: Callable[[], None],
+    model: Model, asked: Callable[[int], Iterator[_Asked]], event: str
 ) -> tuple[Calibration | None, dict[str, float]]:
     """Calibrate on some flights and measure on others; nothing if the network votes too rarely."""
-    limits = actuator.known_limits()
-
-    def fly_range(seed: int) -> _NetworkAnswers:
-        random = np.random.default_rng(seed)
-        total = flights * len(SURFACES)
-        low, high = friction_range(limits)
-        frictions = low + (high - low) * (random.permutation(total) + random.random(total)) / total
-        found = _NetworkAnswers(limits)
-        fleet = fly_fleet(
-            actuator,
-            telemetry,
-            frictions.reshape(flights, len(SURFACES)),
-            seed=seed,
-            cyclograms=[*CYCLOGRAMS],
-            rates_hz=_RATES_HZ,
-        )
-        for k, flown in enumerate(fleet):
-            found.take(actuator, model, flown)
-            if k % len(SURFACES) == 0:
-                tick()
-        return found
-
-    first, second = fly_range(seed + _CALIBRATION), fly_range(seed + _MEASUREMENT)
+    first, second = (_NetworkAnswers(model, asked(part)) for part in (CALIBRATES, MEASURES))
     if len(set(first.event)) < 2 or not second.share:
         return None, {}
     fitted = calibrate(first.share, first.event)
@@ -277,7 +363,7 @@ def _calibration(
     said = np.array([fitted.probability(each) for each in tested])
     calibration = fitted.model_copy(
         update={
-            "event": f"friction above {first.middle:g} N·m, the middle between the limits",
+            "event": event,
             "metrics": {
                 "windows_calibrated_with": len(first.share),
                 "windows_measured": len(tested),
@@ -293,15 +379,39 @@ def _calibration(
     return calibration, second.metrics(calibration)
 
 
-def _metrics_text(metrics: dict[str, float]) -> str:
-    if not metrics:
-        return "flights not trained on: the network votes too rarely to be measured"
+def _metrics_text(metrics: dict[str, float], source: str) -> str:
     percent = {name: f"{100 * value:.2f} %" for name, value in metrics.items()}
+    text = (
+        f"network of samples: right {percent['training_accuracy']} of the vectors trained on, "
+        f"{percent['validation_accuracy']} of the samples that chose it, on {source} not trained on "
+    )
+    if "windows_right" not in metrics:
+        return f"{text}nothing: it votes too rarely to be measured"
     return (
-        f"flights not trained on: {percent['samples_in_motion_right']} of the samples in motion right "
+        f"{text}{percent['samples_in_motion_right']} of the samples in motion "
         f"({percent['samples_in_motion_abstained']} abstained), {percent['windows_right']} of the windows "
         f"({percent['windows_in_motion_abstained']} abstained)"
     )
+
+
+def _classes_text(emergency: Flags) -> str:
+    worn = int(emergency.sum())
+    return f"{len(emergency) - worn} normal, {worn} friction_emergency"
+
+
+def _simulated(actuator: Actuator, flights: int) -> dict[str, JsonValue]:
+    """Return the training conditions of simulated flights."""
+    if not flights:
+        return {}
+    limits = actuator.known_limits()
+    return {
+        "cyclograms": [*CYCLOGRAMS],
+        "flights_per_class": flights,
+        "friction_normal_nm": _rounded(friction_range(limits)[0], limits.normal),
+        "friction_emergency_nm": _rounded(limits.emergency, friction_range(limits)[1]),
+        "actuators": "individuals with two masses, four a flight",
+        "samples": "every twentieth moving sample at 100 Hz",
+    }
 
 
 def _rounded(low: float, high: float) -> list[JsonValue]:

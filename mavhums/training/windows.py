@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,13 +11,16 @@ from sklearn.metrics import confusion_matrix
 
 from mavhums.actuator.profile import Actuator, Limits
 from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import (
     SUMS,
     WINDOW_FEATURES,
+    WINDOW_KEYS,
     of_window,
     shows_something,
     window_features,
 )
+from mavhums.health.actuator.votes import statistics
 from mavhums.health.estimation.motion import motion, window_sums
 from mavhums.health.estimation.slots import SlotCutter, Windows, with_extra_columns
 from mavhums.health.estimation.thresholds import WINDOW_SLOTS
@@ -32,6 +35,7 @@ from mavhums.learn import (
 )
 from mavhums.learn.evaluation import at_temperature, decides_at
 from mavhums.training.flights import Telemetry, friction_range, parameters_of, reported
+from mavhums.training.flown import CALIBRATES, MEASURES, PURPOSE, TRAINS, FlownFlights
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.flight import ActuatorRecord, Flight, fly
@@ -76,14 +80,11 @@ class FlownWindows(LabelledWindows):
         Index of the cyclogram.
     rate_hz
         Rate of the log.
-    still
-        Number of further windows that show nothing: standing, or a sag that the supply never limits.
     """
 
     severity: Array
     cyclogram: Integers
     rate_hz: Array
-    still: int
 
 
 def classes_of(telemetry: Telemetry) -> tuple[str, ...]:
@@ -136,7 +137,7 @@ def fly_windows(
             parts.append((features, *(np.full(kept, value) for value in rows)))
         tick()
     found, labels, flight, severities, modes, rates = map(np.concatenate, zip(*parts, strict=True))
-    return FlownWindows(found, labels, flight, severities, modes, rates, still)
+    return FlownWindows(found, labels, flight, severities, modes, rates, still=still)
 
 
 def _fly_group(
@@ -198,14 +199,19 @@ def _draw(
 def _sums(
     actuator: Actuator, telemetry: Telemetry, record: ActuatorRecord, *, signed: bool
 ) -> tuple[Array, Integers]:
-    """Return the sums of windows that do not overlap, shape (n, ``SUMS``), and their ends, s."""
+    """Return the sums of a simulated flight's windows, and their ends, as :func:`_sums_of` does."""
     values = reported(actuator, telemetry, record, signed=signed)
     measured = np.ones(values.shape, dtype=np.bool_)
     if telemetry.esc:
         measured[:, [1, 2]] = False
+    return _sums_of(actuator, record.time_s, values, measured)
+
+
+def _sums_of(actuator: Actuator, time_s: Array, values: Array, measured: Flags) -> tuple[Array, Integers]:
+    """Return the sums of windows that do not overlap, shape (n, ``SUMS``), and their ends, s."""
     cutter, window = SlotCutter(), Windows(SUMS)
-    sums, ends = [], []
-    for slots in (cutter.feed(record.time_s, with_extra_columns(values, measured)), cutter.finish()):
+    sums, ends = [np.empty((0, SUMS))], [np.empty(0, dtype=np.int64)]
+    for slots in (cutter.feed(time_s, with_extra_columns(values, measured)), cutter.finish()):
         if slots is not None:
             found = of_window(window.feed(slots.index, window_sums(actuator, slots, motion(actuator, slots))))
             last = (slots.index + 1) % WINDOW_SLOTS == 0
@@ -222,6 +228,20 @@ def _limited(record: ActuatorRecord, ends: Integers, actuator: Actuator, sag_v: 
     return np.array(shares, dtype=np.float64) >= _LIMITED
 
 
+def flown_windows(flown: FlownFlights, part: int, classes: Sequence[str]) -> LabelledWindows:
+    """Return those windows of precedents that show something; a label that is no class is left out."""
+    features, rows, still = [np.empty((0, len(WINDOW_KEYS)))], [np.empty((0, 2), dtype=np.int64)], 0
+    for each in flown.read(part, classes):
+        sums, _ = _sums_of(each.actuator, each.time_s, each.values, each.measured)
+        asked = shows_something(sums)
+        still += len(sums) - int(asked.sum())
+        features.append(statistics(sums[asked]))
+        # Below zero: no simulated flight has such a number.
+        rows.append(np.tile((classes.index(each.label), -1 - each.flight), (len(features[-1]), 1)))
+    label, flight = np.concatenate(rows).T
+    return LabelledWindows(np.concatenate(features), label, flight, still=still)
+
+
 def train_window_network(
     actuator: Actuator,
     telemetry: Telemetry,
@@ -231,33 +251,79 @@ def train_window_network(
     scheme: Scheme,
     tell: Callable[[str], None],
     tick: Callable[[], None],
+    flown: FlownFlights | None = None,
+    flown_weight: float = 1.0,
 ) -> tuple[WindowNetwork, WindowCard]:
-    """Train the network of windows, calibrate it on other flights, and measure it on others again."""
-    classes = classes_of(telemetry)
-    sizes = flight_counts(flights)
-    trained_on = fly_windows(actuator, telemetry, sizes[0], seed=1_000_000 * seed, tick=tick)
-    result = train_windows(
-        trained_on, classes=len(classes), keys=keys_of(telemetry), seed=seed, scheme=scheme, tell=tell
+    """Train the network of windows, calibrate it on other flights, and measure it on others again.
+
+    Precedents train beside the simulated flights, or alone if ``flights`` is 0; if some are held out, they
+    calibrate and measure in place of simulated flights.
+    """
+    classes = classes_of(telemetry) if flights or flown is None else flown.labels
+    sizes, seeds = flight_counts(flights), (0, _CALIBRATION, _MEASUREMENT)
+    held_out = flown is not None and flown.held_out
+
+    def windows_of(part: int) -> list[LabelledWindows]:
+        groups: list[LabelledWindows] = []
+        if flights and (part == TRAINS or not held_out):
+            of_part = 1_000_000 * seed + seeds[part]
+            groups.append(fly_windows(actuator, telemetry, sizes[part], seed=of_part, tick=tick))
+        if flown and (part == TRAINS or held_out):
+            groups.append(flown_windows(flown, part, classes))
+        simulated, own = (
+            sum(len(each) for each in groups if isinstance(each, FlownWindows) is of) for of in (True, False)
+        )
+        tell(f"windows that {PURPOSE[part]}: {simulated} of simulated flights, {own} of precedents")
+        if not simulated + own:
+            raise MavhumsError(
+                f"no window of the flights that {PURPOSE[part]} shows anything",
+                "add logs of flights in which the surfaces move both ways for twenty seconds or more",
+            )
+        return groups
+
+    groups = windows_of(TRAINS)
+    known = ~np.isnan(groups[-1].features) if flown else np.ones((1, len(WINDOW_KEYS)), dtype=np.bool_)
+    # Of what the precedents mostly lack, no window of this aircraft would be asked.
+    keys = tuple(
+        key for key in keys_of(telemetry) if 2 * known[:, WINDOW_KEYS.index(key)].sum() >= len(known)
     )
-    other = fly_windows(actuator, telemetry, sizes[1], seed=1_000_000 * seed + _CALIBRATION, tick=tick)
+    trained_on = LabelledWindows(
+        *(
+            np.concatenate([getattr(each, name) for each in groups])
+            for name in ("features", "classes", "flights")
+        )
+    )
+    weights = np.concatenate(
+        [np.full(len(each), flown_weight if flown and each is groups[-1] else 1.0) for each in groups]
+    )
+    result = train_windows(
+        trained_on, classes=len(classes), keys=keys, seed=seed, scheme=scheme, weights=weights, tell=tell
+    )
+    [other] = windows_of(CALIBRATES)
     network, temperature = at_temperature(result.network, other.features, other.classes)
     level = decides_at(network, other.features, other.classes, telemetry.goal)
-    last = fly_windows(actuator, telemetry, sizes[2], seed=1_000_000 * seed + _MEASUREMENT, tick=tick)
+    [last] = windows_of(MEASURES)
     metrics, confusion = measure(network, last, classes, level)
     tell(
-        f"windows of flights not trained on: {100 * metrics['decided_right']:.2f} % of the decided right, "
+        f"network of windows, on {'precedents' if held_out else 'simulated flights'} not trained on: "
+        f"{100 * metrics['decided_right']:.2f} % of the decided windows right, "
         f"{100 * metrics['abstained']:.1f} % abstained"
     )
     conditions: dict[str, JsonValue] = {
         "cyclograms": sizes[0],
         "windows": len(trained_on),
-        "friction_nm": "normal, degraded, and emergency up to 1.5 times its limit",
-        "severities": {name: [low, high] for name, (_, low, high) in SEVERITIES.items() if name in classes},
-        "rates_hz": [*_RATES_HZ],
         "temperature": temperature,
         "hidden": len(network.b1),
         "networks": len(result.candidates),
     }
+    if flights:
+        conditions |= {
+            "friction_nm": "normal, degraded, and emergency up to 1.5 times its limit",
+            "severities": {
+                name: [low, high] for name, (_, low, high) in SEVERITIES.items() if name in classes
+            },
+            "rates_hz": [*_RATES_HZ],
+        }
     return network, WindowCard(
         features=network.keys,
         classes=classes,
@@ -275,7 +341,7 @@ def flight_counts(flights: int) -> tuple[int, int, int]:
 
 
 def measure(
-    network: WindowNetwork, windows: FlownWindows, classes: tuple[str, ...], level: float
+    network: WindowNetwork, windows: LabelledWindows, classes: tuple[str, ...], level: float
 ) -> tuple[dict[str, float], dict[str, dict[str, int]]]:
     """Return shares of windows, and how many of each condition are decided as which."""
     found, inside = network.probabilities(windows.features), network.inside(windows.features)
@@ -284,7 +350,7 @@ def measure(
     top = np.where(whole, found.max(axis=1), 0.0)
     decided = inside & (top >= level)
     right = said == truth
-    emergency = found[whole, classes.index(_FRICTION[-1])]
+    gravest = classes.index(_FRICTION[-1])
     metrics = {
         "windows": float(len(windows)),
         "windows_that_show_nothing": float(windows.still),
@@ -293,7 +359,7 @@ def measure(
         "abstained": float(1 - decided.mean()),
         "outside": float(1 - inside.mean()),
         "expected_calibration_error": expected_calibration_error(top[whole], right[whole]),
-        "brier_score_of_an_emergency": brier_score(emergency, truth[whole] == 2),
+        "brier_score_of_an_emergency": brier_score(found[whole, gravest], truth[whole] == gravest),
     }
     told = np.where(decided, said, len(classes))
     names = (*classes, "abstained")

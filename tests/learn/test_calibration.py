@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mavhums.core.errors import MavhumsError
 from mavhums.learn import Calibration, brier_score, calibrate, expected_calibration_error
 
 
@@ -36,6 +37,12 @@ def test_calibration_makes_a_share_a_probability() -> None:
 def test_one_outcome_alone_calibrates_nothing() -> None:
     with pytest.raises(ValueError, match="class"):
         calibrate([0.1, 0.2], [True, True])
+
+
+@pytest.mark.parametrize("share", [[0.9, 0.8, 0.1, 0.2], [0.5, 0.5, 0.5, 0.5]])
+def test_votes_against_the_flights_are_not_turned_round(share: list[float]) -> None:
+    with pytest.raises(MavhumsError, match=r"the rarer is one \(slope .*: check that no label"):
+        calibrate(share, [False, False, True, True])
 
 
 @given(st.lists(st.tuples(st.floats(0, 1), st.booleans()), min_size=1, max_size=50))

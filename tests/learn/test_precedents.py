@@ -7,6 +7,7 @@ import pytest
 
 from mavhums.core.quantities import KEYS
 from mavhums.learn import PrecedentBase, PrecedentError, Provenance
+from mavhums.learn.precedents import read_labels
 
 PROVENANCE = Provenance(
     log="flight.tlog", sha256="ab" * 32, vehicle=1, actuator="elevator", airframe="paper",
@@ -22,7 +23,8 @@ def test_what_is_added_comes_back_with_its_provenance(tmp_path: Path) -> None:
     added = base.add(PROVENANCE, TIME, VALUES)
     assert list(base) == [added]
     assert (added.provenance, added.samples) == (PROVENANCE, 50)
-    np.testing.assert_array_equal(base.read(added), VALUES)
+    np.testing.assert_array_equal(base.read(added)[1], VALUES)
+    np.testing.assert_allclose(base.read(added)[0], 0.01 * np.arange(50))
     assert [path.name for path in base.folder.iterdir()] == [added.path.name]
 
 
@@ -38,12 +40,12 @@ def test_every_row_says_where_it_comes_from(tmp_path: Path) -> None:
 def test_the_same_log_again_replaces_and_another_actuator_adds(tmp_path: Path) -> None:
     base = PrecedentBase(tmp_path)
     base.add(PROVENANCE, TIME, VALUES)
-    base.add(replace(PROVENANCE, label="emergency"), TIME[:9], VALUES[:9])
+    base.add(replace(PROVENANCE, label="friction_emergency"), TIME[:9], VALUES[:9])
     base.add(replace(PROVENANCE, actuator="rudder"), TIME, VALUES)
     found = {
         (precedent.provenance.actuator, precedent.provenance.label): precedent.samples for precedent in base
     }
-    assert found == {("elevator", "emergency"): 9, ("rudder", "normal"): 50}
+    assert found == {("elevator", "friction_emergency"): 9, ("rudder", "normal"): 50}
 
 
 def test_damage_and_absence_are_said(tmp_path: Path) -> None:
@@ -63,3 +65,39 @@ def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
         PrecedentBase(tmp_path / "file").add(PROVENANCE, TIME, VALUES)
     with pytest.raises(ValueError, match="shape"):
         PrecedentBase(tmp_path).add(PROVENANCE, TIME, VALUES[:, :3])
+
+
+def test_a_base_of_two_classes_is_read_as_it_was(tmp_path: Path) -> None:
+    """Bases of earlier versions have the paper's class, emergency."""
+    base = PrecedentBase(tmp_path)
+    path = base.add(PROVENANCE, TIME, VALUES).path
+    pd.read_parquet(path).assign(label="emergency").to_parquet(path)
+    assert [each.provenance.label for each in base] == ["friction_emergency"]
+
+
+def test_a_table_labels_many_logs(tmp_path: Path) -> None:
+    table = tmp_path / "labels.csv"
+    rows = "log,actuator,label\nflights/a.tlog,,normal\na.tlog,rudder, backlash\nb.tlog,elevator,emergency\n"
+    table.write_text(rows, encoding="utf-8-sig")
+    assert read_labels(table) == {
+        "a.tlog": {"": "normal", "rudder": "backlash"},
+        "b.tlog": {"elevator": "friction_emergency"},
+    }
+
+
+@pytest.mark.parametrize(
+    ("rows", "problem"),
+    [
+        (
+            "log,label\na.tlog,broken\n",
+            "2: no condition is named 'broken': name one of: normal, friction_deg",
+        ),
+        ("log,label\na.tlog,normal\na.tlog,jam\n", "3: another row labels a.tlog differently"),
+        ("file,label\na.tlog,normal\n", "2: names no log or no label"),
+        ('log,label\n"a.tlog,normal\n', "no readable table"),
+    ],
+)
+def test_a_table_with_a_mistake_names_its_place(rows: str, problem: str, tmp_path: Path) -> None:
+    (tmp_path / "labels.csv").write_text(rows)
+    with pytest.raises(PrecedentError, match=problem):
+        read_labels(tmp_path / "labels.csv")

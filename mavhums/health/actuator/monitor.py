@@ -113,7 +113,7 @@ class Monitor:
     ) -> None:
         self.vehicle = vehicle
         self.actuator = actuator
-        self._networks = networks if actuator.ema else ()
+        self._networks = networks
         self._cutter = SlotCutter()
         self._waiting: list[tuple[Array, Array, Flags, Array, Array, Array]] = []
         # With all constants and limits the data sheet decides; a current at the bus is another quantity than
@@ -137,7 +137,8 @@ class Monitor:
         self._counts = Windows(2)
         self._votes = Windows(VOTE_COLUMNS)
         self._sums = Windows(SUMS)
-        self._by_window = any(network.window_classes for network in self._networks)
+        # The statistics of windows need the gear ratio.
+        self._by_window = bool(actuator.ema) and any(network.window_classes for network in networks)
         self._first: int | None = None
         self._held = ConditionTracker()
         self._concluded_s: float | None = None
@@ -290,11 +291,12 @@ class Monitor:
             return
         for own in self._own:
             own.feed(slots)
-        moved = self._load.feed(slots, motion(self.actuator, slots)) if self._load else None
+        shown = motion(self.actuator, slots)
+        moved = self._load.feed(slots, shown) if self._load else None
         windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
         seen = DetectorInput(slots, moved, windows, flight)
         found = [tracker.detector.feed(seen) for tracker in self._trackers.values()]
-        moving, votes, sums = self._count(slots, moved)
+        moving, votes, sums = self._count(slots, moved or shown)
         self._first = int(slots.index[0]) if self._first is None else self._first
         # The first windows of a flight are not full, and their errors not comparable.
         whole = slots.index - self._first + 1 >= WINDOW_SLOTS
@@ -332,21 +334,20 @@ class Monitor:
             yield self._window(end, fraction, friction.get(k), vote)
             yield from changed
 
-    def _count(self, slots: Slots, moved: Motion | None) -> tuple[Array, Array, Array]:
+    def _count(self, slots: Slots, moved: Motion) -> tuple[Array, Array, Array]:
         """Count moving samples and votes; return the windows' moving fractions, ballots and sums."""
         counts = np.zeros((slots.index.size, 2))
         counts[:, 0] = slots.count()
         ballots = np.zeros((slots.index.size, VOTE_COLUMNS))
         own = np.zeros((slots.index.size, SUMS))
-        if moved is not None:
-            counts[:, 1] = slots.sums(moved.moving[:, None].astype(np.float64))[:, 0]
-            if self._networks:
-                bounds = np.cumsum([0, *counts[:, 1]]).astype(np.int64)
-                ratio = self.actuator.known_ema().gear_ratio
-                ballots = count_votes(self._networks, moved.values[moved.moving], bounds, ratio).astype(float)
-                self._tally.count(ballots)
-                if self._by_window:
-                    own = window_sums(self.actuator, slots, moved)
+        counts[:, 1] = slots.sums(moved.moving[:, None].astype(np.float64))[:, 0]
+        if self._networks:
+            bounds = np.cumsum([0, *counts[:, 1]]).astype(np.int64)
+            ratio = self.actuator.ema.gear_ratio if self.actuator.ema else None
+            ballots = count_votes(self._networks, moved.values[moved.moving], bounds, ratio).astype(float)
+            self._tally.count(ballots)
+            if self._by_window:
+                own = window_sums(self.actuator, slots, moved)
         self._slots += slots.index.size
         self._samples += int(counts[:, 0].sum())
         self._moving += int(counts[:, 1].sum())

@@ -29,7 +29,7 @@ from mavhums.learn import Model
 from mavhums.learn.model import FRICTION_EMERGENCY
 from mavhums.results.sections import ABSTAINED, OUTSIDE
 
-_V2, _V3, _V7 = column("V2"), column("V3"), column("V7")
+_V2, _V3, _V7, _V10 = (column(key) for key in ("V2", "V3", "V7", "V10"))
 Counts = Integers
 
 
@@ -115,7 +115,7 @@ def by_votes(p_emergency: float, network: int) -> VoteOutcome:
 
 
 def count_votes(
-    networks: Sequence[Classifier], moving: Array, bounds: ArrayLike, gear_ratio: float
+    networks: Sequence[Classifier], moving: Array, bounds: ArrayLike, gear_ratio: float | None
 ) -> Counts:
     """Count the networks' votes on the moving samples of one or several slots.
 
@@ -129,7 +129,7 @@ def count_votes(
     bounds
         Start of each slot in ``moving``, and end of the last one, shape (slots + 1,).
     gear_ratio
-        Gear ratio of the actuator: a V3 that is exactly V2 divided by it was not measured.
+        Gear ratio of the actuator: a V3 that is exactly V2 divided by it was not measured. None if unknown.
 
     Returns
     -------
@@ -142,9 +142,7 @@ def count_votes(
     counts = np.zeros((len(sizes), VOTE_COLUMNS), dtype=np.int64)
     counts[:, _BALLOT.network] = -1
     counts[:, _BALLOT.moving] = sizes
-    carried = np.isfinite(moving)
-    # A V3 that was divided from V2 carries nothing of its own.
-    carried[:, _V3] &= moving[:, _V3] != moving[:, _V2] / gear_ratio
+    carried = _carried(moving, gear_ratio)
     for k, network in enumerate(networks):
         open_ = (counts[:, _BALLOT.network] < 0) & (sizes > 0)
         if not open_.any():
@@ -158,7 +156,7 @@ def count_votes(
         asked = whole & np.repeat(its_own, sizes)
         votes = np.full(len(moving), -1, dtype=np.int8)
         votes[asked] = network.votes(moving[asked])
-        forward = moving[:, _V7] > 0
+        forward = np.where(np.isnan(moving[:, _V7]), moving[:, _V10], moving[:, _V7]) > 0
         tallies = [(votes >= least) & way for least in (0, 1) for way in (~forward, forward)]
         counts[its_own, 2:] = _sums(np.stack(tallies, axis=1), edges)[its_own]
     return counts
@@ -186,7 +184,7 @@ def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array
     """
     answers = outcomes(networks, counts)
     sums = of_window(slots)
-    asked, features = shows_something(sums), _statistics(sums)
+    asked, features = shows_something(sums), statistics(sums)
     open_ = np.ones(len(sums), dtype=np.bool_)
     for number, network in enumerate(networks):
         voted = np.array([vote is not None and vote.network == number for vote in answers], dtype=np.bool_)
@@ -220,7 +218,7 @@ def _grave(classes: tuple[str, ...]) -> Integers:
     return np.array([0 if one == "normal" else 2 if one in emergencies else 1 for one in classes])
 
 
-def _statistics(sums: Array) -> Array:
+def statistics(sums: Array) -> Array:
     """Return the windows' statistics, without those of a gear that shows neither play nor wind-up."""
     features = window_features(sums)
     # Column 0 is the number of samples.
@@ -265,6 +263,15 @@ def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[VoteOutcome
         by_votes(networks[network].probability(one), network) if voted else None
         for voted, network, one in zip(votes.tolist(), decides.tolist(), share.tolist(), strict=True)
     ]
+
+
+def _carried(values: Array, gear_ratio: float | None) -> Flags:
+    """Return which quantities of V1…V12 (n, 12) carry something, shape (n, 12)."""
+    carried = np.isfinite(values)
+    if gear_ratio is not None:
+        # A V3 that was divided from V2 carries nothing of its own.
+        carried[:, _V3] &= values[:, _V3] != values[:, _V2] / gear_ratio
+    return carried
 
 
 def _sums(flags: Flags, edges: Integers) -> Counts:
@@ -312,9 +319,7 @@ def answer_samples(models: Sequence[Model], values: Array, gear_ratio: float | N
     classes = tuple(dict.fromkeys(name for model in models for name in model.classes))
     p_emergency, inside = np.full(count, np.nan), np.zeros(count, dtype=np.bool_)
     said = np.full(count, -1, dtype=np.int8)
-    carried = np.isfinite(values)
-    if gear_ratio is not None:
-        carried[:, _V3] &= values[:, _V3] != values[:, _V2] / gear_ratio
+    carried = _carried(values, gear_ratio)
     open_ = np.ones(count, dtype=np.bool_)
     for model in models:
         # The first network whose quantities a sample carries answers it, and no other.

@@ -10,12 +10,12 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column, products
-from mavhums.core.statistics import DEGREES_S_PER_REV_MIN
+from mavhums.core.statistics import DEGREES_S_PER_REV_MIN, RAD_S_PER_REV_MIN
 from mavhums.health.estimation.slots import APART, BUS, MAGNITUDES, SENSED, TURNED, Slots
 from mavhums.health.estimation.thresholds import GUARD_S, LONGEST_GAP_PERIODS
 
 _LASTING_S = GUARD_S - 5e-7  # times are whole microseconds; rounding must not affect the comparison
-_V1, _V2, _V3, _V4, _V5, _V7, _V11 = (column(f"V{k}") for k in (1, 2, 3, 4, 5, 7, 11))
+_V1, _V2, _V3, _V4, _V5, _V7, _V10, _V11 = (column(f"V{k}") for k in (1, 2, 3, 4, 5, 7, 10, 11))
 
 
 class Motion(NamedTuple):
@@ -64,14 +64,18 @@ class Motion(NamedTuple):
 
 def motion(actuator: Actuator, slots: Slots) -> Motion:
     """Return the motion at the samples that the slots judge."""
-    time_s, rev_min = slots.time_s, slots.values[:, _V7]
-    speed = rev_min * actuator.rad_s(1.0)
+    # Without constants the gear ratio is unknown, and the output shaft's own speed shows the motion.
+    ratio, of = (actuator.ema.gear_ratio, _V7) if actuator.ema else (1.0, _V10)
+    time_s, rev_min = slots.time_s, slots.values[:, of]
+    speed = rev_min * (RAD_S_PER_REV_MIN / ratio)
     acceleration, span = central_slope(time_s, speed)
     around = np.full(time_s.size, np.nan)
     around[1:-1] = (speed[2:] + speed[:-2]) / 2
     longest_s = LONGEST_GAP_PERIODS / actuator.min_rate_hz
     # At a low rate differences over a gap are no acceleration.
-    moving = lasting(time_s, rev_min, actuator.moving_speed_rev_min, longest_s) & (span < longest_s)
+    moving = lasting(time_s, rev_min, actuator.moving_speed_deg_s * ratio / 6.0, longest_s) & (
+        span < longest_s
+    )
     own = slots.judged
     values = slots.values[own]
     return Motion(
