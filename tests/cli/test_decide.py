@@ -71,7 +71,7 @@ def test_a_network_that_takes_the_winding_for_friction(
     verdict = elevator(outcome.out)
     network, faults = verdict["network"], {suspect["fault"] for suspect in verdict["suspects"]}
     assert network["model"]["name"] == "by-voltage"
-    assert network["inputs"] == ["V4"]
+    assert network["inputs"] == {"samples": ["V4"], "windows": []}
     assert (network["condition"], network["decides"]) == ("emergency", decide)
     assert network["windows"] > 20
     assert 5.0 <= network["first_emergency_s"] < 15.0
@@ -154,8 +154,8 @@ def test_where_they_agree_the_verdict_is_the_same(run: Run, worn: Path, decide: 
     assert (told in flat(run("analyse", worn, "--decide", decide).out)) == (decide == "both")
 
 
-def test_fewer_windows_than_must_agree_are_undecided_with_the_reason(run: Run, growing_log: Path) -> None:
-    verdict = elevator(run("analyse", growing_log, "--decide", "network", "--json").out)
+def test_fewer_windows_than_must_agree_are_undecided_with_the_reason(run: Run, short_log: Path) -> None:
+    verdict = elevator(run("analyse", short_log, "--decide", "network", "--json").out)
     assert (verdict["condition"], verdict["network"]["condition"]) == ("undecided", "undecided")
     assert "no two without a common sample agree" in verdict["reason"]
 
