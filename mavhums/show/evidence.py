@@ -147,7 +147,7 @@ class EvidenceCollector:
         return found
 
     def networks(self) -> dict[tuple[int, str], Curve]:
-        """Return, by vehicle and actuator, the probability of an emergency: of windows, and of samples."""
+        """Return, by vehicle and actuator, the probability of a fault in windows, and in samples."""
         found = {}
         for key, thinner in self._samples.items():
             samples = _finite(*thinner.rows())
