@@ -13,6 +13,7 @@ from mavhums.actuator.profile import Actuator, Airframe, Limits
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
+from mavhums.health.actuator.votes import carries
 from mavhums.learn import (
     Calibration,
     Card,
@@ -147,7 +148,10 @@ def train_model(
         conditions = {"precedent_logs": flown.logs.tolist(), "flown_weight": flown_weight}
         say(f"precedents: {flown.counts()}")
         own = flown_samples(flown, say)
-        keys = tuple(key for key in keys if np.isfinite(own[0][:, column(key)]).all())
+        # An ESC's telemetry leaves some samples without a sign: what most samples carry is learned from.
+        keys = tuple(key for key in keys if 2 * np.isfinite(own[0][:, column(key)]).sum() >= len(own[0]))
+        whole = np.isfinite(own[0][:, [column(key) for key in keys]]).all(axis=1)
+        own = (own[0][whole], own[1][whole], own[2][whole])
         say(f"samples of precedents: {_classes_text(own[1])}")
         groups.append(own)
     samples, classes, flight = (np.concatenate(parts) for parts in zip(*groups, strict=True))
@@ -221,8 +225,8 @@ def flown_samples(flown: FlownFlights, say: Callable[[str], None]) -> tuple[Arra
     """Return samples, classes and flights, below zero, of the precedents that train; check their command."""
     values, classes, flights, unit = [np.empty((0, len(KEYS)))], [], [], []
     for number, each in enumerate(flown.read(TRAINS, TAUGHT)):
-        moving, _ = moving_samples(each.actuator, each)
-        values.append(moving[::_EVERY])
+        moving, ema = moving_samples(each.actuator, each)[0][::_EVERY], each.actuator.ema
+        values.append(np.where(carries(moving, ema.gear_ratio if ema else None), moving, np.nan))
         count_ = len(values[-1])
         classes.append(np.full(count_, each.label != "normal"))
         flights.append(np.full(count_, -1 - each.flight))

@@ -142,7 +142,7 @@ def count_votes(
     counts = np.zeros((len(sizes), VOTE_COLUMNS), dtype=np.int64)
     counts[:, _BALLOT.network] = -1
     counts[:, _BALLOT.moving] = sizes
-    carried = _carried(moving, gear_ratio)
+    carried = carries(moving, gear_ratio)
     for k, network in enumerate(networks):
         open_ = (counts[:, _BALLOT.network] < 0) & (sizes > 0)
         if not open_.any():
@@ -265,7 +265,7 @@ def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[VoteOutcome
     ]
 
 
-def _carried(values: Array, gear_ratio: float | None) -> Flags:
+def carries(values: Array, gear_ratio: float | None) -> Flags:
     """Return which quantities of V1…V12 (n, 12) carry something, shape (n, 12)."""
     carried = np.isfinite(values)
     if gear_ratio is not None:
@@ -319,7 +319,7 @@ def answer_samples(models: Sequence[Model], values: Array, gear_ratio: float | N
     classes = tuple(dict.fromkeys(name for model in models for name in model.classes))
     p_emergency, inside = np.full(count, np.nan), np.zeros(count, dtype=np.bool_)
     said = np.full(count, -1, dtype=np.int8)
-    carried = _carried(values, gear_ratio)
+    carried = carries(values, gear_ratio)
     open_ = np.ones(count, dtype=np.bool_)
     for model in models:
         # The first network whose quantities a sample carries answers it, and no other.
