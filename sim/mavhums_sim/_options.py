@@ -180,6 +180,12 @@ _OPTIONS = (
     click.option("--burst", default=1.0, metavar="N", help="Mean number of frames lost in a row."),
     click.option("--late", default=0.0, metavar="SHARE", help="Share of the frames that others overtake."),
     click.option("--links", default=1, metavar="N", help="Parallel links, 1…4."),
+    click.option(
+        "--baud",
+        type=float,
+        metavar="N",
+        help="Bits a second of a radio's serial line, as 57600, to which the aircraft thins its streams.",
+    ),
     click.option("--clock-offset", default=0.0, metavar="S", help="Error of the vehicle's clock."),
     click.option("--clock-drift", default=0.0, metavar="PPM", help="Growth of that error."),
     click.option(
@@ -271,6 +277,7 @@ def _link(options: dict[str, Any]) -> Link:
         burst=options["burst"],
         late=options["late"],
         links=options["links"],
+        baud=options["baud"],
         clock_offset_s=options["clock_offset"],
         clock_drift_ppm=options["clock_drift"],
         reboot_at_s=options["reboot"],

@@ -66,6 +66,8 @@ def flight(output: Path, force: bool, **options: Any) -> None:
     if loop is None:
         record = _fly(planned)
         counts, known = _written(record, output, planned), record.truth()
+    elif planned.link.baud is not None:
+        raise click.UsageError("a flight in closed loop has no --baud; --stream-rate slows its streams")
     elif on_board:
         raise click.UsageError("a flight in closed loop is written as a .tlog; name one with -o")
     else:
@@ -135,7 +137,7 @@ def stream(urls: tuple[str, ...], speed: float, **options: Any) -> None:
     try:
         with ExitStack() as exits:
             writers = [exits.enter_context(connect(url)) for url in urls]
-            frames = transmit(messages(record), planned.link, planned.flight.seed)
+            frames = transmit(messages(record, planned.link), planned.link, planned.flight.seed)
             counts = send(frames, lambda data: [write(data) for write in writers], speed)
     except ValueError as error:
         raise click.UsageError(str(error)) from error

@@ -194,15 +194,16 @@ def _outputs(record: FlightRecord, time_s: Array) -> Kind:
 def _actuator(record: FlightRecord, surface: str, k: int) -> Iterator[Kind]:
     flight, actuator = record.flight, record.actuators[surface]
     time_s, values, esc = actuator.time_s, actuator.values, actuator.esc
+    degrees = actuator.temperature(flight.parameters, time_s)
     if "csrv" in flight.tiers:
         own: Mapping[str, object] = {
             "PosCmd": values[:, 0], "Pos": values[:, 2], "V": esc[:, _VOLTS], "A": esc[:, _AMPERES],
-            "Speed": values[:, 9] * 6, "Force": values[:, 10], "Pow": 255,
+            "Speed": values[:, 9] * 6, "Force": values[:, 10], "Pow": 255, "MotT": degrees,
         }  # fmt: skip
         yield records("CSRV", time_s, Id=k, **own)
     if "esc-unsigned" in flight.tiers:
         volts, amperes, speed = np.abs(esc[:, [_VOLTS, _AMPERES, _SPEED]]).T
-        yield records("ESC", time_s, Instance=k, RPM=speed, Volt=volts, Curr=amperes)
+        yield records("ESC", time_s, Instance=k, RPM=speed, Volt=volts, Curr=amperes, Temp=np.rint(degrees))
     if "named" in flight.tiers:
         for quantity in range(values.shape[1]):
             name = f"S{k + 1}V{quantity + 1:02d}".encode()

@@ -15,7 +15,15 @@ from mavhums_sim.individuals import Individual
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 from mavhums_sim.motion import CONTROL_PERIOD_S, Motion, simulate
 from mavhums_sim.rates import Rates
-from mavhums_sim.sensors import EscSide, Registers, SensorNoise, sample_times, sense, sense_esc
+from mavhums_sim.sensors import (
+    EscSide,
+    Registers,
+    SensorNoise,
+    sample_times,
+    sense,
+    sense_esc,
+    winding_temperature,
+)
 
 HEALTHY_FRICTION_NM = 0.225
 _AIR_DENSITY = 1.225
@@ -133,6 +141,11 @@ class ActuatorRecord:
     esc: Array
     individual: Individual
     conditions: tuple[Condition, ...]
+
+    def temperature(self, parameters: EmaParameters, times: Array) -> Array:
+        """Return the winding's temperature at other times, °C; the parameters are the type's."""
+        heated = winding_temperature(self.motion, self.individual.parameters(parameters))
+        return np.interp(times, self.motion.time_s, heated)
 
     def truth(self, fault: str) -> dict[str, object]:
         """Return the ground truth of this actuator as plain data."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -52,6 +52,9 @@ class Link:
         Signing key for every frame, 32 bytes (MAVLink 2 only).
     day
         Start of the flight, days after 2026-01-01 09:00 UTC, to simulate a history.
+    baud
+        Bits a second of the serial line to the radio, ten to a byte; the aircraft thins its streams to
+        that. None carries everything.
 
     Raises
     ------
@@ -73,6 +76,7 @@ class Link:
     mavlink: Literal[1, 2] = 2
     key: bytes | None = None
     day: float = 0.0
+    baud: float | None = None
 
     @property
     def start_us(self) -> int:
@@ -90,6 +94,8 @@ class Link:
             raise ValueError(f"there can be 1…{_MAX_LINKS} links")
         if not 0.0 <= self.day <= LAST_DAY:
             raise ValueError("a flight begins between day 0 and a hundred years later")
+        if self.baud is not None and not self.baud > 0.0:
+            raise ValueError("baud is a number of bits a second, above 0")
         if self.mavlink not in (1, 2):
             raise ValueError("MAVLink has versions 1 and 2")
         if self.key is not None and (self.mavlink == 1 or len(self.key) != 32):
@@ -127,6 +133,12 @@ def transmit(stream: Iterable[tuple[float, Message]], link: Link, seed: int) -> 
             yield heapq.heappop(under_way)[2]
     while under_way:
         yield heapq.heappop(under_way)[2]
+
+
+def frame_size(link: Link, message: Message) -> int:
+    """Return the bytes of a message over a link; 0 if its protocol has no such message."""
+    sent = _Sender(replace(link, reboot_at_s=None)).send(0.0, message)
+    return len(sent[0]) if sent else 0
 
 
 class _Sender:

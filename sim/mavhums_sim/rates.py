@@ -11,8 +11,9 @@ class Rates:
 
     Attributes
     ----------
-    attitude, air_data, battery, servo_output, esc
-        Rates of ATTITUDE, VFR_HUD, BATTERY_STATUS, SERVO_OUTPUT_RAW and the ESC messages.
+    attitude, air_data, battery, servo_output, esc, gps, status
+        Rates of ATTITUDE, VFR_HUD, BATTERY_STATUS, SERVO_OUTPUT_RAW, the ESC messages, GPS_RAW_INT and
+        SYS_STATUS.
         ``Flight.rate_hz`` is the rate of the actuator's own telemetry.
 
     Raises
@@ -26,6 +27,8 @@ class Rates:
     battery: float = 2.0
     servo_output: float = 50.0
     esc: float = 20.0
+    gps: float = 5.0
+    status: float = 2.0
 
     def __post_init__(self) -> None:
         for name in self.__slots__:

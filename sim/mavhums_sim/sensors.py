@@ -13,11 +13,15 @@ import numpy as np
 
 from mavhums_sim._arrays import Array
 from mavhums_sim.ema import EmaParameters
-from mavhums_sim.motion import Motion
+from mavhums_sim.motion import CONTROL_PERIOD_S, Motion
 
 EscSide = Literal["motor", "bus"]
 ELECTRONICS_A = 0.05  # bus current of the electronics of one actuator
 
+
+AMBIENT_C = 35.0
+_HEATING_K_PER_W, _HEATING_S = 8.0, 300.0
+"""Of a winding to its housing: rise per watt at rest, and time constant."""
 
 _DEGREES = 180.0 / np.pi
 _REV_MIN = 30.0 / np.pi
@@ -162,3 +166,16 @@ def sense_esc(
         sensed[:, 0] = supply + noise.voltage_v * rng.standard_normal(times.size)
         sensed[:, 1] = power / supply + ELECTRONICS_A + noise.current_a * rng.standard_normal(times.size)
     return sensed
+
+
+def winding_temperature(motion: Motion, parameters: EmaParameters) -> Array:
+    """Return the temperature of the winding, °C, which I²·R heats: τ·dϑ/dt = R_th·I²·R − ϑ, shape (n,).
+
+    A constant current approaches ϑ = R_th·I²·R above the ambient temperature with the time constant τ.
+    """
+    from scipy.signal import lfilter
+
+    watts = motion.current**2 * (parameters.resistance * motion.degradation.resistance_factor)
+    step = 1.0 - np.exp(-CONTROL_PERIOD_S / _HEATING_S)
+    warmer: Array = lfilter([step], [1.0, step - 1.0], _HEATING_K_PER_W * watts)
+    return AMBIENT_C + warmer

@@ -37,10 +37,14 @@ Message = Any
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """One message type: times of sending, s, and a function that builds its k-th message."""
+    """One message type: times of sending, s, and a function that builds its k-th message.
+
+    So many messages ``together`` are one sample, of which a slow link carries all or none.
+    """
 
     times: Array
     build: Callable[[int], Message]
+    together: int = 1
 
 
 def actuator_streams(record: FlightRecord) -> list[Stream]:
@@ -90,9 +94,12 @@ def _esc_unsigned(record: FlightRecord) -> list[Stream]:
         for column, scale in ((0, 100.0), (1, 100.0), (2, 1.0))
     )
 
+    warmth = [a.temperature(record.flight.parameters, times) for a in record.actuators.values()]
+    degrees = np.clip(np.rint(np.stack(warmth, axis=1)), 0, 255).astype(int)
+
     def build(k: int) -> Message:
         return mavlink.MAVLink_esc_telemetry_1_to_4_message(
-            [35] * 4,
+            degrees[k].tolist(),
             centivolts[k].tolist(),
             centiamperes[k].tolist(),
             [0] * 4,
@@ -120,7 +127,7 @@ def _named_values(actuator: ActuatorRecord, names: list[bytes]) -> Stream:
         value = float(actuator.values[sample, quantity])
         return mavlink.MAVLink_named_value_float_message(time_ms, names[quantity], value)
 
-    return Stream(np.repeat(actuator.time_s, count), build)
+    return Stream(np.repeat(actuator.time_s, count), build, count)
 
 
 def _pwm(record: FlightRecord) -> list[Stream]:

@@ -6,6 +6,7 @@ import hashlib
 import struct
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,8 @@ CARRIED_BY_1 = {
     "ATTITUDE",
     "VFR_HUD",
     "BATTERY_STATUS",
+    "GPS_RAW_INT",
+    "SYS_STATUS",
     "SERVO_OUTPUT_RAW",
 }
 
@@ -38,6 +41,36 @@ def record() -> FlightRecord:
 
 def frames(record: FlightRecord, link: Link) -> list[Frame]:
     return list(transmit(messages(record), link, record.flight.seed))
+
+
+@pytest.mark.parametrize("protocol", [Link(), Link(key=KEY)])
+def test_a_radio_carries_what_its_line_can_of_every_stream(record: FlightRecord, protocol: Link) -> None:
+    """A line of 57,600 baud has 5,760 bytes a second, of which each stream gets the same share."""
+    named = FlightRecord(replace(record.flight, tiers=("named", "pwm")), record.cyclogram, record.actuators)
+    link = replace(protocol, baud=57_600.0)
+    for flown in (record, named):
+        got = list(transmit(messages(flown, link), link, seed=1))
+        second = np.array([frame.received_us - EPOCH_US for frame in got]) // 1_000_000
+        carried = np.bincount(second, weights=[len(frame.data) for frame in got])[:-1]
+        assert carried.mean() <= 5760
+        assert carried.max() <= 5760 + 512  # the buffer of its port takes that
+        assert np.median(carried) > 0.75 * 5760
+        kept, sent = Counter(f.name for f in got), Counter(f.name for f in frames(flown, protocol))
+        whole = {"HEARTBEAT", "STATUSTEXT", "PARAM_VALUE"}
+        assert all(kept[name] == sent[name] for name in whole)
+        shares = [kept[name] / sent[name] for name in sent.keys() - whole]
+        assert max(shares) < 0.9
+        assert max(shares) - min(shares) < 0.03
+    names = Counter(decoded(frame).name for frame in got if frame.name == "NAMED_VALUE_FLOAT")
+    assert all(len({names[f"S{servo}V{v:02d}"] for v in range(1, 13)}) == 1 for servo in (1, 2, 3, 4))
+
+
+def test_a_line_that_is_fast_enough_changes_nothing(record: FlightRecord) -> None:
+    assert frames(record, Link()) == list(
+        transmit(messages(record, Link(baud=1e6)), Link(baud=1e6), record.flight.seed)
+    )
+    with pytest.raises(ValueError, match="do not carry heartbeats"):
+        messages(record, Link(baud=300.0))
 
 
 def decoded(frame: Frame, mav: Any | None = None) -> Any:

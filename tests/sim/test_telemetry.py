@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from mavhums_sim import FlightRecord, write_tlog
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.flight import Flight, fly
 from mavhums_sim.link import EPOCH_US
+from mavhums_sim.sensors import AMBIENT_C, winding_temperature
 from mavhums_sim.telemetry import MESSAGES, messages
 
 BOOT_S = 30.0
@@ -114,6 +116,42 @@ def test_aircraft_state_is_the_cyclograms(record: FlightRecord, written: tuple[d
     assert read["BATTERY_STATUS"][0].voltages[0] == 27_000
 
 
+def test_a_winding_heats_by_its_current_and_the_esc_reports_it(
+    record: FlightRecord, written: tuple[dict[str, int], Read]
+) -> None:
+    actuator, parameters = record.actuators["rudder"], record.flight.parameters
+    current = np.full_like(actuator.motion.current, 1.1)
+    for own, worse in ((1.0, 1.0), (1.1, 1.0), (1.0, 2.0)):
+        worn = replace(actuator.motion.degradation, resistance_factor=np.full_like(current, worse))
+        heated = replace(actuator.motion, current=current, degradation=worn)
+        sized = replace(parameters, resistance=own * parameters.resistance)
+        settled = 8.0 * 1.1**2 * sized.resistance * worse  # R_th·I²·R
+        wanted = AMBIENT_C + settled * -np.expm1(-heated.time_s / 300.0)
+        np.testing.assert_allclose(winding_temperature(heated, sized), wanted, atol=1e-6)
+    times = np.array([t for t, m in messages(record) if m.get_type() == "ESC_TELEMETRY_1_TO_4"])
+    for esc, surface in enumerate(SURFACES):
+        got = np.array([m.temperature[esc] for m in written[1]["ESC_TELEMETRY_1_TO_4"]])
+        assert np.abs(got - record.actuators[surface].temperature(parameters, times)).max() <= 0.5
+
+
+def test_the_fixes_follow_the_flight_and_the_supply_is_one(
+    record: FlightRecord, written: tuple[dict[str, int], Read]
+) -> None:
+    flown, fixes = record.cyclogram, written[1]["GPS_RAW_INT"]
+    times = column(fixes, "time_usec") / 1e6 - BOOT_S
+    north, east = np.diff([column(fixes, "lat"), column(fixes, "lon") * np.cos(np.radians(47.0))]) * 1e-7
+    path = 111_320.0 * np.hypot(north, east).sum()
+    between = (flown.time_s >= times[0]) & (flown.time_s <= times[-1])
+    assert path == pytest.approx((flown.airspeed * np.cos(flown.pitch))[between].sum() * 1e-3, rel=0.01)
+    height = np.interp(times, flown.time_s, flown.altitude)
+    np.testing.assert_allclose(column(fixes, "alt") / 1e3 - 400.0, height, atol=1e-3)
+    np.testing.assert_allclose(
+        column(fixes, "vel"), 100 * np.interp(times, flown.time_s, flown.airspeed), rtol=0.05
+    )
+    volts = {m.voltage_battery for m in written[1]["SYS_STATUS"]}
+    assert volts == {m.voltages[0] for m in written[1]["BATTERY_STATUS"]} == {27_000}
+
+
 def test_log_names_its_airframe_and_its_servos(written: tuple[dict[str, int], Read]) -> None:
     said = {m.text for m in written[1]["STATUSTEXT"]}
     assert said == {"mavhums airframe=paper", "SimBoard 4D415648 554D5353 494D0001"}
@@ -134,7 +172,7 @@ def test_failed_writing_leaves_what_was_there(
     path = tmp_path / "flight.tlog"
     path.write_bytes(b"yesterday's")
 
-    def broken(_: FlightRecord) -> Iterator[Any]:
+    def broken(*_: object) -> Iterator[Any]:
         raise KeyboardInterrupt
         yield
 
