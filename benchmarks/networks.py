@@ -1,6 +1,6 @@
 """Accuracy, abstention and calibration of the packaged networks on unseen flights.
 
-    python benchmarks/networks.py [--flights 4] [--part modes|population|faults|windows|stages|bound|cost]
+    python benchmarks/networks.py [--flights 4] [--part PART]
 
 Individuals with two masses, four actuators a flight, flights of 100 s at 100 Hz unless said otherwise,
 from seeds that neither training nor calibration used. Windows are of 10 s and do not overlap. The
@@ -10,6 +10,8 @@ modes       normal (0.225 … 0.375 N·m) and emergency (0.875 … 1.025 N·m), 
 population  frictions through the whole range at 100, 50, 25 and 10 Hz: Brier score and calibration
 faults      windows between the classes, and with other faults: who abstains, and what is said
 windows     every condition that the simulator flies: decisions by condition, severity, mode and rate
+independent logs of flights unlike those of training, with the network as the judge, by window and actuator;
+            --last-look takes seeds that are kept for the end
 stages      what each stage of the paper's scheme is worth: results with one stage more at a time
 bound       what a decision per sample can reach: boosted trees on more and more flights, and with the slope
             of the speed, which is in none of V1…V12, beside them
@@ -28,6 +30,7 @@ from rich.console import Console
 from rich.table import Table
 from sklearn.ensemble import HistGradientBoostingClassifier
 
+from benchmarks import _independent
 from benchmarks._windows import windows
 from mavhums.actuator import load_airframe
 from mavhums.core.quantities import KEYS, column
@@ -48,7 +51,7 @@ from mavhums_sim.conditions import Condition
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 
 SEED = 50_000_000
-PARTS = ["modes", "population", "faults", "windows", "stages", "bound", "cost"]
+PARTS = ["modes", "population", "faults", "windows", "independent", "stages", "bound", "cost"]
 ACTUATOR = load_airframe("paper").actuators[2]
 MIDDLE = 0.625
 CLASSES = ((0.225, 0.375), (0.875, 1.025))
@@ -341,6 +344,7 @@ def main() -> None:
     )
     parser.add_argument("--flights", type=int, default=4, help="of each class and mode; four actuators each")
     parser.add_argument("--part", choices=PARTS)
+    parser.add_argument("--last-look", action="store_true", help="independent: the seeds of the last look")
     options = parser.parse_args()
     console = Console(width=150)
     models = dict(zip(TELEMETRY, packaged_models(), strict=True))
@@ -349,6 +353,13 @@ def main() -> None:
         "population": lambda: population(models, options.flights),
         "faults": lambda: faults(models, options.flights),
         "windows": lambda: windows(models, options.flights, console.print),
+        "independent": lambda: console.print(
+            *_independent.independent(
+                [*models.values()],
+                14 * options.flights,
+                _independent.LAST_LOOK if options.last_look else _independent.SEED,
+            )
+        ),
         "stages": lambda: stages(models, options.flights),
         "bound": lambda: bound(options.flights),
         "cost": lambda: cost(models),
