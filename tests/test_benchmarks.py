@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import itertools
 import re
 import shlex
 import subprocess
@@ -13,6 +14,7 @@ from typing import Any, NamedTuple
 
 import click
 import pytest
+from scipy.stats import binomtest
 
 from benchmarks.trend import normal
 from tests.conftest import CARRIED, REAL_LOGS
@@ -52,7 +54,11 @@ RUNS: dict[str, list[Small]] = {
     "fleet_equality": [Small("--flights 1", {"AIRCRAFT": 4, "TWO_VEHICLES": (3,)}, slow=True)],
     "fleet_year": [Small("--aircraft 1 --days 7", slow=True)],
     "growth": [Small("--histories 1 --every 50", slow=True)],
-    "health": [Small("friction --scale 0.001 --workers 1"), Small("jams --scale 0.1 --workers 1", slow=True)],
+    "health": [
+        Small("friction --scale 0.001 --workers 1"),
+        Small("flights --scale 0.016 --workers 1", slow=True),
+        Small("jams --scale 0.1 --workers 1", slow=True),
+    ],
     "holes": [Small("--every 100 LOG")],
     "house": [Small(slow=True)],
     "links": [Small("LINKS", slow=True, needs=LINKS)],
@@ -128,7 +134,49 @@ def test_a_benchmark_runs(
     except SystemExit as end:
         ended = end.code
     assert not ended
-    assert capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert printed
+    for head, rows in tables(printed).items():
+        for cells in rows & EVIDENCE.get(head, {}).keys():
+            alike(head, rows[cells], EVIDENCE[head][cells])
+
+
+def tables(text: str) -> dict[str, dict[tuple[str, ...], list[str]]]:
+    """Return the rows of each Markdown table by its head, each by its cells before the first count."""
+    found: dict[str, dict[tuple[str, ...], list[str]]] = {}
+    head = ""
+    for before, line in itertools.pairwise(text.splitlines()):
+        if re.fullmatch(r"(\|---)+\|", line):
+            head = before
+        elif head and line.startswith("| "):
+            cells = line.strip("| ").split(" | ")
+            labels = tuple(itertools.takewhile(lambda cell: not cell.isdecimal(), cells))
+            found.setdefault(head, {})[labels] = cells
+        else:
+            head = ""
+    return found
+
+
+EVIDENCE = {
+    head: rows
+    for document in (ROOT / "docs" / "evidence").glob("*.md")
+    for head, rows in tables(document.read_text(encoding="utf-8")).items()
+}
+
+
+def alike(head: str, found: list[str], said: list[str]) -> None:
+    """Check a row of few flights against that of the evidence: no count may be surprising beside its total."""
+    assert len(found) == len(said)
+    counts = [
+        (name, int(a), int(b))
+        for name, a, b in zip(head.strip("| ").split(" | "), found, said, strict=True)
+        if a.isdecimal() and b.isdecimal()
+    ]
+    (_, few, many), *others = counts
+    for name, found_of, said_of in others:
+        # The evidence's own share is an estimate.
+        share = (said_of + 1) / (many + 2)
+        assert binomtest(found_of, few, share).pvalue > 0.001, (name, found, said)
 
 
 class ParsedError(Exception):
