@@ -165,7 +165,7 @@ EVIDENCE = {
 
 
 def alike(head: str, found: list[str], said: list[str]) -> None:
-    """Check a row of few flights against that of the evidence: no count may be surprising beside its total."""
+    """Check a row of few flights against that of the evidence: no count may be surprising."""
     assert len(found) == len(said)
     counts = [
         (name, int(a), int(b))
