@@ -178,7 +178,8 @@ def train_network(
     everything = Vectors(samples[:, [column(key) for key in selection.selected]], labels, weight)
     offered, checked = everything.part(np.flatnonzero(~held_out)), everything.part(np.flatnonzero(held_out))
     vectors, chosen, selection = reduce_vectors(offered, checked, selection, scheme, seed=draw, tell=tell)
-    networks, candidates = _fit(vectors.of_features(chosen), checked.of_features(chosen), scheme, random)
+    parts = [part.of_features(chosen) for part in (vectors, offered, checked)]
+    networks, candidates = _fit(parts, scheme, random)
     best = max(
         range(len(candidates)),
         key=lambda k: (candidates[k].validation_accuracy, -candidates[k].hidden),
@@ -200,9 +201,10 @@ def train_network(
 
 
 def _fit(
-    vectors: Vectors, checked: Vectors, scheme: Scheme, random: np.random.Generator
+    parts: Sequence[Vectors], scheme: Scheme, random: np.random.Generator
 ) -> tuple[tuple[TanhNetwork, ...], list[NetworkScore]]:
-    """Train the networks on the vectors; the samples held out stop each early."""
+    """Train the networks on vectors that represent the offered ones; those checked stop each early."""
+    vectors, offered, checked = parts
     ensemble = TanhNetworkEnsemble(
         scheme.networks,
         random.permutation(np.asarray(scheme.hidden)).tolist(),
@@ -214,7 +216,8 @@ def _fit(
         vectors.weight,
         validation=(checked.features, checked.target),
     )
-    trained = ensemble.member_scores(vectors.features, vectors.target)
+    # Of the vectors, those at the border of the classes are many more than of the samples.
+    trained = ensemble.member_scores(offered.features, offered.target)
     sizes = [len(network.b1) for network in ensemble.networks_]
     scores = zip(sizes, trained.tolist(), ensemble.validation_accuracies_.tolist(), strict=True)
     return ensemble.networks_, [NetworkScore(*each) for each in scores]

@@ -18,7 +18,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.learn import CommandLeakWarning, PrecedentBase, load_model
 from mavhums.learn.precedents import LABELS, Provenance, label_of
 from mavhums.training.flown import CALIBRATES, MEASURES, TRAINS, FlownFlights
-from mavhums.training.train import flown_samples
+from mavhums.training.samples import of_precedents, training_samples
 from mavhums_sim import Flight, fly, write_tlog
 
 
@@ -272,8 +272,9 @@ def test_a_command_that_distinguishes_the_classes_is_warned_of(tmp_path: Path) -
         label = "friction_emergency" if worn else "normal"
         base.add(provenance(number, "elevator", label), (time_s * 1e6).astype(np.int64), values)
     told: list[str] = []
+    flown = of_precedents(FlownFlights(base, load_airframe("paper"), seed=1), TRAINS)
     with pytest.warns(CommandLeakWarning, match=r"Cramér's V 0\.[5-9]"):
-        samples, *_ = flown_samples(FlownFlights(base, load_airframe("paper"), seed=1), told.append)
+        samples, *_ = training_samples(flown, (), "precedents", told.append)
     assert "Cramér's V" in told[0]
     # An angle that was divided from the rotor's is not measured: no network would be asked with it.
     assert np.isnan(samples).all(axis=0).tolist() == [k == 2 for k in range(12)]

@@ -156,7 +156,7 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
 def test_a_model_that_never_votes_is_not_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mavhums.training.flights.fly", shorter)
     monkeypatch.setattr("mavhums.training.windows.fly", shorter)
-    monkeypatch.setattr("mavhums.training.train.windows", lambda *_: iter([(None, 0)]))
+    monkeypatch.setattr("mavhums.training.samples.windows", lambda *_: iter([(None, 0)]))
     said: list[str] = []
     _, card, _ = train_model(AIRFRAME, flights=1, scheme=Scheme(networks=1, vectors=100), tell=said.append)
     assert card.calibration is None
