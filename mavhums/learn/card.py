@@ -136,7 +136,7 @@ class Selection(Contract):
 
     def _wrapper(self, wrapped: Wrapped, inputs: tuple[str, ...]) -> str:
         dropped = " ".join(key for key in self.selected if key not in inputs)
-        kept = f"keeps {' '.join(inputs)}{f', drops {dropped}' if dropped else ''}"
+        kept = f"keeps {' '.join(inputs)}, drops {dropped or 'nothing, for no subset tried is better'}"
         return (
             f"wrapper: {wrapped.tried} of {wrapped.possible} subsets tried ({wrapped.search}); {kept}: "
             f"{100 * wrapped.accuracy:.2f} % of the samples held out, with all "
@@ -247,9 +247,9 @@ class Card(Contract):
     seed
         Random seed; it makes training repeatable.
     command
-        Command that regenerates the file.
+        Command that regenerates the file, with the same versions and instructions.
     versions
-        Versions of the libraries used for training, by name.
+        Versions of the libraries used for training, by name, and the processor's vector instructions.
     """
 
     format: Literal["mavhums.model/1"] = FORMAT

@@ -82,6 +82,8 @@ class TrainingResult:
         conditions: Mapping[str, JsonValue],
     ) -> Card:
         """Return the card for the model file: the training result plus the given entries."""
+        from torch.backends.cpu import get_cpu_capability
+
         chosen: dict[str, JsonValue] = {
             "networks": len(self.candidates),
             "hidden": self.chosen.hidden,
@@ -101,7 +103,8 @@ class TrainingResult:
             selection=self.selection,
             seed=self.seed,
             command=command,
-            versions={"mavhums": __version__} | libraries,
+            # Sums in other vector instructions differ in the last digits, and another network follows.
+            versions={"mavhums": __version__} | libraries | {"instructions": get_cpu_capability()},
         )
 
 

@@ -178,6 +178,9 @@ def test_packaged_models_say_how_they_were_made() -> None:
         assert model.card.command == f"{command} {Scheme().command} -o MODEL"
         assert model.card.selection.wrapped is not None
         assert model.card.selection.thinned is not None
+        assert model.card.window is not None
+        wrapper = model.card.window.selection.stage_lines(model.card.window.features)[-1]
+        assert "drops nothing, for no subset tried is better: " in wrapper
         assert set(model.keys) <= set(telemetry.keys) < set(KEYS)
     assert load_model(Path(mavhums.__file__).parent / "learn/models/paper-esc.safetensors").keys
 
