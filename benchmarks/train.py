@@ -21,7 +21,7 @@ from sklearn.preprocessing import MinMaxScaler
 
 from mavhums.core.quantities import KEYS
 from mavhums.learn import TanhNetworkEnsemble, exhaustive_search, genetic_search, network_objective
-from mavhums.study.cyclograms import MAIN, SELECTED, TEST_NM, TRAINING_NM, fly_condition
+from mavhums.study.cyclograms import PILOT, SELECTED, TEST_NM, TRAINING_NM, fly_condition
 from mavhums.study.experiment import samples
 from mavhums.study.report import markdown_table
 
@@ -31,8 +31,8 @@ HIDDEN = tuple(range(4, 17))
 def fifty(keys: tuple[str, ...], every: int, networks: int, solver: str) -> list[dict[str, object]]:
     """Train the same networks batched and one after another, on the same rows."""
     columns = [KEYS.index(key) for key in keys]
-    values, classes, _ = samples(fly_condition(MAIN, TRAINING_NM), every)
-    tested, truth, _ = samples(fly_condition(MAIN, TEST_NM), every)
+    values, classes, _ = samples(fly_condition(PILOT, TRAINING_NM), every)
+    tested, truth, _ = samples(fly_condition(PILOT, TEST_NM), every)
     values, tested = values[:, columns], tested[:, columns]
     begin = perf_counter()
     ensemble = TanhNetworkEnsemble(networks, HIDDEN, precision="single", n_jobs=2, random_state=0)
@@ -79,7 +79,7 @@ def row(inputs: int, name: str, seconds: float, batched: float, scores: np.ndarr
 
 def subsets(count: int) -> None:
     """Train a network for each subset of the twelve quantities, then search the table genetically."""
-    values, classes, _numbers = samples(fly_condition(MAIN, TRAINING_NM))
+    values, classes, _numbers = samples(fly_condition(PILOT, TRAINING_NM))
     # Every other ten seconds of each flight is held out.
     held_out = np.arange(len(values)) // 1000 % 2 == 1
     random = np.random.default_rng(0)

@@ -1,7 +1,7 @@
 """The numbers that the paper publishes, and simulation of its eight conditions over the study's cyclograms.
 
-The paper shows its cyclogram only in figures, so the study defines its own: the main one and three
-others, fixed before any training. All use the airspeed of the simulator's take-off and PI control, without
+The paper shows its cyclogram only in figures, so the study defines its own: a take-off, and a
+pilot's, fixed before any training. Both use the airspeed of the simulator's take-off and PI control, without
 sensor noise, because the paper's data are the output of a model.
 """
 
@@ -83,9 +83,9 @@ CHI_SQUARE: Final = {
 P_LEVELS: Final = {"V11": 0.009165, "V12": 0.005362}
 """P-levels in figure 15; the paper gives the others as 0.000000."""
 
-MAIN = "pilot ±20°"
 TAKEOFF = "take-off"
 """The paper's cyclogram, as far as its figures show it."""
+PILOT = "pilot ±20°"
 
 _DURATION_S = 100.0
 _RATE_HZ = 100.0
@@ -137,18 +137,6 @@ def _pilot(amplitude_deg: float, low_hz: float, high_hz: float, seed: int) -> Ar
     return command
 
 
-def _steps(amplitude_deg: float, seed: int) -> Array:
-    """Return a command of moves of up to 2 s, separated by rests of 1 s to 4 s, °."""
-    random = np.random.default_rng(seed)
-    times, angles = [0.0], [0.0]
-    while times[-1] < _DURATION_S:
-        rest, move = random.uniform(1, 4), random.uniform(0.7, 2)
-        times += [times[-1] + rest, times[-1] + rest + move]
-        angles += [angles[-1], random.uniform(-amplitude_deg, amplitude_deg)]
-    command: Array = np.interp(_time(), times, angles)
-    return command
-
-
 @cache
 def _air(seed: int) -> Cyclogram:
     """Return a take-off, whose gusts take longer to draw than its actuators to simulate."""
@@ -161,10 +149,8 @@ def _takeoff(seed: int = _SEED) -> Array:
 
 
 CYCLOGRAMS: dict[str, Callable[[], Array]] = {
-    MAIN: lambda: _pilot(20, 0.05, 0.25, seed=0),
     TAKEOFF: _takeoff,
-    "pilot ±12°": lambda: _pilot(12, 0.05, 0.4, seed=1),
-    "moves and rests": lambda: _steps(20, seed=2),
+    PILOT: lambda: _pilot(20, 0.05, 0.25, seed=0),
 }
 """The command of each cyclogram, °, one value per millisecond."""
 

@@ -16,16 +16,15 @@ import rerun.blueprint as rrb
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from mavhums.core.quantities import KEYS, QUANTITIES
-from mavhums.learn import Scheme, SubsetSearch
+from mavhums.learn import SubsetSearch
 from mavhums.show._rows import open_stream, send
 from mavhums.show.blueprint import panels, whole_flight
 from mavhums.show.words import BLUE, COLOURS, SERIES
 from mavhums.study.cyclograms import (
-    BEST_12,
     BEST_SELECTED,
     CONDITIONS,
     FIGURES_16_TO_19,
-    MAIN,
+    PILOT,
     SELECTED,
     TABLE_4,
     TABLE_5,
@@ -33,8 +32,16 @@ from mavhums.study.cyclograms import (
     TRAINING_NM,
     CyclogramSamples,
 )
-from mavhums.study.experiment import Experiment, emergency, held_decision
-from mavhums.study.tables import FEWER_NETWORKS, LOAD_FRICTION, TWO, Findings
+from mavhums.study.experiment import WEIGHT_DECAY, Experiment, emergency, held_decision
+from mavhums.study.statements import (
+    FASTER,
+    POINT,
+    decay_table,
+    group_statement,
+    named,
+    statement_table,
+)
+from mavhums.study.tables import FEWER_NETWORKS, LOAD_FRICTION, Findings
 
 _HELD_GOAL = 99.9
 _MOVES = 0.9
@@ -67,23 +74,26 @@ def report(findings: Findings, seconds: float) -> str:
     seconds
         Computing time, s.
     """
-    outputs = findings.main[2].flights[["friction_nm", "role", "per_sample", "held"]].copy()
+    outputs = findings.takeoff[1].flights[["friction_nm", "role", "per_sample", "held"]].copy()
     outputs["friction_nm"] = [f"{friction:.3f}" for friction in outputs["friction_nm"]]
     return render(
         "paper.md.jinja",
         found=findings,
         effort=findings.effort,
         seconds=seconds,
-        main=MAIN,
+        pilot=PILOT,
         takeoff=TAKEOFF,
         all_keys=KEYS,
         selected=SELECTED,
-        two_inputs=TWO,
-        best_12=BEST_12,
         best_selected=BEST_SELECTED,
+        weight_decay=WEIGHT_DECAY,
         load_friction=LOAD_FRICTION,
         fewer_networks=FEWER_NETWORKS,
-        comparison=pd.concat([_comparison(findings, name) for name in (TAKEOFF, MAIN)]),
+        statements=statement_table(findings),
+        point=POINT,
+        faster=FASTER,
+        decays=decay_table(findings),
+        group_statement=group_statement(findings.groups),
         split=pd.DataFrame(
             {
                 "T_c, N·m": [f"{friction:.3f}" for friction in CONDITIONS],
@@ -93,74 +103,14 @@ def report(findings: Findings, seconds: float) -> str:
                 ],
             }
         ),
-        filters=_filters(findings),
-        groups_by_cyclogram=pd.DataFrame(
-            [
-                {
-                    "cyclogram": name,
-                    "groups": _groups(found.multiple.groups),
-                    "selected": ", ".join(found.multiple.selected),
-                }
-                for name, found in findings.groupings.items()
-            ]
+        best=[_best(experiment) for experiment in findings.takeoff],
+        summary=pd.DataFrame(
+            [_summary(each) for name in (TAKEOFF, PILOT) for each in findings.experiments[name]]
         ),
-        best=[_best(experiment) for experiment in findings.main],
-        summary=pd.DataFrame([_summary(experiment) for experiment in findings.main]),
         motion=_motion(findings),
         outputs=outputs,
-        named=_named,
         rank=_rank,
     )
-
-
-def _comparison(findings: Findings, cyclogram: str) -> pd.DataFrame:
-    """Return a row for each set of inputs on one cyclogram."""
-    chosen = findings.groupings[cyclogram]
-    names = {
-        TWO: "two",
-        chosen.pairs.selected: "selected in pairs",
-        SELECTED: "the paper's",
-        chosen.multiple.selected: "selected by Algorithm 1",
-        KEYS: "all",
-    }
-    rows = []
-    for found in findings.experiments[cyclogram]:
-        paper = BEST_12 if found.inputs == KEYS else BEST_SELECTED
-        rows.append(
-            {
-                "cyclogram": cyclogram,
-                "inputs": f"{names[found.inputs]}: {_named(found.inputs)}",
-                "paper, best of 50 by test, %": paper,
-                f"ours, best of {len(found.table)} by test, %": found.best_test,
-                "reaches the paper's": "yes" if found.best_test >= paper else "no",
-                "ours, chosen without test data, %": found.without_test_data,
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def _named(inputs: tuple[str, ...]) -> str:
-    return ", ".join(inputs) if inputs != KEYS else "V1–V12"
-
-
-def _filters(findings: Findings) -> pd.DataFrame:
-    multiple, pairs = findings.groupings[MAIN]
-    rows = [
-        ("paper", "4 groups (a picture)", SELECTED),
-        (
-            f"Algorithm 1, m = {Scheme().order}, R² ≥ {Scheme().r2}",
-            _groups(multiple.groups),
-            multiple.selected,
-        ),
-        ("pairs, degree 2, R² ≥ 0.9", _groups(pairs.groups), pairs.selected),
-    ]
-    return pd.DataFrame(
-        [{"filter": name, "groups": groups, "selected": ", ".join(kept)} for name, groups, kept in rows]
-    )
-
-
-def _groups(groups: tuple[tuple[str, ...], ...]) -> str:
-    return " ".join("{" + ", ".join(group) + "}" for group in groups)
 
 
 def _best(experiment: Experiment) -> pd.DataFrame:
@@ -186,7 +136,8 @@ def _best(experiment: Experiment) -> pd.DataFrame:
 def _summary(experiment: Experiment) -> dict[str, object]:
     test = experiment.table["test"]
     return {
-        "inputs": " ".join(experiment.inputs),
+        "cyclogram": experiment.cyclogram,
+        "inputs": named(experiment.inputs),
         "best by test": experiment.best_test,
         "chosen without test data": experiment.without_test_data,
         "median": float(test.median()),
@@ -210,7 +161,7 @@ def _motion(findings: Findings) -> pd.DataFrame:
                 {
                     "cyclogram": name,
                     "moving": moving,
-                    "inputs": " ".join(experiment.inputs) if experiment.inputs != KEYS else "12",
+                    "inputs": named(experiment.inputs),
                     "per sample": experiment.without_test_data,
                     "held": held,
                     "voted": voted,
@@ -256,7 +207,7 @@ _STATES = {state: COLOURS[state] for state in ("normal", "emergency")}
 def record_study(
     path: Path, report: str, flights: Sequence[CyclogramSamples], experiments: Sequence[Experiment]
 ) -> None:
-    """Write the recording of the main cyclogram.
+    """Write the recording of the take-off.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ from mavhums.study.cyclograms import (
     CONDITIONS,
     CYCLOGRAMS,
     FIGURES_16_TO_19,
-    MAIN,
+    PILOT,
     SELECTED,
     TAKEOFF,
     TEST_NM,
@@ -29,25 +29,37 @@ from mavhums.study.cyclograms import (
     CyclogramSamples,
     fly_condition,
 )
-from mavhums.study.experiment import Effort, Experiment, emergency, run_experiment, samples, takeoff_bound
+from mavhums.study.experiment import (
+    WEIGHT_DECAY,
+    Effort,
+    Experiment,
+    emergency,
+    mlp_accuracies,
+    run_experiment,
+    samples,
+    takeoff_bound,
+)
 from mavhums.study.report import record_study, report
+from mavhums.study.statements import decay_table, statement_table
 from mavhums.study.tables import (
     LOAD_FRICTION,
     TWO,
     FigureOne,
     Findings,
+    algorithm_1,
     chi_square_table,
-    grouping,
+    group_table,
     load_friction_table,
     p_level_table,
     subset_table,
+    subsets_of_four,
     table_1,
-    thinning_table,
 )
 
 Progress = Callable[[int, int], None]
 
-_BOTH = (MAIN, TAKEOFF)
+_DECAYS = {TAKEOFF: (0.0, 1e-6, WEIGHT_DECAY, 1e-2), PILOT: (0.0, WEIGHT_DECAY)}
+_INPUTS = (KEYS, SELECTED, TWO)
 
 
 def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Findings:
@@ -63,24 +75,14 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
         Called with the number of steps done and the total.
     """
     training = {name: fly_condition(name, TRAINING_NM) for name in CYCLOGRAMS}
-    test = fly_condition(MAIN, TEST_NM)
-    groupings = {name: grouping(flights) for name, flights in training.items()}
+    test = fly_condition(TAKEOFF, TEST_NM)
+    selections = {name: algorithm_1(flights) for name, flights in training.items()}
     plan = [
-        (name, inputs)
-        for name, found in groupings.items()
-        for inputs in dict.fromkeys(
-            (
-                KEYS,
-                found.multiple.selected,
-                SELECTED,
-                *((found.pairs.selected,) if name == MAIN else ()),
-                *((TWO,) if name in _BOTH else ()),
-            )
-        )
+        (name, decay, inputs) for name, decays in _DECAYS.items() for decay in decays for inputs in _INPUTS
     ]
-    wanted = (SELECTED, groupings[MAIN].multiple.selected, KEYS)
-    searched = list(dict.fromkeys(wanted)) if effort.subset_samples else []
-    steps = len(plan) + len(searched) + len(_BOTH) + 2
+    plan += [(name, WEIGHT_DECAY, selection.selected) for name, selection in selections.items()]
+    plan = list(dict.fromkeys(plan))
+    steps = len(plan) + len(_DECAYS[TAKEOFF]) + len(_DECAYS) + 2
     done = 0
 
     def step() -> None:
@@ -89,20 +91,23 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
         if progress:
             progress(done, steps)
 
-    run_experiment(MAIN, KEYS, replace(Effort.quick(), networks=2, iterations=2), seed=seed)  # warms up
-    experiments: dict[str, list[Experiment]] = {name: [] for name in CYCLOGRAMS}
-    for name, inputs in plan:
-        experiments[name].append(run_experiment(name, inputs, effort, seed=seed))
+    run_experiment(TAKEOFF, KEYS, replace(Effort.quick(), networks=2, iterations=2), seed=seed)  # warms up
+    found = {}
+    for name, decay, inputs in plan:
+        found[name, decay, inputs] = run_experiment(name, inputs, effort, seed=seed, weight_decay=decay)
+        step()
+    mlp, of_four = {}, {}
+    for decay in _DECAYS[TAKEOFF]:
+        for inputs in _INPUTS:
+            mlp[inputs, decay] = mlp_accuracies(TAKEOFF, inputs, effort, decay, seed=seed)
+        of_four[decay] = subsets_of_four(decay, effort, seed=seed)
         step()
     figure_1 = {}
-    for name in _BOTH:
+    for name in _DECAYS:
         figure_1[name] = _figure_1(name, effort, seed=seed)
         step()
-    subsets = {}
-    for keys in searched:
-        subsets[keys] = subset_table(training[MAIN], test, keys, effort, seed=seed)
-        step()
-    thinning = thinning_table(training[MAIN], test, effort, seed=seed)
+    searched = bool(effort.subset_samples)
+    subsets = subset_table(training[TAKEOFF], test, effort, seed=seed) if searched else None
     step()
     loaded = load_friction_table(effort, seed=seed)
     step()
@@ -110,18 +115,28 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
         effort=effort,
         seed=seed,
         table_1=table_1(),
-        chi_square=chi_square_table(training[MAIN], fly_condition(MAIN, CONDITIONS)),
+        chi_square=chi_square_table(training[TAKEOFF], fly_condition(TAKEOFF, CONDITIONS)),
         p_levels=p_level_table(),
-        groupings=groupings,
-        experiments=experiments,
+        selections=selections,
+        groups=group_table(),
+        experiments={
+            name: [one for key, one in found.items() if key[:2] == (name, WEIGHT_DECAY)]
+            for name in CYCLOGRAMS
+        },
+        decays={
+            (name, decay): [found[name, decay, inputs] for inputs in _INPUTS]
+            for name, decays in _DECAYS.items()
+            for decay in decays
+        },
+        mlp=mlp,
+        subsets_of_four=of_four,
         figure_1=figure_1,
         bound=takeoff_bound(effort) if effort.takeoffs else None,
         subsets=subsets,
-        thinning=thinning,
         leaks=_leaks(training),
         moving=_moving(),
         load_friction=loaded,
-        load_selection=grouping(fly_condition(MAIN, TRAINING_NM, LOAD_FRICTION)).multiple,
+        load_selection=algorithm_1(fly_condition(TAKEOFF, TRAINING_NM, LOAD_FRICTION)),
     )
 
 
@@ -137,10 +152,9 @@ def _figure_1(cyclogram: str, effort: Effort, *, seed: int) -> FigureOne:
 
 def _leaks(training: dict[str, list[CyclogramSamples]]) -> tuple[CommandLeak, CommandLeak]:
     """Check the study's own data, and classes flown with different cyclograms, for a command leak."""
-    other = next(name for name in training if name != MAIN)
-    mixed = [training[MAIN][0], training[other][1]]
+    mixed = [training[TAKEOFF][0], training[PILOT][1]]
     found = []
-    for flights in (training[MAIN], mixed):
+    for flights in (training[TAKEOFF], mixed):
         values, classes, numbers = samples(flights)
         with warnings.catch_warnings():
             # These data leak on purpose, and the report states it.
@@ -186,29 +200,6 @@ def _output_figure(experiment: Experiment, flights: Sequence[CyclogramSamples]) 
     return figure
 
 
-def _accuracy_figure(experiments: Sequence[Experiment]) -> Figure:
-    """Draw the test flights' accuracies against their moving fractions, per sample and held."""
-    figure = Figure(figsize=(9, 6), layout="constrained")
-    axes = figure.subplots()
-    for number, experiment in enumerate(experiments):
-        flights = experiment.flights[experiment.flights["role"] == "test"]
-        label = f"{experiment.cyclogram}, {len(experiment.inputs)} inputs"
-        for name, marker in (("per_sample", "o"), ("held", "^")):
-            axes.plot(
-                flights["moving_fraction"],
-                flights[name],
-                marker,
-                color=f"C{number}",
-                fillstyle="full" if name == "held" else "none",
-                label=f"{label}, {name.replace('_', ' ')}",
-            )
-    axes.set_xlabel("moving fraction of the flight")
-    axes.set_ylabel("accuracy of the network chosen without test data, %")
-    axes.legend(fontsize=7)
-    axes.grid(alpha=0.3)
-    return figure
-
-
 def write_study(
     folder: str | os.PathLike[str],
     *,
@@ -223,7 +214,7 @@ def write_study(
     folder
         Output folder; created if it does not exist.
     quick
-        Use fewer networks, iterations and samples, and leave out the subset search and thinning: a
+        Use fewer networks, iterations and samples, and leave out the subset search: a
         preview, whose numbers should not be quoted.
     seed, progress
         See :func:`find`.
@@ -247,12 +238,10 @@ def write_study(
     out.text("report.md", text)
     for name, table in _tables(findings).items():
         out.table(f"{name}.csv", table)
-    flights = fly_condition(MAIN, tuple(FIGURES_16_TO_19.values()))
+    flights = fly_condition(TAKEOFF, tuple(FIGURES_16_TO_19.values()))
     out.figure("figures-3-14.png", _quantities_figure(flights[0]))
-    out.figure("figures-16-19.png", _output_figure(findings.main[2], flights))
-    everything = [experiment for part in findings.experiments.values() for experiment in part]
-    out.figure("accuracy-against-moving-fraction.png", _accuracy_figure(everything))
-    out.write("study.rrd", lambda path: record_study(path, text, flights, findings.main))
+    out.figure("figures-16-19.png", _output_figure(findings.takeoff[1], flights))
+    out.write("study.rrd", lambda path: record_study(path, text, flights, findings.takeoff))
     return out.written
 
 
@@ -274,16 +263,16 @@ def _tables(findings: Findings) -> dict[str, pd.DataFrame]:
     )
     left_out = {}
     if findings.subsets:
-        _, search, _ = findings.subsets[KEYS]
+        _, search, _ = findings.subsets
         names = [" ".join(np.array(KEYS)[subset]) for subset in search.subsets]
         subsets = pd.DataFrame({"subset": names, "validation": 100 * search.scores})
-        left_out = {
-            "subsets-of-twelve": subsets.sort_values("validation", ascending=False, kind="stable"),
-            "thinning": findings.thinning,
-        }
+        left_out["subsets-of-twelve"] = subsets.sort_values("validation", ascending=False, kind="stable")
     return left_out | {
         "table-1": findings.table_1,
         "figure-15-chi-square": findings.chi_square,
+        "figure-15-groups": findings.groups,
+        "weight-decay": decay_table(findings),
+        "statements": statement_table(findings),
         "networks": networks,
         "flights": joined("flights"),
         "moving-fraction": findings.moving,

@@ -1,9 +1,10 @@
-"""The results of the study: table 1, figure 15, groups of features, subset search, thinning; all together."""
+"""Tables of the study: table 1, figure 15, groups of features, subsets; all results together."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -17,8 +18,6 @@ from mavhums.learn import (
     Scheme,
     Selection,
     SubsetSearch,
-    TanhNetworkEnsemble,
-    VectorThinning,
     exhaustive_search,
     genetic_search,
     network_objective,
@@ -28,12 +27,13 @@ from mavhums.learn.evaluation import hold_out
 from mavhums.learn.subsets import Objective
 from mavhums.study.cyclograms import (
     CHI_SQUARE,
-    MAIN,
     P_LEVELS,
+    PILOT,
     SELECTED,
     TABLE_1,
     TAKEOFF,
     TEST_NM,
+    TRAINING_NM,
     CyclogramSamples,
     fly_condition,
 )
@@ -76,27 +76,33 @@ def table_1() -> pd.DataFrame:
     )
 
 
-_PAIRS = 0.9
-"""R² of the filter by pairs, whose polynomials explain less than Algorithm 1's regressions."""
-
-_FEW = 5
-"""With up to this many quantities, each subset's network is trained with full effort."""
+_SETTINGS = [Scheme(order=order, r2=r2) for order in (1, 2) for r2 in (0.9, 0.99, 0.999, 0.9999)]
+_SETTINGS += [Scheme(select="pairwise", r2=r2) for r2 in (0.9, 0.99, 0.999)]
+"""Of Algorithm 1, and of polynomials of one other quantity alone."""
 
 
-class Grouping(NamedTuple):
-    """Selected quantities and groups of interdependent ones, by Algorithm 1 and by the filter of pairs."""
-
-    multiple: Selection
-    pairs: Selection
-
-
-def grouping(flights: list[CyclogramSamples]) -> Grouping:
-    """Run Algorithm 1 and the pairwise filter on the flights' samples."""
+def algorithm_1(flights: list[CyclogramSamples], scheme: Scheme | None = None) -> Selection:
+    """Run a filter of features on the flights' samples, by default Algorithm 1 as ``mavhums train``."""
     values, classes, _ = samples(flights)
-    return Grouping(
-        select_features(values, classes),
-        select_features(values, classes, scheme=Scheme(select="pairwise", r2=_PAIRS)),
-    )
+    return select_features(values, classes, scheme=scheme)
+
+
+def group_table() -> pd.DataFrame:
+    """Return groups of interdependent quantities by cyclogram and setting of the filter."""
+    rows = []
+    for cyclogram, scheme in product((TAKEOFF, PILOT), _SETTINGS):
+        found = algorithm_1(fly_condition(cyclogram, TRAINING_NM), scheme)
+        rows.append(
+            {
+                "cyclogram": cyclogram,
+                "filter": "pairs" if scheme.select == "pairwise" else f"Algorithm 1, m = {scheme.order}",
+                "R²": f"{scheme.r2:g}",
+                "groups": " ".join("{" + ", ".join(group) + "}" for group in found.groups),
+                "number": len(found.groups),
+                "selected": ", ".join(found.selected),
+            }
+        )
+    return pd.DataFrame(rows)
 
 
 def chi_square_table(training: list[CyclogramSamples], flights: list[CyclogramSamples]) -> pd.DataFrame:
@@ -122,53 +128,67 @@ def p_level_table() -> pd.DataFrame:
 
 
 def subset_table(
-    training: list[CyclogramSamples],
-    test: list[CyclogramSamples],
-    keys: tuple[str, ...],
-    effort: Effort,
-    *,
-    seed: int,
-) -> tuple[pd.DataFrame, SubsetSearch, SubsetSearch | None]:
-    """Score every subset of the quantities, and repeat the search genetically if they are many.
+    training: list[CyclogramSamples], test: list[CyclogramSamples], effort: Effort, *, seed: int
+) -> tuple[pd.DataFrame, SubsetSearch, SubsetSearch]:
+    """Score every subset of the twelve quantities, and repeat the search genetically.
 
     Returns
     -------
     DataFrame
-        A row for each subset, best first: validation accuracy (blocks of time held out of the
-        training flights), and test accuracy of the same network size for comparison only.
-    SubsetSearch, SubsetSearch or None
-        Exhaustive search, and the genetic search on the same scores (None for few quantities).
+        The best subsets, best first: validation accuracy (blocks of time held out of the training
+        flights), and test accuracy of the same network size for comparison only.
+    SubsetSearch, SubsetSearch
+        Exhaustive search, and the genetic search on the same scores.
     """
-    columns = [column(key) for key in keys]
     random = np.random.default_rng(seed)
     values, classes, numbers = samples(training)
-    few = len(keys) <= _FEW
-    count = (5 if few else 1) * effort.subset_samples
-    iterations = effort.iterations if few else effort.subset_iterations
+    count, iterations = effort.subset_samples, effort.subset_iterations
     held_out, _ = hold_out(classes, numbers, random)
     parts = [
-        (values[rows][:, columns], classes[rows])
+        (values[rows], classes[rows])
         for rows in (
             random.permutation(np.flatnonzero(~held_out))[:count],
             random.permutation(np.flatnonzero(held_out))[: 2 * count],
         )
     ]
-    tested = samples(test, every=60_000 // (2 * count))
 
     def objective(validation: tuple[Array, Flags]) -> Objective:
         return network_objective(parts[0], validation, max_iter=iterations, n_jobs=2, random_state=seed)
 
-    search = exhaustive_search(objective(parts[1]), len(keys))
-    on_test = objective((tested[0][:, columns], tested[1]))
+    search = exhaustive_search(objective(parts[1]), len(KEYS))
+    on_test = objective(samples(test, every=60_000 // (2 * count))[:2])
     order = np.argsort(-search.scores, kind="stable")[:15]
     table = pd.DataFrame(
         {
-            "subset": [" ".join(np.array(keys)[search.subsets[row]]) for row in order],
+            "subset": [" ".join(np.array(KEYS)[search.subsets[row]]) for row in order],
             "validation": 100 * search.scores[order],
             "test": 100 * on_test(search.subsets[order]),
         }
     )
-    return table, search, None if few else _genetic(search)
+    return table, search, _genetic(search)
+
+
+def subsets_of_four(weight_decay: float, effort: Effort, *, seed: int) -> dict[tuple[str, ...], float]:
+    """Return the test accuracy, %, of each subset of the paper's four inputs on the take-off.
+
+    Each is the best of five networks of eight neurons, by test accuracy as in the paper; they learn every
+    fourth sample.
+    """
+    training, test = (fly_condition(TAKEOFF, several) for several in (TRAINING_NM, TEST_NM))
+    columns = [column(key) for key in SELECTED]
+    parts = [
+        (values[:, columns], classes)
+        for values, classes, _ in (samples(training, 4 * effort.every), samples(test, 10))
+    ]
+    subsets = np.array(list(product((False, True), repeat=len(SELECTED))))[1:]
+    scores = [
+        network_objective(
+            *parts, max_iter=effort.iterations, weight_decay=weight_decay, n_jobs=2, random_state=seed + k
+        )(subsets)
+        for k in range(min(5, effort.networks))
+    ]
+    names = [tuple(np.array(SELECTED)[subset].tolist()) for subset in subsets]
+    return dict(zip(names, (100 * np.max(scores, axis=0)).tolist(), strict=True))
 
 
 def _genetic(search: SubsetSearch) -> SubsetSearch:
@@ -178,58 +198,6 @@ def _genetic(search: SubsetSearch) -> SubsetSearch:
         return np.array([known[subset.tobytes()] for subset in subsets])
 
     return genetic_search(look_up, search.subsets.shape[1], evaluations=len(known) // 10)
-
-
-_Method = Literal["kmeans", "random"]
-_METHODS: tuple[_Method, ...] = ("random", "kmeans")
-_THINNINGS: tuple[tuple[str, _Method, bool], ...] = (
-    ("random", "random", False),
-    ("k-means", "kmeans", False),
-    ("k-means, weighted", "kmeans", True),
-)
-
-
-def thinning_table(
-    training: list[CyclogramSamples],
-    test: list[CyclogramSamples],
-    effort: Effort,
-    *,
-    seed: int,
-) -> pd.DataFrame:
-    """Return test accuracies of the paper's inputs with thinned precedents, by method and size.
-
-    Each method is repeated with five seeds of ten networks; the medians over networks are
-    averaged. Equal sizes compare k-means with and without weights against random thinning.
-    """
-    columns = [column(key) for key in SELECTED]
-    values, classes, _ = samples(training)
-    everything, truth, _ = samples(test, every=10)
-    tested = everything[:, columns]
-    rows = []
-    for count in effort.thinning:
-        medians: dict[str, list[float]] = {name: [] for name, _, _ in _THINNINGS}
-        for repeat in range(seed, seed + 5):
-            thinned = {
-                method: VectorThinning(count, method=method, random_state=repeat).fit_resample(
-                    values[:, columns], classes
-                )
-                for method in _METHODS
-            }
-            for name, method, weighted in _THINNINGS:
-                features, labels, weights = thinned[method]
-                ensemble = TanhNetworkEnsemble(
-                    10,
-                    max_iter=min(100, effort.iterations),
-                    precision="single",
-                    random_state=repeat,
-                    n_jobs=2,
-                ).fit(features, labels, weights if weighted else None)
-                medians[name].append(100 * float(np.median(ensemble.member_scores(tested, truth))))
-        rows += [
-            {"vectors": count, "method": name, "test": np.mean(found), "sd of five": np.std(found, ddof=1)}
-            for name, found in medians.items()
-        ]
-    return pd.DataFrame(rows)
 
 
 LOAD_FRICTION = 0.3
@@ -246,7 +214,7 @@ def load_friction_table(effort: Effort, *, seed: int) -> pd.DataFrame:
     with the smallest training loss, and what it calls an emergency in normal flights at the larger μ.
     """
     fewer, rows = replace(effort, networks=min(effort.networks, FEWER_NETWORKS)), []
-    for cyclogram in (TAKEOFF, MAIN):
+    for cyclogram in (TAKEOFF, PILOT):
         for inputs in (KEYS, SELECTED):
             for learned in (0.0, LOAD_FRICTION):
                 network = run_experiment(cyclogram, inputs, fewer, seed=seed, load_friction=learned).network
@@ -295,14 +263,16 @@ class Findings:
 
     Attributes
     ----------
-    groupings
-        Feature groups, by cyclogram.
+    selections, groups
+        What Algorithm 1 selects, by cyclogram, and :func:`group_table`.
     experiments
-        Experiments, by cyclogram. The inputs on the main one: all 12, Algorithm 1's, the paper's,
-        the pairwise filter's; on the others the first three of these.
+        Experiments, by cyclogram.
+    decays
+        Experiments on all inputs, the paper's and two, by cyclogram and weight decay.
+    mlp, subsets_of_four
+        :func:`mlp_accuracies` by inputs and weight decay, and :func:`subsets_of_four` by weight decay.
     subsets
-        Subset searches, by the quantities searched: best rows, exhaustive search, and genetic
-        search or None.
+        :func:`subset_table`; None if left out.
     leaks
         Leak of the command in the study's own data, and in classes flown with different cyclograms.
     load_friction, load_selection
@@ -314,22 +284,21 @@ class Findings:
     table_1: pd.DataFrame
     chi_square: pd.DataFrame
     p_levels: pd.DataFrame
-    groupings: dict[str, Grouping]
+    selections: dict[str, Selection]
+    groups: pd.DataFrame
     experiments: dict[str, list[Experiment]]
+    decays: Mapping[tuple[str, float], list[Experiment]]
+    mlp: dict[tuple[tuple[str, ...], float], Array]
+    subsets_of_four: dict[float, dict[tuple[str, ...], float]]
     figure_1: dict[str, FigureOne]
     bound: Bound | None
-    subsets: dict[tuple[str, ...], tuple[pd.DataFrame, SubsetSearch, SubsetSearch | None]]
-    thinning: pd.DataFrame
+    subsets: tuple[pd.DataFrame, SubsetSearch, SubsetSearch] | None
     leaks: tuple[CommandLeak, CommandLeak]
     moving: pd.DataFrame
     load_friction: pd.DataFrame
     load_selection: Selection
 
     @property
-    def main(self) -> list[Experiment]:
-        """The experiments on the main cyclogram."""
-        return self.experiments[MAIN]
-
-    def experiment(self, cyclogram: str, inputs: tuple[str, ...]) -> Experiment:
-        """Return the experiment on these inputs."""
-        return next(each for each in self.experiments[cyclogram] if each.inputs == inputs)
+    def takeoff(self) -> list[Experiment]:
+        """The experiments on the take-off: of all inputs, the paper's, two, and Algorithm 1's."""
+        return self.experiments[TAKEOFF]

@@ -7,7 +7,7 @@ from scipy.stats import chi2
 from mavhums.study.cyclograms import (
     CONDITIONS,
     CYCLOGRAMS,
-    MAIN,
+    PILOT,
     TABLE_4,
     TABLE_5,
     TEST_NM,
@@ -57,7 +57,7 @@ def test_all_conditions_of_a_cyclogram_fly_the_same_command_at_the_same_times() 
 
 @pytest.mark.slow
 def test_the_main_cyclogram_is_what_it_is_said_to_be() -> None:
-    flights = fly_condition(MAIN, CONDITIONS)
+    flights = fly_condition(PILOT, CONDITIONS)
     assert np.abs(flights[0].values[:, 0]).max() > 19.9
     assert min(flown.moving_fraction for flown in flights) >= 0.9
     assert max(flown.moving_fraction for flown in flights) < 0.96
