@@ -172,7 +172,8 @@ def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array
 
     The first network that can be asked answers: a network of windows where the log has the quantities of
     its statistics, another where its samples voted. A network of windows is not asked where a window shows
-    nothing.
+    nothing. Where the signs of most currents of a slot are unknown nobody votes: the others are no fair
+    sample of the motion.
 
     Parameters
     ----------
@@ -182,9 +183,10 @@ def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array
         The sums of the windows' slots (:func:`mavhums.health.estimation.motion.window_sums`), shape
         (windows, slots, sums).
     """
-    answers = outcomes(networks, counts)
     sums = of_window(slots)
     asked, features = shows_something(sums), statistics(sums)
+    signed = np.isfinite(features[:, WINDOW_KEYS.index("V5 rms")])
+    answers = [vote if one else None for vote, one in zip(outcomes(networks, counts), signed, strict=True)]
     open_ = np.ones(len(sums), dtype=np.bool_)
     for number, network in enumerate(networks):
         voted = np.array([vote is not None and vote.network == number for vote in answers], dtype=np.bool_)

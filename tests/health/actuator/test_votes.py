@@ -233,3 +233,9 @@ def test_a_network_of_windows_that_lacks_a_quantity_leaves_it_to_votes_and_to_ot
         VoteOutcome(1, "normal", 0, 0, 0.75, 0.25)
     ]
     assert window_outcomes([Threshold(), ByWindow()], ballots, without_load) == [by_votes(0.5, 0)]
+
+
+def test_samples_of_an_unknown_sign_leave_the_others_no_vote() -> None:
+    """They called 268 of 6,341 windows of ESC_TELEMETRY normal that were degraded."""
+    ballots = window(row(0, 40, (20, 20), (0, 0)))[None]
+    assert window_outcomes([ByWindow()], ballots, slots(np.nan)) == [None]
