@@ -145,7 +145,7 @@ class FlownFlights:
     logs
         Hashes of the logs; all actuators of one log are one flight.
     held_out
-        Whether flights are held out to calibrate and measure.
+        The labels of the flights that calibrate and measure; empty if none are held out.
 
     Raises
     ------
@@ -182,7 +182,7 @@ class FlownFlights:
                 break
             self._part[rows[divided[1]]] = part
             rows = rows[divided[0]]
-        self.held_out = bool((self._part != TRAINS).any())
+        self.held_out = tuple(LABELS[k] for k in np.unique(label[self._part == MEASURES]))
 
     def counts(self) -> str:
         """Return how many flights each label has, and what they are for."""

@@ -37,7 +37,10 @@ _WORKING = 20  # moving samples of a window in which a network is asked at all
 
 
 class Labelled(NamedTuple):
-    """An actuator's flight, whether it is an emergency, and whether it has a class or lies between."""
+    """An actuator's flight, whether it is an emergency, and whether that is sure.
+
+    It is not of a friction between the limits, and of a fault that is none of the friction.
+    """
 
     actuator: Actuator
     history: History
@@ -47,9 +50,10 @@ class Labelled(NamedTuple):
 
 
 def of_precedents(flown: FlownFlights, part: int) -> Iterator[Labelled]:
-    """Read the precedents of a part that a network of samples tells apart; their flights are below zero."""
-    for each in flown.read(part, TAUGHT):
-        yield Labelled(each.actuator, each, -1 - each.flight, each.label != "normal")
+    """Read the precedents of a part; their flights are below zero, and two labels are classes of samples."""
+    for each in flown.read(part):
+        faulty, clear = each.label != "normal", each.label in TAUGHT
+        yield Labelled(each.actuator, each, -1 - each.flight, faulty, clear)
 
 
 def both_classes(
@@ -100,7 +104,7 @@ def training_samples(
     Parameters
     ----------
     flights
-        Flights of both classes.
+        Flights; those that are neither of the two classes surely count for the leak alone.
     keys
         The quantities that a sample must carry.
     source, say
@@ -117,22 +121,24 @@ def training_samples(
         If the command leaks the class.
     """
     inputs = [column(key) for key in keys]
-    values, facts = [np.empty((0, len(KEYS)))], [np.empty((0, 3), dtype=np.int64)]
+    values, facts = [np.empty((0, len(KEYS)))], [np.empty((0, 4), dtype=np.int64)]
     for number, each in enumerate(flights):
         moving, _ = moving_samples(each.actuator, each.history)
         # An angle that was divided from the rotor's is not measured: no network would be asked with it.
         moving[~carries(moving, each.actuator.ema.gear_ratio if each.actuator.ema else None)] = np.nan
         values.append(moving[np.isfinite(moving[:, inputs]).all(axis=1)][::_EVERY])
-        facts.append(np.tile((each.emergency, each.flight, number), (len(values[-1]), 1)))
-    samples, (worn, flight, unit) = np.concatenate(values), np.concatenate(facts).T
-    emergency, commanded = worn > 0, np.isfinite(samples[:, 0])
+        facts.append(np.tile((each.emergency, each.flight, number, each.clear), (len(values[-1]), 1)))
+    samples, (faulty, flight, unit, clear) = np.concatenate(values), np.concatenate(facts).T
+    commanded = np.isfinite(samples[:, 0])
     leak = ""
-    if len(np.unique(worn[commanded])) == 2:
-        found = check_command(samples[commanded, 0], emergency[commanded], unit[commanded])
+    if len(np.unique(faulty[commanded])) == 2:
+        found = check_command(samples[commanded, 0], faulty[commanded], unit[commanded])
         chance = "" if found.p_value is None else f" (p {found.p_value:.2g})"
         leak = f"; their command has Cramér's V {found.cramers_v:.2f} with the class{chance}"
-    say(f"samples of {source}: {len(samples) - worn.sum()} normal, {worn.sum()} friction_emergency{leak}")
-    return samples, emergency, flight
+    taught = clear > 0
+    worn = int(faulty[taught].sum())
+    say(f"samples of {source}: {taught.sum() - worn} normal, {worn} friction_emergency{leak}")
+    return samples[taught], faulty[taught] > 0, flight[taught]
 
 
 class _NetworkAnswers:

@@ -111,9 +111,10 @@ def train_model(
             f"{airframe.name}: a simulation needs {' and '.join(actuator.blanks)} in the profile",
             "fill them in, or train on labelled logs alone: --flights 0 --precedents DIR",
         )
-    held_out = flown is not None and flown.held_out
+    by_flown = flown is not None and {*TAUGHT} <= {*flown.held_out}
     step, windows_flown = count(1), flight_counts(flights)
-    steps = (2 if held_out else 6) * flights + (windows_flown[0] if held_out else sum(windows_flown))
+    steps = (2 if by_flown else 6) * flights
+    steps += windows_flown[0] if flown and flown.held_out else sum(windows_flown)
 
     def tick() -> None:
         if progress:
@@ -157,19 +158,19 @@ def train_model(
     )
 
     def flown_or_simulated(part: int) -> Iterator[Labelled]:
-        if flown and held_out:
-            return of_precedents(flown, part)
+        if flown and by_flown:
+            return (each for each in of_precedents(flown, part) if each.clear)
         of_part = 1_000_000 * seed + (_CALIBRATION if part == CALIBRATES else _MEASUREMENT)
         return whole_range(actuator, telemetry, 2 * flights, of_part, tick)
 
     event = (
         "the label friction_emergency, not normal, of precedents"
-        if held_out
+        if by_flown
         else f"friction above {middle_of(actuator.known_limits()):g} N·m, the middle between the limits"
     )
     parts = map(flown_or_simulated, (CALIBRATES, MEASURES))
     calibration, measured = calibrated(Model(result.network, card, ""), *parts, event=event)
-    say(_metrics_text(card.metrics | measured, "precedents" if held_out else "simulated flights"))
+    say(_metrics_text(card.metrics | measured, "precedents" if by_flown else "simulated flights"))
     update = {"calibration": calibration, "metrics": card.metrics | measured}
     if actuator.ema is None:
         say("no network of windows: its statistics need the gear ratio, in [actuators.ema] of the profile")
@@ -195,7 +196,7 @@ _ALONE = 4
 def _check_alone(flown: FlownFlights | None) -> None:
     """Refuse a training without simulated flights that has too few precedents."""
     counts = flown.counts() if flown else "no precedents"
-    if flown is None or not flown.held_out or min(map(flown.flights_of, TAUGHT)) < _ALONE:
+    if flown is None or min(map(flown.flights_of, TAUGHT)) < _ALONE or not {*TAUGHT} <= {*flown.held_out}:
         raise MavhumsError(
             f"without simulated flights, normal and friction_emergency need {_ALONE} logs each: {counts}",
             "add logs with `mavhums precedents add`, or simulate too: --flights 24",

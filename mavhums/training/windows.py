@@ -261,7 +261,7 @@ def train_window_network(
     """
     classes = classes_of(telemetry) if flights or flown is None else flown.labels
     sizes, seeds = flight_counts(flights), (0, _CALIBRATION, _MEASUREMENT)
-    held_out = flown is not None and flown.held_out
+    held_out = flown is not None and bool(flown.held_out)
 
     def windows_of(part: int) -> list[LabelledWindows]:
         groups: list[LabelledWindows] = []
