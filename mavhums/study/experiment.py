@@ -59,7 +59,7 @@ class Effort:
 
     @classmethod
     def quick(cls) -> Effort:
-        """Return a size that takes less than a minute; what would be noise at that size is left out."""
+        """Return a size of one to two minutes; what would be noise at that size is left out."""
         return cls(networks=5, iterations=60, every=10, subset_samples=0, takeoffs=0)
 
 
