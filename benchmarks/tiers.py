@@ -3,7 +3,7 @@
     python benchmarks/tiers.py
 
 For each tier and rate, flights of 100 s with the elevator at each of the paper's frictions; the other
-three surfaces are healthy. Counts verdicts that are right, wrong and undecided, and gives the mean
+three surfaces are healthy. Counts verdicts that are right, wrong and none, and gives the mean
 error and the standard deviation of the friction estimate at the flight's end.
 """
 
@@ -46,7 +46,7 @@ def main() -> None:
     options = parser.parse_args()
     console = Console(width=120)
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in ("tier", "rate, Hz", "right", "wrong", "undecided", "error, N·m", "sd, N·m", "within 95 %"):
+    for title in ("tier", "rate, Hz", "right", "wrong", "no verdict", "error, N·m", "sd, N·m", "within 95 %"):
         table.add_column(title, justify="right" if table.columns else "left")
     for name in TIERS:
         for rate in RATES_HZ:
@@ -78,12 +78,13 @@ def measure(name: str, rate_hz: float, seed: int, all_surfaces: bool) -> list[st
             path = Path(folder) / "flight.tlog"
             write_tlog(record, path, Link(mavlink=1) if "MAVLink 1" in name else None)
             assessment = analyse(path, Options(airframe=airframe))
-        for verdict in assessment.verdicts:
+        for verdict in [one for one in assessment.verdicts if one.subject == "actuator"]:
             truth = friction if verdict.actuator in surfaces else 0.225
             wanted = "normal" if truth < 0.6 else "emergency"
-            undecided += verdict.gravest == "undecided"
+            judged = verdict.gravest in ("normal", "degraded", "emergency")
+            undecided += not judged
             right += verdict.condition == verdict.worst == wanted
-            wrong += verdict.gravest != "undecided" and not verdict.condition == verdict.worst == wanted
+            wrong += judged and not verdict.condition == verdict.worst == wanted
             if verdict.friction_nm:
                 errors.append(verdict.friction_nm.estimate - truth)
                 inside += verdict.friction_nm.low <= truth <= verdict.friction_nm.high
