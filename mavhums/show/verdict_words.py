@@ -234,7 +234,7 @@ def class_words(said: str | None, probability: float | None) -> str:
     Examples
     --------
     >>> class_words("friction_degraded", 0.987), class_words("abstained", 0.6), class_words(None, None)
-    ('friction degraded (98.7 %)', 'not sure', '—')
+    ('friction degraded (99 %)', 'not sure', '—')
     """
     if said is None or probability is None:
         return "—"
