@@ -43,6 +43,7 @@ def frames(record: FlightRecord, link: Link) -> list[Frame]:
     return list(transmit(messages(record), link, record.flight.seed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("protocol", [Link(), Link(key=KEY)])
 def test_a_radio_carries_what_its_line_can_of_every_stream(record: FlightRecord, protocol: Link) -> None:
     """A line of 57,600 baud has 5,760 bytes a second, of which each stream gets the same share."""
