@@ -41,7 +41,8 @@ def test_a_third_of_the_frames_is_lost(rig: Rig, worn: FlightRecord, worn_pieces
     live = rig.end()
     assert conditions(live) == RIGHT
     missing = rig.shown.statuses[-1].link.missing_frames
-    assert missing == pytest.approx(len(worn_pieces) - len(kept), rel=0.03)
+    # The last status comes up to two seconds before the end of the minute.
+    assert missing == pytest.approx(len(worn_pieces) - len(kept), rel=0.05)
 
 
 @pytest.mark.slow
