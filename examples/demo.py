@@ -54,7 +54,11 @@ def main(folder: Path) -> int:
 
 def _compare(assessments: dict[str, Assessment], truth: dict[str, dict[str, object]]) -> tuple[Table, int]:
     table = Table(
-        title="The elevator's verdicts against the truth", title_justify="left", box=None, pad_edge=False
+        title="The elevator's verdicts against the truth",
+        title_justify="left",
+        box=None,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
     )
     table.add_column("flight", no_wrap=True)
     table.add_column("true T_c, N·m", no_wrap=True)
@@ -79,7 +83,7 @@ def _row(name: str, verdict: Verdict, start: float, end: float) -> list[str]:
         name,
         f"{start:.3f}" if start == end else f"{start:.3f}–{end:.3f}",
         f"{friction.estimate:.3f} ({friction.low:.3f}–{friction.high:.3f})" if friction else "—",
-        f"{network.latest.replace('_', ' ')} {network.probability:.0%}" if network else "—",
+        network.condition if network else "—",
         verdict.condition,
     ]
 
