@@ -124,11 +124,15 @@ def export_quantities(
         decoder, fleet, rows = _write(path, output, _NAMELESS, None, progress)
     if not rows:
         raise MavhumsError(*_nothing(path, given, fleet, message_of("outputs", decoder.format)))
-    return {output: rows} | (_write_windows(path, output, given, asked.models) if asked else {})
+    return {output: rows} | (_write_windows(path, output, given, asked.models, progress) if asked else {})
 
 
 def _write_windows(
-    path: str | os.PathLike[str], output: Path, airframe: Airframe | None, models: Sequence[Model]
+    path: str | os.PathLike[str],
+    output: Path,
+    airframe: Airframe | None,
+    models: Sequence[Model],
+    progress: Progress,
 ) -> dict[Path, int]:
     """Write what the networks say of each window, by the same engine that judges the flight."""
     file = output.with_name(f"{output.stem}-windows{output.suffix}")
@@ -140,7 +144,7 @@ def _write_windows(
                 rows = [[getattr(window, field) for field in _OF_WINDOWS] for window in windows]
                 table.write(pd.DataFrame(rows, columns=[*_OF_WINDOWS.values()]).astype(_TYPES))
 
-        analyse(path, Options(airframe=airframe, model=models), consume=take)
+        analyse(path, Options(airframe=airframe, model=models), consume=take, progress=progress)
         if not table.rows:
             raise _EmptyError
     return {file: table.rows} if table.rows else {}

@@ -132,7 +132,10 @@ def training_samples(
     commanded = np.isfinite(samples[:, 0])
     leak = ""
     if len(np.unique(faulty[commanded])) == 2:
-        found = check_command(samples[commanded, 0], faulty[commanded], unit[commanded])
+        # Whole flights are relabelled; single actuators only where those of one flight differ in their class.
+        alike = len(np.unique([flight, faulty], axis=1).T) == len(np.unique(flight))
+        units = flight if alike else unit
+        found = check_command(samples[commanded, 0], faulty[commanded], units[commanded])
         chance = "" if found.p_value is None else f" (p {found.p_value:.2g})"
         leak = f"; their command has Cramér's V {found.cramers_v:.2f} with the class{chance}"
     taught = clear > 0

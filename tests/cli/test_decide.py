@@ -157,7 +157,7 @@ def test_where_they_agree_the_verdict_is_the_same(run: Run, worn: Path, decide: 
 def test_fewer_windows_than_must_agree_are_undecided_with_the_reason(run: Run, short_log: Path) -> None:
     verdict = elevator(run("analyse", short_log, "--decide", "network", "--json").out)
     assert (verdict["condition"], verdict["network"]["condition"]) == ("undecided", "undecided")
-    assert "no two without a common sample agree" in verdict["reason"]
+    assert "of no condition in two separate ones" in verdict["reason"]
 
 
 def test_a_file_of_version_0_1_is_still_read() -> None:

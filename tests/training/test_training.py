@@ -154,7 +154,6 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::mavhums.learn.CommandLeakWarning")  # two short flights differ by chance
 def test_a_model_that_never_votes_is_not_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mavhums.training.flights.fly", shorter)
     monkeypatch.setattr("mavhums.training.windows.fly", shorter)

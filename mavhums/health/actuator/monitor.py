@@ -256,7 +256,7 @@ class Monitor:
 
     def _why_no_friction(self) -> tuple[str, str] | None:
         if self._by_network:
-            return self._tally.why_undecided()
+            return self._tally.why_undecided(physics="friction" in self._trackers)
         tracker, lasted_s = self._trackers.get("friction"), float(self._slots)
         return why_no_friction(
             tracker.detector if tracker else None,

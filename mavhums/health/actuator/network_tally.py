@@ -1,8 +1,7 @@
 """What the networks say of one actuator over a flight: counts in bounded memory, and a condition by runs.
 
-A condition is held once two windows that share no sample, and all between them, say at least so; a milder one
-once they all say at most so. A window that the network is not sure of ends such a
-run if it leans the other way.
+A condition is held once the network is sure of at least that in two windows that share no sample, and no
+window between leans to less; a milder one likewise.
 """
 
 from __future__ import annotations
@@ -151,9 +150,16 @@ class NetworkTally:
         latest = None if self._sure is None else Estimate(self._sure.probability, 0.0, 1.0)
         return self.described._replace(decided=tuple(self._decided), latest=latest, evidence=self.evidence())
 
-    def why_undecided(self) -> tuple[str, str]:
-        """Return reason and remedy if the network decides and held no condition."""
-        by_physics = "let the physics decide (--decide physics)"
+    def why_undecided(self, *, physics: bool) -> tuple[str, str]:
+        """Return reason and remedy if the network decides and held no condition.
+
+        ``physics`` says whether the profile has the constants and limits by which it could decide.
+        """
+        by_physics = (
+            "let the physics decide (--decide physics)"
+            if physics
+            else "fill in the profile's constants and limits"
+        )
         if self._latest is None:
             return (
                 "the network decides, and no window has enough samples in motion that carry its inputs",
@@ -166,8 +172,8 @@ class NetworkTally:
                 f"train a network on flights of such aircraft (mavhums train), or {by_physics}",
             )
         return (
-            f"the network decides: it is sure of {self._decided_windows} of {total} windows, and no two "
-            "without a common sample agree, with those between",
+            f"the network decides: it is sure of {self._decided_windows} of {total} windows, and of no "
+            "condition in two separate ones",
             f"analyse a longer flight, or {by_physics}",
         )
 
@@ -177,7 +183,7 @@ class NetworkTally:
 
 
 def _rule(condition: Condition) -> str:
-    return f"{condition}: the network says so of two windows that share no sample, and of all between"
+    return f"{condition}: the network is sure of it in two separate windows, and none between contradicts"
 
 
 class _Agreement:

@@ -119,15 +119,19 @@ def test_the_network_with_most_votes_answers_for_its_share_of_samples() -> None:
 
 def test_why_a_network_decides_nothing() -> None:
     tally = NetworkTally(1)
-    assert tally.why_undecided()[0].startswith("the network decides, and no window has enough samples")
+    assert tally.why_undecided(physics=True)[0].startswith(
+        "the network decides, and no window has enough samples"
+    )
     fed(tally, GRAVE, SOUND)
-    assert tally.why_undecided() == (
-        "the network decides: it is sure of 2 of 2 windows, and no two without a common sample agree, with "
-        "those between",
+    assert tally.why_undecided(physics=True) == (
+        "the network decides: it is sure of 2 of 2 windows, and of no condition in two separate ones",
         "analyse a longer flight, or let the physics decide (--decide physics)",
     )
+    assert tally.why_undecided(physics=False)[1] == (
+        "analyse a longer flight, or fill in the profile's constants and limits"
+    )
     fed(tally, *[ALIEN] * 3)
-    assert "3 of 5 windows are outside its training range" in tally.why_undecided()[0]
+    assert "3 of 5 windows are outside its training range" in tally.why_undecided(physics=True)[0]
 
 
 @pytest.mark.parametrize(
