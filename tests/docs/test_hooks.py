@@ -11,7 +11,7 @@ from docs import hooks
 CONFIG = {"extra": {"repository": "https://example.org/repo"}}
 
 
-def filled(markdown: str, source: str = "guide/start.md") -> str:
+def filled(markdown: str, source: str = "guide/px4.md") -> str:
     return hooks.on_page_markdown(markdown, SimpleNamespace(file=SimpleNamespace(src_uri=source)), CONFIG)
 
 
@@ -40,7 +40,7 @@ def test_a_link_out_of_the_pages_becomes_an_address(caplog: pytest.LogCaptureFix
     assert filled(text) == wanted
     assert caplog.messages == []
     filled("[a](../../nothing.md)")
-    assert caplog.messages == ["guide/start.md links to ../../nothing.md, which does not exist"]
+    assert caplog.messages == ["guide/px4.md links to ../../nothing.md, which does not exist"]
 
 
 def test_roles_of_docstrings_go() -> None:

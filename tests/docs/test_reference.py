@@ -88,6 +88,13 @@ def test_every_selector_is_introduced() -> None:
     assert [name for name in estimators if f"`{name}`" not in page] == []
 
 
+@pytest.mark.parametrize("words", ["DShot", "QGroundControl", "vibration", "engine failure"])
+@pytest.mark.parametrize("owner", ["ardupilot", "px4"])
+def test_an_owner_finds_the_words_of_the_field_on_one_page(owner: str, words: str) -> None:
+    page = (DOCS / "guide" / f"{owner}.md").read_text(encoding="utf-8")
+    assert words.lower() in page.lower()
+
+
 def _anchors(path: Path) -> set[str]:
     text = FENCE.sub("", path.read_text(encoding="utf-8"))
     headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
