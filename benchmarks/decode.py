@@ -25,6 +25,7 @@ from typing import Any
 from benchmarks import _dataflash, _decode_ulog
 
 NEEDED = ["ATTITUDE", "DEBUG_FLOAT_ARRAY", "ESC_TELEMETRY_1_TO_4", "SERVO_OUTPUT_RAW"]
+STATES = ("cold", "cached")  # of the compiled loops at a first call
 START_US = 1_700_000_000_000_000
 ROUND = 5120
 MIX = {
@@ -280,7 +281,7 @@ def main() -> None:
         compare(options.log or path, PEERS[options.format], options.repeat, options.fasttlogparser)
         write(small, 0)
         environment = {"NUMBA_CACHE_DIR": str(Path(folder) / "cache")}
-        for state in ("cold", "cached"):
+        for state in STATES:
             row = measure("first_call", small, environment=environment)
             if row:
                 print(f"first call, {state}: {row['wall_s']:.2f} s, with imports")

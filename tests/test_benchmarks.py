@@ -46,7 +46,7 @@ RUNS: dict[str, list[Small]] = {
     "control_history": [Small("--aircraft 1 --flights 1 --tests 1 --jobs 1 --fault none", slow=True)],
     "damaged": [Small("--count 1", slow=True)],
     "decode": [
-        Small(f"--format {name} --megabytes 1 --large 1 --repeat 1", slow=True)
+        Small(f"--format {name} --megabytes 1 --large 1 --repeat 1", {"STATES": ()}, slow=True)
         for name in ("tlog", "dataflash", "ulog")
     ],
     "false_alarms": [Small("--hours 0.01", {"_FLIGHT_S": 30.0})],

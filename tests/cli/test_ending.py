@@ -95,13 +95,16 @@ BLOCKED = {
 }
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 @pytest.mark.parametrize(
-    "command",
-    [pytest.param(one, marks=() if one == "model show" else pytest.mark.slow) for one in BLOCKED],
+    ("commands", "number"),
+    [
+        (["model show"], signal.SIGTERM),
+        pytest.param([*BLOCKED], signal.SIGTERM, marks=pytest.mark.slow),
+        pytest.param([*BLOCKED], signal.SIGINT, marks=pytest.mark.slow),
+    ],
 )
-def test_a_signal_ends_a_program_that_waits_for_another(
-    command: str, number: signal.Signals, short_log: Path, tmp_path: Path
+def test_a_signal_ends_programs_that_wait_for_others(
+    commands: list[str], number: signal.Signals, short_log: Path, tmp_path: Path
 ) -> None:
     """A pipe without another end, a reader that has stopped; all end some seconds after the signal."""
     (tmp_path / "flights").mkdir()
@@ -117,20 +120,32 @@ def test_a_signal_ends_a_program_that_waits_for_another(
             while True:
                 os.write(full, bytes(size))
     os.set_blocking(full, True)
-    streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    if BLOCKED[command]:
-        streams[BLOCKED[command]] = reading if BLOCKED[command] == "stdin" else full
-    program = subprocess.Popen(
-        [sys.executable, "-m", "mavhums", *command.format(**names).split()],
-        env=os.environ | {"PYTHONUNBUFFERED": ""},
-        **streams,  # type: ignore[call-overload]
-    )
+    programs = {}
     try:
-        time.sleep(2 if command == "model show" else 6)
-        program.send_signal(number)
-        program.wait(timeout=15)
+        for command in commands:
+            streams = {
+                "stdin": subprocess.DEVNULL,
+                "stdout": subprocess.DEVNULL,
+                "stderr": subprocess.DEVNULL,
+            }
+            if BLOCKED[command]:
+                streams[BLOCKED[command]] = reading if BLOCKED[command] == "stdin" else full
+            programs[command] = subprocess.Popen(
+                [sys.executable, "-m", "mavhums", *command.format(**names).split()],
+                env=os.environ | {"PYTHONUNBUFFERED": ""},
+                **streams,  # type: ignore[call-overload]
+            )
+        time.sleep(2 * len(commands))
+        for program in programs.values():
+            program.send_signal(number)
+        for command, program in programs.items():
+            try:
+                program.wait(timeout=60)
+            except subprocess.TimeoutExpired:
+                pytest.fail(f"{command} goes on")
     finally:
-        program.kill()
-        program.wait()
+        for program in programs.values():
+            program.kill()
+            program.wait()
         os.close(reading)
         os.close(full)

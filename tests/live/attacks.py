@@ -9,6 +9,7 @@ seconds after the attack, and the time from SIGTERM to its end.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import random
 import resource
@@ -41,7 +42,7 @@ class Attack:
     Attributes
     ----------
     send
-        Sends to a port of this computer.
+        Sends to a port of this computer; a crowd only one of each so many.
     arguments
         Of ``mavhums live``, after the link.
     reads
@@ -50,7 +51,7 @@ class Attack:
         Whether it is repeated until the program has ended.
     """
 
-    send: Callable[[int], None]
+    send: Callable[[int, int], None]
     arguments: tuple[str, ...] = ("--json",)
     reads: bool = True
     lasts: bool = False
@@ -124,31 +125,36 @@ def pour(port: int, datagrams: Iterator[bytes], pause_every: int = 100) -> None:
                 time.sleep(0.002)
 
 
-def every_sender(port: int) -> None:
-    pour(port, (heartbeat(system, component) for system in range(1, 256) for component in range(256)))
+def crowd(every: int) -> Iterator[tuple[int, int]]:
+    return itertools.product(range(1, 256), range(0, 256, every))
 
 
-def every_sender_as_a_vehicle(port: int) -> None:
-    pour(port, (attitude(system, component) for system in range(1, 256) for component in range(256)))
+def every_sender(port: int, every: int) -> None:
+    pour(port, (heartbeat(*sender) for sender in crowd(every)))
 
 
-def every_vehicle_by_name(port: int) -> None:
+def every_sender_as_a_vehicle(port: int, every: int) -> None:
+    pour(port, (attitude(*sender) for sender in crowd(every)))
+
+
+def every_vehicle_by_name(port: int, _: int) -> None:
     pour(port, (frame for system in range(1, 256) for frame in (named(system), attitude(system, 1))))
 
 
-def every_vehicle_flies(port: int) -> None:
+def every_vehicle_flies(port: int, every: int) -> None:
     """255 vehicles with the telemetry of four actuators each, 12 s of flight at 5 Hz."""
     pour(port, (named(system) for system in range(1, 256)))
+    times_us = range(0, 12_000_000 // every, 200_000)
     pour(
         port,
-        (frame for step in range(60) for system in range(1, 256) for frame in flown(system, step * 200_000)),
+        (frame for time_us in times_us for system in range(1, 256) for frame in flown(system, time_us)),
         40,
     )
 
 
-def every_port(port: int) -> None:
+def every_port(port: int, every: int) -> None:
     """A heartbeat of vehicle 1 from each of 20,000 source ports, and garbage from as many."""
-    for k in range(20_000):
+    for k in range(20_000 // every):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
             out.sendto(attitude(1, 1), (HERE, port))
             out.sendto(b"\xfd\xff garbage", (HERE, port))
@@ -156,11 +162,11 @@ def every_port(port: int) -> None:
             time.sleep(0.002)
 
 
-def noise(port: int) -> None:
-    pour(port, (os.urandom(200) for _ in range(50_000)))
+def noise(port: int, every: int) -> None:
+    pour(port, (os.urandom(200) for _ in range(50_000 // every)))
 
 
-def nothing(port: int) -> None:
+def nothing(port: int, _: int) -> None:
     """Only the vehicle speaks."""
 
 
@@ -178,33 +184,33 @@ ATTACKS: Final[dict[str, Attack]] = {
 }
 
 
-def endure(attack: Attack, folder: Path, *, root: Path | None = None) -> Cost:
+def warm_up() -> None:
+    """Compile: that takes more memory than what is measured here."""
+    subprocess.run(mavhums("warm-up"), check=True, capture_output=True, env=ENVIRONMENT)
+
+
+def endure(attack: Attack, folder: Path, *, every: int = 1, quiet_s: float = _QUIET_S) -> Cost:
     """Attack a program that listens on the loopback, and return what that cost it."""
     port = free_port()
-    environment = dict(ENVIRONMENT)
-    if root:
-        environment["PYTHONPATH"] = os.pathsep.join([str(root), str(root / "sim")])
-    # What compiles takes more memory than what is measured here.
-    subprocess.run(mavhums("warm-up"), check=True, capture_output=True, env=environment)
     command = mavhums("live", f"udpin:{port}", "--record", folder / "live.tlog", *attack.arguments)
     out = folder / "out"
     reader, writer = os.pipe()
     with out.open("wb") as file, (folder / "err").open("wb") as err:
         program = subprocess.Popen(
-            command, stdout=file if attack.reads else writer, stderr=err, cwd=folder, env=environment
+            command, stdout=file if attack.reads else writer, stderr=err, cwd=folder, env=ENVIRONMENT
         )
     os.close(writer)
     try:
         _await_listening(program, port)
-        attack.send(port)
+        attack.send(port, every)
         over = threading.Event()
         if attack.lasts:
-            again = threading.Thread(target=_repeat, args=(attack, port, over), daemon=True)
+            again = threading.Thread(target=_repeat, args=(attack, port, every, over), daemon=True)
             again.start()
         else:
             _await_quiet(program.pid)
         before_s = _used_s(program.pid)
-        time.sleep(_QUIET_S)
+        time.sleep(quiet_s)
         used_s = _used_s(program.pid) - before_s
         memory_mb = _peak_mb(program.pid)
         began, used_before_s = time.monotonic(), _used_s(program.pid) + _reaped_s()
@@ -218,7 +224,7 @@ def endure(attack: Attack, folder: Path, *, root: Path | None = None) -> Cost:
             program.kill()
         program.wait()
         os.close(reader)
-    return Cost(memory_mb, used_s / _QUIET_S, shutdown_s, ended_in_s, lines=out.read_text().splitlines())
+    return Cost(memory_mb, used_s / quiet_s, shutdown_s, ended_in_s, lines=out.read_text().splitlines())
 
 
 def _await_listening(program: subprocess.Popen[bytes], port: int) -> None:
@@ -233,9 +239,9 @@ def _await_listening(program: subprocess.Popen[bytes], port: int) -> None:
     raise AssertionError("it does not listen")
 
 
-def _repeat(attack: Attack, port: int, over: threading.Event) -> None:
+def _repeat(attack: Attack, port: int, every: int, over: threading.Event) -> None:
     while not over.is_set():
-        attack.send(port)
+        attack.send(port, every)
 
 
 def _await_quiet(pid: int) -> None:
@@ -265,12 +271,12 @@ def _peak_mb(pid: int) -> float:
 
 
 def main(names: list[str]) -> None:
-    root = Path(os.environ["MAVHUMS_ROOT"]) if "MAVHUMS_ROOT" in os.environ else None
+    warm_up()
     print(f"{'attack':45} {'memory, MB':>10} {'CPU after':>10} {'shutdown, s':>12} {'of CPU':>8}")
     for name, attack in ATTACKS.items():
         if not names or name in names:
             with tempfile.TemporaryDirectory() as folder:
-                cost = endure(attack, Path(folder), root=root)
+                cost = endure(attack, Path(folder))
             print(
                 f"{name:45} {cost.memory_mb:10.0f} {cost.cpu:10.1%} {cost.shutdown_s:12.2f}",
                 f"{cost.shutdown_cpu_s:8.2f}",

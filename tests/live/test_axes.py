@@ -110,9 +110,9 @@ def test_a_motor_that_stops_is_told_while_it_flies(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_over_a_real_link(tmp_path: Path) -> None:
-    """In real time: a reference needs 45 seconds of flight, and the loss comes after 60."""
+    """In real time: a reference needs 45 seconds of flight, and the loss comes after 50."""
     port, recording = free_port(), tmp_path / "live.tlog"
-    pieces = list(records(flown(85, lost_s=60, left=0.3)))
+    pieces = list(records(flown(70, lost_s=50, left=0.3)))
     arguments = command("live", f"udpin:{port}", "--json", "--alerts", "--record", recording)
     heard = b""
     with (
