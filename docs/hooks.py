@@ -1,13 +1,15 @@
-"""What the site shows beyond its pages: tables of JSON and profile fields, and links into the repository.
+"""What the pages take from the code: fields of JSON and of the profile, public names, links to files.
 
-A page names a table, ``<!-- fields: mavhums analyse --json -->``; the table comes from the model's JSON
-schema and the descriptions in ``reference/fields.toml``. A link that leaves ``docs`` works on GitHub as it
-stands; on the site it becomes an address of the repository. What is missing is a warning, and a strict build
-fails on it (with ``--quiet`` it would not: mkdocs then counts no warnings).
+A page names a table, ``<!-- fields: mavhums analyse --json -->``; the site fills it in from the model's JSON
+schema and the descriptions in ``reference/fields.toml``. What is read in the repository, too, is between
+``<!-- from the code: NAME -->`` and ``<!-- end -->``: ``python docs/hooks.py`` renews it. A link that leaves
+``docs`` works on GitHub; on the site it becomes an address of the repository. What is missing is a warning,
+and a strict build fails on it (with ``--quiet`` it would not: mkdocs then counts no warnings).
 """
 
 from __future__ import annotations
 
+import inspect
 import logging
 import os
 import re
@@ -17,6 +19,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Protocol
 
+import mavhums
+from mavhums import learn
 from mavhums.actuator.profile import Airframe
 from mavhums.results import assessment
 from mavhums.results.assessment import Inspection
@@ -30,7 +34,9 @@ PROFILE = "profile"
 Schema = dict[str, Any]
 
 _ANY = "any"
+_LEAST, _MOST = 1e-12, 1e9  # bounds that only keep a number positive and finite
 _FIELDS = re.compile(r"<!-- fields: (.+?) -->")
+_FROM_CODE = re.compile(r"(?<=<!-- from the code: )(\S+)( -->\n).*?(?=<!-- end -->)", re.DOTALL)
 _LINK = re.compile(r"(?<=\]\()(\.\./[^)\s#]+)")
 _ROLE = re.compile(r":\w+:(?=<code>)(<code>)~?\.?")
 _log = logging.getLogger("mkdocs.hooks.mavhums")  # a warning below "mkdocs" fails a strict build
@@ -87,10 +93,29 @@ def table(name: str) -> str:
     """Return the tables of a schema's objects; an object that an earlier schema has is described there."""
     every = schemas()
     earlier = {one for key in list(every)[: list(every).index(name)] for one, _ in objects(every[key])}
-    profile = name == PROFILE
-    level = "##" if profile else "###"
-    found = [(key, one) for key, one in objects(every[name]) if profile or key not in earlier]
-    return "\n\n".join(_table(key, one, level, defaults=profile) for key, one in found)
+    return "\n\n".join(_table(key, one) for key, one in objects(every[name]) if key not in earlier)
+
+
+def renewed(page: str) -> str:
+    """Return a page with its lists as the code has them now."""
+    modules = {"mavhums": mavhums, "mavhums.learn": learn}
+
+    def text(mark: re.Match[str]) -> str:
+        lines = profile() if mark[1] == PROFILE else names(modules[mark[1]])
+        return f"{mark[1]}{mark[2]}\n{lines}\n\n"
+
+    return _FROM_CODE.sub(text, page)
+
+
+def profile() -> str:
+    """Return a list of each section's fields, with type, bounds and default."""
+    return "\n\n".join(_section(key, one) for key, one in objects(schemas()[PROFILE]))
+
+
+def names(module: Any) -> str:
+    """Return a list of a module's public names, each with the first sentence of its docstring."""
+    summaries = {key: (inspect.getdoc(getattr(module, key)) or "").split("\n\n")[0] for key in module.__all__}
+    return "\n".join(f"- `{key}`: {_plain(text)}" for key, text in summaries.items())
 
 
 def objects(schema: Schema) -> Iterator[tuple[str, Schema]]:
@@ -123,17 +148,35 @@ def _described(section: str, key: str) -> str | None:
     return _descriptions().get(section, {}).get(key) or _descriptions()[_ANY].get(key)
 
 
-def _table(name: str, schema: Schema, heading: str, *, defaults: bool = False) -> str:
-    summary = " ".join(schema.get("description", "").split("\n\n")[0].split()).replace("``", "`")
-    titles = ["field", "type", *["default"] * defaults, "meaning"]
-    rows = [f"{heading} {name}", "", summary, "", _row(titles), _row(["---"] * len(titles))]
+def _described_fields(name: str, schema: Schema) -> Iterator[tuple[str, Schema, str]]:
     for key, value in schema["properties"].items():
         text = value.get("description") or _described(name, key)
         if text is None:
             _log.warning("%s.%s: give the field a description, or add it to %s", name, key, DESCRIPTIONS.name)
-        default = [_default(value, required=key in schema.get("required", []))] * defaults
-        rows.append(_row([f"`{key}`", _type(value), *default, text or ""]))
-    return "\n".join(rows)
+        yield key, value, text or ""
+
+
+def _summary(schema: Schema) -> str:
+    return _plain(schema.get("description", "").split("\n\n")[0])
+
+
+def _plain(text: str) -> str:
+    return re.sub(r":\w+:`~?\.?([^`]+)`", r"`\1`", " ".join(text.split()).replace("``", "`"))
+
+
+def _table(name: str, schema: Schema) -> str:
+    head = [f"### {name}", "", _summary(schema), "", _row(["field", "type", "meaning"]), _row(["---"] * 3)]
+    rows = [_row([f"`{key}`", _type(one), text]) for key, one, text in _described_fields(name, schema)]
+    return "\n".join([*head, *rows])
+
+
+def _section(name: str, schema: Schema) -> str:
+    required = schema.get("required", [])
+    fields = []
+    for key, one, text in _described_fields(name, schema):
+        kind, default = _type(one).removesuffix(" or null"), _default(one, required=key in required)
+        fields.append(f"- `{key}` ({kind}; {default}): {text}")
+    return "\n".join([f"## {name}", "", _summary(schema), "", *fields])
 
 
 def _row(cells: list[str]) -> str:
@@ -144,7 +187,7 @@ def _default(value: Schema, *, required: bool) -> str:
     default = value.get("default")
     if required:
         return "required"
-    return f"`{default}`" if default not in (None, "", {}) else "none"
+    return f"`{default}`" if default not in (None, "", {}) and not isinstance(default, dict) else "optional"
 
 
 def _type(value: Schema) -> str:
@@ -169,5 +212,14 @@ def _type(value: Schema) -> str:
 
 def _bounds(value: Schema) -> str:
     signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
-    found = [f"{sign} {value[key]:g}" for key, sign in signs.items() if key in value]
+    found = [
+        "> 0" if value[key] == _LEAST else f"{sign} {value[key]:g}"
+        for key, sign in signs.items()
+        if key in value and value[key] != _MOST
+    ]
     return f" {', '.join(found)}" if found else ""
+
+
+if __name__ == "__main__":
+    for path in sorted(DOCS.rglob("*.md")):
+        path.write_text(renewed(path.read_text(encoding="utf-8")), encoding="utf-8")
