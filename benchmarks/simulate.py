@@ -27,8 +27,8 @@ from mavhums_sim.ema import FrictionMethod
 SECONDS = 100.0
 
 
-def models() -> None:
-    """Best of five runs of one actuator, 100 s, waves against a hinge moment."""
+def models(runs: int) -> None:
+    """Best of several runs of one actuator, 100 s, waves against a hinge moment."""
     n = 100_000
     at = np.arange(n) * 1e-3
     command = np.radians(15 * np.sin(2 * np.pi * 0.25 * at) + 5 * np.sin(2 * np.pi * 0.63 * at))
@@ -42,7 +42,7 @@ def models() -> None:
                 actuator = replace(parameters, friction_method=method)
                 simulate(actuator, inputs[0][:2], inputs[1][:2], inputs[2][:2], inputs[3][:2], step_s=step)
                 walls, busy = [], []
-                for _ in range(5):
+                for _ in range(runs):
                     begin, used = time.perf_counter(), time.process_time()
                     simulate(actuator, *inputs, step_s=step)
                     walls.append(time.perf_counter() - begin)
@@ -106,15 +106,15 @@ def closed_loop(duration_s: float) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="a hundredth of the flights")
-    share = 100 if parser.parse_args().quick else 1
+    parser.add_argument("--quick", action="store_true", help="one flight of each kind")
+    quick = parser.parse_args().quick
     load = os.getloadavg()[0]
     print(
         f"{platform.machine()}, {os.cpu_count()} cores, load {load:.1f}, Python {platform.python_version()}"
     )
-    models()
-    flights(1000 // share, 100 // share)
-    closed_loop(600.0 if share == 1 else 120.0)
+    models(1 if quick else 5)
+    flights(*(1, 1) if quick else (1000, 100))
+    closed_loop(30.0 if quick else 600.0)
 
 
 if __name__ == "__main__":

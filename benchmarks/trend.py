@@ -27,6 +27,7 @@ from mavhums.health.decision.growth import course_of
 from tests.flights import write_wear
 
 START, EMERGENCY, BETWEEN = 0.225, 0.875, 0.008
+FLIGHTS = (250, 1000, 4000)  # of the folders that are read
 
 
 def normal(rng: np.random.Generator, n: int) -> Array:
@@ -90,7 +91,7 @@ def coverage(histories: int) -> Table:
 
 def reading(console: Console) -> None:
     table = titled("A folder of flights, two actuators each", "flights", "MB", "read, s", "trend, s")
-    for flights in (250, 1000, 4000):
+    for flights in FLIGHTS:
         with tempfile.TemporaryDirectory() as name, console.status("reading"):
             folder = Path(name)
             write_wear(folder, flights=flights, growth=(("elevator", 0.0), ("rudder", 0.0)))
@@ -119,8 +120,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--quick", action="store_true", help="a tenth of the histories")
-    histories = 200 if parser.parse_args().quick else 2000
+    parser.add_argument("--quick", action="store_true", help="a hundredth of the histories")
+    histories = 20 if parser.parse_args().quick else 2000
     console = Console(width=110)
     console.print(
         f"{histories} histories a row; {platform.machine()}, {os.cpu_count()} cores,"

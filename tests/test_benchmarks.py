@@ -57,21 +57,26 @@ RUNS: dict[str, list[Small]] = {
     "health": [
         Small("friction --scale 0.001 --workers 1"),
         Small("flights --scale 0.016 --workers 1", slow=True),
-        Small("jams --scale 0.1 --workers 1", slow=True),
     ],
     "holes": [Small("--every 100 LOG")],
     "house": [Small(slow=True)],
     "links": [Small("LINKS", slow=True, needs=LINKS)],
     "live": [Small("--only share --seconds 15", slow=True)],
-    "load_friction": [Small("--seconds 15 --only sheet", {"TELEMETRY": {"sensors": None}}, slow=True)],
+    "load_friction": [
+        Small("--seconds 10 --only sheet", {"TELEMETRY": {"sensors": None}, "PROFILES": {"0": ""}}, slow=True)
+    ],
     "motors": [Small("--faults 0 --hours 0.1")],
     "networks": [Small("--flights 1 --part modes", slow=True)],
     "own_history": [
-        Small("--aircraft 1 --each 1 --healthy 1 --sheet 0 --identify 0 --only motor", slow=True)
+        Small(
+            "--aircraft 1 --each 1 --healthy 1 --sheet 0 --identify 0 --only motor",
+            {"FLIGHTS_BEFORE": 6, "BASELINES": (5,), "FRICTIONS": (0.1,), "OTHERS": {"resistance": 0.2}},
+            slow=True,
+        )
     ],
     "own_supply": [Small(constants={"_BASELINE": 1, "LOST_V": (0.0,)}, slow=True)],
     "page": [Small(constants={"DROPS": 1, "TWENTY": 1}, slow=True, needs=BROWSER)],
-    "perturbed": [Small("FLIGHTS --kinds cut --seeds 0-0 --jobs 1", slow=True)],
+    "perturbed": [Small("FLIGHTS --kinds cut --seeds 0-0 --jobs 1", {"_BEGINNINGS": 2}, slow=True)],
     "promised": [Small("--draws 1")],
     "real_actuators": [
         Small("ACTUATORS --only sheet --reps 0 --kinds sensor --workers 1", slow=True, needs=ACTUATORS)
@@ -82,11 +87,11 @@ RUNS: dict[str, list[Small]] = {
     "severities": [Small("friction --seeds 1 --seconds 20 --workers 1", {"STEPS": 2})],
     "simulate": [Small("--quick", slow=True)],
     "stall": [Small("--aircraft 1", slow=True)],
-    "start": [Small(constants={"TIMES": 1}, slow=True)],
+    "start": [Small(constants={"TIMES": 1, "PARTS": {"numpy": "import numpy"}}, slow=True)],
     "steering": [Small("--drives 1 --hours 0.1")],
     "tiers": [Small(constants={"RATES_HZ": (25.0,), "PAPER_FRICTION_NM": (0.225,)}, slow=True)],
     "train": [Small("--quick --part fifty --solver lbfgs --inputs 4", slow=True)],
-    "trend": [Small("--quick", {"TAILS": {"normal": normal}}, slow=True)],
+    "trend": [Small("--quick", {"TAILS": {"normal": normal}, "FLIGHTS": (20,)}, slow=True)],
     "worn": [Small(constants={"CASES": (("none", 0.0),)}, slow=True)],
 }
 

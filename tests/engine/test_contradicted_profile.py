@@ -80,8 +80,7 @@ def test_what_the_parameters_contradict_is_judged_by_them(kind: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize("told_s", [30.0, 80.0, 130.0, 168.0])
+@pytest.mark.parametrize(("kind", "told_s"), [("tlog", 30.0), ("tlog", 130.0), ("BIN", 80.0), ("ulg", 168.0)])
 def test_parameters_that_arrive_late_contradict_as_well(kind: str, told_s: float) -> None:
     verdicts, events, _ = judged([FORMATS[kind](Wired(told_s=told_s))])
     assert not alarms(events)
@@ -198,7 +197,7 @@ WHOLE: dict[str, tuple[dict[str, Verdict], list[Event], Assessment]] = {}
 
 @pytest.mark.slow
 @given(data=st.data())
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=3, deadline=None)
 @pytest.mark.parametrize(
     "flight",
     [
@@ -275,7 +274,7 @@ def test_the_telemetry_of_another_surface_is_no_verdict(run: Run, tmp_path: Path
 @pytest.mark.slow
 def test_a_live_session_says_no_alarm_and_agrees_with_its_recording(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
-    content, sent, at = Wired(texts=NAMED, told_s=60.0).tlog(), [], 0
+    content, sent, at = Wired(seconds=120, texts=NAMED, told_s=60.0).tlog(), [], 0
     while at < len(content):
         size = 12 + content[at + 9]
         time_us = int.from_bytes(content[at : at + 8], "big") - START_US + rig.now_us
@@ -381,7 +380,7 @@ def trial(demand: dict[int, np.ndarray], rate: np.ndarray, *servos: int) -> str 
 
 @pytest.mark.slow
 @given(seed=st.integers(0, 10_000), noise=st.floats(0.0, 0.05))
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 def test_the_motion_contradicts_wrong_outputs_alone(seed: int, noise: float) -> None:
     aileron, elevator, other = (excited(90, seed=seed + k) for k in range(3))
     rate = 2.2 * aileron + noise * np.random.default_rng(seed).normal(size=aileron.size)

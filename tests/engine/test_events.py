@@ -115,7 +115,7 @@ def test_the_log_brings_about_every_kind_of_event(whole: dict[Any, Any]) -> None
 
 
 @given(data=st.data())
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 def test_no_event_depends_on_the_blocks(data: st.DataObject, content: bytes, whole: dict[Any, Any]) -> None:
     assert canonical(follow(blocks(content, data.draw(cuts(len(content)))))) == whole
 

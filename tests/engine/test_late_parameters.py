@@ -71,7 +71,7 @@ def renamed(content: bytes, time_s: float, **functions: int) -> bytes:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FLIGHTS)
 @given(share=st.floats(0.02, 0.99), seed=st.integers(0, 99))
-@settings(max_examples=4)
+@settings(max_examples=2)
 def test_when_the_parameters_come_changes_no_verdict(name: str, share: float, seed: int) -> None:
     flight = FLIGHTS[name]
     early = verdicts(flight)
@@ -168,7 +168,7 @@ def test_a_log_that_begins_in_flight_says_so() -> None:
     name=st.sampled_from(sorted(FLIGHTS)),
 )
 @example(kind="halves swapped", seed=4, piece=500, name="a rudder that moves with the ailerons")
-@settings(max_examples=12)
+@settings(max_examples=5)
 def test_blocks_do_not_matter_whatever_happened_to_the_log(
     kind: str, seed: int, piece: int, name: str
 ) -> None:

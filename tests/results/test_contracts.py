@@ -37,18 +37,19 @@ def modules() -> list[str]:
     return sorted(found)
 
 
-@pytest.mark.parametrize("name", modules())
-def test_every_module_documents_its_names(name: str) -> None:
-    try:
-        module = importlib.import_module(name)
-    except ModuleNotFoundError as error:
-        if error.name != "torch":
-            raise
-        pytest.skip("PyTorch is absent")
-    assert module.__doc__
-    for public, thing in vars(module).items():
-        if callable(thing) and getattr(thing, "__module__", "") == name and not public.startswith("_"):
-            assert thing.__doc__, f"{name}.{public}"
+def test_every_module_documents_its_names() -> None:
+    silent = []
+    for name in modules():
+        try:
+            module = importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            if error.name != "torch":
+                raise
+            continue
+        own = {k: v for k, v in vars(module).items() if callable(v) and getattr(v, "__module__", "") == name}
+        silent += [name] * (not module.__doc__)
+        silent += [f"{name}.{k}" for k, v in own.items() if not k.startswith("_") and not v.__doc__]
+    assert silent == []
 
 
 def test_the_schema_file_is_generated_from_the_classes() -> None:

@@ -1,7 +1,7 @@
 """Each field that is read, removed, renamed or retyped in its definition: a quantity that was not measured.
 
 An on-board log defines its own fields, and one flipped bit changes a definition. Every field of every message
-that a format reads is damaged in turn; each such log is judged without an error.
+that a format reads is damaged, in each way in turn; each such log is judged without an error.
 """
 
 from __future__ import annotations
@@ -58,8 +58,11 @@ def _redefined(log: bytes, place: int, letters: str, columns: list[str]) -> byte
     return log[: place + 9] + body[:80] + log[place + 89 :]
 
 
-def damaged_dataflash(log: bytes) -> Iterator[tuple[str, bytes]]:
-    """Yield the log with each field damaged: renamed, retyped to text or to an array of equal size, removed.
+Damaged = Iterator[list[tuple[str, bytes]]]
+
+
+def damaged_dataflash(log: bytes) -> Damaged:
+    """Yield the log with a field damaged: renamed, retyped to text or to an array of equal size, removed.
 
     A definition without a field contradicts its length: all its records are unknown then.
     """
@@ -71,17 +74,17 @@ def damaged_dataflash(log: bytes) -> Iterator[tuple[str, bytes]]:
         columns = log[place + 25 : place + 89].rstrip(b"\0").decode().split(",")
         for k, column in enumerate(columns):
             renamed = [*columns[:k], chr(ord(column[0]) ^ 1) + column[1:], *columns[k + 1 :]]
-            yield f"{name}.{column} renamed", _redefined(log, place, letters, renamed)
+            ways = [(f"{name}.{column} renamed", _redefined(log, place, letters, renamed))]
             for other in _OTHERS.get(letters[k], "hc"):
                 retyped = letters[:k] + other + letters[k + 1 :]
-                yield f"{name}.{column} as {other}", _redefined(log, place, retyped, columns)
+                ways.append((f"{name}.{column} as {other}", _redefined(log, place, retyped, columns)))
             shorter = letters[:k] + letters[k + 1 :]
             without = _redefined(log, place, shorter, columns[:k] + columns[k + 1 :])
-            yield f"{name}.{column} removed", without
+            yield [*ways, (f"{name}.{column} removed", without)]
 
 
-def damaged_ulog(log: bytes) -> Iterator[tuple[str, bytes]]:
-    """Yield the log with each field renamed, retyped to text and to an array, and removed."""
+def damaged_ulog(log: bytes) -> Damaged:
+    """Yield the log with a field renamed, retyped to text and to an array, and removed."""
     sizes = {"uint64_t": 8, "uint8_t": 1, "int32_t": 4, "float": 4, "double": 8, "char": 1}
     topics = {name: "uint64_t timestamp;" + fields for name, (_, fields) in TOPICS.items()}
     topics["esc_report"] = FLIGHT["esc_report"]
@@ -99,20 +102,21 @@ def damaged_ulog(log: bytes) -> Iterator[tuple[str, bytes]]:
                     "one less": f"uint8_t[{size - 1}] {name};uint8_t x;" if size > 1 else f"int8_t {name};",
                     "removed": f"uint8_t[{size}] _padding9;",
                 }
+            ways = []
             for how, new in changes.items():
                 body = whole.replace(f"{field};".encode(), new.encode(), 1)
                 old = (len(whole)).to_bytes(2, "little") + b"F" + whole
                 assert old in log
-                yield (
-                    f"{topic}.{name} {how}",
-                    log.replace(old, len(body).to_bytes(2, "little") + b"F" + body, 1),
-                )
+                damaged = log.replace(old, len(body).to_bytes(2, "little") + b"F" + body, 1)
+                ways.append((f"{topic}.{name} {how}", damaged))
+            yield ways
 
 
-def failures(logs: Iterator[tuple[str, bytes]]) -> list[str]:
-    """Judge each log with all that is followed; return what went wrong."""
+def failures(fields: Damaged) -> list[str]:
+    """Judge a log for each field, with all that is followed; return what went wrong."""
     failed = []
-    for what, log in logs:
+    for number, ways in enumerate(fields):
+        what, log = ways[number % len(ways)]
         engine = Engine(EngineOptions(vehicle_states=True))
         try:
             engine.feed(log)

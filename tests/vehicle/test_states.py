@@ -169,7 +169,7 @@ def test_modes_of_real_logs_are_pymavlinks_own(path: Path) -> None:
             last[system] = mode
             expected.append((system, mode))
     link.f.close()
-    found = told(path.read_bytes(), step=4096)
+    found = told(path.read_bytes(), step=65_536)
     modes = [(event.vehicle, event.mode) for event in found if isinstance(event, FlightMode)]
     assert modes == expected
     for kind in (Attitude, Position):

@@ -85,7 +85,7 @@ def test_no_message_of_the_dialects_is_missing() -> None:
 
 @pytest.mark.parametrize("xml", OURS, ids=lambda path: path.name)
 @given(data=st.data())
-@settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck), database=None)
+@settings(max_examples=5, deadline=None, suppress_health_check=list(HealthCheck), database=None)
 def test_messages_of_our_own_xml_are_as_pymavlinks_generator_makes_them(
     xml: Path, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
