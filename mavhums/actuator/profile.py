@@ -339,8 +339,8 @@ def packaged_airframes() -> list[str]:
     )
 
 
-def load_airframe(name_or_path: str | Path) -> Airframe:
-    """Load a packaged profile by name, or a user's profile by path.
+def load_airframe(name_or_path: Airframe | str | Path) -> Airframe:
+    """Load a packaged profile by name, or a user's profile by path; a profile is returned as it is.
 
     Raises
     ------
@@ -352,6 +352,8 @@ def load_airframe(name_or_path: str | Path) -> Airframe:
     >>> [actuator.name for actuator in load_airframe("paper").actuators]
     ['aileron_left', 'aileron_right', 'elevator', 'rudder']
     """
+    if isinstance(name_or_path, Airframe):
+        return name_or_path
     path = Path(name_or_path)
     if str(name_or_path) in packaged_airframes():
         packaged = resources.files("mavhums.actuator").joinpath(f"airframes/{name_or_path}.toml")

@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, Unpack
 
-from mavhums.app.settings import Options, Settings
+from mavhums.app.settings import GivenOptions, Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import as_utf8, written_whole
 from mavhums.core.packed import is_stream
@@ -140,6 +140,7 @@ def analyse(
     position: bool = True,
     consume: Consumer | None = None,
     progress: Progress = None,
+    **given: Unpack[GivenOptions],
 ) -> Assessment:
     """Judge every actuator of a log, in constant memory.
 
@@ -157,6 +158,8 @@ def analyse(
         Called with the engine's events after each block.
     progress
         Called with the number of bytes read after each block.
+    given
+        Options by name, in place of those of ``options``.
 
     Raises
     ------
@@ -173,11 +176,11 @@ def analyse(
 
     Examples
     --------
-    >>> assessment = analyse("flight.tlog")
+    >>> assessment = analyse("flight.tlog", airframe="paper")
     >>> {verdict.actuator: verdict.condition for verdict in assessment.verdicts}["rudder"]
     'normal'
     """
-    settings = Settings.read(options)
+    settings = Settings.read(options, **given)
     if recording is None:
         if consume is None:
             return compared_with_own(analyse_alone(path, settings.engine, progress=progress), settings)

@@ -160,7 +160,7 @@ def check_log(
     MavhumsError
         If the log or the profile cannot be read, or no surface is swept on the ground.
     """
-    given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
+    given = None if airframe is None else load_airframe(airframe)
     wanted = messages_for(given.actuators if given else ()) | SIGNAL_MESSAGES | TEXT_MESSAGES
     decoder, fleet, clocks, standing = (
         Decoder(wanted, dialect=dialect),

@@ -111,7 +111,7 @@ def export_quantities(
     MissingExtraError
         If Parquet is wanted and pyarrow is not installed.
     """
-    given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
+    given = None if airframe is None else load_airframe(airframe)
     output = Path(output)
     writer_for(output)
     if classify and is_stream(path):

@@ -72,7 +72,7 @@ def inspect_log(
     DialectError
         If the XML cannot be used.
     """
-    given = airframe if isinstance(airframe, Airframe) or airframe is None else load_airframe(airframe)
+    given = None if airframe is None else load_airframe(airframe)
     telemetry = messages_for(given.actuators if given else ())
     decoder = Decoder(telemetry | IDENTITY_MESSAGES | SIGNAL_MESSAGES | NAMED_MESSAGES, dialect=dialect)
     fleet, identities, axes, values = VehicleMappers(given), Identities(), Axes(given), NamedValues()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.core.errors import MavhumsError
@@ -111,6 +111,22 @@ class Options:
         return texts
 
 
+class GivenOptions(TypedDict, total=False):
+    """The fields of :class:`Options`, as keywords."""
+
+    airframe: Airframe | str | Path | None
+    model: Model | Sequence[Model] | str | Path | None
+    decide: Decide
+    history: History | str | os.PathLike[str] | None
+    since: Since | None
+    aircraft: str | None
+    aircraft_table: AircraftTable | str | os.PathLike[str] | None
+    false_alarms: float
+    dialect: str | os.PathLike[str] | None
+    key: bytes | str | os.PathLike[str] | None
+    vehicle_states: bool
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """How logs are judged and what with, in memory.
@@ -133,11 +149,15 @@ class Settings:
     resolver: AircraftResolver
 
     @classmethod
-    def read(cls, options: Options | Settings | None) -> Settings:
+    def read(cls, options: Options | Settings | None, **given: Unpack[GivenOptions]) -> Settings:
         """Read the files that options name; settings are returned as they are, None is the defaults.
+
+        Options that are ``given`` by name take the place of those of ``options``.
 
         Raises
         ------
+        TypeError
+            If there is no such option, or it is given beside settings, which were read before.
         ProfileError, ModelError, KeyFileError, AircraftTableError
             If the profile, the model, the key or the table cannot be used.
         MavhumsError
@@ -145,23 +165,32 @@ class Settings:
             aircraft.
         """
         if isinstance(options, Settings):
+            if given:
+                raise TypeError(
+                    f"{', '.join(given)}: give it with the options of which the settings were read"
+                )
             return options
-        given = options or Options()
-        check_aircraft_rule(given.aircraft)
-        airframe, key, table = given.airframe, given.key, given.aircraft_table
+        if not isinstance(options, Options | None):
+            hint = 'analyse("flight.tlog", airframe="paper")'
+            raise TypeError(f"options: {type(options).__name__} is no Options object; name an option: {hint}")
+        wanted = replace(options or Options(), **given)
+        check_aircraft_rule(wanted.aircraft)
+        airframe, key, table = wanted.airframe, wanted.key, wanted.aircraft_table
         engine = EngineOptions(
-            airframe=airframe if isinstance(airframe, Airframe | None) else load_airframe(airframe),
-            models=_models(given.model),
-            decide=given.decide,
-            false_alarms=given.false_alarms,
-            dialect=given.dialect,
+            airframe=None if airframe is None else load_airframe(airframe),
+            models=_models(wanted.model),
+            decide=wanted.decide,
+            false_alarms=wanted.false_alarms,
+            dialect=wanted.dialect,
             key=key if isinstance(key, bytes | None) else load_key(key),
-            vehicle_states=given.vehicle_states,
+            vehicle_states=wanted.vehicle_states,
         )
         if not isinstance(table, AircraftTable):
             table = AircraftTable() if table is None else load_aircraft_table(table)
-        resolver = AircraftResolver(given.aircraft, table)
-        return cls(engine=engine, history=_history(given.history), since=given.since or {}, resolver=resolver)
+        resolver = AircraftResolver(wanted.aircraft, table)
+        return cls(
+            engine=engine, history=_history(wanted.history), since=wanted.since or {}, resolver=resolver
+        )
 
     def earlier(self, since: Since) -> tuple[BaselineSource, PastSource]:
         """Return what a flight is compared with: baselines and flights that count from dates on."""

@@ -16,6 +16,7 @@ import numpy as np
 
 from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import MappedSamples, Mapper, messages_for
+from mavhums.actuator.profile import load_airframe
 from mavhums.actuator.telemetry import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.output import as_utf8
@@ -93,7 +94,7 @@ class Engine:
 
     def __init__(self, options: EngineOptions | None = None) -> None:
         options = options or EngineOptions()
-        airframe = options.airframe
+        airframe = None if options.airframe is None else load_airframe(options.airframe)
         telemetry = messages_for(airframe.actuators if airframe else ())
         self._vehicle_limit = VehicleLimit(telemetry - TEXT_MESSAGES)
         wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | FLIGHT_MESSAGES

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mavhums.actuator.profile import Airframe
@@ -22,7 +23,8 @@ class EngineOptions:
     Attributes
     ----------
     airframe
-        The profile for every vehicle; if None, each vehicle is judged by the profile that it names.
+        The profile for every vehicle, its name or its path; if None, each vehicle is judged by the profile
+        that it names.
     models
         Networks that answer beside the physics. An actuator uses the first network for its airframe whose
         quantities its samples contain.
@@ -44,11 +46,11 @@ class EngineOptions:
 
     Examples
     --------
-    >>> from mavhums import Engine, load_airframe
-    >>> engine = Engine(EngineOptions(airframe=load_airframe("paper")))
+    >>> from mavhums import Engine
+    >>> engine = Engine(EngineOptions(airframe="paper"))
     """
 
-    airframe: Airframe | None = None
+    airframe: Airframe | str | Path | None = None
     models: Sequence[Model] = ()
     decide: Decide = "physics"
     false_alarms: float = FALSE_ALARMS

@@ -13,6 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from mavhums.actuator.profile import load_airframe
 from mavhums.app.analysis import Failed, analyse_alone
 from mavhums.app.settings import Options, Settings
 from mavhums.core.about import __version__
@@ -63,7 +64,7 @@ def settings_of(options: Options) -> str:
     resolved = Settings.read(options).engine
     content: dict[str, Any] = {
         "version": __version__,
-        "airframe": resolved.airframe.model_dump_json() if resolved.airframe else None,
+        "airframe": load_airframe(resolved.airframe).model_dump_json() if resolved.airframe else None,
         "models": [model.hash for model in resolved.models],
         "false_alarms": resolved.false_alarms,
         "dialect": None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 
 import mavhums
 from mavhums.app.analysis import Failed, Judged, judge
-from mavhums.app.settings import Options, Settings
+from mavhums.app.settings import GivenOptions, Options, Settings
 from mavhums.core.process_pool import LostItem, in_processes
 from tests.conftest import Run
 
@@ -85,3 +86,21 @@ def test_options_travel_to_another_process_as_texts(tmp_path: Path) -> None:
     assert Options(**texts).as_texts() == texts  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="airframe"):
         Options(airframe=mavhums.load_airframe("paper")).as_texts()
+
+
+def test_options_may_be_given_by_name(growing_log: Path) -> None:
+    assert {*GivenOptions.__annotations__} == {field.name for field in fields(Options)}
+    by_name = mavhums.analyse(growing_log, airframe="paper", false_alarms=2.0)
+    assert by_name == mavhums.analyse(growing_log, Options(airframe="paper", false_alarms=2.0))
+    assert by_name == mavhums.analyse(growing_log, Options(false_alarms=2.0), airframe="paper")
+    with pytest.raises(TypeError, match="str is no Options object"):
+        mavhums.analyse(growing_log, "paper")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="frame"):
+        mavhums.analyse(growing_log, frame="paper")  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="airframe"):
+        mavhums.analyse(growing_log, Settings.read(None), airframe="paper")
+    with pytest.raises(mavhums.ProfileError, match="no airframe profile"):
+        mavhums.Engine(mavhums.EngineOptions(airframe="nowhere"))
+    assert mavhums.Engine(mavhums.EngineOptions(airframe="paper")).assessment() == (
+        mavhums.Engine(mavhums.EngineOptions(airframe=mavhums.load_airframe("paper"))).assessment()
+    )
