@@ -25,7 +25,7 @@ test: .venv/.ready
 
 # The long tests and those of real logs (MAVHUMS_REAL_LOGS): hostile links, stalled readers, training, sweeps.
 test-slow: .venv/.ready
-	$(BIN)/python -m pytest -q -n $(CORES) --dist worksteal -m slow
+	$(BIN)/python -m pytest -q -n $(CORES) --dist worksteal -m slow tests
 
 # Everything, with coverage of both parts together.
 test-all: .venv/.ready

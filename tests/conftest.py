@@ -42,7 +42,7 @@ def carried_logs() -> list[Path]:
 
 
 def real_logs(*folders: str) -> list[Path]:
-    """Logs in these folders of the real logs; by default of each, and of a campaign each eighth."""
+    """Logs in these folders of the real logs; by default of each, and of a campaign each sixteenth."""
     return sorted(
         path
         for folder in folders or (*SINGLE, *CAMPAIGNS)
@@ -50,7 +50,7 @@ def real_logs(*folders: str) -> list[Path]:
             path
             for path in (REAL_LOGS / folder).glob("*")
             if path.is_file() and path.suffix not in (".md", ".csv")
-        )[:: 8 if folder in CAMPAIGNS else 1]
+        )[:: 16 if folder in CAMPAIGNS else 1]
     )
 
 

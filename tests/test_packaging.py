@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -38,6 +39,15 @@ def site(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (wheel,) = built.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(folder)
+    for package, home in (("mavhums", ROOT), ("mavhums_sim", ROOT / "sim")):
+        # What is compiled fits modules of the same bytes and times.
+        for path in (home / package).rglob("*"):
+            own = folder / path.relative_to(home)
+            if path.suffix == ".py" and own.exists():
+                shutil.copystat(path, own)
+            elif path.suffix in (".nbi", ".nbc"):
+                own.parent.mkdir(exist_ok=True)
+                shutil.copy2(path, own)
     return folder
 
 

@@ -72,6 +72,7 @@ def condition(assessment: Assessment) -> str:
     return next(v.condition for v in assessment.verdicts if v.subject == "actuator")
 
 
+@pytest.mark.slow
 def test_ten_flights_are_learnt_and_the_eleventh_is_judged(run: Run, flown: Path) -> None:
     first = mavhums.analyse(flown / "logs" / "0.tlog", mavhums.Options(airframe=flown / "blank.toml"))
     assert condition(first) == "learning"
@@ -88,6 +89,7 @@ def test_ten_flights_are_learnt_and_the_eleventh_is_judged(run: Run, flown: Path
     assert "inspect gearbox, bearings and hinge line" in " ".join(worn.out.split())
 
 
+@pytest.mark.slow
 def test_a_recording_shows_what_only_the_comparison_told(flown: Path) -> None:
     options = mavhums.Options(airframe=flown / "blank.toml", history=flown / "flights")
     path = flown / "worn.rrd"

@@ -311,17 +311,17 @@ def test_unsigned_frames_do_not_count(make_rig: MakeRig, worn_pieces: list[Piece
 @pytest.mark.slow
 @pytest.mark.parametrize("senders", [1, 5000])
 def test_a_burst_of_noise(rig: Rig, worn_pieces: list[Piece], senders: int) -> None:
-    """A hundred thousand datagrams of noise within a second, from one port or from thousands."""
+    """Twenty thousand datagrams of noise within a second, from one port or from thousands."""
     dice = random.Random(8)
     noise = [
-        Piece(("noise", k % senders), EPOCH_US + 10_000_000 + 10 * k, dice.randbytes(40) + b"\xfd\xff")
-        for k in range(100_000)
+        Piece(("noise", k % senders), EPOCH_US + 10_000_000 + 50 * k, dice.randbytes(40) + b"\xfd\xff")
+        for k in range(20_000)
     ]
     rig.hear(worn_pieces + noise)
     assert conditions(rig.end()) == RIGHT
     counts = rig.stamper.counts
     assert len(worn_pieces) <= counts.frames <= len(worn_pieces) + 3
-    assert counts.bytes_skipped == pytest.approx(42 * 100_000, abs=3 * 280)
+    assert counts.bytes_skipped == pytest.approx(42 * 20_000, abs=3 * 280)
     assert len(rig.stamper._streams) == 0
 
 

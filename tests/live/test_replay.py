@@ -22,6 +22,7 @@ from mavhums_sim.tiers import TIERS
 from tests.conftest import carried_logs, real_logs
 from tests.live.conftest import KEY, Rig, pieces, verdicts
 
+QUICK = ("elevator_frozen.tlog", "px4_aileron_frozen.tlog")
 LOGS = [path for path in (*carried_logs(), *real_logs()) if ".tlog" in path.name]
 PROFILES = {"plane_lua_csrv.link1.tlog": Path(__file__).parents[2] / "examples" / "profiles" / "csrv.toml"}
 AHEAD = 4000  # datagrams that a receive buffer surely holds
@@ -46,7 +47,10 @@ def datagrams(log: Path) -> list[bytes]:
     return out
 
 
-@pytest.mark.parametrize("log", LOGS, ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "log",
+    [pytest.param(log, id=log.name, marks=[pytest.mark.slow] * (log.name not in QUICK)) for log in LOGS],
+)
 def test_a_session_gives_what_its_recording_gives(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

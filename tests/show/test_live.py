@@ -43,13 +43,13 @@ def follow(url: str, path: Path) -> subprocess.Popen[bytes]:
 
 def finished(process: subprocess.Popen[bytes], path: Path) -> None:
     """End the follower when what it writes has come to rest."""
-    end, size = time.monotonic() + 20, -1
+    end, size = time.monotonic() + 60, -1
     while not path.exists() or path.stat().st_size != size:
         assert time.monotonic() < end, "nothing came"
         size = path.stat().st_size if path.exists() else -1
         time.sleep(0.5)
     process.send_signal(signal.SIGINT)
-    process.wait(20)
+    process.wait(60)
     whole = path.with_suffix(".whole")
     subprocess.run([program(), "rrd", "optimize", path, "-o", whole], check=True, capture_output=True)
     whole.replace(path)
@@ -149,7 +149,7 @@ def test_the_web_viewer_is_served_and_stopped() -> None:
 
     with LiveViewer("web", recording_id="flight") as viewer:
         address = viewer.url.split("?")[0]
-        end = time.monotonic() + 20
+        end = time.monotonic() + 60
         while True:
             try:
                 page = urllib.request.urlopen(address, timeout=5).read()
@@ -168,7 +168,7 @@ def test_a_viewer_that_cannot_run_is_told(monkeypatch: pytest.MonkeyPatch, fligh
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
     with LiveViewer("window", recording_id="flight") as viewer:
-        end = time.monotonic() + 20
+        end = time.monotonic() + 60
         while viewer.trouble is None and time.monotonic() < end:
             viewer.consume([flight.samples("elevator", 0, 1)])
             time.sleep(0.1)

@@ -289,6 +289,7 @@ def test_a_healthy_flight_stays_at_its_baseline(own: dict[str, Baseline]) -> Non
         assert not [e for e in findings.evidence if e.kind.endswith("_drift")]
 
 
+@pytest.mark.slow
 def test_an_emergency_is_more_than_a_drift(own: dict[str, Baseline]) -> None:
     bad = telemetry(flown(Condition.constant("friction", 1.0), rate_hz=25.0))
     _, findings = watch(bad, baselines=own)
@@ -395,6 +396,7 @@ def test_a_bias_larger_than_the_play_is_told_in_flight_with_the_load_on_one_flan
     assert alarm.time_s < findings.last_s - 30.0
 
 
+@pytest.mark.slow
 def test_the_flight_as_a_whole_leaves_its_baseline(own: dict[str, Baseline]) -> None:
     """Windows that scatter too much to show a change one by one show it together."""
     sharp = replace(own["friction"], error=0.001, flights=40, between=0.001)

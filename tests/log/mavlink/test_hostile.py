@@ -33,9 +33,9 @@ def test_no_access_outside_the_arrays(tmp_path: Path) -> None:
 @pytest.mark.parametrize("pattern", [b"\xfd", b"\xfe", b"\xfd\x00", b"\x00\xfe\xff", b"\xff"])
 def test_the_worst_patterns_take_no_more_than_linear_time(pattern: bytes) -> None:
     data = pattern * (300_000 // len(pattern))
-    begin = time.perf_counter()
+    begin = time.process_time()
     decoder = Decoder()
     decoder.feed(data, final=True)
-    assert time.perf_counter() - begin < 5
+    assert time.process_time() - begin < 5
     losses = decoder.losses
     assert losses.bytes_skipped + losses.cut_end_bytes + losses.trailing_zeros <= len(data)
