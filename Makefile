@@ -48,6 +48,7 @@ model: .venv/.ready
 
 # The documentation as a site, to be read without a network: open site/index.html.
 docs: .venv/.lint
+	$(BIN)/python docs/hooks.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # The pictures of recordings in README and docs; needs the Debian packages mesa-vulkan-drivers and
