@@ -184,7 +184,7 @@ def test_an_aileron_that_is_frozen_from_take_off_is_found_in_the_closed_loop(tmp
         return path
 
     flights = str(tmp_path / "flights")
-    for day in range(8):
+    for day in range(6):
         judged = CliRunner().invoke(cli, ["analyse", str(fly(day)), "--history", flights, "--keep"])
         assert "EMERGENCY" not in judged.output
     broken = fly(30, "--surface-fault", "aileron_left=freeze:0")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,11 +13,11 @@ import pytest
 import mavhums
 from mavhums.core.conditions import Condition
 from mavhums.engine.engine import Engine
-from mavhums.engine.events import ConditionChanged, Notice
+from mavhums.engine.events import ConditionChanged
 from mavhums.live import Address
 from mavhums.live.alerts import fault_of
 from mavhums.live.session import GroundStation, Session
-from mavhums.live.setup import LiveOptions, SeenSignatures, _send, prepare
+from mavhums.live.setup import _send
 from mavhums.live.status import Peers, Reception
 from mavhums.log.mavlink.stamping import Counts, Piece
 from mavhums.results.assessment import Assessment
@@ -139,25 +138,6 @@ def test_pieces_are_taken_together_when_the_first_is_a_tenth_of_a_second_old() -
     assert parts.session._busy is False
 
 
-@pytest.mark.parametrize(
-    ("number", "busy", "at_once"),
-    [(100, False, False), (101, True, False), (8192, True, False), (8193, True, True)],
-)
-def test_many_pieces_make_a_session_busy_and_too_many_are_taken_at_once(
-    number: int, busy: bool, at_once: bool
-) -> None:
-    parts = Parts()
-    parts.received = [[piece(20_000)] * number]
-    seen: list[Any] = []
-
-    def stop() -> bool:
-        seen.append((parts.session._busy, len(taken(parts))))
-        return len(seen) == 2
-
-    parts.session.run(stop)
-    assert seen[1] == (busy, int(at_once))
-
-
 def test_time_never_goes_back_in_a_recording() -> None:
     parts = Parts()
     parts.session.take([piece(9, b"b"), piece(5, b"a")])
@@ -167,27 +147,6 @@ def test_time_never_goes_back_in_a_recording() -> None:
     assert taken(parts) == [[(5, b"a"), (9, b"b")], [(9, b"c"), (10, b"d")], [(10, b"e")]]
     assert [call for call in parts.calls if isinstance(call, tuple)] == [(18, 2), (18, 2), (9, 1)]
     assert parts.session._first_us == START + 5
-
-
-def test_the_state_is_shown_each_second_without_catching_up() -> None:
-    parts = Parts()
-    parts.session.tick()
-    assert parts.session._due_us == START + SECOND
-    parts.now_us = START + 5 * SECOND // 2
-    parts.session.tick()
-    assert parts.session._due_us == START + 5 * SECOND // 2
-    parts.session._due_us = START + 3 * SECOND
-    parts.step_us = SECOND // 4
-    parts.run(3)
-    assert [status.uptime_s for status in parts.shown.statuses] == [0.0, 2.5, 3.0]
-    for _ in range(8):
-        parts.session.tick()
-    assert parts.calls.count("remembered") == 2, "at the tenth tick, and at the end"
-    parts = Parts()
-    parts.session._due_us = START + SECOND // 3
-    parts.step_us = SECOND // 4
-    parts.run(3)
-    assert [status.uptime_s for status in parts.shown.statuses] == [0.5], "it is due between two looks"
 
 
 @pytest.mark.parametrize("same", [False, True])
@@ -211,28 +170,6 @@ def test_a_heartbeat_goes_to_each_vehicle_that_is_heard(same: bool, caplog: pyte
     parts.now_us += 10 * SECOND + 1
     parts.session.tick()
     assert len(parts.peers) == 0
-
-
-def test_the_end_closes_everything_once() -> None:
-    parts = Parts(links=2)
-    parts.session.take([piece(3 * SECOND)])
-    parts.calls.clear()
-    found = parts.session.close()
-    assert parts.calls == [
-        ("stamper closed", 3 * SECOND),
-        {"observed": []},
-        "recorder closed",
-        "remembered",
-        0,
-        1,
-        "ground",
-    ]
-    assert parts.shown.closed == [found]
-    assert found.log.path == "live.tlog"
-    parts = Parts(links=2, recorded=False)
-    address = "udpin:127.0.0.1:14550"
-    assert parts.session.close().log.path == f"{address}, {address}"
-    assert Parts(links=0, recorded=False).session.close().log.path is None
 
 
 def test_an_error_ends_a_session_with_its_verdicts() -> None:
@@ -276,19 +213,6 @@ def test_why_nothing_is_judged_is_said(
         assert str(found.remedy).startswith(remedy)
 
 
-def test_events_go_to_the_log_the_sinks_and_the_alerts(caplog: pytest.LogCaptureFixture) -> None:
-    caplog.set_level(logging.INFO, logger="mavhums")
-    parts = Parts()
-    parts.events = [WORSE, Notice(1.0, 1, "PreArm")]
-    parts.session.take([piece(0)])
-    assert parts.shown.events == parts.events
-    assert parts.calls[-1] == {"observed": parts.events}
-    assert caplog.messages == ["rudder: normal → degraded: rule", "vehicle 1: 'PreArm'"]
-    parts.session._alerts = None
-    parts.session.take([piece(1)])
-    assert len(parts.shown.events) == 4
-
-
 @pytest.mark.parametrize(
     ("after", "finding", "fault"),
     [
@@ -327,56 +251,6 @@ def test_an_aircraft_is_checked_when_a_board_becomes_known() -> None:
         parts.session.close()
     assert parts.shown.closed[0].log.notices == ("first", "another aircraft")
     assert {0, "ground"} <= {call for call in parts.calls if isinstance(call, int | str)}
-
-
-@pytest.mark.parametrize(
-    ("given", "alerts", "greeter", "ground"),
-    [
-        ({}, False, True, False),
-        ({"silent": True}, False, False, False),
-        ({"alerts": True}, True, True, False),
-        ({"alerts": True, "silent": True}, True, False, False),
-        ({"alerts_to": "udpout:10.0.0.1:14550"}, True, True, True),
-    ],
-)
-def test_what_is_sent_and_where(
-    given: dict[str, Any], alerts: bool, greeter: bool, ground: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    opened: list[bool] = []
-
-    def open_links(addresses: list[Address], clock: object, *, signed_only: bool) -> list[Any]:
-        opened.append(signed_only)
-        return [SimpleNamespace(address=one, unsent=0, dropped=0) for one in addresses]
-
-    monkeypatch.setattr("mavhums.live.setup._warm_up", lambda engine: None)
-    monkeypatch.setattr("mavhums.live.setup._open", open_links)
-    for key in (None, bytes(32)):
-        session = prepare(LiveOptions(urls=["udpin:1", "udpin:2"], judging=mavhums.Options(key=key), **given))
-        assert (session._alerts is not None, session._greeter is not None) == (alerts, greeter)
-        assert (session._alerts is session._greeter) == (alerts == greeter and not ground)
-        assert [link.address.port for link in session.links] == [1, 2]
-        assert [str(link.address) for link in session._ground] == [str(given.get("alerts_to"))] * ground
-        assert [link.address.port for link in session.status.alert_links] == [1, 2] + [14550] * ground
-        assert opened == [key is not None] * (1 + ground)
-        assert session._remember is None
-        for sender in filter(None, (session._alerts, session._greeter)):
-            assert sender._component == 194
-            assert (sender._signer is None) == (key is None)
-        opened.clear()
-
-
-def test_accepted_signatures_are_kept_beside_the_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mavhums.live.setup._warm_up", lambda engine: None)
-    key = tmp_path / "key"
-    key.write_bytes(bytes(32))
-    SeenSignatures(key).save({(0, 1, 1): 5})
-    session = prepare(LiveOptions(urls=["udpin:0"], judging=mavhums.Options(key=key)))
-    guard = session._stamper._guard
-    assert guard is not None
-    assert guard.latest == {(0, 1, 1): 5}
-    guard._now.latest[0, 1, 1] = 6
-    session.close()
-    assert SeenSignatures(key).load() == {(0, 1, 1): 6}
 
 
 @pytest.mark.parametrize(("heard", "sent"), [(36, False), (37, True)])
