@@ -8,8 +8,8 @@ memory     largest memory of driver and worker while they scan 100 and 2,000 log
 growth     ten new logs into a store of 10,000
 questions  `worst` and one aircraft's trend, of 1,000,000 verdicts
 landings   one more flight in a folder of 10, 1,000 and 10,000
-stored     one more flight in a store with 10, 1,000 and 10,000 of its aircraft, judged by this process; then
-           a late log, for which all of them are judged again
+stored     one more flight in a store with 10, 1,000 and 10,000 of its aircraft; then a late log, for which
+           all of them are compared again
 many       `analyse` of many logs by one process and by two
 """
 
@@ -26,24 +26,24 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
-import numpy as np
 import psutil
 
 from mavhums import Options, analyse, analyse_many, fleet
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.many import Batch
 from mavhums.engine.events import StandaloneAssessment
-from mavhums.fleet.second_pass import rows_of, second_pass
 from mavhums.flights.folder import FlightFolder, keep_assessment, read_history
 from mavhums.flights.queries import exit_code
 from mavhums.flights.store import Store
+from mavhums.flights.store.tables import METADATA
 from mavhums_sim import Flight, fly, write_tlog
-from tests.fleet.stores import row_of
+from tests.fleet.stores import add, row_of
 from tests.fleet_logs import moved
 from tests.flights import START, flown, shown, verdict, write_wear
 
 LANDINGS = (10, 1_000, 10_000)
 AIRCRAFT = 200
+VERDICTS = 1_000_000
 DAY_S = 86_400.0
 
 
@@ -121,7 +121,7 @@ def scans(folder: Path) -> None:
     for workers in (1, 2):
         options = fleet.ScanOptions(aircraft="folder", workers=workers)
         times: list[float] = []
-        with told(f"scan, {workers} workers, with start and second pass", len(logs), "logs"):
+        with told(f"scan, {workers} workers, with start and comparison", len(logs), "logs"):
             fleet.scan(
                 [folder],
                 folder / f"store-{workers}",
@@ -183,18 +183,12 @@ def growth(folder: Path) -> None:
     made = kinds(folder, 40.0)
     (folder / "one.tlog").write_bytes(made[0])
     alone = analyse_alone(folder / "one.tlog", Options().resolved())
-    store = Store(folder / "store")
-    for first in range(0, AIRCRAFT, 10):
-        rows, held = [], list[dict[str, object]]()
-        for aircraft in range(first, first + 10):
-            for flight in copies_of(alone, folder, aircraft, 10_000 // AIRCRAFT):
-                rows.append(row_of(flight.assessment, f"D-{aircraft:03}", flight))
-                held += rows_of(f"D-{aircraft:03}", flight.assessment)
-        store.add_logs(rows)
-        store.append("verdicts", held)
-    second_pass(store, [f"D-{aircraft:03}" for aircraft in range(10)])
-    size = sum(file.stat().st_size for file in (folder / "store").rglob("*") if file.is_file())
-    print(f"store of 10,000 flights of 40 s: {size / 1e6:.0f} MB")
+    store = folder / "store"
+    for aircraft in range(AIRCRAFT):
+        flights = copies_of(alone, folder, aircraft, 10_000 // AIRCRAFT)
+        rows = [row_of(flight.assessment, f"D-{aircraft:03}", flight) for flight in flights]
+        add(store, *rows, compares=False)
+    print(f"store of 10,000 flights of 40 s: {store.stat().st_size / 1e6:.0f} MB")
     for aircraft in range(10):
         log = folder / "new" / f"D-{aircraft:03}" / "new.tlog"
         log.parent.mkdir(parents=True)
@@ -204,50 +198,43 @@ def growth(folder: Path) -> None:
 
 
 def questions(folder: Path) -> None:
-    import pyarrow as pa
-    from deltalake import WriterProperties, write_deltalake
-
-    from mavhums.flights.store_tables import schemas
-
     (folder / "one.tlog").write_bytes(kinds(folder, 120.0)[0])
-    verdicts = analyse(folder / "one.tlog").verdicts
-    texts = [each.model_dump_json() for each in verdicts]
-    estimates = [each.friction_nm.estimate if each.friction_nm else 0.0 for each in verdicts]
-    rng = np.random.default_rng(1)
-    flights = 1_000_000 // AIRCRAFT // len(verdicts)
-    for first in range(0, AIRCRAFT, 10):
-        rows = []
-        for aircraft in range(first, first + 10):
-            for day in range(flights):
-                for each, text, estimate in zip(verdicts, texts, estimates, strict=True):
-                    friction = round(float(estimate + rng.normal(0.0, 0.003)), 6)
-                    rows.append(
-                        {
-                            "aircraft": f"D-{aircraft:03}",
-                            "path": f"/logs/D-{aircraft:03}/{day:05}.tlog",
-                            "sha256": f"{aircraft:032x}{day:032x}",
-                            "start_us": round((START + timedelta(days=day)).timestamp() * 1e6),
-                            "vehicle": 1,
-                            "actuator": each.actuator,
-                            "condition": "normal",
-                            "worst": "normal",
-                            "urgency": 0.0,
-                            "friction_nm": friction,
-                            "airframe": "paper",
-                            "verdict": text.replace(f'"estimate":{estimate}', f'"estimate":{friction}'),
-                        }
-                    )
-        written = WriterProperties(compression="ZSTD", max_row_group_size=2_000)
-        table = pa.Table.from_pylist(rows, schema=schemas()["verdicts"])
-        write_deltalake(folder / "verdicts", table, mode="append", writer_properties=written)
-    write_deltalake(folder / "logs", schemas()["logs"].empty_table())
+    alone = analyse_alone(folder / "one.tlog", Options().resolved())
+    each, store = len(alone.assessment.verdicts), folder / "store"
+    flights = VERDICTS // AIRCRAFT // each
+    rows = [
+        row_of(flight.assessment, f"D-{aircraft:03}", flight)
+        for aircraft in range(AIRCRAFT)
+        for flight in copies_of(alone, folder, aircraft, 1)
+    ]
+    add(store, *rows, compares=False)
+    changed = {
+        "id": f"id + {AIRCRAFT} * day",
+        "flight_id": f"flight_id + {AIRCRAFT} * day",
+        "sha256": "sha256 || '-' || day",
+        "start_us": "start_us - 86400000000 * day",
+        "last": "false",
+    }
+    days = (
+        f"WITH RECURSIVE days(day) AS (SELECT 1 UNION ALL SELECT day + 1 FROM days WHERE day < {flights - 1})"
+    )
+    with Store(store).writing() as connection:
+        for name in ("flight", "verdict", "indicator"):
+            columns = [column.name for column in METADATA.tables[name].columns]
+            values = ", ".join(changed.get(column, f'"{column}"') for column in columns)
+            names = ", ".join(f'"{column}"' for column in columns)
+            copied = f"INSERT INTO {name} ({names}) {days} SELECT {values} FROM {name}, days"
+            connection.exec_driver_sql(copied)
+    print(f"{store.stat().st_size / 1e9:.1f} GB", flush=True)
     for _ in range(3):
-        with told(f"worst 20 of {4 * flights * AIRCRAFT} verdicts"):
-            fleet.worst(folder, most=20)
+        with told(f"worst 20 of {each * flights * AIRCRAFT} verdicts"):
+            fleet.worst(store, most=20)
+        with told("status"):
+            fleet.status(store)
         with told("exit code of all"):
-            exit_code(folder)
+            exit_code(store)
         with told(f"trend of one aircraft, {flights} flights"):
-            fleet.trend(folder, "D-007")
+            fleet.trend(store, "D-007")
 
 
 def landings(folder: Path) -> None:
@@ -273,7 +260,7 @@ def stored(folder: Path) -> None:
     options = fleet.ScanOptions(aircraft="folder", workers=0)
 
     def land(what: str, store: Path, day: float) -> None:
-        log = store / "logs" / "D-000" / f"{day:g}.tlog"
+        log = store.parent / "logs" / "D-000" / f"{day:g}.tlog"
         log.parent.mkdir(parents=True, exist_ok=True)
         log.write_bytes(moved(made[1], DAY_S * day))
         with told(what):
@@ -281,18 +268,14 @@ def stored(folder: Path) -> None:
 
     for count in LANDINGS:
         place = folder / str(count)
-        store = Store(place)
-        for aircraft in range(3):
-            name, flights = f"D-{aircraft:03}", copies_of(alone, folder, aircraft, count)
-            store.add_logs([row_of(flight.assessment, name, flight) for flight in flights])
-            if aircraft:
-                judged = [flight.assessment for flight in copies_of(alone, folder, aircraft, count)]
-                store.append("verdicts", [row for each in judged for row in rows_of(name, each)])
-        with told(f"second pass of {count} flights of one aircraft", count, "flights"):
-            second_pass(store, ["D-000"])
+        place.mkdir()
+        store = place / "store"
+        rows = [row_of(flight.assessment, "D-000", flight) for flight in copies_of(alone, folder, 0, count)]
+        with told(f"comparison of {count} flights of one aircraft", count, "flights"):
+            add(store, *rows)
         for again in range(3):
-            land(f"landing after {count} flights of the aircraft, {3 * count} in all", place, 20_000 + again)
-    land(f"late log among {count} flights", place, 0.5)
+            land(f"landing after {count} flights of the aircraft", store, 20_000 + again)
+    land(f"late log among {count} flights", store, 0.5)
 
 
 PARTS: dict[str, Callable[[Path], None]] = {

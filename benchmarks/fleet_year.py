@@ -25,15 +25,18 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from sqlalchemy import insert, update
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.compare import packed
 from mavhums.flights.history import FlightHistory, PastFlight
-from mavhums.flights.queries import STANDINGS_OF
 from mavhums.flights.reports import digest
-from mavhums.flights.store import FORMAT, Row, Store
-from mavhums.flights.store_tables import LOGS, STANDINGS
+from mavhums.flights.store import Row, Store
+from mavhums.flights.store.earlier import us_of
+from mavhums.flights.store.logs import add_logs, aircraft_id
+from mavhums.flights.store.tables import FLIGHT, STANDING
+from mavhums.flights.store.verdicts import STANDINGS
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
@@ -158,7 +161,7 @@ class Year:
     def fly(self, day: int, flying: list[str]) -> None:
         """Fly a day, and store how each aircraft then stands."""
         start = BEGIN + timedelta(days=day, hours=3)
-        stored = round((start + timedelta(hours=1)).timestamp() * 1e9)
+        stored_us = us_of(start + timedelta(hours=1))
         logs, rows = [], []
         for aircraft in flying:
             verdicts = [self.one(aircraft, name, start) for name in ACTUATORS]
@@ -167,13 +170,15 @@ class Year:
             history = FlightHistory(tuple(self.flown[aircraft]))
             found = trend_report(history, repaired=self.repaired[aircraft]).standings
             self.count(aircraft, found)
-            logs.append(row._asdict() | {"scanned": stored, "format": FORMAT})
-            text = STANDINGS_OF.dump_json(found).decode()
-            rows.append({"aircraft": aircraft, "standings": text, "stored": stored})
-        self.store.append(LOGS, logs)
-        self.store.append(STANDINGS, rows)
-        if day % 40 == 39:
-            self.store.tidy()
+            logs.append(row)
+            rows.append((aircraft, STANDINGS.dump_json(found).decode()))
+        with self.store.writing() as connection:
+            add_logs(connection, logs)
+            came = {"due": False, "came_us": stored_us}
+            connection.execute(update(FLIGHT).where(FLIGHT.c.due).values(**came))
+            for name, text in rows:
+                one = {"aircraft_id": aircraft_id(connection, name), "standings": text}
+                connection.execute(insert(STANDING).values(**one, stored_us=stored_us))
 
     def one(self, aircraft: str, name: str, start: datetime) -> Verdict:
         """Fly one actuator; what is worn out is repaired before, recorded or not."""

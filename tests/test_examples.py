@@ -190,7 +190,7 @@ import runpy, sys
 
 class Missing:
     def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in {"rerun", "rerun_cli", "PIL", "sklearn", "torch", "duckdb", "deltalake"}:
+        if name.split(".")[0] in {"rerun", "rerun_cli", "PIL", "sklearn", "torch"}:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 sys.meta_path.insert(0, Missing())

@@ -15,11 +15,12 @@ from mavhums.cli.options import JSON, PATH, STORE, Dates, repair_date
 from mavhums.cli.output import say, say_json
 
 if TYPE_CHECKING:
+    from mavhums.flights.corrections import Correction
     from mavhums.flights.queries import WorstActuator
 
 _SHOWN = 20
 _LOGS = click.argument("logs", nargs=-1, required=True, metavar="LOG...")
-_NOTE = click.option("--note", metavar="TEXT", help="Why, for `mavhums fleet corrections`.")
+_NOTE = click.option("--note", metavar="TEXT", help="Why, for `mavhums fleet journal`.")
 _WHO = click.option("--by", "who", metavar="NAME", help="Who corrects it. Default: the user.")
 
 
@@ -190,6 +191,10 @@ def _last(start_us: int | None) -> str:
     return f"; last flight {at:%Y-%m-%d}" + (f", {days} days ago" if days > SILENT_DAYS else "")
 
 
+def _done(change: Correction | None, none: str) -> None:
+    say(str(change) if change else none)
+
+
 @fleet.command(short_help="Remove logs that do not belong in the store.")
 @STORE
 @_LOGS
@@ -199,39 +204,28 @@ def remove(store: str, logs: tuple[str, ...], who: str | None, note: str | None)
 
     A LOG is its path or address, a folder with all its logs, the end of a path (D-EABC/0007.tlog), or at
     least eight digits of its hash. Later scans leave it alone, also under another name; `mavhums fleet
-    restore` takes it back.
+    journal --undo` takes it back.
     """
     from mavhums.fleet import remove as remove_logs
 
-    _print_all(remove_logs(store, logs, who=who, note=note), "nothing to do: it was removed before")
+    _done(remove_logs(store, logs, who=who, note=note), "nothing to do: it was removed before")
 
 
-@fleet.command(short_help="Put removed logs back.")
-@STORE
-@_LOGS
-@_corrects
-def restore(store: str, logs: tuple[str, ...], who: str | None, note: str | None) -> None:
-    """Put LOGs back that were removed from STORE; no log is read for it. A LOG is named as for `remove`."""
-    from mavhums.fleet import restore as restore_logs
-
-    _print_all(restore_logs(store, logs, who=who, note=note), "nothing to do: it is there")
-
-
-@fleet.command(short_help="Give logs to another aircraft.")
+@fleet.command(short_help="Move logs to another aircraft.")
 @STORE
 @_LOGS
 @click.argument("aircraft")
 @_corrects
-def reassign(store: str, logs: tuple[str, ...], aircraft: str, who: str | None, note: str | None) -> None:
-    """Give LOGs in STORE to AIRCRAFT: those of both aircraft are compared as if scanned so from the start.
+def move(store: str, logs: tuple[str, ...], aircraft: str, who: str | None, note: str | None) -> None:
+    """Move LOGs in STORE to AIRCRAFT: those of both aircraft are compared as if scanned so from the start.
 
-    A LOG is named as for `remove`. Later scans leave it there, whatever its folder or board says. To give a
+    A LOG is named as for `remove`. Later scans leave it there, whatever its folder or board says. To move a
     log to the aircraft that it has already confirms it.
     """
-    from mavhums.fleet import reassign as reassign_logs
+    from mavhums.fleet import move as move_logs
 
-    changes = reassign_logs(store, logs, aircraft, who=who, note=note)
-    _print_all(changes, f"nothing to do: it is one of {aircraft}")
+    change = move_logs(store, logs, aircraft, who=who, note=note)
+    _done(change, f"nothing to do: it is one of {aircraft}")
 
 
 @fleet.command(short_help="Rename an aircraft.")
@@ -248,20 +242,23 @@ def rename(store: str, aircraft: str, name: str, join: bool, who: str | None, no
     """
     from mavhums.fleet import rename as rename_aircraft
 
-    changes = rename_aircraft(store, aircraft, name, join=join, who=who, note=note)
-    _print_all(changes, f"nothing to do: it is named {name}")
+    change = rename_aircraft(store, aircraft, name, join=join, who=who, note=note)
+    _done(change, f"nothing to do: it is named {name}")
 
 
-@fleet.command(short_help="List the corrections and their authors.")
+@fleet.command(short_help="List the corrections and their authors, or undo one.")
 @STORE
+@click.option("--undo", type=click.IntRange(1), metavar="NUMBER", help="Undo the one with this number.")
 @JSON
-def corrections(store: str, as_json: bool) -> None:
-    """List the corrections of STORE, the first one first: when, by whom, what, and why."""
-    from mavhums.fleet import corrections_in
+def journal(store: str, undo: int | None, as_json: bool) -> None:
+    """List the corrections of STORE, the first one first: number, when, by whom, what, and why."""
+    from mavhums import fleet as stores
 
-    found = corrections_in(store)
+    found = stores.journal(store) if undo is None else [stores.undo(store, undo)]
     if as_json:
-        say_json([one._asdict() | {"at": one.at.isoformat()} for one in found])
+        logs = ([log._asdict() for log in one.logs] for one in found)
+        rows = zip(found, logs, strict=True)
+        say_json([one._asdict() | {"at": one.at.isoformat(), "logs": each} for one, each in rows])
     else:
         _print_all(found, "no corrections")
 

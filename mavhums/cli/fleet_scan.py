@@ -45,7 +45,7 @@ _NOTIFY_ALWAYS = click.option("--notify-always", is_flag=True, help="Send it als
     "store",
     required=True,
     metavar="STORE",
-    help="The store: a folder, or s3://BUCKET/NAME and the like.",
+    help="The store: a file, or postgresql://USER@HOST/NAME.",
 )
 @judging(without=["decide"])
 @click.option(
@@ -126,11 +126,11 @@ def odd_lines(found: OperatorTasks | Status, store: str) -> Iterator[str]:
     """Yield what an operator should correct, and what was corrected."""
     for one in found.foreign_boards:
         whose, log = one.elsewhere or "AIRCRAFT", one.logs[0] if len(one.logs) == 1 else "LOG..."
-        remedy = f"mavhums fleet reassign {store} {log} {whose}"
+        remedy = f"mavhums fleet move {store} {log} {whose}"
         yield f"{one}: another aircraft's log? {remedy}; a swapped board? list both in --aircraft-table"
     if found.removed:
         logs = "removed log stays" if found.removed == 1 else "removed logs stay"
-        yield f"{found.removed} {logs} out: mavhums fleet corrections {store}"
+        yield f"{found.removed} {logs} out: mavhums fleet journal {store}"
 
 
 class _TimeParam(click.ParamType[datetime]):
@@ -265,9 +265,9 @@ def watch(
     """Judge the LOGS that land in folders, patterns or s3:// addresses into STORE, and print a line of each.
 
     It begins with the logs that the store does not have yet. A log that is still being written waits until
-    it no longer changes; one that cannot be judged is reported and stops nothing. While another scan writes,
-    the disk is full or a server is away, it tries again. Ctrl-C and SIGTERM end it with exit code 0; what
-    was judged is in the store, and the next start continues.
+    it no longer changes; one that cannot be judged is reported and stops nothing. While the disk is full
+    or a server is away, it tries again. Ctrl-C and SIGTERM end it with exit code 0; what was judged is in the
+    store, and the next start continues.
 
     A digest that falls due while the program is not running is not sent later; a timer of systemd or cron
     that calls `mavhums fleet digest` sends it.

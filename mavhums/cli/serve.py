@@ -9,7 +9,6 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -23,9 +22,8 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.output import written_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
-    from mavhums.app.many import Outcome
     from mavhums.app.settings import Options, Settings
     from mavhums.flights.queries import WorstActuator
     from mavhums.results.assessment import Assessment
@@ -35,10 +33,8 @@ if TYPE_CHECKING:
 LEAST_MEMORY_MB = 512
 """Judging and recording a log of 4 MB beside a store takes 330 to 470 MB; with 256 MB nothing starts."""
 
-_FOLDER: Final = "kept"
-# A scan of a large folder takes as long; the log stays with its session meanwhile.
-_PATIENCE_S: Final = 3600.0
-_EVERY_S: Final = 1.0
+_LOGS: Final = ".logs"
+"""Ends the name of the folder beside a store with the logs that were kept in it."""
 
 
 @click.command(short_help="Open a page in the browser: drop logs, see verdicts.", epilog=EPILOG)
@@ -146,42 +142,41 @@ def _public(name: str | None) -> str | None:
 class _PageStore:
     """A store as the page needs it."""
 
-    def __init__(self, folder: Path, options: Options) -> None:
-        if not folder.is_dir():
-            remedy = "make the folder, or fill it: mavhums fleet scan LOGS --to STORE"
-            raise MavhumsError(f"{folder}: no such folder", remedy)
-        self._folder = folder
+    def __init__(self, file: Path, options: Options) -> None:
+        if not file.parent.is_dir():
+            raise MavhumsError(f"{file.parent}: no such folder", "make it, or name another store")
+        self._store = file
         self._options = options.as_texts()
 
     def status(self) -> StoreStatus:
         from mavhums.fleet import status
 
-        return status(self._folder).published()
+        return status(self._store).published()
 
     def worst(self, most: int) -> Sequence[WorstActuator]:
         from mavhums.fleet import worst
 
-        return worst(self._folder, most=most)
+        return worst(self._store, most=most)
 
     def trend(self, aircraft: str) -> TrendReport:
         from mavhums.fleet import trend
 
-        return trend(self._folder, aircraft)
+        return trend(self._store, aircraft)
 
     def flights(self, aircraft: str) -> Sequence[Assessment]:
         from mavhums.flights.queries import flights
 
-        return flights(self._folder, aircraft)
+        return flights(self._store, aircraft)
 
     def flight(self, aircraft: str, sha256: str) -> Assessment:
         from mavhums.flights.queries import flight
 
-        return flight(self._folder, aircraft, sha256)
+        return flight(self._store, aircraft, sha256)
 
     def keep(self, log: Path, aircraft: str | None = None) -> str:
         """Keep a log in the store, in a process of its own; its answer has problem and remedy."""
         options = self._options | ({"aircraft": f"={aircraft}"} if aircraft else {})
-        job = {"log": str(log), "store": str(self._folder), "options": options}
+        job = {"log": str(log), "store": str(self._store), "options": options}
         command = [sys.executable, "-m", "mavhums.cli.serve", "keep"]
         done = subprocess.run(command, input=json.dumps(job), capture_output=True, text=True, check=False)
         try:
@@ -191,7 +186,7 @@ class _PageStore:
             raise MavhumsError(problem, "keep it with `mavhums analyse --history STORE --keep`") from error
         if "done" in answer:
             return str(answer["done"])
-        folder = f"{self._folder.absolute()}{os.sep}"
+        folder = f"{self._store.absolute().parent}{os.sep}"
         problem, remedy = (answer[key].replace(folder, "") for key in ("problem", "remedy"))
         if "proposed" in answer:
             from mavhums.flights.aircraft import UnnamedAircraftError
@@ -226,13 +221,13 @@ def answer_to(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def _kept(log: Path, store: Path, options: dict[str, Any]) -> str:
-    """Copy a log beside the store's tables and judge it there; a copy that is not kept is removed."""
+    """Copy a log into a folder beside the store and judge it there; a copy that is not kept is removed."""
     from mavhums.app.settings import Options
     from mavhums.fleet import keep
 
     with log.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    copy = store.absolute() / _FOLDER / digest[:16] / log.name
+    copy = store.absolute().with_name(f"{store.name}{_LOGS}") / digest[:16] / log.name
     try:
         copy.parent.mkdir(parents=True, exist_ok=True)
         with written_whole(copy) as temporary:
@@ -240,7 +235,7 @@ def _kept(log: Path, store: Path, options: dict[str, Any]) -> str:
     except OSError as error:
         raise MavhumsError(f"cannot be stored: {error.strerror}", "make room in the store") from error
     try:
-        outcome = _patiently(lambda: next(keep([copy], store, Options(**options))))
+        outcome = next(keep([copy], store, Options(**options)))
         if outcome.error is not None:
             raise outcome.error
         if _lies_there(store, copy):
@@ -254,24 +249,14 @@ def _kept(log: Path, store: Path, options: dict[str, Any]) -> str:
     return "the store has this log already; see the fleet"
 
 
-def _patiently(work: Callable[[], Outcome]) -> Outcome:
-    """Return what work gives, as soon as no other scan writes into the store."""
-    import filelock
-
-    end_s = time.monotonic() + _PATIENCE_S
-    while True:
-        try:
-            return work()
-        except MavhumsError as error:
-            if not isinstance(error.__cause__, filelock.Timeout) or time.monotonic() > end_s:
-                raise
-        time.sleep(_EVERY_S)
-
-
 def _lies_there(store: Path, copy: Path) -> bool:
-    from mavhums.flights.store import Store
+    from sqlalchemy import select
 
-    return bool(Store(store).query("SELECT 1 FROM logs WHERE path = ? LIMIT 1", str(copy)).fetchone())
+    from mavhums.flights.store import Store
+    from mavhums.flights.store.tables import LOG
+
+    with Store(store).reading() as connection:
+        return connection.scalar(select(LOG.c.id).where(LOG.c.path == str(copy))) is not None
 
 
 def _remove(copy: Path) -> None:

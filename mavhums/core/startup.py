@@ -43,11 +43,8 @@ def collect_seldom() -> None:
 
 
 def _end() -> None:
-    """Leave all objects to the end of the process; DuckDB's binding complains of those not collected."""
-    if "duckdb" in sys.modules:
-        gc.unfreeze()
-    else:
-        gc.freeze()
+    """Leave all objects to the end of the process."""
+    gc.freeze()
 
 
 @contextmanager

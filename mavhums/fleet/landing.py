@@ -10,6 +10,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
+from sqlalchemy import Connection, select
+
 from mavhums.app.analysis import analyse as analyse_log
 from mavhums.app.analysis import analyse_alone, compared_with_own
 from mavhums.app.many import Outcome
@@ -31,7 +33,6 @@ from mavhums.flights.aircraft import (
     latest,
 )
 from mavhums.flights.aircraft_table import Since
-from mavhums.flights.corrections import aircraft_in, corrected_names, since_of
 from mavhums.flights.history import FlightHistory, is_store
 from mavhums.flights.naming import (
     BOARD_NAME,
@@ -40,8 +41,12 @@ from mavhums.flights.naming import (
     proposed,
     resolver_of_store,
 )
-from mavhums.flights.queries import flight, past_flights, standings
-from mavhums.flights.store import OF_THIS_FORMAT, LogFile, Store
+from mavhums.flights.queries import earlier_flights, flight, standings
+from mavhums.flights.store import LogFile, Store
+from mavhums.flights.store.database import FORMAT
+from mavhums.flights.store.earlier import StoredFlights
+from mavhums.flights.store.logs import FLOWN
+from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, LOG, RECORDING
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import FlightCopy
 
@@ -51,7 +56,7 @@ Place = str | os.PathLike[str]
 class Past(NamedTuple):
     """An aircraft's flights in a store, and the dates from which they count."""
 
-    history: FlightHistory
+    history: StoredFlights
     since: Since
 
 
@@ -65,7 +70,7 @@ def analyse(log: Place, store: Place, options: Options | Settings | None = None)
     log
         Path of the log.
     store
-        Folder or address of the store.
+        File or address of the store.
     options
         Profile, model and the like; the rule and the table name the aircraft. A history is ignored.
 
@@ -105,7 +110,7 @@ def past(store: Place, aircraft: str, moment: datetime | None = None) -> Past:
     Parameters
     ----------
     store
-        Folder or address of the store.
+        File or address of the store.
     aircraft
         Its name, or the one before the store renamed it; without flights if the store does not have it.
     moment
@@ -116,9 +121,7 @@ def past(store: Place, aircraft: str, moment: datetime | None = None) -> Past:
     MavhumsError
         If the store does not exist or cannot be read.
     """
-    kept = Store(store).opened()
-    aircraft = corrected_names(kept).aircraft.get(aircraft, aircraft)
-    return _past(kept, aircraft, moment or datetime.now(UTC))
+    return _past(Store(store).opened(), aircraft, moment or datetime.now(UTC))
 
 
 def keep(
@@ -136,7 +139,7 @@ def keep(
     logs
         Paths of the logs.
     store
-        Folder or address of the store; the first log creates it.
+        File or address of the store; the first log creates it.
     options
         Profile, model and the like; the rule and the table name the aircraft. A history is ignored.
     workers
@@ -181,16 +184,17 @@ def _is_elsewhere(file: LogFile, store: Place, options: Options) -> bool:
     """
     if not is_store(store):
         return False
-    kept = Store(store)
     try:
-        row = _judged(kept, _sha256(Path(file.path)))
+        digest = _sha256(Path(file.path))
     except UnreadableLogError:  # a row of the scan says why
         return False
+    with Store(store).opened().reading() as connection:
+        row = _judged(connection, digest)
     if row is None or row.path == file.path or row.aircraft == UNKNOWN:
         return False
     name = aircraft_of(file.path, options.aircraft)
     if name not in (UNKNOWN, row.aircraft):
-        move = f"mavhums fleet reassign {store} '{row.path}' '{name}'"
+        move = f"mavhums fleet move {store} '{row.path}' '{name}'"
         problem = f"{file.path}: {store} has this log as one of {row.aircraft}, not of {name}"
         raise MavhumsError(problem, f"if that is wrong, move it: {move}")
     return True
@@ -224,9 +228,11 @@ def _alone(log: Place, settings: Settings) -> StandaloneAssessment:
 def _with_past(alone: StandaloneAssessment, store: Store, log: Place, settings: Settings) -> Settings:
     """Return settings with the past of a judged log's aircraft."""
     given = settings.resolver
-    resolver = resolver_of_store(store, given)
     start = alone.assessment.log.start_utc
-    aircraft = _aircraft(alone.assessment, store, as_utf8(Path(log).absolute()), resolver, given.rule)
+    with store.reading() as connection:
+        resolver = resolver_of_store(connection, given)
+        path = as_utf8(Path(log).absolute())
+        aircraft = _aircraft(alone.assessment, connection, path, resolver, given.rule)
     if aircraft == UNKNOWN or start is None:
         return replace(settings, resolver=AircraftResolver(None, resolver.table))
     rule = given.rule if aircraft.startswith(BOARD_NAME) else f"{GIVEN}{aircraft}"
@@ -238,35 +244,34 @@ def _with_past(alone: StandaloneAssessment, store: Store, log: Place, settings: 
 
 
 def _with_notice(assessment: Assessment, store: Store) -> Assessment:
-    """Return an assessment that tells if the board of its log is not that of its aircraft."""
+    """Return an assessment with a notice if the board of its log is not that of its aircraft."""
     log = assessment.log
     aircraft = {each.aircraft for each in log.flight}
     name = aircraft.pop() if len(aircraft) == 1 else None
-    pinned = log.sha256 in corrected_names(store).logs
-    told = (
-        foreign_board_among(store, name, board_of(assessment), log.start_utc) if name and not pinned else None
-    )
-    if told is None:
+    with store.reading() as connection:
+        pinned = connection.scalar(select(FLIGHT.c.pinned).where(FLIGHT.c.sha256 == log.sha256))
+        if name is None or pinned:
+            return assessment
+        notice = foreign_board_among(connection, name, board_of(assessment), log.start_utc)
+    if notice is None:
         return assessment
-    return assessment.model_copy(update={"log": log.model_copy(update={"notices": (*log.notices, told)})})
+    return assessment.model_copy(update={"log": log.model_copy(update={"notices": (*log.notices, notice)})})
 
 
 def _aircraft(
-    assessment: Assessment, store: Store, path: str, resolver: AircraftResolver, rule: str | None
+    assessment: Assessment, connection: Connection, path: str, resolver: AircraftResolver, rule: str | None
 ) -> str:
     """Return whose flights a log is compared with: by the rule, else by those of its board in the store."""
-    sha256 = assessment.log.sha256 or ""
-    row = _judged(store, sha256)
-    is_settled = rule is None or sha256 in corrected_names(store).logs
-    if is_settled and row is not None and row.aircraft != UNKNOWN:
+    row = _judged(connection, assessment.log.sha256 or "")
+    if row is not None and row.aircraft != UNKNOWN and (rule is None or row.pinned):
         return row.aircraft
     named = aircraft_in_store(path, assessment, resolver)
     if rule is not None or resolver.rule in (None, BOARD):
         return named
-    if named in aircraft_in(store):
+    if named in {*connection.scalars(FLOWN)}:
         return named
     board = board_of(assessment)
-    several = proposed(store, board) if board else []
+    several = proposed(connection, board) if board else []
     return several[0] if len(several) == 1 else UNKNOWN
 
 
@@ -281,21 +286,19 @@ def _sha256(log: Path) -> str:
 class _ScannedLog(NamedTuple):
     path: str
     aircraft: str
+    pinned: bool
 
 
-def _judged(store: Store, sha256: str) -> _ScannedLog | None:
+def _judged(connection: Connection, sha256: str) -> _ScannedLog | None:
     """Return where a store has judged a log, and its aircraft; None if it has not."""
-    row = store.query(
-        "SELECT path, aircraft FROM logs WHERE sha256 = ? AND flight IS NOT NULL"
-        f" AND {OF_THIS_FORMAT} ORDER BY scanned DESC LIMIT 1",
-        sha256,
-    ).fetchone()
+    asked = select(FLIGHT.c.path, AIRCRAFT.c.name, FLIGHT.c.pinned).join(AIRCRAFT)
+    row = connection.execute(asked.where(FLIGHT.c.sha256 == sha256, FLIGHT.c.format == FORMAT)).first()
     return None if row is None else _ScannedLog(*row)
 
 
 def _past(store: Store, aircraft: str, moment: datetime) -> Past:
-    flights = tuple(past_flights(store, aircraft))
-    return Past(FlightHistory(flights, name=store.place), since_of(store, aircraft)(moment))
+    history = earlier_flights(store, aircraft)
+    return Past(history, history.since(moment))
 
 
 def _kept(log: Path, store: Place, options: Options) -> Assessment:
@@ -311,31 +314,29 @@ def _kept(log: Path, store: Place, options: Options) -> Assessment:
             raise MavhumsError(f"{log}: is a folder", f"mavhums fleet scan {log} --to {store}")
         raise MavhumsError(f"{log}: no such regular file", "check the path")
     kept = Store(store).opened()
-    digest = _sha256(log)
-    row = kept.query(
-        "SELECT aircraft, sha256, problem, remedy FROM logs WHERE path = ? OR sha256 = ?"
-        " ORDER BY path = ? DESC, scanned DESC LIMIT 1",
-        as_utf8(log.absolute()),
-        digest,
-        as_utf8(log.absolute()),
-    ).fetchone()
-    if row is None:
-        raise MavhumsError(f"{log}: was removed from {store}", f"mavhums fleet restore {store} {digest[:12]}")
-    aircraft, sha256, problem, remedy = row
-    if problem is not None:
-        raise MavhumsError(problem, remedy)
-    copies = kept.query(
-        "SELECT vehicle, counted FROM copies WHERE aircraft = ? AND sha256 = ?", aircraft, sha256
-    ).fetchall()
-    if copies:
-        assessment = analyse(log, store, options)
-    else:
-        named = aircraft and not aircraft.startswith(BOARD_NAME)
-        resolver = AircraftResolver(f"{GIVEN}{aircraft}") if named else Settings.read(options).resolver
-        assessment = resolver.named(flight(store, aircraft, sha256))
-        stands = standings(kept).get(aircraft, ())
-        last = tuple(one for one in stands if one.log == assessment.log.path)
-        assessment = _with_notice(assessment.model_copy(update={"standings": last}), kept)
+    digest, path = _sha256(log), as_utf8(log.absolute())
+    best = FLIGHT.alias()
+    with kept.reading() as connection:
+        failed = select(LOG.c.problem, LOG.c.remedy).where(LOG.c.path == path, LOG.c.problem.is_not(None))
+        failure = connection.execute(failed).first()
+        row = _judged(connection, digest)
+        if failure is not None and row is None:
+            raise MavhumsError(*failure)
+        if row is None:
+            problem = f"{log}: was removed from {store}"
+            raise MavhumsError(problem, f"see the number: mavhums fleet journal {store}; and --undo it")
+        copies = connection.execute(
+            select(RECORDING.c.vehicle, best.c.path)
+            .join(FLIGHT, FLIGHT.c.id == RECORDING.c.flight_id)
+            .join(best, best.c.id == RECORDING.c.counted_id)
+            .where(FLIGHT.c.sha256 == digest)
+        ).all()
+        stands = standings(connection).get(row.aircraft, ())
+    named = row.aircraft and not row.aircraft.startswith(BOARD_NAME)
+    resolver = AircraftResolver(f"{GIVEN}{row.aircraft}") if named else Settings.read(options).resolver
+    assessment = resolver.named(flight(store, row.aircraft, digest))
+    last = tuple(one for one in stands if one.log == assessment.log.path and not copies)
+    assessment = _with_notice(assessment.model_copy(update={"standings": last}), kept)
     others = tuple(
         FlightCopy(vehicle=vehicle, log=counted, sha256=None, counts=True) for vehicle, counted in copies
     )

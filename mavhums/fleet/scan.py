@@ -8,37 +8,27 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from time import monotonic
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
+
+from sqlalchemy import Connection, func, select
 
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.judging import AGAIN, Judging, connected, judge, judged_by_workers, settings_of
-from mavhums.fleet.second_pass import second_pass
 from mavhums.fleet.sources import logs_in
-from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, UnnamedAircraftError
+from mavhums.flights.aircraft import AircraftResolver, UnnamedAircraftError
 from mavhums.flights.aircraft_table import AircraftTable
-from mavhums.flights.corrections import (
-    Repairs,
-    add_repairs,
-    aircraft_in,
-    corrected_names,
-    named_in,
-    reassigned,
-    removed_files,
-    removed_logs,
-)
-from mavhums.flights.naming import check_aircraft_named, names_of, remember, renamed, resolver_of_store
+from mavhums.flights.naming import check_aircraft_named, remember, resolver_of_store
 from mavhums.flights.queries import standings
 from mavhums.flights.store import LogFile, Row, Store
-from mavhums.flights.store_tables import REMOVED
+from mavhums.flights.store.dates import Repairs, enter_repairs, there_are
+from mavhums.flights.store.logs import FLOWN, add_logs, known_files, removed_files
+from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, LOG, VERDICT
+from mavhums.flights.store.verdicts import make_verdicts
 from mavhums.results.standing import Standing
-
-if TYPE_CHECKING:
-    from distributed import Client
 
 _COMMIT_LOGS: Final = 500
 _COMMIT_S: Final = 30.0
-_ROUNDS: Final = 2  # in the second, what another scan of an object store committed in between
 
 Progress = Callable[[int, int], None]
 
@@ -102,7 +92,7 @@ def scan(
     sources
         Logs, folders with logs at any depth, or patterns; paths, or addresses such as ``s3://bucket/logs``.
     store
-        Folder of the store, or its address.
+        File of the store, or its address.
     options
         Options of the scan; the defaults if None.
     progress
@@ -111,8 +101,7 @@ def scan(
     Raises
     ------
     MavhumsError
-        If there are no such logs, the store cannot be written, another scan writes into it, or the scheduler
-        does not exist.
+        If there are no such logs, the store cannot be written, or the scheduler does not exist.
     MissingExtraError
         If the packages of the extra ``fleet`` are not installed.
 
@@ -140,17 +129,14 @@ def scanned(
     alone = replace(options.judging, history=None)
     settings = settings_of(alone)
     kept = Store(store)
-    with kept.locked():
-        resolver = resolver_of_store(kept, given)
-        known = kept.known(files)
-        gone = removed_files(kept)
-        new = [file for file in files if known.get(file) != settings and file not in gone]
-        table = resolver.table if given.table.installed else given.table
-        touched = reassigned(kept, table) | renamed(kept, known, replace(resolver, rule=given.rule))
-        commits = _Commits(kept, touched, given if asks else None)
-        remember(kept, given)
-        judging, client = Judging(alone, settings, resolver), None
-        exits = ExitStack()
+    with kept.writing() as connection:
+        remember(connection, given, files)
+        resolver = resolver_of_store(connection, given)
+        known, gone = known_files(connection, files), removed_files(connection)
+    new = [file for file in files if known.get(file) != settings and file not in gone]
+    commits = _Commits(kept, options.repairs, given if asks else None)
+    judging = Judging(alone, settings, resolver)
+    with ExitStack() as exits:
         try:
             rows: Iterator[Row] = (judge(file, judging) for file in new)
             if new and (options.workers or options.scheduler):
@@ -160,87 +146,57 @@ def scanned(
                 commits.add(row)
                 if progress:
                     progress(done, len(new))
-        except BaseException:
-            exits.close()
+        finally:  # what is judged is kept, whatever ended the scan
             commits.close()
-            raise
-        with exits:
-            unknown = commits.repair(options.repairs)
-            commits.close(client)
-    if unknown:
-        problem = f"{kept.place}: no aircraft {', '.join(unknown)}, whose repairs are not stored"
-        raise MavhumsError(problem, f"the logs are judged; {named_in(kept)}")
+    if commits.unknown:
+        problem = f"{kept.place}: no aircraft {', '.join(commits.unknown)}, whose repairs are not stored"
+        with kept.reading() as connection:
+            raise MavhumsError(problem, f"the logs are judged; {there_are(connection)}")
     return Scanned(commits.judged, commits.failed, len(files) - len(new)), commits.asked
 
 
 class _Commits:
-    """Collects rows and commits them in blocks; at the end, commits the verdicts of their aircraft."""
+    """Commits judged logs in blocks; the last block together with the verdicts on all."""
 
-    def __init__(self, store: Store, aircraft: set[str], given: AircraftResolver | None) -> None:
+    def __init__(self, store: Store, repairs: Repairs, given: AircraftResolver | None) -> None:
         self.judged = self.failed = 0
         self.asked: dict[str, UnnamedAircraftError] = {}
-        self._given = given
-        self._store = store
+        self.unknown: list[str] = []
+        self._store, self._repairs, self._given = store, repairs, given
         self._rows: list[Row] = []
         self._since_s = monotonic()
-        self._aircraft = aircraft
 
     def add(self, row: Row) -> None:
-        if self._given is not None and row.flight is not None:
-            try:
-                check_aircraft_named(self._store, row, self._given)
-            except UnnamedAircraftError as error:
-                self.asked[row.path] = error
-                return
         self._rows.append(row)
         if len(self._rows) >= _COMMIT_LOGS or monotonic() - self._since_s > _COMMIT_S:
-            self._commit()
+            with self._store.writing() as connection:
+                self._put(connection)
 
-    def repair(self, repairs: Repairs) -> list[str]:
-        """Store repairs, and return the names that no aircraft has: a first scan knows names at its end."""
-        self._commit()
-        there = aircraft_in(self._store)
-        known = [one for one in repairs if one.aircraft is None or one.aircraft in there]
-        self._aircraft |= add_repairs(self._store, known)
-        return list(dict.fromkeys(one.aircraft for one in repairs if one.aircraft and one not in known))
+    def close(self) -> None:
+        with self._store.writing() as connection:
+            self._put(connection)
+            flown = {*connection.scalars(FLOWN)}  # a first scan knows names at its end
+            known = [one for one in self._repairs if one.aircraft is None or one.aircraft in flown]
+            enter_repairs(connection, self._store.place, add=known)
+            make_verdicts(connection)
+        unknown = (one.aircraft for one in self._repairs if one not in known)
+        self.unknown = [*dict.fromkeys(name for name in unknown if name)]
 
-    def close(self, client: Client | None = None) -> None:
-        self._commit()
-        for _ in range(_ROUNDS if self._store.is_shared else 1):
-            second_pass(self._store, sorted(self._aircraft | self._store.waiting()), client)
-            self._aircraft = set()
-        self._store.tidy()
+    def _put(self, connection: Connection) -> None:
+        rows = [row for row in self._rows if self._is_named(connection, row)]
+        judged, failed = add_logs(connection, rows)
+        self.judged += judged
+        self.failed += failed
+        self._rows, self._since_s = [], monotonic()
 
-    def _commit(self) -> None:
-        self._leave_removed()
-        if self._rows:
-            self._name_copies()
-            self._store.add_logs(self._rows)
-            self.failed += sum(row.flight is None for row in self._rows)
-            self.judged += sum(row.flight is not None for row in self._rows)
-            self._aircraft |= {row.aircraft for row in self._rows if row.flight is not None}
-        self._rows = []
-        self._since_s = monotonic()
-
-    def _leave_removed(self) -> None:
-        """Leave out copies of logs that were removed, so that no other path brings them back."""
-        gone = removed_logs(self._store, {row.sha256 for row in self._rows if row.sha256})
-        if gone:
-            self._store.add_logs([row for row in self._rows if row.sha256 in gone], REMOVED)
-            self._rows = [row for row in self._rows if row.sha256 not in gone]
-
-    def _name_copies(self) -> None:
-        """Give logs of the same bytes, wherever they lie, to one aircraft, so that a flight counts once."""
-        stored = names_of(self._store, {row.sha256 for row in self._rows if row.sha256})
-        pinned = corrected_names(self._store).logs
-        names = {sha256: name for sha256, name in (stored | pinned).items() if name}
-        for row in sorted(self._rows, key=lambda row: row.path):
-            if row.sha256 and row.aircraft:
-                names.setdefault(row.sha256, row.aircraft)
-        self._rows = [row._replace(aircraft=names.get(row.sha256 or "", row.aircraft)) for row in self._rows]
-        found = {sha256: name for sha256, name in names.items() if stored.get(sha256) == UNKNOWN}
-        self._store.rename(found)
-        self._aircraft |= {UNKNOWN} if found else set()
+    def _is_named(self, connection: Connection, row: Row) -> bool:
+        if self._given is not None and row.flight is not None:
+            try:
+                check_aircraft_named(connection, row, self._given)
+            except UnnamedAircraftError as error:
+                self.asked[row.path] = error
+                return False
+        return True
 
 
 class ScannedFlight(NamedTuple):
@@ -277,7 +233,7 @@ class LogWatcher:
     sources
         Logs, folders or patterns, as of :func:`mavhums.fleet.scan`.
     store
-        Folder or address of the store.
+        File or address of the store.
     options
         Options of each scan.
     settle_s
@@ -332,18 +288,18 @@ class LogWatcher:
         return landed
 
     def _scan(self, ready: list[LogFile]) -> Iterator[ScannedFlight]:
-        known = self._store.known(ready)
-        self._done |= {file for file in ready if known.get(file) == self._settings}
-        self._done |= removed_files(self._store) & {*ready}
+        known, removed = self._known(ready)
+        self._done |= {file for file in ready if known.get(file) == self._settings} | removed & {*ready}
         new = [file for file in ready if file not in self._done]
         if not new:
             return
         scanned(new, self._store.place, self._options)
-        known = self._store.known(new)
-        stands = standings(self._store)
-        for file in new:
-            landed = self._landed(file, stands)
-            if landed is None:  # a copy of a log that was removed
+        known, _ = self._known(new)
+        with self._store.reading() as connection:
+            stands = standings(connection)
+            landed = {file: _landed(connection, file, stands) for file in new}
+        for file, one in landed.items():
+            if one is None:  # a copy of a log that was removed
                 self._done.add(file)
                 continue
             if known.get(file) != AGAIN:
@@ -352,20 +308,35 @@ class LogWatcher:
                 continue
             else:
                 self._reported.add(file)
-            yield landed
+            yield one
 
-    def _landed(self, file: LogFile, stands: dict[str, tuple[Standing, ...]]) -> ScannedFlight | None:
-        row = self._store.query(
-            "SELECT aircraft, problem, remedy FROM logs WHERE path = ? ORDER BY scanned DESC LIMIT 1",
-            file.path,
-        ).fetchone()
-        if row is None:
-            return None
-        aircraft, problem, remedy = row
-        found = self._store.query(
-            "SELECT worst, count(*) FROM verdicts WHERE path = ? GROUP BY worst ORDER BY max(urgency) DESC",
-            file.path,
-        ).fetchall()
-        standing = stands.get(aircraft, ())
-        findings = tuple(one for one in standing if one.is_finding and one.log == file.path)
-        return ScannedFlight(file.path, aircraft, problem, remedy, Counter(dict(found)), findings)
+    def _known(self, files: list[LogFile]) -> tuple[dict[LogFile, str], set[LogFile]]:
+        """Return the settings by which logs were judged, and those that were removed."""
+        if not self._store.exists:
+            return {}, set()
+        with self._store.opened().reading() as connection:
+            return known_files(connection, files), removed_files(connection)
+
+
+def _landed(
+    connection: Connection, file: LogFile, stands: dict[str, tuple[Standing, ...]]
+) -> ScannedFlight | None:
+    log = (
+        select(LOG.c.problem, LOG.c.remedy, LOG.c.flight_id, AIRCRAFT.c.name)
+        .outerjoin(FLIGHT, FLIGHT.c.id == LOG.c.flight_id)
+        .outerjoin(AIRCRAFT, AIRCRAFT.c.id == FLIGHT.c.aircraft_id)
+        .where(LOG.c.path == file.path, ~LOG.c.removed)
+        .order_by(LOG.c.scanned_us.desc())
+    )
+    row = connection.execute(log.limit(1)).first()
+    if row is None:
+        return None
+    counts = (
+        select(VERDICT.c.worst, func.count())
+        .where(VERDICT.c.flight_id == row.flight_id, VERDICT.c.counts)
+        .group_by(VERDICT.c.worst)
+        .order_by(func.max(VERDICT.c.urgency).desc())
+    )
+    conditions: Counter[str] = Counter(dict(connection.execute(counts).all()))
+    findings = tuple(one for one in stands.get(row.name or "", ()) if one.is_finding and one.log == file.path)
+    return ScannedFlight(file.path, row.name or "", row.problem, row.remedy, conditions, findings)

@@ -1,29 +1,45 @@
-"""What an operator enters into a store: corrections of its logs and aircraft, repairs, installed actuators.
+"""Corrects a store: removes logs, moves them to another aircraft, renames an aircraft, and undoes that.
 
-A correction goes before the rule and the table by which scans name logs: the next scan does not undo it.
-Repairs, and the operator's table of what is installed where, give the dates from which an actuator's flights
-count; the store keeps both for every comparison.
+Each correction is a row of a journal. It, and the verdicts that it changes, are one transaction; no log is
+opened. Later scans leave what was corrected.
 """
 
 from __future__ import annotations
 
+import getpass
+import json
 import os
-import time
-from collections.abc import Callable, Iterable, Sequence
-from datetime import UTC, datetime, timedelta
-from functools import partial
-from typing import Any, Final, Literal, NamedTuple
+import socket
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from sqlalchemy import Connection, delete, func, insert, or_, select, update
 
 from mavhums.core.errors import MavhumsError
-from mavhums.flights.aircraft import latest
-from mavhums.flights.aircraft_table import AircraftTable, Installation, Since
-from mavhums.flights.store import LogFile, Store, listed_sql
-from mavhums.flights.store_tables import CORRECTIONS, DATES, INSTALLED, LOGS, REMOVED
+from mavhums.flights.aircraft import UNKNOWN
+from mavhums.flights.store import Store
+from mavhums.flights.store.dates import Repair, Repairs, check_flown, enter_repairs, repairs_of, there_are
+from mavhums.flights.store.earlier import EPOCH
+from mavhums.flights.store.logs import FLOWN, aircraft_id, give_flights, in_parts, make_due, now_us
+from mavhums.flights.store.tables import AIRCRAFT, ALIAS, BOARD, FLIGHT, JOURNAL, LOG, REPAIR
+from mavhums.flights.store.verdicts import make_verdicts
 
-_COLUMNS: Final = "kind, log, sha256, before, after, who, note, at_ns"
+Place = str | os.PathLike[str]
+
 _LEAST_HASH: Final = 8
 _SHOWN: Final = 5
-_SHOWN_NAMES: Final = 20
+
+
+class CorrectedLog(NamedTuple):
+    """A log before its correction; one that could not be judged has no hash and no aircraft."""
+
+    path: str
+    sha256: str | None
+    aircraft: str
+    pinned: bool
 
 
 class Correction(NamedTuple):
@@ -31,209 +47,201 @@ class Correction(NamedTuple):
 
     Attributes
     ----------
+    number
+        By which it can be undone.
     kind
-        A log was removed, restored or reassigned, or an aircraft renamed.
-    log, sha256
-        The log, and the hash of its bytes; None for a renamed aircraft, and the hash of a log that could not
-        be judged.
+        ``remove``, ``move`` (to another aircraft) or ``rename`` (an aircraft).
+    logs
+        The logs; those of both aircraft where two became one, and none where one was renamed.
     before, after
-        Aircraft; None after a removal, empty for an unknown one.
+        Names of the renamed aircraft; of moved logs, ``after`` is the aircraft that has them.
     who, note, at
         Who made it, why, and when.
+    undone
+        Whether it was undone.
     """
 
-    kind: Literal["remove", "restore", "reassign", "rename"]
-    log: str | None
-    sha256: str | None
+    number: int
+    kind: str
+    logs: tuple[CorrectedLog, ...]
     before: str | None
     after: str | None
     who: str
     note: str | None
     at: datetime
+    undone: bool = False
 
     def __str__(self) -> str:
+        first = self.logs[0].path if self.logs else ""
+        logs = first if len(self.logs) == 1 else f"{len(self.logs)} logs, {first} and others,"
+        whose = " and ".join(sorted({one.aircraft or "an unknown aircraft" for one in self.logs}))
         done = {
-            "remove": f"removed {self.log} from {self.before or 'an unknown aircraft'}",
-            "restore": f"restored {self.log} to {self.after or 'an unknown aircraft'}",
-            "reassign": f"reassigned {self.log} from {self.before or 'an unknown aircraft'} to {self.after}",
+            "remove": f"removed {logs} from {whose}",
+            "move": f"moved {logs} from {whose} to {self.after}",
             "rename": f"renamed {self.before} to {self.after}",
         }
-        note = f": {self.note}" if self.note else ""
-        return f"{self.at:%Y-%m-%d %H:%M} UTC, {self.who}: {done[self.kind]}{note}"
+        note, undone = f": {self.note}" if self.note else "", " (undone)" if self.undone else ""
+        return f"{self.number}: {self.at:%Y-%m-%d %H:%M} UTC, {self.who}: {done[self.kind]}{note}{undone}"
 
 
-class FoundLog(NamedTuple):
-    """A log in a store; the hash is None if it could not be judged."""
+def journal(store: Place) -> list[Correction]:
+    """Return the corrections of a store, the first one first.
 
-    path: str
-    sha256: str | None
-    aircraft: str
-
-
-class Names(NamedTuple):
-    """What corrections say of names: those of renamed aircraft, and the aircraft of reassigned logs."""
-
-    aircraft: dict[str, str]
-    logs: dict[str, str]
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist.
+    """
+    with Store(store).opened().reading() as connection:
+        return [_correction(row) for row in connection.execute(select(JOURNAL).order_by(JOURNAL.c.id))]
 
 
-def add_corrections(store: Store, several: Iterable[Correction]) -> None:
-    """Keep corrections."""
-    now = time.time_ns()
-    rows = [{**one._asdict(), "at_ns": now + k} for k, one in enumerate(several)]
-    for row in rows:
-        del row["at"]
-    if rows:
-        store.append(CORRECTIONS, rows)
-
-
-def corrections_of(store: Store) -> list[Correction]:
-    """Return the corrections of a store, the first one first."""
-    rows = store.query(f"SELECT DISTINCT {_COLUMNS} FROM corrections ORDER BY at_ns").fetchall()
-    return [Correction._make([*row[:-1], datetime.fromtimestamp(row[-1] / 1e9, tz=UTC)]) for row in rows]
-
-
-def corrected_names(store: Store) -> Names:
-    """Return the names that corrections give, each as the later ones leave it."""
-    names = Names({}, {})
-    for one in corrections_of(store):
-        if one.kind == "reassign" and one.sha256 and one.after:
-            names.logs[one.sha256] = one.after
-        if one.kind == "rename" and one.before and one.after:
-            for each in names:
-                each.update({key: one.after for key, name in each.items() if name == one.before})
-            names.aircraft[one.before] = one.after
-            names.aircraft.pop(one.after, None)
-    return names
-
-
-def removed_logs(store: Store, logs: Iterable[str]) -> set[str]:
-    """Return which of some logs, by their hashes, were removed from a store."""
-    several = {*logs}
-    if not several:
-        return set()
-    rows = store.query(f"SELECT DISTINCT sha256 FROM removed WHERE sha256 IN ({listed_sql(several)})")
-    return {sha256 for (sha256,) in rows.fetchall()}
-
-
-def removed_files(store: Store) -> set[LogFile]:
-    """Return the files that a scan leaves alone, because their logs were removed."""
-    return {LogFile(*row) for row in store.query("SELECT path, size, time_ns FROM removed").fetchall()}
-
-
-def logs_named(store: Store, given: str, path: str, *, removed: bool = False) -> list[FoundLog]:
-    """Return the logs in a store that a text names, with their copies elsewhere.
+def remove(
+    store: Place, logs: Sequence[Place], *, who: str | None = None, note: str | None = None
+) -> Correction | None:
+    """Remove logs from a store; later scans leave them alone, under other paths, too.
 
     Parameters
     ----------
     store
         The store.
-    given
-        The path or address of a log or of a folder, the end of a path, or at least eight digits of a hash.
-    path
-        The same as an absolute path.
-    removed
-        Whether to look among the removed logs instead.
+    logs
+        Paths or addresses of logs or folders as the store has them, ends of paths, or digits of hashes.
+    who, note
+        Who corrects it, by default the user, and why.
+
+    Returns
+    -------
+    Correction
+        What was changed; None if the logs were removed already.
 
     Raises
     ------
     MavhumsError
-        If it names several logs that are not in one folder.
+        If the store has no such log, does not exist or cannot be written.
     """
-    table = REMOVED if removed else LOGS
-    select = f"SELECT DISTINCT path, sha256, aircraft FROM {table} WHERE"
-    found: list[FoundLog] = []
-    for where, values in (
-        ("path IN (?, ?)", (given, path)),
-        ("starts_with(path, ?) OR starts_with(path, ?)", (given.rstrip("/") + "/", path.rstrip("/") + "/")),
-        ("ends_with(path, ?) OR (? AND starts_with(sha256, ?))", _loosely(given)),
-    ):
-        found = [FoundLog(*row) for row in store.query(f"{select} {where} ORDER BY path", *values).fetchall()]
-        if found:
-            break
-    if "ends_with" in where and len({one.sha256 or one.path for one in found}) > 1:
-        shown = ", ".join(one.path for one in found[:_SHOWN])
-        raise MavhumsError(f"{given}: names {len(found)} logs of {store.place}", f"name one: {shown}")
-    if not found:
-        return []
-    return [FoundLog(*row) for row in store.query(f"{select} {where_logs(found)} ORDER BY path").fetchall()]
+    kept = Store(store).opened()
+    with kept.writing() as connection:
+        found = [one for log in logs for one in _found(connection, kept, log)]
+        rows = [row for row in dict.fromkeys(found) if not row.removed]
+        done = _entered(connection, "remove", rows, who=who, note=note)
+        _remove(connection, rows)
+    return done
 
 
-def where_logs(logs: Sequence[FoundLog]) -> str:
-    """Return the SQL condition of some logs: their paths, and their bytes wherever they lie."""
-    hashes = {one.sha256 for one in logs if one.sha256}
-    paths = f"path IN ({listed_sql({one.path for one in logs})})"
-    return f"{paths} OR sha256 IN ({listed_sql(hashes)})" if hashes else paths
+def move(
+    store: Place, logs: Sequence[Place], aircraft: str, *, who: str | None = None, note: str | None = None
+) -> Correction | None:
+    """Give logs to another aircraft; later scans leave them there, whatever rule or table they are given.
 
-
-def _loosely(given: str) -> tuple[Any, ...]:
-    return f"/{given.lstrip('/')}", len(given) >= _LEAST_HASH, given.lower()
-
-
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-
-
-class Repair(NamedTuple):
-    """A repair: flights that begin on or after it are not compared with flights before it.
-
-    Attributes
+    Parameters
     ----------
     aircraft
-        Name of the aircraft; None for all.
-    actuator
-        Name of the actuator; None for all.
-    at
-        Date, with a time zone.
+        Its name; a new one founds it. The one that they have already confirms it, whatever their board says.
+        The other parameters, the result and the errors are those of :func:`remove`.
     """
-
-    aircraft: str | None
-    actuator: str | None
-    at: datetime
-
-    def __str__(self) -> str:
-        at = self.at.isoformat().removesuffix("+00:00").removesuffix("T00:00:00")
-        if self.aircraft is None:
-            return f"{self.actuator}={at}" if self.actuator else at
-        return f"{self.aircraft}/{self.actuator or ''}={at}"
-
-
-Repairs = Sequence[Repair]
-
-
-def add_repairs(store: Store, repairs: Repairs) -> set[str]:
-    """Store repairs, and return the aircraft whose verdicts they may change: none if all were known."""
-    known = set(_stored(store))
-    new = [repair for repair in repairs if repair not in known]
-    if not new:
-        return set()
-    store.append(DATES, _rows(new))
-    return _concerned(store, new)
+    _check_name(aircraft)
+    kept = Store(store).opened()
+    with kept.writing() as connection:
+        rows = [
+            row
+            for log in logs
+            for row in _found(connection, kept, log)
+            if row.flight_id is not None and not row.removed and (row.name != aircraft or not row.pinned)
+        ]
+        rows = [*dict.fromkeys(rows)]
+        done = _entered(connection, "move", rows, after=aircraft, who=who, note=note)
+        flights = {row.flight_id for row in rows}
+        touched = give_flights(connection, {row.flight_id for row in rows if row.name != aircraft}, aircraft)
+        _pin(connection, flights, pinned=True)
+        make_verdicts(connection, touched)
+    return done
 
 
-def remove_repairs(store: Store, repairs: Repairs) -> set[str]:
-    """Remove stored repairs, and return the aircraft whose verdicts they may have changed.
+def rename(
+    store: Place,
+    aircraft: str,
+    name: str,
+    *,
+    join: bool = False,
+    who: str | None = None,
+    note: str | None = None,
+) -> Correction | None:
+    """Rename an aircraft, with its repairs, installed actuators and history; later scans do so, too.
 
-    Raises
-    ------
-    MavhumsError
-        If the store does not have one of them; then none is removed.
+    Parameters
+    ----------
+    aircraft, name
+        The name that it has, and the one that it gets.
+    join
+        Whether an aircraft that has that name already becomes one with it. The other parameters, the result
+        and the errors are those of :func:`remove`.
     """
+    _check_name(name)
+    kept = Store(store).opened()
+    with kept.writing() as connection:
+        there = {*connection.scalars(FLOWN)}
+        whose = aircraft_id(connection, aircraft, creates=False)
+        other = connection.scalar(select(AIRCRAFT.c.id).where(AIRCRAFT.c.name == name))
+        if whose is not None and whose == other:
+            return None
+        if whose is None or aircraft not in there:
+            raise MavhumsError(f"{kept.place}: no aircraft {aircraft}", there_are(connection))
+        if name in there and not join:
+            raise MavhumsError(f"{kept.place}: {name} is there already", "--join makes one aircraft of both")
+        rows = [] if other is None else _logs(connection, FLIGHT.c.aircraft_id == whose)
+        done = _entered(connection, "rename", rows, before=aircraft, after=name, who=who, note=note)
+        if other is None:
+            _call(connection, whose, name)
+        else:
+            _join(connection, whose, other, aircraft)
+            touched = give_flights(connection, {row.flight_id for row in rows if row.flight_id}, name)
+            make_verdicts(connection, touched)
+    return done
 
-    def kept() -> Repairs:
-        there = _stored(store)
-        for repair in repairs:
-            if repair not in there:
-                others = ", ".join(map(str, sorted(there, key=str))) or "none"
-                raise MavhumsError(f"{store.place}: no repair {repair}", f"the store has: {others}")
-        return [repair for repair in there if repair not in repairs]
 
-    if not repairs:
-        return set()
-    store.rewrite(DATES, lambda: _rows(kept()))
-    return _concerned(store, repairs)
+def undo(store: Place, number: int) -> Correction:
+    """Undo a correction, and return it; its errors are those of :func:`remove`.
+
+    Parameters
+    ----------
+    store
+        The store.
+    number
+        The correction's number in the journal.
+    """
+    kept = Store(store).opened()
+    with kept.writing() as connection:
+        row = connection.execute(select(JOURNAL).where(JOURNAL.c.id == number)).first()
+        if row is None or row.undone:
+            why = "is undone already" if row else "is not in the journal"
+            raise MavhumsError(f"{kept.place}: the correction {number} {why}", "mavhums fleet journal STORE")
+        done = _correction(row)
+        connection.execute(update(JOURNAL).where(JOURNAL.c.id == number).values(undone=True))
+        if done.kind == "rename" and done.before is not None and done.after is not None:
+            connection.execute(delete(ALIAS).where(ALIAS.c.name == done.before))
+            whose = aircraft_id(connection, done.after, creates=False)
+            if not done.logs and whose is not None:
+                connection.execute(update(AIRCRAFT).where(AIRCRAFT.c.id == whose).values(name=done.before))
+        owners: dict[str, set[int]] = defaultdict(set)
+        pinned: dict[bool, set[int]] = defaultdict(set)
+        for log in done.logs:
+            same = LOG.c.path == log.path if log.sha256 is None else FLIGHT.c.sha256 == log.sha256
+            for found in _logs(connection, same):
+                connection.execute(update(LOG).where(LOG.c.id == found.id).values(removed=False))
+                if found.flight_id is not None:
+                    owners[log.aircraft].add(found.flight_id)
+                    pinned[log.pinned].add(found.flight_id)
+        touched: set[int] = set()
+        for name, flights in owners.items():
+            touched |= give_flights(connection, flights, name)
+        for was, flights in pinned.items():
+            _pin(connection, flights, pinned=was)
+        make_verdicts(connection, touched)
+    return done._replace(undone=True)
 
 
-def repairs_in(store: str | os.PathLike[str]) -> list[Repair]:
+def repairs_in(store: Place) -> list[Repair]:
     """Return the repairs that a store keeps, by aircraft and date.
 
     Raises
@@ -241,103 +249,134 @@ def repairs_in(store: str | os.PathLike[str]) -> list[Repair]:
     MavhumsError
         If the store does not exist.
     """
-    there = _stored(Store(store).opened())
-    return sorted(there, key=lambda repair: (repair.aircraft or "", repair.at, repair.actuator or ""))
+    with Store(store).opened().reading() as connection:
+        return repairs_of(connection)
 
 
-def aircraft_in(store: Store) -> set[str]:
-    """Return the names of the aircraft with flights in a store."""
-    rows = store.query("SELECT DISTINCT aircraft FROM logs WHERE flight IS NOT NULL AND aircraft <> ''")
-    return {name for (name,) in rows.fetchall()}
+def change_repairs(store: Place, *, add: Repairs = (), remove: Repairs = ()) -> list[Repair]:
+    """Add and remove repairs, compare the flights of their aircraft again, and return all repairs.
 
+    Parameters
+    ----------
+    store
+        File or address of the store.
+    add
+        Repairs to be stored; one that is there already changes nothing.
+    remove
+        Repairs that were entered by mistake.
 
-def named_in(store: Store) -> str:
-    """Return which aircraft a store has, in words."""
-    several = sorted(aircraft_in(store))
-    more = ", …" if len(several) > _SHOWN_NAMES else ""
-    return f"the store has: {', '.join(several[:_SHOWN_NAMES]) or 'none with a name'}{more}"
-
-
-def repairs_of(store: Store, aircraft: str) -> Repairs:
-    """Return the repairs of an aircraft."""
-    return [repair for repair in _stored(store) if repair.aircraft in (None, aircraft)]
-
-
-def since_of(store: Store, aircraft: str) -> Callable[[datetime], Since]:
-    """Return what gives the dates from which an aircraft's flights count for one at a time.
-
-    They are those of the repairs and of the operator's table of installed actuators, whichever is later.
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist or cannot be written, or it does not have a repair that is to be removed,
+        or the aircraft or actuator of one that is to be added.
     """
-    return partial(_since, repairs_of(store, aircraft), installed_in(store, aircraft), aircraft)
+    kept = Store(store).opened()
+    with kept.writing() as connection:
+        check_flown(connection, kept.place, add)
+        enter_repairs(connection, kept.place, add=add, remove=remove)
+        make_verdicts(connection)
+        return repairs_of(connection)
 
 
-def _since(repairs: Repairs, table: AircraftTable, aircraft: str, moment: datetime) -> Since:
-    begun = sorted((repair for repair in repairs if repair.at <= moment), key=lambda repair: repair.at)
-    repaired: Since = {repair.actuator: repair.at for repair in begun}
-    return latest(repaired, table.since(aircraft, moment))
+def _call(connection: Connection, aircraft: int, name: str) -> None:
+    """Give an aircraft a name, and keep the one that it had."""
+    before = connection.scalar(select(AIRCRAFT.c.name).where(AIRCRAFT.c.id == aircraft))
+    connection.execute(delete(ALIAS).where(ALIAS.c.name == name))
+    connection.execute(update(AIRCRAFT).where(AIRCRAFT.c.id == aircraft).values(name=name))
+    connection.execute(insert(ALIAS).values(name=before, aircraft_id=aircraft))
 
 
-def reassigned(store: Store, table: AircraftTable) -> set[str]:
-    """Apply a table to a store, and return the aircraft whose flights must be compared again.
+def _join(connection: Connection, aircraft: int, other: int, name: str) -> None:
+    """Let an aircraft's name, and what the operator entered of it, be another one's."""
+    for table in (ALIAS, REPAIR, BOARD):
+        connection.execute(update(table).where(table.c.aircraft_id == aircraft).values(aircraft_id=other))
+    connection.execute(insert(ALIAS).values(name=name, aircraft_id=other))
+    make_due(connection, [other])
 
-    Logs are not read again. An empty table changes nothing.
+
+def _remove(connection: Connection, rows: Sequence[Any]) -> None:
+    for part in in_parts({row.id for row in rows}):
+        connection.execute(update(LOG).where(LOG.c.id.in_(part)).values(removed=True))
+    flights = {row.flight_id for row in rows if row.flight_id is not None}
+    make_verdicts(connection, give_flights(connection, flights, None))
+
+
+def _pin(connection: Connection, flights: Iterable[int], *, pinned: bool) -> None:
+    for part in in_parts(flights):
+        connection.execute(update(FLIGHT).where(FLIGHT.c.id.in_(part)).values(pinned=pinned))
+
+
+def _logs(connection: Connection, *where: Any) -> list[Any]:
+    """Return logs in a store, with their flights and aircraft."""
+    columns = (LOG.c.id, LOG.c.path, LOG.c.flight_id, LOG.c.removed, FLIGHT.c.sha256, FLIGHT.c.pinned)
+    asked = select(*columns, func.coalesce(AIRCRAFT.c.name, UNKNOWN).label("name")).select_from(LOG)
+    asked = asked.outerjoin(FLIGHT, FLIGHT.c.id == LOG.c.flight_id).outerjoin(
+        AIRCRAFT, AIRCRAFT.c.id == FLIGHT.c.aircraft_id
+    )
+    return [*connection.execute(asked.where(*where).order_by(LOG.c.path, LOG.c.id))]
+
+
+def _found(connection: Connection, store: Store, log: Place) -> list[Any]:
+    """Return the logs that a text names, with their copies elsewhere.
+
+    Raises
+    ------
+    MavhumsError
+        If it names none, or several that are not in one folder.
     """
-    if not table.installed:
-        return set()
-    touched: set[str] = set()
-    names: dict[str, str] = {}
-    pinned = corrected_names(store).logs
-    for sha256, board, start_us, aircraft in store.query(
-        "SELECT DISTINCT sha256, board, start_us, aircraft FROM logs"
-        " WHERE board IS NOT NULL AND start_us IS NOT NULL"
-    ).fetchall():
-        named = table.aircraft_of(board, _EPOCH + timedelta(microseconds=start_us))
-        if named is not None and named != aircraft and sha256 not in pinned:
-            names[sha256] = named
-            touched |= {aircraft, named}
-    store.rename(names)
-    return touched | _replaced(store, table)
+    given = os.fspath(log)
+    path = given if "://" in given else str(Path(given).absolute())
+    folders = [f"{each.rstrip('/')}/" for each in (given, path)]
+    loosely = LOG.c.path.endswith(f"/{given.lstrip('/')}", autoescape=True)
+    if len(given) >= _LEAST_HASH:
+        loosely = or_(loosely, FLIGHT.c.sha256.startswith(given.lower(), autoescape=True))
+    found: list[Any] = []
+    for where in (
+        LOG.c.path.in_([given, path]),
+        or_(*(LOG.c.path.startswith(each, autoescape=True) for each in folders)),
+        loosely,
+    ):
+        found = _logs(connection, where)
+        if found:
+            break
+    if where is loosely and len({row.sha256 or row.path for row in found}) > 1:
+        shown = ", ".join(row.path for row in found[:_SHOWN])
+        raise MavhumsError(f"{given}: names {len(found)} logs of {store.place}", f"name one: {shown}")
+    if not found:
+        remedy = "name its path as `mavhums fleet export` shows it"
+        raise MavhumsError(f"{store.place}: no log {given}", remedy)
+    flights = {row.flight_id for row in found if row.flight_id is not None}
+    copies = [row for part in in_parts(flights) for row in _logs(connection, LOG.c.flight_id.in_(part))]
+    return sorted({*found, *copies}, key=lambda row: (row.path, row.id))
 
 
-def installed_in(store: Store, aircraft: str) -> AircraftTable:
-    """Return the actuators of an aircraft, as of the last table that was given."""
-    rows = store.query("SELECT entry FROM installed WHERE aircraft = ?", aircraft).fetchall()
-    return AircraftTable(Installation.model_validate_json(entry) for (entry,) in rows)
+def _entered(
+    connection: Connection, kind: str, rows: Sequence[Any], *, who: str | None, note: str | None, **names: str
+) -> Correction | None:
+    """Enter a correction into the journal, and return it; None if it changes nothing."""
+    if not rows and kind != "rename":
+        return None
+    logs = [CorrectedLog(row.path, row.sha256, row.name, bool(row.pinned)) for row in rows]
+    row = {"kind": kind, "who": who or _user(), "note": note, "logs": json.dumps(logs), "at_us": now_us()}
+    (number,) = connection.execute(insert(JOURNAL).values(**row, **names)).inserted_primary_key or (0,)
+    return _correction(connection.execute(select(JOURNAL).where(JOURNAL.c.id == number)).one())
 
 
-def _replaced(store: Store, table: AircraftTable) -> set[str]:
-    """Store the actuators of the aircraft in a table, and return the aircraft of which they changed."""
-    touched: set[str] = set()
-    for aircraft in sorted({each.aircraft for each in table.installed}):
-        new = sorted(each.model_dump_json(by_alias=True) for each in table.of(aircraft))
-        old = store.query("SELECT entry FROM installed WHERE aircraft = ? ORDER BY 1", aircraft).fetchall()
-        if new != [entry for (entry,) in old]:
-            store.replace(INSTALLED, aircraft, [{"aircraft": aircraft, "entry": entry} for entry in new])
-            touched.add(aircraft)
-    return touched
+def _correction(row: Any) -> Correction:
+    logs = tuple(CorrectedLog(*log) for log in json.loads(row.logs))
+    at = EPOCH + timedelta(microseconds=row.at_us)
+    return Correction(row.id, row.kind, logs, row.before, row.after, row.who, row.note, at, row.undone)
 
 
-def _rows(repairs: Repairs) -> list[dict[str, object]]:
-    return [
-        {
-            "aircraft": repair.aircraft,
-            "actuator": repair.actuator,
-            "since_us": (repair.at - _EPOCH) // timedelta(microseconds=1),
-        }
-        for repair in repairs
-    ]
+def _user() -> str:
+    try:
+        name = getpass.getuser()
+    except (KeyError, OSError):  # a container's user without a name
+        name = f"user {os.getuid()}" if hasattr(os, "getuid") else "unknown"
+    return f"{name}@{socket.gethostname()}"
 
 
-def _concerned(store: Store, repairs: Repairs) -> set[str]:
-    """Return the aircraft with flights that repairs name."""
-    named = {repair.aircraft for repair in repairs}
-    there = store.query("SELECT DISTINCT aircraft FROM logs WHERE flight IS NOT NULL").fetchall()
-    return {aircraft for (aircraft,) in there if None in named or aircraft in named}
-
-
-def _stored(store: Store) -> list[Repair]:
-    rows = store.query("SELECT DISTINCT aircraft, actuator, since_us FROM dates").fetchall()
-    return [
-        Repair(aircraft, actuator, _EPOCH + timedelta(microseconds=since))
-        for aircraft, actuator, since in rows
-    ]
+def _check_name(aircraft: str) -> None:
+    if aircraft.strip() == UNKNOWN or aircraft != aircraft.strip():
+        raise MavhumsError(f"{aircraft!r}: is no name of an aircraft", "name it, such as D-EABC")

@@ -156,13 +156,24 @@ class FlightHistory:
         since
             Dates from which flights count.
         """
+        reference = self.references(airframe, before, since)
+        return {key: baseline for key, flown in reference.items() if (baseline := Baseline.of(flown))}
+
+    def references(
+        self,
+        airframe: str | None,
+        before: datetime | None,
+        since: Since | None = None,
+        most: int = REFERENCE_FLIGHTS,
+    ) -> dict[tuple[int, str, str], list[Indicator]]:
+        """Return the indicators on which each baseline rests, of at most so many flights."""
         reference: dict[tuple[int, str, str], list[Indicator]] = {}
         for _, vehicle, verdict in self._counted(airframe, before, since):
             for shown in verdict.indicators if is_healthy(verdict) else ():
                 flown = reference.setdefault((vehicle, verdict.actuator, shown.fault), [])
-                if len(flown) < REFERENCE_FLIGHTS:
+                if len(flown) < most:
                     flown.append(shown)
-        return {key: baseline for key, flown in reference.items() if (baseline := Baseline.of(flown))}
+        return reference
 
     def past(
         self, airframe: str | None, before: datetime | None, since: Since | None = None
@@ -343,14 +354,14 @@ class EarlierFlights(Protocol):
 
 
 def is_store(place: str | os.PathLike[str]) -> bool:
-    """Return whether a place is a fleet's store: a folder with its tables, or an object store's address.
+    """Return whether a place is a store: a file, or the address of a database.
 
     Examples
     --------
-    >>> is_store("s3://bucket/fleet"), is_store("flights")
+    >>> is_store("postgresql://fleet@host/fleet"), is_store("flights")
     (True, False)
     """
-    return "://" in os.fspath(place) or Path(place, "logs", "_delta_log").exists()
+    return "://" in os.fspath(place) or Path(place).is_file()
 
 
 def with_duplicate_flights(assessment: Assessment, history: EarlierFlights) -> Assessment:

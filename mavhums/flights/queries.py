@@ -1,26 +1,35 @@
-"""Queries on a fleet's store."""
+"""Queries on a store."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator
-from datetime import UTC, datetime, timedelta
-from typing import Any, Final, NamedTuple
+from datetime import UTC, datetime
+from typing import Final, NamedTuple
 
-from pydantic import TypeAdapter
+from sqlalchemy import Connection, and_, func, select
 
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.compare import unpacked
-from mavhums.flights.corrections import installed_in, named_in, repairs_of, since_of
-from mavhums.flights.history import FlightHistory, PastFlight
 from mavhums.flights.naming import foreign_boards
-from mavhums.flights.store import Store, listed_sql
-from mavhums.flights.trends import trend_report
-from mavhums.log.base.decoder import Losses
-from mavhums.results.assessment import Assessment, LogSummary, exit_code_of
+from mavhums.flights.store import Store
+from mavhums.flights.store.dates import installed, repairs_of, since_of, there_are
+from mavhums.flights.store.earlier import OF_VERDICT, StoredFlights, past_flights, verdict_of
+from mavhums.flights.store.logs import aircraft_id
+from mavhums.flights.store.tables import (
+    AIRCRAFT,
+    FLIGHT,
+    JUDGEMENT,
+    LOG,
+    RECORD,
+    RECORDING,
+    STANDING,
+    VERDICT,
+)
+from mavhums.flights.store.verdicts import STANDINGS, trend_of
+from mavhums.results.assessment import Assessment, exit_code_of
 from mavhums.results.standing import RepairDate, Standing, TrendReport
 from mavhums.results.store import (
     FailedLog,
@@ -32,24 +41,8 @@ from mavhums.results.store import (
 )
 from mavhums.results.verdict import Verdict
 
-STANDINGS_OF: Final = TypeAdapter(tuple[Standing, ...])
-_COLUMNS = "aircraft, path, start_us, vehicle, actuator, condition, worst"
-_LAST = f"""
-WITH last AS (
-    SELECT aircraft, CASE WHEN aircraft = '' THEN path END AS log, vehicle, actuator,
-        max(start_us) AS start_us
-    FROM verdicts GROUP BY ALL)
-SELECT {_COLUMNS} FROM (
-    SELECT each.aircraft, each.vehicle, each.actuator, each.start_us, min(each.path) AS path,
-        arg_min(each.condition, each.path) AS condition, arg_min(each.worst, each.path) AS worst,
-        arg_min(each.urgency, each.path) AS urgency, arg_min(each.friction_nm, each.path) AS friction_nm
-    FROM verdicts AS each JOIN last ON each.aircraft = last.aircraft AND each.actuator = last.actuator
-        AND each.vehicle IS NOT DISTINCT FROM last.vehicle
-        AND each.start_us IS NOT DISTINCT FROM last.start_us AND (last.log IS NULL OR each.path = last.log)
-    GROUP BY each.aircraft, last.log, each.vehicle, each.actuator, each.start_us)
-ORDER BY urgency DESC, friction_nm DESC NULLS LAST, aircraft, path, vehicle, actuator
-"""
-"""The actuators in their last flights, the worst first; without the JSON of the verdicts, which is large."""
+Place = str | os.PathLike[str]
+_NAMED: Final = and_(AIRCRAFT.c.id == FLIGHT.c.aircraft_id, AIRCRAFT.c.name != UNKNOWN)
 
 
 class Status(NamedTuple):
@@ -104,8 +97,7 @@ class OperatorTasks(NamedTuple):
 class WorstActuator(NamedTuple):
     """An actuator in its aircraft's last flight. ``aircraft`` is empty if it is unknown.
 
-    ``standing`` is how it stands over its flights; None of an unknown aircraft, and in a store of an older
-    version until the next flight of the aircraft is scanned.
+    ``standing`` is how it stands over its flights; None of an unknown aircraft.
     """
 
     aircraft: str
@@ -126,7 +118,7 @@ class WorstActuator(NamedTuple):
         )
 
 
-def status(store: str | os.PathLike[str]) -> Status:
+def status(store: Place) -> Status:
     """Return the contents of a store.
 
     Raises
@@ -135,44 +127,65 @@ def status(store: str | os.PathLike[str]) -> Status:
         If the store does not exist.
     """
     kept = Store(store).opened()
-    judged, aircraft, unknown = kept.query(
-        "SELECT COUNT(DISTINCT sha256), COUNT(DISTINCT nullif(aircraft, '')),"
-        " COUNT(DISTINCT CASE WHEN aircraft = '' THEN sha256 END) FROM logs WHERE flight IS NOT NULL"
-    ).fetchone()
-    failures = kept.query(
-        "SELECT problem, remedy FROM"
-        " (FROM logs QUALIFY row_number() OVER (PARTITION BY path ORDER BY scanned DESC) = 1)"
-        " WHERE problem IS NOT NULL ORDER BY path"
-    ).fetchall()
-    copies = kept.query("SELECT DISTINCT path, counted FROM copies ORDER BY path").fetchall()
-    odd = odd_in(store)
-    grows = [(name, one) for name, several in standings(kept).items() for one in several if one.growth]
-    return Status(
-        judged,
-        aircraft,
-        unknown,
-        tuple(failures),
-        tuple(copies),
-        odd.foreign_boards,
-        tuple(sorted(grows, key=lambda one: one[1].rank)),
-        odd.removed,
-    )
+    with kept.reading() as connection:
+        flown = select(AIRCRAFT.c.name, func.count()).join(FLIGHT).group_by(AIRCRAFT.c.name)
+        counts: dict[str, int] = dict(connection.execute(flown).all())
+        failed = select(LOG.c.problem, LOG.c.remedy).where(LOG.c.problem.is_not(None), ~LOG.c.removed)
+        failures = [(problem, remedy) for problem, remedy in connection.execute(failed.order_by(LOG.c.path))]
+        best = FLIGHT.alias()
+        copies = (
+            select(FLIGHT.c.path, best.c.path)
+            .join(RECORDING, RECORDING.c.flight_id == FLIGHT.c.id)
+            .join(best, best.c.id == RECORDING.c.counted_id)
+            .distinct()
+            .order_by(FLIGHT.c.path)
+        )
+        odd = _odd(connection)
+        grows = [
+            (name, one) for name, several in standings(connection).items() for one in several if one.growth
+        ]
+        return Status(
+            sum(counts.values()),
+            len(counts.keys() - {UNKNOWN}),
+            counts.get(UNKNOWN, 0),
+            tuple(failures),
+            tuple((log, counted) for log, counted in connection.execute(copies)),
+            odd.foreign_boards,
+            tuple(sorted(grows, key=lambda one: one[1].rank)),
+            odd.removed,
+        )
 
 
-def odd_in(store: str | os.PathLike[str]) -> OperatorTasks:
-    """Return what a scan tells besides what it judged; its errors are those of :func:`status`."""
-    kept = Store(store).opened()
-    (removed,) = kept.query("SELECT count(DISTINCT path) FROM removed").fetchone()
-    return OperatorTasks(tuple(foreign_boards(kept)), removed)
+def odd_in(store: Place) -> OperatorTasks:
+    """Return what a scan reports besides what it judged; its errors are those of :func:`status`."""
+    with Store(store).opened().reading() as connection:
+        return _odd(connection)
 
 
-def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[WorstActuator]:
+def _odd(connection: Connection) -> OperatorTasks:
+    removed = select(func.count(LOG.c.path.distinct())).where(LOG.c.removed)
+    return OperatorTasks(tuple(foreign_boards(connection)), connection.scalar(removed) or 0)
+
+
+class _Last(NamedTuple):
+    """An actuator in its last flight: the key of the verdict, whose it is, and how it stands."""
+
+    flight: int
+    place: int
+    aircraft: str
+    path: str
+    start_us: int | None
+    conditions: tuple[Condition, Condition]
+    standing: Standing | None
+
+
+def worst(store: Place, *, most: int | None = None) -> list[WorstActuator]:
     """Return every actuator as of its aircraft's last flight, the worst first.
 
     Parameters
     ----------
     store
-        Folder of the store.
+        The store.
     most
         Maximum number of actuators; None for all.
 
@@ -181,86 +194,123 @@ def worst(store: str | os.PathLike[str], *, most: int | None = None) -> list[Wor
     MavhumsError
         If the store does not exist.
     """
-    kept = Store(store).opened()
-    rows = _ranked(kept)
-    chosen = rows if most is None else rows[:most]
-    judged = _verdicts_of(kept, {path for (_, path, *_), _ in chosen})
-    return [
-        WorstActuator(
-            aircraft,
-            path,
-            start_us,
-            kept.parsed(judged.__getitem__, (aircraft, path, vehicle, actuator)),
-            standing,
-        )
-        for (aircraft, path, start_us, vehicle, actuator, *_), standing in chosen
-    ]
+    with Store(store).opened().reading() as connection:
+        chosen = _ranked(connection)[:most]
+        found = []
+        for one in chosen:
+            key = (VERDICT.c.flight_id == one.flight, VERDICT.c.place == one.place)
+            text, own = connection.execute(
+                select(VERDICT.c.verdict, RECORD.c.own).outerjoin(RECORD, OF_VERDICT).where(*key)
+            ).one()
+            verdict = verdict_of(text, own)
+            found.append(WorstActuator(one.aircraft, one.path, one.start_us, verdict, one.standing))
+    return found
 
 
-def actuators_in(store: str | os.PathLike[str]) -> int:
+def actuators_in(store: Place) -> int:
     """Return how many actuators and axes :func:`worst` has; its errors are the same."""
-    (count,) = Store(store).opened().query(f"SELECT count(*) FROM ({_LAST})").fetchone()
-    return int(count)
+    with Store(store).opened().reading() as connection:
+        return len(_ranked(connection))
 
 
-def _ranked(store: Store) -> list[tuple[tuple[Any, ...], Standing | None]]:
+def _ranked(connection: Connection) -> list[_Last]:
     """Return the actuators in their last flights and how they stand, the worst first."""
-    found = {
+    stands = {
         (aircraft, one.vehicle, one.actuator): one
-        for aircraft, several in standings(store).items()
+        for aircraft, several in standings(connection).items()
         for one in sorted(several, key=lambda one: one.last_utc)
     }
-    rows = [(row, found.get((row[0], row[3] or 0, row[4]))) for row in store.query(_LAST).fetchall()]
+    asked = (
+        select(
+            *(VERDICT.c[name] for name in ("flight_id", "place", "vehicle", "actuator", "start_us")),
+            *(VERDICT.c[name] for name in ("condition", "worst")),
+            AIRCRAFT.c.name.label("aircraft"),
+            FLIGHT.c.path,
+        )
+        .select_from(VERDICT)
+        .join(FLIGHT, FLIGHT.c.id == VERDICT.c.flight_id)
+        .join(AIRCRAFT, AIRCRAFT.c.id == VERDICT.c.aircraft_id)
+        .where(VERDICT.c.last)
+        .order_by(
+            VERDICT.c.urgency.desc(),
+            VERDICT.c.friction_nm.desc().nulls_last(),
+            *(AIRCRAFT.c.name, FLIGHT.c.path, VERDICT.c.vehicle.nulls_last(), VERDICT.c.actuator),
+        )
+    )
+    found: dict[object, _Last] = {}
+    for row in connection.execute(asked):
+        whose = row.aircraft, row.vehicle, row.actuator
+        # two flights that begin at once are one place in the list
+        key = whose if row.aircraft != UNKNOWN else (row.path, *whose)
+        last = _Last(
+            row.flight_id,
+            row.place,
+            row.aircraft,
+            row.path,
+            row.start_us,
+            (row.condition, row.worst),
+            stands.get((row.aircraft, row.vehicle or 0, row.actuator)),
+        )
+        found.setdefault(key, last)
 
-    def rank(row: tuple[tuple[Any, ...], Standing | None]) -> tuple[float, float]:
-        (*_, condition, worst), standing = row
-        if standing is not None:
-            return standing.rank[:2]
-        return -float(max(URGENCY[condition], URGENCY[worst])), float("inf")
+    def rank(one: _Last) -> tuple[float, float]:
+        if one.standing is not None:
+            return one.standing.rank[:2]
+        return -float(max(URGENCY[each] for each in one.conditions)), float("inf")
 
-    return sorted(rows, key=rank)
+    return sorted(found.values(), key=rank)
 
 
-def standings(store: Store, *, until_ns: int | None = None) -> dict[str, tuple[Standing, ...]]:
+def standings(connection: Connection, *, until_us: int | None = None) -> dict[str, tuple[Standing, ...]]:
     """Return how each aircraft with a name stands, or stood at a time; worst first within each."""
-    rows = store.query(
-        "SELECT aircraft, arg_max(standings, stored) FROM standings WHERE stored <= ? GROUP BY aircraft",
-        until_ns if until_ns is not None else 2**62,
-    ).fetchall()
+    newest = select(STANDING.c.id).where(STANDING.c.aircraft_id == AIRCRAFT.c.id)
+    if until_us is not None:
+        newest = newest.where(STANDING.c.stored_us <= until_us)
+    newest = newest.order_by(STANDING.c.stored_us.desc(), STANDING.c.id.desc()).limit(1)
+    rows = select(AIRCRAFT.c.name, STANDING.c.standings).join(
+        STANDING, STANDING.c.id == newest.correlate(AIRCRAFT).scalar_subquery()
+    )
     return {
-        aircraft: found
-        for aircraft, text in rows
-        if (found := store.parsed(STANDINGS_OF.validate_json, text))
+        name: found
+        for name, text in connection.execute(rows.order_by(AIRCRAFT.c.name))
+        if (found := STANDINGS.validate_json(text))
     }
 
 
-def exit_code(store: str | os.PathLike[str]) -> ExitCode:
+def exit_code(store: Place) -> ExitCode:
     """Return the exit code of ``fleet worst``: for the states and last flights, and the failures."""
-    rows = _ranked(Store(store).opened())
+    with Store(store).opened().reading() as connection:
+        rows = _ranked(connection)
+        failed = connection.scalar(
+            select(LOG.c.id).where(LOG.c.problem.is_not(None), ~LOG.c.removed).limit(1)
+        )
     found: list[Condition] = []
-    for (*_, condition, worst), standing in rows:
-        found.append(max(condition, worst, key=URGENCY.__getitem__))
-        if standing is not None:
-            found += [standing.condition, "degraded" if standing.growth else "normal"]
+    for one in rows:
+        found.append(max(one.conditions, key=URGENCY.__getitem__))
+        if one.standing is not None:
+            found += [one.standing.condition, "degraded" if one.standing.growth else "normal"]
     code = exit_code_of(found)
-    if code not in (ExitCode.EMERGENCY, ExitCode.DEGRADED) and status(store).failures:
+    if code not in (ExitCode.EMERGENCY, ExitCode.DEGRADED) and failed:
         return ExitCode.ERROR
     return code if rows else ExitCode.UNDECIDED
 
 
-def verdicts(store: str | os.PathLike[str], aircraft: str) -> list[tuple[str, Verdict]]:
+def verdicts(store: Place, aircraft: str) -> list[tuple[str, Verdict]]:
     """Return an aircraft's verdicts with its past, each with its log, in time order."""
-    kept = Store(store).opened()
-    rows = kept.query(
-        "SELECT path, verdict FROM"
-        " (SELECT *, row_number() OVER () AS place FROM verdicts WHERE aircraft = ?)"
-        " ORDER BY start_us, path, place",
-        aircraft,
-    ).fetchall()
-    return [(path, kept.parsed(Verdict.model_validate_json, verdict)) for path, verdict in rows]
+    asked = (
+        select(FLIGHT.c.path, VERDICT.c.verdict, RECORD.c.own)
+        .select_from(VERDICT)
+        .join(FLIGHT, FLIGHT.c.id == VERDICT.c.flight_id)
+        .outerjoin(RECORD, OF_VERDICT)
+        .order_by(FLIGHT.c.start_us.nulls_last(), FLIGHT.c.path, FLIGHT.c.id, VERDICT.c.place)
+    )
+    with Store(store).opened().reading() as connection:
+        whose = aircraft_id(connection, aircraft, creates=False)
+        own = and_(VERDICT.c.aircraft_id == whose, VERDICT.c.counts)
+        return [(path, verdict_of(text, own)) for path, text, own in connection.execute(asked.where(own))]
 
 
-def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
+def trend(store: Place, aircraft: str) -> TrendReport:
     """Return the trends of an aircraft's actuators.
 
     Raises
@@ -268,28 +318,23 @@ def trend(store: str | os.PathLike[str], aircraft: str) -> TrendReport:
     MavhumsError
         If the store does not exist, or does not contain the aircraft.
     """
-    return trend_of(Store(store).opened(), aircraft)
-
-
-def trend_of(store: Store, aircraft: str) -> TrendReport:
-    """Return the trends of an aircraft in an opened store; the errors are those of :func:`trend`."""
+    kept = Store(store).opened()
     if aircraft == UNKNOWN:
-        raise MavhumsError(
-            f"{store.place}: an unknown aircraft has no trend", "name aircraft with --aircraft"
-        )
-    with no_collection():
-        flown = tuple(past_flights(store, aircraft))
-        if not flown:
-            raise MavhumsError(f"{store.place}: no flight of the aircraft {aircraft!r}", named_in(store))
-        since = installed_in(store, aircraft).since(aircraft, flown[-1].end)
-        repaired = since_of(store, aircraft)(flown[-1].end)
-        report = trend_report(FlightHistory(flown), since=since, repaired=repaired)
-    repairs = sorted(repairs_of(store, aircraft), key=lambda repair: repair.at)
-    told = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repairs)
-    return report.model_copy(update={"repairs": told})
+        raise MavhumsError(f"{kept.place}: an unknown aircraft has no trend", "name aircraft with --aircraft")
+    with kept.reading() as connection, no_collection():
+        whose = aircraft_id(connection, aircraft, creates=False)
+        flown = [] if whose is None else [*past_flights(connection, whose, VERDICT.c.counts)]
+        if whose is None or not flown:
+            problem = f"{kept.place}: no flight of the aircraft {aircraft!r}"
+            raise MavhumsError(problem, there_are(connection))
+        since, table = since_of(connection, whose), installed(connection, whose)
+        report = trend_of(flown, since, table, aircraft)
+        repairs = sorted(repairs_of(connection, whose), key=lambda repair: repair.at)
+    dates = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repairs)
+    return report.model_copy(update={"repairs": dates})
 
 
-def flights(store: str | os.PathLike[str], aircraft: str) -> list[Assessment]:
+def flights(store: Place, aircraft: str) -> list[Assessment]:
     """Return an aircraft's dated flights in time order, with verdicts only: without losses, usage and texts.
 
     Raises
@@ -297,10 +342,18 @@ def flights(store: str | os.PathLike[str], aircraft: str) -> list[Assessment]:
     MavhumsError
         If the store does not exist.
     """
-    return [flown.assessment for flown in past_flights(Store(store).opened(), aircraft)]
+    return [flown.assessment for flown in earlier_flights(Store(store).opened(), aircraft).flights]
 
 
-def flight(store: str | os.PathLike[str], aircraft: str, sha256: str) -> Assessment:
+def earlier_flights(store: Store, aircraft: str) -> StoredFlights:
+    """Return an aircraft's flights, for comparisons with them."""
+    with store.reading() as connection:
+        whose = aircraft_id(connection, aircraft, creates=False)
+        since = since_of(connection, -1 if whose is None else whose)
+    return StoredFlights(store.reading, whose, since, name=store.place)
+
+
+def flight(store: Place, aircraft: str, sha256: str) -> Assessment:
     """Return the whole assessment of a log, its verdicts compared with the aircraft's past.
 
     Raises
@@ -308,55 +361,18 @@ def flight(store: str | os.PathLike[str], aircraft: str, sha256: str) -> Assessm
     MavhumsError
         If the store does not exist or does not have the log.
     """
-    kept = Store(store).opened()
-    row = kept.query(
-        "SELECT arg_max(flight, scanned) FROM logs WHERE aircraft = ? AND sha256 = ? AND flight IS NOT NULL",
-        aircraft,
-        sha256,
-    ).fetchone()
-    if row is None or row[0] is None:
-        raise MavhumsError(f"{store}: no such flight of the aircraft {aircraft!r}", "choose one of its list")
-    alone = unpacked(row[0]).assessment
-    told = kept.query(
-        "SELECT verdict FROM verdicts WHERE aircraft = ? AND sha256 = ?", aircraft, sha256
-    ).fetchall()
-    if not told:
-        return alone
-    return alone.model_copy(
-        update={"verdicts": tuple(kept.parsed(Verdict.model_validate_json, verdict) for (verdict,) in told)}
-    )
-
-
-def past_flights(store: Store, aircraft: str) -> Iterator[PastFlight]:
-    """Yield an aircraft's dated flights in time order, each with its verdicts and the times of its log."""
-    rows = store.query(
-        "SELECT path, sha256, start_us, airframe, duration_s, list(verdict ORDER BY place) FROM ("
-        " SELECT v.*, row_number() OVER () AS place,"
-        "  coalesce((SELECT max(duration_s) FROM logs AS l WHERE l.sha256 = v.sha256), 0.0) AS duration_s"
-        " FROM verdicts AS v WHERE aircraft = ? AND start_us IS NOT NULL)"
-        " GROUP BY ALL ORDER BY start_us, path",
-        aircraft,
-    ).fetchall()
-    for path, sha256, start_us, airframe, duration_s, told in rows:
-        start = datetime.fromtimestamp(0, tz=UTC) + timedelta(microseconds=start_us)
-        log = LogSummary(
-            path=path,
-            sha256=sha256,
-            start_utc=start.isoformat(),
-            duration_s=duration_s,
-            vehicles=(),
-            losses=Losses(),
-        )
-        verdicts = tuple(store.parsed(Verdict.model_validate_json, verdict) for verdict in told)
-        flight = Assessment(log=log, airframe=airframe, model=None, verdicts=verdicts)
-        yield PastFlight(flight, start, start + timedelta(seconds=duration_s))
-
-
-def _verdicts_of(store: Store, paths: Collection[str]) -> dict[tuple[str, str, int | None, str], Verdict]:
-    """Return the verdicts on some logs; literal names let DuckDB skip most of the table."""
-    if not paths:
-        return {}
-    rows = store.query(
-        f"SELECT aircraft, path, vehicle, actuator, verdict FROM verdicts WHERE path IN ({listed_sql(paths)})"
-    ).fetchall()
-    return {(*key,): store.parsed(Verdict.model_validate_json, verdict) for *key, verdict in rows}
+    with Store(store).opened().reading() as connection:
+        own = FLIGHT.c.aircraft_id == aircraft_id(connection, aircraft, creates=False)
+        row = connection.execute(
+            select(FLIGHT.c.id, JUDGEMENT.c.alone)
+            .join(JUDGEMENT, JUDGEMENT.c.flight_id == FLIGHT.c.id)
+            .where(FLIGHT.c.sha256 == sha256, own)
+        ).first()
+        if row is None:
+            problem = f"{store}: no such flight of the aircraft {aircraft!r}"
+            raise MavhumsError(problem, "choose one of its list")
+        alone = unpacked(row.alone).assessment
+        told = select(VERDICT.c.verdict, RECORD.c.own).outerjoin(RECORD, OF_VERDICT)
+        rows = connection.execute(told.where(VERDICT.c.flight_id == row.id).order_by(VERDICT.c.place)).all()
+        found = tuple(verdict_of(*each) for each in rows)
+    return alone.model_copy(update={"verdicts": found}) if found else alone

@@ -1,28 +1,26 @@
-"""Reports from a store: how its aircraft stand, what changed since a time, and all verdicts as a table.
+"""Reports from a store: what changed since a time, and all verdicts as a table.
 
-The second pass keeps how each aircraft stands beside the verdicts, so that a list of the fleet reads a row of
-each. The rows before stay: what changed since yesterday is the difference of what a reader saw then and what
-there is now, whatever came late or was judged again.
+How each aircraft stood after each change is kept beside the verdicts: what changed since yesterday is the
+difference of what a reader saw then and what there is now, whatever came late or was judged again.
 """
 
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import func, select
 
 from mavhums.core.conditions import SEVERITY
-from mavhums.core.errors import MavhumsError
-from mavhums.flights.aircraft import UNKNOWN
-from mavhums.flights.queries import STANDINGS_OF, standings, trend_of
+from mavhums.flights.queries import standings
 from mavhums.flights.store import Store
-from mavhums.flights.store_tables import STANDINGS
+from mavhums.flights.store.earlier import us_of
+from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, INDICATOR, LOG, VERDICT
 from mavhums.results.standing import FlightsLeft, Growth, Standing
 from mavhums.results.store import Change, FailedLog, FleetDigest, SilentAircraft
-from mavhums.results.verdict import Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,22 +30,6 @@ SILENT_DAYS: Final = 14.0
 
 _SOON_FLIGHTS: Final = 10.0
 _ORDER: Final = ("new", "worse", "growing", "step", "eased", "gone")
-
-
-def store_standings(store: Store, aircraft: str, *, stored_ns: int | None = None) -> None:
-    """Commit how an aircraft stands after its last flight; of an unknown one nothing is kept."""
-    if aircraft == UNKNOWN:
-        return
-    try:
-        found = trend_of(store, aircraft).standings
-    except MavhumsError:  # it has no dated flight any more
-        found = ()
-    row: dict[str, object] = {
-        "aircraft": aircraft,
-        "standings": STANDINGS_OF.dump_json(found).decode(),
-        "stored": stored_ns or time.time_ns(),
-    }
-    store.append(STANDINGS, [row])
 
 
 def digest(
@@ -62,7 +44,7 @@ def digest(
     Parameters
     ----------
     store
-        Folder or address of the store.
+        The store.
     since, until
         Times with a time zone, of logs that came into the store; until now if None.
     silent_days
@@ -73,10 +55,15 @@ def digest(
     MavhumsError
         If the store does not exist.
     """
-    kept = Store(store).opened()
     until = until or datetime.now(UTC)
-    begin, end = (round(at.timestamp() * 1e6) * 1000 for at in (since, until))
-    before, now = standings(kept, until_ns=begin), standings(kept, until_ns=end)
+    begin, end = us_of(since), us_of(until)
+    with Store(store).opened().reading() as connection:
+        before, now = (standings(connection, until_us=at) for at in (begin, end))
+        problems = select(LOG.c.problem, LOG.c.remedy).where(LOG.c.problem.is_not(None), ~LOG.c.removed)
+        problems = problems.where(LOG.c.scanned_us > begin, LOG.c.scanned_us <= end)
+        failed = connection.execute(problems.distinct().order_by(LOG.c.problem)).all()
+        came = select(func.count()).where(FLIGHT.c.aircraft_id.is_not(None), FLIGHT.c.came_us > begin)
+        flights = connection.scalar(came.where(FLIGHT.c.came_us <= end)) or 0
     changes = [
         change for aircraft in now for change in _changes(aircraft, before.get(aircraft, ()), now[aircraft])
     ]
@@ -84,19 +71,6 @@ def digest(
     findings = {(name, one.vehicle, one.actuator) for name in now for one in now[name] if one.is_finding}
     silent = [*_silent(now, until, silent_days)]
     newly = [one for one in silent if one.days - (until - since) / timedelta(days=1) <= silent_days]
-    failed = kept.query(
-        "SELECT DISTINCT problem, remedy FROM logs WHERE problem IS NOT NULL AND scanned > ? AND scanned <= ?"
-        " ORDER BY problem",
-        begin,
-        end,
-    ).fetchall()
-    (flights,) = kept.query(
-        "SELECT count(*) FROM"
-        " (SELECT min(scanned) AS came FROM logs WHERE flight IS NOT NULL GROUP BY sha256)"
-        " WHERE came > ? AND came <= ?",
-        begin,
-        end,
-    ).fetchone()
     return FleetDigest(
         since_utc=since.astimezone(UTC).isoformat(timespec="seconds"),
         until_utc=until.astimezone(UTC).isoformat(timespec="seconds"),
@@ -153,11 +127,11 @@ def _silent(
             yield SilentAircraft(aircraft=aircraft, last_utc=last.isoformat(), days=round(days, 1))
 
 
-_READ: Final = "aircraft, path, sha256, start_us, vehicle, actuator, condition, worst, airframe, verdict"
 _OF_FLIGHT: Final = (
     *("aircraft", "path", "sha256", "start_utc", "vehicle", "actuator", "condition", "worst", "finding"),
     *("estimate", "low", "high", "unit", "limit", "emergency", "suspect", "reason", "airframe"),
 )
+_OF_VERDICT: Final = ("vehicle", "actuator", "condition", "worst", "finding", "suspect", "reason")
 _LEFT: Final = ("flights_to_{}", "flights_to_{}_low", "flights_to_{}_high", "date_{}")
 _OF_LAST: Final = (
     *("state", "state_since_utc", "grows", "growth_per_flight"),
@@ -189,19 +163,33 @@ def export(store: str | os.PathLike[str], output: str | os.PathLike[str] | None 
 
     from mavhums.core.output import writer_for, written_whole
 
-    kept = Store(store).opened()
-    now = {
-        (aircraft, one.vehicle, one.actuator, one.log): one
-        for aircraft, several in standings(kept).items()
-        for one in several
-    }
-    answer = kept.query(f"SELECT {_READ} FROM verdicts ORDER BY aircraft, start_us, path, vehicle, actuator")
-    rows: list[dict[str, object]] = []
-    while several := answer.fetchmany(1_000):
-        for each in several:
-            row = dict(zip(_READ.split(", "), each, strict=True))
-            stands = now.get((row["aircraft"], row["vehicle"] or 0, row["actuator"], row["path"]))
-            rows.append(kept.parsed(_of_flight, row) | (_of_last(stands) if stands else {}))
+    at = (VERDICT.c.flight_id == INDICATOR.c.flight_id) & (VERDICT.c.place == INDICATOR.c.place)
+    asked = (
+        select(
+            *(AIRCRAFT.c.name.label("aircraft"), FLIGHT.c.path, FLIGHT.c.sha256, FLIGHT.c.airframe),
+            *(VERDICT.c[name] for name in _OF_VERDICT),
+            VERDICT.c.start_us.label("start_utc"),
+            *(INDICATOR.c[name] for name in ("estimate", "low", "high", "unit", "emergency")),
+            INDICATOR.c.degraded.label("limit"),
+        )
+        .select_from(VERDICT)
+        .join(FLIGHT, FLIGHT.c.id == VERDICT.c.flight_id)
+        .join(AIRCRAFT, AIRCRAFT.c.id == VERDICT.c.aircraft_id)
+        .outerjoin(INDICATOR, at & (INDICATOR.c.fault == VERDICT.c.finding))
+        .where(VERDICT.c.counts)
+        .order_by(AIRCRAFT.c.name, VERDICT.c.start_us.nulls_last(), FLIGHT.c.path)
+        .order_by(VERDICT.c.vehicle.nulls_last(), VERDICT.c.actuator)
+    )
+    with Store(store).opened().reading() as connection:
+        now = {
+            (aircraft, one.vehicle, one.actuator, one.log): one
+            for aircraft, several in standings(connection).items()
+            for one in several
+        }
+        rows: list[dict[str, object]] = []
+        for row in connection.execute(asked):
+            stands = now.get((row.aircraft, row.vehicle or 0, row.actuator, row.path))
+            rows.append(dict(row._mapping) | (_of_last(stands) if stands else {}))
     frame = pd.DataFrame(rows, columns=[*_OF_FLIGHT, *_OF_LAST])
     frame = frame.astype(dict.fromkeys(_NUMBERS, float))
     frame["start_utc"] = pd.to_datetime(frame["start_utc"], unit="us", utc=True)
@@ -210,25 +198,6 @@ def export(store: str | os.PathLike[str], output: str | os.PathLike[str] | None 
         with written_whole(Path(output)) as temporary, writer(temporary) as table:
             table.write(frame)
     return frame
-
-
-def _of_flight(row: dict[str, Any]) -> dict[str, object]:
-    verdict = Verdict.model_validate_json(row.pop("verdict"))
-    suspects = [one.fault for one in verdict.suspects]
-    shown = {one.fault: one for one in verdict.indicators}
-    fault = next((name for name in (*suspects, "friction", "effectiveness") if name in shown), None)
-    one = shown[fault] if fault else None
-    return {
-        **row,
-        "start_utc": row["start_us"],
-        "finding": fault,
-        **(one.value.model_dump() if one else {}),
-        "unit": one.unit if one else None,
-        "limit": one.limit if one else None,
-        "emergency": one.emergency if one else None,
-        "suspect": suspects[0] if suspects else None,
-        "reason": verdict.reason,
-    }
 
 
 def _of_last(stands: Standing) -> dict[str, object]:

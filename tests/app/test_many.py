@@ -254,8 +254,7 @@ def test_analyse_loads_nothing_heavy_that_it_does_not_need(logs: list[Path]) -> 
         "pandas",
         "pyarrow",
         "distributed",
-        "duckdb",
-        "deltalake",
+        "sqlalchemy",
         "rerun",
         "scipy.stats",
     }

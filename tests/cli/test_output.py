@@ -155,7 +155,6 @@ def test_a_name_that_is_not_utf_8_is_a_text_of_the_answer(
         refused = run(*arguments)
         assert refused.code == ExitCode.ERROR
         assert "is not UTF-8" in refused.err
-    pytest.importorskip("deltalake", reason="a store needs the extra 'fleet'")
     assert run("fleet", "scan", folder, "--to", tmp_path / "store", "--workers", "0").code == ExitCode.ERROR
     found = json.loads(run("fleet", "status", tmp_path / "store", "--json").out)
     assert [one["problem"] for one in found["failures"]] == [f"{shown}: its name is not UTF-8"]

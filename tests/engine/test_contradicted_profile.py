@@ -293,8 +293,6 @@ def test_a_live_session_says_no_alarm_and_agrees_with_its_recording(tmp_path: Pa
 
 @pytest.mark.slow
 def test_a_fleet_keeps_no_alarm_of_a_contradicted_profile(run: Run, tmp_path: Path) -> None:
-    pytest.importorskip("deltalake")
-    pytest.importorskip("duckdb")
     for day, flight in enumerate((Wired(parameters={}), Wired(seed=5, told_s=80.0), Wired(seed=9))):
         path = tmp_path / "logs" / "D-A" / f"{day}.tlog"
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+from datetime import datetime
 from pathlib import Path
+from unittest.mock import patch
+
+from sqlalchemy import select
 
 from mavhums.engine.events import StandaloneAssessment
-from mavhums.fleet.second_pass import rows_of
 from mavhums.flights.compare import packed
 from mavhums.flights.history import PastFlight
 from mavhums.flights.store import Row, Store
-from mavhums.flights.store_tables import VERDICTS
+from mavhums.flights.store.earlier import us_of
+from mavhums.flights.store.logs import add_logs
+from mavhums.flights.store.tables import METADATA
+from mavhums.flights.store.verdicts import make_verdicts
 from mavhums.results.assessment import Assessment
 
 
 def row_of(assessment: Assessment, aircraft: str, flight: StandaloneAssessment | None = None) -> Row:
     """Return a log's row, as a worker gives it; without the flight's records if it is not given."""
     log = assessment.log
-    start = PastFlight.of(assessment).start if log.start_utc else None
     return Row(
         path=log.path or "",
         size=1,
@@ -25,7 +31,7 @@ def row_of(assessment: Assessment, aircraft: str, flight: StandaloneAssessment |
         sha256=log.sha256,
         aircraft=aircraft,
         board=None,
-        start_us=round(start.timestamp() * 1e6) if start else None,
+        start_us=us_of(PastFlight.of(assessment).start) if log.start_utc else None,
         duration_s=log.duration_s,
         losses=False,
         flight=packed(flight or StandaloneAssessment(assessment, {}, {})),
@@ -34,9 +40,25 @@ def row_of(assessment: Assessment, aircraft: str, flight: StandaloneAssessment |
     )
 
 
-def write_store(folder: Path, flown: dict[str, list[Assessment]]) -> None:
-    """Write the flights of each aircraft, judged already."""
-    store = Store(folder)
-    for aircraft, flights in flown.items():
-        store.add_logs([row_of(flight, aircraft) for flight in flights])
-        store.replace(VERDICTS, aircraft, [row for flight in flights for row in rows_of(aircraft, flight)])
+def add(store: str | Path, *rows: Row, compares: bool = True, at: datetime | None = None) -> None:
+    """Put rows into a store at a time; their verdicts stay as they are unless they are compared."""
+    with ExitStack() as patches, Store(store).writing() as connection:
+        if at is not None:
+            patches.enter_context(patch("mavhums.flights.store.verdicts.now_us", lambda: us_of(at)))
+        if not compares:
+            alone = patch("mavhums.flights.store.verdicts.compared", lambda flight, *_: flight.assessment)
+            patches.enter_context(alone)
+        add_logs(connection, rows)
+        make_verdicts(connection)
+
+
+def write_store(store: Path, flown: dict[str, list[Assessment]], at: datetime | None = None) -> None:
+    """Write the flights of each aircraft, judged already, at a time."""
+    rows = [row_of(flight, aircraft) for aircraft, flights in flown.items() for flight in flights]
+    add(store, *rows, compares=False, at=at)
+
+
+def table(store: str | Path, name: str) -> list[dict[str, object]]:
+    """Return the rows of a table of a store."""
+    with Store(store).reading() as connection:
+        return [dict(row) for row in connection.execute(select(METADATA.tables[name])).mappings()]

@@ -12,8 +12,6 @@ from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run
 
-pytest.importorskip("deltalake")
-pytest.importorskip("duckdb")
 distributed = pytest.importorskip("distributed")
 
 from mavhums import fleet  # noqa: E402

@@ -13,8 +13,6 @@ import pytest
 
 from mavhums.core.errors import ExitCode
 from mavhums.fleet import digest, worst
-from mavhums.flights.reports import store_standings
-from mavhums.flights.store import Store
 from mavhums.results.store import FleetDigest
 from mavhums.show.standing import digest_html, digest_lines
 from tests.conftest import Run
@@ -40,14 +38,9 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     grows, still = flights("G", 40, 0.005), flights("S", 20, 0.0)
     for days in (5, 24, 40):
-        write_store(folder, {"D-G": grows[:days], "D-S": still[: min(days, 20)]})
-        for aircraft in ("D-G", "D-S"):
-            store_standings(Store(folder), aircraft, stored_ns=nanoseconds(days))
+        flown_then = {"D-G": grows[:days], "D-S": still[: min(days, 20)]}
+        write_store(folder, flown_then, START + timedelta(days=days))
     return folder
-
-
-def nanoseconds(days: float) -> int:
-    return round((START + timedelta(days=days)).timestamp() * 1e9)
 
 
 def between(store: Path, first: float, last: float) -> FleetDigest:

@@ -6,37 +6,26 @@ import os
 import resource
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from functools import partial
+from contextlib import closing, contextmanager
 from importlib import import_module
 from pathlib import Path
 
 import psutil
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from mavhums.core.errors import MavhumsError
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet_logs import moved
-from tests.flights import flown, shown, verdict
 
-pytest.importorskip("deltalake")
-pytest.importorskip("duckdb")
 distributed = pytest.importorskip("distributed")
 
-from deltalake import DeltaTable, write_deltalake  # noqa: E402
-
 from mavhums import fleet  # noqa: E402
-from mavhums.flights.store import FORMAT, Store  # noqa: E402
-from mavhums.flights.store_tables import LOGS, VERDICTS, schemas  # noqa: E402
-from tests.fleet.stores import row_of, write_store  # noqa: E402
 
 FLIGHTS = 6
 DAY_S = 86_400.0
@@ -91,7 +80,7 @@ def files_up_to(size: int) -> Iterator[None]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [100, 4_000])
+@pytest.mark.parametrize("size", [100, 40_000])
 def test_a_full_disk_is_told_and_the_scan_resumes(
     logs: Path, options: fleet.ScanOptions, expected: list[str], tmp_path: Path, size: int
 ) -> None:
@@ -100,7 +89,6 @@ def test_a_full_disk_is_told_and_the_scan_resumes(
     with files_up_to(size), pytest.raises(MavhumsError, match="cannot be written") as full:
         fleet.scan([logs], tmp_path / "store", options)
     assert "\n" not in full.value.problem
-    assert "resumes" in full.value.remedy
     done = fleet.scan([logs], tmp_path / "store", options)
     assert done.judged + done.known == FLIGHTS
     assert told(tmp_path / "store") == expected
@@ -116,8 +104,8 @@ def test_more_batches_than_are_in_flight_are_all_judged(
 ) -> None:
     monkeypatch.setattr(import_module("mavhums.fleet.judging"), "_MOST", 1)
     monkeypatch.setattr(import_module("mavhums.fleet.judging"), "_IN_FLIGHT", 2)
-    assert fleet.scan([logs], tmp_path, options) == (FLIGHTS, 0, 0)
-    assert told(tmp_path) == expected
+    assert fleet.scan([logs], tmp_path / "store", options) == (FLIGHTS, 0, 0)
+    assert told(tmp_path / "store") == expected
 
 
 @pytest.mark.slow
@@ -151,85 +139,14 @@ def test_one_broken_log_of_twenty_stops_nothing(
 
 
 @pytest.mark.slow
-def test_many_small_commits_are_compacted_and_say_the_same(tmp_path: Path) -> None:
-    flights = [flown(verdict(shown(0.2 + day / 1000)), day=day) for day in range(70)]
-    store = Store(tmp_path)
-    for flight in flights:
-        store.add_logs([row_of(flight, "D-A")])
-    write_store(tmp_path, {"D-B": flights[:1]})
-    before = store.query("SELECT * FROM logs ORDER BY ALL").fetchall()
-    assert len(DeltaTable(tmp_path / LOGS).file_uris()) > 64
-    store.tidy()
-    assert len(DeltaTable(tmp_path / LOGS).file_uris()) == 1
-    assert store.query("SELECT * FROM logs ORDER BY ALL").fetchall() == before
-
-
-def test_verdicts_of_an_aircraft_that_several_write_first_at_once_are_there_once(tmp_path: Path) -> None:
-    def write(place: Path) -> None:
-        store = Store(place)
-        row: dict[str, object] = {"aircraft": "D-A", "sha256": "0"}
-        store.retried(partial(store.replace, VERDICTS, "D-A", [row]))
-
-    for again in range(5):
-        place = tmp_path / str(again)
-        with ThreadPoolExecutor(3) as several:
-            assert [*several.map(write, [place] * 3)] == [None] * 3
-        assert Store(place).query("SELECT COUNT(*) FROM verdicts").fetchone() == (1,)
-
-
-def older(store: Path, missing: dict[str, list[str]]) -> None:
-    """Write a store's tables again as a version that did not have some columns would have written them."""
-    for table, columns in missing.items():
-        content = pa.concat_tables(
-            pq.read_table(file.removeprefix("file://")) for file in DeltaTable(store / table).file_uris()
-        )
-        shutil.rmtree(store / table)
-        write_deltalake(store / table, content.drop_columns(columns))
-
-
-@pytest.mark.slow
-def test_an_older_versions_store_is_opened_and_extended(
-    logs: Path, options: fleet.ScanOptions, expected: list[str], tmp_path: Path
-) -> None:
-    fleet.scan(sorted(logs.iterdir())[:3], tmp_path, options)
-    older(tmp_path, {LOGS: ["format", "losses"], VERDICTS: ["airframe"]})
-    assert fleet.status(tmp_path).judged == 3
-    assert len(fleet.worst(tmp_path)) == 4
-    assert fleet.export(tmp_path)["airframe"].isna().all()
-    assert fleet.scan([logs], tmp_path, options) == (FLIGHTS - 3, 0, 3)
-    assert told(tmp_path) == expected
-    for table in (LOGS, VERDICTS):
-        names = {field.name for field in DeltaTable(tmp_path / table).schema().fields}
-        assert names == set(schemas()[table].names)
-
-
-@pytest.mark.slow
-def test_a_newer_versions_columns_are_kept(
-    logs: Path, options: fleet.ScanOptions, expected: list[str], tmp_path: Path
-) -> None:
-    few = sorted(logs.iterdir())[:3]
-    fleet.scan(few, tmp_path, options)
-    content = pq.read_table(DeltaTable(tmp_path / LOGS).file_uris()[0].removeprefix("file://"))
-    shutil.rmtree(tmp_path / LOGS)
-    write_deltalake(tmp_path / LOGS, content.append_column("newest", pa.array(["x"] * 3)))
-    fleet.scan([logs], tmp_path, options)
-    assert told(tmp_path) == expected
-    newest = DeltaTable(tmp_path / LOGS).to_pyarrow_dataset().to_table(["newest"])["newest"].to_pylist()
-    assert sorted(newest, key=str) == [None] * (FLIGHTS - 3) + ["x"] * 3
-
-
-@pytest.mark.slow
 def test_flights_in_another_format_are_judged_again(
     logs: Path, options: fleet.ScanOptions, expected: list[str], tmp_path: Path
 ) -> None:
-    fleet.scan([logs], tmp_path, options)
-    content = pq.read_table(DeltaTable(tmp_path / LOGS).file_uris()[0].removeprefix("file://"))
-    place = content.schema.get_field_index("format")
-    other = content.set_column(place, "format", pa.array([FORMAT + 1] * FLIGHTS))
-    shutil.rmtree(tmp_path / LOGS)
-    write_deltalake(tmp_path / LOGS, other)
-    assert fleet.scan([logs], tmp_path, options) == (FLIGHTS, 0, 0)
-    assert told(tmp_path) == expected
+    fleet.scan([logs], tmp_path / "store", options)
+    with closing(sqlite3.connect(tmp_path / "store")) as base, base:
+        base.execute("UPDATE flight SET format = format + 1")
+    assert fleet.scan([logs], tmp_path / "store", options) == (FLIGHTS, 0, 0)
+    assert told(tmp_path / "store") == expected
 
 
 @pytest.mark.slow
@@ -237,23 +154,22 @@ def test_a_restored_backup_goes_on(
     logs: Path, options: fleet.ScanOptions, expected: list[str], tmp_path: Path
 ) -> None:
     fleet.scan(sorted(logs.iterdir())[:3], tmp_path / "store", options)
-    shutil.copytree(tmp_path / "store", tmp_path / "backup")
-    shutil.rmtree(tmp_path / "store")
+    shutil.copy(tmp_path / "store", tmp_path / "backup")
+    (tmp_path / "store").unlink()
     (tmp_path / "backup").rename(tmp_path / "restored")
     assert fleet.scan([logs], tmp_path / "restored", options) == (FLIGHTS - 3, 0, 3)
     assert told(tmp_path / "restored") == expected
 
 
-def test_a_store_that_cannot_be_reached_is_told(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
-        monkeypatch.setenv(name, "x")
-    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
-    monkeypatch.setenv("AWS_ALLOW_HTTP", "true")
-    monkeypatch.setenv("AWS_REGION", "us-east-1")
-    outcome = run("fleet", "status", "s3://nowhere/store")
-    assert outcome.code == 1
-    assert "s3://nowhere/store: the store cannot be read" in outcome.err
-    assert "credentials" in outcome.err
+def test_a_store_that_cannot_be_reached_is_told(run: Run) -> None:
+    for address, told in (
+        ("postgresql://nobody@127.0.0.1:9/fleet", "check the address"),
+        ("s3://nowhere/store", "is not an address of a database"),
+    ):
+        outcome = run("fleet", "status", address)
+        assert outcome.code == 1
+        assert f"{address}: " in outcome.err
+        assert told in outcome.err
 
 
 _DRIVER = """
@@ -288,8 +204,9 @@ def test_a_killed_scan_keeps_what_it_committed_and_its_workers_end(
         time.sleep(0.05)
     assert driver.returncode == -signal.SIGKILL
     assert children
-    assert fleet.status(store).judged == 4
-    assert fleet.scan([logs], store, options) == (FLIGHTS - 4, 0, 4)
+    kept = fleet.status(store).judged
+    assert kept in (4, 5)  # a slow machine commits after a time
+    assert fleet.scan([logs], store, options) == (FLIGHTS - kept, 0, kept)
     assert told(store) == expected
     _, alive = psutil.wait_procs(children, timeout=60)
     assert not alive

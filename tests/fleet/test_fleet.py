@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -23,16 +24,13 @@ from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet_logs import joined, moved, nameless
 
-pytest.importorskip("deltalake")
-pytest.importorskip("duckdb")
 distributed = pytest.importorskip("distributed")
 dask = pytest.importorskip("dask")
 cloudpickle = pytest.importorskip("cloudpickle")
 
 from mavhums import fleet  # noqa: E402
 from mavhums.fleet.sources import logs_in  # noqa: E402
-from mavhums.flights.store import Store  # noqa: E402
-from mavhums.flights.store_tables import LOGS  # noqa: E402
+from tests.fleet.stores import table  # noqa: E402
 
 FLIGHTS = 12
 DAY_S = 86_400.0
@@ -139,16 +137,15 @@ def test_a_second_scan_judges_nothing_and_another_rate_judges_all(
 ) -> None:
     few = sorted((logs / "D-A").iterdir())[:3]
     for _ in range(2):
-        done = fleet.scan(few, tmp_path, options)
+        done = fleet.scan(few, tmp_path / "store", options)
     assert done == (0, 0, 3)
-    rows = Store(tmp_path).query("SELECT COUNT(*) FROM logs").fetchone()
-    assert rows == (3,)
+    assert len(table(tmp_path / "store", "flight")) == 3
     stricter = fleet.ScanOptions(
         judging=Options(false_alarms=0.1), aircraft="folder", scheduler=options.scheduler
     )
-    assert fleet.scan(few, tmp_path, stricter) == (3, 0, 0)
-    assert fleet.status(tmp_path).judged == 3
-    assert len(fleet.verdicts(tmp_path, "D-A")) == 12
+    assert fleet.scan(few, tmp_path / "store", stricter) == (3, 0, 0)
+    assert fleet.status(tmp_path / "store").judged == 3
+    assert len(fleet.verdicts(tmp_path / "store", "D-A")) == 12
 
 
 def test_broken_logs_are_rows_and_stop_nothing(
@@ -188,8 +185,8 @@ def test_a_log_of_an_unknown_aircraft_is_held_against_no_other(
 def test_the_board_names_an_aircraft_where_no_rule_does(
     logs: Path, options: fleet.ScanOptions, tmp_path: Path
 ) -> None:
-    fleet.scan([logs / "D-A" / "00.tlog"], tmp_path, fleet.ScanOptions(scheduler=options.scheduler))
-    assert fleet.worst(tmp_path)[0].aircraft.startswith("board 4D4156")
+    fleet.scan([logs / "D-A" / "00.tlog"], tmp_path / "store", fleet.ScanOptions(scheduler=options.scheduler))
+    assert fleet.worst(tmp_path / "store")[0].aircraft.startswith("board 4D4156")
 
 
 @pytest.mark.slow
@@ -201,11 +198,11 @@ def test_an_interrupted_scan_keeps_what_it_has_and_resumes(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        fleet.scan([logs / "D-A"], tmp_path, options, progress=interrupt)
-    assert fleet.status(tmp_path).judged == 5
-    assert fleet.scan([logs / "D-A"], tmp_path, options) == (FLIGHTS - 5, 0, 5)
+        fleet.scan([logs / "D-A"], tmp_path / "store", options, progress=interrupt)
+    assert fleet.status(tmp_path / "store").judged == 5
+    assert fleet.scan([logs / "D-A"], tmp_path / "store", options) == (FLIGHTS - 5, 0, 5)
     expected = {log: told for log, told in in_order(one_by_one).items() if "D-A" in log}
-    assert verdicts_of(tmp_path) == expected
+    assert verdicts_of(tmp_path / "store") == expected
 
 
 @pytest.mark.slow
@@ -216,43 +213,38 @@ def test_what_was_committed_without_verdicts_gets_them_with_the_next_scan(
         raise SystemExit(137)
 
     few = sorted((logs / "D-A").iterdir())[:2]
-    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "second_pass", die)
+    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "_COMMIT_LOGS", 1)
+    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "make_verdicts", die)
     with pytest.raises(SystemExit):
-        fleet.scan(few, tmp_path, options)
+        fleet.scan(few, tmp_path / "store", options)
     monkeypatch.undo()
-    assert fleet.scan(few, tmp_path, options) == (0, 0, 2)
-    assert len(fleet.verdicts(tmp_path, "D-A")) == 8
+    assert fleet.scan(few, tmp_path / "store", options) == (0, 0, 2)
+    assert len(fleet.verdicts(tmp_path / "store", "D-A")) == 8
 
 
-def test_two_scans_at_once_are_refused(logs: Path, options: fleet.ScanOptions, tmp_path: Path) -> None:
-    with Store(tmp_path).locked(), pytest.raises(MavhumsError, match="another scan"):
-        fleet.scan([logs], tmp_path, options)
+@pytest.mark.slow
+def test_two_scans_at_once_say_the_same(logs: Path, one_by_one: dict[str, list[str]], tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "mavhums", "fleet", "scan", str(logs), "--to", str(tmp_path / "store")]
+    both = [subprocess.Popen([*command, "--aircraft", "folder", "--workers", "0"]) for _ in range(2)]
+    assert [each.wait(timeout=300) for each in both] == [0, 0]
+    assert verdicts_of(tmp_path / "store") == in_order(one_by_one)
 
 
 def test_a_store_that_cannot_be_written_says_so(
     logs: Path, options: fleet.ScanOptions, tmp_path: Path
 ) -> None:
-    (tmp_path / "file").touch()
+    (tmp_path / "file").write_bytes(b"no store")
     with pytest.raises(MavhumsError, match="file"):
         fleet.scan([logs], tmp_path / "file", options)
-
-
-@pytest.mark.slow
-def test_a_damaged_store_names_the_remedy(scanned: Path, tmp_path: Path) -> None:
-    import shutil
-
-    store = tmp_path / "store"
-    shutil.copytree(scanned, store)
-    for part in (store / LOGS).glob("*.parquet"):
-        part.write_bytes(b"no table")
-    with pytest.raises(MavhumsError, match="cannot be read"):
-        fleet.status(store)
+    with pytest.raises(MavhumsError, match="is a folder"):
+        fleet.scan([logs], tmp_path, options)
+    assert (tmp_path / "file").read_bytes() == b"no store"
 
 
 def test_a_copy_of_the_store_is_a_backup(scanned: Path, tmp_path: Path) -> None:
     import shutil
 
-    shutil.copytree(scanned, tmp_path / "restored")
+    shutil.copy(scanned, tmp_path / "restored")
     assert verdicts_of(tmp_path / "restored") == verdicts_of(scanned)
 
 

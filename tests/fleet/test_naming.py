@@ -10,22 +10,18 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
-from mavhums_sim import Flight, fly, write_tlog
-from tests.conftest import Run
-from tests.fleet_logs import moved, nameless
-
-pytest.importorskip("deltalake")
-pytest.importorskip("duckdb")
-
 from mavhums import fleet
 from mavhums.cli.serve import answer_to
 from mavhums.core.packed import ARCHIVES, COMPRESSED
-from mavhums.flights.store import Store
-from mavhums.flights.store_tables import NAMING
+from mavhums_sim import Flight, fly, write_tlog
+from tests.conftest import Run
+from tests.fleet.stores import table
+from tests.fleet_logs import moved, nameless
 
 DAY_S = 86_400.0
 OLD = 3
@@ -50,14 +46,13 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def store(flown: Path, tmp_path: Path) -> Path:
-    return shutil.copytree(flown / "store", tmp_path / "store")
+    return Path(shutil.copy(flown / "store", tmp_path / "store"))
 
 
 def names(store: Path) -> dict[str, int]:
     """Each aircraft and the number of its logs, as the store tells them."""
-    counted = "SELECT aircraft, count(DISTINCT sha256) FROM logs WHERE flight IS NOT NULL GROUP BY ALL"
-    rows = Store(store).query(counted).fetchall()
-    return dict(rows)
+    names = {row["id"]: str(row["name"]) for row in table(store, "aircraft")}
+    return dict(Counter(names[row["aircraft_id"]] for row in table(store, "flight")))
 
 
 @pytest.mark.slow
@@ -130,19 +125,12 @@ def test_a_rule_without_a_name_for_a_log_makes_no_phantom(flown: Path, tmp_path:
 @pytest.mark.slow
 def test_the_boards_of_a_table_are_remembered(flown: Path, tmp_path: Path) -> None:
     board = fleet.analyse(flown / "D-A" / "0.tlog", flown / "store").log.flight[0].board
-    table = tmp_path / "table.csv"
-    table.write_text(f"aircraft,board,actuator,serial,from,to\nD-T,{board},,,,\n")
+    given = tmp_path / "table.csv"
+    given.write_text(f"aircraft,board,actuator,serial,from,to\nD-T,{board},,,,\n")
     store = tmp_path / "store"
-    fleet.scan([flown / "D-A"], store, fleet.ScanOptions(aircraft_table=table, workers=0))
+    fleet.scan([flown / "D-A"], store, fleet.ScanOptions(aircraft_table=given, workers=0))
     fleet.scan([flown / "Downloads" / "new.tlog"], store, fleet.ScanOptions(workers=0))
     assert names(store) == {"D-T": OLD + 1}
-
-
-def test_a_store_of_an_earlier_version_is_told_by_its_names(run: Run, flown: Path, store: Path) -> None:
-    shutil.rmtree(store / NAMING)
-    asked = run("analyse", flown / "Downloads" / "new.tlog", "--history", store, "--keep")
-    assert "which aircraft is it of?" in asked.err
-    assert names(store) == {"D-A": OLD}
 
 
 @pytest.mark.slow
@@ -150,13 +138,13 @@ def test_the_page_asks_whose_log_it_is_and_leaves_nothing_behind(flown: Path, st
     job = {"log": str(flown / "Downloads" / "new.tlog"), "store": str(store), "options": {}}
     answer = answer_to(job)
     assert answer["proposed"] == ["D-A"]
-    assert [*(store / "kept").iterdir()] == []
+    assert [*store.with_name("store.logs").iterdir()] == []
     assert names(store) == {"D-A": OLD}
     assert "kept in the store" in answer_to(job | {"options": {"aircraft": "=D-A"}})["done"]
     assert names(store) == {"D-A": OLD + 1}
     again = answer_to(job | {"log": str(flown / "D-A" / "0.tlog")})
     assert "has this log already" in again["done"]
-    assert len([*(store / "kept").iterdir()]) == 1
+    assert len([*store.with_name("store.logs").iterdir()]) == 1
     assert names(store) == {"D-A": OLD + 1}
 
 

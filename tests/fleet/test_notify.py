@@ -21,8 +21,6 @@ from tests.flights import flown, verdict
 
 pytest.importorskip("apprise", reason="the extra 'fleet' is not installed")
 
-from mavhums.flights.reports import store_standings
-from mavhums.flights.store import Store
 
 SECRET = "s3cret-token"
 
@@ -31,7 +29,6 @@ SECRET = "s3cret-token"
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("notify") / "store"
     write_store(folder, {"D-N": [flown(verdict(condition="emergency"), day=0, name="n-0")]})
-    store_standings(Store(folder), "D-N")
     return folder
 
 

@@ -9,32 +9,19 @@ from pathlib import Path
 import pytest
 
 from mavhums.core.errors import MavhumsError
-from mavhums.flights.folder import keep_assessment
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Indicator
 from tests.conftest import Run
 from tests.flights import START, flown, shown, verdict
 
-pytest.importorskip("deltalake")
-pytest.importorskip("duckdb")
 pytest.importorskip("distributed")
 
 from mavhums import fleet
-from mavhums.flights.aircraft_table import AircraftTable, Installation
-from mavhums.flights.checkpoint import Checkpoint
-from mavhums.flights.corrections import (
-    Repair,
-    add_repairs,
-    reassigned,
-    remove_repairs,
-    repairs_in,
-    repairs_of,
-    since_of,
-)
-from mavhums.flights.folder import read_history
-from mavhums.flights.history import PastFlight
+from mavhums.flights.corrections import change_repairs, repairs_in
 from mavhums.flights.store import Store
-from tests.fleet.stores import row_of, write_store
+from mavhums.flights.store.dates import Repair, repairs_of, since_of
+from mavhums.flights.store.logs import aircraft_id
+from tests.fleet.stores import write_store
 
 DATES = (
     Repair("D-A", "elevator", START + timedelta(days=15)),
@@ -52,44 +39,23 @@ def flights() -> list[Assessment]:
     ]
 
 
-@pytest.mark.slow
-def test_each_flight_is_held_against_those_since_the_last_repair(tmp_path: Path) -> None:
-    write_store(tmp_path / "store", {"D-A": flights()[:1]})
-    add_repairs(Store(tmp_path / "store"), DATES)
-    known = Checkpoint(since_of(Store(tmp_path / "store"), "D-A"))
-    for day, flight in enumerate(flights()):
-        start = START + timedelta(days=day)
-        given = {repair.actuator: repair.at for repair in DATES[:3] if repair.at <= start}
-        expected = read_history(tmp_path / "kept").baselines("paper", start, given) if day else {}
-        assert known.baselines("paper", start) == expected
-        known.add(PastFlight.of(flight))
-        keep_assessment(flight, tmp_path / "kept")
-
-
-def test_a_store_keeps_repairs_and_names_the_aircraft_that_they_concern(tmp_path: Path) -> None:
-    write_store(tmp_path, {"D-A": flights()[:2], "D-B": flights()[2:4]})
-    store = Store(tmp_path)
-    assert add_repairs(store, DATES[:1]) == {"D-A"}
-    assert add_repairs(store, DATES) == {"D-A", "D-B"}
-    assert add_repairs(store, DATES) == set()
-    assert set(repairs_of(store, "D-A")) == set(DATES[:3])
-    assert set(repairs_of(store, "D-B")) == {DATES[1], DATES[3]}
-
-
-def test_a_mistake_is_removed(tmp_path: Path) -> None:
-    write_store(tmp_path, {"D-A": flights()[:2], "D-B": flights()[2:4]})
-    store = Store(tmp_path)
-    assert repairs_in(tmp_path) == []
-    add_repairs(store, DATES)
-    assert remove_repairs(store, [DATES[0], DATES[3]]) == {"D-A", "D-B"}
-    assert repairs_in(tmp_path) == [DATES[1], DATES[2]]
+def test_a_store_keeps_repairs_until_a_mistake_is_removed(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    write_store(store, {"D-A": flights()[:2], "D-B": flights()[2:4]})
+    assert repairs_in(store) == []
+    for _ in range(2):
+        assert change_repairs(store, add=DATES) == [DATES[1], DATES[0], DATES[2], DATES[3]]
+    with Store(store).reading() as connection:
+        own = repairs_of(connection, aircraft_id(connection, "D-A", creates=False))
+    assert own == [DATES[1], DATES[0], DATES[2]]
+    assert change_repairs(store, remove=[DATES[0], DATES[3]]) == [DATES[1], DATES[2]]
     with pytest.raises(MavhumsError, match=r"no repair D-A/elevator=2026-03-16T") as error:
-        remove_repairs(store, [DATES[1], DATES[0]])
+        change_repairs(store, remove=[DATES[1], DATES[0]])
     assert error.value.remedy == "the store has: 2026-04-01T09:00:00, D-A/elevator=2026-04-15T09:00:00"
-    assert remove_repairs(store, DATES[1:2]) == {"D-A", "D-B"}
-    assert remove_repairs(store, DATES[2:3]) == {"D-A"}
-    assert repairs_in(tmp_path) == []
-    assert since_of(store, "D-A")(START + timedelta(days=60)) == {}
+    assert change_repairs(store, remove=DATES[1:3]) == []
+    with Store(store).reading() as connection:
+        since = since_of(connection, aircraft_id(connection, "D-A", creates=False) or 0)
+    assert since(START + timedelta(days=60)) == {}
 
 
 @pytest.mark.slow
@@ -130,19 +96,3 @@ def test_a_scan_names_the_aircraft_that_nobody_has(run: Run, short_log: Path, tm
 def last(store: Path) -> list[Indicator]:
     """Return the indicators of the last flight."""
     return [one for _, verdict in fleet.verdicts(store, "D-A")[-4:] for one in verdict.indicators]
-
-
-def test_a_table_names_the_flights_of_its_boards_and_no_others(tmp_path: Path) -> None:
-    """The board moves from D-B to D-Z at noon of the third day; each flight begins at nine."""
-    store = Store(tmp_path)
-    rows = [row_of(flight, "D-M")._replace(board="0A") for flight in flights()[:4]]
-    rows += [row_of(flights()[4], "D-M")._replace(board="0B"), row_of(flights()[5], "D-M")]
-    store.add_logs(rows)
-    noon = START + timedelta(days=2, hours=3)
-    both = [{"aircraft": "D-B", "board": "0A", "to": noon}, {"aircraft": "D-Z", "board": "0A", "from": noon}]
-    assert reassigned(store, AircraftTable()) == set()
-    table = AircraftTable(map(Installation.model_validate, both))
-    assert reassigned(store, table) == {"D-M", "D-B", "D-Z"}
-    named = store.query("SELECT aircraft FROM logs ORDER BY start_us").fetchall()
-    assert [name for (name,) in named] == ["D-B", "D-B", "D-B", "D-Z", "D-M", "D-M"]
-    assert reassigned(store, table) == set()

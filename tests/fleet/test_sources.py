@@ -9,22 +9,19 @@ from typing import Any
 
 import pytest
 
+from mavhums import fleet
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.flights.aircraft import AircraftResolver
-from mavhums_sim import Flight, fly, write_tlog
-from tests.conftest import Run
-from tests.fleet_logs import moved
-
-pytest.importorskip("deltalake")
-pytest.importorskip("duckdb")
-
-from mavhums import fleet
 from mavhums.fleet import sources
 from mavhums.fleet.judging import Judging, judge
 from mavhums.fleet.sources import at_hand, logs_in
-from mavhums.flights.store import LogFile, Store
+from mavhums.flights.aircraft import AircraftResolver
+from mavhums.flights.store import LogFile
 from mavhums.results.assessment import Assessment
+from mavhums_sim import Flight, fly, write_tlog
+from tests.conftest import Run
+from tests.fleet.stores import table
+from tests.fleet_logs import moved
 
 FLIGHTS = 3
 DAY_S = 86_400.0
@@ -121,23 +118,23 @@ def test_a_log_that_vanishes_is_a_row_and_is_tried_again(there: str, folder: Pat
             put(f"{there}/D-B/1.tlog", None)
             put(f"{there}/D-B/2.tlog", b"shorter")
 
-    assert fleet.scan([there], tmp_path, OPTIONS, progress=remove) == (4, 3, 0)
-    failures = dict(fleet.status(tmp_path).failures)
+    assert fleet.scan([there], tmp_path / "store", OPTIONS, progress=remove) == (4, 3, 0)
+    failures = dict(fleet.status(tmp_path / "store").failures)
     assert "scan again" in failures[f"{there}/D-B/1.tlog: is no longer there"]
     assert f"{there}/D-B/2.tlog: changed while it was scanned" in failures
     for name in ("D-B/1.tlog", "D-B/2.tlog"):
         put(f"{there}/{name}", (folder / name).read_bytes())
-    assert fleet.scan([there], tmp_path, OPTIONS)[:2] == (2, 0)
-    assert len(fleet.status(tmp_path).failures) == 1
-    assert len(fleet.verdicts(tmp_path, "D-B")) == 4 * FLIGHTS
+    assert fleet.scan([there], tmp_path / "store", OPTIONS)[:2] == (2, 0)
+    assert len(fleet.status(tmp_path / "store").failures) == 1
+    assert len(fleet.verdicts(tmp_path / "store", "D-B")) == 4 * FLIGHTS
 
 
 @pytest.mark.slow
 def test_several_workers_download_for_themselves(there: str, tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     options = fleet.ScanOptions(aircraft="folder", workers=2)
-    assert fleet.scan([there], tmp_path, options) == (6, 1, 0)
-    assert Store(tmp_path).query("SELECT DISTINCT path FROM verdicts").fetchall()[0][0].startswith("s3://")
+    assert fleet.scan([there], tmp_path / "store", options) == (6, 1, 0)
+    assert all(str(row["path"]).startswith("s3://") for row in table(tmp_path / "store", "flight"))
 
 
 def test_a_store_that_does_not_answer_is_told(

@@ -12,24 +12,24 @@ from typing import Any
 import pytest
 
 from mavhums.core.conditions import Condition
-from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.flights import corrections, naming, queries
+from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import (
     AircraftResolver,
     KnownAircraft,
-    UnnamedAircraftError,
     aircraft_of,
     board_of,
     check_aircraft_rule,
 )
-from mavhums.flights.corrections import Correction, Repair
+from mavhums.flights.corrections import CorrectedLog, Correction
 from mavhums.flights.duplicates import _is_dated, recordings_of, superseded_recordings
 from mavhums.flights.flight_file import _check_plausible
 from mavhums.flights.folder import keep_assessment
 from mavhums.flights.history import PastFlight
-from mavhums.flights.naming import aircraft_in_store, check_aircraft_named, foreign_board_among
-from mavhums.flights.reports import _flights_left, _is_soon, _kinds, _of_flight, _of_last, _silent
+from mavhums.flights.naming import aircraft_in_store
+from mavhums.flights.reports import _flights_left, _is_soon, _kinds, _of_last, _silent
 from mavhums.flights.standing import Flown, _finding, flights_left, highest, reason_of, standing_of, step_of
+from mavhums.flights.store.dates import Repair
+from mavhums.flights.store.verdicts import _row_of
 from mavhums.flights.trends import _at_end, _change, _error, _life, _rank, _why_unknown
 from mavhums.results.standing import FlightsLeft, Growth, Interval, Standing, Step
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Verdict
@@ -462,30 +462,24 @@ def test_a_kept_flight_is_named_after_its_log_and_hash(path: str | None, stem: s
 AT = datetime(2026, 3, 1, tzinfo=UTC)
 
 
-def correction(kind: Any, before: str | None = None, after: str | None = None, **given: Any) -> Correction:
-    known: dict[str, Any] = {"log": "x.tlog", "sha256": "0", "who": "Ada", "note": None, "at": AT}
-    return Correction(kind=kind, before=before, after=after, **(known | given))
-
-
 def test_corrections_and_repairs_as_text() -> None:
-    assert [
-        str(one).removeprefix("2026-03-01 00:00 UTC, Ada: ")
-        for one in (
-            correction("remove", "D-A"),
-            correction("remove", ""),
-            correction("restore", None, "D-A"),
-            correction("restore", None, ""),
-            correction("reassign", "", "D-B"),
-            correction("rename", "D-A", "D-B", note="sold"),
-        )
-    ] == [
-        "removed x.tlog from D-A",
-        "removed x.tlog from an unknown aircraft",
-        "restored x.tlog to D-A",
-        "restored x.tlog to an unknown aircraft",
-        "reassigned x.tlog from an unknown aircraft to D-B",
-        "renamed D-A to D-B: sold",
-    ]
+    log = CorrectedLog("x.tlog", "0", "D-A", False)
+    unknown = log._replace(aircraft="", path="y.tlog")
+    for kind, logs, before, after, note, text in (
+        ("remove", (log,), None, None, None, "removed x.tlog from D-A"),
+        ("remove", (unknown,), None, None, None, "removed y.tlog from an unknown aircraft"),
+        (
+            "move",
+            (unknown, log),
+            None,
+            "D-B",
+            None,
+            "moved 2 logs, y.tlog and others, from D-A and an unknown aircraft to D-B",
+        ),
+        ("rename", (), "D-A", "D-B", "sold", "renamed D-A to D-B: sold"),
+    ):
+        said = str(Correction(7, kind, logs, before, after, "Ada", note, AT))
+        assert said == f"7: 2026-03-01 00:00 UTC, Ada: {text}"
     assert [
         str(Repair(*each))
         for each in (
@@ -495,103 +489,6 @@ def test_corrections_and_repairs_as_text() -> None:
             ("D-A", "rudder", AT + DAY / 2),
         )
     ] == ["2026-03-01", "rudder=2026-03-01", "D-A/=2026-03-01", "D-A/rudder=2026-03-01T12:00:00"]
-
-
-def test_later_corrections_of_names_follow_earlier_ones(monkeypatch: pytest.MonkeyPatch) -> None:
-    several = [
-        correction("reassign", "D-Q", "D-A", sha256="1"),
-        correction("rename", "D-A", "D-B"),
-        correction("rename", "D-B", "D-C"),
-        correction("rename", "D-X", "D-Y"),
-        correction("rename", "D-Y", "D-X"),
-        correction("reassign", "D-C", "D-Z", sha256="2"),
-        correction("remove", "D-C", None, sha256="1"),
-    ]
-    monkeypatch.setattr(corrections, "corrections_of", lambda _: several)
-    store: Any = None
-    found = corrections.corrected_names(store)
-    assert found.aircraft == {"D-A": "D-C", "D-B": "D-C", "D-Y": "D-X"}
-    assert found.logs == {"1": "D-C", "2": "D-Z"}
-
-
-def test_the_last_repair_before_a_flight_counts() -> None:
-    repairs = [Repair(None, "rudder", AT + k * DAY) for k in (2, 1, 3)]
-    table: Any = SimpleNamespace(since=lambda aircraft, moment: {"elevator": AT})
-    since = corrections._since(repairs, table, "D-A", AT + 2 * DAY)
-    assert since == {"rudder": AT + 2 * DAY, "elevator": AT}
-
-
-class Answers:
-    """A store that gives one answer to every query."""
-
-    place = "store"
-
-    def __init__(self, *rows: tuple[Any, ...]) -> None:
-        self.rows = rows
-
-    def query(self, *_: object) -> Answers:
-        return self
-
-    def fetchall(self) -> list[tuple[Any, ...]]:
-        return [*self.rows]
-
-
-@pytest.mark.parametrize(
-    ("aircraft", "given", "remembered", "accepted"),
-    [
-        ("D-A", None, "folder", True),
-        ("D-B", None, "folder", False),  # a folder that no scan has named
-        ("D-B", "folder", "folder", True),
-        ("D-B", None, "board", True),
-        ("D-B", None, None, True),
-        ("", "folder", None, False),
-        ("", None, "board", False),
-    ],
-)
-def test_no_new_log_is_named_by_a_guess(
-    aircraft: str, given: str | None, remembered: str | None, accepted: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(naming, "rule_of", lambda _: remembered)
-    monkeypatch.setattr(naming, "aircraft_in", lambda _: {"D-A"})
-    monkeypatch.setattr(naming, "proposed", lambda store, board: ["D-A", "D-C"] if board else [])
-    row: Any = SimpleNamespace(aircraft=aircraft, board="0A", path="x.tlog")
-    store: Any = Answers()
-    if accepted:
-        check_aircraft_named(store, row, AircraftResolver(given))
-        return
-    with pytest.raises(UnnamedAircraftError, match="its board flew in D-A") as error:
-        check_aircraft_named(store, row, AircraftResolver(given))
-    assert (error.value.remedy, error.value.proposed) == ("name it: --aircraft '=D-A'", ("D-A", "D-C"))
-    row.board = None
-    with pytest.raises(UnnamedAircraftError) as unknown:
-        check_aircraft_named(store, row, AircraftResolver(given))
-    assert (unknown.value.remedy, unknown.value.proposed) == ("name it: --aircraft '=NAME'", ())
-
-
-@pytest.mark.parametrize(
-    ("aircraft", "board", "rows", "said"),
-    [
-        ("D-A", "0B", [("0A", 2), ("0B", 1)], "2 flights of D-A with the board 0A"),
-        ("D-A", "0B", [("0A", 1)], "1 flight of D-A with the board 0A"),
-        ("D-A", "0A", [("0A", 2), ("0B", 1)], None),
-        ("D-A", None, [("0A", 2)], None),
-        ("D-A", "0B", [], None),
-        ("board 0A", "0B", [("0A", 2)], None),
-        ("D-A", "0C", [("0A", 2)], None),  # by the operator's table it is there
-    ],
-)
-def test_a_board_of_another_aircraft_is_said(
-    aircraft: str,
-    board: str | None,
-    rows: list[tuple[str, int]],
-    said: str | None,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    table = SimpleNamespace(aircraft_of=lambda board, moment: "D-A" if board == "0C" else None)
-    monkeypatch.setattr(naming, "resolver_of_store", lambda *_: SimpleNamespace(table=table))
-    store: Any = Answers(*rows)
-    found = foreign_board_among(store, aircraft, board, START.isoformat())
-    assert found == said or (said is not None and found is not None and f"compared with {said}, but" in found)
 
 
 @pytest.mark.parametrize(
@@ -615,16 +512,6 @@ def test_a_board_names_an_aircraft_where_no_other_rule_was_given(
     assert aircraft_in_store("x", judged, AircraftResolver(rule, renamed={"board 0A": "sold"})) == name
 
 
-def test_more_aircraft_than_are_shown_are_indicated() -> None:
-    names = [f"D-{number:02}" for number in range(corrections._SHOWN_NAMES + 1)]
-    all_but_one: Any = Answers(*((name,) for name in reversed(names[:-1])))
-    assert corrections.named_in(all_but_one) == f"the store has: {', '.join(names[:-1])}"
-    every: Any = Answers(*((name,) for name in names))
-    assert corrections.named_in(every) == f"the store has: {', '.join(names[:-1])}, …"
-    none: Any = Answers()
-    assert corrections.named_in(none) == "the store has: none with a name"
-
-
 FRICTION = shown(0.25)
 BACKLASH = shown(0.5, fault="backlash")
 
@@ -641,20 +528,8 @@ BACKLASH = shown(0.5, fault="backlash")
         (verdict(BACKLASH, FRICTION, suspect="stiffness"), FRICTION),
     ],
 )
-def test_a_row_of_the_table_shows_the_indicator_of_its_finding(
-    judged: Verdict, finding: Indicator | None
-) -> None:
-    judged = judged.model_copy(update={"reason": "because"})
-    row = _of_flight({"aircraft": "D-A", "start_us": 5, "verdict": judged.model_dump_json()})
-    one = finding.value.model_dump() if finding else {}
-    assert row == {
-        **{"aircraft": "D-A", "start_us": 5, "start_utc": 5, "reason": "because", **one},
-        "finding": finding.fault if finding else None,
-        "unit": finding.unit if finding else None,
-        "limit": finding.limit if finding else None,
-        "emergency": finding.emergency if finding else None,
-        "suspect": judged.suspects[0].fault if judged.suspects else None,
-    }
+def test_a_verdict_shows_the_indicator_of_its_finding(judged: Verdict, finding: Indicator | None) -> None:
+    assert _row_of(judged)["finding"] == (finding.fault if finding else None)
 
 
 def test_the_last_row_of_an_actuator_tells_how_it_stands() -> None:
@@ -672,32 +547,3 @@ def test_the_last_row_of_an_actuator_tells_how_it_stands() -> None:
         "date_emergency": "2026-04-01",
     }
     assert _flights_left("degraded", None) == {}
-
-
-@pytest.mark.parametrize(
-    ("rows", "failures", "code"),
-    [
-        ([], 0, ExitCode.UNDECIDED),
-        ([("normal", None)], 0, ExitCode.OK),
-        ([("normal", None)], 1, ExitCode.ERROR),
-        ([], 1, ExitCode.ERROR),
-        ([("undecided", None)], 0, ExitCode.UNDECIDED),
-        ([("undecided", None)], 1, ExitCode.ERROR),
-        ([("normal", standing("degraded"))], 1, ExitCode.DEGRADED),
-        ([("normal", standing("normal", LATE))], 1, ExitCode.DEGRADED),
-        ([("normal", standing("normal"))], 0, ExitCode.OK),
-        ([("emergency", standing("normal"))], 1, ExitCode.EMERGENCY),
-        ([("degraded", None), ("normal", None)], 0, ExitCode.DEGRADED),
-    ],
-)
-def test_the_exit_code_of_a_fleet(
-    rows: list[tuple[Condition, Standing | None]],
-    failures: int,
-    code: ExitCode,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    ranked = [(("D-A", "x", 0, 1, "elevator", "normal", worst), found) for worst, found in rows]
-    monkeypatch.setattr(queries, "_ranked", lambda _: ranked)
-    monkeypatch.setattr(queries, "status", lambda _: SimpleNamespace(failures=("x",) * failures))
-    monkeypatch.setattr(queries, "Store", lambda _: SimpleNamespace(opened=lambda: None))
-    assert queries.exit_code("store") == code

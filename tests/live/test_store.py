@@ -10,23 +10,19 @@ from pathlib import Path
 
 import pytest
 
+from mavhums import fleet
 from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode
 from mavhums.live.setup import LiveOptions, prepare
 from mavhums.log.mavlink.stamping import Piece
 from mavhums_sim.link import EPOCH_US
 from tests.conftest import Run
+from tests.fleet.stores import write_store
 from tests.flights import START, flown, shown, verdict
 from tests.live.conftest import verdicts
 from tests.live.programs import free_port, running
 from tests.live.programs import mavhums as command
 from tests.live.test_command import send
-
-pytest.importorskip("deltalake")
-pytest.importorskip("duckdb")
-
-from mavhums import fleet
-from tests.fleet.stores import write_store
 
 NOW = datetime.fromtimestamp(EPOCH_US / 1e6, tz=UTC)
 
@@ -63,10 +59,10 @@ def test_a_session_is_judged_by_the_flights_in_a_store(
 
 @pytest.mark.slow
 def test_a_renamed_aircraft_has_its_flights_under_either_name(store: Path) -> None:
-    before = fleet.past(store, "D-A", NOW).history
+    before = fleet.past(store, "D-A", NOW).history.flights
     fleet.rename(store, "D-A", "D-B")
-    assert len(before.flights) == 12
-    assert [fleet.past(store, name, NOW).history for name in ("D-A", "D-B")] == [before, before]
+    assert len(before) == 12
+    assert [fleet.past(store, name, NOW).history.flights for name in ("D-A", "D-B")] == [before, before]
     assert fleet.past(store, "D-C", NOW).history.flights == ()
 
 

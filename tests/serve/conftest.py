@@ -25,7 +25,6 @@ def healthy_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Nine flights each of an aircraft that stays healthy, of one that wears, and of one that fails."""
-    pytest.importorskip("deltalake")
     pytest.importorskip("distributed")
     from mavhums import fleet
 

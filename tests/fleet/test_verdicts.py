@@ -1,0 +1,130 @@
+"""The verdicts of a store are those of one replay of all flights, whatever the order of arrival."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+from datetime import datetime, timedelta
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from mavhums import fleet
+from mavhums.app.analysis import analyse_alone
+from mavhums.app.settings import Options
+from mavhums.engine.events import StandaloneAssessment
+from mavhums.flights.aircraft_table import Since
+from mavhums.flights.compare import compared
+from mavhums.flights.history import FlightHistory
+from mavhums.flights.store import Row
+from mavhums_sim import Flight, fly, write_tlog
+from tests.fleet.stores import add, row_of, table
+from tests.flights import identity
+from tests.health.self_baseline.servo import Servo, left
+
+NAME = "D-A"
+DAY = timedelta(days=1)
+Told = dict[str, list[str]]
+
+
+@pytest.fixture(scope="module")
+def kinds(tmp_path_factory: pytest.TempPathFactory) -> list[StandaloneAssessment]:
+    """Three flights of a healthy aircraft and one of it with a worn elevator, each judged alone."""
+    path = tmp_path_factory.mktemp("kinds") / "flight.tlog"
+    flights = []
+    for seed, friction in ((0, 0.225), (1, 0.225), (2, 0.225), (8, 0.3)):
+        wear = {"elevator": (friction, friction)}
+        write_tlog(fly(Flight(seed, 21.0, wear, rate_hz=25.0, tiers=("instrumented",))), path)
+        flights.append(analyse_alone(path, Options().resolved()))
+    return flights
+
+
+def on(
+    day: float, kind: StandaloneAssessment, *, name: str = "", boot_s: float = -60.0, own: int = 0
+) -> StandaloneAssessment:
+    """Return a flight as flown on a day; ``own`` is the seed of the own-scale record of one servo."""
+    log = kind.assessment.log
+    start = datetime.fromisoformat(log.start_utc or "") + day * DAY
+    boot, end = start + timedelta(seconds=boot_s), start + timedelta(seconds=log.duration_s)
+    times = {"boot_utc": boot.isoformat(), "start_utc": start.isoformat(), "end_utc": end.isoformat()}
+    name = name or f"{day:06.2f}"
+    changed = {
+        "path": f"{name}.tlog",
+        "sha256": name,
+        "start_utc": start.isoformat(),
+        "flight": (identity().model_copy(update=times),),
+    }
+    verdicts = list(kind.assessment.verdicts)
+    if own:
+        learning = {"condition": "learning", "worst": "learning", "indicators": ()}
+        record = left(Servo(), own, seconds=60.0)
+        verdicts[-1] = verdicts[-1].model_copy(update=learning | {"own": (record,)})
+    told = {"log": log.model_copy(update=changed), "verdicts": tuple(verdicts)}
+    return kind._replace(assessment=kind.assessment.model_copy(update=told))
+
+
+def fleet_of(kinds: Sequence[StandaloneAssessment], seed: int) -> list[StandaloneAssessment]:
+    """Return more flights than a baseline has, the last ones worn; some twice, undated or own-scale."""
+    rng = random.Random(seed)
+    flights = []
+    for day in range(25):
+        kind = kinds[3] if day > 21 else kinds[rng.randrange(3)]
+        own = day + 1 if rng.random() < (0.0, 0.3, 1.0)[seed % 3] else 0
+        flights.append(on(day, kind, own=own))
+        if rng.random() < 0.2:
+            other = on(day + 1e-5, kinds[rng.randrange(3)], name=f"{day:06.2f} again", boot_s=-58.0)
+            flights.append(other)
+    undated = kinds[0].assessment.log.model_copy(update={"start_utc": None, "sha256": "x", "flight": ()})
+    return [*flights, kinds[0]._replace(assessment=kinds[0].assessment.model_copy(update={"log": undated}))]
+
+
+def sequential(
+    flights: Sequence[StandaloneAssessment], dates: Callable[[datetime], Since] = lambda _: {}
+) -> tuple[Told, dict[str, str]]:
+    """Judge each flight by the whole history before it; return the verdicts by log, and the copies."""
+    history = FlightHistory()
+    told: Told = {}
+    for flight in flights:
+        start = flight.assessment.log.start_utc
+        given = dates(datetime.fromisoformat(start)) if start else {}
+        assessment = compared(
+            flight, partial(history.baselines, since=given), partial(history.past, since=given)
+        )
+        told[assessment.log.path or ""] = [one.model_dump_json() for one in assessment.verdicts]
+        if start:
+            history = history.with_flight(assessment)
+    paths = {flight.log: flight.assessment.log.path or "" for flight in history.flights}
+    copies = {paths[log]: paths[taken] for (_, log, _), taken in history.superseded_recordings().items()}
+    return {log: verdicts for log, verdicts in told.items() if log not in copies}, copies
+
+
+def verdicts_of(store: Path) -> Told:
+    told: Told = {}
+    for log, verdict in fleet.verdicts(store, NAME):
+        told.setdefault(log, []).append(verdict.model_dump_json())
+    return told
+
+
+def rows_of(flights: Sequence[StandaloneAssessment]) -> list[Row]:
+    return [row_of(flight.assessment, NAME, flight) for flight in flights]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_in_any_order_and_parts_the_verdicts_are_those_of_the_whole_history(
+    kinds: list[StandaloneAssessment], tmp_path: Path, seed: int
+) -> None:
+    flights = fleet_of(kinds, seed)
+    verdicts, copies = sequential(flights)
+    assert any("drift" in each for several in verdicts.values() for each in several)
+    rng, store = random.Random(seed), tmp_path / "store"
+    arriving = rows_of(flights)
+    if seed > 2:
+        rng.shuffle(arriving)
+    cuts = sorted(rng.sample(range(1, len(flights)), 3))
+    for first, last in zip([0, *cuts], [*cuts, len(flights)], strict=True):
+        add(store, *arriving[first:last])
+    assert verdicts_of(store) == verdicts
+    assert dict(fleet.status(store).copies) == copies
+    assert not any(row["due"] for row in table(store, "flight"))
