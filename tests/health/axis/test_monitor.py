@@ -11,9 +11,7 @@ import pytest
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.detectors import Alarm, AxisInput
 from mavhums.health.axis.monitor import _MOST_EPISODES, AxisMonitor, _AxisState, _percent, _since_s
-from mavhums.health.axis.reference import Second
-from mavhums.health.axis.thresholds import FULL_S, JUDGED_ERROR, MASKED_S
-from mavhums.health.decision.events import Indication
+from mavhums.health.axis.thresholds import MASKED_S
 from mavhums.results.standing import Interval
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.flights import changes_of, rows, steady
@@ -89,113 +87,6 @@ def test_a_second_at_less_than_half_the_speed_of_flight_shows_a_take_off(
         reference = SimpleNamespace(basis=SimpleNamespace(speed=float(flown.speed[4 * RATE_HZ])))
         monkeypatch.setattr(monitor._gains["roll"], "reference", reference)
         assert (monitor.well("roll") == "normal") is known
-
-
-def second(value: float | None, error: float = 0.1, **changes: Any) -> Second:
-    given = {
-        "slow_s": None,
-        "later": False,
-        "shift": None,
-        "left_over": None,
-        "left_error": 0.0,
-        "lost_s": 0,
-        "excluded": 0,
-    }
-    return Second(7, value, error, 0.0, 0, **{**given, **changes})
-
-
-def test_the_effectiveness_is_shown_where_it_is_known_well_enough() -> None:
-    monitor = AxisMonitor(1)
-    seconds = [second(0.9), second(None), second(0.8, JUDGED_ERROR), second(0.7, JUDGED_ERROR + 0.01)]
-    [found] = monitor._indications({"roll": seconds, "pitch": [second(None)]})
-    assert isinstance(found, Indication)
-    assert found.actuator == "roll"
-    assert found.value.tolist() == [0.9, 0.8]
-    assert found.low == pytest.approx([0.9 - 0.196, 0.8 - 1.96 * JUDGED_ERROR], abs=1e-4)
-    assert found.high == pytest.approx([0.9 + 0.196, 0.8 + 1.96 * JUDGED_ERROR], abs=1e-4)
-
-
-def test_the_mean_of_windows_has_the_larger_of_its_errors() -> None:
-    monitor, state = AxisMonitor(1), _AxisState()
-    monitor._average(state, 0.9, 0.2)
-    assert state.value is not None
-    assert (state.value.estimate, state.value.low) == pytest.approx((0.9, 0.9 - 0.392), abs=1e-4)
-    monitor._average(state, 0.1, 0.2)  # a variance of 0.32 is larger than 0.2²
-    half = 1.96 * (0.32 / 2) ** 0.5
-    assert state.value.low == pytest.approx(0.5 - half, abs=1e-4)
-    assert state.value.high == pytest.approx(0.5 + half, abs=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("fault", "rule", "left", "driven", "value"),
-    [
-        ("effectiveness", "degraded at 7", 0.5, None, 0.5),
-        ("effectiveness", "degraded at 7", None, Interval(estimate=0.4, low=0.3, high=0.5), 0.4),
-        ("tracking", "degraded at 7", 0.5, None, None),
-        ("effectiveness", "of another second", 0.5, None, None),
-    ],
-)
-def test_the_value_of_a_loss_is_that_of_the_second_that_its_reason_names(
-    fault: str, rule: str, left: float | None, driven: Interval | None, value: float | None
-) -> None:
-    monitor, state = AxisMonitor(1), _AxisState(value=Interval(estimate=1.0, low=0.9, high=1.1))
-    found = alarm(7, fault)
-    state.episodes.append(found._replace(rule=rule))
-    monitor._measure(state, [found], second(0.9, left_over=left, left_error=0.05, driven=driven), fresh=True)
-    assert state.lost is (value is not None)
-    assert (state.value.estimate if state.value else None) == value
-    if left is not None and value is not None and state.value:
-        assert state.value.high - left == pytest.approx(0.098, abs=1e-4)
-    kept = state.value
-    monitor._measure(state, [alarm(7, "slow")], None, fresh=False)
-    assert state.value == kept
-
-
-def test_a_reference_that_ends_while_a_fault_stands_shows_nothing_of_it() -> None:
-    monitor = AxisMonitor(1)
-    gain: Any = monitor._gains["roll"]
-    state = monitor._axes["roll"]
-    for condition, since_s, end_s, holds in (
-        ("degraded", 50, 51, True),
-        ("degraded", 50, 50, False),
-        ("emergency", None, 51, False),
-        ("normal", 50, 51, False),
-        ("degraded", 50, None, False),
-    ):
-        state.condition, state.since_s = condition, since_s  # type: ignore[assignment]
-        gain.reference = None if end_s is None else type("Reference", (), {"end_s": end_s})()
-        assert monitor._may_hold_fault("roll") is holds
-
-
-def test_a_mean_over_windows_begins_anew_with_each_condition() -> None:
-    """Each tenth judged second counts, the first of a flight at once; what ends a fault begins a mean."""
-    monitor: Any = AxisMonitor(1)
-    state = monitor._axes["roll"]
-    for k in range(1, 21):
-        monitor._count(state, second(0.5 + 0.01 * k, excluded=k))
-    assert (state.seconds, state.judged, state.counted, state.mean.count) == (20, 20, 20, 3)
-    assert state.value.estimate == pytest.approx(np.mean([0.51, 0.6, 0.7]))
-    assert (state.excluded_s, state.excluded_until_s) == (210, 7.0)
-    monitor._count(state, second(0.9, JUDGED_ERROR + 0.01))
-    monitor._count(state, second(None, driven=Interval(estimate=0.8, low=0.5, high=1.1)))
-    assert (state.seconds, state.judged, state.full, state.doubt) == (
-        22,
-        20,
-        0,
-        Interval(estimate=0.8, low=0.5, high=1.1),
-    )
-    list(monitor._take("roll", None, [alarm(30, condition="emergency")], 30))
-    assert (state.counted, state.mean.count) == (0, 0)
-    changes = [
-        one for k in range(FULL_S) for one in monitor._take("roll", second(0.9, excluded=1), [], 31 + k)
-    ]
-    [change] = changes
-    assert (change.after, change.time_s, change.since_s) == ("unchanged", 30.0 + FULL_S, 30.0 + FULL_S)
-    assert (state.counted, state.mean.count, state.excluded_s) == (0, 1, 210)
-    assert (state.value.estimate, state.worst) == (pytest.approx(0.9), "emergency")
-    found = monitor.findings("roll")
-    assert [(one.fault, one.confidence) for one in found.suspects] == [("tracking", 0.9)]
-    assert found.coverage.moving_fraction == (20 + FULL_S) / (22 + FULL_S)
 
 
 def test_suspects_are_in_the_order_of_their_highest_confidence() -> None:

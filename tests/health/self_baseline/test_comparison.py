@@ -10,37 +10,10 @@ import pytest
 
 from mavhums.health.estimation.motor_identification import VOLTAGE
 from mavhums.health.estimation.random_effects import population, variance_between
-from mavhums.health.estimation.thresholds import NATURAL_SCATTER_FREEDOM, WINDOW_S
+from mavhums.health.estimation.thresholds import NATURAL_SCATTER_FREEDOM
 from mavhums.health.self_baseline import motor
-from mavhums.health.self_baseline.comparison import _ReferenceFlights, _windows
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import OwnRecord
-
-
-def test_a_share_of_a_variance_is_as_uncertain_as_both(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mavhums.health.self_baseline.comparison.information", lambda record: 7.0)
-    asked: list[Any] = []
-
-    def with_own(*given: float) -> tuple[float, float]:
-        asked.extend(given)
-        return 0.04, 10.0
-
-    reference: Any = SimpleNamespace(common=SimpleNamespace(with_own=with_own), shared=(0.5, 30.0))
-    own_wear: Any = SimpleNamespace(freedom=3.0)
-    record: Any = None
-    assert _ReferenceFlights._own(reference, 0.2, own_wear, record) == pytest.approx((0.02, 7.5))
-    assert asked == pytest.approx([0.04, 3.0, 7.0])
-
-
-def test_a_flight_has_a_window_at_least() -> None:
-    record: Any = SimpleNamespace(duration_s=2.5 * WINDOW_S)
-    assert _windows(record) == 2.5
-    record.duration_s = 0.5 * WINDOW_S
-    assert _windows(record) == 1.0
-
-
-def back_emf(low: float, high: float) -> Any:
-    return SimpleNamespace(back_emf=Interval(estimate=(low + high) / 2, low=low, high=high))
 
 
 def record(**changes: Any) -> OwnRecord:
@@ -105,42 +78,6 @@ def test_the_scatter_of_parts_follows_from_the_interval_of_their_mean(parts: int
     shown = motor._indicator("fault", "quantity", "Ω", value, earlier, parts)
     assert shown.scatter == pytest.approx(0.2 / times * parts**0.5, rel=1e-3)
     assert (shown.value, shown.windows, shown.baseline, shown.baseline_flights) == (value, parts, None, 9)
-
-
-@pytest.mark.parametrize(
-    ("now", "rise", "least", "lost"),
-    [
-        ((0.88, 0.92), 1 / 0.9 - 1, 0.05, 0.10),  # the same torque by more current
-        ((0.88, 0.92), 0.30, 0.05, None),  # the friction rose as well
-        ((0.88, 0.92), 0.14, 0.05, 0.10),  # 1.14 · 0.9: it rose by 2.6 %, less than is detected
-        ((0.88, 0.92), 0.14, 0.02, None),
-        ((0.88, 0.92), 0.20, 0.50, 0.10),  # 8 % is less than half the change
-        ((0.88, 0.92), 0.26, 0.50, None),  # 13.4 % is more than half of it
-        ((0.94, 0.98), 1 / 0.96 - 1, 0.05, 0.04),
-        ((0.96, 0.982), 0.03, 0.05, None),  # 2.9 % lost is too little to be told
-        ((0.94, 0.990), 0.03, 0.05, None),  # the intervals meet
-        ((1.08, 1.12), 0.0, 0.05, None),
-    ],
-)
-def test_a_constant_that_fell_explains_a_current_that_rose(
-    monkeypatch: pytest.MonkeyPatch, now: tuple[float, float], rise: float, least: float, lost: float | None
-) -> None:
-    """The constant was 0.99 to 1.01 of the same unit in the earlier flights."""
-    monkeypatch.setattr(motor, "record_of", lambda records, equation: records)
-    estimates = {"now": back_emf(*now), "before": back_emf(0.99, 1.01)}
-    monkeypatch.setattr(motor, "identified", lambda records: estimates[records[0]])
-    change = Interval(estimate=rise, low=rise, high=rise)
-    found: Any = SimpleNamespace(change=change, least_rise=least)
-    past: Any = [SimpleNamespace(healthy=one == "before", records=one) for one in ("worn", "before")]
-    current: Any = "now"
-    told = motor.constant_lost(found, current, past)
-    assert told == (None if lost is None else pytest.approx(lost))
-    for name in estimates:
-        known = estimates | {name: None}
-        monkeypatch.setattr(motor, "identified", lambda records, known=known: known[records[0]])
-        assert motor.constant_lost(found, current, past) is None
-    found.change = None
-    assert motor.constant_lost(found, current, past) is None
 
 
 def test_flights_that_agree_scatter_as_actuators_do_about_their_weighted_mean() -> None:

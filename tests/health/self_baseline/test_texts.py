@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf
 
 import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.health.estimation.equations.own_scale import CURRENT, RIPPLE, ROUGHNESS, TRACKING, TWO_WAYS
 from mavhums.health.self_baseline import verdict as judged
-from mavhums.health.self_baseline.comparison import Comparison, Onset
+from mavhums.health.self_baseline.comparison import Comparison
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Evidence, Indicator, OwnRecord, Suspect, Verdict
 
@@ -19,50 +18,10 @@ RISE = Interval(estimate=0.6, low=0.49, high=0.73)
 NEAR = Interval(estimate=0.02, low=-0.06, high=0.1)
 VALUE = Interval(estimate=0.123456, low=0.103456, high=0.143456)
 USUAL = Interval(estimate=0.0987654, low=0.0876543, high=0.1098765)
-NO_LIMIT = "no absolute limit known"
 LEARNING = Comparison("learning", VALUE, 6, 10)
 COLDER = Comparison("undecided", VALUE, 20, 10, why="its flight was colder than any of its baseline")
 LIKE = Comparison("unchanged", VALUE, 20, 10, USUAL, NEAR, 0.123456)
 RISEN = Comparison("changed", VALUE, 20, 10, USUAL, RISE, 0.123456)
-FOUND = "a rise of 12% would have been found"
-
-
-@pytest.mark.parametrize(
-    ("found", "text", "remedy"),
-    [
-        (LEARNING, f"flight 6 of the 10 that its baseline takes; {NO_LIMIT}", "keep its flights in one"),
-        (COLDER, "its flight was colder than any of its baseline", "analyse a flight in which the surface"),
-        (LIKE, f"friction current within ±8% of its first 20 flights ({FOUND}); {NO_LIMIT}", None),
-        (
-            replace(LIKE, load=0.03141, useful_at=3.14159),
-            "friction current at a load of 0.031 A within ±8% of its first 20 flights "
-            f"({FOUND}, one of 50% at 3.1 false alarms in 100 h); {NO_LIMIT}",
-            None,
-        ),
-        (
-            replace(LIKE, useful_at=inf),
-            "friction current within ±8% of its first 20 flights "
-            f"({FOUND}, one of 50% at no useful rate of false alarms); {NO_LIMIT}",
-            None,
-        ),
-        (RISEN, f"friction current +60% ± 12%: friction; {NO_LIMIT}", "inspect gearbox, bearings and hinge"),
-        (
-            replace(RISEN, load=2.0, since=Onset(23, "2026-03-23T10:15:00+00:00")),
-            "friction current at a load of 2 A +60% ± 12% since flight 23 (2026-03-23): friction; "
-            f"{NO_LIMIT}",
-            "inspect gearbox, bearings and hinge line",
-        ),
-    ],
-)
-def test_what_is_said_of_each_comparison(found: Comparison, text: str, remedy: str | None) -> None:
-    assert judged.comparison_text(CURRENT, found) == text
-    told = judged.remedy_of(CURRENT, found)
-    assert told is None if remedy is None else (told or "").startswith(remedy)
-
-
-def test_a_weaker_motor_is_told_with_the_rise_that_follows_from_it() -> None:
-    told = judged.constant_text(CURRENT, RISEN, 0.2)
-    assert told == f"torque constant -20%; the friction current +60% follows from it; {NO_LIMIT}"
 
 
 def record(name: str, *loads: float) -> OwnRecord:
@@ -79,26 +38,6 @@ def compared(
     own = tuple(record(name, 0.5, 0.4, 0.3, 0.2) for name in found)
     before = before or Verdict(vehicle=1, actuator="rudder", condition="undecided", worst="undecided")
     return judged.compare_with_own_flights(before.model_copy(update={"own": own}), [])
-
-
-def test_an_indicator_and_its_evidence_carry_the_digits_that_are_known(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    found = compared(monkeypatch, {TWO_WAYS.name: RISEN})
-    [shown], [evidence] = found.indicators, found.evidence
-    assert (shown.fault, shown.quantity, shown.unit) == (TWO_WAYS.fault, TWO_WAYS.quantity, "A")
-    assert shown.value == Interval(estimate=0.12346, low=0.10346, high=0.14346)
-    assert shown.baseline == Interval(estimate=0.098765, low=0.087654, high=0.10988)
-    # The interval is two errors to either side; of four parts, each scatters by twice the error.
-    assert (shown.windows, shown.scatter) == (4, 0.02)
-    assert (shown.baseline_flights, shown.needed_flights) == (20, 10)
-    assert (shown.least_rise, shown.load) == (0.1235, 0.35)
-    assert (evidence.kind, evidence.start_s, evidence.end_s) == ("friction_both_ways_own", 0.0, 60.5)
-    assert (evidence.value, evidence.limit) == (0.12346, 0.098765)
-    assert evidence.rule.startswith("changed: current both ways over that at rest +60% ± 12%")
-    assert [(one.fault, one.confidence) for one in found.suspects] == [("friction_both_ways", 0.999)]
-    [shown] = compared(monkeypatch, {TWO_WAYS.name: LEARNING}).indicators
-    assert (shown.baseline, shown.baseline_flights, shown.least_rise) == (None, 6, None)
 
 
 @pytest.mark.parametrize(

@@ -11,27 +11,21 @@ from typing import Any
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from pymavlink.dialects.v20 import common as v2
 
-from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
 from mavhums.actuator.telemetry import TIERS
 from mavhums.health.axis.findings import AxisFindings
-from mavhums.health.axis.reference import STANDARDS, Constant, Reference
-from mavhums.health.axis.regressions import Basis, Shape
-from mavhums.health.verdict.actuator import _absurd, _why_undecided
+from mavhums.health.axis.reference import STANDARDS
 from mavhums.health.verdict.axis import (
     _candidates,
-    indicators,
     named_by_telemetry,
     verdict_of_axis,
-    verdicts_of_axes,
 )
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import Candidate, Coverage, Evidence, OwnRecord, Verdict
+from mavhums.results.verdict import Candidate, Coverage, Evidence, Verdict
 from mavhums.vehicle.grid import Received
-from mavhums.vehicle.identity import Identity, in_words
+from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
 
@@ -395,88 +389,6 @@ def test_what_a_vehicle_without_a_profile_lacks() -> None:
         assert found == reason or "ESC" in reason
 
 
-def test_kinds_in_words() -> None:
-    """By their names in the common dialect, where these say what the thing is."""
-    names = {n: entry.name[9:].lower().replace("_", " ") for n, entry in v2.enums["MAV_TYPE"].items()}
-    plain = (
-        1,
-        2,
-        4,
-        5,
-        7,
-        8,
-        9,
-        10,
-        11,
-        12,
-        13,
-        14,
-        15,
-        16,
-        17,
-        19,
-        20,
-        21,
-        26,
-        28,
-        29,
-        30,
-        31,
-        33,
-        35,
-        36,
-        37,
-    )
-    for kind in plain:
-        assert in_words(kind).split(" ", 1)[1].replace("-", " ").lower() == names[kind].replace(
-            " controller", ""
-        )
-    assert [in_words(kind) for kind in range(22, 26)] == ["a VTOL"] * 4
-    assert in_words(3) == "a coaxial helicopter"
-    assert [in_words(kind)[:3] for kind in (5, 7, 14)] == ["an "] * 3
-
-
-def unproven(*, esc_side: str = "motor", provenance: tuple[str, ...] = ("V5", "V7"), **known: Any) -> str:
-    """Return why an actuator with all constants is undecided."""
-    actuator: Any = SimpleNamespace(esc_side=esc_side, blanks=known.pop("blanks", ()))
-    counted = {"moving_fraction": 0.25, "windows": 50, "decidable": 3} | known.pop("coverage", {})
-    coverage = Coverage.model_validate(counted)
-    one: Any = SimpleNamespace(coverage=coverage, no_friction=known.pop("no_friction", None))
-    measured = dict.fromkeys(provenance, "ESC") | known
-    return _why_undecided(actuator, one, measured)[0]
-
-
-def test_why_an_actuator_is_undecided() -> None:
-    balance = "not measured, so the torque balance cannot be formed"
-    few = "of 50 windows are decidable, and too few in a row agree"
-    by_voltage = f"magnitude, {SIGNED_BY_VOLTAGE}"
-    assert unproven() == f"3 {few}"
-    assert unproven(provenance=("V5",)) == f"V7 {balance}"
-    assert unproven(provenance=("V7",)) == f"V4, V5 or V8 {balance}"
-    assert unproven(provenance=()) == f"V7, V4, V5 or V8 {balance}"
-    for key in ("V4", "V5", "V8"):
-        assert unproven(provenance=(key, "V7")) == f"3 {few}"
-    assert unproven(esc_side="bus", provenance=("V4", "V7")) == f"V5 or V8 {balance}"
-    assert unproven(esc_side="bus", provenance=("V8", "V7")) == f"3 {few}"
-    assert "look alike" in unproven(esc_side="bus", provenance=("V6", "V7"))
-    assert "look alike" not in unproven(esc_side="motor", provenance=("V6", "V7"))
-    assert "look alike" not in unproven(esc_side="bus", provenance=("V5", "V6", "V7"))
-    assert unproven(coverage={"windows": 0, "decidable": 0}) == "less than 10 s of telemetry"
-    assert unproven(no_friction=("it stood", "move it")) == "it stood"
-    assert unproven(blanks=("gear_ratio", "inertia")) == "the profile has no gear_ratio, no inertia"
-    assert unproven(coverage={"decidable": 0}) == f"0 {few}"
-    assert unproven(V5=by_voltage) == f"3 {few}"
-    slow = unproven(V5=by_voltage, coverage={"decidable": 0})
-    assert slow.startswith("the actuator moves in 25 % of the samples, too slowly to show friction")
-
-
-def test_values_beyond_what_the_actuator_can_do() -> None:
-    assert _absurd({"V5": (10, 100), "V7": (9, 100)}) is None
-    found = _absurd({"V5": (11, 100), "V7": (80, 100), "V4": (1, 100)})
-    assert found is not None
-    assert found[0].startswith("up to 80 % of the values of V5, V7 are beyond")
-
-
 ELEVONS = Surfaces(
     moved=(SurfaceOutput(1, "left elevon", 1500, 400), SurfaceOutput(2, "right elevon", 1500, 400)),
     origin="parameters",
@@ -501,22 +413,6 @@ def test_of_two_mixed_surfaces_one_is_named_if_it_is_nearly_certain(
     found = _candidates(findings, ELEVONS)
     assert [(one.servo, one.probability) for one in found] == named
     assert all((one.because is None) == (one.probability is None) for one in found)
-
-
-@pytest.mark.parametrize(("surfaces", "named"), [(KNOWN, 1), (None, 0)])
-def test_one_fault_is_one_finding(surfaces: Surfaces | None, named: int) -> None:
-    """The yaw's finding follows from the roll's, the pitch has none, and a jam that went by still has one."""
-    worst: dict[str, Any] = {"roll": "degraded", "yaw": "degraded", "pitch": "normal"}
-    monitor: Any = SimpleNamespace(
-        axes=tuple(worst),
-        origins=lambda: {"yaw": "roll"},
-        findings=lambda axis: findings(axis, condition="normal", worst=worst[axis]),
-    )
-    grid: Any = SimpleNamespace(received=dict)
-    flown = flight(used_s=lambda _: {})
-    roll, yaw, pitch = verdicts_of_axes(1, monitor, surfaces, flown, datetime(2026, 3, 1, tzinfo=UTC), grid)
-    assert [one.consequence_of for one in (roll, yaw, pitch)] == [None, "roll", None]
-    assert [len(one.candidates) for one in (roll, yaw, pitch)] == [named, 0, 0]
 
 
 @pytest.mark.parametrize(
@@ -588,96 +484,3 @@ def test_what_a_normal_axis_does_not_show_is_told(changes: dict[str, Any], reaso
     assert ((found.remedy or "").startswith(remedy), bool(found.remedy)) == (True, bool(remedy))
     assert found.effectiveness == Interval(estimate=0.877, low=0.765, high=0.988)
     assert (found.coverage.moving_fraction, found.coverage.late) == (0.1235, 5)
-
-
-CONTRADICTED = replace(KNOWN, origin="profile", contradicted={"roll": "servo 1 is a throttle"})
-
-
-@pytest.mark.parametrize(
-    ("surfaces", "compared", "origin"),
-    [
-        (KNOWN, True, "servo outputs, by the log's parameters"),
-        (replace(KNOWN, origin="profile"), True, "servo outputs, by the airframe profile"),
-        (replace(KNOWN, origin="inferred"), False, "servo outputs, by inference from the flight's beginning"),
-        (
-            replace(CONTRADICTED, by_log=frozenset({"roll"})),
-            False,
-            "servo outputs, by the log's parameters, which contradict the airframe profile",
-        ),
-        (replace(KNOWN, by_log=frozenset({"roll"})), True, "servo outputs, by the log's parameters"),
-        (CONTRADICTED, False, "servo outputs, by the airframe profile"),
-        (None, False, None),
-    ],
-)
-def test_only_axes_whose_outputs_are_known_are_compared_with_other_flights(
-    surfaces: Surfaces | None, compared: bool, origin: str | None
-) -> None:
-    class Kept(SimpleNamespace):
-        def in_parts(self, parts: int) -> Kept:
-            return Kept(source=self.source, parts=parts)
-
-        def record(self, *given: object) -> OwnRecord:
-            setup = f"{self.parts}: {given}"
-            return OwnRecord(equation="e", setup=setup, rate_hz=1.0, duration_s=1.0, groups=())
-
-    response: Any = Kept(source=2, parts=0)
-    shape = Reference(Basis(16.0, 0.0), Shape(3, 0.1), -4.0, [], 0.01, 0.02, 0.9, 0.1, 1.0, 0, 45, {})  # type: ignore[arg-type]
-    one = findings(condition="normal", response=response, reference=shape)
-    found = judged(one, surfaces)
-    assert [shown.fault for shown in found.indicators] == ["effectiveness", "slow"] * compared
-    # A flight that may become a reference needs only its scatter, what is compared needs its times.
-    assert [record.setup for record in found.own] == ["4: ('the speed over ground', 10.0)"] * compared
-    assert found.provenance.get("V1") == origin
-    doubtful = judged(replace(one, condition="undecided"), surfaces)
-    assert [record.setup[0] for record in doubtful.own] == ["0"] * compared
-    assert judged(one, surfaces, rates={}).own == ()
-    assert judged(replace(one, response=None), surfaces).own == ()
-
-
-def test_the_sensors_of_a_motion_are_named_with_their_seconds_where_they_changed() -> None:
-    used = {"rates": {0: 30, 2: 10}, "force": {1: 40}, "speed": {0: 25, 1: 15}}
-    rates, speed = (
-        "rates 0 for 30 s, rates 2 for 10 s",
-        "the airspeed sensor for 25 s, the wind triangle for 15 s",
-    )
-    for axis, force in (("roll", {}), ("pitch", {"force": "force 1"}), ("yaw", {"force": "force 1"})):
-        found = judged(findings(axis, condition="normal"), None, used=used).provenance
-        assert found == {"rates": rates, **force, "speed": speed}
-    assert judged(findings("steering", condition="normal"), None, used=used).provenance.keys() == {
-        "rates",
-        "speed",
-    }
-    assert judged(findings(condition="normal"), None).provenance == {}
-
-
-@pytest.mark.parametrize(
-    ("condition", "windows", "kept", "share", "error"),
-    [
-        # Without a window after it the reference alone counts: 4.5 windows of its own error.
-        ("normal", 0, None, 1.0, 0.02),
-        # The mean of those 4.5 windows and of nine others, each of which scatters by a tenth.
-        ("normal", 9, 0.7, (4.5 + 9 * 0.7) / 13.5, ((4.5 * 0.02) ** 2 + 9 * 0.1**2) ** 0.5 / 13.5),
-        ("undecided", 9, 0.7, (4.5 + 9 * 0.7) / 13.5, ((4.5 * 0.02) ** 2 + 9 * 0.1**2) ** 0.5 / 13.5),
-        ("degraded", 9, 0.7, 0.7, 0.05),
-        ("emergency", 0, 0.4, 0.4, 0.05),
-    ],
-)
-@pytest.mark.parametrize(("axis", "power"), [("roll", 1), ("steering", 1), ("pitch", 2), ("yaw", 2)])
-def test_the_gain_is_that_of_the_present_condition(
-    condition: Any, windows: int, kept: float | None, share: float, error: float, axis: str, power: int
-) -> None:
-    value = kept and Interval.around(kept, 0.05 * 1.96)
-    known = {"hard_over": Constant(0.1, 0.02)}
-    reference = Reference(
-        Basis(16.0, 0.0), Shape(3, 0.1), -4.0, [], 0.01, 0.02, 0.9, 0.1, 1.0, 0, 45, known  # type: ignore[arg-type]
-    )  # fmt: skip
-    one = findings(axis, condition=condition, windows=windows, effectiveness=value, reference=reference)
-    gain, lag, trim = indicators(one)
-    scale = 4.0 / 16.0**power
-    assert gain.value.estimate == pytest.approx(scale * share, rel=1e-4)
-    assert gain.value.high - gain.value.low == pytest.approx(2 * 1.96 * scale * error, rel=2e-3)
-    assert gain.scatter == pytest.approx(scale * error * 45**0.5, rel=1e-3)
-    assert (lag.value.estimate, lag.windows, lag.unit) == (0.25, 45, "s")
-    assert (trim.fault, trim.quantity, trim.value.estimate) == ("hard_over", "trim", 0.1)
-    assert trim.value.low == pytest.approx(0.1 - 1.96 * 0.02, abs=1e-4)
-    assert [*indicators(replace(one, reference=None))] == []
