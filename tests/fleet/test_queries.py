@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 import sqlite3
 from pathlib import Path
@@ -14,6 +15,7 @@ from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.flights import queries
 from mavhums.flights.folder import keep_assessment, read_history
 from mavhums.flights.queries import exit_code
+from mavhums.flights.store import Store
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
@@ -50,6 +52,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list
     return store, known
 
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 COMMANDS = (("worst",), ("status",), ("digest",), ("export",), ("trend", "D-B"))
 
 
@@ -137,3 +140,20 @@ def test_a_trend_is_that_of_the_same_flights_in_a_folder(
     assert "D'A, D-B" in (refused.value.remedy or "")
     with pytest.raises(MavhumsError, match="unknown aircraft"):
         fleet.trend(store, "")
+
+
+def test_the_example_dashboard_asks_what_the_store_has(
+    made: tuple[Path, dict[str, list[Assessment]]],
+) -> None:
+    store, known = made
+    board = json.loads((EXAMPLES / "grafana.json").read_text(encoding="utf-8"))
+    asked = [panel["targets"][0]["rawSql"] for panel in board["panels"]]
+    with Store(store).reading() as connection:
+        worst, trend, days, failed = (
+            connection.exec_driver_sql(sql.replace("$aircraft", "D-B")).all() for sql in asked
+        )
+        names = connection.exec_driver_sql(board["templating"]["list"][1]["query"]).all()
+    assert [(row.aircraft, row.actuator) for row in worst].count(("D-B", "elevator")) == 1
+    assert len(trend) == 2 * len(known["D-B"])
+    assert sum(row.flights for row in days) == sum(map(len, known.values())) - 2
+    assert (failed, [row.name for row in names]) == ([], ["D'A", "D-B"])
