@@ -32,7 +32,7 @@ from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.sensors import Registers
 
-PROFILES = {"0": "load_friction = 0.0", "not said": "", "0.3 ± 0.1": "load_friction = 0.3"}
+PROFILES = {"0.0": "load_friction = 0.0", "not said": "", "0.3 ± 0.1": "load_friction = 0.3"}
 TELEMETRY = {"sensors": None, "registers": Registers()}
 AIRCRAFT, BEFORE, HEALTHY_NM = 40, 20, 0.225
 RISES = (0.0, 0.25, 0.5, 1.0)
@@ -48,8 +48,8 @@ def judged(record: FlightRecord, folder: Path, airframe: Path) -> list[Verdict]:
 
 def sheet_rows(folder: Path, seconds: float) -> Iterator[str]:
     """Yield the table of the data sheet, row by row."""
-    yield "| μ of the EMA | read by | profile says | right | wrong | undecided | error of friction, N·m |"
-    yield "|---|---|---|---|---|---|---|"
+    yield "| μ of the EMA | read by | profile says | actuators | right | wrong | undecided | error, N·m |"
+    yield "|---|---|---|---|---|---|---|---|"
     airframes: dict[str, Path] = {}
     paper = (files("mavhums.actuator") / "airframes" / "paper.toml").read_text(encoding="utf-8")
     for said, line in PROFILES.items():
@@ -70,7 +70,7 @@ def sheet_rows(folder: Path, seconds: float) -> Iterator[str]:
             ]  # fmt: skip
             for said, airframe in airframes.items():
                 cells = _against_truth([judged(one, folder, airframe) for one in flown])
-                yield f"| {mu:g} | {telemetry} | {said} | {cells} |"
+                yield f"| μ = {mu:g} | {telemetry} | {said} | {cells} |"
 
 
 def _against_truth(flights: Sequence[list[Verdict]]) -> str:
@@ -83,7 +83,8 @@ def _against_truth(flights: Sequence[list[Verdict]]) -> str:
             said["undecided" if verdict.condition == "undecided" else right] += 1
             errors += [verdict.friction_nm.estimate - true_nm] if verdict.friction_nm else []
     spread = f"{np.mean(errors):+.3f} ± {np.std(errors):.3f}" if errors else "–"
-    return f"{said['right']} | {said['wrong']} | {said['undecided']} | {spread}"
+    counts = (said.total(), said["right"], said["wrong"], said["undecided"])
+    return f"{' | '.join(map(str, counts))} | {spread.replace('-', '−')}"
 
 
 def own_rows(folder: Path, seconds: float, each: int) -> Iterator[str]:

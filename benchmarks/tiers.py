@@ -14,8 +14,6 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from mavhums import analyse
 from mavhums.actuator import load_airframe
@@ -44,15 +42,12 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=7000)
     parser.add_argument("--all-surfaces", action="store_true", help="every surface at the flight's friction")
     options = parser.parse_args()
-    console = Console(width=120)
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in ("tier", "rate, Hz", "right", "wrong", "no verdict", "error, N·m", "sd, N·m", "within 95 %"):
-        table.add_column(title, justify="right" if table.columns else "left")
+    print("| tier | rate | actuators | right | wrong | no verdict | error, N·m | truth within 95 % |")
+    print("|---|---|---|---|---|---|---|---|")
     for name in TIERS:
         for rate in RATES_HZ:
-            with console.status(f"{name} at {rate:g} Hz"):
-                table.add_row(name, f"{rate:g}", *measure(name, rate, options.seed, options.all_surfaces))
-    console.print(table)
+            cells = measure(name, rate, options.seed, options.all_surfaces)
+            print(f"| {name} | {rate:g} Hz | {' | '.join(cells)} |", flush=True)
 
 
 def measure(name: str, rate_hz: float, seed: int, all_surfaces: bool) -> list[str]:
@@ -88,10 +83,11 @@ def measure(name: str, rate_hz: float, seed: int, all_surfaces: bool) -> list[st
             if verdict.friction_nm:
                 errors.append(verdict.friction_nm.estimate - truth)
                 inside += verdict.friction_nm.low <= truth <= verdict.friction_nm.high
+    counts = [str(count) for count in (right + wrong + undecided, right, wrong, undecided)]
     if not errors:
-        return [str(right), str(wrong), str(undecided), "—", "—", "—"]
-    share = f"{100 * inside / len(errors):.0f} %"
-    return [str(right), str(wrong), str(undecided), f"{np.mean(errors):+.4f}", f"{np.std(errors):.4f}", share]
+        return [*counts, "–", "–"]
+    spread = f"{np.mean(errors):+.3f} ± {np.std(errors):.3f}".replace("-", "−")
+    return [*counts, spread, f"{100 * inside / len(errors):.0f} %"]
 
 
 if __name__ == "__main__":

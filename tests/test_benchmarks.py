@@ -178,7 +178,7 @@ def alike(head: str, found: list[str], said: list[str]) -> None:
         if a.isdecimal() and b.isdecimal()
     ]
     (total, few, many), *others = counts
-    if total != "actuator-flights":
+    if total not in {"actuator-flights", "actuators", "found of"}:
         return
     for name, found_of, said_of in others:
         # The evidence's own share is an estimate.
