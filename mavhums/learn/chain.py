@@ -5,28 +5,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import clone
 
-from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.arrays import Array, Flags
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
-from mavhums.learn.card import ExcludedQuantity, Selection, Thinned, Wrapped
+from mavhums.learn.card import ExcludedQuantity, Selection, Thinned
 from mavhums.learn.ranking import ChiSquareRanking, VectorThinning
 from mavhums.learn.redundancy import PairwiseRedundancyFilter, RegressionRedundancyFilter
 from mavhums.learn.regression import Elementary, basis_count
-from mavhums.learn.subsets import (
-    SubsetSearch,
-    exhaustive_search,
-    genetic_search,
-    network_objective,
-    subset_training,
-)
+from mavhums.learn.wrapper import Vectors, eliminate, search_subsets
 
 Select = Literal["algorithm-1", "pairwise", "exhaustive", "genetic", "none"]
 SELECTIONS: tuple[Select, ...] = get_args(Select)
@@ -45,40 +39,6 @@ FUNCTION_NAMES = dict(zip(("x", "abs", "sign", "square", "sqrt", "sin"), FUNCTIO
 
 _LARGEST_BASIS = 2000
 """Basis functions of Algorithm 1: beyond them its regressions take minutes and explain anything."""
-
-_SAMPLES, _ITERATIONS, _HIDDEN = 1000, 60, 8
-"""Size of the first round of the wrapper, in which every subset has one small network."""
-
-
-@dataclass(frozen=True)
-class Rounds:
-    """Sizes of the wrapper's two rounds; the defaults are those for networks of samples.
-
-    The best subsets of the first round compete again with all vectors: its noise is above their difference.
-
-    Attributes
-    ----------
-    many
-        With more features than this the 2^k - 1 subsets are searched genetically, not all.
-    evaluations
-        Number of subsets that the genetic search tries.
-    shortlist
-        Number of subsets in the second round.
-    hidden, iterations, seeds, options
-        The networks of the second round: neurons, iterations, how many for each subset (a network that
-        started badly says nothing about its inputs), and further options of the trainer.
-    by_loss
-        Whether the smallest loss wins, not the largest accuracy.
-    """
-
-    many: int = 10
-    evaluations: int = 400
-    shortlist: int = 16
-    hidden: int = 12
-    iterations: int = 150
-    seeds: int = 3
-    by_loss: bool = False
-    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -227,34 +187,6 @@ def _algorithm_1(
     return RegressionRedundancyFilter(scheme.r2, functions, scheme.order, ranking=ranking)
 
 
-@dataclass(frozen=True, eq=False)
-class Vectors:
-    """Feature vectors, shape (n, k), and the class and weight of each.
-
-    ``target`` says whether each is an emergency, shape (n,), or of each class, shape (n, classes).
-    """
-
-    features: Array
-    target: Flags
-    weight: Array
-
-    def __len__(self) -> int:
-        return len(self.features)
-
-    @property
-    def samples(self) -> tuple[Array, Flags]:
-        """Features and classes, as the trainer takes them."""
-        return self.features, self.target
-
-    def part(self, rows: Integers) -> Vectors:
-        """Return some of the vectors."""
-        return Vectors(self.features[rows], self.target[rows], self.weight[rows])
-
-    def of_features(self, chosen: Flags) -> Vectors:
-        """Return the vectors with some of the features."""
-        return replace(self, features=self.features[:, chosen])
-
-
 def reduce_vectors(
     offered: Vectors,
     checked: Vectors,
@@ -262,7 +194,7 @@ def reduce_vectors(
     scheme: Scheme,
     *,
     seed: int,
-    rounds: Rounds | None = None,
+    eliminates: bool = False,
     tell: Callable[[str], None] | None = None,
 ) -> tuple[Vectors, Flags, Selection]:
     """Thin the training vectors, and let the wrapper choose among the selected features.
@@ -271,6 +203,8 @@ def reduce_vectors(
     ----------
     offered, checked
         Training vectors of the selected features, and those held out.
+    eliminates
+        Whether the wrapper leaves out one feature after the other, or searches the subsets.
     tell
         Called with a line about each stage when it is done, those of ``selection`` first.
 
@@ -296,10 +230,12 @@ def reduce_vectors(
     selection = selection.model_copy(update={"thinned": Thinned(offered=len(offered), kept=len(vectors))})
     report()
     if scheme.select != "none" and len(chosen) > 1:
-        chosen, wrapped = search_subsets(
-            vectors, checked, scheme.select, seed=seed, rounds=rounds or Rounds()
-        )
-        selection = selection.model_copy(update={"wrapped": wrapped})
+        if eliminates:
+            chosen, wrapped, rises = eliminate(vectors, checked, seed=seed)
+        else:
+            chosen, wrapped, rises = search_subsets(vectors, checked, scheme.select, seed=seed)
+        costs = dict(zip(selection.chosen(chosen), np.round(rises, 5).tolist(), strict=True))
+        selection = selection.model_copy(update={"wrapped": wrapped.model_copy(update={"costs": costs})})
         report()
     return vectors, chosen, selection
 
@@ -311,76 +247,3 @@ def _thin(vectors: Vectors, count: int | None, *, seed: int) -> Vectors:
     classes = vectors.target if vectors.target.ndim == 1 else vectors.target.argmax(axis=1)
     thinning = VectorThinning(count, random_state=seed).fit(vectors.features, classes, vectors.weight)
     return replace(vectors.part(thinning.indices_), weight=thinning.weights_)
-
-
-def search_subsets(
-    vectors: Vectors, validation: Vectors, select: Select, *, seed: int, rounds: Rounds
-) -> tuple[Flags, Wrapped]:
-    """Search the subset of features whose networks are best on the validation vectors.
-
-    Every subset that is tried has one small network on some vectors. The best of them, and the
-    whole set, compete again with larger networks on all vectors.
-
-    Parameters
-    ----------
-    vectors, validation
-        Training vectors, and those of other flights.
-    select
-        ``"exhaustive"`` or ``"genetic"`` prescribe the search; otherwise the number of features does.
-    seed
-        Of all draws.
-    rounds
-        Sizes of the networks and searches.
-
-    Returns
-    -------
-    Flags, Wrapped
-        Mask of the chosen features, shape (k,); what the card tells.
-
-    Raises
-    ------
-    MissingExtraError
-        If torch, or pygad for the genetic search, is not installed.
-    """
-    random = np.random.default_rng(seed)
-    features = vectors.features.shape[1]
-    genetic = select == "genetic" or (select != "exhaustive" and features > rounds.many)
-    few = [part.part(random.permutation(len(part))[:_SAMPLES]) for part in (vectors, validation)]
-    quick = network_objective(
-        few[0].samples,
-        few[1].samples,
-        weight=few[0].weight,
-        hidden=_HIDDEN,
-        max_iter=_ITERATIONS,
-        random_state=seed,
-    )
-    if genetic:
-        search = genetic_search(quick, features, evaluations=rounds.evaluations, random_state=seed)
-    else:
-        search = exhaustive_search(quick, features)
-    whole = np.ones((1, features), dtype=bool)
-    best = search.subsets[np.argsort(-search.scores, kind="stable")[: rounds.shortlist]]
-    shortlist = np.unique(np.concatenate([whole, best]), axis=0)
-    found = [
-        subset_training(
-            vectors.samples,
-            validation.samples,
-            weight=vectors.weight,
-            hidden=rounds.hidden,
-            max_iter=rounds.iterations,
-            random_state=seed + k,
-            **rounds.options,
-        )(shortlist)
-        for k in range(rounds.seeds)
-    ]
-    accuracies = np.max([each.validation_accuracy for each in found], axis=0)
-    losses = np.min([each.validation_loss for each in found], axis=0)
-    chosen = SubsetSearch(shortlist, -losses if rounds.by_loss else accuracies).best
-    wrapped = Wrapped(
-        search="genetic" if genetic else "exhaustive",
-        tried=len(search.scores),
-        possible=2**features - 1,
-        accuracy=round(float(accuracies[(shortlist == chosen).all(axis=1)][0]), 6),
-        accuracy_of_all=round(float(accuracies[shortlist.all(axis=1)][0]), 6),
-    )
-    return chosen, wrapped

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from math import exp
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -98,6 +98,13 @@ class TanhNetwork:
     def tensors(self) -> dict[str, Array]:
         """The six arrays by name."""
         return {field.name: getattr(self, field.name) for field in fields(TanhNetwork)}
+
+    def within(self, minimum: Array, maximum: Array) -> Self:
+        """Return the network of the same outputs whose inputs have another range, shape (k,) each."""
+        per_unit = np.diff(unit_interval(np.stack([minimum, maximum]), self.minimum, self.maximum), axis=0)[0]
+        shift = unit_interval(minimum[None], self.minimum, self.maximum)[0] @ self.w1
+        w1 = per_unit[:, None] * self.w1
+        return replace(self, minimum=minimum, maximum=maximum, w1=w1, b1=self.b1 + shift)
 
     def outputs(self, features: Array) -> Array:
         """Return the outputs for ``features`` of shape (n, k), as shape (n, classes)."""

@@ -178,6 +178,7 @@ def train_batch(
     weight: Array | None = None,
     validation: Samples | None = None,
     bounds: tuple[Array, Array] | None = None,
+    beyond: float = 0.0,
     weight_decay: float = 1e-4,
     max_iter: int = 200,
     patience: int | None = 50,
@@ -199,6 +200,9 @@ def train_batch(
     bounds
         Minimum and maximum of each feature, shape (k,) each, which become 0 and 1; None takes those of the
         samples with nonzero weight.
+    beyond
+        Share of each feature's values that lie below 0, and above 1, while the networks learn: a few wild
+        values would leave the others next to nothing of the interval. The networks have the ``bounds``.
     max_iter, weight_decay
         L-BFGS uses all samples in each iteration.
     patience
@@ -218,8 +222,10 @@ def train_batch(
     where = ("cuda" if torch.cuda.is_available() else "cpu") if device == "auto" else device
     dtype = torch.float32 if precision == "single" else torch.float64
 
+    low, high = np.quantile(used, [beyond, 1.0 - beyond], axis=0) if beyond else (minimum, maximum)
+
     def data_of(part: Samples, weights: Array | None = None) -> Data:
-        scaled = unit_interval(part[0], minimum, maximum)
+        scaled = unit_interval(part[0], low, high)
         return Data.of(scaled, part[1], weights, device=where, dtype=dtype)
 
     data = data_of(samples, weight)
@@ -232,7 +238,8 @@ def train_batch(
         figures = [problem.loss(solution.weights, data), solution.iterations]
         if held_out is not None:
             figures += [measure(solution.weights, held_out) for measure in (problem.loss, problem.accuracy)]
-        return problem.networks(solution.weights, minimum, maximum), [part.tolist() for part in figures]
+        networks_ = [each.within(minimum, maximum) for each in problem.networks(solution.weights, low, high)]
+        return networks_, [part.tolist() for part in figures]
 
     order = np.argsort(np.asarray(batch.hidden), kind="stable")
     parts = np.array_split(order, -(-sum(batch.hidden) // _NEURONS_PER_PART) or 1)

@@ -17,11 +17,12 @@ from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, WINDOW_KEYS, column
 from mavhums.learn._estimators import train_networks
 from mavhums.learn.card import Card, Selection
-from mavhums.learn.chain import Rounds, Scheme, Vectors, reduce_vectors, select_columns, select_features
+from mavhums.learn.chain import Scheme, reduce_vectors, select_columns, select_features
 from mavhums.learn.evaluation import hold_out, split_flights
 from mavhums.learn.inference import Network, TanhNetwork, WindowNetwork
 from mavhums.learn.networks import TanhNetworkEnsemble
 from mavhums.learn.ranking import ChiSquareRanking
+from mavhums.learn.wrapper import WINDOW_TRAINING, Vectors
 
 _ITERATIONS = 300
 
@@ -247,17 +248,7 @@ _HELD_OUT = 0.25
 _SHARE = 5
 """Of the networks of samples, one in so many for windows: each has several times their weights."""
 _WINDOW_HIDDEN = (16, 20, 24)
-_WINDOW_ITERATIONS, _DECAY = 600, 3e-5
-_ROUNDS = Rounds(
-    many=8,
-    evaluations=200,
-    shortlist=6,
-    hidden=_WINDOW_HIDDEN[0],
-    iterations=300,
-    seeds=1,
-    by_loss=True,  # the accuracies of good subsets differ by less than their scatter
-    options={"weight_decay": _DECAY, "patience": 50, "precision": "double"},
-)
+_WINDOW_ITERATIONS = 600
 
 
 @dataclass(frozen=True, eq=False)
@@ -379,7 +370,7 @@ def train_classes(
         for part, rows in zip((offered, checked), halves, strict=True)
     )
     vectors, chosen, selection = reduce_vectors(
-        vectors, held_out, selection, scheme, seed=seed, rounds=_ROUNDS, tell=tell
+        vectors, held_out, selection, scheme, seed=seed, eliminates=True, tell=tell
     )
     sizes = np.resize(_WINDOW_HIDDEN, max(1, scheme.networks // _SHARE)).tolist()
     inputs = selection.chosen(chosen)
@@ -392,8 +383,7 @@ def train_classes(
         # Of all examples: those that thinning keeps span less than what the network may be asked.
         bounds=(of_all[:, chosen].min(axis=0), of_all[:, chosen].max(axis=0)),
         max_iter=_WINDOW_ITERATIONS,
-        weight_decay=_DECAY,
-        precision="double",
+        **WINDOW_TRAINING,
     )
     accuracies = trained.validation_accuracy
     if tell:

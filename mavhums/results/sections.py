@@ -78,7 +78,7 @@ def fault_of(said: str) -> str:
 
 
 ABSTAINED, OUTSIDE = "abstained", "outside"
-"""What a network says of a window in place of a class: sure of no condition; outside its training range."""
+"""What a network says of a window in place of a class: sure of none; outside its training range."""
 
 _Probability = Annotated[float, Field(ge=0, le=1)]
 
@@ -99,11 +99,11 @@ class NetworkAnswer(Contract):
 
     ``inputs`` are the quantities of which the network of samples takes values, and that of windows
     statistics. ``windows`` is the number of ten-second windows that it decided, ``classes`` what it said of
-    all that it was asked about, the most frequent first; ``says`` is the class on which ``condition`` rests,
-    the gravest that two windows without a common sample, and those between, agreed on, and ``latest`` what
-    it said of the last window, with its ``probability``. ``first_emergency_s`` is the middle of the first
-    window in which it finds an emergency, ``share_of_samples`` the share of the samples in motion within its
-    training range that it calls an emergency by friction. ``decides`` is who decided the verdict:
+    all that it was asked about, the most frequent first; ``condition`` is the gravest that two windows
+    without a common sample, and those between, agreed on, ``says`` the likeliest class there, and ``latest``
+    what it said of the last window, with its ``probability``. ``first_emergency_s`` is the middle of the
+    first window in which it finds an emergency, ``share_of_samples`` the share of the samples in motion
+    within its training range that it calls an emergency by friction. ``decides`` is who decided the verdict:
     ``physics``, ``network``, or ``both``, where the physics decides and a different answer of the network is
     reported.
     """

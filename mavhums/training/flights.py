@@ -6,7 +6,7 @@ noise and quantisation of its messages.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
@@ -43,9 +43,9 @@ class Telemetry:
     gives
         Description for users.
     keys
-        Quantities to choose from. They exclude the command V1, which has no information about the
-        condition, and V2, which is N·V3 if it is measured and a drifting integral if not: chi-square
-        would not tell.
+        Quantities to choose from; V1 and V2 only while their distribution is the same in both classes.
+    withheld
+        Why the others are not offered.
     goal
         Share of its decided windows that a network of windows shall have right; it sets the probability from
         which it decides.
@@ -56,6 +56,7 @@ class Telemetry:
     name: str
     gives: str
     keys: tuple[str, ...]
+    withheld: Mapping[str, str]
     goal: float
     esc: bool = False
 
@@ -63,12 +64,29 @@ class Telemetry:
 TELEMETRY = {
     each.name: each
     for each in (
-        Telemetry("instrumented", "instrumented", KEYS[2:], 0.995),
-        Telemetry("without-load", "instrumented, the load torque not measured", KEYS[2:10], 0.99),
-        # Without V4 and V6: the voltage is R·I + k·ω. It tells of friction what current and speed tell, but
-        # takes on the winding's resistance: a winding that gained 60 to 150 % made 39 % of the healthy
-        # windows an emergency where the selection chose V4 and V7, and 2 % with V5 and V7.
-        Telemetry("esc", "ESC", ("V5", "V7", "V8", "V9", "V10"), 0.98, esc=True),
+        Telemetry("instrumented", "instrumented", KEYS, {}, 0.995),
+        Telemetry(
+            "without-load",
+            "instrumented, the load torque not measured",
+            KEYS[:10],
+            {"V11 V12": "not measured"},
+            0.99,
+        ),
+        # The voltage is R·I + k·ω: of friction it shows what current and speed show. Where V4 and V7 were
+        # chosen, a winding that gained 60 to 150 % made 39 % of the healthy windows an emergency; with V5 and
+        # V7 2 %.
+        Telemetry(
+            "esc",
+            "ESC",
+            ("V1", "V5", "V7", "V8", "V9", "V10"),
+            {
+                "V2 V3": "integrals of the speed, which drift",
+                "V4 V6": "they change with the winding's resistance",
+                "V11 V12": "not measured",
+            },
+            0.98,
+            esc=True,
+        ),
     )
 }
 """Telemetry by name; the one with the most quantities comes first."""

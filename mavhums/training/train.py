@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 
 import numpy as np
 from pydantic import JsonValue
 
 from mavhums.actuator.profile import Actuator, Airframe
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import column
-from mavhums.learn import Card, Model, Network, PrecedentBase, Scheme, WindowNetwork, train_network
+from mavhums.learn import (
+    Card,
+    CommandLeakWarning,
+    Model,
+    Network,
+    PrecedentBase,
+    Scheme,
+    WindowNetwork,
+    check_command,
+    train_network,
+)
 from mavhums.training.flights import TELEMETRY, friction_range
 from mavhums.training.flown import CALIBRATES, MEASURES, TAUGHT, TRAINS, FlownFlights
 from mavhums.training.samples import (
@@ -133,16 +145,8 @@ def train_model(
         # An ESC's telemetry leaves some samples without a sign: what most samples carry is learned from.
         carried = 2 * np.isfinite(groups[-1][0]).sum(axis=0) >= max(len(groups[-1][0]), 1)
         keys = tuple(key for key in keys if carried[column(key)])
-    samples, classes, flight = (np.concatenate(parts) for parts in zip(*groups, strict=True))
-    whole = np.isfinite(samples[:, [column(key) for key in keys]]).all(axis=1)
-    samples, classes, flight = samples[whole], classes[whole], flight[whole]
+    samples, classes, flight, keys, leaking = _examples(groups, keys)
     weights = np.where(flight < 0, flown_weight, 1.0)
-    if not keys or len(np.unique(classes)) < 2:
-        raise MavhumsError(
-            "the samples in motion carry no quantity in common, or are all of one class",
-            "add logs with the same telemetry, normal ones and ones labelled friction_emergency; without "
-            "[actuators.ema] they must carry V10",
-        )
     result = train_network(
         samples, classes, flight, seed=seed, keys=keys, scheme=scheme, weights=weights, tell=tell
     )
@@ -154,7 +158,9 @@ def train_model(
             f"mavhums train --airframe {airframe.name} --tier {tier} --flights {flights} "
             f"--seed {seed} {scheme.command}{given} -o MODEL"
         ),
-        conditions=_simulated(actuator, flights) | conditions,
+        conditions=_simulated(actuator, flights)
+        | conditions
+        | {"not_offered": {**telemetry.withheld, **leaking}},
     )
 
     def flown_or_simulated(part: int) -> Iterator[Labelled]:
@@ -187,6 +193,34 @@ def train_model(
         flown_weight=flown_weight,
     )
     return result.network, card.model_copy(update=update | {"window": window_card}), window
+
+
+_POSITIONS = ("V1", "V2")
+"""Quantities that follow the command: they are offered where their distributions show no class."""
+
+
+def _examples(
+    groups: Sequence[tuple[Array, Flags, Integers]], keys: tuple[str, ...]
+) -> tuple[Array, Flags, Integers, tuple[str, ...], dict[str, str]]:
+    """Return samples, classes and flights that carry all keys, the keys on offer, and why others are not."""
+    samples, classes, flight = (np.concatenate(parts) for parts in zip(*groups, strict=True))
+    whole = np.isfinite(samples[:, [column(key) for key in keys]]).all(axis=1)
+    samples, classes, flight = samples[whole], classes[whole], flight[whole]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CommandLeakWarning)
+        leaking = {
+            key: "its distribution differs between the classes"
+            for key in _POSITIONS
+            if key in keys and check_command(samples[:, column(key)], classes, flight).leaks
+        }
+    keys = tuple(key for key in keys if key not in leaking)
+    if not keys or len(np.unique(classes)) < 2:
+        raise MavhumsError(
+            "the samples in motion carry no quantity in common, or are all of one class",
+            "add logs with the same telemetry, normal ones and ones labelled friction_emergency; without "
+            "[actuators.ema] they must carry V10",
+        )
+    return samples, classes, flight, keys, leaking
 
 
 _ALONE = 4

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 from pydantic import JsonValue
@@ -20,7 +20,6 @@ from mavhums.core.quantities import (
     shows_something,
     window_features,
 )
-from mavhums.health.actuator.votes import statistics
 from mavhums.health.estimation.motion import motion, window_sums
 from mavhums.health.estimation.slots import SlotCutter, Windows, with_extra_columns
 from mavhums.health.estimation.thresholds import WINDOW_SLOTS
@@ -38,8 +37,10 @@ from mavhums.training.flights import Telemetry, friction_range, parameters_of, r
 from mavhums.training.flown import CALIBRATES, MEASURES, PURPOSE, TRAINS, FlownFlights
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
+from mavhums_sim.ema import EmaParameters, Gearbox
 from mavhums_sim.flight import ActuatorRecord, Flight, fly
 from mavhums_sim.manoeuvres import CYCLOGRAMS
+from mavhums_sim.sensors import SensorNoise
 
 SEVERITIES = {
     "winding_resistance": ("resistance", 0.2, 2.0),
@@ -63,6 +64,7 @@ _LIMITED = 0.05
 """Share of the samples at the supply's limit from which a window shows a sag; below it nothing differs."""
 _NEAR_V = 0.6
 _RATES_HZ = (100.0, 50.0, 25.0, 10.0)
+_TRAVEL = np.radians(25.0)
 _AIRCRAFT = 3
 """Aircraft that fly each cyclogram: their twelve actuators have every condition, so V1 reveals none."""
 _CALIBRATION, _MEASUREMENT = 600_000, 800_000  # added to the seed
@@ -151,15 +153,20 @@ def _fly_group(
     """Fly one cyclogram with several aircraft: every condition once, and those of friction again."""
     total = _AIRCRAFT * len(SURFACES)
     labels = random.permutation(np.resize([*range(len(classes)), 0, 1, 2], total)).tolist()
-    cyclogram = Flight(seed=seed, cyclogram=[*CYCLOGRAMS][mode]).fly_cyclogram()
+    flown = Flight(seed=seed, cyclogram=[*CYCLOGRAMS][mode]).fly_cyclogram()
+    moved, faster = _spread(random, 2)
+    moves = {name: np.clip(moved * each, -_TRAVEL, _TRAVEL) for name, each in flown.commands.items()}
+    cyclogram = replace(flown, commands=moves, airspeed=faster**0.5 * flown.airspeed)
     for craft in range(_AIRCRAFT):
         mine = labels[craft * len(SURFACES) :][: len(SURFACES)]
-        drawn = [_draw(classes[label], actuator.known_limits(), random) for label in mine]
+        names = [classes[label] for label in mine]
+        drawn = [_draw(name, actuator.known_limits(), random) for name in names]
         flight = Flight(
             seed=seed + craft,
             friction_nm={name: (each[1], each[1]) for name, each in zip(SURFACES, drawn, strict=True)},
             rate_hz=rate_hz,
-            parameters=parameters_of(actuator).two_masses(),
+            noise=SensorNoise(*_spread(random) * astuple(SensorNoise())),
+            parameters=_geared(parameters_of(actuator), random, rigid="backlash" not in names),
             cyclogram=cyclogram,
             conditions={name: each[2] for name, each in zip(SURFACES, drawn, strict=True)},
             individuals=seed + craft,
@@ -167,6 +174,26 @@ def _fly_group(
         records = fly(flight).actuators.values()
         for k, (label, (severity, *_), record) in enumerate(zip(mine, drawn, records, strict=True)):
             yield label, severity, record, k % 2 == 0
+
+
+def _spread(random: np.random.Generator, count: int = 1) -> Array:
+    """Return factors between a half and twice: of what differs between aircraft, pilots and sensors."""
+    return np.exp2(random.uniform(-1.0, 1.0, count))
+
+
+def _geared(parameters: EmaParameters, random: np.random.Generator, *, rigid: bool) -> EmaParameters:
+    """Return the actuator with a gear of its own: every third is rigid, where its play is no fault."""
+    if rigid and random.random() < 1 / 3:
+        return parameters
+    gear, (stiff, play, surface) = Gearbox(), _spread(random, 3)
+    return parameters.two_masses(
+        replace(
+            gear,
+            stiffness=stiff * gear.stiffness,
+            backlash=play * gear.backlash,
+            surface_inertia=surface * gear.surface_inertia,
+        )
+    )
 
 
 def _draw(
@@ -235,7 +262,7 @@ def flown_windows(flown: FlownFlights, part: int, classes: Sequence[str]) -> Lab
         sums, _ = _sums_of(each.actuator, each.time_s, each.values, each.measured)
         asked = shows_something(sums)
         still += len(sums) - int(asked.sum())
-        features.append(statistics(sums[asked]))
+        features.append(window_features(sums[asked]))
         # Below zero: no simulated flight has such a number.
         rows.append(np.tile((classes.index(each.label), -1 - each.flight), (len(features[-1]), 1)))
     label, flight = np.concatenate(rows).T
@@ -337,7 +364,7 @@ def train_window_network(
 
 def flight_counts(flights: int) -> tuple[int, int, int]:
     """Return the numbers of cyclograms for training, calibration and measurement."""
-    return 4 * flights, 2 * flights, 2 * flights
+    return 8 * flights, 2 * flights, 2 * flights
 
 
 def measure(

@@ -72,7 +72,7 @@ def test_what_no_network_covers_is_not_classified(run: Run, short_log: Path, tmp
     outcome = run("export", short_log, "-o", tmp_path / "c.csv", "--classify", "--model", other)
     assert outcome.code == ExitCode.ERROR
     assert "no network covers it: it carries V1, " in outcome.err
-    assert "my-net takes V5, V7 of mine" in outcome.err
+    assert "my-net takes V1, V5, V7 of mine" in outcome.err
     assert not (tmp_path / "c.csv").exists()
     for wrong in (["--messages", "ATTITUDE", "--classify"], ["--model", "paper-esc"]):
         assert run("export", short_log, "-o", tmp_path / "c.csv", *wrong).code == ExitCode.USAGE

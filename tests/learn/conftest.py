@@ -1,14 +1,13 @@
 """What the tests of the learning room share."""
 
 from collections.abc import Callable, Iterator
-from functools import partial
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
-from mavhums.learn import Card, Network, Selection, chain
+from mavhums.learn import Card, Network, Selection, wrapper
 from mavhums.learn.trainer import one_thread
 
 Flights = tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]
@@ -88,8 +87,8 @@ def card() -> Card:
 @pytest.fixture
 def small_wrapper(monkeypatch: pytest.MonkeyPatch) -> None:
     """A wrapper of the same two rounds with fewer iterations and seeds."""
-    monkeypatch.setattr(chain, "_ITERATIONS", 20)
-    monkeypatch.setattr(chain, "Rounds", partial(chain.Rounds, shortlist=3, iterations=40, seeds=1))
+    for name, value in {"_ITERATIONS": 20, "_SHORTLIST": 3, "_SECOND_ITERATIONS": 40, "_SEEDS": 1}.items():
+        monkeypatch.setattr(wrapper, name, value)
 
 
 @pytest.fixture(autouse=True)

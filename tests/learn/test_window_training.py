@@ -33,7 +33,12 @@ def network() -> WindowNetwork:
     assert result.selection.thinned is not None
     assert result.selection.thinned.kept <= 303
     assert {each.quantity for each in result.selection.excluded} < {"V5 way", "V5 rms"}
-    assert result.selection.wrapped is not None
+    wrapped = result.selection.wrapped
+    assert wrapped is not None
+    assert wrapped.search == "elimination"
+    assert wrapped.costs.keys() == {*result.network.keys}
+    assert min(wrapped.costs["V5 way"], wrapped.costs["V4|V5"]) > 0.1
+    assert "V7 rms" not in result.network.keys  # noise
     assert result.network.keys == tuple(
         key for key in result.selection.selected if key in result.network.keys
     )
@@ -81,6 +86,18 @@ def test_a_window_is_answered_alike_alone_and_among_others(network: WindowNetwor
     together = network.probabilities(features)
     for k in range(0, 600, 7):
         np.testing.assert_array_equal(together[k], network.probabilities(features[k : k + 1])[0])
+
+
+def test_wild_values_of_a_few_windows_hide_nothing_of_the_others() -> None:
+    pytest.importorskip("torch")
+    some = windows(1)
+    for k, key in enumerate(KEYS):
+        some.features[k::200, WINDOW_KEYS.index(key)] = 1000.0
+    scheme = Scheme(networks=5, vectors=None, select="none")
+    found = train_windows(some, classes=3, keys=KEYS, seed=1, scheme=scheme).network
+    others = windows(2)
+    assert set(found.maximum.tolist()) == {1000.0}
+    assert np.mean(found.probabilities(others.features).argmax(axis=1) == others.classes) > 0.9
 
 
 def test_what_is_missing_or_foreign_is_not_inside(network: WindowNetwork) -> None:

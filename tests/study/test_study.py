@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from rerun.chunk import RrdReader
 
 from mavhums.cli.main import cli
 from mavhums.core.quantities import KEYS
-from mavhums.learn import chain
+from mavhums.learn import wrapper
 from mavhums.study.experiment import Effort
 
 TINY = Effort(networks=3, iterations=40, every=20, subset_samples=0, takeoffs=0)
@@ -37,9 +36,9 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def quick_study(out: Path, effort: Effort) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Effort, "quick", classmethod(lambda _: effort))
-        patch.setattr(chain, "_SAMPLES", 200)
-        patch.setattr(chain, "_ITERATIONS", 10)
-        patch.setattr(chain, "Rounds", partial(chain.Rounds, shortlist=2, iterations=20, seeds=1))
+        sizes = {"_SAMPLES": 200, "_ITERATIONS": 10, "_SHORTLIST": 2, "_SECOND_ITERATIONS": 20, "_SEEDS": 1}
+        for name, value in sizes.items():
+            patch.setattr(wrapper, name, value)
         outcome = CliRunner().invoke(cli, ["study", "paper", "-o", str(out), "--quick"])
     assert outcome.exit_code == 0, outcome.output
     assert outcome.output.splitlines() == [str(out / path.name) for path in map(Path, outcome.output.split())]

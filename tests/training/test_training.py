@@ -14,6 +14,7 @@ from mavhums.actuator import load_airframe
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, WINDOW_KEYS, column
 from mavhums.learn import Scheme, load_model, packaged_models, save_model
+from mavhums.learn.evaluation import CommandLeak
 from mavhums.training.flights import TELEMETRY, fly_fleet, friction_range, moving_samples, windows
 from mavhums.training.train import train_model
 from mavhums.training.windows import classes_of, fly_windows, keys_of
@@ -135,6 +136,9 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
     assert card.features == network.keys
     assert set(card.features) <= set(card.selection.selected) < set(TELEMETRY[tier].keys)
     assert card.name == f"paper-{tier}"
+    assert card.conditions["not_offered"] == TELEMETRY[tier].withheld
+    assert card.selection.wrapped is not None
+    assert card.selection.wrapped.costs.keys() == {*card.features}
     assert card.calibration is not None
     assert card.calibration.slope > 0
     assert card.calibration.metrics["windows_measured"] > 5
@@ -158,8 +162,14 @@ def test_a_model_that_never_votes_is_not_calibrated(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("mavhums.training.flights.fly", shorter)
     monkeypatch.setattr("mavhums.training.windows.fly", shorter)
     monkeypatch.setattr("mavhums.training.samples.windows", lambda *_: iter([(None, 0)]))
+    # A command that differs between the classes is not offered.
+    monkeypatch.setattr("mavhums.training.train.check_command", lambda *_: CommandLeak(1.0, 0.001, True))
     said: list[str] = []
     _, card, _ = train_model(AIRFRAME, flights=1, scheme=Scheme(networks=1, vectors=100), tell=said.append)
+    assert not {"V1", "V2"} & card.selection.chi_square.keys()
+    assert card.conditions["not_offered"] == dict.fromkeys(
+        ("V1", "V2"), "its distribution differs between the classes"
+    )
     assert card.calibration is None
     assert any("too rarely" in line for line in said)
 
@@ -180,9 +190,9 @@ def test_packaged_models_say_how_they_were_made() -> None:
         assert model.card.selection.wrapped is not None
         assert model.card.selection.thinned is not None
         assert model.card.window is not None
-        wrapper = model.card.window.selection.stage_lines(model.card.window.features)[-1]
-        assert "drops nothing, for no subset tried is better: " in wrapper
-        assert set(model.keys) <= set(telemetry.keys) < set(KEYS)
+        assert model.card.window.selection.wrapped is not None
+        assert model.card.window.selection.wrapped.search == "elimination"
+        assert set(model.keys) <= set(telemetry.keys) <= set(KEYS)
     assert load_model(Path(mavhums.__file__).parent / "learn/models/paper-esc.safetensors").keys
 
 
@@ -203,6 +213,8 @@ def test_every_condition_flies_the_same_command_and_shows_what_it_is() -> None:
     ):
         assert sign * np.median(seen[key][classes == fault]) > sign * np.median(seen[key][normal])
     assert np.abs(seen["gap mean"][classes == "sensor_bias"]).min() > np.abs(seen["gap mean"][normal]).max()
+    # Rigid gears are flown beside elastic ones.
+    assert seen["gap std"][normal].min() < 0.025 < seen["gap std"][normal].max()
 
 
 def test_telemetry_without_two_angles_asks_for_no_play_and_no_bias() -> None:

@@ -100,7 +100,7 @@ class NetworkTally:
                 condition, since_s = _CONDITIONS[self._agreement.severity], self._agreement.since_s
                 self._held = self._like.get(self._agreement.severity, said)
                 if SEVERITY[condition] > SEVERITY[self.worst]:
-                    self.worst, self._worst_says = condition, self._held.said
+                    self.worst, self._worst_says = condition, self._held.likely
                 if self._recorded:
                     self._decided.append(DecisionChange(end, condition, since_s))
                 self._episodes.begin_decided(condition, since_s, end, said.probability)
@@ -143,7 +143,7 @@ class NetworkTally:
         """Return the fault whose class the network holds, with its probability in the window that decided."""
         if self._held is None or not self._held.severity:
             return None
-        return Suspect(fault=fault_of(self._held.said), confidence=self._held.probability)
+        return Suspect(fault=fault_of(self._held.likely), confidence=self._held.probability)
 
     def record(self) -> FaultRecord:
         """Return the record of a flight whose friction the network decides, for a later comparison."""

@@ -121,11 +121,6 @@ LEAST_VOTERS: Final = 20
 # hand.
 LEAST_VOTERS_PER_DIRECTION: Final = 5
 
-# Standard deviation of V3 − V2/N below which it is the sensors' noise alone, °. Every gear that a network
-# of windows learned has play and winds up: 2 of 8,479 windows were below. A rigid gear is none of these, and
-# the network took that of the data sheet for a torque constant lost, at any friction.
-RIGID_GEAR_DEG: Final = 0.025
-
 # Share of values that no such actuator can have from which they are the reason of a missing verdict. By
 # hand.
 IMPLAUSIBLE_SHARE: Final = 0.1

@@ -23,7 +23,6 @@ from mavhums.health.actuator.thresholds import (
     EVEN_PROBABILITY,
     LEAST_VOTERS,
     LEAST_VOTERS_PER_DIRECTION,
-    RIGID_GEAR_DEG,
 )
 from mavhums.learn import Model
 from mavhums.learn.model import FRICTION_EMERGENCY
@@ -88,8 +87,10 @@ class VoteOutcome(NamedTuple):
     network
         Index of the network that answered.
     said
-        The most probable class; ``ABSTAINED`` where no condition is sure, ``OUTSIDE`` where the window lies
-        outside the training range.
+        The most probable class; ``ABSTAINED`` below the probability from which the network decides,
+        ``OUTSIDE`` where the window lies outside the training range.
+    likely
+        The most probable class.
     severity
         The gravest condition that the probabilities make sure of: 0 normal, 1 degraded, 2 an emergency; -1
         where none is, or outside.
@@ -101,6 +102,7 @@ class VoteOutcome(NamedTuple):
 
     network: int
     said: str
+    likely: str
     severity: int
     leaning: int
     probability: float
@@ -110,8 +112,8 @@ class VoteOutcome(NamedTuple):
 def by_votes(p_emergency: float, network: int) -> VoteOutcome:
     """Return what a network of samples says of a window: it knows two classes."""
     if p_emergency > EVEN_PROBABILITY:
-        return VoteOutcome(network, FRICTION_EMERGENCY, 2, 2, p_emergency, p_emergency)
-    return VoteOutcome(network, "normal", 0, 0, 1.0 - p_emergency, p_emergency)
+        return VoteOutcome(network, FRICTION_EMERGENCY, FRICTION_EMERGENCY, 2, 2, p_emergency, p_emergency)
+    return VoteOutcome(network, "normal", "normal", 0, 0, 1.0 - p_emergency, p_emergency)
 
 
 def count_votes(
@@ -184,7 +186,7 @@ def window_outcomes(networks: Sequence[Classifier], counts: Counts, slots: Array
         (windows, slots, sums).
     """
     sums = of_window(slots)
-    asked, features = shows_something(sums), statistics(sums)
+    asked, features = shows_something(sums), window_features(sums)
     signed = np.isfinite(features[:, WINDOW_KEYS.index("V5 rms")])
     answers = [vote if one else None for vote, one in zip(outcomes(networks, counts), signed, strict=True)]
     open_ = np.ones(len(sums), dtype=np.bool_)
@@ -208,9 +210,10 @@ def _of_window(network: Classifier, number: int, probabilities: Array, inside: b
     surely = [least for least in (2, 1) if reached[least] >= network.window_level]
     healthy = 0 if 1.0 - reached[1] >= network.window_level else -1
     severity = -1 if not inside else surely[0] if surely else healthy
-    said = OUTSIDE if not inside else ABSTAINED if severity < 0 else classes[most]
+    decides = probabilities[most] >= network.window_level
+    said = OUTSIDE if not inside else classes[most] if decides else ABSTAINED
     leaning = max(least for least in range(3) if reached[least] >= EVEN_PROBABILITY)
-    return VoteOutcome(number, said, severity, leaning, float(probabilities[most]), reached[1])
+    return VoteOutcome(number, said, classes[most], severity, leaning, float(probabilities[most]), reached[1])
 
 
 @cache
@@ -218,17 +221,6 @@ def _grave(classes: tuple[str, ...]) -> Integers:
     """Return the severity of each class."""
     emergencies = (FRICTION_EMERGENCY, "jam")
     return np.array([0 if one == "normal" else 2 if one in emergencies else 1 for one in classes])
-
-
-def statistics(sums: Array) -> Array:
-    """Return the windows' statistics, without those of a gear that shows neither play nor wind-up."""
-    features = window_features(sums)
-    # Column 0 is the number of samples.
-    rigid = (sums[:, 0] >= LEAST_VOTERS) & (features[:, WINDOW_KEYS.index("gap std")] < RIGID_GEAR_DEG)
-    for k, key in enumerate(WINDOW_KEYS):
-        if key.startswith("gap"):
-            features[rigid, k] = np.nan
-    return features
 
 
 def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[VoteOutcome | None]:
@@ -271,8 +263,8 @@ def carries(values: Array, gear_ratio: float | None) -> Flags:
     """Return which quantities of V1…V12 (n, 12) carry something, shape (n, 12)."""
     carried = np.isfinite(values)
     if gear_ratio is not None:
-        # A V3 that was divided from V2 carries nothing of its own.
-        carried[:, _V3] &= values[:, _V3] != values[:, _V2] / gear_ratio
+        # A V3 that was divided from V2 is no measurement, and V2 then the drifting integral of a speed.
+        carried[:, [_V2, _V3]] &= (values[:, _V3] != values[:, _V2] / gear_ratio)[:, None]
     return carried
 
 

@@ -13,10 +13,10 @@ from mavhums.health.actuator.network_tally import NetworkTally
 from mavhums.health.actuator.votes import VoteOutcome, by_votes
 
 GRAVE, SOUND, EVEN = by_votes(0.8, 0), by_votes(0.3, 0), by_votes(0.5, 0)
-WORN = VoteOutcome(0, "friction_degraded", 1, 1, 0.99, 1.0)
-PLAY = VoteOutcome(0, "backlash", 1, 1, 0.99, 0.99)
-UNSURE = VoteOutcome(0, "abstained", -1, 1, 0.6, 0.6)
-ALIEN = VoteOutcome(0, "outside", -1, 2, 1.0, 1.0)
+WORN = VoteOutcome(0, "friction_degraded", "friction_degraded", 1, 1, 0.99, 1.0)
+PLAY = VoteOutcome(0, "backlash", "backlash", 1, 1, 0.99, 0.99)
+UNSURE = VoteOutcome(0, "abstained", "backlash", -1, 1, 0.6, 0.6)
+ALIEN = VoteOutcome(0, "outside", "jam", -1, 2, 1.0, 1.0)
 
 
 def fed(tally: NetworkTally, *said: VoteOutcome | None) -> list[tuple[int, str, float]]:

@@ -171,7 +171,9 @@ def slots(current: float, load: float = 0.5, moving: int = 20) -> Array:
 
 def test_a_network_of_windows_answers_instead_of_votes() -> None:
     ballots = window(row(0, 40, (20, 20), (20, 20)))[None]
-    assert window_outcomes([ByWindow()], ballots, slots(0.25)) == [VoteOutcome(0, "normal", 0, 0, 0.75, 0.25)]
+    assert window_outcomes([ByWindow()], ballots, slots(0.25)) == [
+        VoteOutcome(0, "normal", "normal", 0, 0, 0.75, 0.25)
+    ]
     assert window_outcomes([Threshold()], ballots, slots(0.25)) == [by_votes(1.0, 0)]
 
 
@@ -191,9 +193,9 @@ class Ranks(Threshold):
     [
         ((0.9, 0.1, 0.0, 0.0, 0.0), "normal", 0, 0),
         ((0.1, 0.9, 0.0, 0.0, 0.0), "friction_degraded", 1, 1),
-        ((0.0, 0.5, 0.5, 0.0, 0.0), "friction_degraded", 1, 2),  # surely no less than degraded
+        ((0.0, 0.5, 0.5, 0.0, 0.0), "abstained", 1, 2),  # surely no less than degraded
         ((0.0, 0.2, 0.0, 0.8, 0.0), "backlash", 1, 1),
-        ((0.0, 0.2, 0.4, 0.0, 0.4), "friction_emergency", 2, 2),
+        ((0.0, 0.2, 0.4, 0.0, 0.4), "abstained", 2, 2),
         ((0.5, 0.5, 0.0, 0.0, 0.0), "abstained", -1, 1),
         ((0.6, 0.2, 0.2, 0.0, 0.0), "abstained", -1, 0),
     ],
@@ -213,12 +215,14 @@ def test_a_window_is_as_grave_as_its_probabilities_make_sure(
 def test_a_network_that_knows_no_emergency_by_friction_names_its_classes() -> None:
     network = Ranks(window_classes=("normal", "backlash"), probabilities=(0.1, 0.9))
     (found,) = window_outcomes([network], window(row(0, 40, (20, 20), (0, 0)))[None], slots(0.25))
-    assert found == VoteOutcome(0, "backlash", 1, 1, 0.9, 0.9)
+    assert found == VoteOutcome(0, "backlash", "backlash", 1, 1, 0.9, 0.9)
 
 
 def test_a_network_of_windows_abstains_outside_its_range_and_where_nothing_moves() -> None:
     ballots = window(row(0, 40, (20, 20), (20, 20)))[None]
-    assert window_outcomes([ByWindow()], ballots, slots(3.0)) == [VoteOutcome(0, "outside", -1, 2, 1.0, 1.0)]
+    assert window_outcomes([ByWindow()], ballots, slots(3.0)) == [
+        VoteOutcome(0, "outside", "friction_emergency", -1, 2, 1.0, 1.0)
+    ]
     assert window_outcomes([ByWindow()], ballots, slots(0.25, moving=18)) == [None]
 
 
@@ -230,7 +234,7 @@ def test_a_network_of_windows_that_lacks_a_quantity_leaves_it_to_votes_and_to_ot
     assert window_outcomes([loaded, ByWindow()], ballots, without_load) == [by_votes(0.5, 0)]
     silent = window(row(-1, 40, (0, 0), (0, 0)))[None]
     assert window_outcomes([loaded, ByWindow()], silent, without_load) == [
-        VoteOutcome(1, "normal", 0, 0, 0.75, 0.25)
+        VoteOutcome(1, "normal", "normal", 0, 0, 0.75, 0.25)
     ]
     assert window_outcomes([Threshold(), ByWindow()], ballots, without_load) == [by_votes(0.5, 0)]
 
