@@ -12,8 +12,8 @@ from mavhums.actuator import load_airframe
 from mavhums.core.arrays import Flags
 from mavhums.learn import Model
 from mavhums.learn.model import FRICTION_EMERGENCY
-from mavhums.training.flights import TELEMETRY
-from mavhums.training.windows import FlownWindows, fly_windows, measure
+from mavhums.paper.flights import TELEMETRY
+from mavhums.paper.windows import FlownWindows, fly_windows, measure
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 
 SEED = 56_000_000

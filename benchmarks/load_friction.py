@@ -24,8 +24,8 @@ import mavhums
 from benchmarks._fleet import MODES
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
+from mavhums.paper.real import rate
 from mavhums.results.verdict import Verdict
-from mavhums.study.real import rate
 from mavhums_sim import EmaParameters, Flight, FlightRecord, fly, write_tlog
 from mavhums_sim.campaign import PAPER_FRICTION_NM
 from mavhums_sim.conditions import Condition

@@ -45,8 +45,8 @@ from mavhums.learn import (
     packaged_models,
     train_network,
 )
-from mavhums.training.flights import TELEMETRY, ActuatorFlight, Telemetry, fly_fleet, moving_samples
-from mavhums.training.flights import windows as votes_of
+from mavhums.paper.flights import TELEMETRY, ActuatorFlight, Telemetry, fly_fleet, moving_samples
+from mavhums.paper.flights import windows as votes_of
 from mavhums_sim.conditions import Condition
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 

@@ -39,9 +39,9 @@ from mavhums.app.identify import identify
 from mavhums.core.errors import MavhumsError
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
+from mavhums.paper.real import rate
+from mavhums.paper.rig import HEALTHY, read_rig
 from mavhums.results.verdict import Indicator, Verdict
-from mavhums.study.real import rate
-from mavhums.study.rig import HEALTHY, read_rig
 
 SECTIONS = ("sheet", "own", "identify", "screw")
 RISES = (0.25, 0.5, 1.0)

@@ -122,7 +122,7 @@ def train(
     """
     from mavhums.actuator.profile import load_airframe
     from mavhums.learn import CommandLeakWarning, PrecedentBase, Scheme, save_model
-    from mavhums.training.train import train_model
+    from mavhums.paper.train import train_model
 
     profile = load_airframe(airframe)
     names = tuple(name.strip() for name in functions.split(","))
@@ -210,7 +210,7 @@ def add_precedents(
     from mavhums.actuator.profile import load_airframe
     from mavhums.learn import PrecedentBase
     from mavhums.learn.precedents import PrecedentError, label_of, read_labels
-    from mavhums.training.flown import add_log
+    from mavhums.paper.flown import add_log
 
     if (table is None) == (label is None) or (table and names):
         raise click.UsageError("name the conditions either with --labels, or with --label and --actuator")
@@ -257,7 +257,7 @@ def study() -> None:
 @click.option("--seed", default=1, show_default=True, type=int, help="Of the networks; not of the flights.")
 def study_paper(output: Path, quick: bool, seed: int) -> None:
     """Set the tables and figures of the paper beside ours: report, CSV tables and a Rerun recording."""
-    from mavhums.study import write_study
+    from mavhums.paper import write_study
 
     with steps("study") as progress:
         files = write_study(output, quick=quick, seed=seed, progress=progress)
@@ -278,7 +278,7 @@ def study_real(data: Path, output: Path, quick: bool, seed: int) -> None:
     mixed, whole runs kept together, and a load, later runs or early stages left out, with and without the
     constants of the runs; and what the indicators of strokes find without learning any fault.
     """
-    from mavhums.study import write_real_study
+    from mavhums.paper import write_real_study
 
     with steps("study") as progress:
         files = write_real_study(data, output, quick=quick, seed=seed, progress=progress)

@@ -212,7 +212,7 @@ def test_train_writes_a_model_that_analyse_uses(
 ) -> None:
     pytest.importorskip("torch")
     shorter = lambda flight: fly(replace(flight, duration_s=40.0))  # noqa: E731
-    monkeypatch.setattr("mavhums.training.flights.fly", shorter)
+    monkeypatch.setattr("mavhums.paper.flights.fly", shorter)
     model = tmp_path / "model.safetensors"
     trained = run("train", "--flights", "2", "--networks", "2", "--vectors", "500", "-o", model)
     assert trained.code == 0

@@ -27,9 +27,9 @@ from mavhums.health.estimation.equations import STROKE_EQUATIONS
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.learn import LabelledWindows, Scheme
 from mavhums.learn.training import ClassesResult, train_classes
-from mavhums.study.report import render
-from mavhums.study.rig import CONSTANTS, FEATURES, HEALTHY, Constants, Run, examples, read_rig, stage
-from mavhums.study.run import Folder, Progress
+from mavhums.paper.report import render
+from mavhums.paper.rig import CONSTANTS, FEATURES, HEALTHY, Constants, Run, examples, read_rig, stage
+from mavhums.paper.study import Folder, Progress
 
 MIXED, RUNS, LOADS, LATER, STAGES = (
     "sequences mixed",
@@ -266,7 +266,7 @@ def write_real_study(
     Parameters
     ----------
     data
-        Folder of the recordings, see :mod:`mavhums.study.rig`; or one with a ``cranfield`` in it.
+        Folder of the recordings, see :mod:`mavhums.paper.rig`; or one with a ``cranfield`` in it.
     folder
         Output folder; created if it does not exist.
     quick

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from mavhums.core.quantities import KEYS
-from mavhums.study.cyclograms import BEST_12, BEST_SELECTED, SELECTED, TAKEOFF
-from mavhums.study.experiment import Experiment
-from mavhums.study.tables import Findings
+from mavhums.paper.cyclograms import BEST_12, BEST_SELECTED, SELECTED, TAKEOFF
+from mavhums.paper.experiment import Experiment
+from mavhums.paper.tables import Findings
 
 POINT: Final = 0.5
 """A figure is confirmed within so many points, an order of accuracies where it holds by so many."""

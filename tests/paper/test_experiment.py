@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from mavhums.study.cyclograms import (
+from mavhums.paper.cyclograms import (
     CONDITIONS,
     CYCLOGRAMS,
     PILOT,
@@ -14,7 +14,7 @@ from mavhums.study.cyclograms import (
     TRAINING_NM,
     fly_condition,
 )
-from mavhums.study.experiment import held_decision
+from mavhums.paper.experiment import held_decision
 
 
 def test_the_decision_in_motion_is_kept_through_standstill() -> None:

@@ -16,7 +16,7 @@ from rerun.chunk import RrdReader
 from mavhums.cli.main import cli
 from mavhums.core.quantities import KEYS
 from mavhums.learn import wrapper
-from mavhums.study.experiment import Effort
+from mavhums.paper.experiment import Effort
 
 TINY = Effort(networks=3, iterations=40, every=20, subset_samples=0, takeoffs=0)
 WITH_SEARCH = replace(TINY, subset_samples=40, subset_iterations=3, takeoffs=1, iterations=20)

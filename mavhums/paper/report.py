@@ -17,10 +17,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from mavhums.core.quantities import KEYS, QUANTITIES
 from mavhums.learn import SubsetSearch
-from mavhums.show._rows import open_stream, send
-from mavhums.show.blueprint import panels, whole_flight
-from mavhums.show.words import BLUE, COLOURS, SERIES
-from mavhums.study.cyclograms import (
+from mavhums.paper.cyclograms import (
     BEST_SELECTED,
     CONDITIONS,
     FIGURES_16_TO_19,
@@ -32,8 +29,8 @@ from mavhums.study.cyclograms import (
     TRAINING_NM,
     CyclogramSamples,
 )
-from mavhums.study.experiment import WEIGHT_DECAY, Experiment, emergency, held_decision
-from mavhums.study.statements import (
+from mavhums.paper.experiment import WEIGHT_DECAY, Experiment, emergency, held_decision
+from mavhums.paper.statements import (
     FASTER,
     POINT,
     decay_table,
@@ -41,7 +38,10 @@ from mavhums.study.statements import (
     named,
     statement_table,
 )
-from mavhums.study.tables import FEWER_NETWORKS, LOAD_FRICTION, Findings
+from mavhums.paper.tables import FEWER_NETWORKS, LOAD_FRICTION, Findings
+from mavhums.show._rows import open_stream, send
+from mavhums.show.blueprint import panels, whole_flight
+from mavhums.show.words import BLUE, COLOURS, SERIES
 
 _HELD_GOAL = 99.9
 _MOVES = 0.9
@@ -53,7 +53,7 @@ def render(template: str, **results: object) -> str:
     A template writes a table by the filter ``table``, see :func:`markdown_table`.
     """
     made = Environment(
-        loader=PackageLoader("mavhums.study"),
+        loader=PackageLoader("mavhums.paper"),
         autoescape=False,
         undefined=StrictUndefined,
         trim_blocks=True,

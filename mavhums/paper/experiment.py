@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import column
 from mavhums.learn import TanhNetwork, TanhNetworkEnsemble
-from mavhums.study.cyclograms import (
+from mavhums.paper.cyclograms import (
     TAKEOFF,
     TEST_NM,
     TRAINING_NM,
@@ -170,7 +170,7 @@ def run_experiment(
     Parameters
     ----------
     cyclogram
-        A key of :data:`~mavhums.study.cyclograms.CYCLOGRAMS`.
+        A key of :data:`~mavhums.paper.cyclograms.CYCLOGRAMS`.
     inputs
         Keys of the networks' input quantities.
     effort, seed

@@ -15,9 +15,9 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, WINDOW_KEYS, column
 from mavhums.learn import Scheme, load_model, packaged_models, save_model
 from mavhums.learn.evaluation import CommandLeak
-from mavhums.training.flights import TELEMETRY, fly_fleet, friction_range, moving_samples, windows
-from mavhums.training.train import train_model
-from mavhums.training.windows import classes_of, fly_windows, keys_of
+from mavhums.paper.flights import TELEMETRY, fly_fleet, friction_range, moving_samples, windows
+from mavhums.paper.train import train_model
+from mavhums.paper.windows import classes_of, fly_windows, keys_of
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.conditions import Condition
 from mavhums_sim.individuals import Individual
@@ -114,8 +114,8 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tier = "esc"
-    monkeypatch.setattr("mavhums.training.flights.fly", shorter)
-    monkeypatch.setattr("mavhums.training.windows.fly", shorter)
+    monkeypatch.setattr("mavhums.paper.flights.fly", shorter)
+    monkeypatch.setattr("mavhums.paper.windows.fly", shorter)
     seen: list[tuple[int, int]] = []
     said: list[str] = []
     network, card, window = train_model(
@@ -159,11 +159,11 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
 
 @pytest.mark.slow
 def test_a_model_that_never_votes_is_not_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mavhums.training.flights.fly", shorter)
-    monkeypatch.setattr("mavhums.training.windows.fly", shorter)
-    monkeypatch.setattr("mavhums.training.samples.windows", lambda *_: iter([(None, 0)]))
+    monkeypatch.setattr("mavhums.paper.flights.fly", shorter)
+    monkeypatch.setattr("mavhums.paper.windows.fly", shorter)
+    monkeypatch.setattr("mavhums.paper.samples.windows", lambda *_: iter([(None, 0)]))
     # A command that differs between the classes is not offered.
-    monkeypatch.setattr("mavhums.training.train.check_command", lambda *_: CommandLeak(1.0, 0.001, True))
+    monkeypatch.setattr("mavhums.paper.train.check_command", lambda *_: CommandLeak(1.0, 0.001, True))
     said: list[str] = []
     _, card, _ = train_model(AIRFRAME, flights=1, scheme=Scheme(networks=1, vectors=100), tell=said.append)
     assert not {"V1", "V2"} & card.selection.chi_square.keys()

@@ -19,7 +19,7 @@ from mavhums.learn import (
     check_command,
     expected_calibration_error,
 )
-from mavhums.training.flights import (
+from mavhums.paper.flights import (
     History,
     Telemetry,
     fly_fleet,
@@ -27,7 +27,7 @@ from mavhums.training.flights import (
     moving_samples,
     windows,
 )
-from mavhums.training.flown import TAUGHT, FlownFlights
+from mavhums.paper.flown import TAUGHT, FlownFlights
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 

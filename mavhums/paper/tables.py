@@ -25,7 +25,7 @@ from mavhums.learn import (
 )
 from mavhums.learn.evaluation import hold_out
 from mavhums.learn.subsets import Objective
-from mavhums.study.cyclograms import (
+from mavhums.paper.cyclograms import (
     CHI_SQUARE,
     P_LEVELS,
     PILOT,
@@ -37,7 +37,7 @@ from mavhums.study.cyclograms import (
     CyclogramSamples,
     fly_condition,
 )
-from mavhums.study.experiment import Bound, Effort, Experiment, emergency, run_experiment, samples
+from mavhums.paper.experiment import Bound, Effort, Experiment, emergency, run_experiment, samples
 from mavhums_sim.ema import DataSheet, EmaParameters
 from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 

@@ -24,9 +24,9 @@ from mavhums.learn import (
     check_command,
     train_network,
 )
-from mavhums.training.flights import TELEMETRY, friction_range
-from mavhums.training.flown import CALIBRATES, MEASURES, TAUGHT, TRAINS, FlownFlights
-from mavhums.training.samples import (
+from mavhums.paper.flights import TELEMETRY, friction_range
+from mavhums.paper.flown import CALIBRATES, MEASURES, TAUGHT, TRAINS, FlownFlights
+from mavhums.paper.samples import (
     Labelled,
     both_classes,
     calibrated,
@@ -35,7 +35,7 @@ from mavhums.training.samples import (
     training_samples,
     whole_range,
 )
-from mavhums.training.windows import flight_counts, train_window_network
+from mavhums.paper.windows import flight_counts, train_window_network
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 
 _CALIBRATION, _MEASUREMENT = 200_000, 400_000  # added to the seed; seeds of training flights are below both
@@ -69,11 +69,11 @@ def train_model(
 
     The network of windows comes from the same stages on flights of their own, in which every condition that
     the simulator flies and the telemetry shows is flown over the same commands
-    (:mod:`mavhums.training.windows`).
+    (:mod:`mavhums.paper.windows`).
 
     Precedents teach both networks: that of samples takes those that are normal or an emergency by friction,
     that of windows takes all classes. Where enough are there, whole flights of them calibrate and measure in
-    place of the simulated ones (:class:`mavhums.training.flown.FlownFlights`). Without simulated flights they
+    place of the simulated ones (:class:`mavhums.paper.flown.FlownFlights`). Without simulated flights they
     train alone, which needs no constants and no limits; without constants there is no network of windows.
 
     Parameters
@@ -81,7 +81,7 @@ def train_model(
     airframe
         Airframe profile; all its actuators must have the same constants and limits.
     tier
-        The model's telemetry: a name in :data:`mavhums.training.flights.TELEMETRY`.
+        The model's telemetry: a name in :data:`mavhums.paper.flights.TELEMETRY`.
     flights
         Number of simulated flights of each class, of four actuators each; 0 for precedents alone.
     seed, scheme, tell

@@ -17,7 +17,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.output import written_whole
 from mavhums.core.quantities import KEYS, QUANTITIES
 from mavhums.learn import CommandLeak, CommandLeakWarning, Scheme, check_command, train_network
-from mavhums.study.cyclograms import (
+from mavhums.paper.cyclograms import (
     CONDITIONS,
     CYCLOGRAMS,
     FIGURES_16_TO_19,
@@ -29,7 +29,7 @@ from mavhums.study.cyclograms import (
     CyclogramSamples,
     fly_condition,
 )
-from mavhums.study.experiment import (
+from mavhums.paper.experiment import (
     WEIGHT_DECAY,
     Effort,
     Experiment,
@@ -39,9 +39,9 @@ from mavhums.study.experiment import (
     samples,
     takeoff_bound,
 )
-from mavhums.study.report import record_study, report
-from mavhums.study.statements import decay_table, statement_table
-from mavhums.study.tables import (
+from mavhums.paper.report import record_study, report
+from mavhums.paper.statements import decay_table, statement_table
+from mavhums.paper.tables import (
     LOAD_FRICTION,
     TWO,
     FigureOne,

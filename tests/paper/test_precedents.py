@@ -17,8 +17,8 @@ from mavhums.cli.main import cli
 from mavhums.core.errors import MavhumsError
 from mavhums.learn import CommandLeakWarning, PrecedentBase, load_model
 from mavhums.learn.precedents import LABELS, Provenance, label_of
-from mavhums.training.flown import CALIBRATES, MEASURES, TRAINS, FlownFlights
-from mavhums.training.samples import of_precedents, training_samples
+from mavhums.paper.flown import CALIBRATES, MEASURES, TRAINS, FlownFlights
+from mavhums.paper.samples import of_precedents, training_samples
 from mavhums_sim import Flight, fly, write_tlog
 
 
@@ -143,7 +143,7 @@ def test_training_mixes_and_weighs_them(
 ) -> None:
     for module in ("flights", "windows"):
         monkeypatch.setattr(
-            f"mavhums.training.{module}.fly", lambda flight: fly(replace(flight, duration_s=20.0))
+            f"mavhums.paper.{module}.fly", lambda flight: fly(replace(flight, duration_s=20.0))
         )
 
     def train(*options: str) -> np.ndarray:
@@ -247,7 +247,7 @@ def test_labels_against_the_simulation_are_followed_at_their_weight(
     """They turn the votes and the windows, and the calibration does not turn them back."""
     for module in ("flights", "windows"):
         monkeypatch.setattr(
-            f"mavhums.training.{module}.fly", lambda flight: fly(replace(flight, duration_s=20.0))
+            f"mavhums.paper.{module}.fly", lambda flight: fly(replace(flight, duration_s=20.0))
         )
     labelled = [path for path in sorted(own_logs.glob("*.tlog")) if path.stem != "new"]
     base, model = tmp_path / "base", tmp_path / "model"
@@ -277,5 +277,5 @@ def test_a_command_that_distinguishes_the_classes_is_warned_of(fault: str, tmp_p
     with pytest.warns(CommandLeakWarning, match=r"Cramér's V 0\.[5-9]"):
         samples, *_ = training_samples(flown, (), "precedents", told.append)
     assert "Cramér's V" in told[0]
-    # An angle that was divided from the rotor's is not measured: no network would be asked with it.
-    assert np.isnan(samples).all(axis=0).tolist() == [k == 2 for k in range(12)]
+    # An angle that was divided from the rotor's is not measured: no network would be asked with either.
+    assert np.isnan(samples).all(axis=0).tolist() == [k in (1, 2) for k in range(12)]

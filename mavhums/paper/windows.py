@@ -33,8 +33,8 @@ from mavhums.learn import (
     train_windows,
 )
 from mavhums.learn.evaluation import at_temperature, decides_at
-from mavhums.training.flights import Telemetry, friction_range, parameters_of, reported
-from mavhums.training.flown import CALIBRATES, MEASURES, PURPOSE, TRAINS, FlownFlights
+from mavhums.paper.flights import Telemetry, friction_range, parameters_of, reported
+from mavhums.paper.flown import CALIBRATES, MEASURES, PURPOSE, TRAINS, FlownFlights
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.ema import EmaParameters, Gearbox

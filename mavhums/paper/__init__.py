@@ -1,6 +1,6 @@
-"""Studies: one command reproduces published results and compares them with ours.
+"""The paper's method: models from flights, and studies that repeat published results beside ours.
 
->>> from mavhums.study import write_study
+>>> from mavhums.paper import write_study
 >>> write_study("report", quick=True)  # doctest: +SKIP
 """
 
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
-    from mavhums.study.real import write_real_study
-    from mavhums.study.run import write_study
+    from mavhums.paper.real import write_real_study
+    from mavhums.paper.study import write_study
 
 __all__ = ["write_real_study", "write_study"]
 
@@ -20,6 +20,6 @@ _OPTIONAL = ("matplotlib", "pygad", "rerun", "sklearn", "torch")
 
 __getattr__, __dir__ = lazy_exports(
     __name__,
-    {"write_real_study": "real", "write_study": "run"},
+    {"write_real_study": "real", "write_study": "study"},
     missing=dict.fromkeys(_OPTIONAL, ("the study", "all")),
 )

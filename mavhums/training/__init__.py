@@ -1,1 +1,0 @@
-"""Training of models for an actuator, on simulated flights and precedents."""
