@@ -69,7 +69,7 @@ clean:
 # The inner loops compile while PyTorch installs, once for all processes of the tests.
 .venv/.ready: pyproject.toml constraints.txt
 	@echo "Setting up .venv for the tests: downloads 700 MB once (200 MB of it PyTorch's CPU build), 2.5 GB on disk."
-	$(PYTHON) -m venv .venv
+	$(BIN)/python -c "" 2>/dev/null || $(PYTHON) -m venv .venv
 	$(BIN)/python $(PIP) -e '.[$(EXTRAS),dev]'
 	@$(BIN)/mavhums warm-up & $(BIN)/python $(PIP) $(TORCH) $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) || \
 		echo "PyTorch's CPU build ($(TORCH)) is not on your package index: the tests of training are left out." \

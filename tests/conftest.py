@@ -70,7 +70,13 @@ def needs(path: Path) -> Callable[[Test], Test]:
     return mark
 
 
-LONGEST = "test_nothing_is_left_to_compile_after_a_warm_up"
+LONGEST = {  # a minute or more each: begun last, they would run alone
+    "test_nothing_is_left_to_compile_after_a_warm_up",
+    "test_training_mixes_and_weighs_them",
+    "test_a_model_for_less_is_trained_calibrated_and_repeatable",
+    "test_over_a_real_link",
+    "test_the_browser_shows_the_same",
+}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -83,7 +89,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.slow)
             if not path.is_file():
                 item.add_marker(pytest.mark.skip(f"{path.name} is not in MAVHUMS_REAL_LOGS"))
-    items.sort(key=lambda item: item.name != LONGEST)  # minutes on one core
+    items.sort(key=lambda item: item.name.partition("[")[0] not in LONGEST)
 
 
 class Outcome(NamedTuple):

@@ -19,16 +19,13 @@ from mavhums.learn import (
 
 ESTIMATORS = [
     ChiSquareRanking(),
-    ChiSquareRanking(strategy="quantile"),
     PairwiseRedundancyFilter(),
-    TanhNetworkClassifier(random_state=0),
+    TanhNetworkClassifier(max_iter=60, random_state=0),
     TanhNetworkEnsemble(n_networks=2, max_iter=60, random_state=0),
     RegressionRedundancyFilter(),
     NonlinearRegression(),
     VectorThinning(n_vectors=20, random_state=0),
-    VectorThinning(n_vectors=20, method="random", random_state=0),
     NetworkSubsetSelector(iterations=5, random_state=0),
-    NetworkSubsetSelector("genetic", evaluations=30, iterations=5, random_state=0),
 ]
 
 
