@@ -126,7 +126,7 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
         tell=said.append,
         progress=lambda *step: seen.append(step),
     )
-    assert seen == [(k, 28) for k in range(1, 29)]
+    assert seen == [(k, 36) for k in range(1, 37)]
     assert card.window is not None
     assert window is not None
     assert card.window.classes == classes_of(TELEMETRY[tier])
