@@ -162,14 +162,17 @@ def test_a_restored_backup_goes_on(
 
 
 def test_a_store_that_cannot_be_reached_is_told(run: Run) -> None:
-    for address, told in (
-        ("postgresql://nobody@127.0.0.1:9/fleet", "check the address"),
-        ("s3://nowhere/store", "is not an address of a database"),
+    for address, shown, told in (
+        ("postgresql://nobody@127.0.0.1:9/fleet", "nobody@127.0.0.1:9/fleet", "check the address"),
+        ("postgresql://nobody:a@b@127.0.0.1:9/fleet", "nobody:***@127.0.0.1:9/fleet", "check the address"),
+        ("postgresql://nobody@nowhere:port/fleet", "nowhere:port/fleet", "is not an address of a database"),
+        ("s3://nowhere/store", "s3://nowhere/store", "is not an address of a database"),
     ):
         outcome = run("fleet", "status", address)
         assert outcome.code == 1
-        assert f"{address}: " in outcome.err
+        assert f"{shown}: " in outcome.err
         assert told in outcome.err
+        assert "a@b" not in outcome.err
 
 
 _DRIVER = """

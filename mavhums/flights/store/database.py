@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
@@ -24,6 +25,7 @@ FORMAT: Final = 1
 
 # Longest wait for another command that writes; the verdicts of 10,000 flights take a minute and a half.
 _PATIENCE_S: Final = 300.0
+_PASSWORD: Final = re.compile(r"(://[^/@:]*:)[^/]*@")
 _REMEDIES: Final = {
     "locked": "another command writes into it: try again when it has ended",
     "lock timeout": "another command writes into it: try again when it has ended",
@@ -73,6 +75,11 @@ class Store:
     place
         A file, which the first write creates, or an address such as ``postgresql://user@host/fleet``.
 
+    Attributes
+    ----------
+    place
+        The same to be shown: without a password.
+
     Raises
     ------
     MavhumsError
@@ -80,8 +87,9 @@ class Store:
     """
 
     def __init__(self, place: str | os.PathLike[str]) -> None:
-        self.place = os.fspath(place)
-        self.is_file = "://" not in self.place
+        self._address = os.fspath(place)
+        self.is_file = "://" not in self._address
+        self.place = self._address if self.is_file else _PASSWORD.sub(r"\1***@", self._address)
         if self.is_file and Path(self.place).is_dir():
             raise MavhumsError(f"{self.place}: is a folder, not a store", "name its file, or a new file")
 
@@ -145,9 +153,9 @@ class Store:
     def _engine(self) -> Engine:
         if not self.is_file:
             try:
-                address = self.place.replace("postgresql://", "postgresql+psycopg://", 1)
+                address = self._address.replace("postgresql://", "postgresql+psycopg://", 1)
                 engine = create_engine(address, poolclass=NullPool, connect_args={"connect_timeout": 10})
-            except (ArgumentError, NoSuchModuleError) as error:
+            except (ArgumentError, NoSuchModuleError, ValueError) as error:
                 problem = f"{self.place}: is not an address of a database"
                 raise MavhumsError(problem, "name a file, or postgresql://USER@HOST/NAME") from error
             except ModuleNotFoundError as error:
