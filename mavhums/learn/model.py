@@ -194,7 +194,7 @@ def load_model(name_or_path: str | Path) -> Model:
     Examples
     --------
     >>> load_model("paper-esc").keys
-    ('V5', 'V7')
+    ('V1', 'V5', 'V7')
     >>> load_model("paper-ecs")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     mavhums.learn.model.ModelError: paper-ecs: no readable model file, and no packaged model: name one of ...
