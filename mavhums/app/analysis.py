@@ -123,9 +123,8 @@ def judge(
             return Judged(log, write_report(log, outputs.report, settings, outputs.shown, progress=progress))
         if outputs.recording is not None:
             recording, position = outputs.recording, outputs.position
-            return Judged(
-                log, analyse(log, settings, recording=recording, position=position, progress=progress)
-            )
+            judged = analyse(log, settings, recording=recording, position=position, progress=progress)
+            return Judged(log, judged)
         alone = analyse_alone(log, settings.engine, progress=progress)
         return Judged(log, compared_with_own(alone, settings), alone)
     except Exception as error:
@@ -378,13 +377,7 @@ def _sha256(path: Place, options: EngineOptions) -> str:
 
 
 def _swaps(path: Place, settings: Settings) -> Since:
-    """Return when the actuators of a log's aircraft were last swapped, from the messages that identify it.
-
-    Raises
-    ------
-    MavhumsError
-        If the log can be read only once.
-    """
+    """Return when the actuators of a log's aircraft were last swapped, from the messages that identify it."""
     resolver, dialect = settings.resolver, settings.engine.dialect
     if not resolver.table.installed:
         return {}

@@ -51,7 +51,8 @@ _BASE = click.option(
     show_default=True,
     type=click.Choice(["algorithm-1", "pairwise", "exhaustive", "genetic", "none"]),
     help="What chooses the inputs: a filter, then a search of the subsets of what it keeps; or the search of"
-    " all subsets, or of some by a genetic algorithm, without a filter; or nothing.",
+    " all subsets, or of some by a genetic algorithm, without a filter; or nothing. Statistics of windows are"
+    " left out one by one, whatever the search.",
 )
 @click.option(
     "--functions",
@@ -113,9 +114,10 @@ def train(
 
     Training flies each class in the simulator in all flight modes and runs the paper's scheme: chi-square
     ranks the quantities, Algorithm 1 drops those that others explain, similar vectors are thinned, and
-    networks of 4 to 16 tanh neurons choose the best subset of the rest and, on it, the best network. Flights
-    that nothing was trained on calibrate its votes, and others again measure it. The same stages on the
-    statistics of windows give a second network, which knows every fault that the simulator flies. Precedents
+    networks of 4 to 16 tanh neurons choose the smallest subset of the rest that is as good as the best within
+    a standard error and, on it, the best network. Flights that nothing was trained on calibrate its votes,
+    and others again measure it. The same stages on the statistics of windows, which leave out one statistic
+    after the other, give a second network, which knows every fault that the simulator flies. Precedents
     teach both; with three logs of a condition or more, whole logs of them calibrate and measure in place of
     simulated flights. Each stage prints what it kept, its time, and the most memory that training has taken
     so far; `mavhums model show MODEL` repeats what it kept.

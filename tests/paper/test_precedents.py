@@ -33,6 +33,15 @@ def emergency_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture
+def short_flights(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let training fly 20 s in place of 100."""
+    for module in ("flights", "windows"):
+        monkeypatch.setattr(
+            f"mavhums.paper.{module}.fly", lambda flight: fly(replace(flight, duration_s=20.0))
+        )
+
+
 @pytest.fixture(scope="module")
 def folder(short_log: Path, emergency_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     base = tmp_path_factory.mktemp("precedents") / "base"
@@ -138,14 +147,7 @@ def test_whole_flights_train_calibrate_and_measure(flights: list[list[str]], tmp
 
 
 @pytest.mark.slow
-def test_training_mixes_and_weighs_them(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for module in ("flights", "windows"):
-        monkeypatch.setattr(
-            f"mavhums.paper.{module}.fly", lambda flight: fly(replace(flight, duration_s=20.0))
-        )
-
+def test_training_mixes_and_weighs_them(folder: Path, tmp_path: Path, short_flights: None) -> None:
     def train(*options: str) -> np.ndarray:
         model = tmp_path / "model.safetensors"
         outcome = mavhums(
@@ -242,13 +244,9 @@ def test_labels_alone_decide_the_verdicts(
 
 @pytest.mark.slow
 def test_labels_against_the_simulation_are_followed_at_their_weight(
-    own_logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    own_logs: Path, tmp_path: Path, short_flights: None
 ) -> None:
     """They turn the votes and the windows, and the calibration does not turn them back."""
-    for module in ("flights", "windows"):
-        monkeypatch.setattr(
-            f"mavhums.paper.{module}.fly", lambda flight: fly(replace(flight, duration_s=20.0))
-        )
     labelled = [path for path in sorted(own_logs.glob("*.tlog")) if path.stem != "new"]
     base, model = tmp_path / "base", tmp_path / "model"
     mavhums("precedents", "add", *labelled, "--labels", own_logs / "inverted.csv", "-d", base)

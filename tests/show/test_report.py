@@ -73,7 +73,7 @@ def test_actuators_whose_sources_differ_in_numbers_share_a_table(assessment: Ass
 def test_the_networks_vote_is_told_as_a_share(new_verdict: New, new_assessment: Assess) -> None:
     vote = Evidence(kind="network", start_s=90, end_s=100, value=0.03, rule="emergency: above 0.5")
     verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"evidence": (vote,)})
-    assert "- 1m30s to 1m40s: emergency: above 0.5 (probability up to 3 %)" in markdown(
+    assert "- 1m30s to 1m40s: emergency: above 0.5 (highest probability 3 %)" in markdown(
         new_assessment(verdict)
     )
 
