@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from contextlib import ExitStack
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple, Unpack
 
 from mavhums.app.settings import GivenOptions, Options, Settings
+from mavhums.app.sinks import Follower, Recording, Report, Sink, sha256_of
 from mavhums.core.errors import MavhumsError
-from mavhums.core.output import as_utf8, written_whole
 from mavhums.core.packed import is_stream
 from mavhums.engine.engine import Engine
-from mavhums.engine.events import Event, StandaloneAssessment
+from mavhums.engine.events import StandaloneAssessment
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import check_same_aircraft, latest
 from mavhums.flights.history import FlightHistory, with_duplicate_flights
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 _BLOCK: Final = 1 << 22  # one or two minutes of flight; a block costs little more than a second
 _LONGEST_REASON: Final = 200  # characters of an unexpected error; some quote a whole file
 
-Consumer = Callable[[Sequence[Event]], None]
 Place = str | os.PathLike[str]
 Progress = Callable[[int], None] | None
 
@@ -46,12 +45,15 @@ class Judged(NamedTuple):
     assessment
         Its verdicts, compared with the earlier flights.
     alone
-        The flight before the comparison; None where it was compared while it was judged, for an output.
+        The flight before the comparison; None where it was compared while it was judged, for a sink.
+    error
+        Why it could not be kept; None if it was, or was not to be.
     """
 
     log: Path
     assessment: Assessment
     alone: StandaloneAssessment | None = None
+    error: MavhumsError | None = None
 
 
 class Failed(NamedTuple):
@@ -80,55 +82,53 @@ class Failed(NamedTuple):
         return cls(log, problem, "judge it alone to see why: mavhums analyse LOG --jobs 1")
 
     @property
+    def assessment(self) -> None:
+        """None: there is none."""
+
+    @property
     def error(self) -> MavhumsError:
         """The error to show or to raise."""
         return self.cause if isinstance(self.cause, MavhumsError) else MavhumsError(self.problem, self.remedy)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outputs:
-    """What to write beside the verdicts.
-
-    Attributes
-    ----------
-    recording
-        Path of the Rerun recording; None for none.
-    report
-        Path of the HTML report; None for none. With it, no recording is written.
-    shown
-        Path of the parts of a page that draws the report's curves itself, as JSON; only with a report.
-    position
-        Whether the recording contains the aircraft's position.
-    """
-
-    recording: Place | None = None
-    report: Place | None = None
-    shown: Place | None = None
-    position: bool = True
-
-
 def judge(
-    log: Path, settings: Settings, outputs: Outputs | None = None, progress: Progress = None
+    log: Place, settings: Settings, sinks: Sequence[Sink] = (), progress: Progress = None
 ) -> Judged | Failed:
-    """Judge a log for a caller that goes on whatever happens: any error is a problem with its remedy.
+    """Judge every actuator, axis and motor of a log, in constant memory: every caller's one way.
+
+    It is for a caller that goes on whatever happens: any error is a problem with its remedy.
+
+    Parameters
+    ----------
+    log
+        A log of any format, or ``-`` for the standard input.
+    settings
+        How it is judged, and the earlier flights that it is compared with.
+    sinks
+        What it is to leave beside its verdicts.
+    progress
+        Called with the number of bytes read after each block.
 
     Examples
     --------
-    >>> judge(Path("missing.tlog"), Settings.read(None)).problem
+    >>> judge("missing.tlog", Settings.read(None)).problem
     'missing.tlog: no such file'
     """
-    outputs = outputs or Outputs()
+    path = Path(log)
     try:
-        if outputs.report is not None:
-            return Judged(log, write_report(log, outputs.report, settings, outputs.shown, progress=progress))
-        if outputs.recording is not None:
-            recording, position = outputs.recording, outputs.position
-            judged = analyse(log, settings, recording=recording, position=position, progress=progress)
-            return Judged(log, judged)
-        alone = analyse_alone(log, settings.engine, progress=progress)
-        return Judged(log, compared_with_own(alone, settings), alone)
+        if not sinks:
+            alone = analyse_alone(log, settings.engine, progress=progress)
+            return Judged(path, compared_with_own(alone, settings), alone)
+        if any(sink.draws for sink in sinks):
+            settings = settings.with_vehicle_states()
+        with ExitStack() as stack:
+            followers = [stack.enter_context(sink.follow(path, settings.engine.dialect)) for sink in sinks]
+            assessment = _followed(log, settings, followers, progress)
+            for follower in followers:
+                follower.close(assessment)
+        return Judged(path, assessment)
     except Exception as error:
-        return Failed.of(log, error)
+        return Failed.of(path, error)
 
 
 def analyse(
@@ -136,8 +136,8 @@ def analyse(
     options: Options | Settings | None = None,
     *,
     recording: Place | None = None,
-    position: bool = True,
-    consume: Consumer | None = None,
+    report: Place | None = None,
+    sinks: Sequence[Sink] = (),
     progress: Progress = None,
     **given: Unpack[GivenOptions],
 ) -> Assessment:
@@ -151,10 +151,10 @@ def analyse(
         Profile, model, history and the like; the defaults if None.
     recording
         Path of the Rerun recording to write.
-    position
-        Whether the recording contains the aircraft's position.
-    consume
-        Called with the engine's events after each block.
+    report
+        Path of the HTML report to write.
+    sinks
+        What it is to leave besides.
     progress
         Called with the number of bytes read after each block.
     given
@@ -169,7 +169,7 @@ def analyse(
     OtherAircraftError
         If the history is of another aircraft.
     MavhumsError
-        If there is no folder for the history.
+        If there is no folder for the history, or an output cannot be written or would replace the log.
     MissingExtraError
         If a recording is wanted and rerun is not installed.
 
@@ -179,22 +179,11 @@ def analyse(
     >>> {verdict.actuator: verdict.condition for verdict in assessment.verdicts}["rudder"]
     'normal'
     """
-    settings = Settings.read(options, **given)
-    if recording is None:
-        if consume is None:
-            return compared_with_own(analyse_alone(path, settings.engine, progress=progress), settings)
-        return _judged_with(path, settings, [consume], progress)
-    if is_stream(path):
-        raise MavhumsError(f"{path}: a recording needs a file that can be read twice", "save the log first")
-    from mavhums.show.recording import Recorder, check_viewer
-
-    check_viewer()
-    identity = f"{as_utf8(Path(path).name)}-{_sha256(path, settings.engine)[:16]}"
-    with Recorder(recording, recording_id=identity, position=position) as recorder:
-        consumers = [recorder.consume, *([consume] if consume else [])]
-        assessment = _judged_with(path, settings.with_vehicle_states(), consumers, progress)
-        recorder.close(assessment)
-    return assessment
+    named = [kind(place) for kind, place in ((Recording, recording), (Report, report)) if place is not None]
+    judged = judge(path, Settings.read(options, **given), [*named, *sinks], progress)
+    if isinstance(judged, Failed):
+        raise judged.cause or judged.error
+    return judged.assessment
 
 
 def record(assessment: Assessment, path: Place, options: Options | Settings | None = None) -> None:
@@ -219,59 +208,9 @@ def record(assessment: Assessment, path: Place, options: Options | Settings | No
     >>> record(analyse("flight.tlog"), "flight.rrd")
     """
     log, settings = assessment.log, Settings.read(options)
-    if log.path is None or _sha256(log.path, settings.engine) != log.sha256:
+    if log.path is None or sha256_of(log.path, settings.engine.dialect) != log.sha256:
         raise MavhumsError(f"{log.path}: not the log that was judged", "analyse it again")
     analyse(log.path, settings, recording=path)
-
-
-def write_report(
-    path: Place,
-    output: Place,
-    options: Options | Settings | None = None,
-    shown: Place | None = None,
-    *,
-    progress: Progress = None,
-) -> Assessment:
-    """Judge a log and write the result as one self-contained HTML file, in bounded memory.
-
-    Parameters
-    ----------
-    path
-        The log; ``-`` for the standard input.
-    output
-        The page; it is written whole or not at all, and replaces an older one.
-    options
-        Profile, model, history and the like; the defaults if None.
-    shown
-        Path of the same in parts, for a page that draws the curves itself; None for none.
-    progress
-        Called with the number of bytes read after each block.
-
-    Raises
-    ------
-    MavhumsError
-        As :func:`analyse`; or if the page cannot be written, or would replace the log.
-
-    Examples
-    --------
-    >>> write_report("flight.tlog", "report.html").exit_code.name
-    'EMERGENCY'
-    """
-    from mavhums.show.evidence import EvidenceCollector
-    from mavhums.show.html import page, parts
-
-    log, target = Path(path), Path(output)
-    if log.exists() and target.exists() and log.samefile(target):
-        raise MavhumsError(f"{target}: is the log itself", "name another file with -o")
-    gathered = EvidenceCollector()
-    with written_whole(target) as temporary:
-        # the curves are drawn from the demanded and flown angles, which are among the vehicle's states
-        settings = Settings.read(options).with_vehicle_states()
-        assessment = analyse(path, settings, consume=gathered.consume, progress=progress)
-        temporary.write_text(page(assessment, gathered), encoding="utf-8", errors="replace")
-        if shown is not None:
-            Path(shown).write_text(json.dumps(parts(assessment, gathered)), encoding="utf-8")
-    return assessment
 
 
 def analyse_alone(path: Place, options: EngineOptions, *, progress: Progress = None) -> StandaloneAssessment:
@@ -328,20 +267,20 @@ def with_aircraft_identity(assessment: Assessment, settings: Settings) -> Assess
     )
 
 
-def _judged_with(
-    path: Place, settings: Settings, consumers: Sequence[Consumer], progress: Progress
+def _followed(
+    path: Place, settings: Settings, followers: Sequence[Follower], progress: Progress
 ) -> Assessment:
-    """Compare while judging, so that the consumers see what the earlier flights change."""
+    """Compare while judging, so that the followers see what the earlier flights change."""
     options, since = settings.engine, latest(settings.since, _swaps(path, settings))
     engine = Engine(options)
     if not _has_flights(settings):
-        digest = _fed(path, engine, options.dialect, consumers, progress)
+        digest = _fed(path, engine, options.dialect, followers, progress)
         return with_aircraft_identity(engine.assessment(str(path), digest), settings)
     from mavhums.flights.compare import FlightComparison
     from mavhums.flights.trends import with_standings
 
     comparison = FlightComparison(engine, *settings.earlier(since), options.false_alarms)
-    digest = _fed(path, comparison, options.dialect, consumers, progress)
+    digest = _fed(path, comparison, options.dialect, followers, progress)
     assessment = with_aircraft_identity(comparison.assessment(str(path), digest), settings)
     return with_standings(assessment, settings.history, since)
 
@@ -350,7 +289,7 @@ def _fed(
     path: Place,
     engine: Engine | FlightComparison,
     dialect: Place | None,
-    consumers: Sequence[Consumer] = (),
+    followers: Sequence[Follower] = (),
     progress: Progress = None,
 ) -> str:
     """Process a log, and return its hash."""
@@ -359,20 +298,13 @@ def _fed(
         digest.update(block)
         size += len(block)
         events = engine.feed(block)
-        for consume in consumers:
-            consume(events)
+        for follower in followers:
+            follower.consume(events)
         if progress:
             progress(size)
     last = engine.finish()
-    for consume in consumers:
-        consume(last)
-    return digest.hexdigest()
-
-
-def _sha256(path: Place, options: EngineOptions) -> str:
-    digest = hashlib.sha256()
-    for block in read_blocks(path, dialect=options.dialect):
-        digest.update(block)
+    for follower in followers:
+        follower.consume(last)
     return digest.hexdigest()
 
 

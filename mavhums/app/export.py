@@ -17,6 +17,7 @@ from mavhums.actuator.profile import Actuator, Airframe, ProfileError, load_airf
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options
+from mavhums.app.sinks import Events
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import TableWriter, writer_for, written_whole
 from mavhums.core.packed import is_stream
@@ -144,7 +145,7 @@ def _write_windows(
                 rows = [[getattr(window, field) for field in _OF_WINDOWS] for window in windows]
                 table.write(pd.DataFrame(rows, columns=[*_OF_WINDOWS.values()]).astype(_TYPES))
 
-        analyse(path, Options(airframe=airframe, model=models), consume=take, progress=progress)
+        analyse(path, Options(airframe=airframe, model=models), sinks=[Events(take)], progress=progress)
         if not table.rows:
             raise _EmptyError
     return {file: table.rows} if table.rows else {}

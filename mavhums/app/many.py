@@ -8,13 +8,13 @@ from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
-from mavhums.app.analysis import Failed, Judged, Outputs, compared_with_own, judge
+from mavhums.app.analysis import Failed, Judged, compared_with_own, judge
 from mavhums.app.settings import Options, Settings
+from mavhums.app.sinks import Sink
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.history import FlightHistory
-from mavhums.results.assessment import Assessment
 
 _WORTH_BYTES: Final = 64 << 20  # fewer are judged in the time that processes need to start
 
@@ -28,14 +28,12 @@ class Batch:
     Attributes
     ----------
     jobs
-        Number of processes; None for all cores, or for one if the logs are few or small. Recordings are
+        Number of processes; None for all cores, or for one if the logs are few or small. What logs leave is
         written by one.
     keep
         Folder that each assessment is written into, so that the flight is one of those before the next log.
-    recordings
-        Path of a log's Rerun recording, by log.
-    position
-        Whether recordings contain the aircraft's position.
+    sinks
+        What a log is to leave beside its verdicts, by log.
     progress
         Returns a context for a log, in which one process reports the number of bytes read.
     prepare
@@ -44,25 +42,16 @@ class Batch:
 
     jobs: int | None = None
     keep: str | os.PathLike[str] | None = None
-    recordings: Mapping[Path, Path] = field(default_factory=dict)
-    position: bool = True
+    sinks: Mapping[Path, Sequence[Sink]] = field(default_factory=dict)
     progress: Progress = lambda _: nullcontext()
     prepare: Callable[[], None] | None = None
-
-
-class Outcome(NamedTuple):
-    """A log with its assessment, or with the error why there is none; with both if it could not be kept."""
-
-    log: Path
-    assessment: Assessment | None
-    error: MavhumsError | None
 
 
 def analyse_many(
     logs: Sequence[str | os.PathLike[str]],
     options: Options | Settings | None = None,
     batch: Batch | None = None,
-) -> Iterator[Outcome]:
+) -> Iterator[Judged | Failed]:
     """Judge logs, and yield each outcome as it comes, in the order of the logs.
 
     The verdicts are those of :func:`mavhums.analyse` on one log after the other. A log that cannot be judged,
@@ -76,7 +65,7 @@ def analyse_many(
     options
         Options of each judgement; the defaults if None.
     batch
-        Number of processes, recordings and the like; the defaults if None.
+        Number of processes, sinks and the like; the defaults if None.
 
     Raises
     ------
@@ -91,7 +80,7 @@ def analyse_many(
     flight.tlog EMERGENCY
     """
     settings, batch, paths = Settings.read(options), batch or Batch(), [Path(log) for log in logs]
-    jobs = 1 if batch.recordings else min(batch.jobs or _jobs(paths), len(paths))
+    jobs = 1 if batch.sinks else min(batch.jobs or _jobs(paths), len(paths))
     alone = _by_processes(paths, settings, jobs, batch) if jobs > 1 else None
     with closing(alone) if alone is not None else nullcontext():
         for log in paths:
@@ -104,13 +93,10 @@ def analyse_many(
                         keep_assessment(judged.assessment, batch.keep)
                         settings = replace(settings, history=settings.history.with_flight(judged.assessment))
                 except MavhumsError as error:
-                    yield Outcome(log, judged.assessment, error)
-                else:
-                    yield Outcome(log, judged.assessment, None)
+                    judged = judged._replace(error=error)
             elif len(paths) == 1 and judged.cause is not None and not isinstance(judged.cause, MavhumsError):
                 raise judged.cause  # nothing else waits to be judged, and a traceback shows where
-            else:
-                yield Outcome(log, None, judged.error)
+            yield judged
 
 
 def _jobs(logs: Sequence[Path]) -> int:
@@ -124,9 +110,8 @@ def _jobs(logs: Sequence[Path]) -> int:
 
 
 def _one(log: Path, settings: Settings, batch: Batch) -> Judged | Failed:
-    outputs = Outputs(recording=batch.recordings.get(log), position=batch.position)
     with batch.progress(log) as progress:
-        return judge(log, settings, outputs, progress)
+        return judge(log, settings, batch.sinks.get(log, ()), progress)
 
 
 def _by_processes(

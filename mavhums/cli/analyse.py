@@ -20,7 +20,7 @@ from mavhums.core.about import EPILOG
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError, MissingExtraError
 
 if TYPE_CHECKING:
-    from mavhums.app.many import Outcome
+    from mavhums.app.analysis import Failed, Judged
     from mavhums.app.settings import Options
     from mavhums.results.assessment import Assessment
     from mavhums.show.terminal import Line
@@ -32,7 +32,7 @@ class _OutcomePrinter(ABC):
     def __init__(self) -> None:
         self._codes: set[ExitCode] = set()
 
-    def show(self, outcome: Outcome) -> None:
+    def show(self, outcome: Judged | Failed) -> None:
         """Print an outcome."""
         if outcome.assessment is not None:
             self._codes.add(outcome.assessment.exit_code)
@@ -251,6 +251,7 @@ def analyse(
     """
     from mavhums.app.many import Batch, analyse_many
     from mavhums.app.settings import Settings
+    from mavhums.app.sinks import Recording
 
     if open_viewer and rrd is None:
         raise click.UsageError("--open needs --rrd OUT")
@@ -264,8 +265,7 @@ def analyse(
     batch = Batch(
         jobs=jobs,
         keep=folder if keep else None,
-        recordings=recordings,
-        position=not no_position,
+        sinks={log: [Recording(path, position=not no_position)] for log, path in recordings.items()},
         progress=reading,
         prepare=announce_compiling,
     )
@@ -308,7 +308,7 @@ def report(
     It opens without a network, prints on paper, and holds no script. LOG may be - for the standard input.
     Exit codes are those of analyse.
     """
-    from mavhums.app.analysis import write_report
+    from mavhums.app import analysis
     from mavhums.app.settings import Settings
 
     check_baseline_dates(dates, history)
@@ -319,7 +319,7 @@ def report(
 
         settings = against(log, store, settings)
     with reading(log) as progress:
-        assessment = write_report(log, output, settings, progress=progress)
+        assessment = analysis.analyse(log, settings, report=output, progress=progress)
     say(assessment.summary())
     say(f"report: {output}   open it in a browser")
     raise SystemExit(assessment.exit_code)

@@ -16,7 +16,8 @@ from mavhums.core.about import EPILOG
 from mavhums.core.errors import ExitCode, MavhumsError
 
 if TYPE_CHECKING:
-    from mavhums.app.many import Batch, Outcome
+    from mavhums.app.analysis import Failed, Judged
+    from mavhums.app.many import Batch
     from mavhums.app.settings import History, Options
     from mavhums.flights.history import FlightHistory
     from mavhums.results.assessment import Assessment
@@ -87,11 +88,12 @@ def report_losses(history: History) -> None:
 
 def judged_in_store(
     logs: Sequence[Path], store: Path | str, options: Options, batch: Batch, *, keep: bool
-) -> Iterator[Outcome]:
+) -> Iterator[Judged | Failed]:
     """Judge logs against the flights of their aircraft in a store, and yield each outcome.
 
     With ``keep``, the logs are put into the store first, as ``fleet scan`` does.
     """
+    from mavhums.app.analysis import Judged, judge
     from mavhums.fleet import landing
 
     if keep:
@@ -101,26 +103,23 @@ def judged_in_store(
     else:
         outcomes = _compared(logs, store, options)
     for outcome in outcomes:
-        output = batch.recordings.get(outcome.log)
-        if output is None or outcome.assessment is None:
+        sinks = batch.sinks.get(outcome.log, ())
+        if sinks and isinstance(outcome, Judged):
+            left = judge(outcome.log, landing.against(outcome.log, store, options), sinks)
+            yield outcome._replace(error=left.error)
+        else:
             yield outcome
-            continue
-        try:
-            landing.record(outcome.log, store, options, output, position=batch.position)
-            yield outcome
-        except MavhumsError as error:
-            yield outcome._replace(error=error)
 
 
-def _compared(logs: Sequence[Path], store: Path | str, options: Options) -> Iterator[Outcome]:
-    from mavhums.app.many import Outcome
+def _compared(logs: Sequence[Path], store: Path | str, options: Options) -> Iterator[Judged | Failed]:
+    from mavhums.app.analysis import Failed, Judged
     from mavhums.fleet import landing
 
     for log in logs:
         try:
-            yield Outcome(log, landing.analyse(log, store, options), None)
+            yield Judged(log, landing.analyse(log, store, options))
         except MavhumsError as error:
-            yield Outcome(log, None, error)
+            yield Failed.of(log, error)
 
 
 class SessionKeeper:

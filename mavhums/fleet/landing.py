@@ -12,9 +12,7 @@ from typing import NamedTuple
 
 from sqlalchemy import Connection, select
 
-from mavhums.app.analysis import analyse as analyse_log
-from mavhums.app.analysis import analyse_alone, compared_with_own
-from mavhums.app.many import Outcome
+from mavhums.app.analysis import Failed, Judged, analyse_alone, compared_with_own
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError, UnreadableLogError
 from mavhums.core.output import as_utf8
@@ -131,7 +129,7 @@ def keep(
     *,
     workers: int = 0,
     progress: Callable[[int, int], None] | None = None,
-) -> Iterator[Outcome]:
+) -> Iterator[Judged | Failed]:
     """Put logs into a store as :func:`scan` does, and return each with its stored verdicts.
 
     Parameters
@@ -163,11 +161,6 @@ def keep(
     if new:
         asked = scanned(new, store, named, progress=progress, asks=True)[1]
     return _outcomes(files, store, options, asked)
-
-
-def record(log: Place, store: Place, options: Options, output: Path, *, position: bool = True) -> None:
-    """Write the Rerun recording of a log that is judged against its aircraft's flights in a store."""
-    analyse_log(log, against(log, store, options), recording=output, position=position)
 
 
 def _listed(files: Sequence[Path]) -> list[LogFile]:
@@ -202,14 +195,14 @@ def _is_elsewhere(file: LogFile, store: Place, options: Options) -> bool:
 
 def _outcomes(
     files: Sequence[Path], store: Place, options: Options, asked: Mapping[str, UnnamedAircraftError]
-) -> Iterator[Outcome]:
+) -> Iterator[Judged | Failed]:
     for file in files:
         try:
             if (unnamed := asked.get(as_utf8(file.absolute()))) is not None:
                 raise unnamed
-            yield Outcome(file, _kept(file, store, options), None)
+            yield Judged(file, _kept(file, store, options))
         except MavhumsError as error:
-            yield Outcome(file, None, error)
+            yield Failed.of(file, error)
 
 
 def _without_history(options: Options | Settings | None) -> Settings:

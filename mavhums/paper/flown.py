@@ -14,6 +14,7 @@ from mavhums.actuator.derive import REPORTED
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options
+from mavhums.app.sinks import Events
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import column
@@ -78,7 +79,7 @@ def add_log(
             if isinstance(event, Samples):
                 found.setdefault((event.vehicle, event.actuator), []).append(event)
 
-    assessment = analyse(log, Options(airframe=airframe), consume=collect, progress=progress)
+    assessment = analyse(log, Options(airframe=airframe), sinks=[Events(collect)], progress=progress)
     carried = sorted({actuator for _, actuator in found})
     absent = sorted(labels.keys() - {"", *carried})
     if not carried or absent:

@@ -15,8 +15,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from mavhums.app.analysis import Failed, Outputs, judge
+from mavhums.app.analysis import Failed, judge
 from mavhums.app.settings import Options, Settings
+from mavhums.app.sinks import Recording, Report, Sink
 from mavhums.app.warm_up import warm_up
 from mavhums.core.packed import ArchiveError
 from mavhums.serve.uploads import take_logs
@@ -84,8 +85,7 @@ def _done(job: Job, tell: Tell, among: Among) -> Job:
         settings = among(job["log"], _settings(job))
     except Exception as error:
         return _refusal(Failed.of(log, error), job)
-    outputs = Outputs(report=job.get("report"), shown=job.get("shown"), recording=job.get("recording"))
-    judged = judge(log, settings, outputs, _reporting(tell))
+    judged = judge(log, settings, _sinks(job), _reporting(tell))
     if isinstance(judged, Failed):
         return _refusal(judged, job)
     if job["do"] == "record":
@@ -96,6 +96,11 @@ def _done(job: Job, tell: Tell, among: Among) -> Job:
         text = assessment.model_copy(update={"log": told}).to_json()
         Path(job["assessment"]).write_text(text, encoding="utf-8", errors="replace")
     return {"brief": in_brief(assessment)._asdict()}
+
+
+def _sinks(job: Job) -> list[Sink]:
+    sinks: list[Sink] = [Report(job["report"], job.get("shown"))] if "report" in job else []
+    return [*sinks, *([Recording(job["recording"])] if "recording" in job else [])]
 
 
 def _refusal(failed: Failed, job: Job) -> Job:

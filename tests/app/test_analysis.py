@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 
 import mavhums
+from mavhums.app.analysis import judge
+from mavhums.app.settings import Settings
+from mavhums.app.sinks import Events, Recording, Report, Sink
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import Event, Samples
 from mavhums.learn import default_model
@@ -27,13 +30,34 @@ def test_the_assessment_names_its_log(growing_log: Path) -> None:
 def test_events_and_progress_are_passed_on(growing_log: Path, tmp_path: Path) -> None:
     done: list[int] = []
     plain: list[Event] = []
-    mavhums.analyse(growing_log, consume=plain.extend, progress=done.append)
+    mavhums.analyse(growing_log, sinks=[Events(plain.extend)], progress=done.append)
     assert done[-1] == growing_log.stat().st_size
     assert done == sorted(done)
     recorded: list[Event] = []
-    mavhums.analyse(growing_log, consume=recorded.extend, recording=tmp_path / "flight.rrd")
+    mavhums.analyse(growing_log, sinks=[Events(recorded.extend)], recording=tmp_path / "flight.rrd")
     samples = [sum(len(e.time_s) for e in events if isinstance(e, Samples)) for events in (plain, recorded)]
     assert samples == [16_000, 16_000]
+
+
+def test_several_outputs_come_from_one_reading(growing_log: Path, tmp_path: Path) -> None:
+    recording, report = tmp_path / "flight.rrd", tmp_path / "flight.html"
+    both = mavhums.analyse(growing_log, recording=recording, report=report)
+    assert both == mavhums.analyse(growing_log)
+    assert recording.stat().st_size > 100_000
+    assert "elevator" in report.read_text()
+
+
+def test_an_output_that_fails_leaves_no_other(growing_log: Path, tmp_path: Path) -> None:
+    def fail(events: object) -> None:
+        raise ZeroDivisionError("nought")
+
+    sinks: list[Sink] = [Recording(tmp_path / "flight.rrd"), Report(tmp_path / "flight.html"), Events(fail)]
+    failed = judge(growing_log, Settings.read(None), sinks)
+    assert failed.assessment is None
+    assert "ZeroDivisionError: nought" in failed.error.problem
+    assert not [*tmp_path.iterdir()]
+    with pytest.raises(ZeroDivisionError):
+        mavhums.analyse(growing_log, sinks=sinks)
 
 
 def test_a_recording_can_be_made_later(growing_log: Path, tmp_path: Path) -> None:

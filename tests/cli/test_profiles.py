@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 import mavhums
 from mavhums.actuator import Actuator, load_airframe
 from mavhums.actuator.draft import draft_profile
+from mavhums.app.sinks import Events
 from mavhums.core.errors import ExitCode
 from mavhums.engine.events import ConditionChanged
 from mavhums.vehicle.parameters import Parameters, _number, control_surfaces, read_parameters
@@ -274,7 +275,7 @@ def test_the_times_of_a_jam_agree_in_event_and_evidence() -> None:
     assessment = mavhums.analyse(
         CSRV_LOG,
         mavhums.Options(airframe=CSRV),
-        consume=lambda block: events.extend(event for event in block if isinstance(event, ConditionChanged)),
+        sinks=[Events(lambda block: events.extend(e for e in block if isinstance(e, ConditionChanged)))],
     )
     [jam] = next(v for v in assessment.verdicts if v.actuator == "aileron_1").evidence
     own = [event for event in events if event.actuator == "aileron_1"]

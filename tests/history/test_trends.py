@@ -18,6 +18,7 @@ import pytest
 import mavhums
 from mavhums.app.analysis import Judged
 from mavhums.app.settings import Settings
+from mavhums.app.sinks import Events
 from mavhums.cli import options
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
@@ -392,7 +393,7 @@ def test_each_actuator_is_compared_with_its_own_baselines(
     def follow(**options: Any) -> None:
         """Judge in flight, as where somebody follows the events."""
         given.clear()
-        mavhums.analyse(logs[0], mavhums.Options(**options), consume=lambda events: None)
+        mavhums.analyse(logs[0], mavhums.Options(**options), sinks=[Events(lambda events: None)])
 
     monkeypatch.setattr("mavhums.flights.compare.ActuatorComparison", Spy)
     follow(history=tmp_path)

@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavhums.app.analysis import write_report
+from mavhums.app.analysis import analyse
 from mavhums.core.conditions import URGENCY
 from mavhums.engine.events import Followed, Indication, Notice
 from mavhums.results.assessment import Assessment
@@ -385,7 +385,7 @@ def test_every_alarm_of_an_actuator_shows_its_curve_though_it_has_passed(
     ],
 )
 def test_each_alarm_of_a_real_flight_shows_its_curve(log: str, tmp_path: Path) -> None:
-    assessment = write_report(REAL_LOGS / "alfa" / log, tmp_path / "report.html")
+    assessment = analyse(REAL_LOGS / "alfa" / log, report=tmp_path / "report.html")
     told = Tags((tmp_path / "report.html").read_text(encoding="utf-8"))
     alarmed = [one for one in assessment.verdicts if one.worst == "emergency"]
     assert alarmed
