@@ -1,8 +1,7 @@
-"""Tables as pandas, Arrow, Parquet and CSV."""
+"""Tables as pandas and CSV."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.core.errors import MissingExtraError
 from mavhums.log import Table, read_log
 from mavhums.log.base import tables
 
@@ -31,32 +29,12 @@ def test_to_frame_has_every_field_as_contiguous_columns(table: Table) -> None:
     assert np.array_equal(frame.index.to_numpy("M8[us]").astype(np.int64), table.time_us)
 
 
-def test_arrow_and_parquet_hold_what_the_table_holds(table: Table, tmp_path: Path) -> None:
-    pq = pytest.importorskip("pyarrow.parquet")
-    path = tmp_path / "table.parquet"
-    pq.write_table(table.to_arrow(), path)
-    read = pq.read_table(path)
-    assert read.schema.names[:4] == ["time", "system", "component", "sequence"]
-    assert str(read.schema.field("time").type) == "timestamp[us, tz=UTC]"
-    assert np.array_equal(np.array(read["data"].to_pylist()), table["data"], equal_nan=True)
-    assert read["name"].to_pylist() == table.texts("name")
-    assert read["time_usec"].to_pylist() == table["time_usec"].tolist()
-    assert read.equals(table.to_arrow())
-
-
 def test_csv_holds_what_the_frame_holds(table: Table, tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
     table.to_frame().to_csv(path)
     read = pd.read_csv(path, index_col="time", parse_dates=True)
     assert list(read.columns) == list(table.to_frame().columns)
     assert np.allclose(read["data[4]"], table["data"][:, 4], equal_nan=True)
-
-
-def test_without_pyarrow_the_extra_is_named(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[arrow\]'"):
-        table.to_arrow()
-    assert len(table.to_frame()) == len(table)
 
 
 @given(

@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Bytes, Integers, Records
-from mavhums.core.errors import MissingExtraError
 
 if TYPE_CHECKING:
     import pandas as pd
-    import pyarrow as pa
 
 MAVLINK1 = 1
 SIGNED = 2
@@ -161,35 +159,6 @@ class Table:
                 }
         index = pd.DatetimeIndex(self.time_us.view("M8[us]"), name="time").tz_localize("UTC")
         return pd.DataFrame(columns, index=index, copy=False)
-
-    def to_arrow(self) -> pa.Table:
-        """Return an Arrow table; ``time`` is its first column, array fields are fixed-size lists.
-
-        Raises
-        ------
-        MissingExtraError
-            If pyarrow is not installed.
-        """
-        try:
-            import pyarrow as pa
-        except ModuleNotFoundError as error:
-            raise MissingExtraError("Arrow tables", "arrow") from error
-        columns = {
-            "time": pa.array(self.time_us, pa.int64()).cast(pa.timestamp("us", tz="UTC")),
-            "system": pa.array(self.system),
-            "component": pa.array(self.component),
-            "sequence": pa.array(self.sequence),
-        }
-        for name in self.fields.dtype.names or ():
-            values = self[name]
-            if values.dtype.kind == "S":
-                columns[name] = pa.array(self.texts(name), pa.string())
-            elif values.ndim == 1:
-                columns[name] = pa.array(np.ascontiguousarray(values))
-            else:
-                flat = pa.array(np.ascontiguousarray(values).reshape(-1))
-                columns[name] = pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
-        return pa.table(columns)
 
 
 def _as_text(values: NDArray[Any]) -> Any:
