@@ -32,13 +32,12 @@ if TYPE_CHECKING:
         packaged_models,
         save_model,
     )
-    from mavhums.learn.networks import TanhNetworkClassifier, TanhNetworkEnsemble
+    from mavhums.learn.networks import TanhNetworkEnsemble
     from mavhums.learn.precedents import Precedent, PrecedentBase, PrecedentError, Provenance
     from mavhums.learn.ranking import ChiSquareRanking, VectorThinning
     from mavhums.learn.redundancy import Dependence, PairwiseRedundancyFilter, RegressionRedundancyFilter
     from mavhums.learn.regression import NonlinearRegression
     from mavhums.learn.subsets import (
-        NetworkSubsetSelector,
         SubsetSearch,
         exhaustive_search,
         genetic_search,
@@ -66,7 +65,6 @@ __all__ = [
     "ModelError",
     "Network",
     "NetworkScore",
-    "NetworkSubsetSelector",
     "NonlinearRegression",
     "PairwiseRedundancyFilter",
     "Precedent",
@@ -78,7 +76,6 @@ __all__ = [
     "Selection",
     "SubsetSearch",
     "TanhNetwork",
-    "TanhNetworkClassifier",
     "TanhNetworkEnsemble",
     "TrainingResult",
     "VectorThinning",
@@ -109,12 +106,12 @@ _MODULES = {
     "expected_calibration_error",
     "inference": "Network TanhNetwork WindowNetwork",
     "model": "Answers Model ModelError default_model load_model models packaged_models save_model",
-    "networks": "TanhNetworkClassifier TanhNetworkEnsemble",
+    "networks": "TanhNetworkEnsemble",
     "precedents": "Precedent PrecedentBase PrecedentError Provenance",
     "ranking": "ChiSquareRanking VectorThinning",
     "redundancy": "Dependence PairwiseRedundancyFilter RegressionRedundancyFilter",
     "regression": "NonlinearRegression",
-    "subsets": "NetworkSubsetSelector SubsetSearch exhaustive_search genetic_search network_objective",
+    "subsets": "SubsetSearch exhaustive_search genetic_search network_objective",
     "training": "LabelledWindows NetworkScore TrainingResult WindowResult train_network train_windows",
 }
 __getattr__, __dir__ = lazy_exports(

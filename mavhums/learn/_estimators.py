@@ -1,4 +1,4 @@
-"""What the estimators share: base classes, checks of parameters and target classes, training of networks."""
+"""What the estimators share: base classes, checks of parameters, training of networks."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 from sklearn.feature_selection import SelectorMixin
-from sklearn.utils.multiclass import check_classification_targets, type_of_target
+from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.arrays import Array, Flags
 from mavhums.core.errors import MissingExtraError
 
 if TYPE_CHECKING:
@@ -34,23 +34,6 @@ def check_choice(estimator: object, name: str, choices: Sequence[str]) -> None:
     value = getattr(estimator, name)
     if value not in choices:
         raise ValueError(f"{name} must be one of {', '.join(choices)}, got {value!r}")
-
-
-def two_classes(target: NDArray[Any]) -> tuple[NDArray[Any], Integers]:
-    """Return the two classes, and the index of each sample's class, shape (n_samples,).
-
-    Raises
-    ------
-    ValueError
-        If the target does not hold exactly two classes.
-    """
-    if type_of_target(target) != "binary":
-        message = "Only binary classification is supported. The type of the target is "
-        raise ValueError(f"{message}{type_of_target(target)}.")
-    classes, codes = np.unique(target, return_inverse=True)
-    if len(classes) != 2:
-        raise ValueError(f"two classes are needed, the data hold one class: {classes[0]!r}")
-    return classes, codes
 
 
 def train_networks(

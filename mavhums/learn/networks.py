@@ -1,4 +1,4 @@
-"""The paper's networks as scikit-learn classifiers: one, and fifty trained together (paper, section 5)."""
+"""The paper's networks as a scikit-learn classifier: fifty trained together, or one (paper, section 5)."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import ClassifierMixin
-from sklearn.model_selection import train_test_split
 from sklearn.utils import check_random_state
+from sklearn.utils.multiclass import type_of_target
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from mavhums.core.arrays import Array, Integers
@@ -19,199 +19,11 @@ from mavhums.learn._estimators import (
     check_choice,
     check_positive_integers,
     train_networks,
-    two_classes,
 )
 from mavhums.learn.inference import TanhNetwork
 
 
-class _Networks(ClassifierMixin, LabelledEstimator):
-    """A classifier of two classes by networks; ``fit`` stores the classes in ``classes_``."""
-
-    classes_: NDArray[Any]
-    weight_decay: float
-    max_iter: int
-
-    def predict(self, X: ArrayLike) -> NDArray[Any]:
-        """Return the class with the larger probability, shape (n_samples,)."""
-        second = self._second(X) > 0.5
-        classes: NDArray[Any] = self.classes_[second.astype(np.intp)]
-        return classes
-
-    def predict_proba(self, X: ArrayLike) -> Array:
-        """Return the probabilities in the order of ``classes_``, shape (n_samples, 2)."""
-        second = self._second(X)
-        return np.column_stack([1 - second, second])
-
-    def _second(self, X: ArrayLike) -> Array:
-        """Return the probability of the second class, shape (n_samples,)."""
-        raise NotImplementedError
-
-    def _features(self, X: ArrayLike) -> Array:
-        check_is_fitted(self)
-        features: Array = validate_data(self, X, dtype=np.float64, reset=False)
-        return features
-
-    def _check_training(self, *integers: str) -> None:
-        """Check the parameters that must be integers of at least 1, and the weight decay."""
-        check_positive_integers(self, "max_iter", *integers)
-        if not isinstance(self.weight_decay, Real) or not 0 <= self.weight_decay < np.inf:
-            raise ValueError(f"weight_decay must be finite and not negative, got {self.weight_decay!r}")
-
-    def _coded(
-        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None
-    ) -> tuple[Array, Integers, Array | None]:
-        """Return samples (n, k), the index of each one's class in ``classes_``, and its weight, (n,)."""
-        values, target = self._checked(X, y)
-        self.classes_, codes = two_classes(target)
-        if sample_weight is None:
-            return values, codes, None
-        weight = _check_sample_weight(sample_weight, values, dtype=np.float64, ensure_non_negative=True)
-        return values, codes, weight
-
-    def __sklearn_tags__(self) -> Any:
-        """Declare a binary classifier."""
-        tags = super().__sklearn_tags__()
-        tags.classifier_tags.multi_class = False
-        return tags
-
-
-class TanhNetworkClassifier(_Networks):
-    """A k-h-2 network with tanh neurons for two classes; the class with the larger output wins.
-
-    Features are scaled onto the unit interval by the range of the training data. Labels are coded
-    as in the paper's table 3: the first class of ``classes_`` (normal) as (0, 1), the second
-    (emergency) as (1, 0). Training needs torch; a fitted classifier predicts with numpy alone.
-
-    Parameters
-    ----------
-    hidden
-        Neurons in the hidden layer; the paper takes 4 to 16.
-    weight_decay
-        Half of it times the sum of squared weights, biases excepted, is added to the mean
-        cross-entropy. Without decay the decision boundary overfits the training data.
-    max_iter
-        Maximum number of L-BFGS iterations, each on all samples.
-    validation_fraction
-        Fraction of the samples held out at random, stratified by class, for early stopping; 0
-        disables it. Neighbouring samples of a time series are correlated, so for flights keep 0
-        and hold out whole flights, as :func:`mavhums.learn.train_network` does.
-    patience
-        Training stops after this many iterations without a smaller validation loss, which is
-        evaluated every tenth iteration.
-    random_state
-        Seed, generator or None, for the initial weights and the choice of held-out samples.
-
-    Attributes
-    ----------
-    classes_
-        The two classes, sorted.
-    network_
-        The trained :class:`~mavhums.learn.inference.TanhNetwork`, numpy only.
-    loss_
-        Mean cross-entropy over the training samples.
-    n_iter_
-        Number of iterations.
-    n_features_in_
-        Number of features seen by :meth:`fit`.
-
-    Notes
-    -----
-    The paper does not name its optimiser. This is a batch of one for the trainer of
-    :class:`TanhNetworkEnsemble`, by L-BFGS in double precision on the processor.
-
-    References
-    ----------
-    S. Bazhenov, A. Skryabin, G. Veresnikov: The Development of Algorithms for EMA Fault Early
-    Detection System, section 5, tables 3 to 5.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> corners = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
-    >>> network = TanhNetworkClassifier(hidden=4, random_state=0).fit(corners, [0, 1, 1, 0])
-    >>> network.predict(corners)
-    array([0, 1, 1, 0])
-    """
-
-    classes_: NDArray[Any]
-    network_: TanhNetwork
-    loss_: float
-    n_iter_: int
-
-    def __init__(
-        self,
-        hidden: int = 11,
-        *,
-        weight_decay: float = 1e-4,
-        max_iter: int = 200,
-        validation_fraction: float = 0.0,
-        patience: int = 50,
-        random_state: int | np.random.RandomState | None = None,
-    ) -> None:
-        self.hidden = hidden
-        self.weight_decay = weight_decay
-        self.max_iter = max_iter
-        self.validation_fraction = validation_fraction
-        self.patience = patience
-        self.random_state = random_state
-
-    def fit(
-        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
-    ) -> TanhNetworkClassifier:
-        """Train the network.
-
-        Parameters
-        ----------
-        X
-            Shape (n_samples, n_features), finite.
-        y
-            One of two classes for each sample, shape (n_samples,).
-        sample_weight
-            Weight of each sample in training, not negative, shape (n_samples,).
-
-        Raises
-        ------
-        ValueError
-            If a parameter or the data are not as described.
-        MissingExtraError
-            If torch is not installed.
-        """
-        self._check_training("hidden", "patience")
-        if not isinstance(self.validation_fraction, Real) or not 0 <= self.validation_fraction < 1:
-            raise ValueError(f"validation_fraction must lie in [0, 1), got {self.validation_fraction!r}")
-        values, codes, weight = self._coded(X, y, sample_weight)
-        random = check_random_state(self.random_state)
-        # The range of all samples, those held out included, becomes the unit interval.
-        used = values if weight is None else values[weight > 0]
-        kept, held_out = np.arange(len(codes)), None
-        if self.validation_fraction:
-            kept, rest = train_test_split(
-                kept, test_size=self.validation_fraction, stratify=codes, random_state=random
-            )
-            held_out = values[rest], codes[rest] == 1
-        trained = train_networks(
-            [self.hidden],
-            [int(random.randint(2**31 - 1))],
-            (values[kept], codes[kept] == 1),
-            weight_decay=self.weight_decay,
-            max_iter=self.max_iter,
-            weight=None if weight is None else weight[kept],
-            validation=held_out,
-            bounds=(used.min(axis=0), used.max(axis=0)),
-            patience=self.patience,
-            precision="double",
-            device="cpu",
-        )
-        self.network_ = trained.networks[0]
-        self.loss_, self.n_iter_ = float(trained.loss[0]), int(trained.iterations[0])
-        return self
-
-    def _second(self, X: ArrayLike) -> Array:
-        features = self._features(X)
-        return self.network_.p_first(features)
-
-
-class TanhNetworkEnsemble(_Networks):
+class TanhNetworkEnsemble(ClassifierMixin, LabelledEstimator):
     """Many k-h-2 networks with tanh neurons for two classes, trained as one tensor program.
 
     The networks differ in their hidden neurons and initial weights. The ensemble's probability is
@@ -221,12 +33,12 @@ class TanhNetworkEnsemble(_Networks):
     Parameters
     ----------
     n_networks
-        Number of networks; the paper trains 50.
+        Number of networks; the paper trains 50, and 1 gives a single one.
     hidden
         Numbers of hidden neurons; the networks cycle through them.
     weight_decay
         Half of it times the sum of squared weights, biases excepted, is added to the mean
-        cross-entropy.
+        cross-entropy. Without decay the decision boundary overfits the training data.
     max_iter
         Maximum number of L-BFGS iterations.
     patience
@@ -335,11 +147,24 @@ class TanhNetworkEnsemble(_Networks):
         MissingExtraError
             If torch is not installed.
         """
-        self._check_training("n_networks", *(() if self.patience is None else ("patience",)))
+        check_positive_integers(
+            self, "max_iter", "n_networks", *(() if self.patience is None else ("patience",))
+        )
+        if not isinstance(self.weight_decay, Real) or not 0 <= self.weight_decay < np.inf:
+            raise ValueError(f"weight_decay must be finite and not negative, got {self.weight_decay!r}")
         if not len(self.hidden) or not all(isinstance(h, Integral) and h >= 1 for h in self.hidden):
             raise ValueError(f"hidden must be integers of at least 1, got {self.hidden!r}")
         check_choice(self, "precision", ("single", "double"))
-        values, codes, weight = self._coded(X, y, sample_weight)
+        values, target = self._checked(X, y)
+        if type_of_target(target) != "binary":
+            message = "Only binary classification is supported. The type of the target is "
+            raise ValueError(f"{message}{type_of_target(target)}.")
+        self.classes_ = np.unique(target)
+        if len(self.classes_) != 2:
+            raise ValueError(f"two classes are needed, the data hold one class: {self.classes_[0]!r}")
+        weight = sample_weight
+        if weight is not None:
+            weight = _check_sample_weight(weight, values, dtype=np.float64, ensure_non_negative=True)
         held_out = None
         if validation is not None:
             held_out = (
@@ -349,7 +174,7 @@ class TanhNetworkEnsemble(_Networks):
         trained = train_networks(
             [int(h) for h in np.resize(np.asarray(self.hidden), self.n_networks)],
             check_random_state(self.random_state).randint(2**31 - 1, size=self.n_networks),
-            (values, codes == 1),
+            (values, target == self.classes_[1]),
             weight_decay=self.weight_decay,
             max_iter=self.max_iter,
             weight=weight,
@@ -365,6 +190,17 @@ class TanhNetworkEnsemble(_Networks):
         self.best_ = int(np.argmin(self.losses_ if validation is None else self.validation_losses_))
         return self
 
+    def predict(self, X: ArrayLike) -> NDArray[Any]:
+        """Return the class with the larger probability, shape (n_samples,)."""
+        second = self._of_each(X).mean(axis=0) > 0.5
+        classes: NDArray[Any] = self.classes_[second.astype(np.intp)]
+        return classes
+
+    def predict_proba(self, X: ArrayLike) -> Array:
+        """Return the probabilities in the order of ``classes_``, shape (n_samples, 2)."""
+        second = self._of_each(X).mean(axis=0)
+        return np.column_stack([1 - second, second])
+
     def spread(self, X: ArrayLike) -> Array:
         """Return the standard deviation of the networks' probabilities, shape (n_samples,)."""
         deviation: Array = self._of_each(X).std(axis=0)
@@ -376,9 +212,13 @@ class TanhNetworkEnsemble(_Networks):
         return scores
 
     def _of_each(self, X: ArrayLike) -> Array:
-        features = self._features(X)
+        """Return each network's probability of the second class, shape (n_networks, n_samples)."""
+        check_is_fitted(self)
+        features = validate_data(self, X, dtype=np.float64, reset=False)
         return np.stack([network.p_first(features) for network in self.networks_])
 
-    def _second(self, X: ArrayLike) -> Array:
-        mean: Array = self._of_each(X).mean(axis=0)
-        return mean
+    def __sklearn_tags__(self) -> Any:
+        """Declare a binary classifier."""
+        tags = super().__sklearn_tags__()
+        tags.classifier_tags.multi_class = False
+        return tags

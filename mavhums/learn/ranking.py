@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from numbers import Integral
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2_contingency
 from sklearn.cluster import KMeans
 from sklearn.feature_selection import SelectorMixin
@@ -146,20 +146,14 @@ _ITERATIONS = 20
 class VectorThinning(LabelledEstimator):
     """Keep representative vectors of each class, each weighted by the number it represents.
 
-    Each class keeps its share of the vectors, at least one. Similarity is measured on features
-    scaled onto the unit interval.
+    Each class keeps its share of the vectors, at least one: the sample nearest to each k-means centre,
+    weighted by the number of samples nearest to it. Similarity is measured on features scaled onto the unit
+    interval.
 
     Parameters
     ----------
     n_vectors
         Number of vectors to keep, over all classes; all are kept if there are no more.
-    method
-        ``"kmeans"``: the sample nearest to each k-means centre, weighted by the size of the
-        cluster. ``"random"``: drawn without replacement, with equal weights; the reference that
-        other methods must beat.
-    metric
-        Distance metric that finds the sample nearest to a centre; any of
-        :func:`sklearn.metrics.pairwise_distances_argmin`.
     random_state
         Seed, generator or None.
 
@@ -190,15 +184,9 @@ class VectorThinning(LabelledEstimator):
     weights_: Array
 
     def __init__(
-        self,
-        n_vectors: int = 2000,
-        method: Literal["kmeans", "random"] = "kmeans",
-        metric: str = "euclidean",
-        random_state: int | np.random.RandomState | None = None,
+        self, n_vectors: int = 2000, random_state: int | np.random.RandomState | None = None
     ) -> None:
         self.n_vectors = n_vectors
-        self.method = method
-        self.metric = metric
         self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> VectorThinning:
@@ -219,12 +207,10 @@ class VectorThinning(LabelledEstimator):
             If a parameter or the data are not as described.
         """
         check_positive_integers(self, "n_vectors")
-        check_choice(self, "method", ("kmeans", "random"))
         values, target = self._checked(X, y)
         counts = _check_sample_weight(sample_weight, values, dtype=np.float64, ensure_non_negative=True)
         random = check_random_state(self.random_state)
         scaled = unit_interval(values, values.min(axis=0), values.max(axis=0))
-        choose = self._representatives if self.method == "kmeans" else self._drawn
         rows, weights = [], []
         for label in np.unique(target):
             members = np.flatnonzero(target == label)
@@ -232,7 +218,7 @@ class VectorThinning(LabelledEstimator):
             if count >= len(members):
                 chosen, weight = np.arange(len(members)), counts[members]
             else:
-                chosen, weight = choose(scaled[members], counts[members], count, random)
+                chosen, weight = _representatives(scaled[members], counts[members], count, random)
             rows.append(members[chosen])
             weights.append(weight)
         kept = np.concatenate(rows)
@@ -240,41 +226,15 @@ class VectorThinning(LabelledEstimator):
         self.indices_, self.weights_ = kept[order], np.concatenate(weights)[order]
         return self
 
-    def fit_resample(self, X: ArrayLike, y: ArrayLike) -> tuple[Array, NDArray[Any], Array]:
-        """Return the kept samples, their classes and their weights.
 
-        Raises
-        ------
-        ValueError
-            As :meth:`fit`.
-        """
-        self.fit(X, y)
-        check_is_fitted(self)
-        return np.asarray(X, dtype=np.float64)[self.indices_], np.asarray(y)[self.indices_], self.weights_
-
-    def _representatives(
-        self,
-        scaled: Array,
-        counts: Array,
-        count: int,
-        random: np.random.RandomState,
-    ) -> tuple[Integers, Array]:
-        distinct = len(np.unique(scaled, axis=0))
-        # One thread: the sums do not depend on the cores, and a busy machine does not wait for its threads.
-        with threadpool_limits(1):
-            clusters = KMeans(min(count, distinct), n_init=1, max_iter=_ITERATIONS, random_state=random)
-            clusters.fit(scaled)
-        nearest = pairwise_distances_argmin(clusters.cluster_centers_, scaled, metric=self.metric)
-        chosen = np.unique(nearest)
-        stands_for = pairwise_distances_argmin(scaled, scaled[chosen], metric=self.metric)
-        return chosen, np.bincount(stands_for, weights=counts, minlength=len(chosen)).astype(np.float64)
-
-    def _drawn(
-        self,
-        scaled: Array,
-        counts: Array,
-        count: int,
-        random: np.random.RandomState,
-    ) -> tuple[Integers, Array]:
-        chosen = random.choice(len(scaled), size=count, replace=False)
-        return chosen, counts[chosen] * (counts.sum() / max(counts[chosen].sum(), 1e-300))
+def _representatives(
+    scaled: Array, counts: Array, count: int, random: np.random.RandomState
+) -> tuple[Integers, Array]:
+    distinct = len(np.unique(scaled, axis=0))
+    # One thread: the sums do not depend on the cores, and a busy machine does not wait for its threads.
+    with threadpool_limits(1):
+        clusters = KMeans(min(count, distinct), n_init=1, max_iter=_ITERATIONS, random_state=random)
+        clusters.fit(scaled)
+    chosen = np.unique(pairwise_distances_argmin(clusters.cluster_centers_, scaled))
+    represented_by = pairwise_distances_argmin(scaled, scaled[chosen])
+    return chosen, np.bincount(represented_by, weights=counts, minlength=len(chosen)).astype(np.float64)

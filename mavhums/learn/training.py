@@ -19,7 +19,7 @@ from mavhums.learn._estimators import train_networks
 from mavhums.learn.card import Card, Selection
 from mavhums.learn.chain import Scheme, reduce_vectors, select_columns, select_features
 from mavhums.learn.evaluation import hold_out, split_flights
-from mavhums.learn.inference import Network, TanhNetwork, WindowNetwork
+from mavhums.learn.inference import Network, TanhNetwork
 from mavhums.learn.networks import TanhNetworkEnsemble
 from mavhums.learn.ranking import ChiSquareRanking
 from mavhums.learn.wrapper import WINDOW_TRAINING, Vectors
@@ -258,7 +258,7 @@ class LabelledWindows:
     Attributes
     ----------
     features
-        Their statistics, shape (n, len(WINDOW_KEYS)).
+        Their statistics, shape (n, k): those of :data:`~mavhums.core.quantities.WINDOW_KEYS`, or others.
     classes
         Index of each window's condition, shape (n,).
     flights
@@ -282,9 +282,10 @@ class LabelledWindows:
 
 @dataclass(frozen=True, eq=False)
 class WindowResult:
-    """The chosen network, what the stages kept, and each candidate's accuracy on the flights held out."""
+    """The chosen network, its inputs, what the stages kept, and each candidate's neurons and accuracy."""
 
-    network: WindowNetwork
+    network: TanhNetwork
+    inputs: tuple[str, ...]
     selection: Selection
     candidates: tuple[tuple[int, float], ...]
 
@@ -295,6 +296,7 @@ def train_windows(
     classes: int,
     keys: Sequence[str],
     seed: int,
+    columns: Sequence[str] = WINDOW_KEYS,
     scheme: Scheme | None = None,
     weights: ArrayLike | None = None,
     tell: Callable[[str], None] | None = None,
@@ -314,6 +316,8 @@ def train_windows(
         Number of conditions.
     keys
         The statistics to choose from, those that the telemetry tier provides.
+    columns
+        Names of all statistics of ``windows``, in order.
     seed, scheme, weights, tell
         As for :func:`mavhums.learn.train_network`; a fifth of ``scheme.networks`` is trained.
 
@@ -322,48 +326,21 @@ def train_windows(
     MissingExtraError
         If torch, or pygad for the genetic search, is not installed.
     """
-    columns = [WINDOW_KEYS.index(key) for key in keys]
-    finite = np.asarray(np.isfinite(windows.features[:, columns]).all(axis=1))
-    whole = windows.part(finite)
-    own = None if weights is None else np.asarray(weights)[finite]
-    part = LabelledWindows(whole.features[:, columns], whole.classes, whole.flights)
-    found = train_classes(part, classes=classes, names=keys, seed=seed, scheme=scheme, weights=own, tell=tell)
-    network = WindowNetwork(keys=found.inputs, **found.network.tensors)
-    return WindowResult(network, found.selection, found.candidates)
-
-
-@dataclass(frozen=True, eq=False)
-class ClassesResult:
-    """The chosen network, the names of its inputs, what the stages kept, and each candidate's accuracy."""
-
-    network: TanhNetwork
-    inputs: tuple[str, ...]
-    selection: Selection
-    candidates: tuple[tuple[int, float], ...]
-
-
-def train_classes(
-    examples: LabelledWindows,
-    *,
-    classes: int,
-    names: Sequence[str],
-    seed: int,
-    scheme: Scheme | None = None,
-    weights: ArrayLike | None = None,
-    tell: Callable[[str], None] | None = None,
-) -> ClassesResult:
-    """Do the same with any finite features, shape (n, k), of these ``names``."""
     scheme = scheme or Scheme()
+    values = windows.features[:, [columns.index(key) for key in keys]]
+    finite = np.asarray(np.isfinite(values).all(axis=1))
+    weight = np.ones(len(values)) if weights is None else np.asarray(weights, dtype=np.float64)
+    examples = LabelledWindows(values, windows.classes, windows.flights).part(finite)
+    weight = weight[finite]
     split = GroupShuffleSplit(1, test_size=_HELD_OUT, random_state=seed)
     halves = next(split.split(examples.features, groups=examples.flights))
     if any(len(np.unique(examples.classes[half])) < len(np.unique(examples.classes)) for half in halves):
         # Of few flights a draw easily leaves a class out of a part.
         halves = split_flights(examples.classes, examples.flights, seed=seed) or halves
-    weight = np.ones(len(examples)) if weights is None else np.asarray(weights, dtype=np.float64)
     offered, checked = map(examples.part, halves)
     ranking = ChiSquareRanking(strategy="quantile")
-    selection = select_columns(offered.features, offered.classes, names, replace(scheme, order=1), ranking)
-    kept = [list(names).index(name) for name in selection.selected]
+    selection = select_columns(offered.features, offered.classes, keys, replace(scheme, order=1), ranking)
+    kept = [list(keys).index(key) for key in selection.selected]
     target, of_all = np.eye(classes, dtype=bool), offered.features[:, kept]
     vectors, held_out = (
         Vectors(part.features[:, kept], target[part.classes], weight[rows])
@@ -393,4 +370,4 @@ def train_classes(
             f"(worst {100 * accuracies.min():.2f} %)"
         )
     best = trained.networks[int(np.argmin(trained.validation_loss))]
-    return ClassesResult(best, inputs, selection, tuple(zip(sizes, accuracies.tolist(), strict=True)))
+    return WindowResult(best, inputs, selection, tuple(zip(sizes, accuracies.tolist(), strict=True)))

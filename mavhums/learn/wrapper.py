@@ -17,12 +17,7 @@ from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.learn._estimators import train_networks
 from mavhums.learn.card import Wrapped
 from mavhums.learn.inference import TanhNetwork
-from mavhums.learn.subsets import (
-    exhaustive_search,
-    genetic_search,
-    network_objective,
-    subset_training,
-)
+from mavhums.learn.subsets import exhaustive_search, genetic_search, network_objective
 
 _SAMPLES, _ITERATIONS, _HIDDEN = 1000, 60, 8
 """Size of the first round of the wrapper of samples, in which every subset has one small network."""
@@ -121,14 +116,16 @@ def search_subsets(
     best = search.subsets[np.argsort(-search.scores, kind="stable")[:_SHORTLIST]]
     shortlist = np.unique(np.concatenate([whole, best]), axis=0)
     trained = [
-        subset_training(
+        train_networks(
+            [_SECOND_HIDDEN] * len(shortlist),
+            [seed + k] * len(shortlist),
             vectors.samples,
-            validation.samples,
+            shortlist,
+            validation=validation.samples,
             weight=vectors.weight,
-            hidden=_SECOND_HIDDEN,
             max_iter=_SECOND_ITERATIONS,
-            random_state=seed + k,
-        )(shortlist)
+            patience=None,
+        )
         for k in range(_SEEDS)
     ]
     accuracies = np.array([each.validation_accuracy for each in trained])

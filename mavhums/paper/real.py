@@ -25,8 +25,7 @@ from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations import STROKE_EQUATIONS
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.learn import LabelledWindows, Scheme
-from mavhums.learn.training import ClassesResult, train_classes
+from mavhums.learn import LabelledWindows, Scheme, WindowResult, train_windows
 from mavhums.paper.report import render
 from mavhums.paper.rig import CONSTANTS, FEATURES, HEALTHY, Constants, Run, examples, read_rig, stage
 from mavhums.paper.study import Folder, Progress
@@ -148,10 +147,11 @@ def _answers(
             tell: Callable[[str], None] | None = None
             if split == LOADS and constants == "run" and not lines:
                 tell = lines.append
-            network = train_classes(
+            network = train_windows(
                 part,
                 classes=len(names),
-                names=FEATURES,
+                keys=FEATURES,
+                columns=FEATURES,
                 seed=seed,
                 scheme=Scheme(networks=size.networks, vectors=None),
                 tell=tell,
@@ -168,7 +168,7 @@ def _answers(
     return found, tuple(lines)
 
 
-def _classes_of(network: ClassesResult, features: Array) -> Integers:
+def _classes_of(network: WindowResult, features: Array) -> Integers:
     columns = [FEATURES.index(name) for name in network.inputs]
     told: Integers = network.network.outputs(features[:, columns]).argmax(axis=1)
     return told

@@ -327,7 +327,8 @@ def train_window_network(
         trained_on, classes=len(classes), keys=keys, seed=seed, scheme=scheme, weights=weights, tell=tell
     )
     [other] = windows_of(CALIBRATES)
-    network, temperature = at_temperature(result.network, other.features, other.classes)
+    network = WindowNetwork(keys=result.inputs, **result.network.tensors)
+    network, temperature = at_temperature(network, other.features, other.classes)
     level = decides_at(network, other.features, other.classes, telemetry.goal)
     [last] = windows_of(MEASURES)
     metrics, confusion = measure(network, last, classes, level)

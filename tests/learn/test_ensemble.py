@@ -1,11 +1,9 @@
-import sys
 from typing import Any
 
 import numpy as np
 import pytest
 from sklearn.datasets import make_moons
 
-from mavhums.core.errors import MissingExtraError
 from mavhums.learn import TanhNetworkEnsemble
 
 MOONS, SIDE = make_moons(300, noise=0.2, random_state=0)
@@ -61,16 +59,9 @@ def test_samples_without_weight_are_as_if_absent() -> None:
     ("parameter", "value"),
     [
         ("n_networks", 0), ("max_iter", 1.5), ("patience", 0), ("hidden", ()), ("hidden", (4, 0)),
-        ("weight_decay", -1), ("precision", "half"),
+        ("weight_decay", -1), ("weight_decay", float("nan")), ("weight_decay", "some"), ("precision", "half"),
     ],
 )  # fmt: skip
 def test_refuses_parameters_that_mean_nothing(parameter: str, value: Any) -> None:
     with pytest.raises(ValueError, match=f"^{parameter} must"):
         fitted(**{parameter: value})
-
-
-def test_without_torch_it_says_how_to_train(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "mavhums.learn.trainer", raising=False)
-    monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[train\]'"):
-        fitted()

@@ -8,11 +8,9 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from mavhums.learn import (
     ChiSquareRanking,
-    NetworkSubsetSelector,
     NonlinearRegression,
     PairwiseRedundancyFilter,
     RegressionRedundancyFilter,
-    TanhNetworkClassifier,
     TanhNetworkEnsemble,
     VectorThinning,
 )
@@ -20,12 +18,10 @@ from mavhums.learn import (
 ESTIMATORS = [
     ChiSquareRanking(),
     PairwiseRedundancyFilter(),
-    TanhNetworkClassifier(max_iter=60, random_state=0),
     TanhNetworkEnsemble(n_networks=2, max_iter=60, random_state=0),
     RegressionRedundancyFilter(),
     NonlinearRegression(),
     VectorThinning(n_vectors=20, random_state=0),
-    NetworkSubsetSelector(iterations=5, random_state=0),
 ]
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 from sklearn.pipeline import make_pipeline
 
-from mavhums.learn import ChiSquareRanking, PairwiseRedundancyFilter, TanhNetworkClassifier
+from mavhums.learn import ChiSquareRanking, PairwiseRedundancyFilter, TanhNetworkEnsemble
 
 RANDOM = np.random.default_rng(11)
 LABEL = np.repeat([False, True], 400)
@@ -99,7 +99,7 @@ def test_order_of_samples_and_features_does_not_matter(seed: int) -> None:
 
 
 def test_composes_with_scikit_learn() -> None:
-    pipeline = make_pipeline(PairwiseRedundancyFilter(), TanhNetworkClassifier(hidden=2, random_state=0))
+    pipeline = make_pipeline(PairwiseRedundancyFilter(), TanhNetworkEnsemble(1, (2,), random_state=0))
     pipeline.fit(FEATURES, LABEL)
     assert pipeline[-1].n_features_in_ == 4
     assert pipeline.score(FEATURES, LABEL) > 0.65

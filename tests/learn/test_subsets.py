@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 from sklearn.datasets import make_moons
 
-from mavhums.learn import NetworkSubsetSelector, exhaustive_search, genetic_search, network_objective
-from mavhums.learn.subsets import Objective, all_subsets
+from mavhums.learn import exhaustive_search, genetic_search, network_objective
+from mavhums.learn.subsets import all_subsets
 
 WORTH = np.random.default_rng(1).normal(size=10)
 
@@ -61,28 +61,12 @@ MOONS, SIDE = make_moons(400, noise=0.15, random_state=0)
 FEATURES = np.column_stack([np.random.default_rng(0).normal(size=(400, 2)), MOONS])
 
 
-@pytest.mark.parametrize("search", ["exhaustive", "genetic"])
-def test_the_selector_drops_what_only_makes_noise(search: str) -> None:
-    selector = NetworkSubsetSelector(search, evaluations=12, random_state=0).fit(FEATURES, SIDE)  # type: ignore[arg-type]
-    assert selector.get_support()[2:].all()
-    assert selector.search_.score > 0.9
-    assert len(selector.search_.scores) == (15 if search == "exhaustive" else 12)
-
-
-def test_the_selector_scores_on_whole_flights(monkeypatch: pytest.MonkeyPatch) -> None:
-    flights = np.repeat(np.arange(8), 50)
-    side = flights % 2 == 1
-    values = np.column_stack([flights, np.random.default_rng(0).normal(size=400)]).astype(float)
-    seen = {}
-
-    def spy(*parts: tuple[NDArray[np.float64], NDArray[np.bool_]], **_: object) -> Objective:
-        seen["training"], seen["validation"] = (set(part[0][:, 0]) for part in parts)
-        return lambda subsets: subsets.sum(axis=1).astype(float)
-
-    monkeypatch.setattr("mavhums.learn.subsets.network_objective", spy)
-    NetworkSubsetSelector(random_state=0).fit(values, side, groups=flights)
-    assert not seen["training"] & seen["validation"]
-    assert {flight % 2 for flight in seen["validation"]} == {0, 1}
+def test_the_search_drops_what_only_makes_noise() -> None:
+    parts = [(FEATURES[rows], SIDE[rows] == 1) for rows in (slice(0, 300), slice(300, 400))]
+    objective = network_objective(parts[0], parts[1])
+    for search in (exhaustive_search(objective, 4), genetic_search(objective, 4, evaluations=12)):
+        assert search.best[2:].all()
+        assert search.score > 0.9
 
 
 def test_the_objective_is_the_validation_accuracy_of_the_subset_alone() -> None:
@@ -94,14 +78,3 @@ def test_the_objective_is_the_validation_accuracy_of_the_subset_alone() -> None:
     changed = (FEATURES * [5, -3, 1, 1], validation[1])
     same = network_objective(samples, (changed[0][200:], changed[1]), hidden=6, max_iter=60)
     assert same(np.array([[0, 0, 1, 1]], dtype=bool))[0] == moons
-
-
-def test_refuses_what_means_nothing() -> None:
-    with pytest.raises(ValueError, match=r"^search must"):
-        NetworkSubsetSelector("greedy").fit(FEATURES, SIDE)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match=r"^evaluations must"):
-        NetworkSubsetSelector(evaluations=0).fit(FEATURES, SIDE)
-    with pytest.raises(ValueError, match="one class"):
-        NetworkSubsetSelector().fit(FEATURES, np.ones(400))
-    with pytest.raises(ValueError, match="Only binary"):
-        NetworkSubsetSelector().fit(FEATURES, np.arange(400) % 3)

@@ -13,11 +13,11 @@ from mavhums.learn import Card, Network, save_model
 
 PUBLIC = {
     "Answers", "Calibration", "NetworkScore", "Card", "ChiSquareRanking", "CommandLeak", "CommandLeakWarning",
-    "Dependence", "LabelledWindows", "Model", "ModelError", "Network", "NetworkSubsetSelector",
+    "Dependence", "LabelledWindows", "Model", "ModelError", "Network",
     "NonlinearRegression",
     "PairwiseRedundancyFilter", "Precedent", "PrecedentBase", "PrecedentError", "Provenance",
     "RegressionRedundancyFilter", "Scheme", "Selection", "SubsetSearch", "TanhNetwork",
-    "TanhNetworkClassifier", "TanhNetworkEnsemble", "TrainingResult", "VectorThinning", "WindowCard",
+    "TanhNetworkEnsemble", "TrainingResult", "VectorThinning", "WindowCard",
     "WindowNetwork", "WindowResult", "brier_score", "calibrate",
     "check_command", "default_model", "exhaustive_search", "expected_calibration_error",
     "genetic_search", "load_model", "models", "network_objective", "packaged_models", "save_model",

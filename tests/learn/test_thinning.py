@@ -10,22 +10,14 @@ LABEL = np.repeat([0, 1], [300, 100])
 FEATURES = RANDOM.normal(size=(400, 3)) + LABEL[:, None]
 
 
-@pytest.mark.parametrize("method", ["kmeans", "random"])
-def test_each_class_keeps_its_share_and_its_weight(method: str) -> None:
-    features, label, weight = VectorThinning(40, method=method, random_state=0).fit_resample(FEATURES, LABEL)  # type: ignore[arg-type]
-    assert len(features) <= 40
+def test_each_class_keeps_its_share_and_its_weight() -> None:
+    thinning = VectorThinning(40, random_state=0).fit(FEATURES, LABEL)
+    label, weight = LABEL[thinning.indices_], thinning.weights_
+    assert len(label) <= 40
+    assert (np.diff(thinning.indices_) > 0).all()
     assert (label == 1).sum() == pytest.approx(len(label) / 4, abs=2)
     assert weight[label == 0].sum() == pytest.approx(300)
     assert weight[label == 1].sum() == pytest.approx(100)
-
-
-@pytest.mark.parametrize("method", ["kmeans", "random"])
-def test_what_is_kept_are_samples(method: str) -> None:
-    thinning = VectorThinning(40, method=method, random_state=0)  # type: ignore[arg-type]
-    features, label, _ = thinning.fit_resample(FEATURES, LABEL)
-    np.testing.assert_array_equal(features, FEATURES[thinning.indices_])
-    np.testing.assert_array_equal(label, LABEL[thinning.indices_])
-    assert (np.diff(thinning.indices_) > 0).all()
 
 
 def test_clusters_stand_for_what_is_near() -> None:
@@ -63,5 +55,3 @@ def test_nothing_is_thinned_that_is_small_enough() -> None:
 def test_refuses_parameters_that_mean_nothing() -> None:
     with pytest.raises(ValueError, match=r"^n_vectors must"):
         VectorThinning(0).fit(FEATURES, LABEL)
-    with pytest.raises(ValueError, match=r"^method must"):
-        VectorThinning(method="best").fit(FEATURES, LABEL)  # type: ignore[arg-type]
