@@ -12,7 +12,6 @@ from __future__ import annotations
 import os
 import shutil
 import struct
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -51,7 +50,6 @@ def main(demo: Path, pictures: Path) -> None:
         "ten-hours": _ten_hours,
         "live": _live,
         "importer": _imported,
-        "study": _study,
     }
     for name, make in makers.items():
         print(f"{pictures / name}.png", flush=True)
@@ -147,14 +145,6 @@ def _imported(demo: Path, picture: Path) -> None:
     """Render the view of ``rerun friction-growing.tlog``; the importer must be on the PATH."""
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     save(demo / "friction-growing.tlog", picture)
-
-
-def _study(demo: Path, picture: Path) -> None:
-    folder = demo / "study"
-    if not (folder / "study.rrd").exists():
-        command = [sys.executable, "-m", "mavhums", "study", "paper", "--quick", "-o", str(folder)]
-        subprocess.run(command, check=True)
-    save(folder / "study.rrd", picture)
 
 
 if __name__ == "__main__":

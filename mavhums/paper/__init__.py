@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["write_real_study", "write_study"]
 
-_OPTIONAL = ("matplotlib", "pygad", "rerun", "sklearn", "torch")
+_OPTIONAL = ("matplotlib", "pygad", "sklearn", "torch")
 
 __getattr__, __dir__ = lazy_exports(
     __name__,

@@ -39,7 +39,7 @@ from mavhums.paper.experiment import (
     samples,
     takeoff_bound,
 )
-from mavhums.paper.report import record_study, report
+from mavhums.paper.report import report
 from mavhums.paper.statements import decay_table, statement_table
 from mavhums.paper.tables import (
     LOAD_FRICTION,
@@ -207,7 +207,7 @@ def write_study(
     seed: int = 1,
     progress: Progress | None = None,
 ) -> list[Path]:
-    """Compute the study and write ``report.md``, CSV tables, figures and ``study.rrd``.
+    """Compute the study and write ``report.md``, CSV tables and figures.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def write_study(
     MavhumsError
         If the folder cannot be written.
     MissingExtraError
-        If torch, matplotlib or rerun is not installed.
+        If torch or matplotlib is not installed.
     """
     out = Folder(Path(folder))
     begin = perf_counter()
@@ -241,7 +241,6 @@ def write_study(
     flights = fly_condition(TAKEOFF, tuple(FIGURES_16_TO_19.values()))
     out.figure("figures-3-14.png", _quantities_figure(flights[0]))
     out.figure("figures-16-19.png", _output_figure(findings.takeoff[1], flights))
-    out.write("study.rrd", lambda path: record_study(path, text, flights, findings.takeoff))
     return out.written
 
 
