@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Final
 from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
 from itsdangerous import BadSignature, Signer
-from uvicorn.protocols.http.auto import AutoHTTPProtocol
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 SESSION: Final = "mavhums.session"
 """Key of the session's id in the scope of a request."""
@@ -28,9 +28,8 @@ _LARGE: Final = (UPLOADS, f"{API}/logs")
 
 _BODY: Final = 1 << 20
 _POLICY: Final = (
-    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
-    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
-    "worker-src 'self' blob:; frame-ancestors 'self'; form-action 'self'; base-uri 'none'; object-src 'none'"
+    "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+    "frame-ancestors 'self'; form-action 'self'; base-uri 'none'; object-src 'none'"
 )
 _HEADERS: Final = {
     b"content-security-policy": _POLICY.encode(),
@@ -95,22 +94,22 @@ class Guard:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or refuse it."""
-        if scope["type"] not in ("http", "websocket"):
+        if scope["type"] != "http":  # the server starts and ends; it has no websockets
             await self.app(scope, receive, send)
             return
         headers = _headers(scope["headers"])
         if self._public and _name_of(headers.get("host", "")) == self._public:
-            scope["scheme"] = "https" if scope["type"] == "http" else "wss"  # as the browser sees it
+            scope["scheme"] = "https"  # as the browser sees it
         cookies = _cookies(headers.get("cookie", ""))
         refusal = self._refusal(scope, headers)
         if refusal:
-            await _refuse(scope, receive, send, *refusal)
+            await _refuse(scope, send, *refusal)
             return
         if self._token is not None and not self._known(headers, cookies):
-            await self._ask(scope, receive, send)
+            await self._ask(scope, send)
             return
         if "content-length" in headers and scope["path"] not in _LARGE and _length(headers) > _BODY:
-            await _refuse(scope, receive, send, 413, "too large; only a log may be larger than 1 MiB")
+            await _refuse(scope, send, 413, "too large; only a log may be larger than 1 MiB")
             return
         cookie, given = cookies.get(f"{self._cookie}-session", ""), []
         try:  # only a session that this server has named
@@ -119,7 +118,7 @@ class Guard:
             scope[SESSION] = secrets.token_urlsafe(24)
             cookie = self._signer.sign(scope[SESSION]).decode()
             given = [] if _is_api(scope) else [self._cookie_header(scope, "session", cookie)]
-        bounded = receive if scope["path"] in _LARGE or scope["type"] != "http" else _Bounded(receive)
+        bounded = receive if scope["path"] in _LARGE else _Bounded(receive)
         await self.app(scope, bounded, _with_headers(send, given))
 
     def _refusal(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
@@ -136,8 +135,6 @@ class Guard:
         origin = headers.get("origin")
         if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
             return 403, "a request from another page is refused"
-        if scope["type"] == "websocket" and origin is None:
-            return 403, "a request without an origin is refused"
         if headers.get("sec-fetch-site") in ("cross-site", "same-site") and not _navigates(scope, headers):
             return 403, "a request from another page is refused"
         return None
@@ -150,17 +147,17 @@ class Guard:
     def _is_token(self, given: str) -> bool:
         return self._token is not None and secrets.compare_digest(given.encode(), self._token.encode())
 
-    async def _ask(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def _ask(self, scope: Scope, send: Send) -> None:
         """Take the token from the query of a page, and lead to the page without it."""
         query = parse_qsl(scope.get("query_string", b"").decode("latin-1"))
         given = dict(query).get("token", "")
         if _is_api(scope):
             text = "a token is needed; send the one that mavhums serve printed: Authorization: Bearer TOKEN"
-            await _refuse(scope, receive, send, 401, text)
+            await _refuse(scope, send, 401, text)
             return
-        if scope["type"] != "http" or scope["method"] != "GET" or not self._is_token(given):
+        if scope["method"] != "GET" or not self._is_token(given):
             text = "a token is needed; open the address that mavhums serve printed"
-            await _refuse(scope, receive, send, 401, text)
+            await _refuse(scope, send, 401, text)
             return
         rest = urlencode([pair for pair in query if pair[0] != "token"])
         place = "/" + quote(scope["path"].lstrip("/\\")) + (f"?{rest}" if rest else "")
@@ -169,7 +166,7 @@ class Guard:
         await send({"type": "http.response.body", "body": b""})
 
     def _cookie_header(self, scope: Scope, what: str, value: str) -> tuple[bytes, bytes]:
-        secure = "; Secure" if scope.get("scheme") in ("https", "wss") else ""
+        secure = "; Secure" if scope.get("scheme") == "https" else ""
         return (
             b"set-cookie",
             f"{self._cookie}-{what}={value}; Path=/; HttpOnly; SameSite=Lax{secure}".encode(),
@@ -202,11 +199,7 @@ def _with_headers(send: Send, more: Iterable[tuple[bytes, bytes]] = ()) -> Send:
     return sent
 
 
-async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, text: str) -> None:
-    if scope["type"] == "websocket":
-        await receive()
-        await send({"type": "websocket.close", "code": 1008})
-        return
+async def _refuse(scope: Scope, send: Send, status: int, text: str) -> None:
     kind, body = b"text/plain; charset=utf-8", f"{text}\n"
     if _is_api(scope):
         problem, _, remedy = text.partition("; ")
@@ -279,8 +272,8 @@ _BUSY: Final = (
 )
 
 
-class _LimitedConnection(AutoHTTPProtocol):  # type: ignore[valid-type,misc]
-    """A connection of uvicorn's with these limits; it ends where a websocket takes over.
+class _LimitedConnection(HttpToolsProtocol):
+    """A connection of uvicorn's with these limits.
 
     Its pace is what the client has sent of a body or taken of an answer, in bytes, halved every 5 s. A
     connection, each header and each answer begin with 64 kB, from which the bytes of a header count down:
@@ -306,10 +299,6 @@ class _LimitedConnection(AutoHTTPProtocol):  # type: ignore[valid-type,misc]
     def connection_lost(self, exc: Exception | None) -> None:
         self._stop_looking()
         super().connection_lost(exc)
-
-    def handle_websocket_upgrade(self, *given: Any) -> None:
-        self._stop_looking()
-        super().handle_websocket_upgrade(*given)
 
     def data_received(self, data: bytes) -> None:
         cycle = self.cycle

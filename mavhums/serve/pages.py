@@ -1,91 +1,188 @@
-"""The pages: drop a log, the fleet, an aircraft, live sessions."""
+"""The pages: drop a log, its answer, the fleet, an aircraft, live sessions; each is HTML from a template."""
 
 from __future__ import annotations
 
 import asyncio
 import json
-import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import IO, Final, NamedTuple
+from typing import Any, Final
 from urllib.parse import urlencode
 
+from fastapi import FastAPI
 from markupsafe import Markup
-from nicegui import ui
-from pydantic import TypeAdapter, ValidationError
 from starlette.requests import Request
+from starlette.responses import HTMLResponse, Response
 
 from mavhums.core.conditions import URGENCY
-from mavhums.core.errors import MavhumsError, UnreadableLogError
-from mavhums.core.packed import opened_file
-from mavhums.results.live import (
-    AlertObject,
-    ConditionObject,
-    EndObject,
-    LiveObject,
-    StartObject,
-    StatusObject,
-)
+from mavhums.core.errors import MavhumsError
+from mavhums.core.packed import ARCHIVES, COMPRESSED
+from mavhums.flights.aircraft import UnnamedAircraftError
 from mavhums.results.standing import TrendReport
 from mavhums.serve.fleet_view import (
     FEWEST_FLIGHTS,
-    AircraftLine,
     aircraft_lines,
     dropped_trends,
     flight_lines,
     trends_shown,
 )
 from mavhums.serve.guard import SESSION, is_loopback
-from mavhums.serve.home import Home, markup, render, show_parts
+from mavhums.serve.live_file import LiveFile
 from mavhums.serve.options import Fleet, ServeOptions
-from mavhums.serve.sessions import Sessions
+from mavhums.serve.routes import LogOf
+from mavhums.serve.sessions import Dropped, Sessions, UserSession
 from mavhums.show.evidence import EvidenceCollector
-from mavhums.show.html import parts
+from mavhums.show.html import environment, parts
 from mavhums.show.trend import headline
 
 _SUBJECTS: Final = 4000
 _AIRCRAFT: Final = 300
-_PATIENCE_S: Final = 120.0
-_LIVE_S: Final = 1.0
+_FEW: Final = 3  # logs with all their buttons, above an answer
+_BUSY_MS, _QUIET_MS = 300, 1000
+"""Time after which an open page asks for the list of logs again: while something is judged, and else."""
+
+Page = Callable[..., Response]
 
 
-def add_pages(sessions: Sessions, options: ServeOptions) -> None:
-    """Add the pages to NiceGUI's application."""
+def render(template: str, **values: object) -> str:
+    """Return a template of this room with its values; every text in it is escaped."""
+    return environment("mavhums.serve").get_template(template).render(**values)
+
+
+def add_pages(app: FastAPI, sessions: Sessions, options: ServeOptions, log_of: LogOf) -> None:
+    """Add the pages to an application.
+
+    Parameters
+    ----------
+    app
+        The application.
+    sessions
+        The dropped logs.
+    options
+        Store and live files, without which their pages are absent.
+    log_of
+        Returns the log of a request, of which a part was made.
+    """
     pages = [("Logs", "/")]
     pages += [("Fleet", "/fleet")] if options.fleet else []
     pages += [("Live", "/live")] if options.live else []
 
-    def begin(here: str) -> None:
-        ui.add_head_html(render("head.html"))
-        if len(pages) > 1:
-            markup(render("nav.html", pages=pages, here=here))
+    def page(template: str, title: str, here: str, **values: object) -> Response:
+        return HTMLResponse(render(template, title=title, here=here, pages=pages, **values))
 
-    @ui.page("/", title="mavhums: drop a log")
-    def home(request: Request) -> None:
-        begin("/")
-        where = (
-            "nothing leaves it"
-            if is_loopback(options.host) and options.public is None
-            else "where mavhums runs"
-        )
-        Home(sessions, request.scope[SESSION], options.fleet, where)
+    alone = is_loopback(options.host) and options.public is None
+    where = "nothing leaves it" if alone else "where mavhums runs"
+    limit = sessions.limits.log_bytes
+    limits = {"limit_bytes": limit, "limit_mb": f"{limit // 1_000_000:,}", "packed": (*COMPRESSED, *ARCHIVES)}
 
-    @ui.page("/trends", title="mavhums: trends over the dropped logs", response_timeout=_PATIENCE_S)
-    async def trends_page(request: Request) -> None:
-        begin("/")
-        logs = list(sessions.get(request.scope[SESSION]).logs.values())
+    @app.get("/")
+    def home() -> Response:
+        return page("home.html", "drop a log", "/", where=where, **limits)
+
+    @app.get("/trends")
+    async def trends_page(request: Request) -> Response:
+        logs = list(_session(sessions, request).logs.values())
         found, others = await asyncio.to_thread(dropped_trends, logs)
         aircraft = [
             {"board": board, "flights": flights, "headline": headline(report), "trends": _trends(report)}
             for board, flights, report in found
         ]
-        markup(render("dropped_trends.html", aircraft=aircraft, others=others, fewest=FEWEST_FLIGHTS))
+        values = {"aircraft": aircraft, "others": others, "fewest": FEWEST_FLIGHTS}
+        return page("dropped_trends.html", "trends over the dropped logs", "/", **values)
 
+    _add_logs(app, sessions, options.fleet, log_of)
     if options.fleet:
-        _add_fleet(options.fleet, begin)
+        _add_fleet(app, options.fleet, page)
     if options.live:
-        _add_live(options.live, begin)
+        _add_live(app, options.live, page)
+
+
+def _session(sessions: Sessions, request: Request) -> UserSession:
+    return sessions.get(request.scope[SESSION])
+
+
+def _add_logs(app: FastAPI, sessions: Sessions, fleet: Fleet | None, log_of: LogOf) -> None:
+    """Add the parts of the first page that change: the list of logs, and the answer or the view of one."""
+
+    @app.get("/logs")
+    def logs(request: Request, log: str = "", shown: str = "") -> Response:
+        session = _session(sessions, request)
+        session.touch()
+        return HTMLResponse(log_list(session, (log, shown), keeps=fleet is not None))
+
+    @app.get("/logs/{log_id}/answer")
+    def answer(request: Request, log_id: str) -> Response:
+        log = log_of(request, log_id, "shown")
+        return HTMLResponse(render("answer.html", log=log, parts=json.loads(log.shown.read_bytes())))
+
+    @app.get("/logs/{log_id}/view")
+    async def view(request: Request, log_id: str) -> Response:
+        log = log_of(request, log_id, "assessment")
+        if not log.recording:
+            sessions.record(_session(sessions, request), log)
+        recording = f"{str(request.base_url).rstrip('/')}/logs/{log.id}/flight.rrd"
+        query = urlencode({"url": recording, "hide_welcome_screen": 1, "persist": 0})
+        failed = log.recording not in ("making", "ready")
+        return HTMLResponse(render("view.html", log=log, query=query), status_code=409 if failed else 200)
+
+    @app.post("/logs/{log_id}/remove")
+    async def remove(request: Request, log_id: str) -> Response:
+        sessions.remove(_session(sessions, request), log_of(request, log_id, "path"))
+        return Response(status_code=204)
+
+    if fleet is not None:
+
+        @app.post("/logs/{log_id}/keep")
+        async def keep(request: Request, log_id: str, aircraft: str = "") -> Response:
+            await _keep(fleet, log_of(request, log_id, "assessment"), aircraft.strip() or None)
+            return Response(status_code=204)
+
+
+def log_list(session: UserSession, shown: tuple[str, str], *, keeps: bool) -> str:
+    """Return a session's logs as a list, the worst first, with what can be done with each.
+
+    Parameters
+    ----------
+    session
+        The session.
+    shown
+        The log whose part is shown below, and which part: ``answer`` or ``view``.
+    keeps
+        Whether there is a store to keep a log in.
+    """
+    logs = sorted(session.logs.values(), key=_rank)
+    done = [log for log in logs if log.state == "done"]
+    tally = sorted(Counter(log.condition for log in done).items(), key=lambda one: -URGENCY[one[0]])
+    return render(
+        "logs.html",
+        logs=logs,
+        worst=done[0].id if done else "",
+        tally=tally,
+        rest=len(logs) - len(done),
+        trends=len(done) >= FEWEST_FLIGHTS,
+        few=_FEW,
+        every_ms=_BUSY_MS if any(log.is_busy for log in logs) else _QUIET_MS,
+        shown_id=shown[0],
+        shown=shown[1],
+        keeps=keeps,
+    )
+
+
+def _rank(log: Dropped) -> int:
+    """Return what sorts the worst first: what was judged, what could not be, what is not yet."""
+    return {"done": -URGENCY[log.condition], "failed": 100}.get(log.state, 101)
+
+
+async def _keep(fleet: Fleet, log: Dropped, aircraft: str | None) -> None:
+    """Keep a log in the store; where the store cannot identify its aircraft, the list asks the user."""
+    log.kept, log.asked = "being kept in the store, after any scan that runs …", None
+    try:
+        log.kept = await asyncio.to_thread(fleet.keep, log.path, aircraft)
+    except UnnamedAircraftError as error:
+        log.kept, log.asked = error.problem, error.proposed
+    except MavhumsError as error:
+        log.kept = f"not kept: {error}"
 
 
 def _trends(report: TrendReport) -> Markup:
@@ -93,163 +190,61 @@ def _trends(report: TrendReport) -> Markup:
     return Markup(render("_trends.html", trends=trends_shown(report, {}), report=report, flights=()))
 
 
-def _add_fleet(fleet: Fleet, begin: Callable[[str], None]) -> None:
-    @ui.page("/fleet", title="mavhums: the fleet", response_timeout=_PATIENCE_S)
-    async def fleet_page() -> None:
-        begin("/fleet")
-        lines: list[AircraftLine] = []
-        problem = ""
+def _add_fleet(app: FastAPI, fleet: Fleet, page: Page) -> None:
+    @app.get("/fleet")
+    def fleet_page() -> Response:
+        values: dict[str, Any] = {"lines": [], "problem": ""}
         try:
-            lines = aircraft_lines(await asyncio.to_thread(fleet.worst, _SUBJECTS))
-        except MavhumsError as error:
-            problem = str(error)
-        tally = Counter((line.condition, line.word) for line in lines)
-        order = sorted(tally.items(), key=lambda one: -URGENCY[one[0][0]])
-        more = len(lines) > _AIRCRAFT
-        markup(render("fleet.html", lines=lines[:_AIRCRAFT], tally=order, problem=problem, more=more))
-
-    @ui.page("/fleet/aircraft", title="mavhums: an aircraft", response_timeout=_PATIENCE_S)
-    async def aircraft_page(name: str = "") -> None:
-        begin("/fleet")
-        try:
-            report = await asyncio.to_thread(fleet.trend, name)
-            flights = await asyncio.to_thread(fleet.flights, name)
-        except MavhumsError as error:
-            markup(render("aircraft.html", name=name, problem=str(error)))
-            return
-        lines = flight_lines(name, flights)
-        values = {
-            "report": report,
-            "headline": headline(report),
-            "trends": trends_shown(report, {line.start_utc: line.address for line in lines}),
-            "flights": lines,
-            "query": urlencode({"aircraft": name}),
-        }
-        markup(render("aircraft.html", name=name, problem="", **values))
-
-    @ui.page("/fleet/flight", title="mavhums: a flight", response_timeout=_PATIENCE_S)
-    async def flight_page(aircraft: str = "", log: str = "") -> None:
-        begin("/fleet")
-        query = urlencode({"aircraft": aircraft, "log": log})
-        values = {"name": aircraft, "back": urlencode({"name": aircraft}), "query": query, "problem": ""}
-        try:
-            wanted = await asyncio.to_thread(fleet.flight, aircraft, log)
+            values["lines"] = aircraft_lines(fleet.worst(_SUBJECTS))
         except MavhumsError as error:
             values["problem"] = str(error)
-            markup(render("flight.html", **values))
-            return
-        shown = await asyncio.to_thread(parts, wanted, EvidenceCollector(), "h1")
-        markup(render("flight.html", **values))
-        show_parts(shown, f"/fleet/curves?{query}")
+        lines = values["lines"]
+        tally = Counter((line.condition, line.word) for line in lines)
+        order = sorted(tally.items(), key=lambda one: -URGENCY[one[0][0]])
+        values |= {"lines": lines[:_AIRCRAFT], "tally": order, "more": len(lines) > _AIRCRAFT}
+        return page("fleet.html", "the fleet", "/fleet", **values)
 
-
-def _add_live(paths: Sequence[Path], begin: Callable[[str], None]) -> None:
-    @ui.page("/live", title="mavhums: live sessions")
-    def live_page() -> None:
-        begin("/live")
-        markup("Live sessions", "h1")
-        files = [LiveFile(path) for path in paths]
-        place = markup("")
-
-        async def look() -> None:
-            seen = await asyncio.to_thread(lambda: [file.seen() for file in files])
-            place.set_content(render("live.html", sessions=seen))
-
-        ui.timer(_LIVE_S, look)
-
-
-_FIRST: Final = 1 << 16
-_READ: Final = 1 << 20
-_LINE: Final = 1 << 22
-_CHANGES: Final = 12
-_SILENT_S: Final = 5.0
-_OBJECT: Final[TypeAdapter[LiveObject]] = TypeAdapter(LiveObject)
-
-
-class Seen(NamedTuple):
-    """A session as its file describes it.
-
-    Attributes
-    ----------
-    note
-        Why the state may not be the present one; empty while the session runs.
-    changes
-        The latest changes of conditions and alerts, the newest first.
-    """
-
-    name: str
-    note: str
-    start: StartObject | None
-    status: StatusObject | None
-    end: EndObject | None
-    changes: tuple[ConditionObject | AlertObject, ...]
-
-
-class LiveFile:
-    """A session's file, read on as it grows; of a long one, only the beginning and the last MiB.
-
-    Parameters
-    ----------
-    path
-        The file; it may not exist yet.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._forget()
-
-    def _forget(self) -> None:
-        self._at = 0
-        self._rest = b""
-        self._first = True
-        self._start: StartObject | None = None
-        self._status: StatusObject | None = None
-        self._end: EndObject | None = None
-        self._changes: list[ConditionObject | AlertObject] = []
-
-    def seen(self) -> Seen:
-        """Read what was added, and return the state."""
-        note = ""
+    @app.get("/fleet/aircraft")
+    def aircraft_page(name: str = "") -> Response:
+        values: dict[str, Any] = {"name": name, "problem": ""}
         try:
-            status = self._path.stat()
-            if status.st_size < self._at:
-                self._forget()
-            with opened_file(self._path) as file:
-                self._read(file, status.st_size)
-            silent_s = time.time() - status.st_mtime
-            if self._end is None and silent_s > _SILENT_S:
-                note = f"no line for {silent_s:,.0f} s: the session has stopped, or its output is not read"
-        except OSError as error:
-            note = f"cannot be read: {error.strerror}"
-        except UnreadableLogError as error:
-            note = f"{error.problem}: let the session write to a file: mavhums live --json > FILE"
-        changes = tuple(reversed(self._changes))
-        return Seen(self._path.name, note, self._start, self._status, self._end, changes)
+            report, lines = fleet.trend(name), flight_lines(name, fleet.flights(name))
+        except MavhumsError as error:
+            values["problem"] = str(error)
+        else:
+            values |= {
+                "report": report,
+                "headline": headline(report),
+                "trends": trends_shown(report, {line.start_utc: line.address for line in lines}),
+                "flights": lines,
+                "query": urlencode({"aircraft": name}),
+            }
+        return page("aircraft.html", "an aircraft", "/fleet", **values)
 
-    def _read(self, file: IO[bytes], size: int) -> None:
-        if self._first and size:
-            self._take(file.read(_FIRST).split(b"\n")[0])
-            self._at = max(0, size - _READ)
-            self._first = False
-        file.seek(self._at)
-        while self._at < size and (data := file.read(min(_READ, size - self._at))):
-            self._at += len(data)
-            *lines, self._rest = (self._rest + data).split(b"\n")
-            self._rest = self._rest if len(self._rest) <= _LINE else b""
-            for line in lines:
-                self._take(line)
-
-    def _take(self, line: bytes) -> None:
-        """Take a line; one that is cut or of another format is skipped."""
+    @app.get("/fleet/flight")
+    def flight_page(aircraft: str = "", log: str = "") -> Response:
+        query = urlencode({"aircraft": aircraft, "log": log})
+        values: dict[str, Any] = {"name": aircraft, "back": urlencode({"name": aircraft}), "query": query}
         try:
-            found = _OBJECT.validate_python(json.loads(line), strict=False)
-        except (ValidationError, ValueError, RecursionError):
-            return
-        if isinstance(found, StartObject):
-            self._start, self._end = found, None
-        elif isinstance(found, StatusObject):
-            self._status = found
-        elif isinstance(found, EndObject):
-            self._end = found
-        elif isinstance(found, ConditionObject | AlertObject) and found not in self._changes:
-            self._changes = [*self._changes, found][-_CHANGES:]
+            values |= {"parts": parts(fleet.flight(aircraft, log), EvidenceCollector(), "h1"), "problem": ""}
+        except MavhumsError as error:
+            values["problem"] = str(error)
+        return page("flight.html", "a flight", "/fleet", **values)
+
+
+def _add_live(app: FastAPI, paths: Sequence[Path], page: Page) -> None:
+    files = [LiveFile(path) for path in paths]
+
+    @app.get("/live")
+    async def live_page() -> Response:
+        return page("live.html", "live sessions", "/live", sessions=await _seen(files))
+
+    @app.get("/live/now")
+    async def live_now() -> Response:
+        return HTMLResponse(render("_live.html", sessions=await _seen(files)))
+
+    lock = asyncio.Lock()  # two pages read the same files
+
+    async def _seen(files: Sequence[LiveFile]) -> list[Any]:
+        async with lock:
+            return await asyncio.to_thread(lambda: [file.seen() for file in files])

@@ -7,6 +7,7 @@ import csv
 import io
 import json
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 from urllib.parse import quote
@@ -36,10 +37,17 @@ _STATIC: Final = Path(__file__).parent / "static"
 # The example: mavhums-sim flight --friction elevator=0.2..1.2 --seed 11 --duration 45 --rate 10
 # --tier instrumented
 _ASSETS: Final = ("charts.js", "example.tlog.xz", "page.css", "page.js", "viewer.js")
+_PLOTLY: Final = "plotly.min.js"
 _REPORT: Final = (
     "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'self'"
 )
+_VIEWER: Final = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; "
+    "style-src 'unsafe-inline'; img-src 'self' data: blob:; worker-src 'self' blob:; "
+    "frame-ancestors 'self'; base-uri 'none'; object-src 'none'"
+)
+"""The viewer begins with a script in its page, and is WebAssembly."""
 _BEFORE: Final = '<head><script src="/static/viewer.js"></script>'
 _NONE: Final = "there is nothing here; the log may have been removed at the end of its session"
 _MOST: Final = 4000
@@ -58,8 +66,12 @@ class _MissingError(Exception):
     """The session has no such log, or nothing of this kind was made of it."""
 
 
-def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> None:
-    """Add the routes to an application."""
+LogOf = Callable[[Request, str, str], Dropped]
+"""Returns the log of a request by its id, of which a part was made: its report, say."""
+
+
+def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> LogOf:
+    """Add the routes to an application; return how they find a log."""
     viewer = _Viewer(sessions.folder)
 
     @app.exception_handler(_MissingError)
@@ -67,7 +79,6 @@ def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> None:
         return PlainTextResponse(_NONE, status_code=404)
 
     def found(request: Request, log_id: str, part: str) -> Dropped:
-        """Return a log of the user's session of which a part was made: its report, say."""
         log = sessions.log(request.scope[SESSION], log_id)
         if log is None or not getattr(log, part).exists():
             raise _MissingError
@@ -117,18 +128,22 @@ def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> None:
         if name not in WEB_FILES:
             raise _MissingError
         try:
-            return FileResponse(await viewer.file(name))
+            file = await viewer.file(name)
+            return FileResponse(file, headers={"content-security-policy": _VIEWER})
         except MavhumsError as error:
             return PlainTextResponse(str(error), status_code=503)
 
     @app.get("/static/{name}")
     async def asset(name: str) -> Response:
+        if name == _PLOTLY:
+            return FileResponse(_plotly() / name)
         if name not in _ASSETS:
             raise _MissingError
         return FileResponse(_STATIC / name)
 
     if fleet is not None:
         _add_stored(app, sessions, fleet)
+    return found
 
 
 def _add_stored(app: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
@@ -167,6 +182,14 @@ def _csv(curves: dict[str, Any]) -> str:
 
 def _saved_as(name: str) -> dict[str, str]:
     return {"content-disposition": f"attachment; filename*=UTF-8''{quote(name, safe='')}"}
+
+
+def _plotly() -> Path:
+    """Return the folder with Plotly's program for the browser; its Python is not imported."""
+    found = find_spec("plotly")
+    assert found
+    assert found.origin
+    return Path(found.origin).with_name("package_data")
 
 
 class _Viewer:

@@ -8,6 +8,7 @@ import shutil
 import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
 _WAITING: Final = 200
-_LANGUAGE: Final = "en-US"
 
 
 def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
@@ -41,8 +41,11 @@ def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
         If the address cannot be listened at.
     """
     try:
-        import nicegui  # noqa: F401
+        import fastapi  # noqa: F401
         import uvicorn
+
+        if find_spec("plotly") is None:
+            raise ImportError("plotly")
     except ImportError as error:
         raise MissingExtraError("the page", "serve") from error
     from mavhums.serve.guard import MOST, MOST_OF_ADDRESS, held_connections
@@ -67,7 +70,7 @@ def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
             proxy_headers=False,
             # a proxy has one address for all, and limits its clients itself
             http=held_connections(most_of_address=MOST if options.public else MOST_OF_ADDRESS),
-            ws_max_size=1 << 20,
+            ws="none",
             timeout_graceful_shutdown=1,
         )
         uvicorn.Server(config).run(sockets=[listening])
@@ -123,8 +126,6 @@ def _greeting(options: ServeOptions, port: int, token: str | None) -> list[str]:
 
 def _application(options: ServeOptions, sessions: Sessions, workers: Workers) -> FastAPI:
     from fastapi import FastAPI
-    from nicegui import app as nicegui_app
-    from nicegui import ui
 
     from mavhums.serve.pages import add_pages
     from mavhums.serve.routes import add_routes, api
@@ -143,19 +144,6 @@ def _application(options: ServeOptions, sessions: Sessions, workers: Workers) ->
             sessions.close()
 
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
-    add_routes(app, sessions, options.fleet)
+    add_pages(app, sessions, options, add_routes(app, sessions, options.fleet))
     app.mount(API, api(sessions, options.fleet))
-    add_pages(sessions, options)
-    nicegui_app.config.quasar_config["loadingBar"]["skipHijack"] = True  # it has no name for a screen reader
-    ui.run_with(
-        app,
-        title="mavhums",
-        dark=None,
-        language=_LANGUAGE,
-        tailwind=False,
-        reconnect_timeout=30.0,
-        show_welcome_message=False,
-        favicon="🛩",
-        gzip_middleware_factory=None,
-    )
     return app

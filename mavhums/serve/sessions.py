@@ -60,6 +60,12 @@ class Dropped:
         return self.path.name
 
     @property
+    def is_busy(self) -> bool:
+        """Whether something is being made of it."""
+        keeping = self.kept.endswith("…")
+        return self.state in ("waiting", "judging") or self.recording == "making" or keeping
+
+    @property
     def report(self) -> Path:
         """The report, once it is judged."""
         return self.path.parent / "report" / "report.html"
@@ -318,5 +324,5 @@ def _judging(log: Dropped) -> Job:
 
 
 _NAMED = 10
-_OPEN_S = 10.0  # an open page is seen five times a second
+_OPEN_S = 10.0  # an open page asks at least once a second
 _BRIEF = ("condition", "headline", "todo")

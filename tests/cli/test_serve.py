@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def test_a_missing_extra_is_one_line_with_the_remedy(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "nicegui", None)
+    monkeypatch.setitem(sys.modules, "fastapi", None)
     code, _, err = run("serve", "--port", "0")
     assert code == ExitCode.ERROR
     assert err.startswith(
@@ -32,7 +32,7 @@ def test_a_store_that_is_none_is_refused(run: Run, tmp_path: Path) -> None:
 
 
 def test_a_taken_port_is_told(run: Run) -> None:
-    pytest.importorskip("nicegui")
+    pytest.importorskip("plotly")
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -43,7 +43,7 @@ def test_a_taken_port_is_told(run: Run) -> None:
 
 
 def test_an_address_of_another_computer_is_told(run: Run) -> None:
-    pytest.importorskip("nicegui")
+    pytest.importorskip("plotly")
     code, _, err = run("serve", "--host", "192.0.2.1", "--port", "0")
     assert code == ExitCode.ERROR
     assert "192.0.2.1" in err

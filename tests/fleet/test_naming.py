@@ -185,10 +185,11 @@ def test_packed_logs_are_scanned_and_those_that_cannot_be_are_told(flown: Path, 
 
 
 def test_the_page_offers_what_is_read() -> None:
-    pytest.importorskip("nicegui", reason="the page needs the extra 'serve'")
-    from mavhums.serve.home import render
+    pytest.importorskip("plotly", reason="the page needs the extra 'serve'")
+    from mavhums.serve.pages import render
 
-    text = render("drop.html", packed=(*COMPRESSED, *ARCHIVES), limit_bytes=1, limit_mb="1", where="")
+    values = {"packed": (*COMPRESSED, *ARCHIVES), "limit_bytes": 1, "limit_mb": "1", "where": ""}
+    text = render("home.html", title="", here="", pages=[], **values)
     for suffix in (".tlog", ".BIN", ".ulg", ".gz", ".xz", ".bz2", ".zst", ".zip"):
         assert f"{suffix}," in text
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-pytest.importorskip("nicegui", reason="the page needs the extra 'serve'")
+pytest.importorskip("plotly", reason="the page needs the extra 'serve'")
 
-import httpx  # NiceGUI brings it
+import httpx
 
 from mavhums import analyse, fleet
 from mavhums.results.assessment import Assessment, json_schema

@@ -195,7 +195,7 @@ def test_an_endless_header_ends() -> None:
 
 @pytest.mark.slow
 def test_the_page_is_there_for_all_while_clients_stall() -> None:
-    pytest.importorskip("nicegui", reason="the page needs the extra 'serve'")
+    pytest.importorskip("plotly", reason="the page needs the extra 'serve'")
     with served() as page, contextlib.ExitStack() as exits:
         port = int(page.url.rpartition(":")[2])
         assert answer(port) == 200

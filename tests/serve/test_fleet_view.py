@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from mavhums.results.standing import (
 )
 from mavhums.results.verdict import Suspect, Verdict
 from mavhums.serve.fleet_view import aircraft_lines, flight_lines, trends_shown
-from mavhums.serve.home import render
+from mavhums.serve.pages import render
 
 MARKUP = "<img src=x onerror=alert(1)>"
 
@@ -191,14 +192,16 @@ def test_repairs_are_marked_at_their_dates() -> None:
 
 def test_texts_of_a_store_are_never_markup() -> None:
     lines = aircraft_lines([WorstActuator(MARKUP, MARKUP, None, verdict(MARKUP, "undecided", MARKUP))])
-    text = render("fleet.html", lines=lines, tally=[], problem="", more=False)
+    page: dict[str, Any] = {"title": "", "here": "", "pages": []}
+    text = render("fleet.html", lines=lines, tally=[], problem="", more=False, **page)
     assert "<img" not in text
     assert text.count("&lt;img src=x") >= 3
-    assert "<img" not in render("aircraft.html", name=MARKUP, problem=MARKUP)
+    assert "<img" not in render("aircraft.html", name=MARKUP, problem=MARKUP, **page)
     named = trend(MARKUP, "friction").model_copy(update={"quantity": MARKUP})
     report = TrendReport(flights=12, trends=(named,), unshown=(MARKUP,), errors=(), notices=())
-    page = render(
+    text = render(
         "aircraft.html",
+        **page,
         name=MARKUP,
         problem="",
         report=report,
@@ -207,5 +210,5 @@ def test_texts_of_a_store_are_never_markup() -> None:
         flights=[],
         query="",
     )
-    assert "<img" not in page
-    assert page.count("&lt;img") >= 5
+    assert "<img" not in text
+    assert text.count("&lt;img") >= 5

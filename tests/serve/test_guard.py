@@ -24,9 +24,6 @@ class Behind:
 
     async def __call__(self, scope: MutableMapping[str, Any], receive: Any, send: Any) -> None:
         self.sessions.append(scope[SESSION])
-        if scope["type"] == "websocket":
-            await send({"type": "websocket.accept"})
-            return
         more = True
         while more and not self.gone:
             message = await receive()
@@ -44,29 +41,26 @@ def ask(
     path: str = "/",
     query: str = "",
     method: str = "GET",
-    kind: str = "http",
     parts: int = 1,
 ) -> tuple[Any, dict[str, str]]:
-    """Return the status, or the kind of a websocket's answer, and the headers."""
+    """Return the status and the headers."""
     sent: list[MutableMapping[str, Any]] = []
     left = parts
 
     async def receive() -> MutableMapping[str, Any]:
         nonlocal left
         left -= 1
-        if kind == "websocket":
-            return {"type": "websocket.connect"}
         return {"type": "http.request", "body": b"x" * (1 << 18), "more_body": left > 0}
 
     async def send(message: MutableMapping[str, Any]) -> None:
         sent.append(message)
 
     pairs = [(name.encode(), value.encode()) for name, value in headers.items()]
-    scope = {"type": kind, "path": path, "query_string": query.encode(), "method": method, "headers": pairs}
+    scope = {"type": "http", "path": path, "query_string": query.encode(), "method": method, "headers": pairs}
     asyncio.run(guard(scope, receive, send))
     first = sent[0]
     found = {name.decode(): value.decode() for name, value in first.get("headers", ())}
-    return first.get("status", first["type"]), found
+    return first["status"], found
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1:8080", "localhost:8080", "[::1]:8080", "LOCALHOST", "127.0.0.2"])
@@ -89,15 +83,9 @@ def test_a_foreign_name_is_refused_as_dns_rebinding_shows_one(host: str) -> None
 )
 def test_another_page_is_refused(origin: str) -> None:
     guard = Guard(Behind(), "127.0.0.1", None)
-    for kind, refused in (("http", 403), ("websocket", "websocket.close")):
-        assert ask(guard, {"host": LOCAL, "origin": origin}, kind=kind, method="POST")[0] == refused
+    assert ask(guard, {"host": LOCAL, "origin": origin}, method="POST")[0] == 403
     own = {"host": LOCAL, "origin": f"http://{LOCAL}"}
     assert ask(guard, own, method="POST")[0] == 200
-    assert ask(guard, own, kind="websocket")[0] == "websocket.accept"
-
-
-def test_a_websocket_without_an_origin_is_refused() -> None:
-    assert ask(Guard(Behind(), "127.0.0.1", None), {"host": LOCAL}, kind="websocket")[0] == "websocket.close"
 
 
 def test_a_foreign_page_may_link_here_but_not_embed_or_fetch() -> None:
@@ -126,7 +114,6 @@ def test_without_the_token_nothing_is_served() -> None:
     ):
         assert ask(guard, host | headers, query=query)[0] == 401
     own = host | {"origin": "http://192.168.0.5:8080"}
-    assert ask(guard, own, kind="websocket")[0] == "websocket.close"
     assert ask(guard, own, method="POST", path="/logs", query="token=right")[0] == 401
     assert not behind.sessions
 

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.serve.home import render
-from mavhums.serve.pages import LiveFile
+from mavhums.serve.live_file import LiveFile
+from mavhums.serve.pages import render
 
 UTC = "2026-01-01T00:00:00+00:00"
 LINK = dict.fromkeys(
@@ -92,7 +92,7 @@ def test_the_state_follows_the_file(tmp_path: Path) -> None:
     assert seen.status
     assert seen.status.actuators[0].condition == "degraded"
     assert [one.time_s for one in seen.changes if one.event == "condition"] == [1.7, 1.5]
-    markup = render("live.html", sessions=[seen])
+    markup = render("_live.html", sessions=[seen])
     assert "(running)" in markup
     assert "&lt;b&gt;elevator" in markup
 

@@ -19,7 +19,7 @@ from tests.fleet_logs import moved
 from tests.logs import heartbeat, write_log
 from tests.serve.browser import BROWSER, Browser, Served, served, violations
 
-pytest.importorskip("nicegui", reason="the page needs the extra 'serve'")
+pytest.importorskip("plotly", reason="the page needs the extra 'serve'")
 
 pytestmark = [
     pytest.mark.slow,
@@ -28,7 +28,7 @@ pytestmark = [
 
 HEADLINE = "document.querySelector('.headline')?.innerText"
 ANSWER = "document.querySelector('.shown')"
-CHARTS = "document.querySelectorAll('.curves .chart svg')"
+CHARTS = "document.querySelectorAll('.curves .chart .svg-container')"
 REPORT = "document.querySelector('.shown .downloads a')?.href.replace('?save=1', '')"
 MARKUP = "<img src=x onerror=top.alarmed=true><script>top.alarmed=true</script>"
 
@@ -63,9 +63,16 @@ def test_a_dropped_log_becomes_the_answer_with_its_plots(
     browser.wait(f"{CHARTS}[0].textContent.includes('AUTO')")
     for word in ("since 25s", "emergency", "degraded"):
         browser.wait(f"{CHARTS}[0].textContent.includes('{word}')")
+    buttons = "[...document.querySelectorAll('.modebar-btn')].map(one => one.ariaLabel)"
+    assert set(browser.js(buttons)) == {"Reset axes"}, "others lead to other servers"
     _point_at(browser, f"{CHARTS}[0]")
-    told = "[...document.querySelectorAll('.chart strong')].map(one => one.innerText)"
+    titles = ".hovertext tspan.line:first-child"
+    told = f"[...document.querySelectorAll('{titles}')].map(one => one.textContent)"
     browser.wait(f"{told}.length == 4 && new Set({told}).size == 1")  # one cursor for all
+    boxes = "[...document.querySelectorAll('.curves .chart')]"
+    part = "{'xaxis.range[0]': 10, 'xaxis.range[1]': 20}"
+    browser.js(f"void Plotly.relayout({boxes}[0], {part})")
+    browser.wait(f"{boxes}.every(one => one.layout.xaxis.range.join() == '10,20')")  # and one zoom
     browser.js("document.querySelector('.curves summary').click()")
     browser.wait(f"{CHARTS}.length == 8")
     assert violations(browser) == [], "the page with an answer"
@@ -262,7 +269,7 @@ def test_a_fleet_is_listed_worst_first_and_leads_to_its_flights(store: Path, bro
         assert "until emergency" in text
         assert "95 % interval" in text
         assert violations(browser) == []
-        points = f"[...{CHARTS}[0].querySelectorAll('path[fill=\"#0b66a8\"]')]"
+        points = f"[...{CHARTS}[0].querySelectorAll('.points path')]"
         browser.wait(f"{points}.length == 9")  # flights
         _point_at(browser, f"{points}.at(-1)", press=True)
         assert "DEGRADED" in browser.wait("document.querySelector('section.answer h1')?.innerText")

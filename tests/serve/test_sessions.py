@@ -238,7 +238,7 @@ def test_of_a_log_that_is_only_assessed_nothing_stays_and_there_are_not_too_many
 
 
 def test_a_wrong_method_is_answered_with_the_right_one() -> None:
-    pytest.importorskip("nicegui", reason="the page needs the extra 'serve'")
+    pytest.importorskip("plotly", reason="the page needs the extra 'serve'")
     import httpx  # NiceGUI brings it
 
     from mavhums.serve.routes import api

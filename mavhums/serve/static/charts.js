@@ -1,9 +1,19 @@
-// Draws curves with ECharts, which comes with NiceGUI: hover, zoom, one cursor for all. Texts go in as text.
+// Draws curves with Plotly: hover, zoom, one cursor for all. Texts go in as text.
 const FIRST = 4; // curves before "more"
-const MODES_PX = 18;
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const dark = matchMedia("(prefers-color-scheme: dark)");
+let plotly;
+
+function library() {
+  plotly ??= new Promise((loaded, failed) => {
+    const script = made("script", "", document.head);
+    script.addEventListener("load", () => loaded(globalThis.Plotly ?? globalThis.moduleName));
+    script.addEventListener("error", failed);
+    script.src = "/static/plotly.min.js";
+  });
+  return plotly;
+}
 
 function made(tag, text, parent, ...classes) {
   const element = document.createElement(tag);
@@ -24,195 +34,159 @@ function clock(seconds) {
 const day = (ms) => new Date(ms).toISOString().slice(0, 10);
 const short = (value) => (value === null || value === undefined ? "–" : String(Number(value.toPrecision(3))));
 
-// The cursor's values. ECharts takes an element as it is; a text would be markup.
-function tip(chart, modes, trend, rows) {
-  const box = document.createElement("div");
-  const row = rows.find((one) => one.seriesName === "value") ?? rows[0];
-  if (!row) return box;
-  const at = row.dataIndex;
-  const time = chart.time[at];
-  const mode = modes.find(([begin, end]) => begin <= time && time < end)?.[2];
-  const title = trend ? `flight ${chart.flights[at]}, ${day(time)}` : clock(time) + (mode ? `, ${mode}` : "");
-  made("strong", title, box);
-  made("div", `${short(chart.value[at])}${chart.low[at] === chart.high[at] ? "" : ` (${short(chart.low[at])} to ${short(chart.high[at])})`}`, box);
-  if (chart.demanded) made("div", `demanded ${short(chart.demanded[at])}`, box);
-  return box;
-}
+const DAY_MS = 864e5;
+const text = (value) => value.replaceAll("&", "&amp;").replaceAll("<", "&lt;"); // Plotly takes some tags
 
-// Labels beside the curve, each at its level or as near below it as the one above leaves room.
-function labels(chart, plotPx) {
-  const [low, high] = chart.range;
-  let below = -Infinity;
-  return [...chart.limits]
-    .sort((a, b) => b.value - a.value)
-    .map((limit) => {
-      const at = ((high - limit.value) / (high - low)) * plotPx;
-      below = Math.max(at, below + 15);
-      return { yAxis: limit.value, label: { formatter: () => limit.label, offset: [0, below - at] } };
-    });
-}
-
-function stretch(modes, look) {
-  return (params, api) => {
-    const [begin, end, name] = modes[api.value(2)];
-    const [x0] = api.coord([begin, 0]);
-    const [x1] = api.coord([end, 0]);
-    const grid = params.coordSys;
-    const from = Math.max(x0, grid.x);
-    const wide = Math.min(x1, grid.x + grid.width) - from;
-    if (wide <= 0) return null;
-    const box = { x: from, y: grid.y, width: wide, height: grid.height };
-    return {
-      type: "group",
-      children: [
-        { type: "rect", shape: box, style: { fill: look.ground, stroke: look.rule } },
-        {
-          type: "text",
-          style: { x: from + 4, y: grid.y + 3, text: name, fill: look.text, fontSize: 12, width: wide - 6, overflow: "truncate", ellipsis: "" },
-        },
-      ],
-    };
-  };
-}
-
-function option(chart, whole) {
-  const look = {
+function look() {
+  return {
     text: colour("--quiet"), rule: colour("--rule"), blue: colour("--blue"), band: colour("--band"),
     limit: colour("--limit"), ground: colour("--card"), strong: colour("--text"),
   };
+}
+
+function layout(tones, more) {
+  return {
+    font: { family: "system-ui, sans-serif", color: tones.text, size: 12 },
+    paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, dragmode: "zoom",
+    hoverlabel: { bgcolor: tones.ground, bordercolor: tones.rule, font: { color: tones.strong } },
+    modebar: { color: tones.text, activecolor: tones.strong, bgcolor: "rgba(0,0,0,0)" }, ...more,
+  };
+}
+
+// Ticks of a time in seconds at round clock times; Plotly's own would be powers of ten.
+function ticks(duration) {
+  const step = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400].find((s) => duration / s <= 7) ?? 28800;
+  const values = Array.from({ length: Math.floor(duration / step) + 1 }, (_, place) => place * step);
+  return { tickvals: values, ticktext: values.map(clock) };
+}
+
+// What the cursor shows of a time.
+function told(chart, modes, at) {
+  const time = chart.time[at];
+  const mode = modes.find(([begin, end]) => begin <= time && time < end)?.[2];
+  const title = chart.flights ? `flight ${chart.flights[at]}, ${day(time)}` : clock(time) + (mode ? `, ${mode}` : "");
+  const value = chart.value[at] === null ? "" : `<br>${short(chart.value[at])}${chart.low[at] === chart.high[at] ? "" : ` (${short(chart.low[at])} to ${short(chart.high[at])})`}`;
+  return `<b>${text(title)}</b>${value}${chart.demanded ? `<br>demanded ${short(chart.demanded[at])}` : ""}`;
+}
+
+function curve(chart, whole) {
+  const tones = look();
   const trend = Boolean(chart.flights);
   const modes = (!trend && whole.modes?.[chart.vehicle]) || [];
-  const right = chart.limits.length ? 92 : 16;
-  const below = modes.length ? MODES_PX + 6 : 0;
-  const plotPx = 260 - 42 - 28 - below;
-  const points = (values) => chart.time.map((time, place) => [time, values[place]]);
-  const line = (name, values, style) => ({
-    name, type: "line", data: points(values), symbol: "none", showSymbol: false, animation: false,
-    connectNulls: false, lineStyle: { color: look.blue, width: 2 }, silent: true, ...style,
-  });
-  const rise = chart.high.map((value, place) => (value === null ? null : value - chart.low[place]));
-  const marks = [
-    ...(chart.since ? [{ xAxis: chart.since, text: `since ${clock(chart.since)}` }] : []),
-    ...(chart.marks ?? []).map((mark) => ({ xAxis: mark.at, text: mark.text })),
+  const x = trend ? chart.time.map((ms) => new Date(ms)) : chart.time;
+  const line = (y, style) => ({ type: "scatter", mode: "lines", x, y, hoverinfo: "skip", connectgaps: false, ...style });
+  const data = [
+    line(chart.low, { line: { width: 0 } }),
+    line(chart.high, { line: { width: 0 }, fill: "tonexty", fillcolor: tones.band }),
+    ...(chart.samples ? [line(chart.samples.value, { x: chart.samples.time, line: { color: tones.limit, width: 0.6 } })] : []),
+    ...(chart.demanded ? [line(chart.demanded, { line: { color: tones.strong, width: 1.5, dash: "dash" } })] : []),
+    line(chart.value, {
+      mode: trend ? "lines+markers" : "lines", line: { color: tones.blue, width: 2 }, marker: { color: tones.blue, size: 8 },
+      text: chart.time.map((_, at) => told(chart, modes, at)), hoverinfo: "text",
+    }),
   ];
-  const time = {
-    type: trend ? "time" : "value", axisLine: { lineStyle: { color: look.rule } },
-    axisLabel: { color: look.text, hideOverlap: true, ...(trend ? { formatter: (ms) => day(ms) } : { formatter: clock }) },
-    splitLine: { show: false }, axisPointer: { label: { show: false } },
-    ...(trend ? { minInterval: 864e5 } : { min: 0, max: whole.duration }),
-  };
+  const across = (at) => ({ type: "line", xref: "paper", x0: 0, x1: 1, y0: at, y1: at, line: { color: tones.limit, width: 1.5, dash: "dash" } });
+  const along = (at) => ({ type: "line", yref: "paper", y0: 0, y1: 1, x0: at, x1: at, line: { color: tones.strong, width: 1, dash: "dot" } });
+  const marks = [
+    ...(chart.since ? [{ at: chart.since, text: `since ${clock(chart.since)}` }] : []),
+    ...(chart.marks ?? []).map((mark) => ({ at: new Date(mark.at), text: mark.text })),
+  ];
   const [low, high] = chart.range;
-  const round = high - low > 0 ? 10 ** Math.floor(Math.log10(high - low) - 1) : 1;
+  // labels of limits: each at its level, or as near below it as the one above leaves room
+  const plotPx = 190;
+  let above = Infinity;
+  const levels = [...chart.limits].sort((a, b) => b.value - a.value).map((limit) => {
+    above = Math.min(limit.value, above - (15 / plotPx) * (high - low));
+    return { xref: "paper", x: 1, xanchor: "left", y: above, text: ` ${text(limit.label)}`, showarrow: false, font: { color: tones.limit, size: 13 } };
+  });
+  const named = modes.map(([begin, end, name]) => ({ yref: "paper", y: 1.01, yanchor: "bottom", x: begin, xanchor: "left", text: (end - begin) / whole.duration > 0.02 * name.length ? text(name) : "", showarrow: false }));
+  const stretches = modes.map(([begin, end], place) => ({ type: "rect", yref: "paper", y0: 1.01, y1: 1.11, x0: begin, x1: end, layer: "below", line: { width: 1, color: tones.rule }, fillcolor: place % 2 ? tones.ground : "rgba(0,0,0,0)" }));
   return {
-    animation: false,
-    textStyle: { fontFamily: "system-ui, sans-serif" },
-    grid: [
-      { left: 52, right, top: 42, bottom: 28 + below },
-      ...(modes.length ? [{ left: 52, right, height: MODES_PX, bottom: 2 }] : []),
-    ],
-    xAxis: [time, ...(modes.length ? [{ gridIndex: 1, type: "value", min: 0, max: whole.duration, show: false, axisPointer: { show: false } }] : [])],
-    yAxis: [
-      {
-        type: "value", min: Math.floor(low / round) * round, max: Math.ceil(high / round) * round,
-        axisLabel: { color: look.text, formatter: short, showMinLabel: low === 0, showMaxLabel: false }, splitLine: { lineStyle: { color: look.rule } },
+    data,
+    layout: layout(tones, {
+      margin: { l: 52, r: chart.limits.length ? 92 : 16, t: 50, b: 28 }, hovermode: "x",
+      xaxis: {
+        gridcolor: "rgba(0,0,0,0)", linecolor: tones.rule, zeroline: false, showspikes: true, spikemode: "across", spikecolor: tones.strong, spikethickness: 1, spikedash: "solid",
+        ...(trend ? { type: "date", tickformat: "%Y-%m-%d", nticks: 5, minallowed: new Date(chart.time[0] - 400 * DAY_MS) } : { range: [0, whole.duration], ...ticks(whole.duration) }),
       },
-      ...(modes.length ? [{ gridIndex: 1, type: "value", min: 0, max: 1, show: false }] : []),
-    ],
-    tooltip: {
-      trigger: "axis", confine: true, backgroundColor: look.ground, borderColor: look.rule, textStyle: { color: look.strong },
-      axisPointer: { lineStyle: { color: look.strong } }, formatter: (rows) => tip(chart, modes, trend, [rows].flat()),
-    },
-    toolbox: {
-      right: 0, top: -4, itemSize: 14, iconStyle: { borderColor: look.text },
-      feature: { dataZoom: { yAxisIndex: "none", title: { zoom: "Zoom: drag over a part", back: "Zoom back" } }, restore: { title: "Show all" } },
-    },
-    dataZoom: [{ type: "inside", xAxisIndex: modes.length ? [0, 1] : [0], zoomOnMouseWheel: "ctrl", moveOnMouseMove: true, moveOnMouseWheel: false, preventDefaultMouseMove: false, filterMode: "none" }],
-    series: [
-      ...(chart.samples
-        ? [{ ...line("samples", [], {}), data: chart.samples.time.map((t, place) => [t, chart.samples.value[place]]), lineStyle: { color: look.limit, width: 0.6 } }]
-        : []),
-      line("low", chart.low, { lineStyle: { opacity: 0 }, stack: "band", stackStrategy: "all", tooltip: { show: false } }),
-      line("high", rise, { lineStyle: { opacity: 0 }, stack: "band", stackStrategy: "all", areaStyle: { color: look.band, opacity: 1 }, tooltip: { show: false } }),
-      line("value", chart.value, {
-        ...(trend ? { symbol: "circle", showSymbol: true, symbolSize: 8, itemStyle: { color: look.blue }, silent: false, cursor: "pointer" } : {}),
-        markLine: {
-          silent: true, symbol: "none", animation: false,
-          lineStyle: { color: look.limit, type: [7, 4], width: 1.5 },
-          label: { color: look.limit, fontWeight: 600, position: "end", distance: 6, fontSize: 13, align: "left" },
-          data: [
-            ...labels(chart, plotPx),
-            ...marks.map((mark) => ({
-              xAxis: mark.xAxis, lineStyle: { color: look.strong, type: [2, 3], width: 1 },
-              label: { formatter: () => mark.text, color: look.text, fontWeight: 400, align: "center", distance: 4 },
-            })),
-          ],
-        },
-      }),
-      ...(chart.demanded ? [line("demanded", chart.demanded, { lineStyle: { color: look.strong, width: 1.5, type: [5, 3] } })] : []),
-      ...(modes.length
-        ? [{ type: "custom", xAxisIndex: 1, yAxisIndex: 1, silent: true, animation: false, clip: true, tooltip: { show: false }, renderItem: stretch(modes, look), data: modes.map(([begin, end], place) => [begin, end, place]), encode: { x: [0, 1] } }]
-        : []),
-    ],
+      yaxis: { range: [low, high], gridcolor: tones.rule, zeroline: false, fixedrange: true },
+      shapes: [...chart.limits.map((limit) => across(limit.value)), ...marks.map((mark) => along(mark.at)), ...stretches],
+      annotations: [
+        ...levels, ...named,
+        ...marks.map((mark) => ({ yref: "paper", y: modes.length ? 1.11 : 1, yanchor: "bottom", x: mark.at, text: text(mark.text), showarrow: false })),
+      ],
+    }),
   };
 }
 
 // The track from above, north up, in metres from its first place; one scale for both directions.
-function map(track, box) {
-  const look = { text: colour("--quiet"), rule: colour("--rule") };
-  const [xs, ys] = [track.map((at) => at[1]), track.map((at) => at[2])];
-  const middle = (values) => (Math.min(...values) + Math.max(...values)) / 2;
-  const span = (values) => Math.max(...values) - Math.min(...values) || 1;
-  const [width, height] = [box.clientWidth - 90, box.clientHeight - 60];
-  const scale = 1.05 * Math.max(span(xs) / width, span(ys) / height);
-  const axis = (values, px, name) => ({
-    type: "value", min: middle(values) - (scale * px) / 2, max: middle(values) + (scale * px) / 2, name, nameLocation: "middle", nameGap: 28,
-    axisLabel: { color: look.text, formatter: (m) => `${Math.round(m)}`, showMinLabel: false, showMaxLabel: false }, nameTextStyle: { color: look.text }, splitLine: { lineStyle: { color: look.rule } },
-  });
+function map(track) {
+  const tones = look();
   const parts = [];
   track.forEach((at, place) => {
-    if (!parts.length || parts.at(-1).condition !== at[3]) parts.push({ condition: at[3], data: place ? [track[place - 1]] : [] });
-    parts.at(-1).data.push(at);
+    if (!parts.length || parts.at(-1).condition !== at[3]) parts.push({ condition: at[3], points: place ? [track[place - 1]] : [] });
+    parts.at(-1).points.push(at);
   });
   const tone = (condition) => {
     const probe = made("span", "", document.body, condition);
     const found = getComputedStyle(probe).getPropertyValue("--c").trim();
     probe.remove();
-    return found;
+    return found.replaceAll(" ", ",");
   };
   return {
-    animation: false, textStyle: { fontFamily: "system-ui, sans-serif" },
-    grid: { left: 60, right: 30, top: 15, bottom: 45 },
-    xAxis: axis(xs, width, "m east"), yAxis: { ...axis(ys, height, "m north"), nameGap: 42 },
-    tooltip: { trigger: "item", formatter: (row) => made("div", `${clock(row.data[2])}: ${row.seriesName}`) },
-    series: parts.map((part) => ({
-      name: part.condition, type: "line", symbol: "circle", symbolSize: 5, animation: false, data: part.data.map(([s, x, y]) => [x, y, s]),
-      itemStyle: { color: tone(part.condition), opacity: 0 }, emphasis: { itemStyle: { opacity: 1 } }, lineStyle: { color: tone(part.condition), width: 3 },
+    data: parts.map(({ condition, points }) => ({
+      type: "scatter", mode: "lines", x: points.map((at) => at[1]), y: points.map((at) => at[2]), line: { color: tone(condition), width: 3 },
+      text: points.map((at) => `${clock(at[0])}: ${condition}`), hoverinfo: "text",
     })),
+    layout: layout(tones, {
+      margin: { l: 60, r: 30, t: 30, b: 45 }, hovermode: "closest",
+      xaxis: { title: { text: "m east" }, gridcolor: tones.rule, zeroline: false },
+      yaxis: { title: { text: "m north" }, gridcolor: tones.rule, zeroline: false, scaleanchor: "x" },
+    }),
   };
 }
 
-async function draw(box, described, options, clicked) {
-  const { echarts } = await import("nicegui-echart");
+// The other buttons are of no use here, and one shares the curve with a server.
+const CONFIG = { displaylogo: false, responsive: true, displayModeBar: true, modeBarButtons: [["resetScale2d"]] };
+const drawn = new Set(); // curves over time: cursor and zoom of one are those of all
+let following = false;
+
+async function draw(box, described, figured, clicked) {
+  const Plotly = await library();
   if (!box.isConnected) return;
-  box.setAttribute("role", "img");
+  box.setAttribute("role", "group"); // its buttons may be reached
   box.setAttribute("aria-label", described);
-  const shown = echarts.init(box, null, { renderer: "svg" });
-  shown.group = "one cursor";
-  echarts.connect(shown.group);
+  const { data, layout } = figured();
+  await Plotly.newPlot(box, data, layout, CONFIG);
   const again = () => {
-    if (!box.isConnected) {
-      watch.disconnect();
-      dark.removeEventListener("change", again);
-      shown.dispose();
-      return;
-    }
-    shown.resize();
-    shown.setOption(options(box), true);
+    if (box.isConnected) Plotly.react(box, ...Object.values(figured()), CONFIG);
+    else dark.removeEventListener("change", again);
   };
-  const watch = new ResizeObserver(again);
-  watch.observe(box);
   dark.addEventListener("change", again);
-  if (clicked) shown.on("click", clicked);
+  if (clicked) box.on("plotly_click", (event) => clicked(event.points[0].pointIndex));
+  if (layout.hovermode !== "x") return;
+  drawn.add(box);
+  let leads = false;
+  box.on("plotly_hover", (event) => {
+    if (!event.event) return; // one that another curve caused
+    leads = true;
+    for (const other of drawn) {
+      if (!other.isConnected) drawn.delete(other);
+      else if (other !== box) Plotly.Fx.hover(other, { xval: event.xvals[0] });
+    }
+  });
+  box.on("plotly_relayout", async (change) => {
+    const range = change["xaxis.range"] ?? [change["xaxis.range[0]"], change["xaxis.range[1]"]];
+    if (following || range[0] === undefined) return;
+    following = true;
+    await Promise.all([...drawn].filter((other) => other !== box && other.isConnected).map((other) => Plotly.relayout(other, { "xaxis.range": range })));
+    following = false;
+  });
+  box.on("plotly_unhover", () => {
+    if (!leads) return;
+    leads = false;
+    for (const other of drawn) if (other !== box && other.isConnected) Plotly.Fx.unhover(other);
+  });
 }
 
 function figure(chart, whole, parent) {
@@ -221,8 +195,8 @@ function figure(chart, whole, parent) {
   if (chart.life) made("p", chart.life, place);
   const box = made("div", "", place, "chart");
   made("figcaption", chart.caption, place);
-  const opened = chart.links && ((event) => event.seriesName === "value" && location.assign(chart.links[event.dataIndex]));
-  draw(box, `${chart.title}: ${chart.caption}`, () => option(chart, whole), opened);
+  const opened = chart.links && ((at) => chart.links[at] && location.assign(chart.links[at]));
+  draw(box, `${chart.title}: ${chart.caption}`, () => curve(chart, whole), opened);
 }
 
 function more(title, parent, fill) {
@@ -245,7 +219,7 @@ function show(place, whole) {
     const several = Object.keys(whole.tracks).length > 1;
     more(`The track from above, by condition${several ? `, vehicle ${vehicle}` : ""}`, place, (inner) => {
       const figured = made("figure", "", inner);
-      draw(made("div", "", figured, "chart", "map"), "The track from above, in the colours of the gravest condition", (box) => map(track, box));
+      draw(made("div", "", figured, "chart", "map"), "The track from above, in the colours of the gravest condition", () => map(track));
       made("figcaption", `Line: the gravest condition of all actuators at that time (${[...new Set(track.map((at) => at[3]))].join(", ")}). The report has no position.`, figured);
     });
   }
@@ -271,4 +245,5 @@ async function begin(place) {
 }
 
 new MutationObserver(() => document.querySelectorAll(".curves:not([data-begun])").forEach(begin)).observe(document, { childList: true, subtree: true });
-window.addEventListener("load", () => setTimeout(() => import("nicegui-echart"), 200));
+document.querySelectorAll(".curves:not([data-begun])").forEach(begin);
+window.addEventListener("load", () => setTimeout(library, 200));

@@ -1,4 +1,5 @@
-// Uploads with progress, and the search in a list. Texts go in as text, never as markup.
+// Uploads with progress, the list of logs and the answer below it, and the search in a list. Texts go in as
+// text; markup is what the server's templates have escaped.
 "use strict";
 
 const AT_ONCE = 2;
@@ -66,7 +67,10 @@ function send({ file, shown }) {
     shown.text.textContent = ` ${percent} %`;
   });
   request.addEventListener("load", () => {
-    if (request.status === 200) shown.item.remove();
+    if (request.status === 200) {
+      shown.item.remove();
+      look();
+    }
     else {
       let told = { problem: request.responseText.slice(0, 300) || `the server answers ${request.status}`, remedy: "" };
       try {
@@ -125,3 +129,116 @@ document.addEventListener("input", (event) => {
     row.hidden = !words.every((word) => text.includes(word));
   }
 });
+
+// What is shown below the list: a log and its part, "answer" or "view"; chosen once the user has said which.
+const below = { log: "", part: "", chosen: false, waits: false };
+let known = ""; // the list as it came last
+let timer;
+
+async function look() {
+  const place = document.querySelector("[data-logs]");
+  if (!place) return;
+  clearTimeout(timer);
+  let every = 1000;
+  try {
+    const answer = await fetch(`/logs?log=${below.log}&shown=${below.part}`);
+    if (answer.ok) every = list(place, await answer.text());
+  } catch {
+    // the server has ended, or the link broke: the next look may find it
+  }
+  clearTimeout(timer);
+  timer = setTimeout(look, every);
+}
+
+function list(place, markup) {
+  if (markup !== known) {
+    const fresh = document.createElement("template");
+    fresh.innerHTML = markup;
+    for (const item of fresh.content.querySelectorAll("li")) item.source = item.outerHTML;
+    if (place.children.length) merge(place, fresh.content);
+    else place.append(fresh.content);
+    known = markup;
+  }
+  const { worst, every } = place.querySelector("[data-worst]").dataset;
+  if (below.log && !document.getElementById(`log-${below.log}`)) show("", "");
+  else if (!below.chosen && worst && worst !== below.log) show(worst, "answer");
+  else if (below.waits) show(below.log, below.part, true);
+  return Number(every);
+}
+
+// Only what has changed is replaced, so that a name half typed and the keyboard's place stay.
+function merge(place, fresh) {
+  const [heading, logs] = [place.children[0], place.children[1]];
+  const [newHeading, newLogs] = [fresh.children[0], fresh.children[1]];
+  heading.replaceWith(newHeading);
+  logs.className = newLogs.className;
+  const items = [...newLogs.children].map((item) => {
+    const old = document.getElementById(item.id);
+    if (!old) return item;
+    if (old.source === item.source) return old;
+    const focused = old.contains(document.activeElement) && document.activeElement.dataset.do;
+    if (focused) setTimeout(() => item.querySelector(`[data-do=${focused}]`)?.focus());
+    return item;
+  });
+  if (items.length !== logs.children.length || items.some((item, at) => item !== logs.children[at])) logs.replaceChildren(...items);
+}
+
+async function show(log, part, again = false) {
+  Object.assign(below, { log, part });
+  const place = document.querySelector("[data-shown]");
+  if (!log) {
+    below.waits = false;
+    place.replaceChildren();
+    return;
+  }
+  const answer = await fetch(`/logs/${log}/${part}`);
+  if (below.log !== log || below.part !== part) return;
+  if (!answer.ok) {
+    if (part === "view") show(log, "answer"); // the list says why there is no view
+    return;
+  }
+  const markup = await answer.text();
+  below.waits = markup.includes("data-waits");
+  if (again && below.waits) return;
+  place.innerHTML = markup;
+  if (!below.chosen || again) return;
+  const here = place.querySelector("h2"); // a long list of logs is above it
+  here.scrollIntoView();
+  here.focus({ preventScroll: true });
+}
+
+function ask(log, what) {
+  fetch(`/logs/${log}/${what}`, { method: "POST" }).then(look, look);
+  setTimeout(look, 50); // keeping may take long, and the list says so
+}
+
+document.addEventListener("click", (event) => {
+  const button = event.target.closest?.("[data-do]");
+  if (!button) return;
+  const { log, do: what } = button.dataset;
+  if (what === "keep" || what === "remove") ask(log, what);
+  else {
+    below.chosen = true;
+    show(log, what).then(look);
+  }
+});
+
+document.addEventListener("submit", (event) => {
+  if (!event.target.matches?.(".asked")) return;
+  event.preventDefault();
+  const name = new FormData(event.target).get("aircraft").trim();
+  if (name) ask(event.target.dataset.log, `keep?aircraft=${encodeURIComponent(name)}`);
+});
+
+for (const place of document.querySelectorAll("[data-now]"))
+  setInterval(async () => {
+    try {
+      const answer = await fetch(place.dataset.now);
+      const markup = await answer.text();
+      if (answer.ok && markup !== place.source) place.innerHTML = place.source = markup;
+    } catch {
+      // the next time may succeed
+    }
+  }, Number(place.dataset.every));
+
+look();
