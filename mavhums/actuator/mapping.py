@@ -183,8 +183,14 @@ class Gate:
         return np.where(refused, np.nan, values)
 
 
-class _ActuatorMapper:
-    """Converts the readings of one actuator of one vehicle to samples."""
+class ActuatorMapper:
+    """Converts the readings of one actuator of one vehicle to samples.
+
+    Attributes
+    ----------
+    tier
+        Tier of the source that gives the actuator its clock; None before any.
+    """
 
     def __init__(self, vehicle: int, actuator: Actuator) -> None:
         self.vehicle, self.actuator = vehicle, actuator
@@ -194,7 +200,7 @@ class _ActuatorMapper:
         self.freshness = Freshness(actuator.min_rate_hz)
         self.one_servo = OneServo()
         self.travel = Travel() if actuator.travel_deg is None and "V1" not in actuator.fields else None
-        self.tier = ""
+        self.tier: str | None = None
         self._used = np.zeros((0, len(KEYS)), dtype=np.int64)
         self._origins: list[NDArray[np.int8]] = []
 
@@ -221,7 +227,7 @@ class _ActuatorMapper:
             if at_bus and magnitudes is not None:
                 magnitudes[:, :2] = np.nan
             bus_v = aligned.values[:, column("V4")] if at_bus else None
-            refused = None if at_bus else self._refused(aligned, measured)
+            refused = None if at_bus else self._not_evidence(aligned, measured)
             yield MappedSamples(
                 self.vehicle, self.actuator, aligned.utc_us, values, measured, bus_v, magnitudes, refused
             )
@@ -233,7 +239,7 @@ class _ActuatorMapper:
         if len(self._origins) > _UNCOUNTED:
             self.used()
 
-    def _refused(self, aligned: Aligned, measured: Flags) -> Flags | None:
+    def _not_evidence(self, aligned: Aligned, measured: Flags) -> Flags | None:
         """Return which values are no evidence, with those that follow from them; None if none is refused."""
         refused = self.freshness.feed(aligned.utc_us, aligned.values)
         if not refused.any():
@@ -258,6 +264,52 @@ class _ActuatorMapper:
             self._used += counts.reshape(-1, len(KEYS))[1:]
         return self._used
 
+    @property
+    def late(self) -> int:
+        """Number of out-of-order or repeated values, which are ignored."""
+        return self.aligner.late
+
+    @property
+    def obstacle(self) -> tuple[str, str] | None:
+        """Reason and remedy where the telemetry is not that of one servo which answers; else None."""
+        if self.one_servo.shared:
+            return SHARED_ID
+        return NEVER_FOLLOWS if self.travel and self.travel.never_follows else None
+
+    @property
+    def implausible(self) -> dict[str, tuple[int, int]]:
+        """By quantity, the number of implausible values and the number of all values.
+
+        Implausible values, which no such actuator can have, count as not measured.
+        """
+        counts = zip(KEYS, self.gate.refused.tolist(), self.gate.given.tolist(), strict=True)
+        return {key: (refused, given) for key, refused, given in counts if refused}
+
+    @property
+    def refused(self) -> dict[str, str]:
+        """Why a quantity that the log carries is no evidence, by key."""
+        return self.freshness.reasons() if self.actuator.esc_side == "motor" else {}
+
+    @property
+    def provenance(self) -> dict[str, str]:
+        """The message field that gave each quantity most often, or its derivation."""
+        used = self.used()
+        fields: dict[str, str] = {}
+        if len(used):
+            for key, times, most in zip(KEYS, used.max(axis=0), used.argmax(axis=0), strict=True):
+                if times:
+                    origin = self.aligner.sources[most]
+                    fields[key] = f"{origin.source}.{origin.fields[key]}"
+        merged = {key: source for key, source in fields.items() if key not in self.deriver.dropped}
+        for key, how in self.deriver.derived.items():
+            if "{" in how or key not in fields:  # the braces name a quantity whose field is meant
+                source = re.sub(r"\{(V\d+)\}", lambda match: fields.get(match[1], match[1]), how)
+                merged[key] = f"derived: {source}"
+        for key, why in self.refused.items():
+            if key in merged:
+                merged[key] += NOT_USED.format(why)
+        return {key: merged[key] for key in KEYS if key in merged}
+
 
 class Mapper:
     """Maps tables of messages to samples of the profile's actuators, block after block.
@@ -276,7 +328,7 @@ class Mapper:
         self.airframe = airframe
         self._vehicle = vehicle
         self._from_frame = from_frame
-        self._tracks: dict[tuple[int, str], _ActuatorMapper] = {}
+        self._tracks: dict[tuple[int, str], ActuatorMapper] = {}
 
     def feed(self, tables: Mapping[str, Table], *, final: bool = False) -> list[MappedSamples]:
         """Return the samples that these messages complete, in time order for each actuator.
@@ -295,7 +347,7 @@ class Mapper:
             if not readings and not final:
                 continue  # its messages cannot complete further samples
             if key not in self._tracks:
-                self._tracks[key] = _ActuatorMapper(key[0], readings[0].actuator)
+                self._tracks[key] = ActuatorMapper(key[0], readings[0].actuator)
             out += self._tracks[key].feed(readings, loose=loose, final=final)
         return out
 
@@ -303,62 +355,9 @@ class Mapper:
         """Return whether the profile is for this vehicle."""
         return self._vehicle is None or self._vehicle == vehicle
 
-    def tier(self, vehicle: int, actuator: Actuator) -> str | None:
-        """Return the tier of the source that gives an actuator its clock; None before any."""
-        track = self._tracks.get((vehicle, actuator.name))
-        return track.tier or None if track else None
-
-    def late(self, vehicle: int, actuator: Actuator) -> int:
-        """Return the number of out-of-order or repeated values, which are ignored."""
-        track = self._tracks.get((vehicle, actuator.name))
-        return track.aligner.late if track else 0
-
-    def obstacle(self, vehicle: int, actuator: Actuator) -> tuple[str, str] | None:
-        """Return reason and remedy where the telemetry is not that of one servo which answers; else None."""
-        track = self._tracks.get((vehicle, actuator.name))
-        if track is not None and track.one_servo.shared:
-            return SHARED_ID
-        return NEVER_FOLLOWS if track and track.travel and track.travel.never_follows else None
-
-    def implausible(self, vehicle: int, actuator: Actuator) -> dict[str, tuple[int, int]]:
-        """Return, by quantity, the number of implausible values and the number of all values.
-
-        Implausible values, which no such actuator can have, count as not measured.
-        """
-        track = self._tracks.get((vehicle, actuator.name))
-        if track is None or not track.gate.refused.any():
-            return {}
-        counts = zip(KEYS, track.gate.refused.tolist(), track.gate.given.tolist(), strict=True)
-        return {key: (refused, given) for key, refused, given in counts if refused}
-
-    def refused(self, vehicle: int, actuator: Actuator) -> dict[str, str]:
-        """Return why a quantity that the log carries is no evidence, by key."""
-        track = self._tracks.get((vehicle, actuator.name))
-        return track.freshness.reasons() if track and actuator.esc_side == "motor" else {}
-
-    def provenance(self, vehicle: int, actuator: Actuator) -> dict[str, str]:
-        """Return the provenance of each quantity.
-
-        It is the message field that gave the quantity most often, or its derivation.
-        """
-        track = self._tracks.get((vehicle, actuator.name))
-        if track is None:
-            return {}
-        used = track.used()
-        fields: dict[str, str] = {}
-        for key, times, most in zip(KEYS, used.max(axis=0), used.argmax(axis=0), strict=True):
-            if times:
-                origin = track.aligner.sources[most]
-                fields[key] = f"{origin.source}.{origin.fields[key]}"
-        merged = {key: source for key, source in fields.items() if key not in track.deriver.dropped}
-        for key, how in track.deriver.derived.items():
-            if "{" in how or key not in fields:  # the braces name a quantity whose field is meant
-                source = re.sub(r"\{(V\d+)\}", lambda match: fields.get(match[1], match[1]), how)
-                merged[key] = f"derived: {source}"
-        for key, why in self.refused(vehicle, actuator).items():
-            if key in merged:
-                merged[key] += NOT_USED.format(why)
-        return {key: merged[key] for key in KEYS if key in merged}
+    def of(self, vehicle: int, actuator: Actuator) -> ActuatorMapper:
+        """Return what is known of the telemetry of an actuator; nothing before its first readings."""
+        return self._tracks.get((vehicle, actuator.name)) or ActuatorMapper(vehicle, actuator)
 
     def _ours(self, table: Table) -> Table:
         if self._vehicle is None and self._from_frame == 0:

@@ -204,4 +204,4 @@ def _history(mapper: Mapper, parts: list[MappedSamples]) -> History:
     index = pd.DatetimeIndex(utc_us.astype("datetime64[us]"), tz="UTC", name="time")
     vehicle, actuator = parts[0].vehicle, parts[0].actuator
     frame = pd.DataFrame(values, columns=list(KEYS), index=index)
-    return History(vehicle, actuator.name, frame, mapper.provenance(vehicle, actuator))
+    return History(vehicle, actuator.name, frame, mapper.of(vehicle, actuator).provenance)

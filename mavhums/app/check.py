@@ -169,7 +169,7 @@ def check_log(
         _Standing(),
     )
     tracks: dict[tuple[int, str], tuple[SlotCutter, Strokes]] = {}
-    for read, size, final in decode_blocks(path, decoder, dialect=dialect):
+    for read, _, final in decode_blocks(path, decoder, dialect=dialect, progress=progress):
         tables = clocks.feed(read)
         standing.feed(tables)
         for _ in (*fleet.listen(tables), *fleet.draft(tables)):
@@ -178,8 +178,6 @@ def check_log(
             key = mapped.vehicle, mapped.actuator.name
             track = tracks.setdefault(key, (SlotCutter(), Strokes(mapped.actuator)))
             _feed(track, mapped, standing, decoder.first_time_us or 0)
-        if progress:
-            progress(size)
     found = []
     for (vehicle, name), (cutter, strokes) in sorted(tracks.items()):
         slots = cutter.finish()

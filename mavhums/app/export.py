@@ -213,7 +213,7 @@ def _write(
     decoder = Decoder(messages_for(airframe.actuators if airframe else ()) | TEXT_MESSAGES)
     fleet, clocks = VehicleMappers(airframe), Clocks()
     with suppress(_EmptyError), written_whole(output) as temporary, writer_for(output)(temporary) as table:
-        for tables, size, final in decode_blocks(path, decoder):
+        for tables, _, final in decode_blocks(path, decoder, progress=progress):
             timed = clocks.feed(tables)
             for _ in fleet.listen(timed):
                 pass
@@ -222,8 +222,6 @@ def _write(
                     answers = asked.columns(mapped, mapper.airframe.name) if asked else {}
                     frame = _rows(mapped, decoder.first_time_us or 0, named=airframe is not _NAMELESS)
                     table.write(frame.assign(**answers))
-            if progress:
-                progress(size)
         if not table.rows:
             raise _EmptyError
         if asked:
@@ -292,7 +290,7 @@ def export_messages(
     files: dict[str, Path] = {}
     writers: dict[str, TableWriter] = {}
     with ExitStack() as stack:
-        for tables, size, _ in decode_blocks(path, decoder):
+        for tables, _, _ in decode_blocks(path, decoder, progress=progress):
             for name, table in tables.items():
                 wanted = name.upper()
                 if wanted not in writers:
@@ -304,8 +302,6 @@ def export_messages(
                     file = stack.enter_context(written_whole(files[wanted]))
                     writers[wanted] = stack.enter_context(writer(file))
                 writers[wanted].write(table.to_frame().reset_index())
-            if progress:
-                progress(size)
         for name in names:
             if name.upper() not in writers:
                 raise _absent(path, name, {there for _, _, there in decoder.counts})

@@ -11,7 +11,7 @@ from typing import Final
 
 from mavhums.actuator.contradictions import Contradiction, against_log
 from mavhums.actuator.contradictions import remedy as to_correct
-from mavhums.actuator.mapping import Mapper, messages_for
+from mavhums.actuator.mapping import ActuatorMapper, Mapper, messages_for
 from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
 from mavhums.actuator.telemetry import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
@@ -21,8 +21,7 @@ from mavhums.engine.axes import Axes, VehicleLimit, with_drops
 from mavhums.engine.usage import vehicle_usage
 from mavhums.engine.vehicle_axes import VehicleAxes
 from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
-from mavhums.health.verdict.axis import verdicts_of_axes
-from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, obstacle, why_not_at_all
+from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, obstacle
 from mavhums.log import Decoder, decode_blocks
 from mavhums.results.assessment import (
     ActuatorTelemetry,
@@ -78,7 +77,7 @@ def inspect_log(
     fleet, identities, axes, values = VehicleMappers(given), Identities(), Axes(given), NamedValues()
     vehicle_limit, clocks = VehicleLimit(telemetry - TEXT_MESSAGES), Clocks()
     size = 0
-    for read, size, final in decode_blocks(path, decoder, dialect=dialect):
+    for read, size, final in decode_blocks(path, decoder, dialect=dialect, progress=progress):  # noqa: B007
         identities.feed(read)
         values.feed(read)
         vehicle_limit.observe(read)
@@ -93,11 +92,13 @@ def inspect_log(
             *fleet.feed(tables, final=final),
         ):
             pass
-        if progress:
-            progress(size)
     first, last = decoder.first_time_us, decoder.last_time_us
     duration_s = 0.0 if first is None or last is None else (last - first) / 1e6
     vehicles = decoder.vehicles or identities.vehicles
+
+    def rate_hz(count: int) -> float:
+        return round(count / duration_s, 2) if duration_s else 0.0
+
     return Inspection(
         path=as_utf8(path),
         size_bytes=size,
@@ -110,23 +111,11 @@ def inspect_log(
             for vehicle in vehicles
         ),
         messages=tuple(
-            MessageRate(
-                system=system,
-                component=component,
-                name=name,
-                count=count,
-                rate_hz=round(count / duration_s, 2) if duration_s else 0.0,
-            )
+            MessageRate(system=system, component=component, name=name, count=count, rate_hz=rate_hz(count))
             for (system, component, name), count in sorted(decoder.counts.items())
         ),
         named=tuple(
-            NamedRate(
-                system=system,
-                message=message,
-                name=name,
-                count=count,
-                rate_hz=round(count / duration_s, 2) if duration_s else 0.0,
-            )
+            NamedRate(system=system, message=message, name=name, count=count, rate_hz=rate_hz(count))
             for (system, message, name), count in sorted(values.counts.items())
         ),
         sender_clock=decoder.undated,
@@ -141,18 +130,8 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes:
     followed, parameters = axes.vehicle(vehicle), axes.parameters(vehicle)
     identity = refined_identity(identity, parameters.values)
     airframe = mapper.airframe if mapper else None
-    rows, own = [], set()
-    for actuator in airframe.actuators if airframe and mapper else ():
-        provenance = mapper.provenance(vehicle, actuator) if mapper else {}
-        own.add(mapper.tier(vehicle, actuator) if mapper else None)
-        rows.append(
-            ActuatorTelemetry(
-                actuator=actuator.name,
-                servo=actuator.servo,
-                provenance=provenance,
-                missing=tuple(key for key in KEYS if key not in provenance),
-            )
-        )
+    tracks = [mapper.of(vehicle, actuator) for actuator in mapper.airframe.actuators] if mapper else []
+    own = {track.tier for track in tracks}
     tier = sent if airframe is None else next((tier for tier in TIERS if tier.name in own), None)
     judged = tier is not None and tier.judged and not (airframe is None and identity.multirotor)
     found = followed.setups.last.contradictions if followed else ()
@@ -167,9 +146,19 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes:
         gives=tier.gives if tier else "nothing of the actuators",
         judged=judged,
         remedy=_remedy(airframe, tier, sent, identity, found),
-        actuators=tuple(rows),
+        actuators=tuple(map(_telemetry, tracks)),
         subjects=tuple(_judgeable(identity, sent, mapper, followed, rotors=rotor_servos(parameters.values))),
         usage=vehicle_usage(identity, followed, parameters, airframe) if followed else None,
+    )
+
+
+def _telemetry(track: ActuatorMapper) -> ActuatorTelemetry:
+    provenance = track.provenance
+    return ActuatorTelemetry(
+        actuator=track.actuator.name,
+        servo=track.actuator.servo,
+        provenance=provenance,
+        missing=tuple(key for key in KEYS if key not in provenance),
     )
 
 
@@ -219,7 +208,7 @@ def _judgeable(
         What the servos of a helicopter's rotors move, by output.
     """
     motors = False
-    for verdict in _axes(identity, axes):
+    for verdict in axes.verdicts(identity, _UNDATED) if axes else ():
         judged = {verdict.condition, verdict.worst} != {"undecided"}
         if verdict.subject != "motor":
             yield _said(verdict, judged=judged)
@@ -234,9 +223,8 @@ def _judgeable(
                 yield _said(verdict, judged=False)
         return
     for actuator in mapper.airframe.actuators:
-        name = mapper.tier(identity.vehicle, actuator)
-        tier = tier_named(name) if name else None
-        provenance = mapper.provenance(identity.vehicle, actuator)
+        track = mapper.of(identity.vehicle, actuator)
+        tier, provenance = tier_named(track.tier) if track.tier else None, track.provenance
         against = axes.setups.last.against(actuator.name) if axes else ()
         if against:
             why = against_log(against), to_correct(against)
@@ -244,18 +232,6 @@ def _judgeable(
             continue
         verdict = unjudged_actuator(identity.vehicle, actuator, tier or sent, provenance)
         yield _said(verdict, judged=tier is not None and tier.judged and not actuator.blanks)
-
-
-def _axes(identity: Identity, axes: VehicleAxes | None) -> Iterator[Verdict]:
-    if axes is None:
-        return
-    received = axes.grid.received()
-    why = why_not_at_all(axes.flight, identity.kind, received, axes.parameters)
-    if why is None:
-        yield from verdicts_of_axes(
-            identity.vehicle, axes.monitor, axes.surfaces, axes.flight, _UNDATED, axes.grid
-        )
-    yield from axes.motors.verdicts(identity, axes.flight, why, _UNDATED, received)
 
 
 def _said(verdict: Verdict, *, judged: bool) -> Judgeable:

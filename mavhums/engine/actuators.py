@@ -1,4 +1,4 @@
-"""The actuators of a log: a monitor for each, with its profile, and what the networks say of it."""
+"""What the networks say of an actuator: its samples, and its flight."""
 
 from __future__ import annotations
 
@@ -9,81 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.mapping import MappedSamples
-from mavhums.actuator.profile import Airframe
-from mavhums.engine.options import EngineOptions
-from mavhums.health.decision.events import ActuatorRecord, Classified
+from mavhums.health.decision.events import Classified
 from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer, WindowsOfClass
 
 if TYPE_CHECKING:
-    from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
+    from mavhums.health.actuator.monitor import ActuatorFindings
     from mavhums.learn import Model
-
-Key = tuple[int, str]
-"""A vehicle and the name of one of its actuators."""
-
-
-class Monitors:
-    """Makes a monitor for each actuator at its first samples.
-
-    Parameters
-    ----------
-    options
-        Models and the like.
-
-    Attributes
-    ----------
-    models
-        The models that may vote.
-    profiles
-        Names of the profiles by which the actuators are judged.
-    """
-
-    def __init__(self, options: EngineOptions) -> None:
-        self.models = tuple(options.models)
-        self.profiles: dict[Key, str] = {}
-        self._options = options
-        self._monitors: dict[Key, Monitor] = {}
-
-    def __iter__(self) -> Iterator[tuple[Key, Monitor]]:
-        return iter(list(self._monitors.items()))
-
-    def get(self, vehicle: int, actuator: str) -> Monitor | None:
-        """Return the monitor of an actuator; None before its first samples."""
-        return self._monitors.get((vehicle, actuator))
-
-    def forget(self, vehicle: int, actuator: str) -> Monitor | None:
-        """Give an actuator's monitor up; return it, if there was one."""
-        return self._monitors.pop((vehicle, actuator), None)
-
-    def forget_all(self, vehicle: int) -> None:
-        """Give up the monitors of a vehicle that names another profile."""
-        for key in [key for key in self._monitors if key[0] == vehicle]:
-            del self._monitors[key]
-
-    def of(self, airframe: Airframe, mapped: MappedSamples) -> Monitor:
-        """Return the monitor of an actuator that sends."""
-        key = (mapped.vehicle, mapped.actuator.name)
-        if key not in self._monitors:
-            from mavhums.health.actuator.monitor import Monitor  # most logs have no telemetry of servos
-
-            self.profiles[key] = airframe.name
-            self._monitors[key] = Monitor(
-                mapped.vehicle,
-                mapped.actuator,
-                self.serving(airframe),
-                by_network=self._options.decide == "network",
-                false_alarms=self._options.false_alarms,
-                recorded=self._options.recorded,
-            )
-        return self._monitors[key]
-
-    def records(self, *, whole: bool) -> dict[Key, ActuatorRecord]:
-        """Return this flight's records."""
-        return {key: monitor.record(whole=whole) for key, monitor in self._monitors.items()}
-
-    def serving(self, airframe: Airframe) -> list[Model]:
-        """Return the models that are for an airframe."""
-        return [model for model in self.models if model.card.airframe == airframe.name]
 
 
 def summary_of(model: Model) -> ModelSummary:

@@ -10,17 +10,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import MappedSamples, Mapper, messages_for
-from mavhums.actuator.profile import load_airframe
+from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.actuator.telemetry import Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.output import as_utf8
-from mavhums.engine.actuators import Monitors, classified, network_answer, summary_of
+from mavhums.engine.actuators import classified, network_answer, summary_of
 from mavhums.engine.axes import MOST_VEHICLES, Axes, VehicleLimit, with_drops
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Forgotten, Notice, Samples
 from mavhums.engine.motors import beside_motors
@@ -37,8 +37,7 @@ from mavhums.health.verdict.actuator import (
     verdict_of_actuator,
     with_refused,
 )
-from mavhums.health.verdict.axis import named_by_telemetry, verdicts_of_axes
-from mavhums.health.verdict.obstacles import why_not_at_all
+from mavhums.health.verdict.axis import named_by_telemetry
 from mavhums.log import Decoder, Table
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.sections import FlightIdentity, VehicleUsage
@@ -61,6 +60,10 @@ from mavhums.vehicle.states import (
 )
 from mavhums.vehicle.usage import ESC_TEMPERATURE_MESSAGES, EscTemperatures
 from mavhums.vehicle.vtol import refined_identity, rotor_servos
+
+if TYPE_CHECKING:
+    from mavhums.health.actuator.monitor import Monitor
+    from mavhums.learn import Model
 
 _SILENT_LOOKS: Final = 30
 """How often a silent vehicle is shown as it was: 255 that said something once cost 4 % of a core else."""
@@ -112,10 +115,10 @@ class Engine:
         self._airspeeds = Airspeeds()
         self._temperatures = EscTemperatures()
         self._rails = ServoRails()
-        self._false_alarms = options.false_alarms
-        self._decide = options.decide
+        self._options = options
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
-        self._monitors = Monitors(options)
+        self._monitors: dict[tuple[int, str], Monitor] = {}
+        self._profiles: dict[tuple[int, str], str] = {}
         self._looks: dict[int | None, _VehicleReview] = {}
 
     def feed(self, block: bytes) -> list[Event]:
@@ -127,7 +130,7 @@ class Engine:
     def finish(self) -> list[Event]:
         """End the input; judge the remaining data and return the events."""
         events = [*self.feed(b""), *self._follow(self._decoder.feed(b"", final=True), final=True)]
-        for (vehicle, actuator), monitor in self._monitors:
+        for (vehicle, actuator), monitor in list(self._monitors.items()):
             if self._axes.setups(vehicle).last.against(actuator):
                 events.extend(self._forget(vehicle, actuator, self._end_s(vehicle)))
             else:
@@ -174,7 +177,7 @@ class Engine:
                 notices=tuple(notices),
             ),
             airframe=", ".join(names) or None,
-            model=next((said for said in map(summary_of, self._monitors.models) if said in voted), None),
+            model=next((said for said in map(summary_of, self._options.models) if said in voted), None),
             verdicts=verdicts,
             usage=tuple(look.usage for look in looks if look.usage is not None),
             events=events,
@@ -204,13 +207,13 @@ class Engine:
         They have windows and decisions if the option ``recorded`` is set. Without the estimates over the
         ``whole`` flight the call costs next to nothing.
         """
-        found = self._monitors.records(whole=whole)
         mixed = self._clocks.mixed
-        return {key: found[key] for key in found if key[0] not in mixed}
+        known = ((key, monitor) for key, monitor in self._monitors.items() if key[0] not in mixed)
+        return {key: monitor.record(whole=whole) for key, monitor in known}
 
     def profiles(self) -> dict[tuple[int, str], str]:
         """Return the name of the profile by which each vehicle's actuators are judged."""
-        return dict(self._monitors.profiles)
+        return dict(self._profiles)
 
     def _notices(self, vehicles: tuple[int, ...]) -> Iterator[str]:
         for vehicle in vehicles:
@@ -297,7 +300,8 @@ class Engine:
             time_s = self._flight_time(said.time_us)
             if airframe is not None:
                 self._axes.announce(said.vehicle, said.frame, airframe)
-                self._monitors.forget_all(said.vehicle)
+                for key in [key for key in self._monitors if key[0] == said.vehicle]:
+                    del self._monitors[key]
                 yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
                 yield Notice(time_s, said.vehicle, f"names the unknown airframe {said.name}")
@@ -324,17 +328,36 @@ class Engine:
                 continue
             bus_v = None if mapped.bus_v is None else mapped.bus_v[a:b]
             magnitudes = None if mapped.magnitudes is None else mapped.magnitudes[a:b]
-            monitor = self._monitors.of(mapper.airframe, mapped)
-            if self._states:
-                serving = self._monitors.serving(mapper.airframe)
-                yield from classified(mapped, time_s, slice(a, b), serving)
+            monitor = self._monitor(mapper.airframe, mapped)
+            yield from classified(mapped, time_s, slice(a, b), self._serving(mapper.airframe))
             yield from monitor.feed(
                 time_s[a:b], mapped.values[a:b], mapped.measured[a:b], bus_v, airspeed[a:b], magnitudes
             )
 
+    def _monitor(self, airframe: Airframe, mapped: MappedSamples) -> Monitor:
+        """Return the monitor of an actuator that sends."""
+        key = mapped.vehicle, mapped.actuator.name
+        if key not in self._monitors:
+            from mavhums.health.actuator.monitor import Monitor  # most logs have no telemetry of servos
+
+            self._profiles[key] = airframe.name
+            self._monitors[key] = Monitor(
+                mapped.vehicle,
+                mapped.actuator,
+                self._serving(airframe),
+                by_network=self._options.decide == "network",
+                false_alarms=self._options.false_alarms,
+                recorded=self._options.recorded,
+            )
+        return self._monitors[key]
+
+    def _serving(self, airframe: Airframe) -> list[Model]:
+        """Return the models that are for an airframe."""
+        return [model for model in self._options.models if model.card.airframe == airframe.name]
+
     def _forget(self, vehicle: int, actuator: str, time_s: float) -> Iterator[Event]:
         """Forget what was judged of an actuator whose output, as the log tells now, moves something else."""
-        monitor = self._monitors.forget(vehicle, actuator)
+        monitor = self._monitors.pop((vehicle, actuator), None)
         if monitor is None:
             return
         why = f"undecided: {against_log(self._axes.setups(vehicle).last.against(actuator))}"
@@ -366,24 +389,13 @@ class Engine:
             v.condition != "unmonitored" and v.actuator != ALL and not setup.against(v.actuator)
             for v in actuators
         )
-        axes = [*self._axis_verdicts(vehicle)] if vehicle is not None else []
+        followed, axes = None if vehicle is None else self._axes.vehicle(vehicle), list[Verdict]()
+        if vehicle is not None and followed is not None and self._vehicle_limit.admits(vehicle):
+            axes += followed.verdicts(self._who(vehicle), _utc(self._decoder.first_time_us or 0))
         if own and all(verdict.worst == "undecided" for verdict in axes):
             return actuators  # their own telemetry gives the verdicts
         axes = [*named_by_telemetry(axes, actuators, setup.airframe)]
         return [*beside_motors(actuators, axes), *axes]
-
-    def _axis_verdicts(self, vehicle: int) -> Iterator[Verdict]:
-        followed = self._axes.vehicle(vehicle)
-        if followed is None or not self._vehicle_limit.admits(vehicle):
-            return
-        received = self._axes.received(vehicle)
-        why = why_not_at_all(followed.flight, self._who(vehicle).kind, received, followed.parameters)
-        start_utc = _utc(self._decoder.first_time_us or 0)
-        if why is None:
-            yield from verdicts_of_axes(
-                vehicle, followed.monitor, followed.surfaces, followed.flight, start_utc, followed.grid
-            )
-        yield from followed.motors.verdicts(self._who(vehicle), followed.flight, why, start_utc, received)
 
     def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)
@@ -399,17 +411,16 @@ class Engine:
             return
         setup = self._axes.setups(vehicle).last
         for actuator in mapper.airframe.actuators:
-            monitor = self._monitors.get(vehicle, actuator.name)
-            own = mapper.tier(vehicle, actuator)
-            provenance = mapper.provenance(vehicle, actuator)
+            monitor = self._monitors.get((vehicle, actuator.name))
+            track = mapper.of(vehicle, actuator)
+            own, provenance = track.tier and tier_named(track.tier), track.provenance
             against = setup.against(actuator.name)
             contradicted = (against_log(against), remedy(against)) if against else None
-            if why := contradicted or mapper.obstacle(vehicle, actuator):
-                sent = tier_named(own) if own else tier
-                yield unjudged(vehicle, actuator.name, why, sent, provenance)
+            if why := contradicted or track.obstacle:
+                yield unjudged(vehicle, actuator.name, why, own or tier, provenance)
                 continue
-            if monitor is None or own is None or not tier_named(own).judged:
-                yield unjudged_actuator(vehicle, actuator, tier_named(own) if own else tier, provenance)
+            if monitor is None or not own or not own.judged:
+                yield unjudged_actuator(vehicle, actuator, own or tier, provenance)
                 continue
             # What judges an actuator is loaded with the first telemetry: most logs have none.
             from mavhums.health.self_baseline.past import comparable
@@ -418,10 +429,9 @@ class Engine:
             findings = monitor.findings(
                 indicators=indicators, temperature_c=self._temperatures.median(vehicle, actuator.esc)
             )
-            refused = mapper.refused(vehicle, actuator)
             if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
-                gap = "; ".join(filter(None, [*refused.values(), findings.own_gap])) or None
-                yield unjudged_actuator(vehicle, actuator, tier_named(own), provenance, gap)
+                gap = "; ".join(filter(None, [*track.refused.values(), findings.own_gap])) or None
+                yield unjudged_actuator(vehicle, actuator, own, provenance, gap)
             else:
                 verdict = verdict_of_actuator(
                     vehicle,
@@ -429,13 +439,13 @@ class Engine:
                     findings,
                     start_utc=_utc(self._decoder.first_time_us or 0),
                     end_s=self._end_s(vehicle),
-                    late=mapper.late(vehicle, actuator),
-                    implausible=mapper.implausible(vehicle, actuator),
+                    late=track.late,
+                    implausible=track.implausible,
                     provenance=provenance,
-                    tier=tier_named(own),
-                    network=network_answer(findings, self._monitors.serving(mapper.airframe), self._decide),
+                    tier=own,
+                    network=network_answer(findings, self._serving(mapper.airframe), self._options.decide),
                 )
-                verdict = compare_with_own_flights(verdict, (), self._false_alarms)
+                verdict = compare_with_own_flights(verdict, (), self._options.false_alarms)
                 yield with_refused(verdict)
 
     def _end_s(self, vehicle: int) -> float:

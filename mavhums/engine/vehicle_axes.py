@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from datetime import datetime
 from typing import Final
 
 import numpy as np
@@ -18,11 +19,15 @@ from mavhums.engine.vehicle_setup import SetupHistory, VehicleSetup
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Indication
+from mavhums.health.verdict.axis import verdicts_of_axes
+from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import Verdict
 from mavhums.vehicle.events import VehicleEvents
 from mavhums.vehicle.facts import ALL_OUTPUTS, Signal
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
+from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.states import Followed
@@ -118,6 +123,16 @@ class VehicleAxes:
         if final:
             yield from self._apply(self.setups.last)
             yield from self._look(self._now_s + _RETRY_S)
+
+    def verdicts(self, identity: Identity, start_utc: datetime) -> Iterator[Verdict]:
+        """Yield the verdicts on the axes and the motors, or why they are not judged."""
+        received = self.grid.received()
+        why = why_not_at_all(self.flight, identity.kind, received, self.parameters)
+        if why is None:
+            yield from verdicts_of_axes(
+                self._vehicle, self.monitor, self.surfaces, self.flight, start_utc, self.grid
+            )
+        yield from self.motors.verdicts(identity, self.flight, why, start_utc, received)
 
     @property
     def _only_drives(self) -> bool:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -92,6 +93,7 @@ def decode_blocks(
     decoder: LogDecoder,
     *,
     dialect: str | os.PathLike[str] | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> Iterator[Decoded]:
     """Decode a log block by block; the last tables flush the decoder.
 
@@ -101,6 +103,8 @@ def decode_blocks(
         As for :func:`read_blocks`.
     decoder
         New.
+    progress
+        Called with the number of bytes read after each block.
 
     Raises
     ------
@@ -108,10 +112,11 @@ def decode_blocks(
         As :func:`read_blocks`.
     """
     size = 0
-    for block in read_blocks(path, dialect=dialect):
+    for block in chain(read_blocks(path, dialect=dialect), (b"",)):  # the empty one ends the log
         size += len(block)
-        yield Decoded(decoder.feed(block), size, final=False)
-    yield Decoded(decoder.feed(b"", final=True), size, final=True)
+        yield Decoded(decoder.feed(block, final=not block), size, final=not block)
+        if progress:
+            progress(size)
 
 
 @dataclass(frozen=True, eq=False)

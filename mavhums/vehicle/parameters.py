@@ -108,10 +108,8 @@ def read_parameters(
         If the log contains no parameters, none of the vehicle, or those of several vehicles.
     """
     received = ReceivedParameters()
-    for tables, size, _ in decode_blocks(path, Decoder(PARAMETER_MESSAGES)):
+    for tables, _, _ in decode_blocks(path, Decoder(PARAMETER_MESSAGES), progress=progress):
         received.feed(tables)
-        if progress:
-            progress(size)
     path, vehicles = Path(path), sorted(received.values)
     if not vehicles:
         remedy = "let the ground station download them while it records (a refresh of its parameter list)"

@@ -125,35 +125,6 @@ def kind_named(text: str) -> int | None:
     return _MAV_TYPES[match[1]] if match else None
 
 
-class ModeChanges:
-    """Follows the mode of every vehicle, block by block.
-
-    A mode whose name depends on the kind of vehicle waits for the text that names the kind.
-    """
-
-    def __init__(self) -> None:
-        self._kinds: dict[int, int] = {}
-        self._latest: dict[int, str] = {}
-        self._waiting: list[tuple[int, int, FormatModule, tuple[int, ...]]] = []
-
-    def feed(self, tables: Mapping[str, Table]) -> Iterator[tuple[int, int, str]]:
-        """Yield (vehicle, microseconds of UTC, name) of each change."""
-        for said in texts(tables):
-            kind = kind_named(said.text)
-            if kind is not None:
-                self._kinds.setdefault(said.vehicle, kind)
-        waiting, self._waiting = self._waiting[-_WAITING:], []
-        for change in (*waiting, *_changes(tables)):
-            vehicle, time_us, form, (autopilot, kind, base_mode, number) = change
-            known = self._kinds.get(vehicle, kind) if kind < 0 else kind
-            mode = form.mode_name(autopilot, known, base_mode, number)
-            if mode is None:
-                self._waiting.append(change)
-            elif mode != self._latest.get(vehicle):
-                self._latest[vehicle] = mode
-                yield vehicle, time_us, mode
-
-
 def _changes(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, FormatModule, tuple[int, ...]]]:
     """Yield vehicle, microseconds of UTC, format and values of the first mode and of each other one."""
     for report in reports(tables, "mode"):
@@ -166,6 +137,8 @@ def _changes(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, FormatModu
 
 class VehicleStates:
     """Follows the state of every vehicle, block by block.
+
+    A mode whose name depends on the kind of vehicle waits for the text that names the kind.
 
     Parameters
     ----------
@@ -182,7 +155,9 @@ class VehicleStates:
         self._modes_only = modes_only
         self._latest_us: dict[tuple[str, int], int] = {}
         self._components: dict[tuple[str, int], int] = {}
-        self._modes = ModeChanges()
+        self._kinds: dict[int, int] = {}
+        self._modes: dict[int, str] = {}
+        self._waiting: list[tuple[int, int, FormatModule, tuple[int, ...]]] = []
 
     def feed(
         self, tables: Mapping[str, Table], *, start_us: int
@@ -197,8 +172,20 @@ class VehicleStates:
             good = (np.abs(degrees) > _NO_FIX_DEG).any(axis=1) & (np.abs(degrees) <= (90, 180)).all(axis=1)
             if good.any():
                 yield Position(vehicle, (time_us - start_us)[good] / 1e6, degrees[good], place[good, 2])
-        for vehicle, since_us, mode in self._modes.feed(tables):
-            yield FlightMode(vehicle, (since_us - start_us) / 1e6, mode)
+        for said in texts(tables):
+            kind = kind_named(said.text)
+            if kind is not None:
+                self._kinds.setdefault(said.vehicle, kind)
+        waiting, self._waiting = self._waiting[-_WAITING:], []
+        for change in (*waiting, *_changes(tables)):
+            vehicle, since_us, form, (autopilot, kind, base_mode, number) = change
+            known = self._kinds.get(vehicle, kind) if kind < 0 else kind
+            mode = form.mode_name(autopilot, known, base_mode, number)
+            if mode is None:
+                self._waiting.append(change)
+            elif mode != self._modes.get(vehicle):
+                self._modes[vehicle] = mode
+                yield FlightMode(vehicle, (since_us - start_us) / 1e6, mode)
 
     def _each(self, tables: Mapping[str, Table], fact: str) -> Iterator[tuple[int, Integers, Array]]:
         """Yield each vehicle's times and values, from the first component that sent any, increasing in time.

@@ -53,13 +53,13 @@ def test_what_is_not_measured_is_nan_and_has_no_provenance() -> None:
     k_t = mapped.actuator.known_ema().torque_constant
     assert mapped.values[0, [4, 7]] == pytest.approx([0.5, 0.5 * k_t])
     assert np.isnan(mapped.values[0]).tolist() == [k not in (4, 7) for k in range(12)]
-    assert mapper.provenance(1, mapped.actuator) == {
+    assert mapper.of(1, mapped.actuator).provenance == {
         "V5": "DEBUG_FLOAT_ARRAY[EMA,3].data[4]",
         "V8": "derived: k_t·V5",
     }
-    assert mapper.tier(1, mapped.actuator) == "instrumented"
-    assert mapper.provenance(2, mapped.actuator) == {}
-    assert mapper.tier(2, mapped.actuator) is None
+    assert mapper.of(1, mapped.actuator).tier == "instrumented"
+    assert mapper.of(2, mapped.actuator).provenance == {}
+    assert mapper.of(2, mapped.actuator).tier is None
 
 
 def test_other_float_arrays_are_not_actuator_telemetry() -> None:
@@ -168,4 +168,4 @@ def test_two_servos_under_one_id_are_seen_whatever_the_cut(servos: int, apart_ms
                 {name: table.select(np.arange(at, min(at + cut, 200))) for name, table in tables.items()}
             )
         (elevator,) = [one for one in mapper.airframe.actuators if one.servo == 3]
-        assert mapper.obstacle(1, elevator) == (SHARED_ID if servos == 2 else None)
+        assert mapper.of(1, elevator).obstacle == (SHARED_ID if servos == 2 else None)

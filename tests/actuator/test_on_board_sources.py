@@ -12,7 +12,7 @@ from mavhums.actuator.telemetry import best_tier, tiers_by_content
 from mavhums.actuator.vehicle_mappers import announcements
 from mavhums.core.quantities import column
 from mavhums.log import Decoder, Table
-from mavhums.vehicle.states import ModeChanges, texts
+from mavhums.vehicle.states import FlightMode, VehicleStates, texts
 from tests.log.dataflash.synthetic import definition, fmt_of_fmt, record
 
 PAPER = load_airframe("paper")
@@ -41,8 +41,8 @@ def mapped(
     actuators = {actuator.name: actuator for actuator in airframe.actuators}
     return (
         {name: np.concatenate(parts) for name, parts in found.items()},
-        {name: mapper.provenance(1, actuators[name]) for name in found},
-        {name: mapper.tier(1, actuators[name]) for name in found},
+        {name: mapper.of(1, actuators[name]).provenance for name in found},
+        {name: mapper.of(1, actuators[name]).tier for name in found},
     )
 
 
@@ -121,7 +121,10 @@ def test_texts_name_the_airframe() -> None:
 
 
 def test_modes_wait_for_the_kind_of_vehicle() -> None:
-    modes = ModeChanges()
-    assert list(modes.feed(logged("MODE", MODE, (10, 10, 1), (10, 10, 1), (5, 5, 1)))) == []
-    told = list(modes.feed(logged("MSG", MSG, (b"ArduPlane V4.7.0-dev (2598e9d4)",))))
-    assert [(vehicle, mode) for vehicle, _, mode in told] == [(1, "AUTO"), (1, "FBWA")]
+    modes = VehicleStates()
+    assert list(modes.feed(logged("MODE", MODE, (10, 10, 1), (10, 10, 1), (5, 5, 1)), start_us=0)) == []
+    changes = modes.feed(logged("MSG", MSG, (b"ArduPlane V4.7.0-dev (2598e9d4)",)), start_us=0)
+    assert [(one.vehicle, one.mode) for one in changes if isinstance(one, FlightMode)] == [
+        (1, "AUTO"),
+        (1, "FBWA"),
+    ]

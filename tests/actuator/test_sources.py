@@ -34,7 +34,7 @@ def elevator(tables: dict[str, Table], airframe: Airframe = PAPER) -> tuple[np.n
     mapper = Mapper(airframe)
     parts = [part for part in mapper.feed(tables, final=True) if part.actuator.name == "elevator"]
     values = np.concatenate([part.values for part in parts]) if parts else np.empty((0, 12))
-    return values, mapper.provenance(1, airframe.actuators[2])
+    return values, mapper.of(1, airframe.actuators[2]).provenance
 
 
 def test_every_source_names_a_tier_and_its_messages() -> None:

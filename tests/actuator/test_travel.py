@@ -52,4 +52,4 @@ def test_a_position_that_stands_while_the_pulse_moves_is_a_jam(
             np.testing.assert_allclose(new.values[follows, 0], new.values[follows, 2], atol=0.05)
     list(monitor.finish())
     assert monitor.worst == worst
-    assert mapper.obstacle(1, ELEVATOR) == (NEVER_FOLLOWS if jam_s == 0.0 else None)
+    assert mapper.of(1, ELEVATOR).obstacle == (NEVER_FOLLOWS if jam_s == 0.0 else None)

@@ -31,7 +31,7 @@ def mapped(
     mapper = Mapper(airframe)
     parts = [part for part in mapper.feed(tables, final=True) if part.actuator.name == name]
     values = np.concatenate([part.values for part in parts]) if parts else np.empty((0, 12))
-    return values, mapper.provenance(1, next(a for a in airframe.actuators if a.name == name))
+    return values, mapper.of(1, next(a for a in airframe.actuators if a.name == name)).provenance
 
 
 def instrumented(seconds: float = 1.0, name: bytes = b"EMA") -> bytes:

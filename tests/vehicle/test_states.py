@@ -13,7 +13,7 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.events import Attitude, Event, FlightMode, Position
 from mavhums.engine.options import EngineOptions
 from mavhums.log import Table
-from mavhums.vehicle.states import ModeChanges, VehicleStates
+from mavhums.vehicle.states import VehicleStates
 from tests.conftest import real_logs
 from tests.strategies import START_US
 
@@ -134,12 +134,17 @@ def test_the_last_hundred_modes_wait_for_a_text_that_names_the_kind() -> None:
         one, at = np.ones(len(values), dtype=np.uint8), np.arange(len(values), dtype=np.int64)
         return {name: Table(name, at, at, one, one, one, one, row)}
 
-    modes = ModeChanges()
-    assert list(modes.feed(logged("MODE", "ModeNum", [10, 5] * 60))) == []
-    assert list(modes.feed(logged("MSG", "Message", [b"PreArm: wait"]))) == []
-    told = list(modes.feed(logged("MSG", "Message", [b"ArduPlane V4.7.0", b"ArduCopter V4.7.0"])))
-    assert told == [(1, at, "FBWA" if at % 2 else "AUTO") for at in range(20, 120)]
-    assert [mode for _, _, mode in modes.feed(logged("MODE", "ModeNum", [5, 10]))] == ["AUTO"]
+    states = VehicleStates()
+
+    def modes(name: str, field: str, values: list[Any]) -> list[tuple[int, str]]:
+        found = states.feed(logged(name, field, values), start_us=0)
+        return [(round(one.time_s * 1e6), one.mode) for one in found if isinstance(one, FlightMode)]
+
+    assert modes("MODE", "ModeNum", [10, 5] * 60) == []
+    assert modes("MSG", "Message", [b"PreArm: wait"]) == []
+    changes = modes("MSG", "Message", [b"ArduPlane V4.7.0", b"ArduCopter V4.7.0"])
+    assert changes == [(at, "FBWA" if at % 2 else "AUTO") for at in range(20, 120)]
+    assert [mode for _, mode in modes("MODE", "ModeNum", [5, 10])] == ["AUTO"]
 
 
 def test_one_component_speaks_for_the_vehicle() -> None:
