@@ -155,7 +155,8 @@ def judge_bytes(flight: Flight, blocks: Iterable[bytes], airframe: str | Path | 
     events += engine.finish()
     changes = [event for event in events if isinstance(event, ConditionChanged)]
     alarms = tuple(c for c in changes if c.after in ALARMS and c.actuator in ("roll", "pitch", "yaw"))
-    axes = [v for v in engine.assessment(indicators=False).verdicts if v.subject == "axis"]
+    assessment = engine.assessment(indicators=False)
+    axes = [v for v in assessment.verdicts if v.subject == "axis"]
     return Outcome(
         flight,
         alarms,
@@ -164,7 +165,7 @@ def judge_bytes(flight: Flight, blocks: Iterable[bytes], airframe: str | Path | 
         {v.actuator: v.coverage.excluded + _measured(v.actuator, events) for v in axes},
         {v.actuator: v.reason or "" for v in axes},
         tuple(dict.fromkeys(s for v in axes for s in v.surfaces)),
-        engine.flown_s(),
+        sum(use.forward_s or 0.0 for use in assessment.usage),
         *_named(axes),
     )
 

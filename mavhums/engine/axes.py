@@ -79,10 +79,6 @@ class Axes:
         axes = self._vehicles.get(vehicle)
         return axes.setups if axes else SetupHistory(self._airframe)
 
-    def flown_s(self) -> float:
-        """Return the seconds of forward flight of all vehicles."""
-        return float(sum(axes.flight.flown_s for axes in self._vehicles.values()))
-
     def feed(
         self,
         tables: Mapping[str, Table],

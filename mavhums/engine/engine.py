@@ -252,10 +252,6 @@ class Engine:
         """Return the identity of a vehicle, with the kind that its parameters tell."""
         return refined_identity(self._identities.of(vehicle), self._axes.parameters(vehicle).values)
 
-    def flown_s(self) -> float:
-        """Return the seconds of forward flight as fixed wings, of the vehicles for which it is known."""
-        return self._axes.flown_s()
-
     def received(self, vehicle: int) -> dict[str, Received]:
         """Return, by message, how many of a vehicle's samples were kept, came late, or came at one time."""
         return self._axes.received(vehicle)

@@ -11,93 +11,50 @@ from typing import TYPE_CHECKING
 from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
-    from mavhums.learn.card import Calibration, Card, Selection, WindowCard
-    from mavhums.learn.chain import Scheme, select_features
-    from mavhums.learn.evaluation import (
-        CommandLeak,
-        CommandLeakWarning,
-        brier_score,
-        calibrate,
-        check_command,
-        expected_calibration_error,
-    )
-    from mavhums.learn.inference import Network, TanhNetwork, WindowNetwork
-    from mavhums.learn.model import (
-        Answers,
-        Model,
-        ModelError,
-        default_model,
-        load_model,
-        models,
-        packaged_models,
-        save_model,
-    )
-    from mavhums.learn.networks import TanhNetworkEnsemble
-    from mavhums.learn.precedents import Precedent, PrecedentBase, PrecedentError, Provenance
-    from mavhums.learn.ranking import ChiSquareRanking, VectorThinning
-    from mavhums.learn.redundancy import Dependence, PairwiseRedundancyFilter, RegressionRedundancyFilter
-    from mavhums.learn.regression import NonlinearRegression
-    from mavhums.learn.subsets import (
-        SubsetSearch,
-        exhaustive_search,
-        genetic_search,
-        network_objective,
-    )
-    from mavhums.learn.training import (
-        LabelledWindows,
-        NetworkScore,
-        TrainingResult,
-        WindowResult,
-        train_network,
-        train_windows,
-    )
-
-__all__ = [
-    "Answers",
-    "Calibration",
-    "Card",
-    "ChiSquareRanking",
-    "CommandLeak",
-    "CommandLeakWarning",
-    "Dependence",
-    "LabelledWindows",
-    "Model",
-    "ModelError",
-    "Network",
-    "NetworkScore",
-    "NonlinearRegression",
-    "PairwiseRedundancyFilter",
-    "Precedent",
-    "PrecedentBase",
-    "PrecedentError",
-    "Provenance",
-    "RegressionRedundancyFilter",
-    "Scheme",
-    "Selection",
-    "SubsetSearch",
-    "TanhNetwork",
-    "TanhNetworkEnsemble",
-    "TrainingResult",
-    "VectorThinning",
-    "WindowCard",
-    "WindowNetwork",
-    "WindowResult",
-    "brier_score",
-    "calibrate",
-    "check_command",
-    "default_model",
-    "exhaustive_search",
-    "expected_calibration_error",
-    "genetic_search",
-    "load_model",
-    "models",
-    "network_objective",
-    "packaged_models",
-    "save_model",
-    "select_features",
-    "train_network",
-    "train_windows",
-]
+    from mavhums.learn.card import Calibration as Calibration
+    from mavhums.learn.card import Card as Card
+    from mavhums.learn.card import Selection as Selection
+    from mavhums.learn.card import WindowCard as WindowCard
+    from mavhums.learn.chain import Scheme as Scheme
+    from mavhums.learn.chain import select_features as select_features
+    from mavhums.learn.evaluation import CommandLeak as CommandLeak
+    from mavhums.learn.evaluation import CommandLeakWarning as CommandLeakWarning
+    from mavhums.learn.evaluation import brier_score as brier_score
+    from mavhums.learn.evaluation import calibrate as calibrate
+    from mavhums.learn.evaluation import check_command as check_command
+    from mavhums.learn.evaluation import expected_calibration_error as expected_calibration_error
+    from mavhums.learn.inference import Network as Network
+    from mavhums.learn.inference import TanhNetwork as TanhNetwork
+    from mavhums.learn.inference import WindowNetwork as WindowNetwork
+    from mavhums.learn.model import Answers as Answers
+    from mavhums.learn.model import Model as Model
+    from mavhums.learn.model import ModelError as ModelError
+    from mavhums.learn.model import default_model as default_model
+    from mavhums.learn.model import load_model as load_model
+    from mavhums.learn.model import models as models
+    from mavhums.learn.model import packaged_models as packaged_models
+    from mavhums.learn.model import save_model as save_model
+    from mavhums.learn.networks import TanhNetworkEnsemble as TanhNetworkEnsemble
+    from mavhums.learn.precedents import Precedent as Precedent
+    from mavhums.learn.precedents import PrecedentBase as PrecedentBase
+    from mavhums.learn.precedents import PrecedentError as PrecedentError
+    from mavhums.learn.precedents import Provenance as Provenance
+    from mavhums.learn.ranking import ChiSquareRanking as ChiSquareRanking
+    from mavhums.learn.ranking import VectorThinning as VectorThinning
+    from mavhums.learn.redundancy import Dependence as Dependence
+    from mavhums.learn.redundancy import PairwiseRedundancyFilter as PairwiseRedundancyFilter
+    from mavhums.learn.redundancy import RegressionRedundancyFilter as RegressionRedundancyFilter
+    from mavhums.learn.regression import NonlinearRegression as NonlinearRegression
+    from mavhums.learn.subsets import SubsetSearch as SubsetSearch
+    from mavhums.learn.subsets import exhaustive_search as exhaustive_search
+    from mavhums.learn.subsets import genetic_search as genetic_search
+    from mavhums.learn.subsets import network_objective as network_objective
+    from mavhums.learn.training import LabelledWindows as LabelledWindows
+    from mavhums.learn.training import NetworkScore as NetworkScore
+    from mavhums.learn.training import TrainingResult as TrainingResult
+    from mavhums.learn.training import WindowResult as WindowResult
+    from mavhums.learn.training import train_network as train_network
+    from mavhums.learn.training import train_windows as train_windows
 
 _MODULES = {
     "card": "Calibration Card Selection WindowCard",
@@ -114,8 +71,6 @@ _MODULES = {
     "subsets": "SubsetSearch exhaustive_search genetic_search network_objective",
     "training": "LabelledWindows NetworkScore TrainingResult WindowResult train_network train_windows",
 }
-__getattr__, __dir__ = lazy_exports(
-    __name__,
-    {name: module for module, names in _MODULES.items() for name in names.split()},
-    missing={"sklearn": ("training", "train")},
-)
+_HOMES = dict(sorted((name, module) for module, names in _MODULES.items() for name in names.split()))
+__all__ = list(_HOMES)
+__getattr__, __dir__ = lazy_exports(__name__, _HOMES, missing={"sklearn": ("training", "train")})

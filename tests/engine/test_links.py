@@ -58,7 +58,7 @@ def judge(tlog: bytes) -> Told:
     return Told(
         {v.actuator: v.worst for v in assessment.verdicts if v.subject == "axis"},
         [(change.actuator, change.after, change.since_s) for change in changes],
-        engine.flown_s(),
+        sum(use.forward_s or 0.0 for use in assessment.usage),
         assessment.log.losses,
     )
 
