@@ -1,6 +1,6 @@
 """Errors of airframe profiles: the line, the key, the problem and the remedy.
 
-tomllib gives no line numbers, so the lines of the tables and keys of a TOML text are found here. That a
+tomllib gives no line numbers, so the line of a key is found by parsing the text up to it. That a
 message has the fields that a profile maps is known for MAVLink before a log is read. The records of an
 on-board log are defined in the log itself, so their fields are checked when the first of them arrives.
 """
@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from bisect import bisect_left
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import reduce
+from operator import getitem
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -67,7 +69,7 @@ def explain_values(
     mistakes = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
     first = mistakes[0]
     place = _place(first)
-    line = line_of(place, lines(text))
+    line = line_of(place, text)
     where = f"{path}:{line}" if line else path
     name = _in_words(place)
     problem = f"{where}: {name}: {_what(first)}" if name else f"{where}: {_what(first)}"
@@ -136,86 +138,38 @@ def _remedy(mistake: ErrorDetails, place: Place, sections: Mapping[Place, tuple[
             return _EXAMPLE
 
 
-def lines(text: str) -> dict[Place, int]:
-    """Return the line, from 1, of every table and key of a valid TOML text.
+def line_of(place: Place, text: str) -> int | None:
+    """Return the line, from 1, on which a place of a valid TOML text begins; None if nothing encloses it.
 
     A place is the path to a value, with indices for elements of arrays of tables. Values inside an
-    inline table or array have the line where that begins.
+    inline table or array have the line where that begins, and what is missing that of what encloses it.
 
     Examples
     --------
-    >>> lines("name = 'x'\\n[[part]]\\nid = 1\\n[[part]]\\nid = 2\\n")[("part", 1, "id")]
-    5
+    >>> text = "name = 'x'\\n[[part]]\\nid = 1\\n[[part]]\\nid = 2\\n"
+    >>> line_of(("part", 1, "id"), text), line_of(("part", 1, "colour"), text)
+    (5, 4)
     """
-    found: dict[Place, int] = {}
-    sizes: Counter[Place] = Counter()
-    table: Place = ()
-    for line, statement, parsed in _statements(text):
-        if statement.startswith("["):
-            table = _table(parsed, sizes)
-            found.setdefault(table, line)
-        else:
-            for place in _places(parsed):
-                found.setdefault(table + place, line)
-    return found
+    rows = text.splitlines(keepends=True)
 
-
-def line_of(place: Place, known: dict[Place, int]) -> int | None:
-    """Return the line of a place, else the line of its nearest known parent; None if there is none.
-
-    Examples
-    --------
-    >>> line_of(("part", 0, "colour"), {("part", 0): 2})
-    2
-    """
-    within = (place[:size] for size in range(len(place), 0, -1))
-    return next((known[outer] for outer in within if outer in known), None)
-
-
-def _statements(text: str) -> Iterator[tuple[int, str, dict[str, object]]]:
-    """Yield line, text and parsed value of each table header and each key.
-
-    A statement ends with the first line that makes it valid TOML.
-    """
-    start, pending = 1, ""
-    for number, line in enumerate(text.splitlines(keepends=True), 1):
-        if not pending:
-            start = number
-        pending += line
+    def is_known(line: int) -> bool:
+        """Return whether the statements that begin up to a line hold the place."""
+        while True:
+            try:
+                parsed = tomllib.loads("".join(rows[:line]))
+                break
+            except tomllib.TOMLDecodeError:  # a statement goes on
+                line += 1
         try:
-            parsed = tomllib.loads(pending)
-        except tomllib.TOMLDecodeError:
-            continue
-        if parsed:
-            yield start, pending.lstrip(), parsed
-        pending = ""
+            reduce(getitem, place, cast(Any, parsed))
+        except (KeyError, IndexError, TypeError):
+            return False
+        return True
 
-
-def _table(header: dict[str, object], sizes: Counter[Place]) -> Place:
-    """Return the place of the table that a header opens, and count it if it is an array element."""
-    place: Place = ()
-    inner: object = header
-    while inner:
-        if isinstance(inner, list):
-            sizes[place] += 1
-            return (*place, sizes[place] - 1)
-        assert isinstance(inner, dict)
-        if sizes[place]:
-            place = (*place, sizes[place] - 1)
-        key, inner = next(iter(inner.items()))
-        place = (*place, key)
-    return place
-
-
-def _places(value: object, place: Place = ()) -> Iterator[Place]:
-    if place:
-        yield place
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            yield from _places(inner, (*place, key))
-    elif isinstance(value, list):
-        for k, inner in enumerate(value):
-            yield from _places(inner, (*place, k))
+    line = bisect_left(range(1, len(rows) + 1), True, key=is_known) + 1
+    if not place or line <= len(rows):
+        return line if place else None
+    return line_of(place[:-1], text)
 
 
 class FieldMistake(NamedTuple):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.actuator.profile_checks import line_of, lines
+from mavhums.actuator.profile_checks import line_of
 
 TEXT = '''# a comment, and a [header] in it
 name = "x"  # = [no]
@@ -60,15 +60,14 @@ x = 1
     ],
 )
 def test_places_have_the_line_on_which_they_begin(place: tuple[str | int, ...], line: int) -> None:
-    assert lines(TEXT)[place] == line
+    assert line_of(place, TEXT) == line
 
 
 def test_what_is_missing_is_on_the_line_of_what_encloses_it() -> None:
-    known = lines(TEXT)
-    assert line_of(("actuators", 1, "servo"), known) == 19
-    assert line_of(("actuators", 0, "pwm", 1), known) == 10
-    assert line_of(("surface",), known) is None
-    assert line_of((), known) is None
+    assert line_of(("actuators", 1, "servo"), TEXT) == 19
+    assert line_of(("actuators", 0, "pwm", 1), TEXT) == 10
+    assert line_of(("surface",), TEXT) is None
+    assert line_of((), TEXT) is None
 
 
 KEYS = st.text("abc-_", min_size=1, max_size=3)
@@ -86,5 +85,4 @@ def test_every_key_of_a_text_is_found_where_it_was_written(tables: dict[str, dic
             expected[table, key] = text.count("\n") + 1
             text += f"{key} = {value}\n"
     assert tomllib.loads(text).keys() == tables.keys()
-    found = lines(text)
-    assert {place: found[place] for place in expected} == expected
+    assert {place: line_of(place, text) for place in expected} == expected
