@@ -12,7 +12,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, get_args
+from typing import Final, Literal, get_args
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from mavhums.core.arrays import Array, Integers
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.core.output import written_whole
 from mavhums.core.quantities import KEYS
-
-if TYPE_CHECKING:
-    from pyarrow import Schema
 
 Label = Literal[
     "normal",
@@ -180,25 +177,22 @@ class PrecedentBase:
         ValueError
             If the shapes do not fit.
         """
-        import pyarrow as pa
-        import pyarrow.parquet as pq
+        import pandas as pd
 
         if values.shape != (len(time_us), len(KEYS)):
             raise ValueError(f"values must have the shape ({len(time_us)}, {len(KEYS)}), not {values.shape}")
-        columns: list[Any] = [pa.array(time_us, type=pa.timestamp("us", tz="UTC"))]
-        columns += [pa.array(values[:, place]) for place in range(len(KEYS))]
-        for value in asdict(provenance).values():
-            columns.append(pa.array([value] * len(time_us)).dictionary_encode())
-        table = pa.table(columns, schema=_schema())
-        name = f"{provenance.sha256[:16]}-{provenance.vehicle}-{provenance.actuator}.parquet"
-        path = self.folder / name
+        table = pd.DataFrame(values, columns=list(KEYS))
+        table.insert(0, "time", pd.DatetimeIndex(time_us.astype("datetime64[us]"), tz="UTC"))
+        for name, value in asdict(provenance).items():
+            table[name] = pd.Categorical([value]).repeat(len(table))
+        path = self.folder / f"{provenance.sha256[:16]}-{provenance.vehicle}-{provenance.actuator}.parquet"
         remedy = "name a folder that you may write to"
         try:
             self.folder.mkdir(0o700, parents=True, exist_ok=True)
         except OSError as error:
             raise PrecedentError(f"cannot write {self.folder}: {error.strerror}", remedy) from error
         with written_whole(path, error=PrecedentError, remedy=remedy) as temporary:
-            pq.write_table(table, temporary, compression="zstd")
+            table.to_parquet(temporary, compression="zstd", index=False)
         return Precedent(path, provenance, len(time_us))
 
     def __iter__(self) -> Iterator[Precedent]:
@@ -223,25 +217,12 @@ class PrecedentBase:
 
     def read(self, precedent: Precedent) -> tuple[Array, Array]:
         """Return the times of a precedent, s from its first sample, shape (n,), and V1…V12, shape (n, 12)."""
-        import pyarrow.parquet as pq
+        import pandas as pd
 
-        table = pq.read_table(precedent.path, columns=["time", *KEYS], partitioning=None)
-        utc_us = table["time"].to_numpy().astype(np.int64)
-        return (utc_us - utc_us[:1]) * 1e-6, np.column_stack([table[key].to_numpy() for key in KEYS])
+        table = pd.read_parquet(precedent.path, columns=["time", *KEYS], partitioning=None)
+        time_us = table.pop("time").to_numpy("datetime64[us]").astype(np.int64)
+        time_s: Array = (time_us - time_us[:1]) * 1e-6
+        return time_s, np.ascontiguousarray(table, dtype=np.float64)
 
 
 _PROVENANCE = [field.name for field in fields(Provenance)]
-
-
-def _schema() -> Schema:
-    import pyarrow as pa
-
-    kinds = {"vehicle": pa.dictionary(pa.int32(), pa.int64())}
-    text = pa.dictionary(pa.int32(), pa.string())
-    return pa.schema(
-        [
-            ("time", pa.timestamp("us", tz="UTC")),
-            *((key, pa.float64()) for key in KEYS),
-            *((name, kinds.get(name, text)) for name in _PROVENANCE),
-        ]
-    )

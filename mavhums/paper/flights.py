@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from mavhums.health.actuator.votes import Classifier, VoteOutcome, count_votes, 
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.thresholds import WINDOW_SLOTS
+from mavhums.paper.flown import FlownActuator
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.ema import EmaParameters
@@ -102,18 +103,11 @@ class ActuatorFlight(NamedTuple):
     values: Array
 
 
-class History(Protocol):
-    """An actuator's flight, simulated or from a log."""
+History = ActuatorFlight | FlownActuator
+"""An actuator's flight, simulated or from a log."""
 
-    @property
-    def time_s(self) -> Array:
-        """Times, s, shape (n,)."""
-        ...
-
-    @property
-    def values(self) -> Array:
-        """V1…V12, shape (n, 12)."""
-        ...
+RATES_HZ = (100.0, 50.0, 25.0, 10.0)
+"""Of the logs that calibrate and measure, in turn."""
 
 
 def fly_fleet(

@@ -20,6 +20,7 @@ from mavhums.learn import (
     expected_calibration_error,
 )
 from mavhums.paper.flights import (
+    RATES_HZ,
     History,
     Telemetry,
     fly_fleet,
@@ -32,7 +33,6 @@ from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 
 _EVERY = 20
-_RATES_HZ = (100.0, 50.0, 25.0, 10.0)
 _WORKING = 20  # moving samples of a window in which a network is asked at all
 
 
@@ -76,7 +76,7 @@ def whole_range(
     random, total = np.random.default_rng(seed), flights * len(SURFACES)
     low, high = friction_range(actuator.known_limits())
     frictions = low + (high - low) * (random.permutation(total) + random.random(total)) / total
-    options = {"seed": seed, "cyclograms": [*CYCLOGRAMS], "rates_hz": _RATES_HZ}
+    options = {"seed": seed, "cyclograms": [*CYCLOGRAMS], "rates_hz": RATES_HZ}
     return _fly(actuator, telemetry, frictions.reshape(flights, len(SURFACES)), tick, **options)
 
 

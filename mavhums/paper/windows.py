@@ -33,7 +33,7 @@ from mavhums.learn import (
     train_windows,
 )
 from mavhums.learn.evaluation import at_temperature, decides_at
-from mavhums.paper.flights import Telemetry, friction_range, parameters_of, reported
+from mavhums.paper.flights import RATES_HZ, Telemetry, friction_range, parameters_of, reported
 from mavhums.paper.flown import CALIBRATES, MEASURES, PURPOSE, TRAINS, FlownFlights
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
@@ -63,7 +63,6 @@ _GEAR = ("backlash", "sensor_bias")
 _LIMITED = 0.05
 """Share of the samples at the supply's limit from which a window shows a sag; below it nothing differs."""
 _NEAR_V = 0.6
-_RATES_HZ = (100.0, 50.0, 25.0, 10.0)
 _TRAVEL = np.radians(25.0)
 _AIRCRAFT = 3
 """Aircraft that fly each cyclogram: their twelve actuators have every condition, so V1 reveals none."""
@@ -125,7 +124,7 @@ def fly_windows(
     for number in range(cyclograms):
         random = np.random.default_rng([seed, number])
         mode = number % len(CYCLOGRAMS)
-        rate = _RATES_HZ[number // len(CYCLOGRAMS) % len(_RATES_HZ)]
+        rate = RATES_HZ[number // len(CYCLOGRAMS) % len(RATES_HZ)]
         group = _fly_group(actuator, classes, random, mode, rate, seed + 10 * number)
         for label, severity, record, signed in group:
             sums, ends = _sums(actuator, telemetry, record, signed=signed)
@@ -350,7 +349,7 @@ def train_window_network(
             "severities": {
                 name: [low, high] for name, (_, low, high) in SEVERITIES.items() if name in classes
             },
-            "rates_hz": [*_RATES_HZ],
+            "rates_hz": [*RATES_HZ],
         }
     return network, WindowCard(
         features=network.keys,
