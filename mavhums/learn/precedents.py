@@ -221,7 +221,7 @@ class PrecedentBase:
 
         table = pd.read_parquet(precedent.path, columns=["time", *KEYS], partitioning=None)
         time_us = table.pop("time").to_numpy("datetime64[us]").astype(np.int64)
-        time_s: Array = (time_us - time_us[:1]) * 1e-6
+        time_s = np.asarray((time_us - time_us[:1]) * 1e-6, dtype=np.float64)
         return time_s, np.ascontiguousarray(table, dtype=np.float64)
 
 
