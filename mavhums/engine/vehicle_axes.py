@@ -13,8 +13,8 @@ from mavhums.actuator.contradictions import of_airframe
 from mavhums.actuator.profile import Airframe
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import Notice
-from mavhums.engine.motion import TRIED_AXES, contradiction, inferred, refutation, rests_on_outputs
 from mavhums.engine.motors import VehicleMotors
+from mavhums.engine.moving_outputs import TRIED_AXES, contradiction, inferred, refutation, rests_on_outputs
 from mavhums.engine.vehicle_setup import SetupHistory, VehicleSetup
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import REFERENCE_S

@@ -18,7 +18,7 @@ from mavhums.core.errors import MissingExtraError
 
 if TYPE_CHECKING:
     from mavhums.learn.batched import Samples
-    from mavhums.learn.trainer import Trained
+    from mavhums.learn.lbfgs import Trained
 
 
 def check_positive_integers(estimator: object, *names: str) -> None:
@@ -45,7 +45,7 @@ def train_networks(
 ) -> Trained:
     """Train networks on all features, or each on its own of ``subsets``, shape (networks, features).
 
-    ``options`` go to :func:`mavhums.learn.trainer.train_batch`.
+    ``options`` go to :func:`mavhums.learn.lbfgs.train_batch`.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def train_networks(
     """
     try:
         from mavhums.learn.batched import NetworkBatch
-        from mavhums.learn.trainer import train_batch
+        from mavhums.learn.lbfgs import train_batch
     except ModuleNotFoundError as error:
         raise MissingExtraError("training", "train") from error
     if subsets is None:

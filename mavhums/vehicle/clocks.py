@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
-from mavhums.vehicle.clock import BOOT, BROKEN, LOOSE, UNSTAMPED, USEC, VehicleClock
 from mavhums.vehicle.formats import each
 from mavhums.vehicle.formats.mavlink import STAMPS, stamp_of
 from mavhums.vehicle.formats.px4_buses import PX4Buses
+from mavhums.vehicle.time_axis import BOOT, BROKEN, LOOSE, UNSTAMPED, USEC, VehicleClock
 
 _COUNTERS: Final = dict(zip(STAMPS, ((BOOT, 1000), (USEC, 1)), strict=True))  # counter, and its unit in µs
 _LAPS_US: Final = {BOOT: 2**52, USEC: 2**32}  # a 64-bit stamp may be damaged beyond what can be added up

@@ -17,7 +17,7 @@ from mavhums import Engine
 from mavhums.actuator.profile import Actuator, Airframe, load_airframe
 from mavhums.core.errors import ExitCode
 from mavhums.engine.events import ConditionChanged, Event, Notice
-from mavhums.engine.motion import contradiction, refutation
+from mavhums.engine.moving_outputs import contradiction, refutation
 from mavhums.engine.options import EngineOptions
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.results.assessment import Assessment

@@ -8,7 +8,7 @@ import pytest
 from mavhums.actuator import load_airframe
 from mavhums.actuator.contradictions import Contradiction
 from mavhums.core.conditions import Condition
-from mavhums.engine.motion import rests_on_outputs
+from mavhums.engine.moving_outputs import rests_on_outputs
 from mavhums.engine.vehicle_setup import SetupHistory, VehicleSetup, setup_notices
 from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.vehicle.parameters import Parameters

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle import clocks as clocks_module
-from mavhums.vehicle.clock import BOOT, BROKEN, SOUND, UNSTAMPED, USEC, MappedTimes, VehicleClock
 from mavhums.vehicle.clocks import Clocks, _forget_oldest, _repeated
+from mavhums.vehicle.time_axis import BOOT, BROKEN, SOUND, UNSTAMPED, USEC, MappedTimes, VehicleClock
 
 Times = NDArray[np.int64]
 START_US = 1_700_000_000_000_000

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mavhums.engine import motion
+from mavhums.engine import moving_outputs
 from mavhums.engine.axes import MOST_VEHICLES, VehicleLimit
-from mavhums.engine.motion import inferred
+from mavhums.engine.moving_outputs import inferred
 from mavhums.log import Table
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.rows import Rows
@@ -27,7 +27,7 @@ def flown(seconds: int = 60) -> tuple[Rows, Array]:
 
 def test_inferred_outputs_give_one_demand_whatever_their_travel(monkeypatch: pytest.MonkeyPatch) -> None:
     explained = {"roll": (0.9, 0.0), "pitch": (0.0, 0.0)}
-    monkeypatch.setattr(motion, "explained_by", lambda axis, *_: explained[axis])
+    monkeypatch.setattr(moving_outputs, "explained_by", lambda axis, *_: explained[axis])
     flight, sent = flown()
     found = inferred(flight, sent)
     assert found is not None
