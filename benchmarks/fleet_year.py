@@ -42,7 +42,8 @@ from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.standing import Interval, Standing
 from mavhums.results.verdict import Indicator, Verdict
-from mavhums.show.standing import digest_lines
+from mavhums.show.standing import digest_blocks
+from mavhums.show.terminal import plain
 
 ACTUATORS = ("aileron_left", "aileron_right", "elevator", "rudder")
 DEGRADED, EMERGENCY = 0.375, 0.875
@@ -277,7 +278,7 @@ def main() -> None:
             year.fly(day, flying)
             morning = BEGIN + timedelta(days=day + 1)
             found = digest(year.place, morning - timedelta(days=1), morning)
-            printed = [*digest_lines(found)]
+            printed = plain(digest_blocks(found)).splitlines()
             lines.append(len(printed))
             if day in given.read or (-1 in given.read and not found.is_empty):
                 print(f"--- morning of {morning:%Y-%m-%d}", *printed, sep="\n", flush=True)

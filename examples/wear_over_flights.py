@@ -18,7 +18,8 @@ import mavhums
 from mavhums.flights.folder import keep_assessment, read_history
 from mavhums.flights.trends import trend_report
 from mavhums.results.standing import TrendReport
-from mavhums.show.trend import render_trends
+from mavhums.show.terminal import draw
+from mavhums.show.trend import trend_blocks
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 
@@ -38,7 +39,7 @@ def main(folder: str, flights: int = 20) -> TrendReport:
         write_tlog(fly(flight), log, Link(day=float(day)))
         keep_assessment(mavhums.analyse(log, mavhums.Options(history=kept)), kept)
     report = trend_report(read_history(kept), faults=["friction"])
-    render_trends(report, Console())
+    draw(trend_blocks(report), Console())
     return report
 
 

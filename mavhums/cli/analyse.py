@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mavhums.app.analysis import Failed, Judged
     from mavhums.app.settings import Options
     from mavhums.results.assessment import Assessment
-    from mavhums.show.terminal import Line
+    from mavhums.show.answer import Line
 
 
 class _OutcomePrinter(ABC):
@@ -87,7 +87,9 @@ class _TablePrinter(_OutcomePrinter):
         from rich.console import Console
 
         from mavhums.show import render
-        from mavhums.show.terminal import line_of, render_findings
+        from mavhums.show.answer import line_of, not_normal
+        from mavhums.show.blocks import Note
+        from mavhums.show.terminal import draw
         from mavhums.show.viewer import viewer_command
 
         self._lines.append(line_of(log, assessment))
@@ -96,8 +98,8 @@ class _TablePrinter(_OutcomePrinter):
             say(title)
         if self._whole:
             render(assessment, Console(), verbose=self._verbose)
-        else:
-            render_findings(assessment, Console(), title)
+        elif found := not_normal(assessment):
+            draw([Note([title]), *found], Console(soft_wrap=True))
         recording = self._recordings.get(log)
         if recording is not None:
             say(f"recording: {recording}   open it with: {viewer_command()} {recording}\n")
@@ -105,7 +107,7 @@ class _TablePrinter(_OutcomePrinter):
 
     def _failed(self, log: Path, error: MavhumsError) -> None:
         """Print no more than the error."""
-        from mavhums.show.terminal import line_of
+        from mavhums.show.answer import line_of
 
         self._lines.append(line_of(log, error))
 
@@ -115,9 +117,10 @@ class _TablePrinter(_OutcomePrinter):
             return
         from rich.console import Console
 
-        from mavhums.show.terminal import render_many
+        from mavhums.show.answer import many
+        from mavhums.show.terminal import draw
 
-        render_many(self._lines, Console())
+        draw([many(self._lines)], Console())
         if not self._whole:
             say("--verbose shows all of each log, --json every figure.")
         say(EPILOG)

@@ -165,19 +165,15 @@ def export(store: str, output: Path) -> None:
 
 
 def _words(row: WorstActuator) -> str:
-    from mavhums.show.standing import sentence
+    from mavhums.show.standing import found_in, sentence
     from mavhums.show.words import condition_word
 
     verdict, standing = row.verdict, row.standing
     name = f"{row.aircraft or f'unknown ({row.path})'} {verdict.actuator}"
-    if standing is None or not standing.is_finding:
-        suspects = f", suspected: {', '.join(s.fault for s in verdict.suspects)}" if verdict.suspects else ""
-        friction = f", friction {verdict.friction_nm.estimate:.3f} N·m" if verdict.friction_nm else ""
-        reason = f": {verdict.reason}" if verdict.reason else ""
-        said = f"{condition_word(verdict.gravest)}{friction}{suspects}{reason}"
-    else:
-        said = sentence(standing)
-    return f"{name}: {said}{_last(row.start_us)}"
+    if standing is not None and standing.is_finding:
+        return f"{name}: {sentence(standing)}{_last(row.start_us)}"
+    found = ": ".join(filter(None, (condition_word(verdict.gravest), found_in(verdict, None))))
+    return f"{name}: {found}{_last(row.start_us)}"
 
 
 def _last(start_us: int | None) -> str:

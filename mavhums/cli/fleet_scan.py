@@ -196,18 +196,18 @@ def digest(
     from mavhums.core.output import written_whole
     from mavhums.fleet import digest as digest_of
     from mavhums.fleet.notify import recipients_of
-    from mavhums.show.standing import digest_html, digest_lines
+    from mavhums.show.html import document
+    from mavhums.show.standing import digest_blocks
 
     recipients = recipients_of(notify) if notify else []
     found = digest_of(store, since)
     if html is not None:
         with written_whole(html) as temporary:
-            temporary.write_text(digest_html(found), encoding="utf-8")
+            temporary.write_text(document(digest_blocks(found)), encoding="utf-8")
     if as_json:
         say_json(found.to_json())
     elif not (quiet and found.is_empty):
-        for line in digest_lines(found):
-            say(line)
+        _print(found)
     if not _sent(found, recipients, always=notify_always):
         raise SystemExit(ExitCode.NOT_SENT)
     raise SystemExit(found.exit_code if fail_on_news else ExitCode.OK)
@@ -276,7 +276,6 @@ def watch(
     from mavhums.fleet import digest as digest_of
     from mavhums.fleet.notify import recipients_of
     from mavhums.fleet.scan import LogWatcher
-    from mavhums.show.standing import digest_lines
 
     recipients = recipients_of(notify) if notify else []
     scanning = ScanOptions(
@@ -297,8 +296,7 @@ def watch(
                 complained = ""
                 if morning and (since := morning.due(datetime.now().astimezone())):
                     found = digest_of(store, since)
-                    for line in digest_lines(found):
-                        say(line)
+                    _print(found)
                     _sent(found, recipients, always=notify_always)
             except MavhumsError as error:
                 if watching.looks == 0:
@@ -310,6 +308,15 @@ def watch(
     except KeyboardInterrupt:
         say("mavhums: stopped watching; the next start continues", err=True)
         raise SystemExit(ExitCode.OK) from None
+
+
+def _print(found: FleetDigest) -> None:
+    from rich.console import Console
+
+    from mavhums.show.standing import digest_blocks
+    from mavhums.show.terminal import draw
+
+    draw(digest_blocks(found), Console())
 
 
 class _DailyTimer:

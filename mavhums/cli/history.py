@@ -296,7 +296,8 @@ def end_with_trends(report: TrendReport, output: Path | None, *, as_json: bool) 
     else:
         from rich.console import Console
 
-        from mavhums.show.trend import render_trends
+        from mavhums.show.terminal import draw
+        from mavhums.show.trend import trend_blocks
 
-        render_trends(report, Console())
+        draw(trend_blocks(report), Console())
     raise SystemExit(report.exit_code)

@@ -105,9 +105,10 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, messages: boo
     else:
         from rich.console import Console
 
-        from mavhums.show.inspection import render_inspection
+        from mavhums.show.inspection import inspection_blocks
+        from mavhums.show.terminal import draw
 
-        render_inspection(inspection, Console(), messages=messages)
+        draw(inspection_blocks(inspection, messages=messages), Console())
     raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
 
 

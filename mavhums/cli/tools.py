@@ -125,9 +125,10 @@ def show_model(name: str | None, as_json: bool) -> None:
         return
     from rich.console import Console
 
-    from mavhums.show.card import render_card
+    from mavhums.show.card import card_blocks
+    from mavhums.show.terminal import draw
 
-    render_card(network, Console())
+    draw(card_blocks(network), Console())
 
 
 @click.group(short_help="Draft an airframe profile, identify its motors.")

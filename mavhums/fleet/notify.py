@@ -12,7 +12,8 @@ from urllib.parse import urlsplit
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.results.store import FleetDigest
-from mavhums.show.standing import digest_headline, digest_lines
+from mavhums.show.standing import digest_blocks, digest_headline
+from mavhums.show.terminal import plain
 
 if TYPE_CHECKING:
     from apprise import NotifyBase
@@ -83,7 +84,7 @@ def recipients_of(urls: Iterable[str]) -> list[Recipient]:
 
 def send(digest: FleetDigest, recipients: Iterable[Recipient]) -> list[MavhumsError]:
     """Send a digest to each recipient, and return why it did not reach some."""
-    title, text = digest_headline(digest), "\n".join(digest_lines(digest))
+    title, text = digest_headline(digest), plain(digest_blocks(digest))
     errors: list[MavhumsError] = []
     for one in recipients:
         reason = _posted(one.webhook, digest) if one.webhook else _sent(one.service, title, text)

@@ -10,14 +10,11 @@ from dataclasses import fields
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from rich import box
 from rich.console import Console, Group
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
 from mavhums.core.about import NOTICE, __version__
-from mavhums.core.output import printable
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
 from mavhums.live.alerts import fault_of
 from mavhums.live.outlet import Outlet
@@ -25,12 +22,10 @@ from mavhums.live.session import Sink
 from mavhums.live.status import SessionStatus, utc
 from mavhums.results.assessment import RECORD, Assessment
 from mavhums.results.live import (
-    ActuatorStatus,
     AirframeObject,
     AlertObject,
     ConditionObject,
     EndObject,
-    LinkStatus,
     LiveObject,
     NoticeObject,
     StaleObject,
@@ -38,8 +33,10 @@ from mavhums.results.live import (
     StatusObject,
     WindowObject,
 )
-from mavhums.show.verdict_words import class_words
-from mavhums.show.words import COLOURS, clock, friction
+from mavhums.show.blocks import Note
+from mavhums.show.now import alert_line, change_line, status_blocks
+from mavhums.show.terminal import parts
+from mavhums.show.words import clock
 
 if TYPE_CHECKING:
     from mavhums.show.recording import Recorder
@@ -50,6 +47,7 @@ _SAMPLES: Final = 100_000
 """How many samples may wait: about a minute of an aircraft with 16 actuators at 100 Hz, 10 MB."""
 
 _LATEST: Final = 5
+_HINT: Final = "Ctrl-C ends and prints the verdicts"
 _LINES: Final[dict[type, type[WindowObject | ConditionObject | NoticeObject]]] = {
     Window: WindowObject,
     ConditionChanged: ConditionObject,
@@ -219,8 +217,7 @@ class PlainLines:
         """Write changes of condition."""
         for event, text in _changes(events):
             self._write(
-                f"{event.time_s:8.1f} s  vehicle {event.vehicle}, {event.actuator}: "
-                f"{text}, since {event.since_s:.1f} s"
+                f"{event.time_s:8.1f} s  vehicle {event.vehicle}, {text}, since {event.since_s:.1f} s"
             )
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
@@ -257,8 +254,7 @@ def _changes(events: Sequence[Event]) -> Iterator[tuple[ConditionChanged, str]]:
     """Yield each change of condition with its text."""
     for event in events:
         if isinstance(event, ConditionChanged):
-            fault = fault_of(event)
-            yield event, f"{event.before} → {event.after}{f' ({fault})' if fault else ''}"
+            yield event, change_line(event.actuator, event.before, event.after, fault_of(event))
 
 
 class View:
@@ -286,95 +282,17 @@ class View:
     def consume(self, events: Sequence[Event]) -> None:
         """Remember the latest changes of condition."""
         for event, text in _changes(events):
-            self._latest.append(f"{clock(event.time_s)}  {event.actuator}: {text}")
+            self._latest.append(f"{clock(event.time_s)}  {text}")
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
         """Draw the state."""
-        self._live.update(draw(status, self._title, list(self._latest)), refresh=True)
+        shown = [*status_blocks(status, self._title, [*self._latest]), Note([_HINT], quiet=True)]
+        self._live.update(Group(*parts(shown, self._live.console.width)), refresh=True)
 
     def announce(self, alerts: Sequence[AlertObject]) -> None:
         """Remember the alerts that were sent."""
-        self._latest.extend(f"sent to the ground station: {alert.text}" for alert in alerts)
+        self._latest.extend(map(alert_line, alerts))
 
     def close(self, assessment: Assessment) -> None:
         """Remove the table; the verdicts are printed in its place."""
         self._live.stop()
-
-
-def draw(status: StatusObject, title: str, latest: Sequence[str] = ()) -> Group:
-    """Return the display of the state."""
-    head = Text(f"{title}   {clock(status.uptime_s)}", style="bold")
-    parts: list[Text | Table] = [head, _table(status.actuators)]
-    parts += [Text(printable(line)) for line in latest]
-    parts += [Text(line, style=style) for line, style in _link_lines(status.link)]
-    if status.record:
-        record = status.record
-        if record.error:
-            parts.append(
-                Text(f"NOT RECORDED: {record.error}; {record.lost_frames:,} frames lost", style="bold red")
-            )
-        else:
-            parts.append(Text(f"recording {record.path}, {record.bytes / 1e6:.1f} MB", style="dim"))
-    parts += [
-        Text(
-            f"{output.name}: {output.dropped:,} dropped{f' ({output.error})' if output.error else ''}",
-            "yellow",
-        )
-        for output in status.outputs
-    ]
-    parts.append(Text("Ctrl-C ends and prints the verdicts", style="dim"))
-    return Group(*parts)
-
-
-def _table(actuators: Sequence[ActuatorStatus]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for title in ("vehicle", "actuator", "condition", "friction, N·m", "network", "rate", "age", "late"):
-        table.add_column(title, justify="left" if title in ("actuator", "condition") else "right")
-    for status in actuators:
-        table.add_row(
-            "—" if status.vehicle is None else str(status.vehicle),
-            printable(status.actuator),
-            _condition(status),
-            friction(status.friction_nm) if status.friction_nm else "—",
-            class_words(status.network, status.probability),
-            f"{status.rate_hz:.0f} Hz",
-            "—" if status.age_s is None else f"{status.age_s:.1f} s",
-            f"{status.late:,}",
-        )
-    return table
-
-
-def _condition(status: ActuatorStatus) -> Text:
-    red, green, blue = COLOURS[status.condition]
-    if status.stale:
-        return Text(f"STALE, was {status.held}", style=f"bold reverse rgb({red},{green},{blue})")
-    word = status.condition.upper() if status.condition in ("degraded", "emergency") else status.condition
-    fault = f": {status.suspects[0].fault}" if status.suspects else ""
-    return Text(f"{word}{fault}", style=f"bold rgb({red},{green},{blue})")
-
-
-def _link_lines(link: LinkStatus) -> list[tuple[str, str]]:
-    age = "nothing received yet" if link.age_s is None else f"last data {link.age_s:.1f} s ago"
-    rates = f"{age}; {link.frames_per_s:,.0f} frames/s, {link.bytes_per_s / 1e3:,.1f} kB/s"
-    counts = (
-        (link.missing_frames, "missing by sequence number"),
-        (link.reordered_frames, "out of order"),
-        (link.duplicated_frames, "duplicated"),
-        (link.bad_crc_frames, "with a wrong checksum"),
-        (link.bytes_skipped, "bytes outside frames"),
-        (link.unknown_frames, "of an unknown kind"),
-        (link.unsigned_frames, "unsigned"),
-        (link.bad_signatures, "wrongly signed"),
-        (link.replayed_frames, "replayed"),
-        (link.dropped_datagrams, "datagrams dropped by the kernel"),
-    )
-    lost = ", ".join(f"{count:,} {what}" for count, what in counts if count)
-    contested = [
-        (f"vehicle {vehicle}: more than one sender transmits as it", "bold yellow")
-        for vehicle in link.contested
-    ]
-    return [
-        *contested,
-        (f"{rates}; {link.frames:,} frames", "dim"),
-        (f"lost or refused: {lost or 'nothing'}", "yellow" if lost else "dim"),
-    ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import PurePath
@@ -12,7 +12,7 @@ from urllib.parse import urlencode
 
 from markupsafe import Markup, escape
 
-from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.core.conditions import SEVERITY, URGENCY
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import board_of
 from mavhums.flights.history import FlightHistory, PastFlight
@@ -21,39 +21,14 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.standing import TrendReport
 from mavhums.serve.options import LastVerdict
 from mavhums.serve.sessions import Dropped
-from mavhums.show.html import in_brief
-from mavhums.show.standing import mark_of, sentences
+from mavhums.show.answer import headline_block
+from mavhums.show.blocks import Cell, Column, Link, Mark, Part, Table
+from mavhums.show.standing import found_in, mark_of
 from mavhums.show.trend import TrendView, trend_shown
+from mavhums.show.words import subject_of
 
 FEWEST_FLIGHTS: Final = 3
 """Of one aircraft: two points are no trend."""
-
-
-class AircraftLine(NamedTuple):
-    """An aircraft in the fleet's list: its worst subject, and how many of it are in which condition.
-
-    ``word`` is what the list calls the condition; what grows is not called normal.
-    """
-
-    name: str
-    address: str
-    condition: Condition
-    word: str
-    worst: str
-    detail: str
-    last_flight: str
-    counts: tuple[tuple[str, int], ...]
-
-
-class FlightLine(NamedTuple):
-    """A flight in an aircraft's list."""
-
-    start: str
-    start_utc: str
-    log: str
-    address: str
-    condition: Condition
-    headline: str
 
 
 class ActuatorView(NamedTuple):
@@ -63,53 +38,47 @@ class ActuatorView(NamedTuple):
     """
 
     name: str
-    condition: Condition
-    word: str
+    mark: Mark
     first: list[TrendView]
     others: list[TrendView]
     curves: Markup
     more: Markup
 
 
-def aircraft_lines(rows: Iterable[LastVerdict]) -> list[AircraftLine]:
-    """Return a line per aircraft; the rows come worst first, and so do the lines."""
+def aircraft_table(rows: Iterable[LastVerdict]) -> Table:
+    """Return a row per aircraft; the verdicts come worst first, and so do the aircraft."""
     groups: dict[tuple[str, str], list[LastVerdict]] = {}
     for row in rows:
         groups.setdefault((row.aircraft, "" if row.aircraft else row.path), []).append(row)
-    return [_aircraft(several) for several in groups.values()]
+    titles = ("aircraft", "condition", "worst finding", "actuators and axes", "last flight")
+    return Table("", [Column(title) for title in titles], [_aircraft(several) for several in groups.values()])
 
 
-def _aircraft(rows: Sequence[LastVerdict]) -> AircraftLine:
+def _aircraft(rows: Sequence[LastVerdict]) -> list[Cell]:
     first = rows[0]
     found = [_mark(row) for row in rows]
-    marks = sorted(dict.fromkeys(found), key=lambda one: URGENCY[one[0]], reverse=True)
-    condition, word = found[0]
+    marks = sorted(dict.fromkeys(found), key=lambda mark: URGENCY[mark.condition], reverse=True)
     verdict, file = first.verdict, PurePath(first.path).name
-    subject = f"{verdict.actuator} control" if verdict.subject == "axis" else verdict.actuator
-    well = SEVERITY[condition] == SEVERITY["normal"]
-    return AircraftLine(
-        name=first.aircraft or f"unknown aircraft ({file})",
-        address=f"/fleet/aircraft?{urlencode({'name': first.aircraft})}" if first.aircraft else "",
-        condition=condition,
-        word=word,
-        worst="" if well else subject,
-        detail="" if well else _detail(first),
-        last_flight=_date(first.start_us),
-        counts=tuple((one[1], found.count(one)) for one in marks),
-    )
+    subject = subject_of(verdict.subject, verdict.actuator)
+    well = SEVERITY[found[0].condition] == SEVERITY["normal"]
+    address = f"/fleet/aircraft?{urlencode({'name': first.aircraft})}" if first.aircraft else ""
+    return [
+        [Link(first.aircraft or f"unknown aircraft ({file})", address)],
+        [found[0]],
+        "" if well else ": ".join(filter(None, (subject, found_in(verdict, first.standing)))),
+        ", ".join(f"{found.count(mark)} {mark.word or mark.condition}" for mark in marks),
+        _date(first.start_us),
+    ]
 
 
-def _mark(row: LastVerdict) -> tuple[Condition, str]:
-    if row.standing is not None:
-        return mark_of(row.standing)
-    return row.verdict.gravest, row.verdict.gravest
+def tally(shown: Table) -> list[tuple[Mark, int]]:
+    """Return how many rows have which condition in the second column, the gravest first."""
+    counts = Counter(cell[0] for _, cell, *_ in shown.rows if isinstance(cell[0], Mark))
+    return sorted(counts.items(), key=lambda item: -URGENCY[item[0].condition])
 
 
-def _detail(row: LastVerdict) -> str:
-    standing, verdict = row.standing, row.verdict
-    if standing is not None and standing.is_finding:
-        return "; ".join(sentences(standing))
-    return ", ".join(one.fault.replace("_", " ") for one in verdict.suspects) or verdict.reason or ""
+def _mark(row: LastVerdict) -> Mark:
+    return mark_of(row.standing) if row.standing is not None else Mark(row.verdict.gravest)
 
 
 def _date(start_us: int | None) -> str:
@@ -118,22 +87,26 @@ def _date(start_us: int | None) -> str:
     return datetime.fromtimestamp(start_us / 1e6, tz=UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
-def flight_lines(aircraft: str, flights: Iterable[Assessment]) -> list[FlightLine]:
-    """Return a line per flight, the latest first."""
-    return [_flight(aircraft, one) for one in reversed(list(flights))]
+def flight_pages(aircraft: str, flights: Iterable[Assessment]) -> dict[str, str]:
+    """Return the address of each flight's page, by its start."""
+    return {one.log.start_utc or "": _address(aircraft, one) for one in flights}
 
 
-def _flight(aircraft: str, flight: Assessment) -> FlightLine:
-    brief = in_brief(flight)
-    start = flight.log.start_utc
-    return FlightLine(
-        start=f"{start[:10]} {start[11:16]} UTC" if start else "date not known",
-        start_utc=start or "",
-        log=PurePath(flight.log.path or "").name,
-        address=f"/fleet/flight?{urlencode({'aircraft': aircraft, 'log': flight.log.sha256 or ''})}",
-        condition=brief.condition,
-        headline=brief.headline,
-    )
+def flight_table(aircraft: str, flights: Sequence[Assessment]) -> Table:
+    """Return a row per flight, the latest first."""
+    rows = [_flight(aircraft, one) for one in reversed(flights)]
+    return Table("Flights", [Column(title) for title in ("flight", "condition", "finding", "log")], rows)
+
+
+def _flight(aircraft: str, flight: Assessment) -> list[Cell]:
+    brief, start = headline_block(flight), flight.log.start_utc
+    when = f"{start[:10]} {start[11:16]} UTC" if start else "date not known"
+    mark: list[Part] = [Mark(brief.condition)] if brief.condition else []
+    return [[Link(when, _address(aircraft, flight))], mark, brief.text, PurePath(flight.log.path or "").name]
+
+
+def _address(aircraft: str, flight: Assessment) -> str:
+    return f"/fleet/flight?{urlencode({'aircraft': aircraft, 'log': flight.log.sha256 or ''})}"
 
 
 def trends_shown(report: TrendReport, addresses: Mapping[str, str]) -> list[ActuatorView]:
@@ -148,18 +121,18 @@ def trends_shown(report: TrendReport, addresses: Mapping[str, str]) -> list[Actu
     """
     several = len({one.vehicle for one in report.trends}) > 1
     found: dict[str, list[TrendView]] = {}
-    marks: dict[str, tuple[Condition, str]] = {}
+    marks: dict[str, Mark] = {}
     stands = {(one.vehicle, one.actuator): one for one in report.standings}
     for one in report.trends:
         shown = trend_shown(one, f"{one.vehicle}: " if several else "", report.repairs)
         found.setdefault(shown.actuator, []).append(shown)
         standing = stands.get((one.vehicle, one.actuator))
-        marks[shown.actuator] = mark_of(standing) if standing else (one.condition, one.condition)
+        marks[shown.actuator] = mark_of(standing) if standing else Mark(one.condition)
     several_shown = []
     for name, trends in found.items():
         first, others = [one for one in trends if one.first], [one for one in trends if not one.first]
         curves = _curves(first, addresses), _curves(others, addresses)
-        several_shown.append(ActuatorView(name, *marks[name], first, others, *curves))
+        several_shown.append(ActuatorView(name, marks[name], first, others, *curves))
     return several_shown
 
 

@@ -19,6 +19,8 @@ from mavhums.results.live import (
     StartObject,
     StatusObject,
 )
+from mavhums.show.blocks import Block, Headline, Listing, Note
+from mavhums.show.now import latest_line, status_blocks
 
 _FIRST: Final = 1 << 16
 _READ: Final = 1 << 20
@@ -45,6 +47,19 @@ class Seen(NamedTuple):
     status: StatusObject | None
     end: EndObject | None
     changes: tuple[ConditionObject | AlertObject, ...]
+
+    def blocks(self) -> list[Block]:
+        """Return what is shown of the session."""
+        state = " (ended)" if self.end else " (running)" if self.status and not self.note else ""
+        title, start = f"{self.name}{state}", self.start
+        shown = status_blocks(self.status, title) if self.status else [Headline(title)]
+        about = []
+        if start:
+            facts = [", ".join(start.links), start.airframe, start.record and f"recorded to {start.record}"]
+            about = [Note([" · ".join(filter(None, facts))], quiet=True)]
+        notes = [Note([self.note or "No state yet."])] if self.note or not self.status else []
+        changes = [Listing("Latest changes", [*map(latest_line, self.changes)])] if self.changes else []
+        return [shown[0], *notes, *about, *shown[1:], *changes]
 
 
 class LiveFile:

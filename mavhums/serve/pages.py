@@ -22,9 +22,11 @@ from mavhums.flights.aircraft import UnnamedAircraftError
 from mavhums.results.standing import TrendReport
 from mavhums.serve.fleet_view import (
     FEWEST_FLIGHTS,
-    aircraft_lines,
+    aircraft_table,
     dropped_trends,
-    flight_lines,
+    flight_pages,
+    flight_table,
+    tally,
     trends_shown,
 )
 from mavhums.serve.guard import SESSION, is_loopback
@@ -33,7 +35,7 @@ from mavhums.serve.options import Fleet, ServeOptions
 from mavhums.serve.routes import LogOf
 from mavhums.serve.sessions import Dropped, Sessions, UserSession
 from mavhums.show.evidence import EvidenceCollector
-from mavhums.show.html import environment, parts
+from mavhums.show.html import draw, environment, parts
 from mavhums.show.trend import headline
 
 _SUBJECTS: Final = 4000
@@ -153,12 +155,12 @@ def log_list(session: UserSession, shown: tuple[str, str], *, keeps: bool) -> st
     """
     logs = sorted(session.logs.values(), key=_rank)
     done = [log for log in logs if log.state == "done"]
-    tally = sorted(Counter(log.condition for log in done).items(), key=lambda one: -URGENCY[one[0]])
+    several = sorted(Counter(log.condition for log in done).items(), key=lambda one: -URGENCY[one[0]])
     return render(
         "logs.html",
         logs=logs,
         worst=done[0].id if done else "",
-        tally=tally,
+        tally=several,
         rest=len(logs) - len(done),
         trends=len(done) >= FEWEST_FLIGHTS,
         few=_FEW,
@@ -193,30 +195,28 @@ def _trends(report: TrendReport) -> Markup:
 def _add_fleet(app: FastAPI, fleet: Fleet, page: Page) -> None:
     @app.get("/fleet")
     def fleet_page() -> Response:
-        values: dict[str, Any] = {"lines": [], "problem": ""}
+        aircraft, problem = aircraft_table(()), ""
         try:
-            values["lines"] = aircraft_lines(fleet.worst(_SUBJECTS))
+            aircraft = aircraft_table(fleet.worst(_SUBJECTS))
         except MavhumsError as error:
-            values["problem"] = str(error)
-        lines = values["lines"]
-        tally = Counter((line.condition, line.word) for line in lines)
-        order = sorted(tally.items(), key=lambda one: -URGENCY[one[0][0]])
-        values |= {"lines": lines[:_AIRCRAFT], "tally": order, "more": len(lines) > _AIRCRAFT}
-        return page("fleet.html", "the fleet", "/fleet", **values)
+            problem = str(error)
+        shown = aircraft._replace(rows=aircraft.rows[:_AIRCRAFT])
+        values = {"aircraft": shown, "tally": tally(aircraft), "more": len(aircraft.rows) > _AIRCRAFT}
+        return page("fleet.html", "the fleet", "/fleet", problem=problem, **values)
 
     @app.get("/fleet/aircraft")
     def aircraft_page(name: str = "") -> Response:
         values: dict[str, Any] = {"name": name, "problem": ""}
         try:
-            report, lines = fleet.trend(name), flight_lines(name, fleet.flights(name))
+            report, flights = fleet.trend(name), fleet.flights(name)
         except MavhumsError as error:
             values["problem"] = str(error)
         else:
             values |= {
                 "report": report,
                 "headline": headline(report),
-                "trends": trends_shown(report, {line.start_utc: line.address for line in lines}),
-                "flights": lines,
+                "trends": trends_shown(report, flight_pages(name, flights)),
+                "flights": flight_table(name, flights),
                 "query": urlencode({"aircraft": name}),
             }
         return page("aircraft.html", "an aircraft", "/fleet", **values)
@@ -237,14 +237,15 @@ def _add_live(app: FastAPI, paths: Sequence[Path], page: Page) -> None:
 
     @app.get("/live")
     async def live_page() -> Response:
-        return page("live.html", "live sessions", "/live", sessions=await _seen(files))
+        return page("live.html", "live sessions", "/live", sessions=Markup(await _seen(files)))
 
     @app.get("/live/now")
     async def live_now() -> Response:
-        return HTMLResponse(render("_live.html", sessions=await _seen(files)))
+        return HTMLResponse(await _seen(files))
 
     lock = asyncio.Lock()  # two pages read the same files
 
-    async def _seen(files: Sequence[LiveFile]) -> list[Any]:
+    async def _seen(files: Sequence[LiveFile]) -> str:
         async with lock:
-            return await asyncio.to_thread(lambda: [file.seen() for file in files])
+            seen = await asyncio.to_thread(lambda: [file.seen() for file in files])
+        return "".join(draw(one.blocks(), "h2") for one in seen)

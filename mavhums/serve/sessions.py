@@ -325,4 +325,4 @@ def _judging(log: Dropped) -> Job:
 
 _NAMED = 10
 _OPEN_S = 10.0  # an open page asks at least once a second
-_BRIEF = ("condition", "headline", "todo")
+_BRIEF = ("condition", "text", "todo")

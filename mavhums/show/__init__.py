@@ -12,11 +12,11 @@ from mavhums.core.startup import lazy_exports
 if TYPE_CHECKING:
     from mavhums.show.blueprint import layout
     from mavhums.show.markdown_report import markdown
-    from mavhums.show.recording import Recorder, record_trend
+    from mavhums.show.recording import Recorder
     from mavhums.show.terminal import render
     from mavhums.show.viewer import LiveViewer
 
-__all__ = ["LiveViewer", "Recorder", "layout", "markdown", "record_trend", "render"]
+__all__ = ["LiveViewer", "Recorder", "layout", "markdown", "render"]
 
 __getattr__, __dir__ = lazy_exports(
     __name__,
@@ -25,7 +25,6 @@ __getattr__, __dir__ = lazy_exports(
         "Recorder": "recording",
         "layout": "blueprint",
         "markdown": "markdown_report",
-        "record_trend": "recording",
         "render": "terminal",
     },
 )

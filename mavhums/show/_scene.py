@@ -31,10 +31,13 @@ from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Motor, Surface, Vehicle, craft_path
 from mavhums.show._rows import send
 from mavhums.show._tracks import Track, path_part
+from mavhums.show.answer import listed
+from mavhums.show.blocks import Mark
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
-from mavhums.show.digest import digest, listed
 from mavhums.show.event_words import event_words
-from mavhums.show.markdown_report import live_markdown, markdown
+from mavhums.show.headline import judged_vehicles
+from mavhums.show.markdown_report import draw, markdown
+from mavhums.show.now import report_blocks
 from mavhums.show.verdict_words import class_words
 from mavhums.show.words import clock, name
 
@@ -149,7 +152,7 @@ class Scene:
         The viewer sorts lanes by their paths, so each is drawn once more under a path that begins with its
         rank, which is not known before the end.
         """
-        shown = [one for one in listed(digest(assessment).assessment) if one.gravest != "unmonitored"]
+        shown = [one for one in listed(judged_vehicles(assessment)[0]) if one.gravest != "unmonitored"]
         for rank, verdict in enumerate(shown, 1):
             track = self._track(verdict.vehicle, verdict.actuator)
             path = f"/condition/{rank}_{path_part(name(verdict, assessment))}"
@@ -163,9 +166,9 @@ class Scene:
             seen = track.latest
             words = class_words(seen.network, seen.probability) if seen else "—"
             evidence = (seen.friction_nm if seen else None, words)
-            condition = f"{track.condition}, stale" if track.stale else track.condition
-            rows.append((self._title(track), condition, *evidence, track.since_s))
-        text = live_markdown(rows)
+            mark = Mark(track.condition, f"{track.condition}, stale" if track.stale else "")
+            rows.append((self._title(track), mark, *evidence, track.since_s))
+        text = draw(report_blocks(rows))
         if text != self._report:
             self._report = text
             content = rr.TextDocument.columns(text=[text], media_type=[rr.MediaType.MARKDOWN])

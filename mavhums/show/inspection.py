@@ -1,22 +1,17 @@
-"""Inspection of a log for the terminal."""
+"""The blocks of an inspection of a log."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
-from rich.text import Text
-
 from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.output import printable
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.assessment import Inspection, Judgeable, VehicleTelemetry
-from mavhums.show.digest import NOT_JUDGED
-from mavhums.show.servo_tables import usage
-from mavhums.show.terminal import indented
-from mavhums.show.words import join
+from mavhums.show.blocks import Block, Column, Headline, Listing, Note, Table
+from mavhums.show.headline import NOT_JUDGED
+from mavhums.show.tables import usage
+from mavhums.show.words import join, subject_of
 from mavhums.show.words import losses as loss_words
 
 _MOST_NAMED = 100
@@ -24,37 +19,35 @@ _NAMED_SUBJECTS = 3
 _NOTHING_REPORTED = (PROPELLERS_ONLY, TO_BE_JUDGED)
 
 
-def render_inspection(inspection: Inspection, console: Console, *, messages: bool = False) -> None:
-    """Print an inspection: what can be judged, the vehicles' actuators, then losses.
+def inspection_blocks(inspection: Inspection, *, messages: bool = False) -> Iterator[Block]:
+    """Yield what is shown of an inspection: what can be judged, the vehicles' actuators, then losses.
 
     Parameters
     ----------
     inspection
         The contents of a log.
-    console
-        Where to print.
     messages
         Whether to list the messages and the named values.
     """
-    console.print(Text(printable(_verdict(inspection)), style="bold"))
+    yield Headline(_verdict(inspection))
     size = f"{inspection.size_bytes / 1e6:.2f} MB"
     start = inspection.start_utc
     when = f"from {start[:19].replace('T', ' ')} UTC" if start else "without a date"
-    header = f"{inspection.path}  {size}, {inspection.duration_s:.1f} s {when}"
-    console.print(printable(header), markup=False, highlight=False, soft_wrap=True)
+    yield Note([f"{inspection.path}  {size}, {inspection.duration_s:.1f} s {when}"])
     for vehicle in inspection.vehicles:
-        _vehicle(vehicle, console)
+        yield Listing(
+            f"Vehicle {vehicle.vehicle}{_who(vehicle)}: airframe {vehicle.airframe or 'not named'}; "
+            f"telemetry tier {vehicle.tier or 'none'}, which gives {vehicle.gives}",
+            [*_lines(vehicle)],
+        )
+        if vehicle.usage and not _wingless(vehicle):
+            yield usage(vehicle.usage, several=False)
+    counted = _counted(inspection)
     if messages:
-        _messages(inspection, console)
-        if inspection.named:
-            _named(inspection, console)
-    else:
-        console.print(f"\n{_counted(inspection)}; --messages lists them", highlight=False)
-    if inspection.unknown_ids:
-        frames = sum(inspection.unknown_ids.values())
-        ids = ", ".join(str(number) for number in sorted(inspection.unknown_ids)[:8])
-        console.print(f"\n{frames} frames of messages that the dialect does not define: ids {ids}")
-    _losses(inspection, console)
+        yield from _messages(inspection)
+    yield Listing(
+        "The log", [counted if messages else f"{counted}; --messages lists them", *_notes(inspection)]
+    )
 
 
 def _verdict(inspection: Inspection) -> str:
@@ -81,7 +74,7 @@ def _titles(subjects: Sequence[Judgeable]) -> list[str]:
     """Return the axes, and the wear of the servos as one."""
     servos = [one.name for one in subjects if one.subject == "actuator"]
     named = join(servos) if servos and len(servos) <= _NAMED_SUBJECTS else f"{len(servos)} servos"
-    axes = [_title(one) for one in subjects if one.subject == "axis"]
+    axes = [subject_of(one.subject, one.name) for one in subjects if one.subject == "axis"]
     motors = [one.name for one in subjects if one.subject == "motor"]
     return [*axes, *motors, *([f"wear of {named}"] if servos else [])]
 
@@ -95,10 +88,6 @@ def _wingless(vehicle: VehicleTelemetry) -> str | None:
     return f"{(axes.reason or '').partition(':')[0]}: {NOT_JUDGED}"
 
 
-def _title(one: Judgeable) -> str:
-    return f"{'roll, pitch and yaw' if one.name == 'axes' else one.name} control"
-
-
 def _counted(inspection: Inspection) -> str:
     kinds, senders = len(inspection.messages), {(row.system, row.component) for row in inspection.messages}
     count = sum(row.count for row in inspection.messages)
@@ -106,49 +95,22 @@ def _counted(inspection: Inspection) -> str:
     return f"{count:,} messages of {kinds} {'kind' if kinds == 1 else 'kinds'} by {by}"
 
 
-def _messages(inspection: Inspection, console: Console) -> None:
-    table = _counts("sender", "message")
-    for row in inspection.messages:
-        table.add_row(f"{row.system}/{row.component}", row.name, f"{row.count:,}", f"{row.rate_hz:.2f}")
-    console.print()
-    console.print(table)
-
-
-def _counts(*headings: str) -> Table:
-    """Return a table with a count and a rate in each row."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in headings:
-        table.add_column(heading)
-    table.add_column("count", justify="right")
-    table.add_column("per second", justify="right")
-    return table
-
-
-def _named(inspection: Inspection, console: Console) -> None:
-    table = _counts("vehicle", "named value", "message")
-    for row in inspection.named[:_MOST_NAMED]:
-        name = escape(printable(row.name))
-        table.add_row(str(row.system), name, row.message, f"{row.count:,}", f"{row.rate_hz:.2f}")
-    console.print()
-    console.print(table)
+def _messages(inspection: Inspection) -> Iterator[Block]:
+    counts = [Column("count", "figure"), Column("per second", "figure")]
+    rows = [
+        [f"{row.system}/{row.component}", row.name, f"{row.count:,}", f"{row.rate_hz:.2f}"]
+        for row in inspection.messages
+    ]
+    yield Table("Messages", [Column("sender"), Column("message"), *counts], rows)
+    named = [
+        [str(row.system), row.name, row.message, f"{row.count:,}", f"{row.rate_hz:.2f}"]
+        for row in inspection.named[:_MOST_NAMED]
+    ]
+    if named:
+        columns = [Column("vehicle"), Column("named value"), Column("message"), *counts]
+        yield Table("Named values", columns, named)
     if len(inspection.named) > _MOST_NAMED:
-        console.print(f"… and {len(inspection.named) - _MOST_NAMED} more names, which --json lists")
-
-
-def _vehicle(vehicle: VehicleTelemetry, console: Console) -> None:
-    airframe = printable(vehicle.airframe or "not named")
-    console.print(
-        f"\n[bold]Vehicle {vehicle.vehicle}[/]{escape(_who(vehicle))}: airframe {escape(airframe)}; "
-        f"telemetry tier {vehicle.tier or 'none'}, which gives {vehicle.gives}",
-        highlight=False,
-    )
-    for line in _lines(vehicle):
-        console.print(indented(line.lstrip(), 2 + len(line) - len(line.lstrip())))
-    if vehicle.usage and not _wingless(vehicle):
-        used = usage(vehicle.usage, several=False)
-        console.print(indented(used.title))
-        for line in used.lines:
-            console.print(indented(line, 4))
+        yield Note([f"… and {len(inspection.named) - _MOST_NAMED} more names, which --json lists"])
 
 
 def _lines(vehicle: VehicleTelemetry) -> Iterator[str]:
@@ -157,7 +119,7 @@ def _lines(vehicle: VehicleTelemetry) -> Iterator[str]:
     for one in () if _wingless(vehicle) else vehicle.subjects:
         if one.judgeable and one.subject == "axis":
             by = f", moved by {join(one.surfaces)}" if one.surfaces else ""
-            yield f"{_title(one)}: control effectiveness can be judged{by}"
+            yield f"{subject_of(one.subject, one.name)}: control effectiveness can be judged{by}"
         elif not one.judgeable:
             refused.setdefault((one.reason or "", one.remedy or ""), []).append(one)
     if motors := [one for one in vehicle.subjects if one.judgeable and one.subject == "motor"]:
@@ -198,29 +160,13 @@ def _consecutive(keys: list[str]) -> bool:
     return numbers == list(range(numbers[0], numbers[0] + len(numbers)))
 
 
-def _losses(inspection: Inspection, console: Console) -> None:
-    losses = inspection.losses
-    for note in _notes(inspection):
-        console.print(f"\n{note}", highlight=False, markup=False)
-    console.print(f"\nLog losses: {loss_words(losses)}.", highlight=False)
-    if losses.bad_crc_frames:
-        console.print(f"  wrong checksums: {_ranked(losses.bad_crc_by_message)}", highlight=False)
-    if losses.regions:
-        shown = ", ".join(f"{region.offset:,}+{region.size:,}" for region in losses.regions[:5])
-        more = ", …" if losses.damaged_regions > 5 else ""
-        console.print(f"  skipped at byte (offset+size): {shown}{more}", highlight=False)
-    if losses.padded_frames:
-        console.print(
-            f"\nIn doubt: {losses.padded_frames:,} frames whose zeros were trimmed after the CRC "
-            "was computed, accepted with the zeros put back; "
-            f"at most {losses.padded_false_bound:.2g} of them by chance.",
-            highlight=False,
-        )
-
-
 def _notes(inspection: Inspection) -> Iterator[str]:
-    """Yield notes on the log as a whole, and on losses on the link."""
+    """Yield notes on the log as a whole, and on its losses."""
     losses = inspection.losses
+    if inspection.unknown_ids:
+        frames = sum(inspection.unknown_ids.values())
+        ids = ", ".join(str(number) for number in sorted(inspection.unknown_ids)[:8])
+        yield f"{frames} frames of messages that the dialect does not define: ids {ids}"
     if inspection.sender_clock:
         yield "The log has no date: times count from the autopilot's boot."
     if losses.line_ends_restored:
@@ -240,6 +186,19 @@ def _notes(inspection: Inspection) -> Iterator[str]:
         if parts:
             of = f"of {sender.system}/{sender.component} ({sender.frames:,} frames)"
             yield f"Sequence numbers {of}: {', '.join(parts)}."
+    yield f"Log losses: {loss_words(losses)}."
+    if losses.bad_crc_frames:
+        yield f"  wrong checksums: {_ranked(losses.bad_crc_by_message)}"
+    if losses.regions:
+        shown = ", ".join(f"{region.offset:,}+{region.size:,}" for region in losses.regions[:5])
+        more = ", …" if losses.damaged_regions > 5 else ""
+        yield f"  skipped at byte (offset+size): {shown}{more}"
+    if losses.padded_frames:
+        yield (
+            f"In doubt: {losses.padded_frames:,} frames whose zeros were trimmed after the CRC "
+            "was computed, accepted with the zeros put back; "
+            f"at most {losses.padded_false_bound:.2g} of them by chance."
+        )
 
 
 def _ranked(counts: dict[str, int]) -> str:

@@ -122,6 +122,11 @@ class DrawnSurface(NamedTuple):
     x: float
     y: float
 
+    @property
+    def title(self) -> str:
+        """The name, with the axis."""
+        return f"{self.name}, by {self.by}" if self.by else self.name
+
 
 def outline(verdicts: Iterable[Verdict]) -> list[DrawnSurface]:
     """Return the surfaces of one aircraft.

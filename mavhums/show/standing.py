@@ -6,11 +6,12 @@ from collections import Counter
 from collections.abc import Iterator
 from math import ceil, floor
 
-from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.output import printable
+from mavhums.core.conditions import SEVERITY
 from mavhums.results.standing import FlightsLeft, Growth, Standing, Step
 from mavhums.results.store import Change, FleetDigest
-from mavhums.show.words import capital, condition_word, join
+from mavhums.results.verdict import Verdict
+from mavhums.show.blocks import Block, Headline, Listing, Mark, Note
+from mavhums.show.words import capital, condition_word, join, subject_of
 
 
 def sentences(standing: Standing) -> list[str]:
@@ -42,11 +43,21 @@ def sentence(standing: Standing) -> str:
     return "; ".join(sentences(standing)).replace(standing.condition, condition_word(standing.condition), 1)
 
 
-def mark_of(standing: Standing) -> tuple[Condition, str]:
-    """Return the condition whose colour a list shows, and its word: what grows is not called normal."""
+def found_in(verdict: Verdict, standing: Standing | None) -> str:
+    """Return what was found about a subject over its flights, else in the last, or why nothing is known."""
+    if standing is not None and standing.is_finding:
+        return "; ".join(sentences(standing))
+    suspects = [item.fault.replace("_", " ") for item in verdict.suspects]
+    friction = f"friction {verdict.friction_nm.estimate:.3f} N·m" if verdict.friction_nm else ""
+    suspected = f"suspected: {join(suspects)}" if suspects else ""
+    return "; ".join(filter(None, (friction, suspected, verdict.reason)))
+
+
+def mark_of(standing: Standing) -> Mark:
+    """Return what a list shows as the state: what grows is not called normal."""
     if standing.growth is not None and SEVERITY[standing.condition] <= 0:
-        return "changed", "grows"
-    return standing.condition, standing.condition
+        return Mark("changed", "grows")
+    return Mark(standing.condition)
 
 
 def value_words(standing: Standing) -> str:
@@ -165,24 +176,21 @@ def digest_headline(digest: FleetDigest) -> str:
     return f"{', '.join(parts) or 'Nothing new'} since {since}: {'; '.join(rest)}"
 
 
-def digest_lines(digest: FleetDigest) -> Iterator[str]:
-    """Yield the lines of the digest; where there is nothing to say, one."""
-    yield digest_headline(digest)
-    for title, items in _sections(digest):
-        yield ""
-        yield f"{title}:"
-        for name, said in items:
-            yield printable(f"  {name}: {'. '.join(said)}")
-    if not digest.is_empty:
-        yield ""
-        yield f"{capital(digest.notice)}."
+def digest_blocks(digest: FleetDigest) -> list[Block]:
+    """Return what is shown of a digest; where there is nothing to say, its headline."""
+    notice = [] if digest.is_empty else [Note([f"{capital(digest.notice)}."], quiet=True)]
+    sections = [
+        Listing(title, [f"{name}: {'. '.join(said)}" for name, said in items])
+        for title, items in _sections(digest)
+    ]
+    return [Headline(digest_headline(digest)), *sections, *notice]
 
 
 def _sections(digest: FleetDigest) -> Iterator[tuple[str, list[tuple[str, list[str]]]]]:
     for kind, (title, _) in _KINDS.items():
         found = [one for one in digest.changes if one.kind == kind]
         if found:
-            yield title, [(f"{one.aircraft} {_subject(one.now)}", _change_lines(one)) for one in found]
+            yield title, [(_whose(one), _change_lines(one)) for one in found]
     if digest.silent:
         yield (
             "Not heard of",
@@ -193,6 +201,10 @@ def _sections(digest: FleetDigest) -> Iterator[tuple[str, list[tuple[str, list[s
         )
     if digest.failed:
         yield "Logs that could not be judged", [(one.problem, [one.remedy]) for one in digest.failed]
+
+
+def _whose(change: Change) -> str:
+    return f"{change.aircraft} {subject_of(change.now.subject, change.now.actuator)}"
 
 
 def _change_lines(change: Change) -> list[str]:
@@ -209,45 +221,5 @@ def _change_lines(change: Change) -> list[str]:
     return [said for said in sentences(now) if now.step is None or said != step_words(now.step)]
 
 
-def _subject(standing: Standing) -> str:
-    return f"{standing.actuator} control" if standing.subject == "axis" else standing.actuator
-
-
 def _count(number: int, what: str) -> str:
     return f"{number:,} {what}{'' if number == 1 else 's'}"
-
-
-def digest_html(digest: FleetDigest) -> str:
-    """Return the digest as one HTML page, without scripts, styles from elsewhere or pictures, to mail."""
-    from jinja2 import Environment
-
-    page = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(_PAGE)
-    return page.render(
-        headline=digest_headline(digest), sections=[*_sections(digest)], notice=capital(digest.notice)
-    )
-
-
-_PAGE = """<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<title>{{ headline }}</title>
-<style>body { font: 16px/1.5 system-ui, sans-serif; max-width: 44rem; margin: 1.5rem auto; padding: 0 1rem }
-h1 { font-size: 1.2rem } h2 { font-size: 1rem; margin: 1.2rem 0 0.3rem } li { margin: 0.3rem 0 }</style>
-</head>
-<body>
-<h1>{{ headline }}</h1>
-{% for title, items in sections %}
-<h2>{{ title }}</h2>
-<ul>
-{% for name, said in items %}
-<li><strong>{{ name }}</strong>: {{ said | join(". ") }}</li>
-{% endfor %}
-</ul>
-{% endfor %}
-<p><small>{{ notice }}.</small></p>
-</body>
-</html>
-"""

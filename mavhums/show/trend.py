@@ -1,4 +1,4 @@
-"""The trend over flights: for the terminal, and as curves with words for the page."""
+"""The trend over flights: as blocks, and as curves with words for the page."""
 
 from __future__ import annotations
 
@@ -7,13 +7,8 @@ from datetime import datetime
 from typing import Final, NamedTuple
 
 import numpy as np
-from rich import box
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
-from mavhums.core.output import printable
 from mavhums.health.axis.past import LOSSES
 from mavhums.results.standing import (
     ActuatorTrend,
@@ -24,26 +19,26 @@ from mavhums.results.standing import (
     Standing,
     TrendReport,
 )
+from mavhums.show.blocks import Block, Cell, Column, Headline, Mark, Note, Table
 from mavhums.show.evidence import Curve, Limit
 from mavhums.show.html_plot import Chart, chart
 from mavhums.show.standing import growth_words, left_words, sentences, since_words, soonest_words, step_words
-from mavhums.show.terminal import indented
-from mavhums.show.words import COLOURS, capital, join
+from mavhums.show.words import capital, join, subject_of
 
 _BARS = "▁▂▃▄▅▆▇█"
 _CELLS = 8
 
 
-def render_trends(report: TrendReport, console: Console) -> None:
-    """Print a report for a person; a table for each fault, the one with the worst actuator first."""
+def trend_blocks(report: TrendReport) -> list[Block]:
+    """Return what is shown of a report; a table for each fault, the one with the worst actuator first."""
     flights = f"{report.flights} flight{'s' if report.flights != 1 else ''}"
-    console.print(Text(printable(headline(report)), style="bold"), Text(f"({flights})", style="dim"))
-    for fault in dict.fromkeys(one.fault for one in report.trends):
-        shown = [one for one in report.trends if one.fault == fault]
-        console.print(_table(shown, report))
-    for line in _reasons(report):
-        console.print(indented(line))
-    console.print(Text(f"{capital(report.notice)}.", style="dim"))
+    faults = dict.fromkeys(one.fault for one in report.trends)
+    return [
+        Headline(f"{headline(report)} ({flights})"),
+        *(_table([one for one in report.trends if one.fault == fault], report) for fault in faults),
+        *([Note(lines)] if (lines := _reasons(report)) else []),
+        Note([f"{capital(report.notice)}."], quiet=True),
+    ]
 
 
 def headline(report: TrendReport) -> str:
@@ -95,29 +90,26 @@ def sparkline(values: Sequence[float]) -> str:
 
 
 def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=0, pad_edge=False)
-    table.title = Text(printable(f"{trends[0].quantity}, {trends[0].unit}"))
-    table.title_justify = "left"
-    table.add_column(trends[0].subject, overflow="fold", min_width=13)
-    table.add_column("state", no_wrap=True)
-    table.add_column("over the\nflights", no_wrap=True)
-    for heading in ("since\nbaseline", "per\nflight", "flights to\nnext limit"):
-        table.add_column(heading, justify="right", no_wrap=True)
     states = {_subject(one): one for one in report.standings}
+    rows: list[list[Cell]] = []
     for one in trends:
         state = _state(states.get(_subject(one)), one)
-        red, green, blue = COLOURS["changed" if state == "normal" and one.growth else state]
-        word = "grows" if one.growth and SEVERITY[state] <= 0 else state
+        grows = one.growth is not None and SEVERITY[state] <= 0
         values = [point.value.estimate for point in one.points]
-        table.add_row(
-            Text(printable(_name(one, report))),
-            Text(word, style=f"rgb({red},{green},{blue})"),
-            f"{sparkline(values)} {values[-1]:.3g}",
-            _signed(one.change),
-            _signed(one.per_flight),
-            _flights_left(one.growth),
+        rows.append(
+            [
+                _name(one, report),
+                [Mark("changed", "grows") if grows else Mark(state)],
+                f"{sparkline(values)} {values[-1]:.3g}",
+                _signed(one.change),
+                _signed(one.per_flight),
+                _flights_left(one.growth),
+            ]
         )
-    return table
+    columns = [Column(trends[0].subject), Column("state", "word"), Column("over the\nflights", "word")]
+    figures = ("since\nbaseline", "per\nflight", "flights to\nnext limit")
+    columns += [Column(title, "figure") for title in figures]
+    return Table(f"{trends[0].quantity}, {trends[0].unit}", columns, rows)
 
 
 def _peak(one: ActuatorTrend, report: TrendReport) -> str | None:
@@ -245,7 +237,7 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[Repair
     drawn["flights"] = [point.flight for point in trend.points]
     drawn["starts"] = [point.start_utc for point in trend.points]
     return TrendView(
-        actuator=f"{prefix}{trend.actuator}{' control' if trend.subject == 'axis' else ''}",
+        actuator=f"{prefix}{subject_of(trend.subject, trend.actuator)}",
         condition=trend.condition,
         title=title,
         caption=caption,

@@ -76,14 +76,15 @@ def course(verdict: Verdict) -> tuple[Condition, str] | None:
 
 
 def judged(verdict: Verdict) -> str | None:
-    """Return how many seconds were judged; None where there was none to judge.
+    """Return how many seconds were judged; None where there was none to judge, or the alarm rests on others.
 
     Examples
     --------
     >>> judged(Verdict(vehicle=1, actuator="rudder", condition="normal", worst="normal"))
     """
     coverage = verdict.coverage
-    return f"{coverage.decidable} of {coverage.windows} s" if coverage.windows else None
+    shown = coverage.windows and (coverage.decidable or not verdict.evidence)
+    return f"{coverage.decidable} of {coverage.windows} s" if shown else None
 
 
 def implausible(verdict: Verdict) -> str | None:
@@ -98,6 +99,24 @@ def implausible(verdict: Verdict) -> str | None:
         return None
     values = ", ".join(f"{count:,} of {key}" for key, count in counts.items())
     return f"values that no such actuator can have, counted as not measured: {values}"
+
+
+def finding(item: Evidence) -> str:
+    """Return one finding: time, value and rule.
+
+    Examples
+    --------
+    >>> finding(Evidence(kind="friction", start_s=38, end_s=68, value=0.41, limit=0.375, rule="above normal"))
+    '38.0s to 1m08s: above normal (highest estimate 0.410 N·m)'
+    """
+    when = f"{clock(item.start_s)} to {clock(item.end_s)}"
+    if item.kind == "network":
+        return f"{when}: {item.rule} (highest probability {percent(item.value)})"
+    if item.kind in ("effectiveness", "slow", "hard_over", "tracking", "thrust", "speed"):
+        return f"{when}: {item.rule}"
+    if item.kind == "friction":
+        return f"{when}: {item.rule} (highest estimate {item.value:.3f} N·m)"
+    return f"{when}: {item.kind.replace('_', ' ')} {item.value:.3g}, {item.rule}"
 
 
 def explanation(verdict: Verdict) -> str | None:

@@ -9,8 +9,8 @@ from typing import Final
 from mavhums.core.conditions import Condition
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import ALL, Evidence, Verdict
+from mavhums.results.standing import Interval, Standing
+from mavhums.results.verdict import ALL, Verdict
 
 COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
     "normal": (0, 158, 115),
@@ -55,14 +55,24 @@ def effectiveness(interval: Interval) -> str:
     return f"{100 * interval.estimate:.0f} % ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
 
 
-def name(verdict: Verdict, assessment: Assessment) -> str:
-    """Return the actuator's name, with its vehicle where the log holds several."""
-    vehicles = {other.vehicle for other in assessment.verdicts}
-    if verdict.actuator == ALL:
+def subject_of(subject: str, actuator: str) -> str:
+    """Return whose condition it is: an actuator's name, or of an axis its control.
+
+    Examples
+    --------
+    >>> subject_of("actuator", "rudder"), subject_of("axis", "yaw"), subject_of("axis", "axes")
+    ('rudder', 'yaw control', 'roll, pitch and yaw control')
+    """
+    moved = "roll, pitch and yaw" if actuator == "axes" else actuator
+    return f"{moved} control" if subject == "axis" else actuator
+
+
+def name(of: Verdict | Standing, assessment: Assessment) -> str:
+    """Return whose verdict or standing it is, with its vehicle where the log holds several."""
+    if of.actuator == ALL:
         return "every actuator"
-    moved = "roll, pitch and yaw" if verdict.actuator == "axes" else verdict.actuator
-    own = f"{moved} control" if verdict.subject == "axis" else verdict.actuator
-    return own if len(vehicles) < 2 else f"{verdict.vehicle}: {own}"
+    own = subject_of(of.subject, of.actuator)
+    return own if len({other.vehicle for other in assessment.verdicts}) < 2 else f"{of.vehicle}: {own}"
 
 
 def clock(seconds: float) -> str:
@@ -135,22 +145,15 @@ def join(items: Iterable[str]) -> str:
     return f"{', '.join(most)} and {last}" if most else last
 
 
-def finding(item: Evidence) -> str:
-    """Return one finding: time, value and rule.
+def moment(utc: str) -> str:
+    """Return a time as a reader writes it.
 
     Examples
     --------
-    >>> finding(Evidence(kind="friction", start_s=38, end_s=68, value=0.41, limit=0.375, rule="above normal"))
-    '38.0s to 1m08s: above normal (highest estimate 0.410 N·m)'
+    >>> moment("2026-01-01T09:01:07.003611+00:00")
+    '2026-01-01 09:01:07 UTC'
     """
-    when = f"{clock(item.start_s)} to {clock(item.end_s)}"
-    if item.kind == "network":
-        return f"{when}: {item.rule} (highest probability {percent(item.value)})"
-    if item.kind in ("effectiveness", "slow", "hard_over", "tracking", "thrust", "speed"):
-        return f"{when}: {item.rule}"
-    if item.kind == "friction":
-        return f"{when}: {item.rule} (highest estimate {item.value:.3f} N·m)"
-    return f"{when}: {item.kind.replace('_', ' ')} {item.value:.3g}, {item.rule}"
+    return f"{utc[:10]} {utc[11:19]} UTC"
 
 
 def flight_notes(log: LogSummary) -> list[str]:

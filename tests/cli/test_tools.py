@@ -194,7 +194,7 @@ def test_the_packaged_model_shows_its_card(run: Run) -> None:
         model.card.name,
         model.hash,
         model.card.command,
-        "instrumented telemetry",
+        "instrumented",
         ", ".join(model.card.features),
         "middle between the limits",
         "expected calibration error",
@@ -203,12 +203,12 @@ def test_the_packaged_model_shows_its_card(run: Run) -> None:
         "numpy",
     ):
         assert text in outcome.out
-    rows = {line.split()[0]: line for line in outcome.out.splitlines() if line.startswith("V")}
+    rows = {line.split()[0]: line for line in outcome.out.splitlines() if line.startswith(" V")}
     assert rows.keys() == model.card.selection.chi_square.keys()
     inputs = {key for key, line in rows.items() if line.rstrip().endswith("input")}
     assert inputs == set(model.card.features)
     for line in model.card.selection.stage_lines(model.card.features)[1:]:
-        assert line in outcome.out
+        assert " ".join(line.split()) in " ".join(outcome.out.split())
 
 
 @pytest.mark.parametrize("tier", ["instrumented", "without-load", "esc"])
@@ -245,9 +245,7 @@ def test_the_card_of_a_network_of_windows_tells_its_stages_and_its_confusion(run
     window = default_model().card.window
     assert window is not None
     shown = " ".join(run("model", "show").out.split())
-    assert (
-        f"Network of windows inputs {', '.join(window.features)} classes normal, friction degraded" in shown
-    )
+    assert f"Network of windows features {', '.join(window.features)} classes normal, friction" in shown
     for name, row in window.confusion.items():
         said = ", ".join(f"{each} {count}" for each, count in row.items())
         assert f"{name} {said}".replace("_", " ") in shown

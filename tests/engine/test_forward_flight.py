@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mavhums.health.verdict.obstacles import why_not_at_all
-from mavhums.show.digest import NOT_JUDGED, headline
+from mavhums.show.headline import NOT_JUDGED, headline
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.vtol import lift_of, refined_identity, rotor_servos

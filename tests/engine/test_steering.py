@@ -7,7 +7,7 @@ import pytest
 import mavhums
 from mavhums.engine.engine import Engine
 from mavhums.results.verdict import Verdict
-from mavhums.show.digest import headline
+from mavhums.show.headline import headline
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import AXES, of_parameters
 from mavhums_sim.rover import PARAMETERS, Driven, Rover, SteeringFault, drive, encoded, write_tlog

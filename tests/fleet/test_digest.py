@@ -14,7 +14,9 @@ import pytest
 from mavhums.core.errors import ExitCode
 from mavhums.fleet import digest, worst
 from mavhums.results.store import FleetDigest
-from mavhums.show.standing import digest_html, digest_lines
+from mavhums.show.html import document
+from mavhums.show.standing import digest_blocks
+from mavhums.show.terminal import plain
 from tests.conftest import Run
 from tests.fleet.stores import write_store
 from tests.flights import START, flown, shown, verdict
@@ -54,7 +56,7 @@ def test_growth_is_told_when_it_becomes_certain_and_a_finding_when_it_is_one(sto
     (new,) = between(store, 25, 40.5).changes
     assert (new.kind, new.now.condition) == ("new", "degraded")
     assert new.before is not None
-    lines = [*digest_lines(between(store, 25, 40.5))]
+    lines = plain(digest_blocks(between(store, 25, 40.5))).splitlines()
     assert lines[0].startswith("1 new, 1 not heard of since 2026-03-26 09:00 UTC:")
     assert any("D-G elevator: degraded since flight " in line for line in lines)
     assert any("D-S: last flight 2026-03-20" in line for line in lines)
@@ -65,7 +67,7 @@ def test_nothing_to_say_is_one_line(store: Path) -> None:
     quiet = between(store, 41, 42)
     assert quiet.is_empty
     assert (quiet.standing, quiet.silent_longer) == (1, 1)
-    (line,) = digest_lines(quiet)
+    (line,) = plain(digest_blocks(quiet)).splitlines()
     assert line.startswith("Nothing new since 2026-04-11 09:00 UTC")
     assert line.endswith("of 2 aircraft; 1 finding stands; 1 silent for longer")
 
@@ -73,7 +75,7 @@ def test_nothing_to_say_is_one_line(store: Path) -> None:
 def test_the_page_holds_no_markup_of_a_store(store: Path) -> None:
     found = between(store, 25, 40.5)
     odd = found.changes[0].model_copy(update={"aircraft": "<script>alert(1)</script>"})
-    page = digest_html(found.model_copy(update={"changes": (odd,)}))
+    page = document(digest_blocks(found.model_copy(update={"changes": (odd,)})))
     assert "<script>" not in page
     assert "&lt;script&gt;" in page
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from rich.console import Console
 
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
@@ -24,7 +23,8 @@ from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.assessment import SCHEMA, Assessment
 from mavhums.results.standing import to_frame
 from mavhums.results.verdict import OwnRecord
-from mavhums.show.trend import render_trends
+from mavhums.show.terminal import plain
+from mavhums.show.trend import trend_blocks
 from tests.flights import START, flown, identity, shown, verdict, write_wear
 
 KEY = (1, "elevator", "friction")
@@ -233,8 +233,7 @@ def test_no_file_stops_the_others(tmp_path_factory: pytest.TempPathFactory, data
     report = trend_report(read)
     assert json.loads(report.to_json())["schema"] == "mavhums.trend/1"
     assert len(to_frame(report.trends)) == sum(len(one.points) for one in report.trends)
-    with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
-        render_trends(report, Console(file=nowhere))
+    assert plain(trend_blocks(report))
 
 
 def test_the_baseline_is_of_the_first_healthy_flights() -> None:

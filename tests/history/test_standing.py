@@ -18,7 +18,7 @@ from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Standing
 from mavhums.results.store import Change
 from mavhums.results.verdict import ALL, Since
-from mavhums.show.digest import headline
+from mavhums.show.headline import headline
 from mavhums.show.standing import _change_lines
 from tests.flights import START, flown, shown, verdict
 

@@ -27,10 +27,12 @@ from mavhums.live import Address
 from mavhums.live.links import AddressError, _enlarge
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.setup import SeenSignatures
-from mavhums.live.sinks import JsonLines, PlainLines, View, draw
+from mavhums.live.sinks import JsonLines, PlainLines, View
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.results import live as objects
 from mavhums.results.assessment import Assessment, json_schema
+from mavhums.show.now import status_blocks
+from mavhums.show.terminal import plain
 from mavhums_sim.link import EPOCH_US
 from tests.live.conftest import Rig
 
@@ -256,10 +258,7 @@ def flown(rig: Rig, worn_pieces: list[Piece]) -> Rig:
 
 
 def text_of(rig: Rig, told: tuple[str, ...] = ()) -> str:
-    console = Console(file=io.StringIO(), width=110)
-    console.print(draw(rig.shown.statuses[-1], "udpin:14550", told))
-    assert isinstance(console.file, io.StringIO)
-    return console.file.getvalue()
+    return plain(status_blocks(rig.shown.statuses[-1], "udpin:14550", told))
 
 
 @pytest.mark.slow

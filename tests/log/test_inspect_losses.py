@@ -9,22 +9,18 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from rich.console import Console
 
 from mavhums.app.inspection import inspect_log
 from mavhums.cli.main import cli
 from mavhums.core.errors import ExitCode, UnreadableLogError
-from mavhums.show.inspection import render_inspection
+from mavhums.show.inspection import inspection_blocks
+from mavhums.show.terminal import plain
 from tests.log.mavlink.test_frames import heartbeats, trimmed_after_crc
 from tests.strategies import START_US
 
 
 def said(path: Path) -> str:
-    console = Console(width=400, record=True, quiet=True)
-    with console.capture() as captured:
-        console.quiet = False
-        render_inspection(inspect_log(path), console)
-    return captured.get()
+    return plain(inspection_blocks(inspect_log(path)))
 
 
 @pytest.fixture

@@ -21,8 +21,9 @@ from mavhums.results.standing import (
     TrendReport,
 )
 from mavhums.results.verdict import Suspect, Verdict
-from mavhums.serve.fleet_view import aircraft_lines, flight_lines, trends_shown
+from mavhums.serve.fleet_view import aircraft_table, flight_pages, flight_table, tally, trends_shown
 from mavhums.serve.pages import render
+from mavhums.show.blocks import Link, Mark
 
 MARKUP = "<img src=x onerror=alert(1)>"
 
@@ -44,19 +45,20 @@ def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
         WorstActuator("D-B", "b.tlog", 1_767_258_000_000_000, verdict("rudder", "normal")),
         WorstActuator("D-A", "a.tlog", 0, verdict("rudder", "normal")),
     ]
-    lines = aircraft_lines(rows)
-    assert [line.name for line in lines] == [
-        "D-B",
-        "unknown aircraft (a.tlog)",
-        "unknown aircraft (c.tlog)",
-        "D-A",
+    shown = aircraft_table(rows)
+    first, unknown, other, well = shown.rows
+    assert first[0] == [Link("D-B", "/fleet/aircraft?name=D-B")]
+    assert first[1:] == [
+        [Mark("emergency")],
+        "elevator: suspected: hard over",
+        "1 emergency, 1 normal",
+        "2026-01-01 09:00 UTC",
     ]
-    first, unknown, _, well = lines
-    assert (first.worst, first.detail, first.last_flight) == ("elevator", "hard over", "2026-01-01 09:00 UTC")
-    assert first.counts == (("emergency", 1), ("normal", 1))
-    assert first.address == "/fleet/aircraft?name=D-B"
-    assert (unknown.address, unknown.detail, unknown.last_flight) == ("", "too slow", "date not known")
-    assert (well.worst, well.detail) == ("", "")
+    assert unknown[0] == [Link("unknown aircraft (a.tlog)", "")]
+    assert unknown[2:] == ["rudder: too slow", "1 undecided", "date not known"]
+    assert other[0] == [Link("unknown aircraft (c.tlog)", "")]
+    assert well[2] == ""
+    assert tally(shown) == [(Mark("emergency"), 1), (Mark("undecided"), 2), (Mark("normal"), 1)]
 
 
 def test_what_grows_is_not_called_normal() -> None:
@@ -71,10 +73,8 @@ def test_what_grows_is_not_called_normal() -> None:
         last_utc="2026-03-29T09:00:00+00:00",
         log=None,
     )
-    (line,) = aircraft_lines([WorstActuator("D-A", "a.tlog", 0, verdict("rudder", "normal"), grows)])
-    assert (line.condition, line.word, line.worst) == ("changed", "grows", "rudder")
-    assert line.counts == (("grows", 1),)
-    assert TOLD in line.detail
+    shown = aircraft_table([WorstActuator("D-A", "a.tlog", 0, verdict("rudder", "normal"), grows)])
+    assert shown.rows[0][1:4] == [[Mark("changed", "grows")], f"rudder: {TOLD}", "1 grows"]
 
 
 TOLD = (
@@ -108,12 +108,12 @@ def test_flights_come_latest_first_and_lead_to_their_reports() -> None:
         )
         return Assessment(log=log, airframe=None, model=None, verdicts=(verdict("rudder", "normal"),))
 
-    lines = flight_lines("D & A", [flight(1), flight(2)])
-    assert [(line.start, line.log, line.condition) for line in lines] == [
-        ("2026-01-02 10:00 UTC", "2.tlog", "normal"),
-        ("2026-01-01 10:00 UTC", "1.tlog", "normal"),
-    ]
-    assert lines[0].address == "/fleet/flight?aircraft=D+%26+A&log=2222"
+    flights = [flight(1), flight(2)]
+    last, first = flight_table("D & A", flights).rows
+    address = "/fleet/flight?aircraft=D+%26+A&log=2222"
+    assert last[:2] == [[Link("2026-01-02 10:00 UTC", address)], [Mark("normal")]]
+    assert first[3] == "1.tlog"
+    assert flight_pages("D & A", flights)["2026-01-02T10:00:00+00:00"] == address
 
 
 def trend(actuator: str, fault: str, *, grows: bool = False, last: float = 0.2) -> ActuatorTrend:
@@ -191,9 +191,9 @@ def test_repairs_are_marked_at_their_dates() -> None:
 
 
 def test_texts_of_a_store_are_never_markup() -> None:
-    lines = aircraft_lines([WorstActuator(MARKUP, MARKUP, None, verdict(MARKUP, "undecided", MARKUP))])
+    aircraft = aircraft_table([WorstActuator(MARKUP, MARKUP, None, verdict(MARKUP, "undecided", MARKUP))])
     page: dict[str, Any] = {"title": "", "here": "", "pages": []}
-    text = render("fleet.html", lines=lines, tally=[], problem="", more=False, **page)
+    text = render("fleet.html", aircraft=aircraft, tally=tally(aircraft), problem="", more=False, **page)
     assert "<img" not in text
     assert text.count("&lt;img src=x") >= 3
     assert "<img" not in render("aircraft.html", name=MARKUP, problem=MARKUP, **page)
@@ -207,7 +207,7 @@ def test_texts_of_a_store_are_never_markup() -> None:
         report=report,
         headline=MARKUP,
         trends=trends_shown(report, {}),
-        flights=[],
+        flights=flight_table(MARKUP, []),
         query="",
     )
     assert "<img" not in text

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavhums.serve.live_file import LiveFile
-from mavhums.serve.pages import render
+from mavhums.show.html import draw
 
 UTC = "2026-01-01T00:00:00+00:00"
 LINK = dict.fromkeys(
@@ -92,7 +92,7 @@ def test_the_state_follows_the_file(tmp_path: Path) -> None:
     assert seen.status
     assert seen.status.actuators[0].condition == "degraded"
     assert [one.time_s for one in seen.changes if one.event == "condition"] == [1.7, 1.5]
-    markup = render("_live.html", sessions=[seen])
+    markup = draw(seen.blocks(), "h2")
     assert "(running)" in markup
     assert "&lt;b&gt;elevator" in markup
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
@@ -18,7 +17,7 @@ from examples.picture import draw
 from mavhums.engine.events import Attitude, Event, FlightMode, Position
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
-from mavhums.show import LiveViewer, Recorder, record_trend
+from mavhums.show import LiveViewer, Recorder
 from tests.show.chromium import Chromium, find
 
 if TYPE_CHECKING:
@@ -150,25 +149,6 @@ def test_sixteen_actuators_and_nothing_to_judge_still_make_a_picture(
         recorder.close(new_assessment(*verdicts))
     drawn = pixels(draw(path))
     assert count(drawn[: drawn.shape[0] * 2 // 3], LANES["undecided"]) > 16 * 500
-
-
-@pytest.mark.slow
-@needs_vulkan
-def test_the_trend_over_flights_is_drawn(tmp_path: Path) -> None:
-    days = pd.date_range("2026-01-01", periods=20, tz="UTC")
-    friction = np.linspace(0.2, 0.9, 20)
-    trend = pd.DataFrame({"actuator": "elevator", "start_utc": days, "friction_nm": friction})
-    trend = trend.assign(friction_low_nm=friction - 0.05, friction_high_nm=friction + 0.05)
-    trend = trend.assign(normal_limit_nm=0.375, emergency_limit_nm=0.875)
-    trend["condition"] = np.where(
-        friction > 0.85, "emergency", np.where(friction > 0.4, "degraded", "normal")
-    )
-    record_trend(trend, tmp_path / "trend.rrd", report="# Four flights left")
-    drawn = pixels(draw(tmp_path / "trend.rrd"))
-    for name in ("normal", "degraded", "emergency"):
-        assert count(drawn[: drawn.shape[0] // 4], LANES[name]) > 300, f"{name} is not on the timeline"
-    for colour in (BLUE, AMBER, VERMILION):
-        assert count(drawn[drawn.shape[0] // 4 :], colour) > 500
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no browser; Debian has one in the package chromium")

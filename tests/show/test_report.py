@@ -38,7 +38,7 @@ def test_it_says_what_to_do_why_how_sure_and_what_was_lost(assessment: Assessmen
     assert "the network" not in text  # the physics decides, and the column has what the network says
     assert "91 of 91 windows are decidable, the actuator moved 72 % of the time" in text
     assert "**Suspected:** friction (97 %)." in text
-    assert "2025-06-01T10:01:12Z" in text
+    assert "2025-06-01 10:01:12 UTC" in text
     assert "1,234 bytes skipped, 3 damaged regions, 2 frames with a wrong checksum and 1 frame of an" in text
     assert NOTICE in text.splitlines()[2]
 
@@ -60,7 +60,7 @@ def test_actuators_with_the_same_sources_share_a_table(new_verdict: New, new_ass
     text = markdown(new_assessment(one.model_copy(update=shared), two.model_copy(update=shared)))
     assert text.count("came from") == 1
     assert "## Where the values of elevator and rudder came from" in text
-    assert "Telemetry tier" not in text
+    assert "telemetry tier" not in text
 
 
 def test_actuators_whose_sources_differ_in_numbers_share_a_table(assessment: Assessment) -> None:
@@ -73,9 +73,8 @@ def test_actuators_whose_sources_differ_in_numbers_share_a_table(assessment: Ass
 def test_the_networks_vote_is_told_as_a_share(new_verdict: New, new_assessment: Assess) -> None:
     vote = Evidence(kind="network", start_s=90, end_s=100, value=0.03, rule="emergency: above 0.5")
     verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"evidence": (vote,)})
-    assert "- 1m30s to 1m40s: emergency: above 0.5 (highest probability 3 %)" in markdown(
-        new_assessment(verdict)
-    )
+    text = markdown(new_assessment(verdict))
+    assert "**Why:** 1m30s to 1m40s: emergency: above 0.5 (highest probability 3 %)" in text
 
 
 def test_a_log_without_a_profile_speaks_of_every_actuator(new_verdict: New, new_assessment: Assess) -> None:
@@ -98,7 +97,8 @@ def test_different_reasons_are_told_apart(new_verdict: New, new_assessment: Asse
     bare = still.model_copy(update={"actuator": "elevator", "reason": None, "remedy": None})
     text = markdown(new_assessment(still, bare))
     assert text.startswith("# All 2 actuators undecided\n")
-    assert "## elevator: undecided\n\n**Why:** no reason was given" in text
+    section = text[text.index("## elevator: undecided") :]
+    assert "**Why:** no reason was given" in section
 
 
 @pytest.mark.parametrize(
@@ -129,10 +129,10 @@ def test_what_was_an_emergency_is_not_forgotten(new_verdict: New, new_assessment
     text = markdown(new_assessment(verdict))
     assert text.startswith("# elevator: EMERGENCY 37.0s–1m40s, then normal")
     assert "**EMERGENCY** 37.0s–1m40s, then normal" in text
-    assert "It is normal since 1m30s" in text
+    assert "**Now:** normal since 1m30s" in text
     assert "do not fly" in text
     without = markdown(new_assessment(verdict.model_copy(update={"since": None, "evidence": ()})))
-    assert "It is normal at the end" in without
+    assert "**Now:** normal at the end" in without
     assert "**Why:**" not in without
 
 
@@ -169,8 +169,9 @@ def test_a_live_link_without_model_or_airframe(assessment: Assessment) -> None:
     log = assessment.log.model_copy(update={"path": None, "start_utc": None, "losses": Losses()})
     bare = assessment.model_copy(update={"log": log, "airframe": None, "model": None, "verdicts": ()})
     text = markdown(bare)
-    assert "- File: a live link\n- Start: not known; duration: 1m40s\n- Losses: none\n" in text
-    assert "Airframe: none named; network: none" in text
+    assert "- Start: not known\n- Duration: 1m40s\n- Losses: none\n" in text
+    for fact in ("- File: a live link", "- Airframe: none named", "- Network: none"):
+        assert fact in text
 
 
 def test_since_outlives_rounding(new_verdict: New, new_assessment: Assess) -> None:
@@ -185,12 +186,12 @@ def test_evidence_of_any_kind_is_told_and_of_very_much_the_first_and_the_last(
     verdict = new_verdict("elevator", "degraded", 0.5, 1.0)
     many = tuple(
         Evidence(kind="supply_sag", start_s=k, end_s=k + 1, value=k / 10, limit=2.0, rule="below the bus")
-        for k in range(30)
+        for k in range(60)
     )
     text = markdown(new_assessment(verdict.model_copy(update={"evidence": many})))
-    assert "- 3.0s to 4.0s: supply sag 0.3, below the bus\n- … 20 more findings" in text
-    assert "- 29.0s to 30.0s: supply sag 2.9, below the bus" in text
-    assert text.count("supply sag") == 10
+    assert "- 19.0s to 20.0s: supply sag 1.9, below the bus\n- … 20 more findings" in text
+    assert "- 59.0s to 1m00s: supply sag 5.9, below the bus" in text
+    assert text.count("supply sag") == 40
 
 
 def test_indicators_of_a_suspect_are_in_a_table(new_verdict: New, new_assessment: Assess) -> None:

@@ -9,7 +9,7 @@ from mavhums import show
 
 
 def test_the_surface_is_what_it_says() -> None:
-    assert show.__all__ == ["LiveViewer", "Recorder", "layout", "markdown", "record_trend", "render"]
+    assert show.__all__ == ["LiveViewer", "Recorder", "layout", "markdown", "render"]
     assert set(show.__all__) <= set(dir(show))
     for name in show.__all__:
         assert getattr(show, name).__name__ == name

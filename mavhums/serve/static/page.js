@@ -124,7 +124,7 @@ document.addEventListener("click", async (event) => {
 document.addEventListener("input", (event) => {
   if (!event.target.matches?.("[data-find]")) return;
   const words = event.target.value.toLowerCase().split(/\s+/);
-  for (const row of document.querySelectorAll("table.fleet tbody tr")) {
+  for (const row of document.querySelectorAll("table tbody tr")) {
     const text = row.textContent.toLowerCase();
     row.hidden = !words.every((word) => text.includes(word));
   }

@@ -1,0 +1,488 @@
+"""The blocks of an assessment: what is said of it, once for every renderer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
+from itertools import zip_longest
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from mavhums.actuator.telemetry import TO_BE_JUDGED
+from mavhums.core.about import __version__
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError
+from mavhums.health.verdict import with_advice
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import NOT_COMPARED
+from mavhums.results.verdict import ALL, Verdict
+from mavhums.show.blocks import (
+    NOTHING,
+    Block,
+    Cell,
+    Column,
+    Craft,
+    Curves,
+    Facts,
+    Finding,
+    Headline,
+    Listing,
+    Mark,
+    Note,
+    Part,
+    Table,
+    table,
+)
+from mavhums.show.event_words import event_lines, foremost
+from mavhums.show.headline import headline_of, judged_vehicles, over_flights
+from mavhums.show.outline import FIXED_WING, multirotor, outline
+from mavhums.show.tables import indicators, provenance, reserve, usage
+from mavhums.show.verdict_words import (
+    certainty,
+    control_left,
+    course,
+    explanation,
+    finding,
+    implausible,
+    judged,
+    network_cell,
+    network_sentence,
+)
+from mavhums.show.words import (
+    capital,
+    clock,
+    flight_notes,
+    friction,
+    join,
+    losses,
+    moment,
+    name,
+    percent,
+)
+
+if TYPE_CHECKING:
+    from mavhums.show.evidence import EvidenceCollector
+
+_LATEST: Final = 3  # findings of a short answer: with headline and table they fit a screen of 24 lines
+_FIRST, _LAST = 20, 20  # findings of a full one
+_ROWS: Final = 200
+_LIKE: Final = 6
+_PROOF: Final = 2  # curves of what is wrong that come before the tables
+_NAMED: Final = 3  # more names than that push the other columns of a table out of sight
+_VEHICLES: Final = 8
+_OPEN: Final[tuple[Condition, ...]] = ("changed", "learning", "unchanged", "normal", "undecided")
+_HOW_TO_READ: Final = (
+    "Line: estimate of a ten-second window, at its end. Shaded: its 95 % interval. Dashed: limits. Dotted: "
+    "since when."
+)
+_ALL: Final = "mavhums analyse --json has them all"
+
+
+def blocks(
+    assessment: Assessment, *, brief: bool = False, gathered: EvidenceCollector | None = None
+) -> list[Block]:
+    """Return what is shown of an assessment.
+
+    Parameters
+    ----------
+    assessment
+        The verdicts of one log.
+    brief
+        Only what fits a screen: of several reasons the one that binds, of findings the latest; no tables
+        but that of the verdicts.
+    gathered
+        What the engine reported of the same log, for curves, the outline, and the vehicle's texts; None
+        without them.
+    """
+    rest, without_wings = judged_vehicles(assessment)
+    notes = [f"{note}." for note in flight_notes(assessment.log)]
+    first = [note for note in notes if note.startswith(capital(NOT_COMPARED))]
+    # Where no vehicle is judged, the headline has the lines on them.
+    first += [f"{line}." for line in without_wings] if rest.verdicts else []
+    faulty = [verdict for verdict in rest.ranked() if verdict.worst in ("degraded", "emergency")]
+    # What another finding explains comes after it.
+    faulty.sort(key=lambda verdict: verdict.consequence_of is not None)
+    headline = headline_block(assessment)
+    found = [
+        *(_faulty(verdict, rest, brief=brief) for verdict in faulty[:_ROWS]),
+        *(one for condition in _OPEN for one in _by_reason(rest, condition, brief=brief)),
+        *(Finding(f"{name(v, rest)}: values in doubt", None, [odd]) for v, odd in _doubtful(rest)),
+    ]
+    over = [
+        *_listing("Over the flights", over_flights(rest)),
+        *_listing("Physics and network", _network(rest)),
+    ]
+    if brief:
+        last = _end_of_brief(assessment, rest, notes=[one for one in notes if one not in first])
+        return [headline, *_notes(first), *_verdicts(rest, brief=True), *found, *over, *last]
+    proof, more = _curves(rest, gathered, faulty=bool(faulty))
+    well = [one for one in rest.ranked() if one not in faulty and one.coverage.windows][:_ROWS]
+    return [
+        headline._replace(about=_about(assessment)),
+        *_notes(first),
+        *proof,
+        *_verdicts(rest, brief=False),
+        *found,
+        *_by_reason(rest, "unmonitored", brief=False),
+        *over,
+        *(_crafts(rest) if gathered is not None else ()),
+        *_listing("How sure", (f"{name(one, rest)}: {certainty(one)}" for one in well)),
+        *more,
+        *_tables(rest),
+        *_listing("Events of the flight", event_lines(assessment)),
+        _log(assessment, notes),
+        *_texts(gathered),
+        *provenance(rest),
+        Note([f"mavhums {__version__}. {capital(assessment.notice)}."], quiet=True),
+    ]
+
+
+def _about(assessment: Assessment) -> str:
+    log = assessment.log
+    date = moment(log.start_utc) if log.start_utc else "date not known"
+    return " · ".join((_file(assessment), date, clock(log.duration_s), assessment.notice))
+
+
+def _notes(lines: Sequence[str]) -> list[Block]:
+    return [Note(lines)] if lines else []
+
+
+def _listing(title: str, lines: Iterable[str]) -> list[Block]:
+    """Return lines under a title; nothing where there are none."""
+    kept = [*lines]
+    return [Listing(title, kept)] if kept else []
+
+
+def headline_block(assessment: Assessment) -> Headline:
+    """Return the assessment in a line, with what to do about the gravest findings.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> headline_block(mavhums.analyse("flight.tlog")).condition
+    'emergency'
+    """
+    rest, without_wings = judged_vehicles(assessment)
+    text, ranked = headline_of(rest, without_wings), assessment.ranked()
+    if not ranked:
+        return Headline(text, "undecided")
+    like = [verdict for verdict in rest.ranked() if verdict.gravest == ranked[0].gravest]
+    like = [verdict for verdict in like if not verdict.consequence_of] or like
+    return Headline(text, ranked[0].gravest, "; ".join(dict.fromkeys(map(_todo, like[:_LIKE]))))
+
+
+def _todo(verdict: Verdict) -> str:
+    return (verdict.remedy or advice(verdict)).rstrip(".")
+
+
+def advice(verdict: Verdict) -> str:
+    """Return the recommended action, also of a verdict from a file that has none."""
+    return verdict.advice or with_advice(verdict).advice or ""
+
+
+def _file(assessment: Assessment) -> str:
+    """Return the log's name; whoever gets a report learns nothing of its sender's disk."""
+    path = assessment.log.path
+    return PurePath(path.replace("\\", "/")).name if path else "a live link"
+
+
+def _doubtful(assessment: Assessment) -> Iterator[tuple[Verdict, str]]:
+    """Yield the verdicts with values that no such actuator can have, and how many."""
+    for verdict in assessment.ranked():
+        if odd := implausible(verdict):
+            yield verdict, odd
+
+
+def _texts(gathered: EvidenceCollector | None) -> list[Block]:
+    """Return the texts from the vehicle."""
+    texts = gathered.notices() if gathered is not None else []
+    more = gathered is not None and gathered.texts > len(texts)
+    left_out = f", {len(texts)} of {gathered.texts}: the first and the last ones" if gathered and more else ""
+    lines = [f"{clock(one.time_s)} {one.text}" for one in texts]
+    return _listing(f"Texts from the vehicle{left_out}", lines)
+
+
+def _end_of_brief(assessment: Assessment, rest: Assessment, notes: Sequence[str]) -> Iterator[Block]:
+    """Yield the end of a short answer: what happened, whose flight it is, losses, and what is left out."""
+    yield from _notes([*(f"{line}." for line in foremost(assessment)), *notes])
+    hidden = []
+    several = [v for v in rest.verdicts if v.condition in _OPEN and "; " in (v.reason or "")]
+    hidden += ["the other reasons"] if several else []
+    found = [v for v in rest.verdicts if v.worst in ("degraded", "emergency") and len(v.evidence) > _LATEST]
+    hidden += ["all findings"] if found else []
+    hidden += ["servo usage"] if [*_tables(rest)] else []
+    hidden += ["unmonitored servos"] if any(v.condition == "unmonitored" for v in rest.verdicts) else []
+    end = f"Log losses: {losses(assessment.log.losses)}. {capital(assessment.notice)}."
+    yield Note([end + (f" --verbose adds {join(hidden)}." if hidden else "")], quiet=True)
+
+
+def not_normal(assessment: Assessment) -> list[Block]:
+    """Return of a short answer what is not normal: the findings, and what is so over the flights."""
+    return [one for one in blocks(assessment, brief=True) if _is_not_normal(one)]
+
+
+def _is_not_normal(block: Block) -> bool:
+    return isinstance(block, Finding) or (isinstance(block, Listing) and block.title == "Over the flights")
+
+
+_COLUMNS: Final = (
+    Column("condition", "word"),
+    Column("control left", "word", 1),
+    Column("friction, N·m", "word", 2),
+    Column("network", "figure", 5),
+    Column("since", "figure", 3),
+    Column("moving", "figure", 6),
+    Column("judged", "figure", 4),
+    Column("moved by", "text", 7),
+)
+
+
+def _verdicts(assessment: Assessment, *, brief: bool) -> Iterator[Block]:
+    """Yield the table of the verdicts; the short one is without servos on which nothing reports."""
+    groups = [*_together(listed(assessment))]
+    if brief:
+        seen = [alike for alike in groups if alike[0].gravest != "unmonitored"]
+        some = any(alike[0].gravest != "undecided" or alike[0].coverage.windows for alike in seen)
+        groups = seen if some else []
+    if not groups:
+        return
+    kinds = {alike[0].subject for alike in groups}
+    columns = [Column(kinds.pop() if len(kinds) == 1 else "subject"), *_COLUMNS]
+    if columns[0].title == "motor":
+        columns[2] = columns[2]._replace(title="thrust left")
+    yield table("" if brief else "Verdicts", columns, [_row(alike, assessment) for alike in groups[:_ROWS]])
+    if len(groups) > _ROWS:
+        yield Note([f"{len(groups) - _ROWS} more, less grave: {_ALL}."])
+
+
+def _row(alike: Sequence[Verdict], assessment: Assessment) -> list[Cell]:
+    verdict, past = alike[0], course(alike[0])
+    moving = verdict.coverage.moving_fraction if "V7" in verdict.provenance else None
+    before: list[Part] = [Mark(past[0]), f" {past[1]}".rstrip(), ", then "] if past else []
+    cells = (
+        control_left(verdict),
+        friction(verdict.friction_nm) if verdict.friction_nm else None,
+        network_cell(verdict),
+        clock(verdict.since.flight_time_s) if verdict.since else None,
+        None if moving is None else percent(moving),
+        judged(verdict),
+        ", ".join(verdict.surfaces),
+    )
+    return [
+        _title(alike, assessment),
+        [*before, Mark(verdict.condition)],
+        *(cell or NOTHING for cell in cells),
+    ]
+
+
+def listed(assessment: Assessment) -> list[Verdict]:
+    """Return the verdicts worst first, axes before servos; where nothing is wrong, what is well comes first.
+
+    A verdict that something is wrong must not be overlooked; among others, what could not be judged would
+    hide that all that could be judged is well.
+    """
+    ranked = sorted(assessment.ranked(), key=lambda verdict: verdict.subject != "axis")
+    wrong = any(SEVERITY[verdict.gravest] > SEVERITY["normal"] for verdict in ranked)
+    order = URGENCY if wrong else SEVERITY
+    return sorted(ranked, key=lambda verdict: -order[verdict.gravest])
+
+
+def _together(verdicts: Sequence[Verdict]) -> Iterator[list[Verdict]]:
+    """Yield the verdicts, those on servos without telemetry as one: they differ in nothing but the name."""
+    groups: dict[object, list[Verdict]] = {}
+    for place, verdict in enumerate(verdicts):
+        alike = verdict.condition == verdict.worst == "unmonitored"
+        key = (verdict.vehicle, verdict.reason, verdict.remedy) if alike else place
+        groups.setdefault(key, []).append(verdict)
+    yield from groups.values()
+
+
+def _title(alike: Sequence[Verdict], assessment: Assessment) -> str:
+    """Return the subject of verdicts in one row: of a servo without telemetry it is the wear alone."""
+    many = len(alike) > _NAMED
+    names = f"{len(alike)} servos" if many else join(name(verdict, assessment) for verdict in alike)
+    unseen = alike[0].gravest == "unmonitored" and alike[0].actuator != ALL
+    return f"wear of {names}" if unseen else names
+
+
+def _faulty(verdict: Verdict, assessment: Assessment, *, brief: bool) -> Finding:
+    """Return what is or was wrong with a subject."""
+    why = [finding(item) for item in verdict.evidence]
+    if brief and len(why) > _LATEST:
+        # The latest findings say what is so now, and why.
+        why[:-_LATEST] = [f"{len(why) - _LATEST} earlier findings (--verbose has them)"]
+    elif len(why) > _FIRST + _LAST + 1:
+        why[_FIRST:-_LAST] = [f"… {len(why) - _FIRST - _LAST} more findings ({_ALL})"]
+    explained = explanation(verdict)
+    title, todo = name(verdict, assessment), advice(verdict)
+    if brief:
+        return Finding(title, verdict.worst, [*why, *([explained] if explained else [])], todo)
+    since = verdict.since
+    when = f"{clock(since.flight_time_s)} into the log ({moment(since.utc)})" if since else ""
+    now = f"{verdict.condition} {f'since {when}' if when else 'at the end'}; the earlier finding stands"
+    suspects = [f"{item.fault} ({percent(item.confidence)})" for item in verdict.suspects]
+    facts = {
+        "Since": when if verdict.condition == verdict.worst else "",
+        "Now": now if verdict.condition != verdict.worst else "",
+        "Reason": verdict.reason,
+        "Which surface": explained,
+        "Suspected": join(suspects) if suspects else "",
+        "Surfaces": join(verdict.surfaces) if verdict.surfaces else "",
+        "How sure": certainty(verdict),
+    }
+    shown = [(title, value) for title, value in facts.items() if value]
+    return Finding(title, verdict.worst, why, todo, shown, indicators(verdict.indicators))
+
+
+def _by_reason(assessment: Assessment, condition: Condition, *, brief: bool) -> list[Finding]:
+    """Return the verdicts of a condition by reason and remedy, so that neither is said twice.
+
+    A short answer has of several reasons the first one, which binds, and its remedy once for all that follow.
+    """
+    groups: dict[tuple[str, str], list[Verdict]] = {}
+    for verdict in assessment.verdicts:
+        if verdict.condition == condition and (verdict.reason or condition != "normal"):
+            why, todo = (verdict.reason or "no reason was given").rstrip("."), _todo(verdict)
+            if brief:
+                why, todo = why.partition("; ")[0], todo.partition("; ")[0]
+            groups.setdefault((why, todo), []).append(verdict)
+    found = []
+    for ((why, todo), alike), following in zip_longest(groups.items(), [*groups][1:]):
+        reasons = {reason for verdict in alike for reason in (verdict.reason or why).rstrip(".").split("; ")}
+        more = f" (and {len(reasons) - 1} more: --verbose)" if brief and len(reasons) > 1 else ""
+        last = following is None or following[1] != todo or not brief
+        where = " (mavhums inspect LOG shows how)" if todo == TO_BE_JUDGED else ""
+        names = join(name(verdict, assessment) for verdict in alike)
+        found.append(Finding(names, condition, [f"{why}{more}"], f"{todo}{where}" if last else ""))
+    return found
+
+
+def _network(assessment: Assessment) -> list[str]:
+    """Return what the networks say beside the physics, once for all actuators of which they say the same."""
+    said: dict[str, list[str]] = {}
+    for verdict in assessment.ranked():
+        if sentence := network_sentence(verdict):
+            said.setdefault(sentence, []).append(name(verdict, assessment))
+    return [f"{join(names)}: {sentence}" for sentence, names in said.items()]
+
+
+def _tables(assessment: Assessment) -> Iterator[Table]:
+    """Yield the reserve of torque, and the use of each vehicle's servos."""
+    if torque := reserve(assessment):
+        yield torque
+    yield from map(partial(usage, several=len(assessment.usage) > 1), assessment.usage)
+
+
+def _curves(
+    assessment: Assessment, gathered: EvidenceCollector | None, *, faulty: bool
+) -> tuple[list[Block], list[Block]]:
+    """Return the curves that come before the tables, where something is wrong, and the others."""
+    if gathered is None:
+        return [], []
+    from mavhums.show.evidence import evidence
+
+    curves, proof = [*evidence(assessment, gathered)], _PROOF if faulty else 0
+    titles = ("Evidence", "More evidence" if faulty else "Evidence over the flight")
+    first, more = (
+        [Curves(title, _HOW_TO_READ, part, assessment.log.duration_s)] if part else []
+        for title, part in zip(titles, (curves[:proof], curves[proof:]), strict=True)
+    )
+    return [*first], [*more]
+
+
+def _crafts(assessment: Assessment) -> Iterator[Craft]:
+    """Yield the outline of each vehicle whose parts are known, the first eight."""
+    vehicles = dict.fromkeys(verdict.vehicle for verdict in assessment.verdicts)
+    for vehicle in list(vehicles)[:_VEHICLES]:
+        own = [verdict for verdict in assessment.verdicts if verdict.vehicle == vehicle]
+        outputs = [output for used in assessment.usage if used.vehicle == vehicle for output in used.outputs]
+        parts, body = multirotor(own, outputs)
+        if not parts:
+            parts, body = outline(own), FIXED_WING
+        if parts:
+            title = f"Vehicle {vehicle}" if len(vehicles) > 1 else "The aircraft from above"
+            yield Craft(title, parts, body)
+
+
+def _log(assessment: Assessment, notes: Sequence[str]) -> Facts:
+    log = assessment.log
+    pairs = [
+        ("File", f"{_file(assessment)} ({log.format or 'format not known'})"),
+        ("Start", moment(log.start_utc) if log.start_utc else "not known"),
+        ("Duration", clock(log.duration_s)),
+        ("Losses", losses(log.losses)),
+        *(("Flight", note.rstrip(".")) for note in notes),
+    ]
+    for flight in log.flight[: 2 * _VEHICLES]:
+        vehicle = f"Vehicle {flight.vehicle}" if flight.vehicle is not None else "Vehicle"
+        switched_on = moment(flight.boot_utc) if flight.boot_utc else "at a time not known"
+        pairs.append((vehicle, f"board {flight.board or 'not known'}; switched on {switched_on}"))
+    pairs += [
+        ("Airframe", assessment.airframe or "none named"),
+        ("Network", assessment.model.name if assessment.model else "none"),
+        ("SHA-256", log.sha256 or "not known"),
+    ]
+    return Facts("The log", pairs)
+
+
+class Line(NamedTuple):
+    """One log: its worst condition (None if it cannot be read), what was found, and its exit code."""
+
+    log: Path
+    worst: Condition | None
+    what: str
+    code: ExitCode
+
+
+def line_of(log: Path, outcome: Assessment | MavhumsError) -> Line:
+    """Return the line on a log that was judged, or on one that could not be read."""
+    if isinstance(outcome, MavhumsError):
+        return Line(log, None, outcome.problem.removeprefix(f"{log}: "), ExitCode.ERROR)
+    ranked = outcome.ranked()
+    worst: Condition = ranked[0].gravest if ranked else "undecided"
+    return Line(log, worst, _what(outcome), outcome.exit_code)
+
+
+def _what(assessment: Assessment) -> str:
+    """Return what was found in a few words, for reasons and remedies stand elsewhere.
+
+    Examples
+    --------
+    >>> axis = Verdict(subject="axis", vehicle=1, actuator="roll", condition="normal", worst="normal")
+    >>> _names_in([axis, axis.model_copy(update={"actuator": "pitch"})], "normal")
+    'roll and pitch normal'
+    """
+    rest, without_wings = judged_vehicles(assessment)
+    ranked, text = rest.ranked(), headline_of(rest, without_wings)
+    if not ranked:
+        return "; ".join(line.partition(" (")[0] for line in text.split("; "))
+    if SEVERITY[ranked[0].gravest] > SEVERITY["normal"]:
+        return text
+    parts = [_names_in(ranked, condition) for condition in ("normal", "unchanged", "learning", "undecided")]
+    return "; ".join(filter(None, parts)) or "servos unmonitored"
+
+
+def _names_in(verdicts: Sequence[Verdict], condition: Condition) -> str:
+    """Return which verdicts have a condition; empty if none has."""
+    names = ["actuators" if v.actuator == ALL else v.actuator for v in verdicts if v.gravest == condition]
+    return f"{join(names)} {'not judged' if condition == 'undecided' else condition}" if names else ""
+
+
+def many(lines: Sequence[Line]) -> Table:
+    """Return a table of many logs, worst first, in which logs of like gravity keep their order."""
+    names = [line.log.name for line in lines]
+    rows: list[list[Cell]] = [
+        [
+            line.log.name if names.count(line.log.name) == 1 else str(line.log),
+            "unreadable" if line.worst is None else [Mark(line.worst)],
+            line.what,
+            str(int(line.code)),
+        ]
+        for line in sorted(lines, key=_place)
+    ]
+    columns = (Column("log"), Column("worst", "word"), Column("what"), Column("exit", "figure"))
+    return Table("", columns, rows)
+
+
+def _place(line: Line) -> tuple[int, int]:
+    return GRAVEST_FIRST.index(line.code), -URGENCY[line.worst or "undecided"]

@@ -1,0 +1,158 @@
+"""Tables beside the verdicts: torque in reserve, usage of outputs, indicators, where values came from."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from math import floor, log10
+from typing import Final
+
+from mavhums.core.output import printable
+from mavhums.core.quantities import QUANTITIES
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import OutputUsage, VehicleUsage
+from mavhums.results.standing import Interval
+from mavhums.results.verdict import MEASURED, STALL_SHARES, Indicator, Verdict
+from mavhums.show.blocks import NOTHING, Cell, Column, Table, table
+from mavhums.show.words import clock, join, name, percent, place_of
+
+_FRICTION, _TORQUE = STALL_SHARES
+_NUMBER: Final = re.compile(r"(\d+)")
+
+
+def _columns(*titles: str) -> list[Column]:
+    return [*map(Column, titles)]
+
+
+def reserve(assessment: Assessment) -> Table | None:
+    """Return what torque each actuator had left, as far as its share of stall is known; None if of none."""
+    rows: list[list[Cell]] = []
+    for verdict in assessment.ranked():
+        shown = {one.fault: one.value for one in verdict.indicators}
+        torque, rubs = shown.get(_TORQUE), shown.get(_FRICTION)
+        if torque is None:
+            continue
+        friction = (
+            f"{100 * rubs.estimate:.1f} % ({100 * rubs.low:.1f} to {100 * rubs.high:.1f})"
+            if rubs
+            else NOTHING
+        )
+        highest, left = percent(torque.estimate), percent(max(1.0 - torque.estimate, 0.0))
+        rows.append([name(verdict, assessment), highest, left, friction])
+    head = _columns("actuator", "highest sustained", "reserve", "friction (95 %)")
+    return Table("Torque, by that at stall", head, rows) if rows else None
+
+
+def usage(used: VehicleUsage, *, several: bool) -> Table:
+    """Return the use of a vehicle's servos: each surface, or where none is known each output that moved.
+
+    Examples
+    --------
+    >>> flown = {"kind": "fixed wing", "firmware": "PX4", "armed_s": 90.0, "forward_s": 75.0}
+    >>> usage(VehicleUsage(vehicle=1, outputs=(), **flown), several=False).title
+    'Usage: fixed wing, PX4; armed 1m30s, forward flight 1m15s'
+    """
+    who = ", ".join(printable(words) for words in (used.kind, used.firmware) if words)
+    armed = "armed time not recorded" if used.armed_s is None else f"armed {clock(used.armed_s)}"
+    motion = "driven forward" if used.kind in ("ground rover", "surface boat") else "forward flight"
+    times = [armed, *([f"{motion} {clock(used.forward_s)}"] if used.forward_s else [])]
+    vehicle = f" of vehicle {used.vehicle}" if several else ""
+    title = f"Usage{vehicle}: {'; '.join(filter(None, (who, ', '.join(times))))}"
+    if motors := [output for output in used.outputs if output.bearing_deg is not None]:
+        head = _columns("motor", "place", "mean output", "highest", "time at full output")
+        return Table(title, head, [_motor(output) for output in motors])
+    named = [output for output in used.outputs if output.name]
+    head = _columns("output", "span", "total travel", "reversals", "at its stops", "mean (trim)")
+    rows = [_row(output) for output in named or used.outputs if output.commanded]
+    never = [[_name(o), "never commanded", *[NOTHING] * (len(head) - 2)] for o in named if not o.commanded]
+    return Table(title, head, [*rows, *never])
+
+
+def _motor(output: OutputUsage) -> list[str]:
+    """Return the use of a multirotor's motor, in shares of the range between idle and full output."""
+    low, _, high = output.range_us or (0, 0, 0)
+    known = output.commanded and high > low
+    mean, highest = (
+        percent(min(max((us - low) / (high - low), 0.0), 1.0)) if known and us is not None else NOTHING
+        for us in (output.mean_us, output.greatest_us)
+    )
+    full = percent(output.at_high_s / output.held_s) if output.at_high_s and output.held_s else "0 %"
+    return [_name(output), place_of(output.bearing_deg or 0.0), mean, highest, full]
+
+
+def _name(output: OutputUsage) -> str:
+    servo = f"servo {output.servo}" + (", inferred" if output.named_by == "inferred" else "")
+    return f"{printable(output.name)} ({servo})" if output.name else servo
+
+
+def _row(output: OutputUsage) -> list[str]:
+    span = f"{(output.greatest_us or 0) - (output.least_us or 0)} µs"
+    travelled = f"{output.travelled_us} µs"
+    stops, mean = NOTHING, NOTHING
+    if output.span is not None and output.travelled is not None:
+        span, travelled = f"{percent(output.span)} of the range", f"{output.travelled:.1f} × the range"
+    if output.at_low_s is not None and output.at_high_s is not None and output.held_s:
+        stops = percent((output.at_low_s + output.at_high_s) / output.held_s)
+    if output.mean_us is not None:
+        mean = f"{output.mean_us:.0f} µs" + (f" (trim {output.range_us[1]} µs)" if output.range_us else "")
+    return [_name(output), span, travelled, str(output.reversals), stops, mean]
+
+
+def indicators(found: Sequence[Indicator]) -> Table | None:
+    """Return the estimates over the whole flight, with limits and baselines; None without one."""
+    head = [*_columns("over the whole flight", "value (95 %)", "limit"), Column("own baseline", rank=1)]
+    rows = [
+        [
+            item.quantity if item.unit == "1" else f"{item.quantity}, {item.unit}",
+            f"{_figure(item.value.estimate, item.value)} ({_span(item.value)})",
+            NOTHING if item.limit is None else f"{item.limit:.3g}",
+            _span(item.baseline) if item.baseline else NOTHING,
+        ]
+        for item in found
+    ]
+    return table("", head, rows) if rows else None
+
+
+def _span(interval: Interval) -> str:
+    return f"{_figure(interval.low, interval)} to {_figure(interval.high, interval)}"
+
+
+def _figure(value: float, interval: Interval) -> str:
+    """Format a value with two significant digits of half the interval; zero has no sign."""
+    half = (interval.high - interval.low) / 2
+    digits = min(max(1 - floor(log10(half)), 0), 6) if half > 0 else 3
+    return f"{value:z.{digits}f}"
+
+
+def provenance(assessment: Assessment) -> Iterator[Table]:
+    """Yield a table of sources for each group of actuators whose sources differ only in numbers."""
+    groups: dict[object, list[Verdict]] = {}
+    for verdict in assessment.ranked():
+        if verdict.provenance:
+            alike = {key: _NUMBER.sub("#", source) for key, source in verdict.provenance.items()}
+            groups.setdefault((verdict.tier, *sorted(alike.items())), []).append(verdict)
+    for verdicts in groups.values():
+        names, tier = (name(verdict, assessment) for verdict in verdicts), verdicts[0].tier
+        quantities = {one.key: f"{one.key} {one.name}, {one.unit}" for one in QUANTITIES}
+        if verdicts[0].subject == "axis":
+            quantities = {"V1": "command", **MEASURED}
+        if verdicts[0].subject == "motor":
+            quantities = {"V1": "output"}
+        rows: list[list[Cell]] = []
+        for key, quantity in quantities.items():
+            sources = [source for v in verdicts if (source := v.provenance.get(key))]
+            rows.append([quantity, _as_one(sources) if sources else "not in the log"])
+        title = f"Where the values of {join(names)} came from{f' (telemetry tier {tier})' if tier else ''}"
+        yield Table(title, [Column("quantity"), Column("source")], rows)
+
+
+def _as_one(sources: Iterable[str]) -> str:
+    """Write sources that differ in numbers alone as one.
+
+    Examples
+    --------
+    >>> _as_one(["ESC_STATUS[0].rpm", "ESC_STATUS[1].rpm"])
+    'ESC_STATUS[0/1].rpm'
+    """
+    parts = zip(*(_NUMBER.split(source) for source in sources), strict=True)
+    return "".join(part[0] if len({*part}) == 1 else "/".join(part) for part in parts)
