@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -9,6 +10,9 @@ import pytest
 from _pytest.doctest import DoctestItem
 
 from mavhums_sim import Flight, fly, write_tlog
+
+# The store of whoever runs the tests is never theirs.
+os.environ["MAVHUMS_STORE"] = "none"
 
 # Without PyTorch there is nothing to train: `make test` then leaves out the rooms that do.
 WITHOUT_TORCH = ("learn", "study", "training")

@@ -17,6 +17,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ from mavhums import Options
 from mavhums.app.analysis import analyse_alone
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.compare import compared
-from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.history import PastFlight, baselines_of, records_of
 from mavhums.results.verdict import Verdict
 from mavhums_sim.closed_loop import Air, ClosedLoop, SurfaceFault, fly_closed_loop
 from mavhums_sim.closed_loop.encode import encode
@@ -103,11 +104,12 @@ def main() -> None:
         for aircraft in range(options.first, options.first + options.aircraft):
             flown = [*plan(aircraft, options.flights, options.tests, options.fault or FAULTS)]
             flights = [*pool.map(judged, flown)]
-            past = FlightHistory(tuple(PastFlight.of(one.assessment) for one in flights[: options.flights]))
+            past = [PastFlight.of(one.assessment) for one in flights[: options.flights]]
             for one, flight in zip(flown[options.flights :], flights[options.flights :], strict=True):
                 axis = FAULTS[one.fault][0]
                 before = _alarmed(flight.assessment.verdicts)
-                after = _alarmed(compared(flight, past.baselines, past.past).verdicts)
+                earlier = partial(baselines_of, past), partial(records_of, past)
+                after = _alarmed(compared(flight, *earlier).verdicts)
                 shares[one.fault] += 1
                 alone[one.fault] += axis in before
                 found[one.fault] += axis in after

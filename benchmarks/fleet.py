@@ -7,7 +7,6 @@ scans      logs per second in a plain loop, with one worker and with two
 memory     largest memory of driver and worker while they scan 100 and 2,000 logs
 growth     ten new logs into a store of 10,000
 questions  `worst` and one aircraft's trend, of 1,000,000 verdicts
-landings   one more flight in a folder of 10, 1,000 and 10,000
 stored     one more flight in a store with 10, 1,000 and 10,000 of its aircraft; then a late log, for which
            all of them are compared again
 many       `analyse` of many logs by one process and by two
@@ -32,14 +31,12 @@ from mavhums import Options, analyse, analyse_many, fleet
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.many import Batch
 from mavhums.engine.events import StandaloneAssessment
-from mavhums.flights.folder import FlightFolder, keep_assessment, read_history
 from mavhums.flights.queries import exit_code
 from mavhums.flights.store import Store
 from mavhums.flights.store.tables import METADATA
 from mavhums_sim import Flight, fly, write_tlog
 from tests.fleet.stores import add, row_of
 from tests.fleet_logs import moved
-from tests.flights import START, flown, shown, verdict, write_wear
 
 LANDINGS = (10, 1_000, 10_000)
 AIRCRAFT = 200
@@ -237,34 +234,17 @@ def questions(folder: Path) -> None:
             fleet.trend(store, "D-007")
 
 
-def landings(folder: Path) -> None:
-    for count in LANDINGS:
-        history = folder / str(count)
-        write_wear(history, flights=count, growth=[("elevator", 0.0), ("rudder", 0.0)])
-        FlightFolder(history).baselines("paper", START + timedelta(days=19_000))
-        for again in range(3):
-            keep_assessment(flown(verdict(shown(0.2)), day=20_000 + again), history)
-            after = START + timedelta(days=20_001 + again)
-            with told(f"landing after {count} flights"):
-                FlightFolder(history).baselines("paper", after)
-        with told(f"own-scale records of {count} flights"):
-            FlightFolder(history).past("paper", after)
-        with told("the same flights, read from their files"):
-            read_history(history)
-
-
 def stored(folder: Path) -> None:
     made = kinds(folder, 40.0)
     (folder / "one.tlog").write_bytes(made[0])
     alone = analyse_alone(folder / "one.tlog", Options().resolved())
-    options = fleet.ScanOptions(aircraft="folder", workers=0)
 
     def land(what: str, store: Path, day: float) -> None:
         log = store.parent / "logs" / "D-000" / f"{day:g}.tlog"
         log.parent.mkdir(parents=True, exist_ok=True)
         log.write_bytes(moved(made[1], DAY_S * day))
         with told(what):
-            fleet.scan([log], store, options)
+            analyse(log, store=store, aircraft="folder", keep=True)
 
     for count in LANDINGS:
         place = folder / str(count)
@@ -279,7 +259,7 @@ def stored(folder: Path) -> None:
 
 
 PARTS: dict[str, Callable[[Path], None]] = {
-    part.__name__: part for part in (landings, stored, questions, growth, many, scans, memory)
+    part.__name__: part for part in (stored, questions, growth, many, scans, memory)
 }
 
 

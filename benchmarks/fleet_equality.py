@@ -1,7 +1,7 @@
 """One by one and fleet, the same verdicts: ``python benchmarks/fleet_equality.py [--flights N]``.
 
 Flies twelve aircraft, fifty flights each: on six the elevator wears, two have two vehicles in each log, one
-is repaired half-way, one log in a hundred is broken. Every log is judged by ``analyse --history --keep``
+is repaired half-way, one log in a hundred is broken. Every log is judged by ``analyse --keep``
 after its landing, and by a fleet with one worker, with two, in shuffled order of arrival, and through a
 scheduler that is a process of its own; two aircraft once more with another rate of false alarms. Prints how
 many logs agree.
@@ -25,7 +25,6 @@ from dask import config
 from distributed import Security
 
 from mavhums import MavhumsError, Options, analyse, fleet
-from mavhums.flights.folder import keep_assessment
 from mavhums_sim import Flight, fly, write_tlog
 from tests.fleet_logs import joined, moved
 
@@ -71,24 +70,22 @@ def _flown(folder: Path, seed: int, individual: int, friction_nm: float, duratio
     return folder / "flown"
 
 
-def repair_date(flights: int) -> datetime:
-    return FIRST_DAY + timedelta(days=flights // 2)
+def repair(flights: int) -> fleet.Repair:
+    return fleet.Repair(f"D-{REPAIRED:03d}", None, FIRST_DAY + timedelta(days=flights // 2))
 
 
-def one_by_one(logs: Path, history: Path, flights: int, rate: float, aircraft: Sequence[int]) -> Told:
-    """Judge each log after its landing, with a folder of the flights before."""
+def one_by_one(logs: Path, store: Path, flights: int, rate: float, aircraft: Sequence[int]) -> Told:
+    """Judge and keep each log after its landing."""
     told: Told = {}
     for number in aircraft:
-        kept = history / f"D-{number:03d}"
-        kept.mkdir(parents=True)
+        options = Options(store=store, aircraft="folder", false_alarms=rate, keep=True)
         for log in sorted((logs / f"D-{number:03d}").iterdir()):
-            repaired = number == REPAIRED and int(log.stem) >= flights // 2
-            since: dict[str | None, datetime] | None = {None: repair_date(flights)} if repaired else None
+            if number == REPAIRED and int(log.stem) == flights // 2:
+                fleet.change_repairs(store, add=[repair(flights)])
             try:
-                assessment = analyse(log, Options(history=kept, since=since, false_alarms=rate))
+                assessment = analyse(log, options)
             except MavhumsError:
                 continue
-            keep_assessment(assessment, kept)
             told[str(log)] = sorted(verdict.model_dump_json() for verdict in assessment.verdicts)
     return told
 
@@ -97,15 +94,14 @@ def by_fleet(
     logs: Sequence[Path], store: Path, flights: int, *, rate: float = 1.0, parts: int = 1, **how: object
 ) -> Told:
     """Judge the logs in the given order of arrival."""
-    repairs = [fleet.Repair(f"D-{REPAIRED:03d}", None, repair_date(flights))]
     options = fleet.ScanOptions(
         judging=Options(false_alarms=rate),
         aircraft="folder",
-        repairs=repairs,
         **how,  # type: ignore[arg-type]
     )
     for part in range(parts):
         fleet.scan(logs[part::parts], store, options)
+        fleet.change_repairs(store, add=[repair(flights)])
     told: Told = {}
     for aircraft in range(AIRCRAFT):
         for log, verdict in fleet.verdicts(store, f"D-{aircraft:03d}"):
@@ -163,7 +159,7 @@ def main() -> None:
             f"{len(logs)} logs of {AIRCRAFT} aircraft flown; {time.perf_counter() - begun:.0f} s", flush=True
         )
         begun = time.perf_counter()
-        expected = one_by_one(folder / "logs", folder / "history", flights, 1.0, range(AIRCRAFT))
+        expected = one_by_one(folder / "logs", folder / "store", flights, 1.0, range(AIRCRAFT))
         drifts = sum("drift" in verdict for several in expected.values() for verdict in several)
         print(f"one by one: {len(expected)} judged, {drifts} verdicts with drift evidence", end="; ")
         print(f"{time.perf_counter() - begun:.0f} s", flush=True)
@@ -183,7 +179,7 @@ def main() -> None:
         begun = time.perf_counter()
         pair = (REPAIRED, TWO_VEHICLES[0])
         some = [log for log in logs if int(log.parent.name.removeprefix("D-")) in pair]
-        expected = one_by_one(folder / "logs", folder / "history-rate", flights, 20.0, pair)
+        expected = one_by_one(folder / "logs", folder / "store-one-rate", flights, 20.0, pair)
         found = by_fleet(some, folder / "store-rate", flights, rate=20.0, workers=2)
         agree.append(compare("20 false alarms per 100 hours", expected, found, begun))
     sys.exit(0 if all(agree) else 1)

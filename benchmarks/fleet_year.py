@@ -30,7 +30,7 @@ from sqlalchemy import insert, update
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.compare import packed
-from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.history import PastFlight
 from mavhums.flights.reports import digest
 from mavhums.flights.store import Row, Store
 from mavhums.flights.store.earlier import us_of
@@ -168,8 +168,7 @@ class Year:
             verdicts = [self.one(aircraft, name, start) for name in ACTUATORS]
             row, flight = row_of(aircraft, len(self.flown[aircraft]) + 1, start, verdicts)
             self.flown[aircraft].append(PastFlight.of(flight))
-            history = FlightHistory(tuple(self.flown[aircraft]))
-            found = trend_report(history, repaired=self.repaired[aircraft]).standings
+            found = trend_report(self.flown[aircraft], repaired=self.repaired[aircraft]).standings
             self.count(aircraft, found)
             logs.append(row)
             rows.append((aircraft, STANDINGS.dump_json(found).decode()))

@@ -2,8 +2,8 @@
 
 Synthetic histories of one indicator: a line, a standard deviation of 0.008 N·m between flights, of normal
 or heavy tails, and measurement errors of 0.0014 to 0.0036 N·m. Counts how often growth is told, and how
-many of the intervals of the flights left contain the true value. Then the time to read a folder of
-flights. benchmarks/growth.py has growth that is none, growth that begins late, and unrecorded repairs.
+many of the intervals of the flights left contain the true value. benchmarks/growth.py has growth that is
+none, growth that begins late, and unrecorded repairs.
 """
 
 from __future__ import annotations
@@ -11,23 +11,16 @@ from __future__ import annotations
 import argparse
 import os
 import platform
-import tempfile
-import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from mavhums.core.arrays import Array
-from mavhums.flights.folder import read_history
-from mavhums.flights.trends import trend_report
 from mavhums.health.decision.growth import course_of
-from tests.flights import write_wear
 
 START, EMERGENCY, BETWEEN = 0.225, 0.875, 0.008
-FLIGHTS = (250, 1000, 4000)  # of the folders that are read
 
 
 def normal(rng: np.random.Generator, n: int) -> Array:
@@ -89,22 +82,6 @@ def coverage(histories: int) -> Table:
     return table
 
 
-def reading(console: Console) -> None:
-    table = titled("A folder of flights, two actuators each", "flights", "MB", "read, s", "trend, s")
-    for flights in FLIGHTS:
-        with tempfile.TemporaryDirectory() as name, console.status("reading"):
-            folder = Path(name)
-            write_wear(folder, flights=flights, growth=(("elevator", 0.0), ("rudder", 0.0)))
-            size = sum(path.stat().st_size for path in folder.iterdir()) / 1e6
-            begin = time.perf_counter()
-            history = read_history(folder)
-            middle = time.perf_counter()
-            trend_report(history)
-            end = time.perf_counter()
-        table.add_row(str(flights), f"{size:.1f}", f"{middle - begin:.2f}", f"{end - middle:.2f}")
-    console.print(table)
-
-
 def share(count: int, of: int) -> str:
     return f"{100 * count / of:.1f} %"
 
@@ -130,7 +107,6 @@ def main() -> None:
     with console.status("coverage"):
         table = coverage(histories)
     console.print(table, "")
-    reading(console)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
     python examples/fleet.py FOLDER [AIRCRAFT]
 
 It leaves the logs in FOLDER/logs, a folder for each aircraft, and the store in FOLDER/store, which
-`mavhums fleet worst FOLDER/store` shows again.
+`mavhums fleet worst --store FOLDER/store` shows again.
 """
 
 from __future__ import annotations

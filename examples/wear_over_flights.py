@@ -2,8 +2,8 @@
 
     python examples/wear_over_flights.py FOLDER [FLIGHTS]
 
-It flies in the simulator, a flight a day, and leaves the logs in FOLDER/logs and the assessments in
-FOLDER/flights, so that afterwards `mavhums trend FOLDER/flights` shows the same.
+It flies in the simulator, a flight a day, and leaves the logs in FOLDER/logs and the flights in
+FOLDER/flights.sqlite, so that afterwards `mavhums trend --store FOLDER/flights.sqlite` shows the same.
 """
 
 from __future__ import annotations
@@ -15,8 +15,6 @@ from rich.console import Console
 from rich.progress import track
 
 import mavhums
-from mavhums.flights.folder import keep_assessment, read_history
-from mavhums.flights.trends import trend_report
 from mavhums.results.standing import TrendReport
 from mavhums.show.terminal import draw
 from mavhums.show.trend import trend_blocks
@@ -29,16 +27,15 @@ START_NM, WEAR_NM = 0.225, 0.015
 
 def main(folder: str, flights: int = 20) -> TrendReport:
     """Simulate and judge each flight and keep its results; print and return the trend."""
-    logs, kept = Path(folder, "logs"), Path(folder, "flights")
+    logs, kept = Path(folder, "logs"), Path(folder, "flights.sqlite")
     logs.mkdir(parents=True, exist_ok=True)
-    kept.mkdir(exist_ok=True)
     for day in track(range(flights), "flying", console=Console(stderr=True), transient=True):
         log = logs / f"day-{day:02d}.tlog"
         worn = START_NM + WEAR_NM * day
         flight = Flight(seed=500 + day, duration_s=40.0, rate_hz=50.0, friction_nm={"elevator": (worn, worn)})
         write_tlog(fly(flight), log, Link(day=float(day)))
-        keep_assessment(mavhums.analyse(log, mavhums.Options(history=kept)), kept)
-    report = trend_report(read_history(kept), faults=["friction"])
+        mavhums.analyse(log, store=kept, keep=True)
+    report = mavhums.trend(kept, faults=["friction"])
     draw(trend_blocks(report), Console())
     return report
 

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from mavhums.core.packed import ArchiveError
     from mavhums.engine.engine import Engine
     from mavhums.engine.options import EngineOptions
-    from mavhums.flights.aircraft import OtherAircraftError, UnnamedAircraftError
+    from mavhums.flights.aircraft import UnnamedAircraftError
     from mavhums.flights.aircraft_table import AircraftTableError
     from mavhums.flights.history import UndatedError
-    from mavhums.flights.trends import trend
+    from mavhums.flights.queries import trend
     from mavhums.learn.model import ModelError, load_model, models
     from mavhums.learn.precedents import PrecedentError
     from mavhums.live.links import AddressError
@@ -52,7 +52,6 @@ __all__ = [
     "MissingExtraError",
     "ModelError",
     "Options",
-    "OtherAircraftError",
     "PrecedentError",
     "ProfileError",
     "UndatedError",
@@ -86,7 +85,6 @@ __getattr__, __dir__ = lazy_exports(
         "MissingExtraError": "core.errors",
         "ModelError": "learn.model",
         "Options": "app.settings",
-        "OtherAircraftError": "flights.aircraft",
         "PrecedentError": "learn.precedents",
         "ProfileError": "actuator.profile",
         "UndatedError": "flights.history",
@@ -100,6 +98,6 @@ __getattr__, __dir__ = lazy_exports(
         "models": "learn.model",
         "read_log": "log",
         "record": "app.analysis",
-        "trend": "flights.trends",
+        "trend": "flights.queries",
     },
 )

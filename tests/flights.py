@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from mavhums.core.conditions import Condition
-from mavhums.flights.folder import keep_assessment
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.sections import FlightIdentity
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator, Suspect, Verdict
+from tests.fleet.stores import write_store
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
 
@@ -90,7 +90,7 @@ def identity(
 
 
 def write_wear(
-    folder: Path,
+    store: Path,
     *,
     flights: int = 40,
     growth: Sequence[tuple[str, float]] = (("elevator", 0.005), ("rudder", 0.0)),
@@ -98,10 +98,12 @@ def write_wear(
 ) -> None:
     """Write flights in which actuators' friction grows by so much, N·m, each time."""
     rng = np.random.default_rng(seed)
+    worn = []
     for day in range(flights):
         verdicts = []
         for actuator, slope in growth:
             value = 0.225 + slope * day + 0.006 * rng.standard_normal()
             condition: Condition = "normal" if value < 0.375 else "degraded"
             verdicts.append(verdict(shown(value), actuator=actuator, condition=condition))
-        keep_assessment(flown(*verdicts, day=day, identities=[identity(day=day)]), folder)
+        worn.append(flown(*verdicts, day=day, identities=[identity(day=day)]))
+    write_store(store, {"D-A": worn})

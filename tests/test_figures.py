@@ -28,7 +28,7 @@ from mavhums.core.conditions import Condition
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.compare import compared, packed
-from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.history import PastFlight
 from mavhums.flights.trends import trend_report
 from mavhums.health.axis.effectiveness import new_tracker
 from mavhums.health.axis.monitor import AxisMonitor
@@ -340,7 +340,7 @@ def test_of_a_trend(course: str) -> None:
     repaired: dict[str | None, datetime] = {}
     if course == "mended":
         repaired["elevator"] = START + timedelta(days=20.5)
-    report = trend_report(FlightHistory(tuple(flights)), repaired=repaired)
+    report = trend_report(flights, repaired=repaired)
     hold(course, dumped(report))
 
 

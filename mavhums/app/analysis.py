@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple, Unpack
 
@@ -18,14 +17,12 @@ from mavhums.core.packed import is_stream
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.engine.options import EngineOptions
-from mavhums.flights.aircraft import check_same_aircraft, latest
-from mavhums.flights.history import FlightHistory, with_duplicate_flights
-from mavhums.log import Decoder, read_blocks
-from mavhums.vehicle.identity import FLIGHT_MESSAGES, RecordedFlights
+from mavhums.log import read_blocks
+from mavhums.results.sections import NOT_COMPARED
 
 if TYPE_CHECKING:
-    from mavhums.flights.aircraft_table import Since
     from mavhums.flights.compare import FlightComparison
+    from mavhums.flights.landing import OwnFlights
     from mavhums.results.assessment import Assessment
 
 _BLOCK: Final = 1 << 22  # one or two minutes of flight; a block costs little more than a second
@@ -45,7 +42,7 @@ class Judged(NamedTuple):
     assessment
         Its verdicts, compared with the earlier flights.
     alone
-        The flight before the comparison; None where it was compared while it was judged, for a sink.
+        The flight before the comparison; None where only its sinks followed it.
     error
         Why it could not be kept; None if it was, or was not to be.
     """
@@ -103,7 +100,7 @@ def judge(
     log
         A log of any format, or ``-`` for the standard input.
     settings
-        How it is judged, and the earlier flights that it is compared with.
+        How it is judged, the earlier flights that it is compared with, and whether it is kept among them.
     sinks
         What it is to leave beside its verdicts.
     progress
@@ -116,17 +113,25 @@ def judge(
     """
     path = Path(log)
     try:
-        if not sinks:
+        if settings.keep and is_stream(log):
+            raise MavhumsError(f"{log}: a store names logs by their files", "save the log first")
+        once = bool(sinks) and is_stream(log)
+        alone = None
+        if not sinks or (settings.store is not None and not once):
             alone = analyse_alone(log, settings.engine, progress=progress)
-            return Judged(path, compared_with_own(alone, settings), alone)
+        judged, own = among_own(path, alone, settings) if alone is not None else (None, None)
+        if not sinks and judged is not None:
+            return judged
         if any(sink.draws for sink in sinks):
             settings = settings.with_vehicle_states()
         with ExitStack() as stack:
             followers = [stack.enter_context(sink.follow(path, settings.engine.dialect)) for sink in sinks]
-            assessment = _followed(log, settings, followers, progress)
+            assessment = _followed(log, settings, own, followers, progress)
+            if once and settings.store is not None:
+                assessment = assessment.with_notice(f"{NOT_COMPARED}: a stream can be read only once")
             for follower in followers:
                 follower.close(assessment)
-        return Judged(path, assessment)
+        return Judged(path, assessment, alone, judged.error if judged else None)
     except Exception as error:
         return Failed.of(path, error)
 
@@ -148,7 +153,7 @@ def analyse(
     path
         A log of any format, or ``-`` for the standard input.
     options
-        Profile, model, history and the like; the defaults if None.
+        Profile, model, store and the like; the defaults if None.
     recording
         Path of the Rerun recording to write.
     report
@@ -166,10 +171,10 @@ def analyse(
         If the file is missing or not a log.
     ProfileError, ModelError, DialectError, KeyFileError, AircraftTableError
         If the profile, the model, the XML, the key or the table cannot be used.
-    OtherAircraftError
-        If the history is of another aircraft.
+    UnnamedAircraftError
+        If it is to be kept, and nothing but a guess names its aircraft.
     MavhumsError
-        If there is no folder for the history, or an output cannot be written or would replace the log.
+        If the store cannot be read or written, or an output cannot be written or would replace the log.
     MissingExtraError
         If a recording is wanted and rerun is not installed.
 
@@ -183,6 +188,8 @@ def analyse(
     judged = judge(path, Settings.read(options, **given), [*named, *sinks], progress)
     if isinstance(judged, Failed):
         raise judged.cause or judged.error
+    if judged.error is not None:
+        raise judged.error
     return judged.assessment
 
 
@@ -229,60 +236,47 @@ def analyse_alone(path: Place, options: EngineOptions, *, progress: Progress = N
     return StandaloneAssessment(assessment, engine.records(), engine.profiles(), options.false_alarms)
 
 
-def compared_with_own(flight: StandaloneAssessment, settings: Settings) -> Assessment:
-    """Return the assessment of a flight that was judged alone, compared with its aircraft's earlier flights.
+def among_own(log: Path, alone: StandaloneAssessment, settings: Settings) -> tuple[Judged, OwnFlights | None]:
+    """Keep a flight that was judged alone if that is wanted, and compare it with its aircraft's earlier ones.
 
-    Raises
-    ------
-    OtherAircraftError
-        If the history is of another aircraft.
+    Returns
+    -------
+    tuple
+        The compared flight; and the earlier ones, None if there is no store or it cannot be kept there.
     """
-    assessment = with_aircraft_identity(flight.assessment, settings)
-    since = latest(settings.since, settings.resolver.since(assessment))
-    if not _has_flights(settings):
-        return assessment
-    from mavhums.flights.compare import compared
-    from mavhums.flights.trends import with_standings
+    if settings.store is None:
+        return Judged(log, settings.resolver.named(alone.assessment), alone), None
+    from mavhums.flights.landing import OwnFlights, land
+    from mavhums.flights.store import LogFile
 
-    beside = compared(flight._replace(assessment=assessment), *settings.earlier(since))
-    return with_standings(beside, settings.history, since)
-
-
-def _has_flights(settings: Settings) -> bool:
-    """Whether there may be earlier flights to compare with."""
-    return not isinstance(settings.history, FlightHistory) or bool(settings.history.flights)
-
-
-def with_aircraft_identity(assessment: Assessment, settings: Settings) -> Assessment:
-    """Return the assessment with names of aircraft and with other recordings of its flights.
-
-    Raises
-    ------
-    OtherAircraftError
-        If the history is of another aircraft.
-    """
-    resolver, history = settings.resolver, settings.history
-    return with_duplicate_flights(
-        check_same_aircraft(resolver.named(assessment), history, resolver.table), history
-    )
+    if settings.keep:
+        file = LogFile.at(log.absolute())
+        try:
+            land(settings.store, alone, file, settings.fingerprint(), settings.resolver)
+        except MavhumsError as error:
+            return Judged(log, settings.resolver.named(alone.assessment), alone, error), None
+    own = OwnFlights(settings.store, alone.assessment, settings.resolver)
+    return Judged(log, own.compared(alone), alone), own
 
 
 def _followed(
-    path: Place, settings: Settings, followers: Sequence[Follower], progress: Progress
+    path: Place,
+    settings: Settings,
+    own: OwnFlights | None,
+    followers: Sequence[Follower],
+    progress: Progress,
 ) -> Assessment:
     """Compare while judging, so that the followers see what the earlier flights change."""
-    options, since = settings.engine, latest(settings.since, _swaps(path, settings))
+    options = settings.engine
     engine = Engine(options)
-    if not _has_flights(settings):
+    if own is None:
         digest = _fed(path, engine, options.dialect, followers, progress)
-        return with_aircraft_identity(engine.assessment(str(path), digest), settings)
+        return settings.resolver.named(engine.assessment(str(path), digest))
     from mavhums.flights.compare import FlightComparison
-    from mavhums.flights.trends import with_standings
 
-    comparison = FlightComparison(engine, *settings.earlier(since), options.false_alarms)
+    comparison = FlightComparison(engine, own.baselines, own.past, options.false_alarms)
     digest = _fed(path, comparison, options.dialect, followers, progress)
-    assessment = with_aircraft_identity(comparison.assessment(str(path), digest), settings)
-    return with_standings(assessment, settings.history, since)
+    return own.completed(own.resolver.named(comparison.assessment(str(path), digest)))
 
 
 def _fed(
@@ -306,25 +300,3 @@ def _fed(
     for follower in followers:
         follower.consume(last)
     return digest.hexdigest()
-
-
-def _swaps(path: Place, settings: Settings) -> Since:
-    """Return when the actuators of a log's aircraft were last swapped, from the messages that identify it."""
-    resolver, dialect = settings.resolver, settings.engine.dialect
-    if not resolver.table.installed:
-        return {}
-    if is_stream(path):
-        raise MavhumsError(
-            f"{path}: an aircraft table needs a file that can be read twice", "save the log first"
-        )
-    decoder, recorded = Decoder(FLIGHT_MESSAGES, dialect=dialect), RecordedFlights()
-    for block in read_blocks(path, dialect=dialect):
-        recorded.feed(decoder.feed(block))
-    recorded.feed(decoder.feed(b"", final=True))
-    if decoder.first_time_us is None or decoder.undated:
-        return {}
-    start = datetime.fromtimestamp(decoder.first_time_us / 1e6, UTC)
-    names = {
-        resolver.name(str(path), recorded.of(each).board, start.isoformat()) for each in decoder.vehicles
-    }
-    return resolver.table.since(names.pop(), start) if len(names) == 1 else {}

@@ -6,14 +6,13 @@ import json
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from mavhums.actuator.freshness import not_used
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
-from mavhums.flights.history import FlightHistory
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
 from mavhums.health.self_baseline.motor import Shares, friction_current, lacking, shares
 from mavhums.results.standing import Interval
@@ -62,7 +61,7 @@ def identify(
     """
     records: dict[str, list[tuple[str, OwnRecord]]] = {}
     refused: list[str] = []
-    settings = replace(Settings.read(options), history=FlightHistory())
+    settings = Settings.read(options).alone()
     for path in logs:
         for verdict in analyse(path, settings, progress=progress).verdicts:
             refused += [f"{key} {why}" for key, why in not_used(verdict.provenance).items()]

@@ -5,16 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Final
 
-from mavhums.app.analysis import Failed, Judged, compared_with_own, judge
+from mavhums.app.analysis import Failed, Judged, among_own, judge
 from mavhums.app.settings import Options, Settings
 from mavhums.app.sinks import Sink
 from mavhums.core.errors import MavhumsError
-from mavhums.flights.history import FlightHistory
 
 _WORTH_BYTES: Final = 64 << 20  # fewer are judged in the time that processes need to start
 
@@ -30,8 +29,6 @@ class Batch:
     jobs
         Number of processes; None for all cores, or for one if the logs are few or small. What logs leave is
         written by one.
-    keep
-        Folder that each assessment is written into, so that the flight is one of those before the next log.
     sinks
         What a log is to leave beside its verdicts, by log.
     progress
@@ -41,7 +38,6 @@ class Batch:
     """
 
     jobs: int | None = None
-    keep: str | os.PathLike[str] | None = None
     sinks: Mapping[Path, Sequence[Sink]] = field(default_factory=dict)
     progress: Progress = lambda _: nullcontext()
     prepare: Callable[[], None] | None = None
@@ -85,17 +81,9 @@ def analyse_many(
     with closing(alone) if alone is not None else nullcontext():
         for log in paths:
             judged = _one(log, settings, batch) if alone is None else _compared(next(alone), settings)
-            if isinstance(judged, Judged):
-                try:
-                    if batch.keep is not None:
-                        from mavhums.flights.folder import keep_assessment
-
-                        keep_assessment(judged.assessment, batch.keep)
-                        settings = replace(settings, history=settings.history.with_flight(judged.assessment))
-                except MavhumsError as error:
-                    judged = judged._replace(error=error)
-            elif len(paths) == 1 and judged.cause is not None and not isinstance(judged.cause, MavhumsError):
-                raise judged.cause  # nothing else waits to be judged, and a traceback shows where
+            cause = judged.cause if isinstance(judged, Failed) else None
+            if len(paths) == 1 and cause is not None and not isinstance(cause, MavhumsError):
+                raise cause  # nothing else waits to be judged, and a traceback shows where
             yield judged
 
 
@@ -120,7 +108,7 @@ def _by_processes(
     """Yield each log judged without the earlier flights, which only this process has."""
     from mavhums.core.process_pool import LostItem, in_processes  # one log needs no pool
 
-    alone = partial(_without_cause, replace(settings, history=FlightHistory()))
+    alone = partial(_without_cause, settings.alone())
     flights = in_processes(alone, logs, jobs, prepare=batch.prepare, preload=["mavhums.app.many"])
     with closing(flights):
         for log, judged in zip(logs, flights, strict=True):
@@ -138,6 +126,6 @@ def _compared(judged: Judged | Failed, settings: Settings) -> Judged | Failed:
     if isinstance(judged, Failed) or judged.alone is None:
         return judged
     try:
-        return judged._replace(assessment=compared_with_own(judged.alone, settings))
+        return among_own(judged.log, judged.alone, settings)[0]
     except MavhumsError as error:
         return Failed.of(judged.log, error)

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from mavhums.actuator.profile import Airframe, load_airframe
+from mavhums.core.about import __version__
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import AircraftResolver, check_aircraft_rule
-from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
-from mavhums.flights.history import EarlierFlights, FlightHistory, is_store
+from mavhums.flights.aircraft_table import AircraftTable, load_aircraft_table
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key
 from mavhums.results.sections import Decide
 
 if TYPE_CHECKING:
-    from mavhums.health.decision.baseline import BaselineSource, PastSource
-
-History = EarlierFlights
-"""The earlier flights: all of them in memory, or a folder of which only the new ones are read."""
+    from mavhums.flights.store import Store
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,12 +39,14 @@ class Options:
         Who decides an actuator's friction: ``physics``; ``network``, where one is for its airframe; or
         ``both``: the physics decides, and where the network says otherwise is told. Without limits in the
         profile the physics cannot decide, and the network does.
-    history
-        The aircraft's earlier flights, or their folder; they provide each actuator's own baseline.
-    since
-        Dates from which earlier flights count, by actuator; None stands for all others.
+    store
+        A store of flights, its file or its address: those of the log's aircraft give each actuator's own
+        baseline.
+    keep
+        Whether the log is put into the store; the first one creates it.
     aircraft
-        How a log's path names its aircraft: ``folder``, or a regular expression with a group ``aircraft``.
+        Whose log it is: ``=NAME``, or how its path names its aircraft: ``folder``, or a regular expression
+        with a group ``aircraft``.
     aircraft_table
         The operator's table of installed boards and actuators, or its file: it names the aircraft of a board,
         and the baseline of an actuator begins anew when it is swapped.
@@ -71,8 +71,8 @@ class Options:
     airframe: Airframe | str | Path | None = None
     model: Model | Sequence[Model] | str | Path | None = None
     decide: Decide = "physics"
-    history: History | str | os.PathLike[str] | None = None
-    since: Since | None = None
+    store: Store | str | os.PathLike[str] | None = None
+    keep: bool = False
     aircraft: str | None = None
     aircraft_table: AircraftTable | str | os.PathLike[str] | None = None
     false_alarms: float = FALSE_ALARMS
@@ -88,7 +88,7 @@ class Options:
         ProfileError, ModelError, KeyFileError, AircraftTableError
             If the profile, the model, the key or the table cannot be used.
         MavhumsError
-            If there is no folder for the history.
+            If the rule cannot identify an aircraft.
         """
         return Settings.read(self).engine
 
@@ -117,8 +117,8 @@ class GivenOptions(TypedDict, total=False):
     airframe: Airframe | str | Path | None
     model: Model | Sequence[Model] | str | Path | None
     decide: Decide
-    history: History | str | os.PathLike[str] | None
-    since: Since | None
+    store: Store | str | os.PathLike[str] | None
+    keep: bool
     aircraft: str | None
     aircraft_table: AircraftTable | str | os.PathLike[str] | None
     false_alarms: float
@@ -135,17 +135,17 @@ class Settings:
     ----------
     engine
         Options of an engine that judges a flight alone: profile, models, key and the like.
-    history
-        The aircraft's earlier flights.
-    since
-        Dates from which they count, by actuator; None stands for all others.
+    store
+        The flights that logs are compared with; None for none.
+    keep
+        Whether logs are put into the store.
     resolver
         How the aircraft of a log is identified.
     """
 
     engine: EngineOptions
-    history: History
-    since: Since
+    store: Store | None
+    keep: bool
     resolver: AircraftResolver
 
     @classmethod
@@ -161,8 +161,7 @@ class Settings:
         ProfileError, ModelError, KeyFileError, AircraftTableError
             If the profile, the model, the key or the table cannot be used.
         MavhumsError
-            If there is no folder for the history, it is a fleet's store, or the rule cannot identify an
-            aircraft.
+            If the store is a folder, there is none to keep logs in, or the rule cannot identify an aircraft.
         """
         if isinstance(options, Settings):
             if given:
@@ -188,13 +187,31 @@ class Settings:
         if not isinstance(table, AircraftTable):
             table = AircraftTable() if table is None else load_aircraft_table(table)
         resolver = AircraftResolver(wanted.aircraft, table)
-        return cls(
-            engine=engine, history=_history(wanted.history), since=wanted.since or {}, resolver=resolver
-        )
+        store = _store(wanted.store)
+        if wanted.keep and store is None:
+            raise MavhumsError("there is no store to keep the flight in", "name one: its file or its address")
+        return cls(engine=engine, store=store, keep=wanted.keep, resolver=resolver)
 
-    def earlier(self, since: Since) -> tuple[BaselineSource, PastSource]:
-        """Return what a flight is compared with: baselines and flights that count from dates on."""
-        return partial(self.history.baselines, since=since), partial(self.history.past, since=since)
+    def alone(self) -> Settings:
+        """Return settings by which logs are compared with no other."""
+        return replace(self, store=None, keep=False)
+
+    def fingerprint(self) -> str:
+        """Return the hash of everything besides the log that a judgement depends on."""
+        engine, airframe = self.engine, self.engine.airframe
+        content: dict[str, Any] = {
+            "version": __version__,
+            "airframe": airframe.model_dump_json() if isinstance(airframe, Airframe) else None,
+            "models": [model.hash for model in engine.models],
+            "false_alarms": engine.false_alarms,
+            "dialect": None,
+            "key": None if engine.key is None else hashlib.sha256(engine.key).hexdigest(),
+            "decide": engine.decide,
+        }
+        if engine.dialect is not None:
+            with Path(engine.dialect).open("rb") as file:
+                content["dialect"] = hashlib.file_digest(file, "sha256").hexdigest()
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
 
     def with_vehicle_states(self) -> Settings:
         """Return settings by which the events also have what a recording or a report draws."""
@@ -209,14 +226,9 @@ def _models(model: Model | Sequence[Model] | str | Path | None) -> Sequence[Mode
     return (model,) if isinstance(model, Model) else model
 
 
-def _history(history: History | str | os.PathLike[str] | None) -> History:
-    if history is None:
-        return FlightHistory()
-    if not isinstance(history, str | os.PathLike):
-        return history
-    if is_store(history):
-        problem = f"{history}: is a fleet's store, not a folder of one aircraft's flights"
-        raise MavhumsError(problem, f"judge with the command: mavhums analyse LOG --history {history}")
-    from mavhums.flights.folder import FlightFolder  # a log without a history needs no folder
+def _store(place: Store | str | os.PathLike[str] | None) -> Store | None:
+    if not isinstance(place, str | os.PathLike):
+        return place
+    from mavhums.flights.store import Store  # a log that is compared with no other needs no database
 
-    return FlightFolder(history)
+    return Store(place)

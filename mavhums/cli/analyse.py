@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Self
 
 import click
 
-from mavhums.cli.history import check_baseline_dates, divided, indexed_history, judged_in_store
-from mavhums.cli.options import BASELINE_FROM, HISTORY, JOBS, JSON, KEEP, LOG, LOGS, PATH, Dates, judging
+from mavhums.cli.options import JOBS, JSON, KEEP, LOG, LOGS, PATH, STORE, judging
 from mavhums.cli.output import announce_compiling, complain, reading, say, say_json
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError, MissingExtraError
@@ -42,10 +41,9 @@ class _OutcomePrinter(ABC):
             complain(outcome.error)
             self._failed(outcome.log, outcome.error)
 
-    def exit_code(self, *, losses: bool) -> ExitCode:
-        """Return the gravest of all outcomes; ``losses`` if the history was read with losses."""
-        codes = self._codes | ({ExitCode.READ_WITH_LOSSES} if losses else set())
-        return next((code for code in GRAVEST_FIRST if code in codes), ExitCode.OK)
+    def exit_code(self) -> ExitCode:
+        """Return the gravest of all outcomes."""
+        return next((code for code in GRAVEST_FIRST if code in self._codes), ExitCode.OK)
 
     def __enter__(self) -> Self:
         return self
@@ -139,6 +137,11 @@ class _JsonPrinter(_OutcomePrinter):
         self._opened = False
         self._failures: list[dict[str, str]] = []
 
+    def show(self, outcome: Judged | Failed) -> None:
+        """Print an outcome; what could not be kept is judged, and a failure beside it."""
+        self._several |= outcome.error is not None
+        super().show(outcome)
+
     def _judged(self, log: Path, assessment: Assessment) -> None:
         if not self._several:
             say_json(assessment.to_json())
@@ -209,9 +212,8 @@ def _open_recordings(recordings: Sequence[Path]) -> None:
 @click.command(short_help="Judge every actuator and control axis in logs.", epilog=EPILOG)
 @LOGS
 @judging()
-@HISTORY
+@STORE
 @KEEP
-@BASELINE_FROM
 @JSON
 @click.option(
     "--rrd",
@@ -226,9 +228,8 @@ def _open_recordings(recordings: Sequence[Path]) -> None:
 def analyse(
     options: Options,
     logs: tuple[Path, ...],
-    history: Path | str | None,
+    store: str | None,
     keep: bool,
-    dates: Dates,
     as_json: bool,
     rrd: Path | None,
     no_position: bool,
@@ -242,15 +243,14 @@ def analyse(
 
     Several logs are judged on all cores. What is not normal comes in the order given, each with its log's
     name, and at the end a table of all, worst first; --verbose shows all of each log.
-    With --history, each actuator is also compared with its own first flights; --keep adds this flight to
-    them, so that one command after each landing keeps the history. Give several logs oldest first.
-    The flight of another aircraft than those in DIR is refused. A STORE of `mavhums fleet scan` holds many
-    aircraft: each log is compared with the flights of its own, and --keep adds it as a scan does.
+    --keep puts the flight into a store, so that one command after each landing keeps an aircraft's history.
+    From then on, each log is also compared with the earlier flights of its own aircraft there. Give several
+    logs oldest first.
 
     \b
     Exit codes, the first that applies:
       2 usage    11 an emergency    10 degraded    1 a log that cannot be read
-      12 undecided    3 log or history read with losses    0 all normal
+      12 undecided    3 log read with losses    0 all normal
     """
     from mavhums.app.many import Batch, analyse_many
     from mavhums.app.settings import Settings
@@ -258,16 +258,10 @@ def analyse(
 
     if open_viewer and rrd is None:
         raise click.UsageError("--open needs --rrd OUT")
-    if keep and history is None:
-        raise click.UsageError("--keep needs --history DIR")
-    check_baseline_dates(dates, history)
-    folder, store = divided(history)
-    history_before = indexed_history(folder, may_be_new=keep)
-    settings = Settings.read(replace(options, history=history_before, since=dict(dates)))
+    settings = Settings.read(replace(options, store=store, keep=keep))
     recordings = _recordings_of(logs, rrd)
     batch = Batch(
         jobs=jobs,
-        keep=folder if keep else None,
         sinks={log: [Recording(path, position=not no_position)] for log, path in recordings.items()},
         progress=reading,
         prepare=announce_compiling,
@@ -279,50 +273,29 @@ def analyse(
         else _TablePrinter(recordings, several=several, verbose=verbose)
     )
     with printer:
-        judged = (
-            analyse_many(logs, settings, batch)
-            if store is None
-            else judged_in_store(logs, store, options, batch, keep=keep)
-        )
-        for outcome in judged:
+        for outcome in analyse_many(logs, settings, batch):
             printer.show(outcome)
     written = [recording for recording in recordings.values() if recording.exists()]
     if open_viewer and written:
         _open_recordings(written)
-    unread = bool(settings.history.errors)
-    raise SystemExit(printer.exit_code(losses=unread))
+    raise SystemExit(printer.exit_code())
 
 
 @click.command(short_help="Write the verdicts on a log as one HTML file.", epilog=EPILOG)
 @LOG
 @click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="The page, as report.html.")
 @judging()
-@HISTORY
-@BASELINE_FROM
-def report(
-    options: Options,
-    log: Path,
-    output: Path,
-    history: Path | str | None,
-    dates: Dates,
-) -> None:
+@STORE
+def report(options: Options, log: Path, output: Path, store: str | None) -> None:
     """Write the verdicts on LOG with their evidence as one HTML file, to mail or to file.
 
     It opens without a network, prints on paper, and holds no script. LOG may be - for the standard input.
     Exit codes are those of analyse.
     """
     from mavhums.app import analysis
-    from mavhums.app.settings import Settings
 
-    check_baseline_dates(dates, history)
-    folder, store = divided(history)
-    settings = Settings.read(replace(options, history=indexed_history(folder), since=dict(dates)))
-    if store is not None:
-        from mavhums.fleet import against
-
-        settings = against(log, store, settings)
     with reading(log) as progress:
-        assessment = analysis.analyse(log, settings, report=output, progress=progress)
+        assessment = analysis.analyse(log, replace(options, store=store), report=output, progress=progress)
     say(assessment.summary())
     say(f"report: {output}   open it in a browser")
     raise SystemExit(assessment.exit_code)

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mavhums.cli.fleet_scan import COMMANDS, odd_lines, repair_of
-from mavhums.cli.history import TREND_TABLE, end_with_trends
-from mavhums.cli.options import JSON, PATH, STORE, Dates, repair_date
+from mavhums.cli.fleet_scan import COMMANDS, odd_lines
+from mavhums.cli.options import FLEET_STORE, JSON, PATH, Dates, repair_date
 from mavhums.cli.output import say, say_json
 
 if TYPE_CHECKING:
+    from mavhums.fleet import Repair
     from mavhums.flights.corrections import Correction
     from mavhums.flights.queries import WorstActuator
 
@@ -34,10 +34,10 @@ def fleet() -> None:
 
 
 @fleet.command(short_help="Show the store's contents, growing wear, and problems.")
-@STORE
+@FLEET_STORE
 @JSON
 def status(store: str, as_json: bool) -> None:
-    """Say what STORE holds, what grows, which logs are odd, and which could not be judged."""
+    """Say what the store holds, what grows, which logs are odd, and which could not be judged."""
     from mavhums.fleet import status as status_of
     from mavhums.show.standing import growth_words
 
@@ -72,7 +72,7 @@ def _print_first(lines: Sequence[str], what: str) -> None:
 
 
 @fleet.command(short_help="Show the worst actuators of all aircraft.")
-@STORE
+@FLEET_STORE
 @click.option("-n", "most", type=click.IntRange(1), default=20, show_default=True, help="How many.")
 @JSON
 def worst(store: str, most: int, as_json: bool) -> None:
@@ -99,28 +99,12 @@ def worst(store: str, most: int, as_json: bool) -> None:
     raise SystemExit(exit_code(store))
 
 
-@fleet.command(short_help="Show the trend of an aircraft's actuators.")
-@STORE
-@click.argument("aircraft")
-@JSON
-@TREND_TABLE
-def trend(store: str, aircraft: str, as_json: bool, output: Path | None) -> None:
-    """Show the trend of each actuator of AIRCRAFT over its flights; exit codes as of `mavhums trend`."""
-    from mavhums.core.output import writer_for
-    from mavhums.fleet import trend as trend_of
-
-    if output is not None:
-        writer_for(output)
-    report = trend_of(store, aircraft)
-    end_with_trends(report, output, as_json=as_json)
-
-
 @fleet.command(short_help="List, add or remove repairs.")
-@STORE
+@FLEET_STORE
 @repair_date(
     "--add",
-    text="Flights before that date no longer count: D-EABC/rudder=2026-03-01, or D-EABC/=2026-03-01"
-    " for all its actuators. Can be repeated.",
+    text="Flights before that date no longer count, as after a repair: D-EABC/rudder=2026-03-01,"
+    " D-EABC/=2026-03-01 for all its actuators, or rudder=2026-03-01 for all aircraft. Can be repeated.",
 )
 @repair_date("--remove", text="Remove one that was entered by mistake, as it is listed. Can be repeated.")
 @JSON
@@ -130,7 +114,7 @@ def repairs(
     remove: Dates,
     as_json: bool,
 ) -> None:
-    """List the repairs that STORE keeps; add one, or remove one.
+    """List the repairs that the store keeps; add one, or remove one.
 
     The verdicts on the flights of their aircraft are made again at once; no log is opened for it.
     """
@@ -139,8 +123,8 @@ def repairs(
     if add or remove:
         there = stores.change_repairs(
             store,
-            add=[repair_of(name, at) for name, at in add],
-            remove=[repair_of(name, at) for name, at in remove],
+            add=[_repair(name, at) for name, at in add],
+            remove=[_repair(name, at) for name, at in remove],
         )
     else:
         there = stores.repairs_in(store)
@@ -150,8 +134,16 @@ def repairs(
         _print_all(there, "no repairs")
 
 
+def _repair(name: str | None, at: datetime) -> Repair:
+    """Return the repair that ``AIRCRAFT/ACTUATOR``, ``AIRCRAFT/`` or ``ACTUATOR`` names; None names all."""
+    from mavhums.fleet import Repair
+
+    aircraft, _, actuator = (name or "").rpartition("/")
+    return Repair(aircraft or None, actuator or None, at)
+
+
 @fleet.command(short_help="Write a row per verdict to a table.")
-@STORE
+@FLEET_STORE
 @click.option("-o", "--output", type=PATH, required=True, metavar="OUT", help="Ends in .csv or .parquet.")
 def export(store: str, output: Path) -> None:
     """Write a row per verdict to a table, with flights and days left in the row of an actuator's last flight.
@@ -192,11 +184,11 @@ def _done(change: Correction | None, none: str) -> None:
 
 
 @fleet.command(short_help="Remove logs that do not belong in the store.")
-@STORE
+@FLEET_STORE
 @_LOGS
 @_corrects
 def remove(store: str, logs: tuple[str, ...], who: str | None, note: str | None) -> None:
-    """Remove LOGs from STORE, as if they had never been scanned; the files stay where they are.
+    """Remove LOGs from the store, as if they had never been scanned; the files stay where they are.
 
     A LOG is its path or address, a folder with all its logs, the end of a path (D-EABC/0007.tlog), or at
     least eight digits of its hash. Later scans leave it alone, also under another name; `mavhums fleet
@@ -208,12 +200,12 @@ def remove(store: str, logs: tuple[str, ...], who: str | None, note: str | None)
 
 
 @fleet.command(short_help="Move logs to another aircraft.")
-@STORE
+@FLEET_STORE
 @_LOGS
 @click.argument("aircraft")
 @_corrects
 def move(store: str, logs: tuple[str, ...], aircraft: str, who: str | None, note: str | None) -> None:
-    """Move LOGs in STORE to AIRCRAFT: those of both aircraft are compared as if scanned so from the start.
+    """Move LOGs in the store to AIRCRAFT: both aircraft are compared as if scanned so from the start.
 
     A LOG is named as for `remove`. Later scans leave it there, whatever its folder or board says. To move a
     log to the aircraft that it has already confirms it.
@@ -225,13 +217,13 @@ def move(store: str, logs: tuple[str, ...], aircraft: str, who: str | None, note
 
 
 @fleet.command(short_help="Rename an aircraft.")
-@STORE
+@FLEET_STORE
 @click.argument("aircraft")
 @click.argument("name")
 @click.option("--join", is_flag=True, help="If there is one named NAME, make one aircraft of both.")
 @_corrects
 def rename(store: str, aircraft: str, name: str, join: bool, who: str | None, note: str | None) -> None:
-    """Rename AIRCRAFT in STORE to NAME, with its repairs and history.
+    """Rename AIRCRAFT to NAME, with its repairs and history.
 
     Later scans call it NAME, too, where a folder, a board or the table says AIRCRAFT: so an aircraft that
     only its board names ("board 4D41…") gets a name.
@@ -243,11 +235,11 @@ def rename(store: str, aircraft: str, name: str, join: bool, who: str | None, no
 
 
 @fleet.command(short_help="List the corrections and their authors, or undo one.")
-@STORE
+@FLEET_STORE
 @click.option("--undo", type=click.IntRange(1), metavar="NUMBER", help="Undo the one with this number.")
 @JSON
 def journal(store: str, undo: int | None, as_json: bool) -> None:
-    """List the corrections of STORE, the first one first: number, when, by whom, what, and why."""
+    """List the corrections of the store, the first one first: number, when, by whom, what, and why."""
     from mavhums import fleet as stores
 
     found = stores.journal(store) if undo is None else [stores.undo(store, undo)]

@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from mavhums.cli.options import JSON, PATH, REPAIRS, STORE, Dates, judging, utc
+from mavhums.cli.options import FILLED_STORE, FLEET_STORE, JSON, PATH, judging, utc
 from mavhums.cli.output import complain, output_error, say, say_json
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import ExitCode, MavhumsError
 
 if TYPE_CHECKING:
     from mavhums.app.settings import Options
-    from mavhums.fleet import Repair
     from mavhums.fleet.notify import Recipient
     from mavhums.fleet.scan import ScannedFlight
     from mavhums.flights.queries import OperatorTasks, Status
@@ -40,13 +39,7 @@ _NOTIFY_ALWAYS = click.option("--notify-always", is_flag=True, help="Send it als
 
 @click.command(short_help="Judge logs that the store does not have yet.", epilog=EPILOG)
 @click.argument("sources", nargs=-1, required=True, metavar="LOGS...")
-@click.option(
-    "--to",
-    "store",
-    required=True,
-    metavar="STORE",
-    help="The store: a file, or postgresql://USER@HOST/NAME.",
-)
+@FILLED_STORE
 @judging(without=["decide"])
 @click.option(
     "--workers",
@@ -56,7 +49,6 @@ _NOTIFY_ALWAYS = click.option("--notify-always", is_flag=True, help="Send it als
     help="Processes on this machine; 0 judges in this one, which is soonest for the log of one landing.",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers judge instead, tls://….")
-@REPAIRS
 @JSON
 def scan(
     options: Options,
@@ -64,10 +56,9 @@ def scan(
     store: str,
     workers: int,
     scheduler: str | None,
-    dates: Dates,
     as_json: bool,
 ) -> None:
-    """Judge the LOGS that STORE does not have yet: files, folders with logs, or patterns.
+    """Judge the LOGS that the store does not have yet: files, folders with logs, or patterns.
 
     Each aircraft's flights are compared with its first ones, whatever the order of arrival. A log that cannot
     be judged does not stop the scan. After an interruption the same command resumes.
@@ -86,7 +77,6 @@ def scan(
         aircraft_table=options.aircraft_table,
         workers=workers,
         scheduler=scheduler,
-        repairs=[repair_of(name, at) for name, at in dates],
     )
     done = scan_logs(sources, store, scanning, progress=_Progress())
     if as_json:
@@ -114,23 +104,15 @@ class _Progress:
         say(f"{done} of {total} logs, {rate:.1f} a second, {(total - done) / rate:.0f} s left", err=True)
 
 
-def repair_of(name: str | None, at: datetime) -> Repair:
-    """Return the repair that ``AIRCRAFT/ACTUATOR``, ``AIRCRAFT/`` or ``ACTUATOR`` names; None names all."""
-    from mavhums.fleet import Repair
-
-    aircraft, _, actuator = (name or "").rpartition("/")
-    return Repair(aircraft or None, actuator or None, at)
-
-
 def odd_lines(found: OperatorTasks | Status, store: str) -> Iterator[str]:
     """Yield what an operator should correct, and what was corrected."""
     for one in found.foreign_boards:
         whose, log = one.elsewhere or "AIRCRAFT", one.logs[0] if len(one.logs) == 1 else "LOG..."
-        remedy = f"mavhums fleet move {store} {log} {whose}"
+        remedy = f"mavhums fleet move --store {store} {log} {whose}"
         yield f"{one}: another aircraft's log? {remedy}; a swapped board? list both in --aircraft-table"
     if found.removed:
         logs = "removed log stays" if found.removed == 1 else "removed logs stay"
-        yield f"{found.removed} {logs} out: mavhums fleet journal {store}"
+        yield f"{found.removed} {logs} out: mavhums fleet journal --store {store}"
 
 
 class _TimeParam(click.ParamType[datetime]):
@@ -152,7 +134,7 @@ class _TimeParam(click.ParamType[datetime]):
 
 
 @click.command(short_help="Report what changed since yesterday.", epilog=EPILOG)
-@STORE
+@FLEET_STORE
 @click.option(
     "--since",
     type=_TimeParam(),
@@ -177,7 +159,7 @@ def digest(
     notify_always: bool,
     as_json: bool,
 ) -> None:
-    """Say what changed in STORE: findings that are new or gone, growth, silent aircraft, failed logs.
+    """Say what changed in the store: findings that are new or gone, growth, silent aircraft, failed logs.
 
     What stands as before is counted only: `mavhums fleet worst` has it. Where there is nothing to say, one
     line says so, and nothing is sent. What changed goes by when logs came into the store, not by when they
@@ -215,7 +197,7 @@ def digest(
 
 @click.command(short_help="Judge logs as they land.", epilog=EPILOG)
 @click.argument("sources", nargs=-1, required=True, metavar="LOGS...")
-@click.option("--to", "store", required=True, metavar="STORE", help="The store, as of `fleet scan`.")
+@FILLED_STORE
 @judging(without=["decide"])
 @click.option(
     "--workers",
@@ -262,7 +244,7 @@ def watch(
     notify: tuple[str, ...],
     notify_always: bool,
 ) -> None:
-    """Judge the LOGS that land in folders, patterns or s3:// addresses into STORE, and print a line of each.
+    """Judge the LOGS that land in folders, patterns or s3:// addresses, and print a line of each.
 
     It begins with the logs that the store does not have yet. A log that is still being written waits until
     it no longer changes; one that cannot be judged is reported and stops nothing. While the disk is full

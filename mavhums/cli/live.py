@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -18,9 +19,10 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self, cast
 import click
 
 from mavhums.cli.ending import first_ends_in_order
-from mavhums.cli.history import live_judging
-from mavhums.cli.options import BASELINE_FROM, HISTORY, KEEP, PATH, judging
+from mavhums.cli.options import KEEP, PATH, STORE, judging
+from mavhums.cli.output import complain, say
 from mavhums.core.about import EPILOG
+from mavhums.core.errors import ExitCode, MavhumsError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,10 +42,9 @@ _LEVELS = ("debug", "info", "warning", "error")
 @click.command(short_help="Judge every actuator while it flies.", epilog=EPILOG)
 @click.argument("urls", nargs=-1, metavar="URL...")
 @judging(without=["aircraft"])
-@click.option("--aircraft", metavar="NAME", help="Name of the aircraft, where --history is a fleet's STORE.")
-@HISTORY
+@click.option("--aircraft", metavar="NAME", help="Name of the aircraft. Default: whose board it reports.")
+@STORE
 @KEEP
-@BASELINE_FROM
 @click.option(
     "--record",
     type=PATH,
@@ -108,8 +109,8 @@ def live(
       mavhums live udpin:14550 --record flight-%Y%m%d-%H%M%S.tlog --alerts
       mavhums live serial:/dev/ttyACM0:115200 --json | tee events.jsonl
 
-    With --history, each actuator is also compared with its own first flights; --keep adds the recording's
-    verdicts to them at the end, as `mavhums analyse --keep` does.
+    Each actuator is also compared with its aircraft's earlier flights in the store; --keep adds the recording
+    to them at the end, as `mavhums analyse --keep` does.
 
     Ctrl-C, SIGTERM and SIGHUP end the session and print the verdicts. Exit codes are those of analyse.
     Neither recording nor judging waits for an output: unread output is dropped and counted.
@@ -120,7 +121,15 @@ def live(
         raise click.UsageError("name a link, for example udpin:14550")
     if given["record"] and given["rrd"] and given["record"] == given["rrd"]:
         raise click.UsageError("--record and --rrd name the same file")
-    judging, keep = live_judging(options, given)
+    store, keep = given.pop("store"), given.pop("keep")
+    if keep and given["record"] is None:
+        raise click.UsageError("--keep needs --record FILE")
+    judging = replace(options, store=store, aircraft=f"={options.aircraft}" if options.aircraft else None)
+    if keep:  # a store that cannot be written is known before the flight
+        from mavhums.flights.store import Store
+
+        with Store(store).writing():
+            pass
     level = "info" if verbose and log_level == "warning" else log_level
     from mavhums.live.outlet import Spool
     from mavhums.live.setup import LiveOptions
@@ -136,10 +145,27 @@ def live(
             if out.outlet.dropped:
                 _LOG.warning("%s: %d dropped", out.outlet.name, out.outlet.dropped)
             written = err.finish(time.monotonic() + _PATIENCE_S / 2) and written
-    code = keep(assessment) if keep else assessment.exit_code
+    code = _kept(assessment, judging) if keep else assessment.exit_code
     if not (shown and written):
         os._exit(code)  # a hanging thread would delay an orderly end
     raise SystemExit(code)
+
+
+def _kept(assessment: Assessment, judging: Options) -> ExitCode:
+    """Put the recording of a session into the store; return the exit code of the command."""
+    from mavhums.app.analysis import analyse
+
+    log, code = Path(assessment.log.path or ""), assessment.exit_code
+    try:
+        if not log.is_file() or not log.stat().st_size:
+            remedy = "check the link: the report above lists what was received"
+            raise MavhumsError(f"{log}: nothing was recorded, so nothing is kept", remedy)
+        analyse(log, judging, keep=True)
+    except MavhumsError as error:
+        complain(error)
+        return code if code in (ExitCode.EMERGENCY, ExitCode.DEGRADED) else ExitCode.ERROR
+    say(f"mavhums: {log} is kept in {judging.store}", err=True)
+    return code
 
 
 class _Outputs(NamedTuple):

@@ -24,7 +24,7 @@ from mavhums.core.startup import collect_seldom
 _HOMES: Final[Mapping[str, Mapping[str, str]]] = {
     "Judge": {"analyse": "analyse", "report": "analyse", "serve": "serve", "live": "live"},
     "Look": {"inspect": "", "check": "tools", "export": "tools"},
-    "Over flights": {"trend": "history", "fleet": "fleet"},
+    "Over flights": {"trend": "trend", "fleet": "fleet"},
     "Set up": {"profile": "tools", "warm-up": "tools"},
     "Models": {"model": "tools", "train": "learn", "precedents": "learn", "study": "learn"},
 }
@@ -75,7 +75,8 @@ def cli() -> None:
       mavhums analyse flight.tlog --rrd flight.rrd the same, and a Rerun recording
       mavhums report flight.tlog -o report.html    the same as one HTML file
       mavhums serve                                the same in the browser: drop logs on a page
-      mavhums trend flights                        each actuator over its flights
+      mavhums analyse flight.tlog --keep           the same, and kept for the comparison of later flights
+      mavhums trend                                each actuator over its flights
       mavhums live udpin:14550                     the same verdicts while it flies
       mavhums inspect flight.tlog                  what the log holds, and what is missing
       mavhums profile new flight.tlog -o mine.toml a profile of your aircraft, to be filled in

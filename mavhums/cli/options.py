@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from functools import wraps
@@ -10,12 +11,15 @@ from typing import Any, Final
 
 import click
 
+from mavhums.core.errors import MavhumsError
+
 Dates = tuple[tuple[str | None, datetime], ...]
-"""Dates from which flights count, each with the name before it: of an actuator, or None for all."""
+"""Dates of repairs, each with the name before it: AIRCRAFT/ACTUATOR, either of these, or None for all."""
+
+_NONE: Final = "none"
 
 # What cannot be read is an error of one log among several, and not of the usage.
 PATH: click.Path = click.Path(path_type=Path, readable=False)
-STORE = click.argument("store", metavar="STORE")
 LOG = click.argument("log", metavar="LOG", type=PATH)
 LOGS = click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=PATH)
 AIRFRAME = click.option(
@@ -75,29 +79,58 @@ _FALSE_ALARMS = click.option(
 JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 
 
-class _PlaceParameter(click.ParamType["Path | str"]):
-    """A path, or the address of an object store, which stays a text."""
+def own_store() -> str:
+    """Return the place of the user's own store: the file of this user, or what the environment names."""
+    from platformdirs import user_data_path
 
-    name = "path"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Path | str:
-        return str(value) if "://" in str(value) else Path(str(value))
+    return os.environ.get("MAVHUMS_STORE") or str(user_data_path("mavhums", False) / "flights.sqlite")
 
 
-HISTORY = click.option(
-    "--history",
-    type=_PlaceParameter(),
-    metavar="DIR|STORE",
-    help="The aircraft's earlier flights, for each actuator's own baseline: a folder of its assessments, or"
-    " the store of a fleet.",
-)
+def _store(*, makes: bool = False, needed: bool = False, text: str) -> Callable[..., Any]:
+    """Return the option with the place of a store; without it, the user's own one is meant, once it exists.
+
+    Parameters
+    ----------
+    makes
+        Whether the command makes a store that does not exist; others do so with ``--keep``.
+    needed
+        Whether there is nothing to do without a store.
+    text
+        The first sentence of its help.
+    """
+
+    def place(ctx: click.Context, _: click.Parameter, given: str | None) -> str | None:
+        keeps = makes or ctx.params.get("keep", False)
+        found: str | None = given or own_store()
+        if found == _NONE:
+            found = None
+        if found and not given and not keeps and "://" not in found and not Path(found).exists():
+            found = None
+        if found is None and needed:
+            remedy = "keep a first one: mavhums analyse LOG --keep; or name a store with --store"
+            raise MavhumsError("no flights are kept yet", remedy)
+        if found is None and keeps:
+            raise click.UsageError("--keep needs a store: leave out --store none")
+        return found
+
+    return click.option(
+        "--store",
+        metavar="FILE|URL",
+        callback=place,
+        help=f"{text} A file, or postgresql://USER@HOST/NAME. Default: your own, which --keep makes.",
+    )
+
+
+STORE = _store(text="Compare with the aircraft's earlier flights in this store; 'none' with no other.")
+FLEET_STORE = _store(needed=True, text="The store.")
+FILLED_STORE = _store(makes=True, needed=True, text="The store that is filled.")
 JOBS = click.option(
     "--jobs",
     type=click.IntRange(1, 256),
     metavar="N",
     help="Judge so many logs at once. Default: as many as there are cores, but one where the logs are small.",
 )
-KEEP = click.option("--keep", is_flag=True, help="Put the flight into the folder or the store of --history.")
+KEEP = click.option("--keep", is_flag=True, is_eager=True, help="Put the flight into the store.")
 
 
 def utc(text: str) -> datetime:
@@ -121,29 +154,11 @@ class _NamedDate(click.ParamType[tuple[str | None, datetime]]):
             self.fail(f"{value!r} is not a date: write 2026-03-01, or rudder=2026-03-01", param, ctx)
 
 
-BASELINE_FROM = click.option(
-    "--baseline-from",
-    "dates",
-    type=_NamedDate(),
-    multiple=True,
-    metavar="[ACTUATOR=]DATE",
-    help="Flights before that date no longer count, as after a repair: of all actuators, or of one."
-    " Can be repeated.",
-)
-
-
 def repair_date(*names: str, text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Return an option with dates of repairs in a store."""
     metavar = "[[AIRCRAFT/]ACTUATOR=]DATE"
     return click.option(*names, type=_NamedDate(), multiple=True, metavar=metavar, help=text)
 
-
-REPAIRS = repair_date(
-    "--baseline-from",
-    "dates",
-    text="Flights before that date no longer count, as after a repair: D-EABC/rudder=2026-03-01, or"
-    " D-EABC/=2026-03-01 for all its actuators. The store keeps it. Can be repeated.",
-)
 
 _JUDGING: Final = {
     "airframe": AIRFRAME,

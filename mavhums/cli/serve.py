@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from mavhums.cli.options import HISTORY, PATH, judging
+from mavhums.cli.options import PATH, STORE, judging
 from mavhums.cli.output import say
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import MavhumsError
@@ -24,7 +24,7 @@ from mavhums.core.output import written_whole
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mavhums.app.settings import Options, Settings
+    from mavhums.app.settings import Options
     from mavhums.flights.queries import WorstActuator
     from mavhums.results.assessment import Assessment
     from mavhums.results.standing import TrendReport
@@ -38,7 +38,6 @@ _LOGS: Final = ".logs"
 
 
 @click.command(short_help="Open a page in the browser: drop logs, see verdicts.", epilog=EPILOG)
-@click.argument("store", required=False, metavar="[STORE]", type=PATH)
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="0 takes a free port."
 )
@@ -80,10 +79,10 @@ _LOGS: Final = ".logs"
     "--workers", type=click.IntRange(1, 64), default=2, show_default=True, help="Processes that judge."
 )
 @judging(without=["decide", "aircraft", "aircraft_table", "key"])
-@HISTORY
+@STORE
 def serve(
     options: Options,
-    store: Path | None,
+    store: str | None,
     port: int,
     host: str,
     public: str | None,
@@ -92,13 +91,12 @@ def serve(
     max_seconds: int,
     max_memory_mb: int,
     workers: int,
-    history: Path | None,
 ) -> None:
-    """Serve a page in the browser: drop logs, see the verdicts; with STORE, the fleet.
+    """Serve a page in the browser: drop logs, see the verdicts; with a store, the fleet.
 
     The page works without a network, and logs never leave this computer. Nothing is kept: logs are removed
-    when the session ends, unless you keep one in STORE, a store of `mavhums fleet scan`. A log is
-    compared with the flights of its aircraft in STORE, or with those in --history.
+    when the session ends, unless you keep one in the store. A log is compared with the flights of its
+    aircraft there.
     """
     from mavhums.learn import load_model
     from mavhums.serve import Quotas, ServeOptions
@@ -106,24 +104,20 @@ def serve(
 
     if isinstance(options.model, str):
         load_model(options.model)  # a wrong name is refused now, not with the first log that somebody drops
-    judging = replace(options, history=str(history) if history else None)
     limits = Quotas(
         log_bytes=max_mb * 1_000_000,
         judge_s=float(max_seconds),
         memory_bytes=max_memory_mb << 20,
         workers=workers,
     )
-    fleet = None if store is None else _PageStore(store, options)
-    worker = (sys.executable, "-m", "mavhums.cli.serve", str(limits.memory_bytes), str(store))
     page = ServeOptions(
         host=host,
         port=port,
         public=public,
-        judging=judging,
+        judging=replace(options, store=store),
         limits=limits,
-        fleet=fleet,
+        fleet=None if store is None else _PageStore(store, options),
         live=lines,
-        worker=None if store is None or history is not None else worker,
     )
     serve_page(page, say)
 
@@ -142,10 +136,16 @@ def _public(name: str | None) -> str | None:
 class _PageStore:
     """A store as the page needs it."""
 
-    def __init__(self, file: Path, options: Options) -> None:
-        if not file.parent.is_dir():
-            raise MavhumsError(f"{file.parent}: no such folder", "make it, or name another store")
-        self._store = file
+    def __init__(self, place: str, options: Options) -> None:
+        from mavhums.flights.store import Store
+
+        store = Store(place)
+        if not store.exists:
+            if not Path(place).absolute().parent.is_dir():
+                raise MavhumsError(f"{place}: no such folder", "make it, or name another store")
+            with store.writing():
+                pass
+        self._store = place
         self._options = options.as_texts()
 
     def status(self) -> StoreStatus:
@@ -176,17 +176,17 @@ class _PageStore:
     def keep(self, log: Path, aircraft: str | None = None) -> str:
         """Keep a log in the store, in a process of its own; its answer has problem and remedy."""
         options = self._options | ({"aircraft": f"={aircraft}"} if aircraft else {})
-        job = {"log": str(log), "store": str(self._store), "options": options}
-        command = [sys.executable, "-m", "mavhums.cli.serve", "keep"]
+        job = {"log": str(log), "options": options | {"store": self._store}}
+        command = [sys.executable, "-m", "mavhums.cli.serve"]
         done = subprocess.run(command, input=json.dumps(job), capture_output=True, text=True, check=False)
         try:
             answer = json.loads(done.stdout)
         except ValueError as error:
             problem = f"the process that keeps it ended with code {done.returncode}"
-            raise MavhumsError(problem, "keep it with `mavhums analyse --history STORE --keep`") from error
+            raise MavhumsError(problem, "keep it with `mavhums analyse --keep`") from error
         if "done" in answer:
             return str(answer["done"])
-        folder = f"{self._store.absolute().parent}{os.sep}"
+        folder = f"{Path(self._store).absolute().parent}{os.sep}"
         problem, remedy = (answer[key].replace(folder, "") for key in ("problem", "remedy"))
         if "proposed" in answer:
             from mavhums.flights.aircraft import UnnamedAircraftError
@@ -195,24 +195,13 @@ class _PageStore:
         raise MavhumsError(problem, remedy)
 
 
-def against_store(store: Path, log: str, settings: Settings) -> Settings:
-    """Return the settings for a log among the flights in a store; a new folder has none."""
-    from mavhums.flights.history import is_store
-
-    if not is_store(store):
-        return settings
-    from mavhums.fleet import against
-
-    return against(log, store, settings)
-
-
 def answer_to(job: dict[str, Any]) -> dict[str, Any]:
     """Return what was done as ``done``, or ``problem``, ``remedy`` and the aircraft that are ``proposed``."""
     from mavhums.app.analysis import Failed
     from mavhums.flights.aircraft import UnnamedAircraftError
 
     try:
-        return {"done": _kept(Path(job["log"]), Path(job["store"]), job["options"])}
+        return {"done": _kept(Path(job["log"]), job["options"])}
     except UnnamedAircraftError as error:
         return {"problem": error.problem, "remedy": error.remedy, "proposed": list(error.proposed)}
     except Exception as error:  # whatever it is, the page shows it and goes on
@@ -220,11 +209,15 @@ def answer_to(job: dict[str, Any]) -> dict[str, Any]:
         return {"problem": failed.problem, "remedy": failed.remedy}
 
 
-def _kept(log: Path, store: Path, options: dict[str, Any]) -> str:
+def _kept(log: Path, options: dict[str, Any]) -> str:
     """Copy a log into a folder beside the store and judge it there; a copy that is not kept is removed."""
+    from mavhums.app.analysis import analyse
     from mavhums.app.settings import Options
-    from mavhums.fleet import keep
 
+    if "://" in options["store"]:
+        remedy = "keep it with `mavhums analyse --keep`, where it lies"
+        raise MavhumsError("a store at an address has no folder for logs", remedy)
+    store = Path(options["store"])
     with log.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     copy = store.absolute().with_name(f"{store.name}{_LOGS}") / digest[:16] / log.name
@@ -235,9 +228,7 @@ def _kept(log: Path, store: Path, options: dict[str, Any]) -> str:
     except OSError as error:
         raise MavhumsError(f"cannot be stored: {error.strerror}", "make room in the store") from error
     try:
-        outcome = next(keep([copy], store, Options(**options)))
-        if outcome.error is not None:
-            raise outcome.error
+        analyse(copy, Options(**options), keep=True)
         if _lies_there(store, copy):
             return f"kept in the store as {copy.name}; see the fleet"
     except BaseException as error:
@@ -274,9 +265,4 @@ def _keep_one() -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "keep":
-        _keep_one()
-    else:
-        from mavhums.serve.worker import main
-
-        main(int(sys.argv[1]), lambda log, settings: against_store(Path(sys.argv[2]), log, settings))
+    _keep_one()

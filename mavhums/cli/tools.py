@@ -23,7 +23,7 @@ def check(log: Path, airframe: str | None, dialect: Path | None, as_json: bool) 
     """Check the servos whose surfaces are swept on the ground in LOG, before take-off.
 
     For each: the travel and the speed that it reaches, the hysteresis between the two ways (play, friction
-    and lag), the roughness of its motion, and the friction in its current. `analyse --history` compares
+    and lag), the roughness of its motion, and the friction in its current. `analyse --keep` compares
     roughness and friction with the aircraft's earlier sweeps.
 
     Ends with 0 if travel and speed are reached, and with 10 if not.

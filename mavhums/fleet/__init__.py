@@ -1,6 +1,5 @@
 """Judges the logs of many aircraft into one store, and reports from the store."""
 
-from mavhums.fleet.landing import Past, against, analyse, keep, past
 from mavhums.fleet.scan import ScanOptions, scan
 from mavhums.flights.corrections import change_repairs, journal, move, remove, rename, repairs_in, undo
 from mavhums.flights.queries import status, trend, verdicts, worst
@@ -8,18 +7,13 @@ from mavhums.flights.reports import digest, export
 from mavhums.flights.store.dates import Repair
 
 __all__ = [
-    "Past",
     "Repair",
     "ScanOptions",
-    "against",
-    "analyse",
     "change_repairs",
     "digest",
     "export",
     "journal",
-    "keep",
     "move",
-    "past",
     "remove",
     "rename",
     "repairs_in",

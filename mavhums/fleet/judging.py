@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cache
@@ -13,17 +11,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from mavhums.actuator.profile import load_airframe
 from mavhums.app.analysis import Failed, analyse_alone
 from mavhums.app.settings import Options, Settings
-from mavhums.core.about import __version__
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.engine.options import EngineOptions
 from mavhums.fleet.sources import UnreachedError, at_hand
-from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, board_of
-from mavhums.flights.compare import packed
-from mavhums.flights.history import PastFlight, UndatedError
-from mavhums.flights.naming import aircraft_in_store
+from mavhums.flights.aircraft import UNKNOWN, AircraftResolver
+from mavhums.flights.landing import row_of
 from mavhums.flights.store import LogFile, Row
 
 if TYPE_CHECKING:
@@ -59,25 +53,6 @@ class Judging(NamedTuple):
     resolver: AircraftResolver
 
 
-def settings_of(options: Options) -> str:
-    """Return the hash of everything besides the log that a judgement depends on."""
-    resolved = Settings.read(options).engine
-    content: dict[str, Any] = {
-        "version": __version__,
-        "airframe": load_airframe(resolved.airframe).model_dump_json() if resolved.airframe else None,
-        "models": [model.hash for model in resolved.models],
-        "false_alarms": resolved.false_alarms,
-        "dialect": None,
-        "key": None if resolved.key is None else hashlib.sha256(resolved.key).hexdigest(),
-    }
-    if resolved.dialect is not None:
-        with Path(resolved.dialect).open("rb") as file:
-            content["dialect"] = hashlib.file_digest(file, "sha256").hexdigest()
-    if resolved.decide != "physics":  # left out, so that stores of older versions keep their hashes
-        content["decide"] = resolved.decide
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
-
-
 def judge_several(files: Sequence[LogFile], judging: Judging) -> list[Row]:
     """Judge logs one by one."""
     return [judge(file, judging) for file in files]
@@ -94,26 +69,7 @@ def judge(file: LogFile, judging: Judging) -> Row:
     except Exception as error:
         failed = Failed.of(Path(path), error)
         return _failed(file, judging, failed.problem.replace(path, file.path), failed.remedy)
-    # The path of the log, wherever its copy lay.
-    log = alone.assessment.log.model_copy(update={"path": file.path})
-    assessment = alone.assessment.model_copy(update={"log": log})
-    try:
-        start_us: int | None = round(PastFlight.of(assessment).start.timestamp() * 1e6)
-    except UndatedError:
-        start_us = None
-    return Row(
-        *file,
-        settings=judging.settings,
-        sha256=log.sha256,
-        aircraft=aircraft_in_store(file.path, assessment, judging.resolver),
-        board=board_of(assessment),
-        start_us=start_us,
-        duration_s=log.duration_s,
-        losses=bool(log.losses.any),
-        flight=packed(alone._replace(assessment=assessment)),
-        problem=None,
-        remedy=None,
-    )
+    return row_of(alone, file, judging.settings, judging.resolver)
 
 
 def _failed(file: LogFile, judging: Judging, problem: str, remedy: str) -> Row:

@@ -13,16 +13,13 @@ from typing import Final, NamedTuple
 from sqlalchemy import Connection, func, select
 
 from mavhums.app.settings import Options, Settings
-from mavhums.core.errors import MavhumsError
-from mavhums.fleet.judging import AGAIN, Judging, connected, judge, judged_by_workers, settings_of
+from mavhums.fleet.judging import AGAIN, Judging, connected, judge, judged_by_workers
 from mavhums.fleet.sources import logs_in
-from mavhums.flights.aircraft import AircraftResolver, UnnamedAircraftError
 from mavhums.flights.aircraft_table import AircraftTable
-from mavhums.flights.naming import check_aircraft_named, remember, resolver_of_store
+from mavhums.flights.naming import remember, resolver_of_store
 from mavhums.flights.queries import standings
 from mavhums.flights.store import LogFile, Row, Store
-from mavhums.flights.store.dates import Repairs, enter_repairs, there_are
-from mavhums.flights.store.logs import FLOWN, add_logs, known_files, removed_files
+from mavhums.flights.store.logs import add_logs, known_files, removed_files
 from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, LOG, VERDICT
 from mavhums.flights.store.verdicts import make_verdicts
 from mavhums.results.standing import Standing
@@ -40,7 +37,7 @@ class ScanOptions:
     Attributes
     ----------
     judging
-        Options for each log; a history is ignored, because the store is the history.
+        Options for each log, without a store.
     aircraft
         Rule for the aircraft's name: ``folder`` for the name of the log's folder, ``board`` for the id of its
         board, or a regular expression with a group ``aircraft``. The store remembers it for later scans; a
@@ -54,9 +51,6 @@ class ScanOptions:
     scheduler
         Address of a Dask scheduler whose workers judge instead, such as ``tls://10.0.0.1:8786``. They must
         have logs and profiles under the same paths.
-    repairs
-        Dates from which actuators' flights count. The store keeps them; a new one changes the verdicts of
-        its aircraft without opening a log.
     """
 
     judging: Options = field(default_factory=Options)
@@ -64,7 +58,6 @@ class ScanOptions:
     aircraft_table: AircraftTable | str | os.PathLike[str] | None = None
     workers: int = 1
     scheduler: str | None = None
-    repairs: Repairs = ()
 
 
 class Scanned(NamedTuple):
@@ -111,31 +104,28 @@ def scan(
     >>> fleet.scan(["flight.tlog"], "store", fleet.ScanOptions(aircraft="folder")).failed  # doctest: +SKIP
     0
     """
-    options = options or ScanOptions()
-    return scanned(logs_in(sources), store, options, progress=progress)[0]
+    return scan_files(logs_in(sources), store, options or ScanOptions(), progress=progress)
 
 
-def scanned(
+def scan_files(
     files: Sequence[LogFile],
     store: str | os.PathLike[str],
     options: ScanOptions,
     *,
     progress: Progress | None = None,
-    asks: bool = False,
-) -> tuple[Scanned, dict[str, UnnamedAircraftError]]:
-    """Scan listed logs; with ``asks``, leave out those whose aircraft is a guess, and return why, by path."""
+) -> Scanned:
+    """Scan listed logs; parameters and errors are those of :func:`scan`."""
     named = replace(options.judging, aircraft=options.aircraft, aircraft_table=options.aircraft_table)
-    given = Settings.read(named).resolver
-    alone = replace(options.judging, history=None)
-    settings = settings_of(alone)
+    settings = Settings.read(named)
+    given, fingerprint = settings.resolver, settings.fingerprint()
     kept = Store(store)
     with kept.writing() as connection:
         remember(connection, given, files)
         resolver = resolver_of_store(connection, given)
         known, gone = known_files(connection, files), removed_files(connection)
-    new = [file for file in files if known.get(file) != settings and file not in gone]
-    commits = _Commits(kept, options.repairs, given if asks else None)
-    judging = Judging(alone, settings, resolver)
+    new = [file for file in files if known.get(file) != fingerprint and file not in gone]
+    commits = _Commits(kept)
+    judging = Judging(options.judging, fingerprint, resolver)
     with ExitStack() as exits:
         try:
             rows: Iterator[Row] = (judge(file, judging) for file in new)
@@ -148,21 +138,15 @@ def scanned(
                     progress(done, len(new))
         finally:  # what is judged is kept, whatever ended the scan
             commits.close()
-    if commits.unknown:
-        problem = f"{kept.place}: no aircraft {', '.join(commits.unknown)}, whose repairs are not stored"
-        with kept.reading() as connection:
-            raise MavhumsError(problem, f"the logs are judged; {there_are(connection)}")
-    return Scanned(commits.judged, commits.failed, len(files) - len(new)), commits.asked
+    return Scanned(commits.judged, commits.failed, len(files) - len(new))
 
 
 class _Commits:
     """Commits judged logs in blocks; the last block together with the verdicts on all."""
 
-    def __init__(self, store: Store, repairs: Repairs, given: AircraftResolver | None) -> None:
+    def __init__(self, store: Store) -> None:
         self.judged = self.failed = 0
-        self.asked: dict[str, UnnamedAircraftError] = {}
-        self.unknown: list[str] = []
-        self._store, self._repairs, self._given = store, repairs, given
+        self._store = store
         self._rows: list[Row] = []
         self._since_s = monotonic()
 
@@ -175,28 +159,13 @@ class _Commits:
     def close(self) -> None:
         with self._store.writing() as connection:
             self._put(connection)
-            flown = {*connection.scalars(FLOWN)}  # a first scan knows names at its end
-            known = [one for one in self._repairs if one.aircraft is None or one.aircraft in flown]
-            enter_repairs(connection, self._store.place, add=known)
             make_verdicts(connection)
-        unknown = (one.aircraft for one in self._repairs if one not in known)
-        self.unknown = [*dict.fromkeys(name for name in unknown if name)]
 
     def _put(self, connection: Connection) -> None:
-        rows = [row for row in self._rows if self._is_named(connection, row)]
-        judged, failed = add_logs(connection, rows)
+        judged, failed = add_logs(connection, self._rows)
         self.judged += judged
         self.failed += failed
         self._rows, self._since_s = [], monotonic()
-
-    def _is_named(self, connection: Connection, row: Row) -> bool:
-        if self._given is not None and row.flight is not None:
-            try:
-                check_aircraft_named(connection, row, self._given)
-            except UnnamedAircraftError as error:
-                self.asked[row.path] = error
-                return False
-        return True
 
 
 class ScannedFlight(NamedTuple):
@@ -259,8 +228,8 @@ class LogWatcher:
         self._options = options
         self._settle_s = settle_s
         named = replace(options.judging, aircraft=options.aircraft, aircraft_table=options.aircraft_table)
-        Settings.read(named)  # a mistake in an option ends the watch before it begins
-        self._settings = settings_of(options.judging)
+        # a mistake in an option ends the watch before it begins
+        self._settings = Settings.read(named).fingerprint()
         self._since_s: dict[LogFile, float] = {}
         self._done: set[LogFile] = set()
         self._reported: set[LogFile] = set()
@@ -293,7 +262,7 @@ class LogWatcher:
         new = [file for file in ready if file not in self._done]
         if not new:
             return
-        scanned(new, self._store.place, self._options)
+        scan_files(new, self._store.address, self._options)
         known, _ = self._known(new)
         with self._store.reading() as connection:
             stands = standings(connection)

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Final
 from urllib.parse import urlsplit
 
 from mavhums.core.errors import MavhumsError, MissingExtraError, UnreadableLogError
-from mavhums.core.output import as_utf8
 from mavhums.core.packed import ARCHIVES, COMPRESSED, members
 from mavhums.flights.store import LogFile
 from mavhums.log.formats import SUFFIXES
@@ -118,7 +117,7 @@ def _is_named_log(name: str) -> bool:
 
 def _files(path: Path) -> Iterator[LogFile]:
     """Yield a log, or each log in an archive; one without any is judged as it is, which tells the reason."""
-    file = _file(path)
+    file = LogFile.at(path)
     inside = []
     if _ARCHIVE.fullmatch(path.name):
         with suppress(UnreadableLogError, OSError):
@@ -128,14 +127,6 @@ def _files(path: Path) -> Iterator[LogFile]:
         yield file
     for one in logs:
         yield LogFile(f"{path}/{one.filename}", one.file_size, file.time_ns)
-
-
-def _file(path: Path) -> LogFile:
-    try:
-        status = path.stat()
-    except OSError:  # a dangling link: the worker reports the error
-        return LogFile(as_utf8(path), -1, 0)
-    return LogFile(as_utf8(path), status.st_size, status.st_mtime_ns)
 
 
 def _remote(source: str) -> Iterator[LogFile]:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from itertools import combinations
 from pathlib import Path
-from typing import NamedTuple, Protocol
 
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import as_utf8
@@ -80,10 +78,10 @@ def aircraft_of(path: str, rule: str | None) -> str:
     >>> aircraft_of("logs/0007.tlog", None)
     ''
     """
-    if rule in (None, BOARD):
-        return UNKNOWN
-    if rule.startswith(GIVEN):
+    if rule is not None and rule.startswith(GIVEN):
         return rule.removeprefix(GIVEN)
+    if rule in (None, BOARD) or not path:
+        return UNKNOWN
     if rule == FOLDER:
         return next(folder.name for folder in Path(path).resolve().parents if not folder.is_file())
     match = re.search(rule, path)
@@ -155,155 +153,3 @@ def latest(one: Since | None, other: Since | None) -> Mapping[str | None, dateti
         dates = [date for each in (one, other) if (date := each.get(name, each.get(None))) is not None]
         merged[name] = max(dates)
     return merged
-
-
-class OtherAircraftError(MavhumsError):
-    """A flight is of another aircraft than the history."""
-
-
-class KnownAircraft(NamedTuple):
-    """What is known of the aircraft of a vehicle's flights.
-
-    Attributes
-    ----------
-    vehicle
-        System id.
-    board
-        Unique id of the autopilot's board; None if it is unknown.
-    aircraft
-        The operator's name for the aircraft; None if there is none.
-    starts
-        Starts of the first and of the last flight of which this is known.
-    """
-
-    vehicle: int
-    board: str | None
-    aircraft: str | None
-    starts: tuple[datetime, datetime]
-
-    @property
-    def is_known(self) -> bool:
-        """Whether anything identifies the aircraft."""
-        return bool(self.board or self.aircraft)
-
-    def differs(self, other: KnownAircraft) -> bool:
-        """Return whether the two are known to be different aircraft."""
-        if self.vehicle != other.vehicle:
-            return False
-        if self.aircraft and other.aircraft:
-            return self.aircraft != other.aircraft
-        return bool(self.board and other.board and self.board != other.board)
-
-    def __str__(self) -> str:
-        return self.aircraft or f"the aircraft with the board {self.board}"
-
-
-class AircraftFlights(Protocol):
-    """Earlier flights, as :class:`mavhums.flights.history.FlightHistory` has them."""
-
-    @property
-    def name(self) -> str:
-        """What the history is called in messages."""
-
-    def owners(self) -> list[KnownAircraft]:
-        """Return what is known of the aircraft of its flights."""
-
-
-def owners_of(assessment: Assessment, start: datetime) -> Iterator[KnownAircraft]:
-    """Yield what an assessment says of the aircraft of each vehicle."""
-    for flight in assessment.log.flight:
-        yield KnownAircraft(flight.vehicle, flight.board, flight.aircraft, (start, start))
-
-
-def check_same_aircraft(
-    assessment: Assessment, history: AircraftFlights, table: AircraftTable | None = None
-) -> Assessment:
-    """Return the assessment, with a notice if it cannot be told whether the history is of its aircraft.
-
-    Parameters
-    ----------
-    assessment
-        Of the flight; its identities have the operator's names.
-    history
-        The earlier flights.
-    table
-        Where boards are installed; it also names the aircraft of the earlier flights.
-
-    Raises
-    ------
-    OtherAircraftError
-        If the flight is of another aircraft than the history, or the history is of several.
-    """
-    start = assessment.log.start_utc
-    past = [*_named(history.owners(), table)]
-    if start is None or not past:
-        return assessment
-    own = [*owners_of(assessment, datetime.fromisoformat(start))]
-    for one, other in ((one, other) for one in own for other in past):
-        if one.differs(other):
-            raise OtherAircraftError(
-                f"{assessment.log.path or 'the live link'}: is of {one},"
-                f" but {history.name} contains flights of {other}",
-                f"name the folder of {one} with --history; if only its board was swapped, list both boards"
-                " in a table and name that with --aircraft-table",
-            )
-    check_one_aircraft(history, table)
-    vehicles = {one.vehicle for one in past if one.is_known}
-    if any(one.is_known and one.vehicle in vehicles for one in own):
-        notice = _foreign_board(own, past, table)
-        if notice is None:
-            return assessment
-    else:
-        silent = "the log" if any(one.is_known for one in past) else history.name
-        notice = f"{silent} reports no board id: whether the flight is of this aircraft was not checked"
-    log = assessment.log
-    return assessment.model_copy(update={"log": log.model_copy(update={"notices": (*log.notices, notice)})})
-
-
-def _foreign_board(
-    own: Iterable[KnownAircraft], past: Iterable[KnownAircraft], table: AircraftTable | None
-) -> str | None:
-    """Return the notice on a board that no earlier flight of a named aircraft has; None without one."""
-    for one in own:
-        boards = {each.board for each in past if each.vehicle == one.vehicle and each.board}
-        is_listed = table is not None and table.aircraft_of(one.board, one.starts[0]) == one.aircraft
-        if one.board and boards and one.board not in boards and not is_listed:
-            return (
-                f"compared with flights of {one} with the board {min(boards)}, but this log has the board"
-                f" {one.board}: it is another aircraft's log, or the board was swapped (then list both in"
-                " --aircraft-table)"
-            )
-    return None
-
-
-def check_one_aircraft(history: AircraftFlights, table: AircraftTable | None = None) -> None:
-    """Refuse a history of several aircraft; the parameters are those of :func:`check_same_aircraft`.
-
-    Raises
-    ------
-    OtherAircraftError
-        If two flights of one system id are of different aircraft.
-    """
-    for one, other in combinations(_named(history.owners(), table), 2):
-        if one.differs(other):
-            raise OtherAircraftError(
-                f"{history.name}: contains flights of {one} and of {other}",
-                "move those of one into a folder of its own; if only the board was swapped, list both"
-                " boards in a table and name that with --aircraft-table",
-            )
-
-
-def swaps_of(
-    history: AircraftFlights, table: AircraftTable, moment: datetime
-) -> Mapping[str | None, datetime]:
-    """Return the last time up to a moment at which each actuator of the history's aircraft was swapped."""
-    names = {owner.aircraft for owner in _named(history.owners(), table)} - {None}
-    return table.since(names.pop(), moment) if len(names) == 1 else {}
-
-
-def _named(owners: Iterable[KnownAircraft], table: AircraftTable | None) -> Iterator[KnownAircraft]:
-    """Yield owners with the table's names at the start of their first and of their last flight."""
-    for owner in owners:
-        names = {table.aircraft_of(owner.board, start) if table else None for start in owner.starts}
-        for name in names:
-            yield owner._replace(aircraft=name or owner.aircraft)

@@ -9,7 +9,7 @@ the same result.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import datetime
 from functools import cache, partial
 from typing import Any, NamedTuple
@@ -84,7 +84,8 @@ class FlightComparison:
     engine
         A new engine.
     baselines, past
-        As for :func:`compared`. An airframe's baselines are looked up once.
+        As for :func:`compared`. Those of an airframe are looked up until there are some: a link's aircraft
+        may become known in flight.
     false_alarms
         Accepted number of false alarms in 100 hours of an actuator or an axis, as in the engine's options.
 
@@ -103,8 +104,8 @@ class FlightComparison:
         false_alarms: float = FALSE_ALARMS,
     ) -> None:
         self._engine, self._false_alarms = engine, false_alarms
-        self._past = cache(past) if past else None
-        self._baselines = cache(partial(_looked_up, baselines))
+        self._past = _looked_up_once(past) if past else None
+        self._baselines = _looked_up_once(partial(_looked_up, baselines))
         self._airframes: dict[int | None, str] = {}
         self._comparisons: dict[tuple[int, str], ActuatorComparison | None] = {}
 
@@ -215,8 +216,7 @@ def _with_findings(
 def _not_compared(assessment: Assessment) -> Assessment:
     """Return an assessment that says why earlier flights do not count: which are earlier is not known."""
     said = f"{NOT_COMPARED}: the log has no date (no satellite fix, no clock that was set, no file)"
-    log = assessment.log.model_copy(update={"notices": (*assessment.log.notices, said)})
-    return assessment.model_copy(update={"log": log})
+    return assessment.with_notice(said)
 
 
 def _start_of(assessment: Assessment) -> datetime | None:
@@ -226,6 +226,17 @@ def _start_of(assessment: Assessment) -> datetime | None:
 
 def _looked_up(baselines: BaselineSource, airframe: str | None, start: datetime) -> Baselines:
     return baselines(airframe, start) if callable(baselines) else baselines
+
+
+def _looked_up_once(source: Callable[..., Mapping[Any, Any]]) -> Callable[..., Any]:
+    known: dict[object, Mapping[Any, Any]] = {}
+
+    def look_up(*wanted: object) -> Mapping[Any, Any]:
+        if not known.get(wanted):
+            known[wanted] = source(*wanted)
+        return known[wanted]
+
+    return look_up
 
 
 def packed(flight: StandaloneAssessment) -> bytes:

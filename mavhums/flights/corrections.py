@@ -215,7 +215,7 @@ def undo(store: Place, number: int) -> Correction:
         row = connection.execute(select(JOURNAL).where(JOURNAL.c.id == number)).first()
         if row is None or row.undone:
             why = "is undone already" if row else "is not in the journal"
-            remedy = f"list them: mavhums fleet journal {kept.place}"
+            remedy = f"list them: mavhums fleet journal --store {kept.place}"
             raise MavhumsError(f"{kept.place}: the correction {number} {why}", remedy)
         done = _correction(row)
         connection.execute(update(JOURNAL).where(JOURNAL.c.id == number).values(undone=True))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from sqlalchemy import Connection, and_, func, select
 
@@ -13,11 +14,12 @@ from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.compare import unpacked
+from mavhums.flights.history import PastFlight
 from mavhums.flights.naming import foreign_boards
 from mavhums.flights.store import Store
 from mavhums.flights.store.dates import installed, repairs_of, since_of, there_are
 from mavhums.flights.store.earlier import OF_VERDICT, StoredFlights, past_flights, verdict_of
-from mavhums.flights.store.logs import aircraft_id
+from mavhums.flights.store.logs import FLOWN, aircraft_id
 from mavhums.flights.store.tables import (
     AIRCRAFT,
     FLIGHT,
@@ -42,7 +44,6 @@ from mavhums.results.store import (
 from mavhums.results.verdict import Verdict
 
 Place = str | os.PathLike[str]
-_NAMED: Final = and_(AIRCRAFT.c.id == FLIGHT.c.aircraft_id, AIRCRAFT.c.name != UNKNOWN)
 
 
 class Status(NamedTuple):
@@ -310,28 +311,74 @@ def verdicts(store: Place, aircraft: str) -> list[tuple[str, Verdict]]:
         return [(path, verdict_of(text, own)) for path, text, own in connection.execute(asked.where(own))]
 
 
-def trend(store: Place, aircraft: str) -> TrendReport:
+def trend(
+    store: Place,
+    aircraft: str | None = None,
+    *,
+    actuators: Collection[str] = (),
+    faults: Collection[str] = (),
+) -> TrendReport:
     """Return the trends of an aircraft's actuators.
+
+    Parameters
+    ----------
+    store
+        The store.
+    aircraft
+        Its name; None for the only one that there is.
+    actuators, faults
+        Names to include; all if empty.
 
     Raises
     ------
     MavhumsError
-        If the store does not exist, or does not contain the aircraft.
+        If the store does not exist, or does not contain the aircraft, the actuators or the faults.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> _ = mavhums.analyse("flight.tlog", store="flights.sqlite", keep=True, aircraft="=D-EABC")
+    >>> mavhums.trend("flights.sqlite", faults=["friction"]).flights
+    1
     """
     kept = Store(store).opened()
-    if aircraft == UNKNOWN:
-        raise MavhumsError(f"{kept.place}: an unknown aircraft has no trend", "name aircraft with --aircraft")
     with kept.reading() as connection, no_collection():
-        whose = aircraft_id(connection, aircraft, creates=False)
+        name = _the_only(connection, kept) if aircraft is None else aircraft
+        if name == UNKNOWN:
+            remedy = "name aircraft with --aircraft"
+            raise MavhumsError(f"{kept.place}: an unknown aircraft has no trend", remedy)
+        whose = aircraft_id(connection, name, creates=False)
         flown = [] if whose is None else [*past_flights(connection, whose, VERDICT.c.counts)]
         if whose is None or not flown:
-            problem = f"{kept.place}: no flight of the aircraft {aircraft!r}"
-            raise MavhumsError(problem, there_are(connection))
+            raise MavhumsError(f"{kept.place}: no flight of the aircraft {name!r}", there_are(connection))
+        _check_shown(kept, flown, actuators, faults)
         since, table = since_of(connection, whose), installed(connection, whose)
-        report = trend_of(flown, since, table, aircraft)
+        report = trend_of(flown, since, table, name, actuators=actuators, faults=faults)
         repairs = sorted(repairs_of(connection, whose), key=lambda repair: repair.at)
     dates = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repairs)
     return report.model_copy(update={"repairs": dates})
+
+
+def _the_only(connection: Connection, store: Store) -> str:
+    names = {*connection.scalars(FLOWN)}
+    if len(names) != 1:
+        raise MavhumsError(f"{store.place}: of which aircraft? Name it", there_are(connection))
+    return str(names.pop())
+
+
+def _check_shown(
+    store: Store, flown: Sequence[PastFlight], actuators: Collection[str], faults: Collection[str]
+) -> None:
+    """Refuse misspelt names: those that occur in no flight."""
+    verdicts = [verdict for flight in flown for verdict in flight.assessment.verdicts]
+    shown = {indicator.fault for verdict in verdicts for indicator in verdict.indicators}
+    for what, names, there in (
+        ("actuator", actuators, {verdict.actuator for verdict in verdicts}),
+        ("fault", faults, shown | {"friction", "effectiveness"}),
+    ):
+        for name in {*names} - there:
+            remedy = f"the flights show: {', '.join(sorted(there)) or 'none'}"
+            raise MavhumsError(f"{store.place}: no flight has the {what} {name!r}", remedy)
 
 
 def flights(store: Place, aircraft: str) -> list[Assessment]:
@@ -342,7 +389,7 @@ def flights(store: Place, aircraft: str) -> list[Assessment]:
     MavhumsError
         If the store does not exist.
     """
-    return [flown.assessment for flown in earlier_flights(Store(store).opened(), aircraft).flights]
+    return [flown.assessment for flown in earlier_flights(Store(store).opened(), aircraft).all()]
 
 
 def earlier_flights(store: Store, aircraft: str) -> StoredFlights:
@@ -350,7 +397,7 @@ def earlier_flights(store: Store, aircraft: str) -> StoredFlights:
     with store.reading() as connection:
         whose = aircraft_id(connection, aircraft, creates=False)
         since = since_of(connection, -1 if whose is None else whose)
-    return StoredFlights(store.reading, whose, since, name=store.place)
+    return StoredFlights(store.reading, whose, since)
 
 
 def flight(store: Place, aircraft: str, sha256: str) -> Assessment:

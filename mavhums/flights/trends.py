@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from functools import cache
 from math import sqrt
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -15,17 +14,15 @@ from pydantic import TypeAdapter
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, URGENCY
 from mavhums.core.statistics import NORMAL_95
-from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
-from mavhums.flights.aircraft_table import AircraftTable, Since, load_aircraft_table
-from mavhums.flights.folder import read_history
-from mavhums.flights.history import EarlierFlights, FlightHistory, PastFlight, UndatedError
+from mavhums.flights.aircraft import latest
+from mavhums.flights.aircraft_table import Since
+from mavhums.flights.history import PastFlight, baselines_of, in_order, superseded_by_profile
 from mavhums.flights.standing import Flown, growth_of, highest, mirrored, reason_of, standing_of, step_of
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import Course, course_of, last_step
 from mavhums.health.decision.thresholds import CLEAR_FLIGHTS, TREND_FLIGHTS
 from mavhums.health.decision.trend import Trend, fit_trend
-from mavhums.results.assessment import Assessment
 from mavhums.results.standing import (
     ActuatorTrend,
     FlightPoint,
@@ -36,110 +33,44 @@ from mavhums.results.standing import (
     Standing,
     Step,
     TrendReport,
-    to_frame,
 )
 from mavhums.results.verdict import ALL, Indicator, Verdict
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 _POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
-
-
 _Shown = list[tuple[Flown, Indicator]]
-
-
-def trend(
-    folder: str | os.PathLike[str],
-    *,
-    actuators: Collection[str] = (),
-    faults: Collection[str] = (),
-    since: Since | None = None,
-    aircraft_table: AircraftTable | str | os.PathLike[str] | None = None,
-) -> pd.DataFrame:
-    """Return every actuator's indicators over the flights in a folder of assessments.
-
-    Parameters
-    ----------
-    folder
-        The same as for :func:`mavhums.flights.folder.read_history`.
-    actuators, faults
-        Names to include; all if empty.
-    since
-        Dates from which flights count, by actuator; the key None applies to all others.
-    aircraft_table
-        The operator's table of installed boards and actuators, or its file: it names the aircraft of a board,
-        and an actuator's flights count from its last swap.
-
-    Returns
-    -------
-    DataFrame
-        A row per flight and indicator, sorted by actuator and time: ``vehicle``, ``actuator``,
-        ``airframe``, ``fault``, ``quantity``, ``unit``, ``flight`` (from 1), ``start_utc``, ``log``,
-        ``estimate`` with its 95 % interval ``low`` and ``high``, ``condition``, and the limits ``limit``
-        (degraded) and ``emergency``, NaN where there is none, and the flight's ``highest`` estimate and the
-        one at its ``end``, NaN where the flight does not tell.
-
-    Raises
-    ------
-    OtherAircraftError
-        If the folder holds flights of several aircraft with one system id.
-    AircraftTableError
-        If the table cannot be used.
-    MavhumsError
-        If the folder does not exist.
-
-    Examples
-    --------
-    >>> import mavhums
-    >>> from mavhums.flights.folder import keep_assessment
-    >>> file = keep_assessment(mavhums.analyse("flight.tlog"), "flights")
-    >>> list(mavhums.trend("flights", faults=["friction"]).columns)[9:12]
-    ['estimate', 'low', 'high']
-    """
-    if not isinstance(aircraft_table, AircraftTable | None):
-        aircraft_table = load_aircraft_table(aircraft_table)
-    history = read_history(folder)
-    report = own_trend_report(history, aircraft_table, actuators=actuators, faults=faults, since=since)
-    return to_frame(
-        sorted(report.trends, key=lambda one: (one.vehicle, one.actuator, one.airframe or "", one.fault))
-    )
-
-
-def own_trend_report(
-    history: FlightHistory,
-    table: AircraftTable | None = None,
-    *,
-    actuators: Collection[str] = (),
-    faults: Collection[str] = (),
-    since: Since | None = None,
-) -> TrendReport:
-    """Fit the trends of one aircraft; errors and arguments are those of ``trend``."""
-    check_one_aircraft(history, table)
-    if table is not None and history.flights:
-        since = latest(since, swaps_of(history, table, history.flights[-1].start))
-    return trend_report(history, actuators=actuators, faults=faults, since=since)
+_Recordings = Collection[tuple[str | None, str, int]]
 
 
 def trend_report(
-    history: FlightHistory,
+    flights: Iterable[PastFlight],
     *,
     actuators: Collection[str] = (),
     faults: Collection[str] = (),
     since: Since | None = None,
     repaired: Since | None = None,
 ) -> TrendReport:
-    """Fit a trend to every indicator of every actuator; the other arguments are those of ``trend``.
+    """Fit a trend to every indicator of every actuator.
 
-    Flights before ``repaired`` are shown, but neither trend nor baseline rests on them.
+    Parameters
+    ----------
+    flights
+        Flights of one aircraft.
+    actuators, faults
+        Names to include; all if empty.
+    since
+        Dates from which flights count, by actuator; the key None applies to all others.
+    repaired
+        Likewise; flights before are shown, but neither trend nor baseline rests on them.
     """
+    ordered = in_order(flights)
+    left_out = superseded_by_profile(ordered)
     trends: list[ActuatorTrend] = []
     standings: list[Standing] = []
     unshown: list[str] = []
     others: list[LastFlight] = []
     counted = latest(since, repaired)
-    references = cache(lambda airframe, before: history.baselines(airframe, before, counted))
-    for (vehicle, actuator, airframe), flown in _by_actuator(history, actuators, since).items():
+    references = cache(lambda airframe, before: baselines_of(ordered, airframe, before, counted))
+    for (vehicle, actuator, airframe), flown in _by_actuator(ordered, left_out, actuators, since).items():
         shown = _by_fault(flown)
         if not shown and flown[-1].verdict.condition != "unmonitored":
             unshown.append(f"{vehicle}: {actuator}")
@@ -154,39 +85,40 @@ def trend_report(
             others.append(_last_flight(flown[-1]))
         trends += wanted
     return TrendReport(
-        flights=history.count(),
+        flights=sum(_is_counted(flight, left_out) for flight in ordered),
         trends=tuple(sorted(trends, key=_rank)),
         unshown=tuple(unshown),
-        errors=tuple(error.problem for error in history.errors),
-        notices=history.notices,
         others=tuple(sorted(others, key=lambda one: (-URGENCY[one.condition], one.vehicle, one.actuator))),
         standings=tuple(sorted(standings, key=lambda one: one.rank)),
     )
 
 
-def with_standings(assessment: Assessment, earlier: EarlierFlights, since: Since | None) -> Assessment:
-    """Return an assessment with how each actuator stands over its flights, this one included.
+def standings_after(
+    flown: PastFlight, recent: Iterable[PastFlight], since: Since | None
+) -> tuple[Standing, ...]:
+    """Return how each actuator stands over its flights, up to this one.
 
     Parameters
     ----------
-    assessment
-        Of the flight, compared with the earlier ones.
-    earlier
+    flown
+        The flight, compared with the earlier ones.
+    recent
         The aircraft's flights; those after this one do not count.
     since
         Dates from which an actuator's flights count.
     """
-    try:
-        flown = PastFlight.of(assessment)
-    except UndatedError:
-        return assessment
-    recent = earlier.recent()
-    before = tuple(one for one in recent if one.end <= flown.start and one.log != flown.log)
+    before = [one for one in recent if one.end <= flown.start and one.log != flown.log]
     if not before:
-        return assessment
-    report = trend_report(FlightHistory((*before, flown)), repaired=since)
-    found = (one for one in report.standings if one.last_utc == flown.start.isoformat())
-    return assessment.model_copy(update={"standings": tuple(found)})
+        return ()
+    report = trend_report([*before, flown], repaired=since)
+    return tuple(one for one in report.standings if one.last_utc == flown.start.isoformat())
+
+
+def _is_counted(flight: PastFlight, left_out: _Recordings) -> bool:
+    """Whether no better log records all that it does."""
+    where = flight.assessment.airframe, flight.log
+    recorded = [(*where, each.flight.vehicle) in left_out for each in flight.recordings]
+    return not (recorded and all(recorded))
 
 
 def _last_flight(flown: Flown) -> LastFlight:
@@ -202,12 +134,11 @@ def _last_flight(flown: Flown) -> LastFlight:
 
 
 def _by_actuator(
-    history: FlightHistory, actuators: Collection[str], since: Since | None
+    flights: Iterable[PastFlight], left_out: _Recordings, actuators: Collection[str], since: Since | None
 ) -> dict[tuple[int, str, str | None], list[Flown]]:
     """Return the flights of each actuator in time order."""
     found: dict[tuple[int, str, str | None], list[Flown]] = {}
-    left_out = history.superseded_recordings()
-    for flight in history.flights:
+    for flight in flights:
         start_utc = flight.start.isoformat()
         for verdict in flight.assessment.verdicts:
             unwanted = verdict.actuator == ALL or (actuators and verdict.actuator not in actuators)

@@ -11,7 +11,6 @@ from typing import NamedTuple, Protocol, TypeVar
 from mavhums.engine.axes import MOST_VEHICLES
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import ConditionChanged, Event, Notice
-from mavhums.flights.aircraft import OtherAircraftError
 from mavhums.flights.compare import FlightComparison
 from mavhums.live.alerts import Alerts
 from mavhums.live.links import Link
@@ -94,8 +93,7 @@ class Session:
     sinks
         Take events, state and verdicts.
     identify
-        Returns an assessment with the identity of its aircraft; raises
-        :class:`mavhums.OtherAircraftError`, which ends the session, if the history is of another one.
+        Returns an assessment with the identity of its aircraft; also called when a vehicle reports its board.
 
     Examples
     --------
@@ -171,7 +169,7 @@ class Session:
         self._latest = assessment = self._judged(
             lambda: self._engine.assessment(indicators=False), self._latest
         )
-        self._check_same_aircraft(assessment)
+        self._note_boards(assessment)
         state, stale = self.status.report(assessment, now_us)
         self._ticks += 1
         self.peers.forget(now_us)
@@ -195,13 +193,7 @@ class Session:
             sink.tick(state, stale)
 
     def close(self) -> Assessment:
-        """Judge the remaining data, close recorder, links and sinks, and return the verdicts.
-
-        Raises
-        ------
-        OtherAircraftError
-            If the history is of another aircraft; the last notice of the sinks' assessment says so.
-        """
+        """Judge the remaining data, close recorder, links and sinks, and return the verdicts."""
         now_us = max(self.clock.now_us(), self._latest_us)
         self._record(self._stamper.close(now_us))
         self._publish(self._judged(self._engine.finish, []))
@@ -211,29 +203,21 @@ class Session:
             self._remember()
         path = str(self.recorder.path) if self.recorder else ", ".join(str(k.address) for k in self.links)
         assessment = self._judged(lambda: self._engine.assessment(path or None), self._latest)
-        assessment, refusal = self._identity(self._with_failures(self._with_reason(assessment)))
+        assessment = self._with_failures(self._with_reason(assessment))
+        if self._identify:
+            assessment = self._identify(assessment)
         for link in (*self.links, *self._ground):
             link.close()
         for sink in self.sinks:
             sink.close(assessment)
-        if refusal:
-            raise refusal
         return assessment
 
-    def _check_same_aircraft(self, assessment: Assessment) -> None:
-        """Refuse the history of another aircraft as soon as a vehicle reports its board."""
+    def _note_boards(self, assessment: Assessment) -> None:
+        """Identify the aircraft as soon as a vehicle reports its board."""
         identified = {(flight.vehicle, flight.board) for flight in assessment.log.flight}
         if self._identify and identified != self._identified:
             self._identified = identified
             self._identify(assessment)
-
-    def _identity(self, assessment: Assessment) -> tuple[Assessment, OtherAircraftError | None]:
-        """Return the assessment among the earlier flights of its aircraft, or why they are of another."""
-        try:
-            return (self._identify(assessment) if self._identify else assessment), None
-        except OtherAircraftError as error:
-            log = assessment.log.model_copy(update={"notices": (*assessment.log.notices, error.problem)})
-            return assessment.model_copy(update={"log": log}), error
 
     def _with_reason(self, assessment: Assessment) -> Assessment:
         """Return an assessment that says why no frame was accepted, if none was."""

@@ -7,15 +7,14 @@ import logging
 import os
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
+from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from mavhums.actuator.profile import load_airframe
-from mavhums.app.analysis import with_aircraft_identity
 from mavhums.app.settings import Options, Settings
 from mavhums.app.warm_up import compile_rare_loops
 from mavhums.core.errors import MavhumsError
@@ -23,9 +22,10 @@ from mavhums.core.output import written_whole
 from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
-from mavhums.flights.aircraft import check_one_aircraft, latest, swaps_of
+from mavhums.flights.aircraft import AircraftResolver
 from mavhums.flights.compare import FlightComparison
 from mavhums.health.actuator.monitor import Monitor
+from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.live.alerts import COMPONENT, Alerts, Signer
 from mavhums.live.links import Address, Link, ReceiveClock, UdpLink
 from mavhums.live.recorder import TlogRecorder
@@ -35,6 +35,10 @@ from mavhums.live.streams import SerialLink, TcpLink
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Piece, Stamper
+
+if TYPE_CHECKING:
+    from mavhums.flights.store import Store
+    from mavhums.results.assessment import Assessment
 
 _LOG = logging.getLogger(__name__)
 _HEADERS = 28  # bytes of a datagram's IPv4 and UDP headers
@@ -96,16 +100,18 @@ def prepare(options: LiveOptions, sinks: Sequence[Sink] = (), *, vehicle_states:
     Raises
     ------
     MavhumsError
-        If an address, a profile, a dialect, a model, a key, a history or the recording cannot be used.
+        If an address, a profile, a dialect, a model, a key, a store or the recording cannot be used.
     """
     addresses = [Address.parse(url) for url in options.urls]
     ground = [Address.parse(options.alerts_to)] if options.alerts_to else []
-    settings = _of_one_aircraft(Settings.read(options.judging))
+    settings = Settings.read(options.judging)
     key, file = settings.engine.key, getattr(options.judging, "key", None)
     seen = SeenSignatures(Path(file)) if isinstance(file, str | os.PathLike) else None
     guard = SignatureGuard(key, before=seen.load() if seen else None) if key else None
     engine = replace(settings.engine, key=None, vehicle_states=vehicle_states)
     _warm_up(engine)
+    judging = Engine(engine)
+    flown = None if settings.store is None else _LinkFlights(settings.store, judging, settings.resolver)
     recorder = TlogRecorder(options.record) if options.record else None
     clock, peers = ReceiveClock(), Peers()
     links = _open(addresses, clock, signed_only=key is not None)
@@ -126,12 +132,12 @@ def prepare(options: LiveOptions, sinks: Sequence[Sink] = (), *, vehicle_states:
     alerts = voice(ground_links) if options.alerts or ground else None
     greeter = None if options.silent else alerts if alerts and not ground else voice(links)
     return Session(
-        FlightComparison(Engine(engine), *settings.earlier(settings.since), engine.false_alarms),
+        FlightComparison(judging, flown.baselines, flown.past, engine.false_alarms) if flown else judging,
         reception,
         GroundStation(alerts, greeter, ground_links if ground else ()),
         recorder=recorder,
         sinks=sinks,
-        identify=partial(with_aircraft_identity, settings=settings),
+        identify=flown.identified if flown else settings.resolver.named,
     )
 
 
@@ -146,14 +152,28 @@ def _send(reception: Reception, to: Sequence[Link], frame: bytes, vehicle: int) 
         link.send(frame, heard)
 
 
-def _of_one_aircraft(settings: Settings) -> Settings:
-    """Return the settings with the dates of all swaps up to now, if the history is of one aircraft."""
-    history, table = settings.history, settings.resolver.table
-    for error in history.errors:
-        _LOG.warning("%s", error)
-    check_one_aircraft(history, table)
-    since = latest(settings.since, swaps_of(history, table, datetime.now(UTC)))
-    return replace(settings, since=since)
+class _LinkFlights:
+    """The earlier flights of the aircraft at a link, which its board may name in flight."""
+
+    def __init__(self, store: Store, engine: Engine, given: AircraftResolver) -> None:
+        from mavhums.flights.landing import OwnFlights  # a session without a store needs no database
+
+        self._look_up = partial(OwnFlights, store, given=given)
+        self._own = self._look_up(engine.assessment(indicators=False))
+
+    def identified(self, assessment: Assessment) -> Assessment:
+        """Return an assessment with the name of its aircraft, and with what the store knows of it."""
+        if not self._own.is_named:
+            self._own = self._look_up(assessment)
+        return self._own.completed(self._own.resolver.named(assessment))
+
+    def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
+        return self._own.baselines(airframe, before)
+
+    def past(
+        self, airframe: str | None, before: datetime | None
+    ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
+        return self._own.past(airframe, before)
 
 
 def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: bool) -> list[Link]:

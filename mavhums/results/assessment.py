@@ -39,7 +39,7 @@ class LogSummary(Contract):
     """The log that was judged.
 
     ``format`` is ``tlog``, ``dataflash`` or ``ulog``; ``flight`` identifies the flight of each vehicle,
-    ``copies`` are the other logs of the history that record the same flight; one of them counts. ``notices``
+    ``copies`` are the other logs of the store that record the same flight; one of them counts. ``notices``
     list what could not be checked.
     """
 
@@ -60,7 +60,8 @@ class Assessment(Contract):
 
     ``model`` is the richest network among those of the verdicts, ``usage`` the usage of each
     vehicle's servos. ``standings`` is the state of each actuator and axis over its flights, including this
-    one, where there is a history; worst first. ``events`` lists what happened in the flight, in order of
+    one, where there is a store; worst first. ``earlier_flights`` is the number of flights of the aircraft
+    that it was compared with; None without a store. ``events`` lists what happened in the flight, in order of
     time, ``events_left_out`` counts those that the list does not keep, as too many of one kind came.
 
     Examples
@@ -83,8 +84,14 @@ class Assessment(Contract):
     verdicts: tuple[Verdict, ...]
     usage: tuple[VehicleUsage, ...] = ()
     standings: tuple[Standing, ...] = ()
+    earlier_flights: int | None = None
     events: tuple[FlightEvent, ...] = ()
     events_left_out: int = Field(default=0, ge=0)
+
+    def with_notice(self, notice: str) -> Assessment:
+        """Return the assessment with one more notice on its log."""
+        log = self.log.model_copy(update={"notices": (*self.log.notices, notice)})
+        return self.model_copy(update={"log": log})
 
     def to_json(self, *, indent: int | None = 2) -> str:
         """Return the assessment as JSON that follows ``schema/assessment-2.json``."""

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
@@ -248,18 +247,18 @@ class RepairDate(Contract):
 
 
 class TrendReport(Contract):
-    """The trends of a folder, the worst first, and the files that could not be read.
+    """The trends of an aircraft, the worst first.
 
     Attributes
     ----------
     flights
-        Number of flights in the folder.
+        Number of its flights.
     unshown
         Actuators of which no flight shows an indicator.
     others
         Actuators and axes whose last flight was faulty, and of which no flight shows a wanted fault.
     repairs
-        Of the aircraft, in time order, where a fleet's store keeps them.
+        Of the aircraft, in time order.
     standings
         State of each actuator and axis over its flights, whatever indicators were requested, worst first.
     """
@@ -269,8 +268,6 @@ class TrendReport(Contract):
     flights: int
     trends: tuple[ActuatorTrend, ...]
     unshown: tuple[str, ...]
-    errors: tuple[str, ...]
-    notices: tuple[str, ...]
     repairs: tuple[RepairDate, ...] = ()
     others: tuple[LastFlight, ...] = ()
     standings: tuple[Standing, ...] = ()
@@ -291,34 +288,39 @@ class TrendReport(Contract):
             or any(shown.condition in ("undecided", "learning") for shown in self.trends)
         ):
             return ExitCode.UNDECIDED
-        return ExitCode.READ_WITH_LOSSES if self.errors else ExitCode.OK
+        return ExitCode.OK
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a row per flight and indicator, the worst actuator first.
+
+        The columns: ``vehicle``, ``actuator``, ``airframe``, ``fault``, ``quantity``, ``unit``, ``flight``
+        (from 1), ``start_utc``, ``log``, ``estimate`` with its 95 % interval ``low`` and ``high``,
+        ``condition``, the limits ``limit`` (degraded) and ``emergency``, and the flight's ``highest``
+        estimate and the one at its ``end``; NaN where there is none.
+        """
+        import pandas as pd
+
+        rows = []
+        for one in self.trends:
+            whose = one.model_dump(include={"vehicle", "actuator", "airframe", "fault", "quantity", "unit"})
+            for point in one.points:
+                flown = point.model_dump(include={"flight", "log", "condition"})
+                limits = {"limit": one.limit, "emergency": one.emergency}
+                ends = {"highest": point.highest, "end": point.end}
+                rows.append(
+                    {
+                        **whose,
+                        **flown,
+                        **point.value.model_dump(),
+                        **limits,
+                        **ends,
+                        "start_utc": point.start_utc,
+                    }
+                )
+        frame = pd.DataFrame(rows, columns=[*_COLUMNS.split(), "limit", "emergency", "highest", "end"])
+        frame["start_utc"] = pd.to_datetime(frame["start_utc"], utc=True, format="ISO8601")
+        numbers = ("estimate", "low", "high", "limit", "emergency", "highest", "end")
+        return frame.astype(dict.fromkeys(numbers, float))
 
 
 _COLUMNS = "vehicle actuator airframe fault quantity unit flight start_utc log estimate low high condition"
-
-
-def to_frame(trends: Collection[ActuatorTrend]) -> pd.DataFrame:
-    """Return trends as the table of ``mavhums trend``."""
-    import pandas as pd
-
-    rows = []
-    for one in trends:
-        whose = one.model_dump(include={"vehicle", "actuator", "airframe", "fault", "quantity", "unit"})
-        for point in one.points:
-            flown = point.model_dump(include={"flight", "log", "condition"})
-            limits = {"limit": one.limit, "emergency": one.emergency}
-            ends = {"highest": point.highest, "end": point.end}
-            rows.append(
-                {
-                    **whose,
-                    **flown,
-                    **point.value.model_dump(),
-                    **limits,
-                    **ends,
-                    "start_utc": point.start_utc,
-                }
-            )
-    frame = pd.DataFrame(rows, columns=[*_COLUMNS.split(), "limit", "emergency", "highest", "end"])
-    frame["start_utc"] = pd.to_datetime(frame["start_utc"], utc=True, format="ISO8601")
-    numbers = ("estimate", "low", "high", "limit", "emergency", "highest", "end")
-    return frame.astype(dict.fromkeys(numbers, float))

@@ -15,7 +15,7 @@ from markupsafe import Markup, escape
 from mavhums.core.conditions import SEVERITY, URGENCY
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import board_of
-from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.history import PastFlight
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import TrendReport
@@ -158,7 +158,7 @@ def dropped_trends(logs: Iterable[Dropped]) -> tuple[list[AircraftTrend], int]:
 
     An aircraft is known by its board: a log that reports no board, or no date, is of none.
     """
-    several: dict[str, list[PastFlight]] = defaultdict(list)
+    several: dict[str, dict[str, PastFlight]] = defaultdict(dict)
     judged = 0
     for log in logs:
         if log.state != "done":
@@ -167,12 +167,12 @@ def dropped_trends(logs: Iterable[Dropped]) -> tuple[list[AircraftTrend], int]:
         try:
             assessment = Assessment.model_validate_json(log.assessment.read_bytes())
             if board := board_of(assessment):
-                several[board].append(PastFlight.of(assessment))
+                flight = PastFlight.of(assessment)
+                several[board][flight.log] = flight
         except (OSError, ValueError, MavhumsError):  # removed by now, or without a date
             continue
     found = []
     for board, flights in sorted(several.items()):
-        history = FlightHistory(tuple(flights), name=f"board {board}")
-        if len(history.flights) >= FEWEST_FLIGHTS:
-            found.append(AircraftTrend(board, len(history.flights), trend_report(history)))
+        if len(flights) >= FEWEST_FLIGHTS:
+            found.append(AircraftTrend(board, len(flights), trend_report(flights.values())))
     return found, judged - sum(one.flights for one in found)

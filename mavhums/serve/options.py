@@ -111,8 +111,6 @@ class ServeOptions:
         A store of flights; None without one.
     live
         Files that ``mavhums live --json`` writes.
-    worker
-        Command of a process that judges; None for :mod:`mavhums.serve.worker`, which knows no store.
     """
 
     host: str = "127.0.0.1"
@@ -122,4 +120,3 @@ class ServeOptions:
     limits: Quotas = field(default_factory=Quotas)
     fleet: Fleet | None = None
     live: tuple[Path, ...] = ()
-    worker: tuple[str, ...] | None = None

@@ -23,7 +23,7 @@ from mavhums.core.about import EPILOG, NOTICE, __version__
 from mavhums.core.errors import MavhumsError
 from mavhums.core.models import Contract
 from mavhums.results.assessment import SCHEMA, Assessment, without_record
-from mavhums.results.standing import TrendReport, to_frame
+from mavhums.results.standing import TrendReport
 from mavhums.results.store import LastFlightOf, StoreStatus
 from mavhums.serve.guard import SESSION, UPLOADS
 from mavhums.serve.options import Fleet
@@ -58,7 +58,7 @@ _LOG: Final[dict[str, Any]] = {
         "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
     }
 }
-_ASK: Final = "GET /api/openapi.json describes the requests; /api/fleet needs `mavhums serve STORE`"
+_ASK: Final = "GET /api/openapi.json describes the requests; /api/fleet needs `mavhums serve --store STORE`"
 _Aircraft = Annotated[str, Query(description="Name of an aircraft.")]
 
 
@@ -162,7 +162,7 @@ def _add_stored(app: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
             report = await asyncio.to_thread(fleet.trend, aircraft)
         except MavhumsError as error:
             return PlainTextResponse(str(error), status_code=404)
-        text = await asyncio.to_thread(lambda: to_frame(report.trends).to_csv(index=False))
+        text = await asyncio.to_thread(lambda: report.to_frame().to_csv(index=False))
         return Response(text, media_type="text/csv", headers=_saved_as(f"{aircraft}-trend.csv"))
 
 

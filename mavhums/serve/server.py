@@ -54,7 +54,7 @@ def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
     port: int = listening.getsockname()[1]
     alone = is_loopback(options.host) and options.public is None
     token = None if alone else secrets.token_urlsafe(18)
-    workers = Workers(options.limits, options.worker)
+    workers = Workers(options.limits)
     sessions = Sessions(options.limits, options.judging, workers)
     try:
         application = _application(options, sessions, workers)

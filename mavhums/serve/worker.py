@@ -28,19 +28,10 @@ _FILES: Final = 256
 
 Job = dict[str, Any]
 Tell = Callable[[Job], None]
-Among = Callable[[str, Settings], Settings]
 
 
-def main(memory_bytes: int, among: Among | None = None) -> None:
-    """Judge until the standard input ends.
-
-    Parameters
-    ----------
-    memory_bytes
-        Most memory that this process may use.
-    among
-        Returns the settings for a log among earlier flights that only the caller knows; None for no others.
-    """
+def main(memory_bytes: int) -> None:
+    """Judge until the standard input ends, with at most so much memory."""
     output = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # what a library prints must not be taken for an answer
     jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
@@ -54,7 +45,7 @@ def main(memory_bytes: int, among: Among | None = None) -> None:
     warm_up()  # loads and compiles what the first log needs
     tell({"ready": True})
     while True:
-        tell(_done(jobs.get(), tell, among or (lambda _, settings: settings)))
+        tell(_done(jobs.get(), tell))
 
 
 def _listen(jobs: queue.SimpleQueue[Job]) -> None:
@@ -76,13 +67,13 @@ def _limit(memory_bytes: int) -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (memory_bytes, memory_bytes))
 
 
-def _done(job: Job, tell: Tell, among: Among) -> Job:
+def _done(job: Job, tell: Tell) -> Job:
     """Return the answer to a job, whatever happens."""
     log = Path(job["log"])
     try:
         if job["do"] == "unpack":
             return _unpack(job)
-        settings = among(job["log"], _settings(job))
+        settings = _settings(job)
     except Exception as error:
         return _refusal(Failed.of(log, error), job)
     judged = judge(log, settings, _sinks(job), _reporting(tell))

@@ -95,7 +95,7 @@ def blocks(
         without them.
     """
     rest, without_wings = judged_vehicles(assessment)
-    notes = [f"{note}." for note in flight_notes(assessment.log)]
+    notes = [f"{note}." for note in flight_notes(assessment)]
     first = [note for note in notes if note.startswith(capital(NOT_COMPARED))]
     # Where no vehicle is judged, the headline has the lines on them.
     first += [f"{line}." for line in without_wings] if rest.verdicts else []

@@ -44,10 +44,10 @@ def trend_blocks(report: TrendReport) -> list[Block]:
 def headline(report: TrendReport) -> str:
     """Return the result in one line: the shortest remaining useful life, or that none is known."""
     if not report.flights:
-        return "No flights in this folder: put them there with mavhums analyse LOG --history DIR --keep"
+        return "No flights: keep them with mavhums analyse LOG --keep"
     last: list[ActuatorTrend | LastFlight] = [*report.trends, *report.others]
     if not last:
-        return "No flight in this folder carries an indicator of a fault"
+        return "No flight carries an indicator of a fault"
     by_name = {_subject(one): one for one in report.standings}
     states = [(one, _state(by_name.get(_subject(one)), one)) for one in last]
     gravest = max((state for _, state in states), key=URGENCY.__getitem__)

@@ -8,7 +8,7 @@ from typing import Final
 
 from mavhums.core.conditions import Condition
 from mavhums.log.base.decoder import Losses
-from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval, Standing
 from mavhums.results.verdict import ALL, Verdict
 
@@ -156,9 +156,13 @@ def moment(utc: str) -> str:
     return f"{utc[:10]} {utc[11:19]} UTC"
 
 
-def flight_notes(log: LogSummary) -> list[str]:
-    """Return sentences on whose flight it is: other recordings of it, and what could not be checked."""
-    said = [capital(notice) for notice in log.notices]
+def flight_notes(assessment: Assessment) -> list[str]:
+    """Return sentences on whose flight it is: earlier ones, other recordings of it, what was not checked."""
+    log, earlier, said = assessment.log, assessment.earlier_flights, []
+    if earlier:
+        flights = "1 earlier flight" if earlier == 1 else f"{earlier:,} earlier flights"
+        said.append(f"Compared with {flights} of this aircraft")
+    said += [capital(notice) for notice in log.notices]
     if log.copies:
         others = join(sorted({copy.log or "a live link" for copy in log.copies}))
         best = next((copy.log or "a live link" for copy in log.copies if copy.counts), None)

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
-from mavhums import Engine, analyse
+from mavhums import Engine, analyse, trend
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.cli.main import cli
 from mavhums.flights.compare import FlightComparison, compared, packed, unpacked
-from mavhums.flights.folder import keep_assessment, read_history
-from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from tests.engine.test_axes import flown
 
+NAME = "=D-A"
 GAINS = (2.15, 2.3, 2.1, 2.25, 2.2, 2.05)
 STRICT = """name = "own"
 [axes]
@@ -44,15 +42,15 @@ def log(folder: Path, day: int, **given: float) -> Path:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Six healthy flights, and their assessments."""
+    """Six healthy flights, kept in a store."""
     logs = tmp_path_factory.mktemp("axes")
     for day, gain in enumerate(GAINS):
-        keep_assessment(analyse(log(logs, day, gain=gain)), logs / "flights")
+        analyse(log(logs, day, gain=gain), store=logs / "flights", aircraft=NAME, keep=True)
     return logs
 
 
 def judged(folder: Path, path: Path) -> Assessment:
-    return analyse(path, Options(history=folder / "flights"))
+    return analyse(path, store=folder / "flights", aircraft=NAME)
 
 
 def test_a_loss_from_the_start_is_found_against_the_history(folder: Path) -> None:
@@ -97,9 +95,10 @@ def test_a_loss_in_the_flight_stays_one_finding(folder: Path) -> None:
 
 
 def test_four_flights_are_no_baseline(folder: Path, tmp_path: Path) -> None:
-    for file in sorted((folder / "flights").glob("*.json"))[:4]:
-        (tmp_path / file.name).write_bytes(file.read_bytes())
-    verdict = roll(analyse(log(folder, 34, gain=1.1), Options(history=tmp_path)))
+    store = tmp_path / "flights"
+    for day in range(4):
+        analyse(folder / f"{day}.tlog", store=store, aircraft=NAME, keep=True)
+    verdict = roll(analyse(log(folder, 34, gain=1.1), store=store, aircraft=NAME))
     assert verdict.condition == "unchanged"
     assert all(one.baseline is None for one in verdict.indicators)
 
@@ -116,10 +115,10 @@ def test_outputs_that_were_inferred_are_not_compared(tmp_path: Path) -> None:
 def test_the_limits_are_those_of_the_profile(tmp_path: Path) -> None:
     profile = tmp_path / "own.toml"
     profile.write_text(STRICT)
-    options = Options(airframe=profile)
+    options = Options(airframe=profile, store=tmp_path / "flights", aircraft=NAME)
     for day, gain in enumerate(GAINS):
-        keep_assessment(analyse(log(tmp_path, day, gain=gain), options), tmp_path / "flights")
-    verdict = roll(analyse(log(tmp_path, 30, gain=1.1), replace(options, history=tmp_path / "flights")))
+        analyse(log(tmp_path, day, gain=gain), options, keep=True)
+    verdict = roll(analyse(log(tmp_path, 30, gain=1.1), options))
     assert verdict.condition == "degraded"
     assert verdict.limits is not None
     assert verdict.limits.effectiveness_emergency == 0.3
@@ -141,13 +140,13 @@ def test_in_flight_and_afterwards_the_past_says_the_same(folder: Path) -> None:
 
 
 def test_trend_shows_the_axes(folder: Path) -> None:
-    shown = CliRunner().invoke(cli, ["trend", str(folder / "flights"), "--json"])
+    shown = CliRunner().invoke(cli, ["trend", "--store", str(folder / "flights"), "--json"])
     trends = {(one["actuator"], one["fault"]): one for one in json.loads(shown.output)["trends"]}
     gain = trends["roll", "effectiveness"]
     assert (gain["quantity"], gain["unit"], len(gain["points"])) == ("control gain", "rad/m", 6)
     assert gain["points"][0]["value"]["estimate"] == pytest.approx(2.15 / 18, rel=0.05)
     assert gain["baseline"]["low"] < 0.122 < gain["baseline"]["high"]
-    table = CliRunner().invoke(cli, ["trend", str(folder / "flights")])
+    table = CliRunner().invoke(cli, ["trend", "--store", str(folder / "flights")])
     assert "control gain, rad/m" in table.output
 
 
@@ -155,8 +154,8 @@ def test_trend_shows_the_axes(folder: Path) -> None:
 def test_the_remaining_life_of_a_declining_gain_is_told(tmp_path: Path) -> None:
     for day, share in enumerate((1.0, 1.01, 0.99, 1.0, 1.0, 0.97, 0.94, 0.91, 0.88, 0.85, 0.82, 0.8)):
         path = log(tmp_path, day, gain=2.2 * share)
-        keep_assessment(analyse(path), tmp_path / "flights")
-    report = trend_report(read_history(tmp_path / "flights"), faults=["effectiveness"])
+        analyse(path, store=tmp_path / "flights", aircraft=NAME, keep=True)
+    report = trend(tmp_path / "flights", faults=["effectiveness"])
     gain = next(one for one in report.trends if one.actuator == "roll")
     assert gain.subject == "axis"
     assert gain.baseline is not None
@@ -183,12 +182,12 @@ def test_an_aileron_that_is_frozen_from_take_off_is_found_in_the_closed_loop(tmp
         assert flown.exit_code == 0, flown.output
         return path
 
-    flights = str(tmp_path / "flights")
+    store = ["--store", str(tmp_path / "flights")]
     for day in range(6):
-        judged = CliRunner().invoke(cli, ["analyse", str(fly(day)), "--history", flights, "--keep"])
+        judged = CliRunner().invoke(cli, ["analyse", str(fly(day)), *store, "--keep"])
         assert "EMERGENCY" not in judged.output
     broken = fly(30, "--surface-fault", "aileron_left=freeze:0")
     assert "roll control: EMERGENCY" not in CliRunner().invoke(cli, ["analyse", str(broken)]).output
-    found = CliRunner().invoke(cli, ["analyse", str(broken), "--history", flights])
+    found = CliRunner().invoke(cli, ["analyse", str(broken), *store])
     assert "roll control: EMERGENCY" in found.output
     assert "earlier" in found.output

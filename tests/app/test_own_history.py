@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
 import mavhums
-from mavhums.flights.folder import keep_assessment
 from mavhums.results.assessment import Assessment
 from mavhums_sim import Flight, Gearbox, fly
 from mavhums_sim.conditions import Condition
@@ -50,22 +49,15 @@ def log_of(folder: Path, number: int, added_nm: float = 0.0) -> Path:
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Ten flights kept in a folder, as if flown on the days before."""
+    """Ten flights kept in a store, flown on the days before."""
     folder = tmp_path_factory.mktemp("own")
     profile = folder / "blank.toml"
     profile.write_text(PROFILE, encoding="utf-8")
     (folder / "logs").mkdir()
     for number in range(10):
         path = log_of(folder / "logs", number)
-        options = mavhums.Options(airframe=profile, history=folder / "flights" if number else None)
-        keep(mavhums.analyse(path, options), folder / "flights", number)
+        mavhums.analyse(path, airframe=profile, store=folder / "flights", aircraft="=D-A", keep=True)
     return folder
-
-
-def keep(assessment: Assessment, folder: Path, day: int) -> None:
-    start = (BEGIN + timedelta(days=day)).isoformat()
-    dated = assessment.log.model_copy(update={"start_utc": start})
-    keep_assessment(assessment.model_copy(update={"log": dated}), folder)
 
 
 def condition(assessment: Assessment) -> str:
@@ -78,7 +70,7 @@ def test_ten_flights_are_learnt_and_the_eleventh_is_judged(run: Run, flown: Path
     assert condition(first) == "learning"
     assert Assessment.model_validate_json(first.to_json()).to_json() == first.to_json()
     healthy = log_of(flown / "logs", 20)
-    given = ("--airframe", flown / "blank.toml", "--history", flown / "flights")
+    given = ("--airframe", flown / "blank.toml", "--store", flown / "flights", "--aircraft", "=D-A")
     told = run("analyse", healthy, *given)
     words = " ".join(told.out.split())
     assert "elevator: unchanged" in words
@@ -91,7 +83,7 @@ def test_ten_flights_are_learnt_and_the_eleventh_is_judged(run: Run, flown: Path
 
 @pytest.mark.slow
 def test_a_recording_shows_what_only_the_comparison_told(flown: Path) -> None:
-    options = mavhums.Options(airframe=flown / "blank.toml", history=flown / "flights")
+    options = mavhums.Options(airframe=flown / "blank.toml", store=flown / "flights", aircraft="=D-A")
     path = flown / "worn.rrd"
     assessment = mavhums.analyse(log_of(flown / "logs", 31, 0.2), options, recording=path)
     assert condition(assessment) == "changed"

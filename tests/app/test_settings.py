@@ -31,14 +31,14 @@ def test_profile_table_and_history_are_read_once(
 
         monkeypatch.setattr(f"mavhums.app.settings.{name}", call)
 
-    for name in ("load_airframe", "load_aircraft_table", "packaged_models", "_history"):
+    for name in ("load_airframe", "load_aircraft_table", "packaged_models", "_store"):
         counted(name)
     table = tmp_path / "table.csv"
     table.write_text("aircraft,board,actuator,serial,from,to\nD-A,0A,,,,\n")
     named = ("--airframe", "paper", "--aircraft", "=D-A", "--aircraft-table", table)
-    kept = ("--history", tmp_path / "kept", "--keep")
+    kept = ("--store", tmp_path / "kept", "--keep")
     assert run("analyse", growing_log, *named, *kept).err == ""
-    assert sorted(read) == ["_history", "load_aircraft_table", "load_airframe", "packaged_models"]
+    assert sorted(read) == ["_store", "load_aircraft_table", "load_airframe", "packaged_models"]
 
 
 def test_settings_are_not_read_again() -> None:
@@ -80,9 +80,9 @@ def test_an_item_that_hangs_costs_only_itself() -> None:
 
 
 def test_options_travel_to_another_process_as_texts(tmp_path: Path) -> None:
-    options = Options(airframe="paper", history=tmp_path, false_alarms=2.0)
+    options = Options(airframe="paper", store=tmp_path, false_alarms=2.0)
     texts = options.as_texts()
-    assert texts == {"airframe": "paper", "history": str(tmp_path), "false_alarms": 2.0}
+    assert texts == {"airframe": "paper", "store": str(tmp_path), "false_alarms": 2.0}
     assert Options(**texts).as_texts() == texts  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="airframe"):
         Options(airframe=mavhums.load_airframe("paper")).as_texts()

@@ -175,8 +175,8 @@ def test_a_file_of_version_0_1_is_still_read() -> None:
 def test_a_history_keeps_the_networks_decision(run: Run, worn: Path, tmp_path: Path) -> None:
     """Held against earlier flights, the verdict is still the network's."""
     alone = elevator(run("analyse", worn, "--decide", "network", "--json").out)
-    folder = tmp_path / "flights"
+    store = ("--store", tmp_path / "flights", "--aircraft", "=D-A", "--keep")
     for _ in range(2):
-        kept = run("analyse", worn, "--decide", "network", "--json", "--history", folder, "--keep")
+        kept = run("analyse", worn, "--decide", "network", "--json", *store)
         assert elevator(kept.out)["condition"] == alone["condition"]
         assert elevator(kept.out)["evidence"] == alone["evidence"]

@@ -110,22 +110,21 @@ def test_a_log_that_may_not_be_read_is_a_row(
     assert [one["problem"] for one in json.loads(outcome.out)["failures"]] == [
         f"{refused}: Permission denied"
     ]
-    outcome = run("analyse", refused, "--history", tmp_path / "h", "--keep")
+    outcome = run("analyse", refused, "--store", tmp_path / "h", "--keep")
     assert (outcome.code, outcome.out) == (ExitCode.ERROR, "")
 
 
 def test_hostile_names_reach_no_terminal(run: Run, tmp_path: Path, short_log: Path) -> None:
-    folder = tmp_path / "history"
-    folder.mkdir()
-    (folder / f"{HOSTILE}.json").write_text('{"schema": "mavhums.assessment/1"')
+    store = tmp_path / f"{HOSTILE}.sqlite"
+    store.write_text("no database")
     log = tmp_path / HOSTILE
     log.write_bytes(short_log.read_bytes())
     for arguments in (
-        ["analyse", log, "--history", folder],
+        ["analyse", log, "--store", store],
         ["analyse", log, "--json"],
         ["analyse", tmp_path / f"absent{HOSTILE}"],
         ["inspect", log],
-        ["trend", folder],
+        ["trend", "--store", store],
         ["export", log, "-o", tmp_path / f"{HOSTILE}.csv"],
         ["profile", "new", log],
     ):
@@ -147,7 +146,7 @@ def test_a_name_that_is_not_utf_8_is_a_text_of_the_answer(
     shown = f"{folder}/flight\\xfc.tlog"
     assert json.loads(run("analyse", log, "--json").out)["log"]["path"] == shown
     assert json.loads(run("inspect", log, "--json").out)["path"] == shown
-    assert run("analyse", log, "--history", tmp_path / "h", "--keep").code == ExitCode.OK
+    assert run("analyse", log, "--store", tmp_path / "h", "--aircraft", "=D-A", "--keep").code == ExitCode.OK
     for arguments in (
         ["analyse", log, "--aircraft", os.fsdecode(b"=\xfc")],
         ["export", log, "-o", folder / os.fsdecode(b"\xfc.parquet")],
@@ -155,8 +154,9 @@ def test_a_name_that_is_not_utf_8_is_a_text_of_the_answer(
         refused = run(*arguments)
         assert refused.code == ExitCode.ERROR
         assert "is not UTF-8" in refused.err
-    assert run("fleet", "scan", folder, "--to", tmp_path / "store", "--workers", "0").code == ExitCode.ERROR
-    found = json.loads(run("fleet", "status", tmp_path / "store", "--json").out)
+    store = ("--store", tmp_path / "store")
+    assert run("fleet", "scan", folder, *store, "--workers", "0").code == ExitCode.ERROR
+    found = json.loads(run("fleet", "status", *store, "--json").out)
     assert [one["problem"] for one in found["failures"]] == [f"{shown}: its name is not UTF-8"]
     assert found["judged"] == 1
 

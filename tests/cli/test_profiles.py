@@ -203,7 +203,7 @@ def test_a_draft_shows_the_quantities_and_compares_with_the_own_past_alone(
         assert verdict.condition == verdict.worst == "learning"
         assert verdict.reason == "flight 1 of the 10 that its baseline takes; no absolute limit known"
         assert verdict.remedy is not None
-        assert "--history" in verdict.remedy
+        assert "--keep" in verdict.remedy
         assert len(verdict.provenance) == 12
     outcome = run("analyse", growing_log, "--airframe", mine, "--rrd", tmp_path / "draft.rrd")
     assert outcome.code == ExitCode.UNDECIDED

@@ -25,7 +25,7 @@ def test_a_missing_extra_is_one_line_with_the_remedy(run: Run, monkeypatch: pyte
 
 
 def test_a_store_that_is_none_is_refused(run: Run, tmp_path: Path) -> None:
-    code, _, err = run("serve", tmp_path / "absent" / "store")
+    code, _, err = run("serve", "--store", tmp_path / "absent" / "store")
     assert code == ExitCode.ERROR
     assert "no such folder" in err
     assert "make it" in err

@@ -233,7 +233,7 @@ def test_every_command_takes_a_model_by_name_and_lists_the_names_for_a_wrong_one
         ["analyse", short_log, "--model", "paper-ecs"],
         ["report", short_log, "-o", tmp_path / "r.html", "--model", "paper-ecs"],
         ["live", "udpin:0", "--model", "paper-ecs"],
-        ["fleet", "scan", short_log, "--to", tmp_path / "store", "--model", "paper-ecs"],
+        ["fleet", "scan", short_log, "--store", tmp_path / "store", "--model", "paper-ecs"],
         ["serve", "--port", "0", "--model", "paper-ecs"],
     ):
         outcome = run(*command)

@@ -299,8 +299,8 @@ def test_a_fleet_keeps_no_alarm_of_a_contradicted_profile(run: Run, tmp_path: Pa
         path.write_bytes(moved(flight.tlog(), 86_400.0 * day))
     store = tmp_path / "store"
     options = ("--airframe", "paper", "--aircraft", "folder", "--workers", "0")
-    assert run("fleet", "scan", tmp_path / "logs", "--to", store, *options).code == 0
-    worst = json.loads(run("fleet", "worst", store, "--json").out)
+    assert run("fleet", "scan", tmp_path / "logs", "--store", store, *options).code == 0
+    worst = json.loads(run("fleet", "worst", "--store", store, "--json").out)
     conditions = {one["verdict"][key] for one in worst for key in ("condition", "worst")}
     assert conditions <= {"normal", "unchanged", "undecided", "unmonitored"}
     assert WRONG in json.dumps(worst)

@@ -60,7 +60,7 @@ def test_the_best_recording_counts_and_the_others_are_named(logs: Path, run: Run
     assert status.judged == 3 * FLIGHTS
     assert len(status.copies) == 2 * FLIGHTS
     assert {log for log, _ in status.copies} == {str(log) for log in arriving} - set(counted)
-    shown = run("fleet", "status", store)
+    shown = run("fleet", "status", "--store", store)
     assert f"{far}: is of the same flight as {counted[0]}, which counts" in shown.out
-    answer = json.loads(run("fleet", "status", store, "--json").out)
+    answer = json.loads(run("fleet", "status", "--store", store, "--json").out)
     assert answer["copies"][0] == {"log": far, "counted": counted[0]}

@@ -171,27 +171,27 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 def test_a_scan_brings_nothing_back_and_says_so(run: Run, logs: Path, tmp_path: Path) -> None:
     store = tmp_path / "store"
-    scan = ("fleet", "scan", logs, "--to", store, "--aircraft", "folder", "--workers", "0")
+    scan = ("fleet", "scan", logs, "--store", store, "--aircraft", "folder", "--workers", "0")
     assert run(*scan).code == 0
     gone = logs / "D-A" / "1.tlog"
-    told = run("fleet", "remove", store, gone, "--by", "Ada", "--note", "on the bench")
+    told = run("fleet", "remove", "--store", store, gone, "--by", "Ada", "--note", "on the bench")
     assert (told.code, told.err) == (0, "")
-    assert "nothing to do" in run("fleet", "remove", store, gone).out
-    run("fleet", "move", store, logs / "D-B" / "0.5.tlog", "D-A", "--by", "Ada")
-    run("fleet", "rename", store, "D-A", "D-X", "--by", "Ada")
+    assert "nothing to do" in run("fleet", "remove", "--store", store, gone).out
+    run("fleet", "move", "--store", store, logs / "D-B" / "0.5.tlog", "D-A", "--by", "Ada")
+    run("fleet", "rename", "--store", store, "D-A", "D-X", "--by", "Ada")
     copy = tmp_path / "D-B"
     copy.mkdir()
     shutil.copyfile(gone, copy / "again.tlog")
     for sources in ((logs,), (logs, copy)):
-        again = run("fleet", "scan", *sources, "--to", store, "--aircraft", "folder", "--workers", "0")
+        again = run("fleet", "scan", *sources, "--store", store, "--aircraft", "folder", "--workers", "0")
         assert again.out.splitlines()[0].startswith("0 logs judged, 0 could not be, ")
         assert " out: mavhums fleet journal" in again.out
     assert {row.aircraft for row in fleet.worst(store)} == {"D-X"}
     assert fleet.status(store)[:3] == (3, 1, 0)
-    kept = run("analyse", gone, "--history", store, "--keep", "--aircraft", "=D-X")
+    kept = run("analyse", gone, "--store", store, "--keep", "--aircraft", "=D-X")
     assert kept.code == 1
     assert f"was removed from {store}" in kept.err
-    listed = json.loads(run("fleet", "journal", store, "--json").out)
+    listed = json.loads(run("fleet", "journal", "--store", store, "--json").out)
     assert [(one["kind"], one["who"], one["before"], one["after"]) for one in listed] == [
         ("remove", "Ada", None, None),
         ("move", "Ada", None, "D-A"),
@@ -200,8 +200,8 @@ def test_a_scan_brings_nothing_back_and_says_so(run: Run, logs: Path, tmp_path: 
     assert listed[0]["logs"] == [
         {"path": str(gone), "sha256": listed[0]["logs"][0]["sha256"], "aircraft": "D-A", "pinned": False}
     ]
-    assert "Ada: removed" in run("fleet", "journal", store).out
-    assert "(undone)" in run("fleet", "journal", store, "--undo", "1").out
+    assert "Ada: removed" in run("fleet", "journal", "--store", store).out
+    assert "(undone)" in run("fleet", "journal", "--store", store, "--undo", "1").out
     assert fleet.status(store)[:3] == (4, 1, 0)
     assert {row.aircraft for row in fleet.worst(store)} == {"D-X"}
 
@@ -209,7 +209,7 @@ def test_a_scan_brings_nothing_back_and_says_so(run: Run, logs: Path, tmp_path: 
 @pytest.mark.slow
 def test_a_board_that_is_not_the_aircrafts_is_told(run: Run, logs: Path, tmp_path: Path) -> None:
     store = tmp_path / "store"
-    scan = ("fleet", "scan", logs, "--to", store, "--aircraft", "folder", "--workers", "0")
+    scan = ("fleet", "scan", logs, "--store", store, "--aircraft", "folder", "--workers", "0")
     assert "board" not in run(*scan).out
 
     def foreign(end: str) -> None:
@@ -218,16 +218,16 @@ def test_a_board_that_is_not_the_aircrafts_is_told(run: Run, logs: Path, tmp_pat
             connection.execute(update(FLIGHT).where(named).values(board="0B"))
 
     foreign("D-A/1.tlog")
-    for said in (run(*scan).out, run("fleet", "status", store).out):
+    for said in (run(*scan).out, run("fleet", "status", "--store", store).out):
         assert "D-A: " in said
         assert "D-A/1.tlog has the board 0B, and 2 other flights have" in said
-        assert f"mavhums fleet move {store} {logs}/D-A/1.tlog AIRCRAFT" in said
+        assert f"mavhums fleet move --store {store} {logs}/D-A/1.tlog AIRCRAFT" in said
     assert json.loads(run(*scan, "--json").out)["foreign_boards"][0]["board"] == "0B"
     foreign("tlog")
-    told = run("analyse", logs / "D-A" / "2.tlog", "--history", store, "--aircraft", "folder")
+    told = run("analyse", logs / "D-A" / "2.tlog", "--store", store, "--aircraft", "folder")
     assert "another aircraft's log" in told.out + told.err
-    run("fleet", "move", store, logs / "D-A" / "2.tlog", "D-A")
-    assert "another aircraft's log" not in run("analyse", logs / "D-A" / "2.tlog", "--history", store).out
+    run("fleet", "move", "--store", store, logs / "D-A" / "2.tlog", "D-A")
+    assert "another aircraft's log" not in run("analyse", logs / "D-A" / "2.tlog", "--store", store).out
 
 
 def test_a_board_that_the_table_or_a_correction_puts_there_is_not_foreign(tmp_path: Path) -> None:

@@ -82,27 +82,27 @@ def test_the_page_holds_no_markup_of_a_store(store: Path) -> None:
 
 def test_the_command_ends_with_0_whatever_is_new_unless_asked(run: Run, store: Path, tmp_path: Path) -> None:
     since = (START + timedelta(days=25)).date().isoformat()
-    told = run("fleet", "digest", store, "--since", since, "--json", "--html", tmp_path / "d.html")
+    told = run("fleet", "digest", "--store", store, "--since", since, "--json", "--html", tmp_path / "d.html")
     assert told.code == ExitCode.OK
     assert {one["kind"] for one in json.loads(told.out)["changes"]} == {"new"}
     assert "<h2>New findings</h2>" in (tmp_path / "d.html").read_text(encoding="utf-8")
-    news = run("fleet", "digest", store, "--since", since, "--fail-on-news")
+    news = run("fleet", "digest", "--store", store, "--since", since, "--fail-on-news")
     assert news.code == ExitCode.DEGRADED
     assert "D-G elevator" in news.out
     later = datetime.now(UTC) + timedelta(days=1)
-    assert run("fleet", "digest", store, "--since", later.isoformat(), "--quiet").out == ""
-    assert run("fleet", "digest", store, "--since", "yesterday").code == ExitCode.USAGE
+    assert run("fleet", "digest", "--store", store, "--since", later.isoformat(), "--quiet").out == ""
+    assert run("fleet", "digest", "--store", store, "--since", "yesterday").code == ExitCode.USAGE
 
 
 @pytest.mark.slow
 def test_a_table_and_the_status_tell_the_flights_left(run: Run, store: Path, tmp_path: Path) -> None:
     (growth,) = (row.standing.growth for row in worst(store) if row.standing and row.standing.growth)
     assert growth.to_emergency is not None
-    assert "D-G elevator: Coulomb friction grows by 0.0" in run("fleet", "status", store).out
-    (said,) = json.loads(run("fleet", "status", store, "--json").out)["growing"]
+    assert "D-G elevator: Coulomb friction grows by 0.0" in run("fleet", "status", "--store", store).out
+    (said,) = json.loads(run("fleet", "status", "--store", store, "--json").out)["growing"]
     assert (said["aircraft"], said["standing"]["growth"]["since_flight"]) == ("D-G", growth.since_flight)
     for name in ("t.csv", "t.parquet"):
-        assert run("fleet", "export", store, "-o", tmp_path / name).code == ExitCode.OK
+        assert run("fleet", "export", "--store", store, "-o", tmp_path / name).code == ExitCode.OK
     with (tmp_path / "t.csv").open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["aircraft"] == "D-G"]
     assert [row["state"] for row in rows] == [""] * 39 + ["degraded"], "in the row of the last flight alone"
@@ -120,7 +120,7 @@ def test_the_list_is_sorted_by_how_actuators_stand(run: Run, store: Path) -> Non
     assert [row.aircraft for row in rows] == ["D-G", "D-S"]
     assert rows[0].standing is not None
     assert rows[0].standing.growth is not None
-    told = run("fleet", "worst", store, "-n", "1")
+    told = run("fleet", "worst", "--store", store, "-n", "1")
     assert told.code == ExitCode.DEGRADED
     assert "D-G elevator: DEGRADED since flight " in told.out
     assert "until emergency" in told.out

@@ -115,10 +115,10 @@ def test_one_landing_after_the_other_needs_no_workers(
     monkeypatch.setitem(sys.modules, "distributed", None)
     store = tmp_path / "store"
     for log in sorted(logs.iterdir()):
-        landed = run("fleet", "scan", log, "--to", store, "--aircraft", "folder", "--workers", "0")
+        landed = run("fleet", "scan", log, "--store", store, "--aircraft", "folder", "--workers", "0")
         assert landed.code == 0
     assert told(store) == expected
-    kept = run("analyse", log, "--history", store, "--keep", "--aircraft", "folder")
+    kept = run("analyse", log, "--store", store, "--keep", "--aircraft", "folder")
     assert kept.code == 0
     assert told(store) == expected
 
@@ -168,7 +168,7 @@ def test_a_store_that_cannot_be_reached_is_told(run: Run) -> None:
         ("postgresql://nobody@nowhere:port/fleet", "nowhere:port/fleet", "is not an address of a database"),
         ("s3://nowhere/store", "s3://nowhere/store", "is not an address of a database"),
     ):
-        outcome = run("fleet", "status", address)
+        outcome = run("fleet", "status", "--store", address)
         assert outcome.code == 1
         assert f"{shown}: " in outcome.err
         assert told in outcome.err

@@ -18,7 +18,6 @@ import pytest
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.flights.folder import keep_assessment
 from mavhums.results.verdict import Verdict
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
@@ -62,13 +61,12 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def one_by_one(logs: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
-    """Each verdict as `analyse --history --keep` gives it after each landing."""
+    """Each verdict as `analyse --keep` gives it after each landing."""
     told: dict[str, list[str]] = {}
     for aircraft in ("D-A", "D-B"):
-        history = tmp_path_factory.mktemp("history")
+        store = tmp_path_factory.mktemp("landed") / "store"
         for log in sorted((logs / aircraft).iterdir()):
-            assessment = analyse(log, Options(history=history))
-            keep_assessment(assessment, history)
+            assessment = analyse(log, store=store, aircraft=f"={aircraft}", keep=True)
             told[str(log)] = [verdict.model_dump_json() for verdict in assessment.verdicts]
     return told
 
@@ -159,10 +157,10 @@ def test_broken_logs_are_rows_and_stop_nothing(
     (folder / "dangling.tlog").symlink_to(tmp_path / "nothing")
     assert fleet.scan([folder], tmp_path / "store", options) == (1, 3, 0)
     assert fleet.scan([folder], tmp_path / "store", options) == (0, 0, 4)
-    told = run("fleet", "status", tmp_path / "store")
+    told = run("fleet", "status", "--store", tmp_path / "store")
     for name in ("empty", "noise", "dangling"):
         assert f"{name}.tlog" in told.out
-    assert run("fleet", "worst", tmp_path / "store").code == ExitCode.ERROR
+    assert run("fleet", "worst", "--store", tmp_path / "store").code == ExitCode.ERROR
 
 
 @pytest.mark.slow
@@ -224,7 +222,16 @@ def test_what_was_committed_without_verdicts_gets_them_with_the_next_scan(
 
 @pytest.mark.slow
 def test_two_scans_at_once_say_the_same(logs: Path, one_by_one: dict[str, list[str]], tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "mavhums", "fleet", "scan", str(logs), "--to", str(tmp_path / "store")]
+    command = [
+        sys.executable,
+        "-m",
+        "mavhums",
+        "fleet",
+        "scan",
+        str(logs),
+        "--store",
+        str(tmp_path / "store"),
+    ]
     both = [subprocess.Popen([*command, "--aircraft", "folder", "--workers", "0"]) for _ in range(2)]
     assert [each.wait(timeout=300) for each in both] == [0, 0]
     assert verdicts_of(tmp_path / "store") == in_order(one_by_one)
@@ -255,9 +262,9 @@ def test_what_names_no_log_or_no_rule_is_refused(
         with pytest.raises(MavhumsError, match=told):
             fleet.scan([tmp_path / source], tmp_path / "store", options)
     for rule in ("(", "no group"):
-        assert run("fleet", "scan", tmp_path, "--to", tmp_path / "s", "--aircraft", rule).code == 1
-    assert run("fleet", "status", tmp_path / "none").code == 1
-    assert "D-A, D-B" in run("fleet", "trend", scanned, "D-C").err
+        assert run("fleet", "scan", tmp_path, "--store", tmp_path / "s", "--aircraft", rule).code == 1
+    assert run("fleet", "status", "--store", tmp_path / "none").code == 1
+    assert "D-A, D-B" in run("trend", "D-C", "--store", scanned).err
     with pytest.raises(MavhumsError, match="no scheduler"):
         fleet.scan([logs], tmp_path / "s2", fleet.ScanOptions(scheduler="nonsense://1"))
 
@@ -268,22 +275,22 @@ def test_folders_files_and_patterns_name_each_log_once(logs: Path) -> None:
 
 
 def test_the_worst_of_all_aircraft_comes_first(scanned: Path, run: Run) -> None:
-    outcome = run("fleet", "worst", scanned, "-n", "3")
+    outcome = run("fleet", "worst", "--store", scanned, "-n", "3")
     assert outcome.code == ExitCode.EMERGENCY
     assert outcome.out.splitlines()[0].startswith("D-B elevator: EMERGENCY since flight ")
-    told = json.loads(run("fleet", "worst", scanned, "--json", "-n", "1").out)
+    told = json.loads(run("fleet", "worst", "--store", scanned, "--json", "-n", "1").out)
     assert told[0]["aircraft"] == "D-B"
     assert told[0]["verdict"]["worst"] == "emergency"
 
 
 @pytest.mark.slow
 def test_trend_status_and_export_tell_what_the_store_holds(scanned: Path, run: Run, tmp_path: Path) -> None:
-    assert "24 logs of 2 aircraft" in run("fleet", "status", scanned).out
-    assert json.loads(run("fleet", "status", scanned, "--json").out)["judged"] == 24
-    told = json.loads(run("fleet", "trend", scanned, "D-A", "--json").out)
+    assert "24 logs of 2 aircraft" in run("fleet", "status", "--store", scanned).out
+    assert json.loads(run("fleet", "status", "--store", scanned, "--json").out)["judged"] == 24
+    told = json.loads(run("trend", "D-A", "--store", scanned, "--json").out)
     assert told["flights"] == FLIGHTS
     for name in ("o.csv", "o.parquet"):
-        assert run("fleet", "export", scanned, "-o", tmp_path / name).code == 0
+        assert run("fleet", "export", "--store", scanned, "-o", tmp_path / name).code == 0
     frame = pd.read_parquet(tmp_path / "o.parquet")
     assert len(frame) == len(pd.read_csv(tmp_path / "o.csv")) == FLIGHTS * 4 + FLIGHTS * 8
     assert frame["aircraft"].unique().tolist() == ["D-A", "D-B"]
@@ -344,7 +351,7 @@ def test_a_killed_worker_loses_and_doubles_nothing(
 def test_own_workers_say_the_same(
     logs: Path, one_by_one: dict[str, list[str]], run: Run, tmp_path: Path
 ) -> None:
-    command = ("fleet", "scan", logs, "--to", tmp_path / "store", "--aircraft", "folder", "--workers", "2")
+    command = ("fleet", "scan", logs, "--store", tmp_path / "store", "--aircraft", "folder", "--workers", "2")
     outcome = run(*command)
     assert outcome.code == 0
     assert "24 logs judged" in outcome.out

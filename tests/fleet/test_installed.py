@@ -8,8 +8,6 @@ from pathlib import Path
 import pytest
 
 from mavhums.app.analysis import analyse
-from mavhums.app.settings import Options
-from mavhums.flights.folder import keep_assessment
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run
@@ -63,10 +61,7 @@ def test_a_fleet_with_a_table_says_what_single_commands_say(
 ) -> None:
     expected = {}
     for log in logs:
-        folder = tmp_path / ("a" if log != logs[-1] else "b")
-        folder.mkdir(exist_ok=True)
-        assessment = analyse(log, Options(history=folder, aircraft_table=table))
-        keep_assessment(assessment, folder)
+        assessment = analyse(log, store=tmp_path / "landed", aircraft_table=table, keep=True)
         expected[str(log)] = sorted(verdict.model_dump_json() for verdict in assessment.verdicts)
     store = tmp_path / "store"
     plain = fleet.ScanOptions(scheduler=scheduler)
@@ -86,5 +81,5 @@ def test_a_fleet_with_a_table_says_what_single_commands_say(
     assert told(store, "D-A")[str(logs[12])] != expected[str(logs[12])]
     trend = fleet.trend(store, "D-A").trends
     assert {one.actuator: one.flights for one in trend if one.fault == "friction"}["rudder"] == 6
-    refused = run("fleet", "scan", logs[0], "--to", store, "--aircraft-table", tmp_path / "none.csv")
+    refused = run("fleet", "scan", logs[0], "--store", store, "--aircraft-table", tmp_path / "none.csv")
     assert refused.code == 1

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+import mavhums
 from mavhums import fleet
 from mavhums.cli.serve import answer_to
 from mavhums.core.packed import ARCHIVES, COMPRESSED
@@ -67,7 +68,7 @@ def test_a_scan_goes_on_by_the_rule_of_the_store(flown: Path, store: Path, tmp_p
 @pytest.mark.slow
 def test_a_kept_log_that_the_rule_cannot_name_is_asked_for(run: Run, flown: Path, store: Path) -> None:
     log = flown / "Downloads" / "new.tlog"
-    keep = ("analyse", log, "--history", store, "--keep", "--json")
+    keep = ("analyse", log, "--store", store, "--keep", "--json")
     asked = run(*keep)
     assert asked.code == 1
     assert "which aircraft is it of?" in asked.err
@@ -82,12 +83,12 @@ def test_a_kept_log_that_the_rule_cannot_name_is_asked_for(run: Run, flown: Path
 def test_a_log_is_kept_once_wherever_a_copy_lies(run: Run, flown: Path, store: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.tlog"
     shutil.copyfile(flown / "D-A" / "1.tlog", copy)
-    kept = run("analyse", copy, "--history", store, "--keep", "--json")
+    kept = run("analyse", copy, "--store", store, "--keep", "--json")
     assert kept.code in (0, 12), kept.err
     assert json.loads(kept.out)["log"]["flight"][0]["aircraft"] == "D-A"
     assert names(store) == {"D-A": OLD}
     assert fleet.status(store).judged == OLD
-    wrong = run("analyse", copy, "--history", store, "--keep", "--aircraft", "=D-X")
+    wrong = run("analyse", copy, "--store", store, "--keep", "--aircraft", "=D-X")
     assert "has this log as one of D-A" in wrong.err
     assert names(store) == {"D-A": OLD}
     scanned = tmp_path / "D-Z"
@@ -98,10 +99,11 @@ def test_a_log_is_kept_once_wherever_a_copy_lies(run: Run, flown: Path, store: P
 
 
 def test_a_log_is_compared_with_the_flights_of_its_board(run: Run, flown: Path, store: Path) -> None:
-    told = run("analyse", flown / "Downloads" / "new.tlog", "--history", store, "--json")
+    told = run("analyse", flown / "Downloads" / "new.tlog", "--store", store, "--json")
     assert json.loads(told.out)["log"]["flight"][0]["aircraft"] == "D-A"
-    options = fleet.against(flown / "Downloads" / "nameless.tlog", store)
-    assert not options.history.flights
+    nameless = mavhums.analyse(flown / "Downloads" / "nameless.tlog", store=store)
+    assert "--aircraft =NAME" in nameless.log.notices[-1]
+    assert nameless.earlier_flights is None
 
 
 @pytest.mark.slow
@@ -124,7 +126,7 @@ def test_a_rule_without_a_name_for_a_log_makes_no_phantom(flown: Path, tmp_path:
 
 @pytest.mark.slow
 def test_the_boards_of_a_table_are_remembered(flown: Path, tmp_path: Path) -> None:
-    board = fleet.analyse(flown / "D-A" / "0.tlog", flown / "store").log.flight[0].board
+    board = mavhums.analyse(flown / "D-A" / "0.tlog").log.flight[0].board
     given = tmp_path / "table.csv"
     given.write_text(f"aircraft,board,actuator,serial,from,to\nD-T,{board},,,,\n")
     store = tmp_path / "store"
@@ -135,12 +137,14 @@ def test_the_boards_of_a_table_are_remembered(flown: Path, tmp_path: Path) -> No
 
 @pytest.mark.slow
 def test_the_page_asks_whose_log_it_is_and_leaves_nothing_behind(flown: Path, store: Path) -> None:
-    job = {"log": str(flown / "Downloads" / "new.tlog"), "store": str(store), "options": {}}
+    job = {"log": str(flown / "Downloads" / "new.tlog"), "options": {"store": str(store)}}
     answer = answer_to(job)
     assert answer["proposed"] == ["D-A"]
     assert [*store.with_name("store.logs").iterdir()] == []
     assert names(store) == {"D-A": OLD}
-    assert "kept in the store" in answer_to(job | {"options": {"aircraft": "=D-A"}})["done"]
+    assert (
+        "kept in the store" in answer_to(job | {"options": {"store": str(store), "aircraft": "=D-A"}})["done"]
+    )
     assert names(store) == {"D-A": OLD + 1}
     again = answer_to(job | {"log": str(flown / "D-A" / "0.tlog")})
     assert "has this log already" in again["done"]
@@ -152,8 +156,8 @@ def test_the_page_asks_whose_log_it_is_and_leaves_nothing_behind(flown: Path, st
 def test_the_page_is_told_problem_and_remedy_as_they_are(flown: Path, store: Path, tmp_path: Path) -> None:
     bad = tmp_path / "bad.tlog"
     bad.write_bytes(b"no log")
-    command = [sys.executable, "-m", "mavhums.cli.serve", "keep"]
-    job = json.dumps({"log": str(bad), "store": str(store), "options": {"aircraft": "=D-A"}})
+    command = [sys.executable, "-m", "mavhums.cli.serve"]
+    job = json.dumps({"log": str(bad), "options": {"store": str(store), "aircraft": "=D-A"}})
     done = subprocess.run(command, input=job, capture_output=True, text=True, check=True)
     answer = json.loads(done.stdout)
     assert set(answer) == {"problem", "remedy"}
@@ -201,7 +205,7 @@ def test_the_page_names_no_path_of_its_computer(flown: Path, tmp_path: Path) -> 
         for day in range(2):
             archive.write(flown / "D-A" / f"{day}.tlog", f"{day}.tlog")
     job = {"do": "judge", "log": str(tmp_path / "several.zip"), "report": str(tmp_path / "r"), "options": {}}
-    answer = _done(job, lambda _: None, lambda _, options: options)
+    answer = _done(job, lambda _: None)
     assert str(tmp_path) not in json.dumps(answer)
     assert "contains 2 files" in answer["problem"]
     assert "drop the logs in it" in answer["remedy"]
@@ -209,8 +213,8 @@ def test_the_page_names_no_path_of_its_computer(flown: Path, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("wrong", ["D-X/rudder", "D-A/ruder", "ruder", "D-X/"])
 def test_a_repair_of_what_the_store_does_not_have_is_refused(run: Run, store: Path, wrong: str) -> None:
-    refused = run("fleet", "repairs", store, "--add", f"{wrong}=2026-01-02")
+    refused = run("fleet", "repairs", "--store", store, "--add", f"{wrong}=2026-01-02")
     assert refused.code == 1
     assert "the store has: " in refused.err
-    assert run("fleet", "repairs", store).out == "no repairs\n"
-    assert run("fleet", "repairs", store, "--add", "D-A/rudder=2026-01-02").code == 0
+    assert run("fleet", "repairs", "--store", store).out == "no repairs\n"
+    assert run("fleet", "repairs", "--store", store, "--add", "D-A/rudder=2026-01-02").code == 0

@@ -96,7 +96,9 @@ def test_a_webhook_gets_the_contract_and_a_mailbox_the_text(run: Run, store: Pat
     Mailbox.got.clear()
     with served(socketserver.ThreadingTCPServer(("127.0.0.1", 0), Mailbox)) as port:
         mail = f"mailto://127.0.0.1:{port}?from=fleet@example.org&to=ops@example.org&mode=insecure"
-        told = run("fleet", "digest", store, "--notify", mail, "--notify", f"{webhook}/200/{SECRET}")
+        told = run(
+            "fleet", "digest", "--store", store, "--notify", mail, "--notify", f"{webhook}/200/{SECRET}"
+        )
     assert (told.code, told.err) == (ExitCode.OK, "")
     ((kind, body),) = Webhook.got
     assert kind == "application/json"
@@ -115,9 +117,9 @@ def test_nothing_to_say_sends_nothing_unless_asked(
 ) -> None:
     monkeypatch.setenv("MAVHUMS_NOTIFY", f"{webhook}/200")
     later = (datetime.now(UTC) + timedelta(days=1)).isoformat()
-    assert run("fleet", "digest", store, "--since", later).code == ExitCode.OK
+    assert run("fleet", "digest", "--store", store, "--since", later).code == ExitCode.OK
     assert Webhook.got == []
-    run("fleet", "digest", store, "--since", later, "--notify-always")
+    run("fleet", "digest", "--store", store, "--since", later, "--notify-always")
     assert len(Webhook.got) == 1
 
 
@@ -131,7 +133,7 @@ def test_what_is_not_reached_is_said_without_a_secret(
         f"jsons://user:{SECRET}@127.0.0.1:1/{SECRET}\n"
         f"{webhook.replace('http', 'json')}/302/{SECRET}\n"
     )
-    told = run("fleet", "digest", store, "--fail-on-news", "--notify", f"@{urls}")
+    told = run("fleet", "digest", "--store", store, "--fail-on-news", "--notify", f"@{urls}")
     assert told.code == ExitCode.NOT_SENT
     assert "D-N elevator" in told.out, "it is printed all the same"
     problems = [line for line in told.err.splitlines() if line.startswith("mavhums: ")]
@@ -146,7 +148,7 @@ def test_what_is_not_reached_is_said_without_a_secret(
 
 @pytest.mark.parametrize("wrong", ["carrier-pigeon", "pigeon://roof", "@nowhere.txt", "https://"])
 def test_an_address_that_is_none_is_refused_before_any_work(run: Run, store: Path, wrong: str) -> None:
-    told = run("fleet", "digest", store, "--notify", wrong)
+    told = run("fleet", "digest", "--store", store, "--notify", wrong)
     assert told.code == ExitCode.ERROR
     assert "--notify" in told.err
     assert told.out == ""

@@ -13,7 +13,7 @@ from mavhums import fleet
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.flights import queries
-from mavhums.flights.folder import keep_assessment, read_history
+from mavhums.flights.history import PastFlight
 from mavhums.flights.queries import exit_code
 from mavhums.flights.store import Store
 from mavhums.flights.trends import trend_report
@@ -127,13 +127,11 @@ def test_worst_is_every_actuator_in_its_last_flight(made: tuple[Path, dict[str, 
     assert exit_code(store) in (ExitCode.EMERGENCY, ExitCode.DEGRADED)
 
 
-def test_a_trend_is_that_of_the_same_flights_in_a_folder(
-    made: tuple[Path, dict[str, list[Assessment]]], tmp_path: Path
+def test_a_trend_is_that_of_the_same_flights_in_memory(
+    made: tuple[Path, dict[str, list[Assessment]]],
 ) -> None:
     store, known = made
-    for flight in known["D'A"]:
-        keep_assessment(flight, tmp_path)
-    expected = trend_report(read_history(tmp_path))
+    expected = trend_report(map(PastFlight.of, known["D'A"]))
     assert fleet.trend(store, "D'A").to_json() == expected.to_json()
     with pytest.raises(MavhumsError) as refused:
         fleet.trend(store, "D-C")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from datetime import timedelta
 from pathlib import Path
 
@@ -59,7 +60,7 @@ def test_a_store_keeps_repairs_until_a_mistake_is_removed(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_a_scan_with_a_new_date_opens_no_log(run: Run, tmp_path: Path) -> None:
+def test_a_new_date_opens_no_log(run: Run, tmp_path: Path) -> None:
     from mavhums_sim import Flight, fly, write_tlog
     from tests.fleet_logs import moved
 
@@ -68,29 +69,13 @@ def test_a_scan_with_a_new_date_opens_no_log(run: Run, tmp_path: Path) -> None:
     write_tlog(fly(Flight(1, 21.0, rate_hz=25.0, tiers=("instrumented",))), tmp_path / "kind")
     for day in range(12):
         (folder / f"{day:02}.tlog").write_bytes(moved((tmp_path / "kind").read_bytes(), 86_400.0 * day))
-    command = ("fleet", "scan", folder, "--to", tmp_path / "store", "--aircraft", "folder", "--json")
+    command = ("fleet", "scan", folder, "--store", tmp_path / "store", "--aircraft", "folder", "--json")
     assert json.loads(run(*command).out)["judged"] == 12
     assert any(one.baseline for one in last(tmp_path / "store"))
-    again = run(*command, "--baseline-from", "D-A/=2026-01-05")
-    assert json.loads(again.out) == {"judged": 0, "failed": 0, "known": 12, "foreign_boards": []}
+    shutil.rmtree(folder)
+    repaired = run("fleet", "repairs", "--store", tmp_path / "store", "--add", "D-A/=2026-01-05")
+    assert repaired.out == "D-A/=2026-01-05\n"
     assert not any(one.baseline for one in last(tmp_path / "store"))
-    assert run(*command, "--baseline-from", "D-A/=yesterday").code == 2
-
-
-@pytest.mark.slow
-def test_a_scan_names_the_aircraft_that_nobody_has(run: Run, short_log: Path, tmp_path: Path) -> None:
-    """Whether an aircraft exists is known once its logs are judged: they are kept, the date is not."""
-    folder = tmp_path / "D-A"
-    folder.mkdir()
-    (folder / "00.tlog").write_bytes(short_log.read_bytes())
-    command = ("fleet", "scan", folder, "--to", tmp_path / "store", "--aircraft", "folder", "--workers", "0")
-    dates = ("--baseline-from", "D-AA/rudder=2026-01-05", "--baseline-from", "D-A/rudder=2026-01-05")
-    told = run(*command, *dates)
-    assert told.code == 1
-    assert "no aircraft D-AA" in told.err
-    assert "the store has: D-A" in told.err
-    assert [str(one) for one in repairs_in(tmp_path / "store")] == ["D-A/rudder=2026-01-05"]
-    assert fleet.status(tmp_path / "store").judged == 1
 
 
 def last(store: Path) -> list[Indicator]:

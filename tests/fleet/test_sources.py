@@ -76,7 +76,7 @@ def told(store: Path, root: str | Path) -> list[Any]:
 @pytest.mark.slow
 def test_the_rows_are_those_of_a_folder(run: Run, folder: Path, there: str, tmp_path: Path) -> None:
     assert fleet.scan([folder / "D-A", folder / "D-B"], tmp_path / "expected", OPTIONS) == (6, 1, 0)
-    command = ("fleet", "scan", f"{there}/", "--to", tmp_path / "store", "--aircraft", "folder", "--json")
+    command = ("fleet", "scan", f"{there}/", "--store", tmp_path / "store", "--aircraft", "folder", "--json")
     outcome = run(*command)
     assert json.loads(outcome.out) == {"judged": 6, "failed": 1, "known": 0, "foreign_boards": []}
     assert json.loads(run(*command).out) == {"judged": 0, "failed": 0, "known": 7, "foreign_boards": []}
@@ -146,7 +146,7 @@ def test_a_store_that_does_not_answer_is_told(
     monkeypatch.setattr(sources, "_ATTEMPTS", 1)
     sources._filesystem.cache_clear()
     try:
-        outcome = run("fleet", "scan", "s3://bucket/logs", "--to", tmp_path / "store", "--workers", "0")
+        outcome = run("fleet", "scan", "s3://bucket/logs", "--store", tmp_path / "store", "--workers", "0")
         assert outcome.code == 1
         assert "s3://bucket/logs: cannot be listed" in outcome.err
         assert "the credentials" in outcome.err

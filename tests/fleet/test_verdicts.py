@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,7 +17,7 @@ from mavhums.app.settings import Options
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.compare import compared
-from mavhums.flights.history import FlightHistory
+from mavhums.flights.history import PastFlight, baselines_of, records_of, superseded
 from mavhums.flights.store import Row
 from mavhums_sim import Flight, fly, write_tlog
 from tests.fleet.stores import add, row_of, table
@@ -79,23 +80,32 @@ def fleet_of(kinds: Sequence[StandaloneAssessment], seed: int) -> list[Standalon
     return [*flights, kinds[0]._replace(assessment=kinds[0].assessment.model_copy(update={"log": undated}))]
 
 
+def _before(taken: Callable[..., Any]) -> Callable[..., Any]:
+    def of(history: list[PastFlight], since: Since, airframe: str | None, before: datetime) -> Any:
+        return taken(history, airframe, before, since)
+
+    return of
+
+
 def sequential(
     flights: Sequence[StandaloneAssessment], dates: Callable[[datetime], Since] = lambda _: {}
 ) -> tuple[Told, dict[str, str]]:
     """Judge each flight by the whole history before it; return the verdicts by log, and the copies."""
-    history = FlightHistory()
+    history: list[PastFlight] = []
     told: Told = {}
     for flight in flights:
         start = flight.assessment.log.start_utc
         given = dates(datetime.fromisoformat(start)) if start else {}
         assessment = compared(
-            flight, partial(history.baselines, since=given), partial(history.past, since=given)
+            flight,
+            partial(_before(baselines_of), history, given),
+            partial(_before(records_of), history, given),
         )
         told[assessment.log.path or ""] = [one.model_dump_json() for one in assessment.verdicts]
         if start:
-            history = history.with_flight(assessment)
-    paths = {flight.log: flight.assessment.log.path or "" for flight in history.flights}
-    copies = {paths[log]: paths[taken] for (_, log, _), taken in history.superseded_recordings().items()}
+            history.append(PastFlight.of(assessment))
+    paths = {flight.log: flight.assessment.log.path or "" for flight in history}
+    copies = {paths[log]: paths[taken] for (log, _), (taken, _) in superseded(history).items()}
     return {log: verdicts for log, verdicts in told.items() if log not in copies}, copies
 
 

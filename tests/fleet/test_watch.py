@@ -85,7 +85,7 @@ def test_the_command_prints_a_line_a_log_and_ends_cleanly(
     before = signal.getsignal(signal.SIGTERM)
     monkeypatch.setattr("mavhums.cli.fleet_scan.time.sleep", lambda _: signal.raise_signal(signal.SIGTERM))
     try:
-        watch = ("fleet", "watch", inbox.parent, "--to", tmp_path / "store", "--aircraft", "folder")
+        watch = ("fleet", "watch", inbox.parent, "--store", tmp_path / "store", "--aircraft", "folder")
         told = run(*watch, "--workers", "0", "--settle", "0")
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -105,6 +105,6 @@ def test_the_digest_is_due_once_a_day() -> None:
 
 
 def test_a_mistake_ends_the_watch_before_it_begins(run: Run, tmp_path: Path) -> None:
-    told = run("fleet", "watch", tmp_path / "nowhere", "--to", tmp_path / "store")
+    told = run("fleet", "watch", tmp_path / "nowhere", "--store", tmp_path / "store")
     assert told.code == 1
     assert "no such file or folder" in told.err

@@ -6,25 +6,25 @@ import itertools
 from datetime import timedelta
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import mavhums
-from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
-from mavhums.flights.checkpoint import Checkpoint, _end
 from mavhums.flights.duplicates import Quality, Recording, superseded_recordings
-from mavhums.flights.folder import FlightFolder, keep_assessment, read_history
-from mavhums.flights.history import FlightHistory, PastFlight, with_duplicate_flights
+from mavhums.flights.history import PastFlight, with_copies
+from mavhums.flights.queries import earlier_flights
+from mavhums.flights.store import Store
+from mavhums.flights.store.earlier import StoredFlights
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import FlightIdentity
-from mavhums.results.verdict import Coverage, OwnRecord, Verdict
+from mavhums.results.verdict import Coverage
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run
+from tests.fleet.stores import write_store
 from tests.flights import START, flown, identity, shown, verdict
 
 LATER = START + timedelta(days=10_000)
@@ -63,16 +63,6 @@ def test_a_difference_of_clocks_does_not_join_two_flights() -> None:
     second = identity(boot_s=-80.0, begin_s=590.0, end_s=606.0)
     assert not first.is_same(second)
     assert first.is_same(identity(boot_s=-80.0, begin_s=-20.0, end_s=580.0))
-
-
-def test_a_log_ends_when_the_last_of_its_vehicles_does() -> None:
-    for ends, end_s in (((), 600.0), ((500.0,), 600.0), ((700.0, 650.0), 700.0), ((None, 610.0), 610.0)):
-        several = [
-            identity(end_s=end or 0.0).model_copy(update={"vehicle": k} | ({} if end else {"end_utc": None}))
-            for k, end in enumerate(ends, start=1)
-        ]
-        flight = PastFlight.of(flown(verdict(), identities=several))
-        assert _end(flight) == START + timedelta(seconds=end_s)
 
 
 def test_the_recording_with_more_to_judge_is_taken() -> None:
@@ -151,97 +141,52 @@ def recorded(
     return flown(judged, day=day, name=name, identities=[identity(day=day, boot_s=boot_s, end_s=end_s)])
 
 
-def axis(value: float, sound: bool) -> Verdict:
-    """Return an axis with the sums that later flights are compared with."""
-    condition: Condition = "normal" if sound else "undecided"
-    sums = OwnRecord(equation="response", setup="-", rate_hz=10.0, duration_s=9.0, groups=((9.0, value),))
-    return Verdict(
-        subject="axis", vehicle=1, actuator="roll", condition=condition, worst=condition, own=(sums,)
-    )
+def flights_of(store: Path, *flights: Assessment) -> StoredFlights:
+    write_store(store, {"D-A": list(flights)})
+    return earlier_flights(Store(store), "D-A")
 
 
 def test_baselines_and_trends_count_a_flight_once(tmp_path: Path) -> None:
-    for day in range(12):
-        keep_assessment(recorded(day, f"logged-{day}", 0.2 + 0.01 * (day % 2), 500), tmp_path)
-        keep_assessment(recorded(day, f"sent-{day}", 0.5, 90, boot_s=-45.0), tmp_path)
-    for history in (read_history(tmp_path), FlightFolder(tmp_path)):
-        baseline = history.baselines("paper", LATER)[1, "elevator", "friction"]
-        assert baseline.flights == 12
-        assert baseline.mean == pytest.approx(0.205)
-        past = history.past("paper", LATER)[1, "elevator"]
-        assert len(past) == 12
-    report = trend_report(read_history(tmp_path))
-    [trend] = report.trends
-    assert report.flights == 12
-    assert trend.flights == 12
-    assert [point.log for point in trend.points] == [f"logged-{day}.tlog" for day in range(12)]
-    told = read_history(tmp_path).notices
-    assert "sent-3.tlog and logged-3.tlog are of the same flight; logged-3.tlog counts" in told
+    logged = [recorded(day, f"logged-{day}", 0.2 + 0.01 * (day % 2), 500) for day in range(12)]
+    sent = [recorded(day, f"sent-{day}", 0.5, 90, boot_s=-45.0) for day in range(12)]
+    known = flights_of(tmp_path / "store", *logged, *sent)
+    baseline = known.baselines("paper", LATER)[1, "elevator", "friction"]
+    assert baseline.flights == 12
+    assert baseline.mean == pytest.approx(0.205)
+    assert len(known.past("paper", LATER)[1, "elevator"]) == 12
+    assert known.count(PastFlight.of(recorded(99, "later", 0.2, 90))) == 12
+    for report in (trend_report(map(PastFlight.of, [*logged, *sent])), mavhums.trend(tmp_path / "store")):
+        [trend] = report.trends
+        assert report.flights == 12
+        assert trend.flights == 12
+        assert [point.log for point in trend.points] == [f"logged-{day}.tlog" for day in range(12)]
 
 
 def test_a_copy_that_was_not_over_does_not_replace_one_that_was(tmp_path: Path) -> None:
     """A better recording that goes on into the next flight cannot be that flight's past."""
     whole = recorded(0, "whole", 0.3, 900, end_s=1300.0)
     whole = whole.model_copy(update={"log": whole.log.model_copy(update={"duration_s": 1300.0})})
-    for each in (whole, recorded(0, "first", 0.2, 100)):
-        keep_assessment(each, tmp_path)
-    for history in (read_history(tmp_path), FlightFolder(tmp_path)):
-        for after, expected in ((700, 1), (1400, 1)):
-            past = history.past("paper", START + timedelta(seconds=after))
-            assert len(past[1, "elevator"]) == expected
+    known = flights_of(tmp_path / "store", whole, recorded(0, "first", 0.2, 100))
+    for after in (700, 1400):
+        assert len(known.past("paper", START + timedelta(seconds=after))[1, "elevator"]) == 1
 
 
 def test_an_assessment_names_the_other_recordings(tmp_path: Path) -> None:
-    sent = recorded(0, "sent", 0.2, 90)
-    keep_assessment(recorded(1, "another", 0.2, 90), tmp_path)
-    assert with_duplicate_flights(sent, FlightFolder(tmp_path)) == sent
-    keep_assessment(recorded(0, "logged", 0.2, 500), tmp_path)
-    keep_assessment(recorded(0, "relayed", 0.2, 50), tmp_path)
-    keep_assessment(sent, tmp_path)
-    for history in (read_history(tmp_path), FlightFolder(tmp_path)):
-        told = with_duplicate_flights(sent, history).log.copies
-        assert {(copy.log, copy.counts) for copy in told} == {("logged.tlog", True), ("relayed.tlog", False)}
+    sent, another = recorded(0, "sent", 0.2, 90), recorded(1, "another", 0.2, 90)
+    known = flights_of(tmp_path / "one", another)
+    assert with_copies(sent, known.near(PastFlight.of(sent))) == sent
+    others = recorded(0, "logged", 0.2, 500), recorded(0, "relayed", 0.2, 50)
+    known = flights_of(tmp_path / "all", another, *others, sent)
+    named = with_copies(sent, known.near(PastFlight.of(sent))).log.copies
+    assert {(copy.log, copy.counts) for copy in named} == {("logged.tlog", True), ("relayed.tlog", False)}
 
 
 def test_where_the_better_recording_shows_a_fault_the_worse_is_no_reference(tmp_path: Path) -> None:
-    for day in range(11):
-        keep_assessment(recorded(day, f"sound-{day}", 0.2, 90), tmp_path)
+    sound = [recorded(day, f"sound-{day}", 0.2, 90) for day in range(11)]
     found = recorded(0, "found", 0.2, 500)
     worn = found.verdicts[0].model_copy(update={"condition": "degraded", "worst": "degraded"})
-    keep_assessment(found.model_copy(update={"verdicts": (worn,)}), tmp_path)
-    for history in (read_history(tmp_path), FlightFolder(tmp_path)):
-        assert history.baselines("paper", LATER)[1, "elevator", "friction"].flights == 10
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(12))
-def test_a_replay_keeps_what_the_baselines_need(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    flights = []
-    for number in range(100):
-        boot_s = rng.choice([-60.0, -50.0, -35.0])
-        each = recorded(
-            float(rng.integers(0, 40)),
-            str(number),
-            rng.uniform(0.2, 0.3),
-            int(rng.integers(9)),
-            boot_s=boot_s,
-        )
-        if rng.random() < 0.3:
-            found = each.verdicts[0].model_copy(update={"condition": "degraded", "worst": "degraded"})
-            each = each.model_copy(update={"verdicts": (found,)})
-        each = each.model_copy(update={"verdicts": (*each.verdicts, axis(float(number), rng.random() < 0.7))})
-        if rng.random() < 0.1:
-            each = each.model_copy(update={"log": each.log.model_copy(update={"flight": ()})})
-        flights.append(PastFlight.of(each))
-    whole = FlightHistory(tuple(flights))
-    known = Checkpoint()
-    assert {len(past.records) for past in whole.past("paper", LATER)[1, "roll"]} == {0, 1}
-    for flight in whole.flights:
-        assert known.baselines("paper", flight.start) == whole.baselines("paper", flight.start)
-        assert known.past("paper", flight.start) == whole.past("paper", flight.start)
-        known.add(flight)
-    assert known.baselines("paper", LATER) == whole.baselines("paper", LATER)
+    known = flights_of(tmp_path / "store", *sound, found.model_copy(update={"verdicts": (worn,)}))
+    assert known.baselines("paper", LATER)[1, "elevator", "friction"].flights == 10
 
 
 @pytest.mark.slow
@@ -253,12 +198,13 @@ def test_a_flight_of_two_stations_and_the_card_counts_once(run: Run, tmp_path: P
     write_tlog(sent, logs[1], Link(day=3.0, loss=0.01, latency_s=0.2))
     write_dataflash(record, logs[2], day=3.0)
     write_tlog(sent, logs[3], Link(day=4.0))
-    folder = tmp_path / "flights"
+    store = tmp_path / "flights.sqlite"
     for log in logs:
-        last = run("analyse", log, "--history", folder, "--keep", "--airframe", "paper")
+        last = run("analyse", log, "--store", store, "--keep", "--airframe", "paper")
         assert last.code != ExitCode.ERROR
     assert "also recorded" not in last.out
-    told = run("analyse", logs[1], "--history", folder, "--airframe", "paper")
+    told = run("analyse", logs[1], "--store", store, "--airframe", "paper")
     unwrapped = "".join(told.out.split())
     assert f"alsorecordedin{logs[2]}and{logs[0]};{logs[0]}counts" in unwrapped
-    assert mavhums.trend(folder, actuators=["elevator"], faults=["friction"])["start_utc"].nunique() == 2
+    [trend] = mavhums.trend(store, actuators=["elevator"], faults=["friction"]).trends
+    assert trend.flights == 2

@@ -31,8 +31,7 @@ def pitch(run: Run, path: Path, *options: str) -> dict[str, object]:
 
 
 def test_pitch_at_4_hz_is_judged_by_earlier_flights_at_10_hz(run: Run, tmp_path: Path) -> None:
-    history = ("--history", str(tmp_path / "flights"))
-    (tmp_path / "flights").mkdir()
+    history = ("--store", str(tmp_path / "flights"), "--aircraft", "=D-A")
     for day in range(6):
         assert pitch(run, log(tmp_path, day, 10.0), *history, "--keep")["condition"] == "normal"
     healthy = log(tmp_path, 10, 4.0)

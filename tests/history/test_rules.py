@@ -15,15 +15,12 @@ from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import (
     AircraftResolver,
-    KnownAircraft,
     aircraft_of,
     board_of,
     check_aircraft_rule,
 )
 from mavhums.flights.corrections import CorrectedLog, Correction
 from mavhums.flights.duplicates import _is_dated, recordings_of, superseded_recordings
-from mavhums.flights.flight_file import _check_plausible
-from mavhums.flights.folder import keep_assessment
 from mavhums.flights.history import PastFlight
 from mavhums.flights.naming import aircraft_in_store
 from mavhums.flights.reports import _flights_left, _is_soon, _kinds, _of_last, _silent
@@ -339,24 +336,6 @@ def test_growth_is_soon_within_ten_flights_and_an_aircraft_silent_after_more_tha
     assert [one.aircraft for one in _silent(now, until, 13.9)] == ["D-A", "D-B"]
 
 
-@pytest.mark.parametrize(
-    ("one", "other", "differ"),
-    [
-        ((1, "0A", "D-A"), (1, "0B", "D-A"), False),
-        ((1, "0A", "D-A"), (1, "0A", "D-B"), True),
-        ((1, "0A", "D-A"), (2, "0B", "D-B"), False),
-        ((1, "0A", None), (1, "0B", "D-B"), True),
-        ((1, "0A", None), (1, "0A", "D-B"), False),
-        ((1, None, "D-A"), (1, "0B", None), False),
-        ((1, None, None), (1, None, None), False),
-    ],
-)
-def test_two_owners_differ_by_name_else_by_board(one: Any, other: Any, differ: bool) -> None:
-    first, second = (KnownAircraft._make((*each, (START, START))) for each in (one, other))
-    assert first.differs(second) is second.differs(first) is differ
-    assert first.is_known is (one[1:] != (None, None))
-
-
 @pytest.mark.parametrize("rule", [None, "folder", "board", "=D-EABC", "(?P<aircraft>x)"])
 def test_rules_that_identify_an_aircraft(rule: str | None) -> None:
     check_aircraft_rule(rule)
@@ -420,43 +399,6 @@ def test_the_quality_of_a_recording_is_of_its_vehicle_alone() -> None:
 )
 def test_a_recording_needs_a_boot_time_and_time_zones(change: dict[str, str | None], dated: bool) -> None:
     assert _is_dated(identity().model_copy(update=change)) is dated
-
-
-@pytest.mark.parametrize(
-    ("change", "vehicle", "plausible"),
-    [
-        ({"scatter": 1e12}, 255, True),
-        ({"scatter": 1.01e12}, 1, False),
-        ({"limit": -1.01e12}, 1, False),
-        ({"emergency": 1.01e12}, 1, False),
-        ({"value": Interval(estimate=0, low=-1.01e12, high=0)}, 1, False),
-        ({"value": Interval(estimate=0, low=0, high=1.01e12)}, 1, False),
-        ({"windows": 1_010_000_000_000}, 1, False),
-        ({"scatter": None, "limit": None, "emergency": None}, 0, True),
-        ({}, None, True),
-        ({}, 256, False),
-        ({}, -1, False),
-    ],
-)
-def test_which_numbers_of_a_file_are_plausible(
-    change: dict[str, Any], vehicle: int | None, plausible: bool
-) -> None:
-    judged = verdict(shown(0.2).model_copy(update=change), vehicle=vehicle)
-    if plausible:
-        _check_plausible(flown(judged), Path("x.json"))
-    else:
-        with pytest.raises(MavhumsError, match="outside the accepted range"):
-            _check_plausible(flown(judged), Path("x.json"))
-
-
-@pytest.mark.parametrize(
-    ("path", "stem"),
-    [("a/b.tlog", "b"), (None, "log"), ("._-.tlog", "log"), ("ä b!c.bin", "ä_b_c"), ("x" * 99, "x" * 60)],
-)
-def test_a_kept_flight_is_named_after_its_log_and_hash(path: str | None, stem: str, tmp_path: Path) -> None:
-    judged = flown(verdict())
-    judged = judged.model_copy(update={"log": judged.log.model_copy(update={"path": path})})
-    assert keep_assessment(judged, tmp_path).name == f"{stem}-{(judged.log.sha256 or '')[:16]}.json"
 
 
 AT = datetime(2026, 3, 1, tzinfo=UTC)

@@ -9,9 +9,9 @@ import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.flights.aircraft_table import Since as Dates
-from mavhums.flights.history import FlightHistory, PastFlight
+from mavhums.flights.history import PastFlight
 from mavhums.flights.reports import _kinds
-from mavhums.flights.trends import trend_report, with_standings
+from mavhums.flights.trends import standings_after, trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import course_of
 from mavhums.results.sections import AxisLimits
@@ -23,7 +23,7 @@ from mavhums.show.standing import _change_lines
 from tests.flights import START, flown, shown, verdict
 
 
-def history(values: list[float], *, scatter: float = 0.0, alone: float = 0.02) -> FlightHistory:
+def history(values: list[float], *, scatter: float = 0.0, alone: float = 0.02) -> list[PastFlight]:
     """Flights of an elevator; each alone is degraded only where it lies far above the limit."""
     rng = np.random.default_rng(len(values))
     flights = []
@@ -31,7 +31,7 @@ def history(values: list[float], *, scatter: float = 0.0, alone: float = 0.02) -
         seen = value + scatter * float(rng.standard_normal())
         condition: Condition = "degraded" if seen > 0.375 + alone else "normal"
         flights.append(PastFlight.of(flown(verdict(shown(seen), condition=condition), day=day)))
-    return FlightHistory(tuple(flights))
+    return flights
 
 
 def standing(values: list[float], **given: float) -> Standing:
@@ -56,7 +56,7 @@ def test_an_interval_above_the_limit_is_enough_for_the_state() -> None:
 
 def test_flights_that_could_not_be_judged_end_nothing() -> None:
     blind = (PastFlight.of(flown(verdict(condition="undecided"), day=day)) for day in range(2, 9))
-    (one,) = trend_report(FlightHistory((*history([0.2, 0.42]).flights, *blind))).standings
+    (one,) = trend_report([*history([0.2, 0.42]), *blind]).standings
     assert (one.condition, one.last, one.clear_flights) == ("degraded", "undecided", 0)
 
 
@@ -111,7 +111,7 @@ def test_an_axis_loses_down_to_its_shares_of_the_first_flights() -> None:
         one = shown(value, fault="effectiveness").model_copy(update={"limit": 9.0, "emergency": 8.0})
         roll = verdict(one, actuator="roll").model_copy(update={"subject": "axis", "limits": limits})
         flights.append(PastFlight.of(flown(roll, day=day)))
-    [found] = trend_report(FlightHistory(tuple(flights))).trends
+    [found] = trend_report(flights).trends
     assert found.baseline is not None
     assert found.baseline.estimate == pytest.approx(1.0, abs=0.01)
     mean = found.baseline.estimate
@@ -149,7 +149,7 @@ def test_only_verdicts_of_a_vehicles_actuators_since_their_date_are_followed() -
         ((), {None: START + timedelta(days=3)}, {}),
     )
     for actuators, since, expected in cases:
-        report = trend_report(FlightHistory(tuple(flights)), actuators=actuators, since=since)
+        report = trend_report(flights, actuators=actuators, since=since)
         assert {one.actuator: one.flights for one in report.trends} == expected
         assert {one.actuator: one.flights for one in report.standings} == expected
 
@@ -160,7 +160,7 @@ def test_only_verdicts_of_a_vehicles_actuators_since_their_date_are_followed() -
 )
 def test_a_fault_that_was_not_asked_for_is_told_of_the_last_flight(condition: Condition, told: bool) -> None:
     flights = [flown(verdict(shown(0.2))), flown(verdict(shown(0.2), condition=condition), day=1)]
-    report = trend_report(FlightHistory(tuple(map(PastFlight.of, flights))), faults=["backlash"])
+    report = trend_report(map(PastFlight.of, flights), faults=["backlash"])
     assert report.trends == ()
     assert [(one.vehicle, one.actuator, one.condition) for one in report.others] == [
         (1, "elevator", condition)
@@ -169,27 +169,27 @@ def test_a_fault_that_was_not_asked_for_is_told_of_the_last_flight(condition: Co
 
 def test_a_flight_and_its_history_never_contradict_each_other() -> None:
     """The last flight alone is normal; the assessment says that it grows, and does not end with 0."""
-    flights = history([0.21 + 0.005 * day for day in range(24)], scatter=0.008).flights
+    flights = history([0.21 + 0.005 * day for day in range(24)], scatter=0.008)
     *before, last = flights
-    told = with_standings(last.assessment, FlightHistory(tuple(before)), None)
-    assert told.verdicts == last.assessment.verdicts
+    told = last.assessment.model_copy(update={"standings": standings_after(last, before, None)})
     assert told.standings[0].growth is not None
     assert told.exit_code.name == "DEGRADED"
-    assert with_standings(last.assessment, FlightHistory(), None) == last.assessment
+    assert standings_after(last, [], None) == ()
     for at in (0, 12):
-        earlier = with_standings(flights[at].assessment, FlightHistory(flights), None)
-        assert [one.flights for one in earlier.standings] == [at + 1] * (at > 0), "later flights do not count"
+        earlier = standings_after(flights[at], flights, None)
+        assert [one.flights for one in earlier] == [at + 1] * (at > 0), "later flights do not count"
 
 
 @pytest.mark.parametrize(
     ("since_s", "said"), [(0.0, "DEGRADED since flight 3 of 5 (2026-03-03)"), (60.0, "DEGRADED since 1m00s")]
 )
 def test_a_fault_of_an_earlier_flight_is_not_dated_to_this_one(since_s: float, said: str) -> None:
-    *before, last = history([0.2, 0.2, 0.5, 0.5, 0.5]).flights
+    *before, last = history([0.2, 0.2, 0.5, 0.5, 0.5])
     [judged] = last.assessment.verdicts
     judged = judged.model_copy(update={"since": Since(flight_time_s=since_s, utc=START.isoformat())})
-    now = last.assessment.model_copy(update={"verdicts": (judged,)})
-    assert said in headline(with_standings(now, FlightHistory(tuple(before)), None))
+    now = PastFlight.of(last.assessment.model_copy(update={"verdicts": (judged,)}))
+    stood = standings_after(now, before, None)
+    assert said in headline(now.assessment.model_copy(update={"standings": stood}))
 
 
 def test_the_baseline_is_the_level_before_the_growth() -> None:

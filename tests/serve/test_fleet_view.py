@@ -158,7 +158,7 @@ def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_
         trend("rudder", "backlash", grows=True),
         trend("rudder", "bias", last=0.7),
     )
-    report = TrendReport(flights=12, trends=trends, unshown=(), errors=(), notices=())
+    report = TrendReport(flights=12, trends=trends, unshown=())
     elevator, rudder = trends_shown(report, {"2026-01-02T00:00:00Z": "/fleet/flight?log=2"})
     assert (len(elevator.first), len(elevator.others)) == (1, 1)
     assert len(rudder.first) == 2
@@ -183,7 +183,7 @@ def test_repairs_are_marked_at_their_dates() -> None:
     )
     assert first < last
     trends = (trend("elevator", "friction"),)
-    report = TrendReport(flights=12, trends=trends, unshown=(), errors=(), notices=(), repairs=repairs)
+    report = TrendReport(flights=12, trends=trends, unshown=(), repairs=repairs)
     (shown,) = trends_shown(report, {})[0].first
     (mark,) = shown.chart["marks"]
     assert mark == {"at": shown.chart["time"][-1], "text": f"repair {last[:10]}"}
@@ -198,7 +198,7 @@ def test_texts_of_a_store_are_never_markup() -> None:
     assert text.count("&lt;img src=x") >= 3
     assert "<img" not in render("aircraft.html", name=MARKUP, problem=MARKUP, **page)
     named = trend(MARKUP, "friction").model_copy(update={"quantity": MARKUP})
-    report = TrendReport(flights=12, trends=(named,), unshown=(MARKUP,), errors=(), notices=())
+    report = TrendReport(flights=12, trends=(named,), unshown=(MARKUP,))
     text = render(
         "aircraft.html",
         **page,

@@ -15,6 +15,7 @@ from sqlalchemy import Connection, Engine, NullPool, create_engine, event, inspe
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.core.output import as_utf8
 from mavhums.flights.store.tables import METADATA, SETTING
 
 SCHEMA: Final = "1"
@@ -41,6 +42,15 @@ class LogFile(NamedTuple):
     path: str
     size: int
     time_ns: int
+
+    @classmethod
+    def at(cls, path: Path) -> LogFile:
+        """Return the log at an absolute path; the judgement of one that is not there reports why."""
+        try:
+            status = path.stat()
+        except OSError:
+            return cls(as_utf8(path), -1, 0)
+        return cls(as_utf8(path), status.st_size, status.st_mtime_ns)
 
 
 class Row(NamedTuple):
@@ -77,6 +87,8 @@ class Store:
 
     Attributes
     ----------
+    address
+        The place.
     place
         The same to be shown: without a password.
 
@@ -87,9 +99,9 @@ class Store:
     """
 
     def __init__(self, place: str | os.PathLike[str]) -> None:
-        self._address = os.fspath(place)
-        self.is_file = "://" not in self._address
-        self.place = self._address if self.is_file else _PASSWORD.sub(r"\1***@", self._address)
+        self.address = os.fspath(place)
+        self.is_file = "://" not in self.address
+        self.place = self.address if self.is_file else _PASSWORD.sub(r"\1***@", self.address)
         if self.is_file and Path(self.place).is_dir():
             raise MavhumsError(f"{self.place}: is a folder, not a store", "name its file, or a new file")
 
@@ -106,13 +118,14 @@ class Store:
         MavhumsError
             If the store does not exist, is damaged, or cannot be reached.
         """
-        with self._failing(reads=True), self._engine.connect() as connection:
-            found = self.exists and inspect(connection).has_table(SETTING.name)
-            version = found and connection.scalar(select(SETTING.c.value).where(SETTING.c.name == "schema"))
-        if not found:
-            raise MavhumsError(
-                f"{self.place}: no store of a fleet", "fill it: mavhums fleet scan LOGS --to STORE"
-            )
+        version = None
+        if self.exists:  # SQLite makes a file that it is asked to open
+            with self._failing(reads=True), self._engine.connect() as connection:
+                if inspect(connection).has_table(SETTING.name):
+                    version = connection.scalar(select(SETTING.c.value).where(SETTING.c.name == "schema"))
+        if version is None:
+            remedy = "keep a first one: mavhums analyse LOG --keep"
+            raise MavhumsError(f"{self.place}: no store of flights", remedy)
         if version != SCHEMA:
             problem = f"{self.place}: has the schema {version}, not {SCHEMA}"
             raise MavhumsError(problem, "update mavhums, or scan the logs into a new store")
@@ -153,7 +166,7 @@ class Store:
     def _engine(self) -> Engine:
         if not self.is_file:
             try:
-                address = self._address.replace("postgresql://", "postgresql+psycopg://", 1)
+                address = self.address.replace("postgresql://", "postgresql+psycopg://", 1)
                 engine = create_engine(address, poolclass=NullPool, connect_args={"connect_timeout": 10})
             except (ArgumentError, NoSuchModuleError, ValueError) as error:
                 problem = f"{self.place}: is not an address of a database"

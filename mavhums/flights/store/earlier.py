@@ -11,25 +11,32 @@ from itertools import groupby
 from typing import Any, Final
 
 from pydantic import TypeAdapter
-from sqlalchemy import Connection, select
+from sqlalchemy import Connection, func, select
 
-from mavhums.core.errors import MavhumsError
 from mavhums.core.startup import no_collection
-from mavhums.flights.aircraft import KnownAircraft
 from mavhums.flights.aircraft_table import Since
 from mavhums.flights.duplicates import Quality, Recording
-from mavhums.flights.history import FlightHistory, PastFlight, is_healthy, kept_records
+from mavhums.flights.history import (
+    PastFlight,
+    baselines_of,
+    is_healthy,
+    kept_records,
+    records_of,
+    references,
+)
 from mavhums.flights.store.tables import FLIGHT, RECORD, RECORDING, VERDICT
 from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
-from mavhums.results.sections import FlightIdentity
+from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
 from mavhums.results.verdict import OwnRecord, Suspect, Verdict
 
 RECENT_FLIGHTS: Final = 200
 """Flights that tell how an aircraft stands; a year of flights."""
 
+# Twice, because a recording may be as far from the one before it as that one is from the first.
+_NEAR_US: Final = round(2e6 * CLOCKS_APART_S)
 EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 OF_VERDICT: Final = (RECORD.c.flight_id == VERDICT.c.flight_id) & (RECORD.c.place == VERDICT.c.place)
 _SLIM: Final = ("vehicle", "subject", "actuator", "condition", "worst", "suspect")
@@ -118,7 +125,7 @@ def _slim_verdict(row: Any) -> Verdict:
 
 
 class StoredFlights:
-    """The earlier flights of an aircraft, as :class:`mavhums.flights.history.EarlierFlights`.
+    """The earlier flights of an aircraft.
 
     Parameters
     ----------
@@ -128,14 +135,9 @@ class StoredFlights:
         Id of the aircraft; None for one without flights.
     since
         Returns the dates from which an actuator's flights count at a time, as the store has them.
-    name
-        What it is called in messages.
     before_us
         Start of the first flight that is not there; None for none.
     """
-
-    errors: tuple[MavhumsError, ...] = ()
-    notices: tuple[str, ...] = ()
 
     def __init__(
         self,
@@ -143,19 +145,16 @@ class StoredFlights:
         aircraft: int | None,
         since: Callable[[datetime], Since],
         *,
-        name: str = "the store",
         before_us: int | None = None,
     ) -> None:
-        self.name = name
         self._reading, self._aircraft, self.since = reading, aircraft, since
         self._before = before_us
         self._records: list[PastFlight] | None = None
         self._latest: dict[object, Baselines] = {}
 
-    @property
-    def flights(self) -> tuple[PastFlight, ...]:
-        """All flights that count, in time order."""
-        return tuple(self._asked(VERDICT.c.counts))
+    def all(self) -> list[PastFlight]:
+        """Return all flights that count, in time order."""
+        return self._asked(VERDICT.c.counts)
 
     def recent(self) -> Sequence[PastFlight]:
         """Return the latest flights that count."""
@@ -173,7 +172,11 @@ class StoredFlights:
     def baselines(
         self, airframe: str | None, before: datetime | None, since: Since | None = None
     ) -> Baselines:
-        """Return the same as :meth:`FlightHistory.baselines` for all flights."""
+        """Return each actuator's baseline from all flights, as of :func:`baselines_of`.
+
+        ``since`` are the dates from which flights count, by default those of the store; without ``before``,
+        the start of the flight under evaluation, there is no baseline.
+        """
         if before is None:
             return {}
         dates = self.since(before) if since is None else since
@@ -182,13 +185,13 @@ class StoredFlights:
         ended = tuple(flight for flight in flights if flight.end <= before)
         key = (airframe, tuple(map(id, ended)), tuple(dates.items()))
         if key not in self._latest:  # the same for all flights after the last reference
-            self._latest = {key: FlightHistory(ended).baselines(airframe, before, dates)}
+            self._latest = {key: baselines_of(ended, airframe, before, dates)}
         return self._latest[key]
 
     def past(
         self, airframe: str | None, before: datetime | None, since: Since | None = None
     ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
-        """Return the same as :meth:`FlightHistory.past` for all flights."""
+        """Return the data of all flights for own-scale equations, by vehicle and actuator."""
         if before is None:
             return {}
         dates = self.since(before) if since is None else since
@@ -196,36 +199,58 @@ class StoredFlights:
             # With the flights that were judged since the first one that is not there.
             judged = [] if self._before is None else [FLIGHT.c.start_us < us_of(before)]
             self._records = self._asked(*judged, records=True)
-        return FlightHistory(tuple(self._records)).past(airframe, before, dates)
+        return records_of(self._records, airframe, before, dates)
 
-    def add(self, flown: PastFlight) -> bool:
-        """Take the next flight, and return whether a baseline may rest on it."""
+    def add(self, flown: PastFlight) -> list[str]:
+        """Take the next flight; return the logs on which a baseline may rest from now on.
+
+        Other recordings of such a flight are among them: a better one that shows a fault replaces it.
+        """
         dates, airframe = self.since(flown.start), flown.assessment.airframe
-        ended = FlightHistory(tuple(flight for flight in self._references if flight.end <= flown.start))
-        known = ended.references(airframe, flown.start, dates, _WANTED)
+        ended = [flight for flight in self._references if flight.end <= flown.start]
+        known = references(ended, airframe, flown.start, dates, _WANTED)
         wanted = any(
             len(known.get((verdict.vehicle or 0, verdict.actuator, shown.fault), ())) < _WANTED
             for verdict in flown.assessment.verdicts
             if is_healthy(verdict) and flown.counts(verdict.actuator, dates)
             for shown in verdict.indicators
         )
-        if wanted:
-            self._references.append(flown.without("evidence", "provenance", "own"))
         if self._records is not None:
             self._records.append(_record_of(flown))
-        return wanted
-
-    def owners(self) -> list[KnownAircraft]:
-        """Return nothing: whose the flights are is decided when they come into the store."""
-        return []
+        near = [each for each in self.near(flown) if each.start <= flown.start]
+        logs = {each.log for each in self._references}
+        if not wanted and not any(each.log in logs for each in near):
+            return []
+        new = [flown, *(each for each in near if each.log not in logs)]
+        self._references += [each.without("evidence", "provenance", "own") for each in new]
+        return [each.log for each in new]
 
     def near(self, flight: PastFlight) -> list[PastFlight]:
-        """Return nothing: other recordings of a flight are found when they come into the store."""
-        return []
+        """Return the flights in other logs, judged by the same profile, that may be the same flight."""
+        boots = [us_of(datetime.fromisoformat(each.flight.boot_utc or "")) for each in flight.recordings]
+        if not boots:
+            return []
+        boards = {each.flight.board for each in flight.recordings}
+        other = select(RECORDING.c.flight_id).where(
+            RECORDING.c.board.in_(boards),
+            RECORDING.c.boot_us.between(min(boots) - _NEAR_US, max(boots) + _NEAR_US),
+        )
+        same_profile = FLIGHT.c.airframe.is_not_distinct_from(flight.assessment.airframe)
+        own = flight.assessment.log.sha256 or ""
+        return self._asked(FLIGHT.c.id.in_(other), FLIGHT.c.sha256 != own, same_profile)
 
-    def with_flight(self, assessment: Assessment) -> StoredFlights:
-        """Return the flights: the store has the new one, too."""
-        return self
+    def count(self, flight: PastFlight) -> int:
+        """Return how many flights by the same profile were before a flight; one in several logs is one."""
+        counted = select(VERDICT.c.place).where(VERDICT.c.flight_id == FLIGHT.c.id, VERDICT.c.counts)
+        before = select(func.count()).where(
+            FLIGHT.c.aircraft_id == self._aircraft,
+            FLIGHT.c.start_us < us_of(flight.start),
+            FLIGHT.c.sha256 != (flight.assessment.log.sha256 or ""),
+            FLIGHT.c.airframe.is_not_distinct_from(flight.assessment.airframe),
+            counted.exists(),
+        )
+        with self._reading() as connection:
+            return connection.scalar(before) or 0
 
     @cached_property
     def _references(self) -> list[PastFlight]:

@@ -21,7 +21,7 @@ from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.aircraft_table import AircraftTable, Since
 from mavhums.flights.compare import compared, unpacked
 from mavhums.flights.duplicates import Recording, recordings_of, superseded_recordings
-from mavhums.flights.history import FlightHistory, PastFlight, kept_records
+from mavhums.flights.history import PastFlight, kept_records
 from mavhums.flights.store.dates import installed, since_of
 from mavhums.flights.store.earlier import OWN, QUALITY, StoredFlights, us_of
 from mavhums.flights.store.logs import in_parts, now_us
@@ -90,8 +90,9 @@ def _judge(connection: Connection, aircraft: int, name: str) -> None:
     for flight in flights:
         assessment = compared(_alone(connection, flight), earlier.baselines, earlier.past)
         _write(connection, flight, aircraft, assessment)
-        if assessment.log.start_utc is not None and earlier.add(PastFlight.of(assessment)):
-            connection.execute(update(FLIGHT).where(FLIGHT.c.id == flight).values(reference=True))
+        if assessment.log.start_utc is not None:
+            logs = earlier.add(PastFlight.of(assessment))
+            connection.execute(update(FLIGHT).where(FLIGHT.c.sha256.in_(logs)).values(reference=True))
     _choose_recordings(connection, flights)
     _mark_last(connection, aircraft, after)
     recent, table = earlier.recent(), installed(connection, aircraft)
@@ -101,11 +102,15 @@ def _judge(connection: Connection, aircraft: int, name: str) -> None:
 
 
 def trend_of(
-    flown: Sequence[PastFlight], since: Callable[[datetime], Since], table: AircraftTable, aircraft: str
+    flown: Sequence[PastFlight],
+    since: Callable[[datetime], Since],
+    table: AircraftTable,
+    aircraft: str,
+    **wanted: Collection[str],
 ) -> TrendReport:
-    """Return the trends over an aircraft's flights, at least one."""
+    """Return the trends over an aircraft's flights, at least one; ``wanted`` as of :func:`trend_report`."""
     end = flown[-1].end
-    return trend_report(FlightHistory(tuple(flown)), since=table.since(aircraft, end), repaired=since(end))
+    return trend_report(flown, **wanted, since=table.since(aircraft, end), repaired=since(end))
 
 
 def _alone(connection: Connection, flight: int) -> StandaloneAssessment:

@@ -30,7 +30,7 @@ _OPEN: tuple[Condition, ...] = ("undecided", "learning", "unchanged", "changed")
 _CONSTANT = "torque_constant"
 _OF_THE_MOTOR = (*MOTOR_FAULTS, *STALL_SHARES)
 _MAGNETS = "inspect the motor's magnets, which age and suffer from heat"
-_KEEP = "keep its flights in one folder: mavhums analyse LOG --history DIR --keep"
+_KEEP = "keep its flights: mavhums analyse LOG --keep"
 _NO_LIMIT = "no absolute limit known"
 
 

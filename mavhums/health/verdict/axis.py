@@ -33,10 +33,10 @@ from mavhums.vehicle.surfaces import STEERING, Surfaces
 _SUREST: Final = 0.99  # tens of simulated flights cannot support more
 _BEGINS_IN_FLIGHT: Final = (
     "the log begins in flight, and does not show whether control was healthy then",
-    "record from before take-off, or compare with earlier flights (--history)",
+    "record from before take-off, or compare with earlier flights (--keep)",
 )
 _LATE_REFERENCE: Final = "its reference ends {:.0f} s into the log: a loss before that does not show"
-_COMPARE: Final = "compare with earlier flights (--history)"
+_COMPARE: Final = "compare with earlier flights (--keep)"
 _SPEEDS: Final = ("the airspeed sensor", "the wind triangle", "the speed over ground")
 _GAIN: Final = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m"), STEERING: (1, "rad/m")}
 _CONSTANTS: Final = {"hard_over": ("trim", "1"), "manoeuvre": ("load factor by full demand", "s²/m²")}

@@ -469,9 +469,10 @@ def test_real_flights_without_a_loss_in_flight_raise_no_alarm(name: str) -> None
 
 @needs(FLIGHTS)
 def test_a_cut_propeller_shows_against_flights_with_whole_ones(run: Run, tmp_path: Path) -> None:
+    store = ("--store", tmp_path / "store", "--aircraft", "=X500")
     for name in ("cut00_hover1", "cut00_hover2", "cut00_line1"):
-        run("analyse", FLIGHTS / f"{name}.BIN", "--history", tmp_path, "--keep")
+        run("analyse", FLIGHTS / f"{name}.BIN", *store, "--keep")
     for name, motor in (("cut25_hover1", "motor 1"), ("cut25_line1", "motor 1"), ("cut10_hover1", "motor 4")):
-        found = json.loads(run("analyse", FLIGHTS / f"{name}.BIN", "--history", tmp_path, "--json").out)
+        found = json.loads(run("analyse", FLIGHTS / f"{name}.BIN", *store, "--json").out)
         worn = [verdict["actuator"] for verdict in found["verdicts"] if verdict["condition"] == "degraded"]
         assert worn == [motor], name

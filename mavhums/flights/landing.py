@@ -1,0 +1,246 @@
+"""A log among its aircraft's flights in a store: compared with the earlier ones, and kept there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from sqlalchemy import Connection, select
+
+from mavhums.core.errors import MavhumsError
+from mavhums.core.output import as_utf8
+from mavhums.core.packed import is_stream
+from mavhums.engine.events import StandaloneAssessment
+from mavhums.flights.aircraft import (
+    BOARD,
+    GIVEN,
+    UNKNOWN,
+    AircraftResolver,
+    UnnamedAircraftError,
+    aircraft_of,
+    board_of,
+    latest,
+)
+from mavhums.flights.aircraft_table import Since
+from mavhums.flights.compare import compared, packed
+from mavhums.flights.history import PastFlight, UndatedError, with_copies
+from mavhums.flights.naming import (
+    BOARD_NAME,
+    aircraft_in_store,
+    check_aircraft_named,
+    foreign_board_among,
+    proposed,
+    remember,
+    resolver_of_store,
+)
+from mavhums.flights.queries import earlier_flights
+from mavhums.flights.store import LogFile, Row, Store
+from mavhums.flights.store.database import FORMAT
+from mavhums.flights.store.earlier import us_of
+from mavhums.flights.store.logs import FLOWN, add_logs, known_files, removed_files
+from mavhums.flights.store.tables import AIRCRAFT, FLIGHT
+from mavhums.flights.store.verdicts import make_verdicts
+from mavhums.flights.trends import standings_after
+from mavhums.health.decision.baseline import Baselines, PastRecord
+from mavhums.results.assessment import Assessment
+from mavhums.results.sections import NOT_COMPARED
+
+
+class OwnFlights:
+    """The earlier flights of a log's aircraft in a store.
+
+    Parameters
+    ----------
+    store
+        The store.
+    alone
+        Assessment of the log, or of a link so far, by itself.
+    given
+        What the operator says of whose log it is.
+
+    Attributes
+    ----------
+    is_named
+        Whether anything names the aircraft; otherwise it has no earlier flights.
+    resolver
+        Gives the aircraft in the log its name.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist or cannot be read.
+    """
+
+    def __init__(self, store: Store, alone: Assessment, given: AircraftResolver) -> None:
+        self._store = store.opened()
+        with store.reading() as connection:
+            known = resolver_of_store(connection, given)
+            aircraft = _aircraft(alone, connection, known, given.rule)
+        self.is_named, self._aircraft = aircraft != UNKNOWN, aircraft
+        rule = given.rule if aircraft.startswith(BOARD_NAME) else f"{GIVEN}{aircraft}"
+        self.resolver = AircraftResolver(rule if self.is_named else None, known.table)
+        self._flights = earlier_flights(store, aircraft)
+
+    def compared(self, alone: StandaloneAssessment) -> Assessment:
+        """Return the assessment of a flight that was judged alone, compared with the earlier ones."""
+        named = self.resolver.named(alone.assessment)
+        if not self.is_named:
+            return self.completed(named)
+        return self.completed(compared(alone._replace(assessment=named), self.baselines, self.past))
+
+    def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
+        """Return the baselines of a flight of this aircraft that begins at a time."""
+        return self._flights.baselines(airframe, before, self._since(before)) if self.is_named else {}
+
+    def past(
+        self, airframe: str | None, before: datetime | None
+    ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
+        """Return the data of the flights before, for own-scale equations."""
+        return self._flights.past(airframe, before, self._since(before)) if self.is_named else {}
+
+    def completed(self, assessment: Assessment) -> Assessment:
+        """Return a compared assessment with what the store knows of its aircraft.
+
+        That is how many flights it was compared with, how each actuator stands over them, which other logs
+        record this one, and what an operator should look into.
+        """
+        if not self.is_named:
+            return assessment.with_notice(f"{NOT_COMPARED}: --aircraft =NAME names its aircraft")
+        with self._store.reading() as connection:
+            notice = _odd_board(connection, assessment)
+        if notice is not None:
+            assessment = assessment.with_notice(notice)
+        try:
+            flown = PastFlight.of(assessment)
+        except UndatedError:
+            return assessment
+        stands = standings_after(flown, self._flights.recent(), self._since(flown.start))
+        counted = {"standings": stands, "earlier_flights": self._flights.count(flown)}
+        return with_copies(assessment, self._flights.near(flown)).model_copy(update=counted)
+
+    def _since(self, start: datetime | None) -> Since:
+        """Return the dates from which flights count, as the store and the given table have them."""
+        if start is None:
+            return {}
+        return latest(self._flights.since(start), self.resolver.table.since(self._aircraft, start))
+
+
+def land(
+    store: Store, alone: StandaloneAssessment, file: LogFile, settings: str, given: AircraftResolver
+) -> None:
+    """Put a judged log into a store, and make the verdicts on it and on later flights; it is kept once.
+
+    Parameters
+    ----------
+    store
+        The store; the first log creates it.
+    alone
+        The log, judged by itself.
+    file, settings
+        The log's file, and the hash of everything else that its judgement depends on.
+    given
+        What the operator says of whose log it is; the store remembers it.
+
+    Raises
+    ------
+    UnnamedAircraftError
+        If nothing but a guess names its aircraft.
+    MavhumsError
+        If the store cannot be written, has the log as one of another aircraft, or the log was removed.
+    """
+    refused: MavhumsError | None = None
+    with store.writing() as connection:
+        there = _judged(connection, alone.assessment.log.sha256 or "")
+        if there is not None and there.path != file.path and there.aircraft != UNKNOWN:
+            _check_not_of_another(store, file, there, given)
+            return
+        remember(connection, given, [file])
+        if known_files(connection, [file]).get(file) != settings:
+            row = row_of(alone, file, settings, resolver_of_store(connection, given))
+            try:
+                check_aircraft_named(connection, row, given)
+                if file in removed_files(connection) or not add_logs(connection, [row])[0]:
+                    remedy = f"see the number: mavhums fleet journal --store {store.place}; and --undo it"
+                    refused = MavhumsError(f"{file.path}: was removed from {store.place}", remedy)
+            except UnnamedAircraftError as error:
+                refused = error
+        make_verdicts(connection)
+    if refused is not None:
+        raise refused
+
+
+def row_of(alone: StandaloneAssessment, file: LogFile, settings: str, resolver: AircraftResolver) -> Row:
+    """Return a log that was judged by itself as a store takes it; arguments as of :func:`land`."""
+    # The path of the log, wherever its copy lay.
+    log = alone.assessment.log.model_copy(update={"path": file.path})
+    assessment = alone.assessment.model_copy(update={"log": log})
+    try:
+        start_us: int | None = us_of(PastFlight.of(assessment).start)
+    except UndatedError:
+        start_us = None
+    return Row(
+        *file,
+        settings=settings,
+        sha256=log.sha256,
+        aircraft=aircraft_in_store(file.path, assessment, resolver),
+        board=board_of(assessment),
+        start_us=start_us,
+        duration_s=log.duration_s,
+        losses=bool(log.losses.any),
+        flight=packed(alone._replace(assessment=assessment)),
+        problem=None,
+        remedy=None,
+    )
+
+
+def _check_not_of_another(store: Store, file: LogFile, there: _KeptLog, given: AircraftResolver) -> None:
+    name = aircraft_of(file.path, given.rule)
+    if name not in (UNKNOWN, there.aircraft):
+        problem = f"{file.path}: {store.place} has this log as one of {there.aircraft}, not of {name}"
+        move = f"mavhums fleet move --store {store.place} '{there.path}' '{name}'"
+        raise MavhumsError(problem, f"if that is wrong, move it: {move}")
+
+
+def _odd_board(connection: Connection, assessment: Assessment) -> str | None:
+    """Return the notice on a log whose board is not that of its aircraft; None if it is."""
+    log = assessment.log
+    names = {each.aircraft for each in log.flight}
+    name = names.pop() if len(names) == 1 else None
+    pinned = connection.scalar(select(FLIGHT.c.pinned).where(FLIGHT.c.sha256 == log.sha256))
+    if name is None or pinned:
+        return None
+    return foreign_board_among(connection, name, board_of(assessment), log.start_utc)
+
+
+def _aircraft(
+    assessment: Assessment, connection: Connection, resolver: AircraftResolver, rule: str | None
+) -> str:
+    """Return whose flights a log is compared with: by the rule, else by those of its board in the store."""
+    log = assessment.log
+    row = _judged(connection, log.sha256 or "")
+    if row is not None and row.aircraft != UNKNOWN and (rule is None or row.pinned):
+        return row.aircraft
+    path = "" if log.path is None or is_stream(log.path) else as_utf8(Path(log.path).absolute())
+    named = aircraft_in_store(path, assessment, resolver)
+    if rule is not None or resolver.rule in (None, BOARD):
+        return named
+    if named in {*connection.scalars(FLOWN)}:
+        return named
+    board = board_of(assessment)
+    several = proposed(connection, board) if board else []
+    return several[0] if len(several) == 1 else UNKNOWN
+
+
+class _KeptLog(NamedTuple):
+    path: str
+    aircraft: str
+    pinned: bool
+
+
+def _judged(connection: Connection, sha256: str) -> _KeptLog | None:
+    """Return where a store has judged a log, and its aircraft; None if it has not."""
+    asked = select(FLIGHT.c.path, AIRCRAFT.c.name, FLIGHT.c.pinned).join(AIRCRAFT)
+    row = connection.execute(asked.where(FLIGHT.c.sha256 == sha256, FLIGHT.c.format == FORMAT)).first()
+    return None if row is None else _KeptLog(*row)
