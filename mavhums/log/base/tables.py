@@ -131,10 +131,6 @@ class Table:
         joined: dict[str, Any] = {part: np.concatenate(rows) for part, rows in parts.items()}
         return replace(tables[0], **joined | {"fields": joined["fields"].view(wire)})
 
-    def texts(self, field: str) -> list[str]:
-        """Return a char field as text, cut at the first NUL."""
-        return [text_of(value) for value in self.fields[field].tolist()]
-
     def to_frame(self) -> pd.DataFrame:
         """Return a DataFrame indexed by time of reception (UTC).
 

@@ -42,11 +42,11 @@ def test_real_logs_have_the_values_of_pyulog(path: Path) -> None:
     assert not decoder.losses.any
     assert not decoder.unknown
     said = tables["parameter"]
-    known = dict(zip(said.texts("name"), said["value"].tolist(), strict=True))
+    known = dict(zip(said.to_frame()["name"].tolist(), said["value"].tolist(), strict=True))
     changed = {name: value for _, name, value in peer.changed_parameters}
     assert known == pytest.approx(dict(peer.initial_parameters) | changed, rel=0, nan_ok=True)
     strings = tables.get("logged_string")
-    told = [] if strings is None else strings.texts("text")
+    told = [] if strings is None else strings.to_frame()["text"].tolist()
     tagged = [text for texts in peer.logged_messages_tagged.values() for text in texts]
     assert sorted(told) == sorted(text.message for text in [*peer.logged_messages, *tagged])
 
@@ -128,12 +128,15 @@ def test_parameters_and_texts_are_those_of_pyulog(
     tables, _ = decode(log)
     peer = pyulog_reads(log)
     said = tables["parameter"]
-    assert dict(zip(said.texts("name"), said["value"].tolist(), strict=True)) == peer.initial_parameters
+    assert (
+        dict(zip(said.to_frame()["name"].tolist(), said["value"].tolist(), strict=True))
+        == peer.initial_parameters
+    )
     tagged = [text for texts in peer.logged_messages_tagged.values() for text in texts]
     strings = [(t.message, t.timestamp, t.log_level - 48) for t in [*peer.logged_messages, *tagged]]
     ours = tables.get("logged_string")
     if ours is None:
         assert strings == []
     else:
-        columns = ours.texts("text"), ours["timestamp"].tolist(), ours["level"].tolist()
+        columns = ours.to_frame()["text"].tolist(), ours["timestamp"].tolist(), ours["level"].tolist()
         assert list(zip(*columns, strict=True)) == strings
