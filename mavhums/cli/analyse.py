@@ -86,7 +86,6 @@ class _TablePrinter(_OutcomePrinter):
 
         from mavhums.show import render
         from mavhums.show.answer import line_of, not_normal
-        from mavhums.show.blocks import Note
         from mavhums.show.terminal import draw
         from mavhums.show.viewer import viewer_command
 
@@ -97,7 +96,8 @@ class _TablePrinter(_OutcomePrinter):
         if self._whole:
             render(assessment, Console(), verbose=self._verbose)
         elif found := not_normal(assessment):
-            draw([Note([title]), *found], Console(soft_wrap=True))
+            say(title)
+            draw(found, Console())
         recording = self._recordings.get(log)
         if recording is not None:
             say(f"recording: {recording}   open it with: {viewer_command()} {recording}\n")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Mapping
 from typing import Final
 
 import numpy as np
@@ -19,7 +19,7 @@ from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Motor, Surface
 from mavhums.show._rows import Times, send
 from mavhums.show._signals import Classes, Signals
-from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW
+from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW, levels
 
 STALE_S: Final = 3.0
 """An actuator without data for longer than this is stale: its condition is no longer shown as current."""
@@ -327,17 +327,18 @@ class Track:
 
     def _flush_limits(self) -> None:
         """Draw the limits of the indicators up to the latest data."""
-        known = {fault: list(_limits(detector)) for fault, detector in self.detectors.items()}
+        known = {fault: _limits(detector) for fault, detector in self.detectors.items()}
         if _EFFECTIVENESS in self.faults:
-            known[_EFFECTIVENESS] = list(_axis_limits(self.axis_limits))
+            known[_EFFECTIVENESS] = _axis_limits(self.axis_limits)
         for fault, limits in known.items():
             path = self.root if fault == "friction" else self.faults.get(fault)
             if path is None or not limits:
                 continue
-            names, values, colours = zip(*limits, strict=True)
+            values = [value for value, _ in limits]
             times = [max(self.known_s, self.last_s)]
             if fault not in self._limits_s:
-                style = rr.SeriesLines(names=names, colors=colours, widths=[2] * len(names))
+                names = [f"{name} {value:g}" for value, name in limits]
+                style = rr.SeriesLines(names=names, colors=[*map(_colour, names)], widths=[2] * len(names))
                 self._stream.log(f"{path}/limits", style, static=True)
                 times.insert(0, self.known_s)
             elif times[0] <= self._limits_s[fault]:
@@ -366,20 +367,19 @@ def _interval_style(name: str) -> rr.SeriesLines:
     )
 
 
-def _axis_limits(limits: AxisLimits) -> Iterator[tuple[str, float, tuple[int, int, int]]]:
-    """Yield name, value and colour of the levels that the effectiveness of an axis is compared with."""
-    degraded, emergency = limits.effectiveness_degraded, limits.effectiveness_emergency
-    yield "reference", 1.0, COLOURS["normal"]
-    yield f"degraded below {degraded:g}", degraded, COLOURS["degraded"]
-    yield f"emergency up to {emergency:g}", emergency, COLOURS["emergency"]
+def _axis_limits(limits: AxisLimits) -> list[tuple[float, str]]:
+    """Return the levels that the effectiveness of an axis is compared with, and their names."""
+    bounds = levels(limits.effectiveness_degraded, limits.effectiveness_emergency, falls=True)
+    return [(1.0, "reference"), *bounds]
 
 
-def _limits(detector: Detector) -> Iterator[tuple[str, float, tuple[int, int, int]]]:
-    """Yield name, value and colour of a quantity's limits; a two-sided one has its limit on either side."""
+def _limits(detector: Detector) -> list[tuple[float, str]]:
+    """Return a quantity's limits and their names; a two-sided one has its limit on either side."""
     normal, emergency = detector.levels
-    if normal is not None:
-        yield f"normal up to {normal:g}", normal, COLOURS["degraded"]
-        if detector.two_sided:
-            yield f"normal from {-normal:g}", -normal, COLOURS["degraded"]
-    if emergency is not None:
-        yield f"emergency from {emergency:g}", emergency, COLOURS["emergency"]
+    other_side = levels(-normal, None, falls=True) if normal is not None and detector.two_sided else []
+    return [*levels(normal, emergency), *other_side]
+
+
+def _colour(name: str) -> tuple[int, int, int]:
+    """Return the colour of the condition with which the name of a limit begins."""
+    return next((rgb for condition, rgb in COLOURS.items() if name.startswith(condition)), COLOURS["normal"])

@@ -34,7 +34,7 @@ from mavhums.show.blocks import (
     table,
 )
 from mavhums.show.event_words import event_lines, foremost
-from mavhums.show.headline import headline_of, judged_vehicles, over_flights
+from mavhums.show.headline import headline, headline_of, judged_vehicles, over_flights
 from mavhums.show.outline import FIXED_WING, multirotor, outline
 from mavhums.show.tables import indicators, provenance, reserve, usage
 from mavhums.show.verdict_words import (
@@ -102,7 +102,7 @@ def blocks(
     faulty = [verdict for verdict in rest.ranked() if verdict.worst in ("degraded", "emergency")]
     # What another finding explains comes after it.
     faulty.sort(key=lambda verdict: verdict.consequence_of is not None)
-    headline = headline_block(assessment)
+    head = headline_block(assessment)
     found = [
         *(_faulty(verdict, rest, brief=brief) for verdict in faulty[:_ROWS]),
         *(one for condition in _OPEN for one in _by_reason(rest, condition, brief=brief)),
@@ -114,11 +114,11 @@ def blocks(
     ]
     if brief:
         last = _end_of_brief(assessment, rest, notes=[one for one in notes if one not in first])
-        return [headline, *_notes(first), *_verdicts(rest, brief=True), *found, *over, *last]
+        return [head, *_notes(first), *_verdicts(rest, brief=True), *found, *over, *last]
     proof, more = _curves(rest, gathered, faulty=bool(faulty))
     well = [one for one in rest.ranked() if one not in faulty and one.coverage.windows][:_ROWS]
     return [
-        headline._replace(about=_about(assessment)),
+        head._replace(about=_about(assessment)),
         *_notes(first),
         *proof,
         *_verdicts(rest, brief=False),
@@ -440,32 +440,7 @@ def line_of(log: Path, outcome: Assessment | MavhumsError) -> Line:
         return Line(log, None, outcome.problem.removeprefix(f"{log}: "), ExitCode.ERROR)
     ranked = outcome.ranked()
     worst: Condition = ranked[0].gravest if ranked else "undecided"
-    return Line(log, worst, _what(outcome), outcome.exit_code)
-
-
-def _what(assessment: Assessment) -> str:
-    """Return what was found in a few words, for reasons and remedies stand elsewhere.
-
-    Examples
-    --------
-    >>> axis = Verdict(subject="axis", vehicle=1, actuator="roll", condition="normal", worst="normal")
-    >>> _names_in([axis, axis.model_copy(update={"actuator": "pitch"})], "normal")
-    'roll and pitch normal'
-    """
-    rest, without_wings = judged_vehicles(assessment)
-    ranked, text = rest.ranked(), headline_of(rest, without_wings)
-    if not ranked:
-        return "; ".join(line.partition(" (")[0] for line in text.split("; "))
-    if SEVERITY[ranked[0].gravest] > SEVERITY["normal"]:
-        return text
-    parts = [_names_in(ranked, condition) for condition in ("normal", "unchanged", "learning", "undecided")]
-    return "; ".join(filter(None, parts)) or "servos unmonitored"
-
-
-def _names_in(verdicts: Sequence[Verdict], condition: Condition) -> str:
-    """Return which verdicts have a condition; empty if none has."""
-    names = ["actuators" if v.actuator == ALL else v.actuator for v in verdicts if v.gravest == condition]
-    return f"{join(names)} {'not judged' if condition == 'undecided' else condition}" if names else ""
+    return Line(log, worst, headline(outcome), outcome.exit_code)
 
 
 def many(lines: Sequence[Line]) -> Table:

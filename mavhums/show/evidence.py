@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import islice
+from itertools import islice, starmap
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -26,7 +26,7 @@ from mavhums.results.sections import OUTSIDE, AxisLimits
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.show._rows import Thinner
 from mavhums.show.verdict_words import windows_by_class
-from mavhums.show.words import clock, name, percent
+from mavhums.show.words import clock, levels, name, percent
 
 _POINTS: Final = 1200
 _CURVES: Final = 256
@@ -331,14 +331,12 @@ def _attitude(verdict: Verdict, axis: str, curve: Curve, assessment: Assessment)
 def _limits(verdict: Verdict, fault: str) -> tuple[str, tuple[Limit, ...]]:
     """Return what a curve shows, with its unit, and the levels that it is compared with."""
     if fault == "effectiveness":
-        reference = Limit(1.0, "reference")
         known = verdict.limits or AxisLimits()
-        degraded = Limit(known.effectiveness_degraded, "degraded below")
-        emergency = Limit(known.effectiveness_emergency, "emergency up to")
-        return "control effectiveness, share of the reference", (reference, degraded, emergency)
+        bounds = levels(known.effectiveness_degraded, known.effectiveness_emergency, falls=True)
+        what = "control effectiveness, share of the reference"
+        return what, (Limit(1.0, "reference"), *starmap(Limit, bounds))
     found = next((item for item in verdict.indicators if item.fault == fault), None)
     if found is None:
         return fault.replace("_", " "), ()
-    levels = [(found.limit, "degraded above"), (found.emergency, "emergency from")]
     unit = "" if found.unit == "1" else f", {found.unit}"
-    return f"{found.quantity}{unit}", tuple(Limit(value, word) for value, word in levels if value is not None)
+    return f"{found.quantity}{unit}", tuple(starmap(Limit, levels(found.limit, found.emergency)))

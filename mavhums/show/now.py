@@ -10,7 +10,7 @@ from mavhums.results.live import ActuatorStatus, AlertObject, ConditionObject, L
 from mavhums.results.standing import Interval
 from mavhums.show.blocks import NOTHING, Block, Cell, Column, Headline, Mark, Note, Table, table
 from mavhums.show.verdict_words import class_words
-from mavhums.show.words import clock, condition_word, friction
+from mavhums.show.words import clock, condition_word, counted, friction
 
 _SUBJECT, _CONDITION = Column("actuator"), Column("condition", "word")
 _FRICTION, _NETWORK = Column("friction, N·m", "figure", 1), Column("network", "figure", 2)
@@ -76,19 +76,7 @@ def _now(one: ActuatorStatus) -> Mark:
 def _link(link: LinkStatus) -> Iterator[Note]:
     age = "nothing received yet" if link.age_s is None else f"last data {link.age_s:.1f} s ago"
     rates = f"{age}; {link.frames_per_s:,.0f} frames/s, {link.bytes_per_s / 1e3:,.1f} kB/s"
-    counts = (
-        (link.missing_frames, "missing by sequence number"),
-        (link.reordered_frames, "out of order"),
-        (link.duplicated_frames, "duplicated"),
-        (link.bad_crc_frames, "with a wrong checksum"),
-        (link.bytes_skipped, "bytes outside frames"),
-        (link.unknown_frames, "of an unknown kind"),
-        (link.unsigned_frames, "unsigned"),
-        (link.bad_signatures, "wrongly signed"),
-        (link.replayed_frames, "replayed"),
-        (link.dropped_datagrams, "datagrams dropped by the kernel"),
-    )
-    lost = ", ".join(f"{count:,} {what}" for count, what in counts if count)
+    lost = ", ".join(counted(link))
     if link.contested:
         yield Note([f"vehicle {vehicle}: more than one sender transmits as it" for vehicle in link.contested])
     yield Note([f"{rates}; {link.frames:,} frames"], quiet=True)

@@ -23,7 +23,7 @@ from mavhums.show.blocks import Block, Cell, Column, Headline, Mark, Note, Table
 from mavhums.show.evidence import Curve, Limit
 from mavhums.show.html_plot import Chart, chart
 from mavhums.show.standing import growth_words, left_words, sentences, since_words, soonest_words, step_words
-from mavhums.show.words import capital, join, subject_of
+from mavhums.show.words import capital, join, levels, subject_of
 
 _BARS = "▁▂▃▄▅▆▇█"
 _CELLS = 8
@@ -267,10 +267,7 @@ def _marks(trend: ActuatorTrend, repairs: Sequence[RepairDate]) -> list[tuple[st
 
 
 def _levels(trend: ActuatorTrend) -> list[tuple[float, str]]:
-    """Return the limits and their names; a control gain falls as a fault grows."""
-    words = ("degraded below", "emergency up to") if _falls(trend) else ("degraded above", "emergency from")
-    levels = zip((trend.limit, trend.emergency), words, strict=True)
-    return [(value, word) for value, word in levels if value is not None]
+    return levels(trend.limit, trend.emergency, falls=_falls(trend))
 
 
 def _beyond(trend: ActuatorTrend) -> bool:

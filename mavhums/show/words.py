@@ -9,6 +9,7 @@ from typing import Final
 from mavhums.core.conditions import Condition
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment
+from mavhums.results.live import LinkStatus
 from mavhums.results.standing import Interval, Standing
 from mavhums.results.verdict import ALL, Verdict
 
@@ -73,6 +74,21 @@ def name(of: Verdict | Standing, assessment: Assessment) -> str:
         return "every actuator"
     own = subject_of(of.subject, of.actuator)
     return own if len({other.vehicle for other in assessment.verdicts}) < 2 else f"{of.vehicle}: {own}"
+
+
+def levels(
+    degraded: float | None, emergency: float | None, *, falls: bool = False
+) -> list[tuple[float, str]]:
+    """Return the limits that are known with their names; what ``falls`` as a fault grows has them below it.
+
+    Examples
+    --------
+    >>> levels(0.375, None), levels(0.75, 0.5, falls=True)
+    ([(0.375, 'degraded above')], [(0.75, 'degraded below'), (0.5, 'emergency up to')])
+    """
+    names = ("degraded below", "emergency up to") if falls else ("degraded above", "emergency from")
+    both = zip((degraded, emergency), names, strict=True)
+    return [(value, name) for value, name in both if value is not None]
 
 
 def clock(seconds: float) -> str:
@@ -170,32 +186,45 @@ def flight_notes(assessment: Assessment) -> list[str]:
     return said
 
 
+_COUNTS: Final = {
+    "bytes_skipped": ("byte skipped", "bytes skipped"),
+    "damaged_regions": ("damaged region", "damaged regions"),
+    "bad_crc_frames": ("frame with a wrong checksum", "frames with a wrong checksum"),
+    "implausible_times": ("implausible time", "implausible times"),
+    "cut_end_bytes": ("byte of a frame cut off at the end", "bytes of a frame cut off at the end"),
+    "padded_frames": ("frame in doubt", "frames in doubt"),
+    "unsigned_frames": ("unsigned frame", "unsigned frames"),
+    "bad_signatures": ("frame with a wrong signature", "frames with a wrong signature"),
+    "replayed_frames": ("replayed frame", "replayed frames"),
+    "unknown_frames": ("frame of an unknown kind", "frames of an unknown kind"),
+    "missing_frames": ("frame missing by sequence number", "frames missing by sequence number"),
+    "reordered_frames": ("frame out of order", "frames out of order"),
+    "duplicated_frames": ("duplicated frame", "duplicated frames"),
+    "dropped_datagrams": ("datagram dropped by the kernel", "datagrams dropped by the kernel"),
+    "logger_dropped": ("record that the logger dropped", "records that the logger dropped"),
+    "late_samples": ("sample too late", "samples too late"),
+    "same_time_samples": ("sample at the time of another", "samples at the times of others"),
+    "broken_stamps": ("broken time stamp", "broken time stamps"),
+    "copies": ("copy", "copies"),
+}
+"""What a field of the losses of a log or of a link counts: of one, and of several."""
+
+
+def counted(lost: Losses | LinkStatus) -> list[str]:
+    """Return what was lost or refused, each kind with its number, and by message where that is known."""
+    parts = []
+    for field, (one, many) in _COUNTS.items():
+        count = getattr(lost, field, 0)
+        total = count if isinstance(count, int) else sum(count.values())
+        which = "" if isinstance(count, int) else ", ".join(f"{name} {n:,}" for name, n in count.items())
+        what = f"{total:,} {one if total == 1 else many}{f' ({which})' if which else ''}"
+        parts += [what] if total else []
+    return parts
+
+
 def losses(lost: Losses) -> str:
     """Return the losses of the log, in one line."""
-    counts = (
-        (lost.bytes_skipped, "byte skipped", "bytes skipped"),
-        (lost.damaged_regions, "damaged region", "damaged regions"),
-        (lost.bad_crc_frames, "frame with a wrong checksum", "frames with a wrong checksum"),
-        (lost.implausible_times, "implausible time", "implausible times"),
-        (lost.cut_end_bytes, "byte of a frame cut off at the end", "bytes of a frame cut off at the end"),
-        (lost.padded_frames, "frame in doubt", "frames in doubt"),
-        (lost.unsigned_frames, "unsigned frame", "unsigned frames"),
-        (lost.bad_signatures, "frame with a wrong signature", "frames with a wrong signature"),
-        (lost.replayed_frames, "replayed frame", "replayed frames"),
-        (lost.unknown_frames, "frame of an unknown kind", "frames of an unknown kind"),
-        (lost.logger_dropped, "record that the logger dropped", "records that the logger dropped"),
-    )
-    parts = [f"{count:,} {one if count == 1 else many}" for count, one, many in counts if count]
-    dropped = (
-        (lost.late_samples, "sample too late", "samples too late"),
-        (lost.same_time_samples, "sample at the time of another", "samples at the times of others"),
-        (lost.broken_stamps, "broken time stamp", "broken time stamps"),
-        (lost.copies, "copy", "copies"),
-    )
-    for by_message, one, many in dropped:
-        which = ", ".join(f"{name} {count:,}" for name, count in by_message.items())
-        total = sum(by_message.values())
-        parts += [f"{total:,} {one if total == 1 else many} ({which})"] if total else []
+    parts = counted(lost)
     missing = link_loss(lost)
     if missing is None:
         return join(parts) if parts else "none"

@@ -287,7 +287,7 @@ def test_the_view_shows_what_is_refused_and_not_recorded(rig: Rig, worn_pieces: 
     rig.recorder._failure, rig.recorder.lost_frames = "No space left on device", 1234
     rig.wait_until(EPOCH_US + 2_000_000)
     shown = text_of(rig)
-    assert "45 bytes outside frames" in shown
+    assert "45 bytes skipped" in shown
     assert "missing by sequence number" in shown
     assert "NOT RECORDED: No space left on device; 1,234 frames lost" in shown
 

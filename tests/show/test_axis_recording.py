@@ -59,7 +59,7 @@ def test_effectiveness_is_drawn_against_reference_and_limit(recorded: tuple[Path
     assert values[-5:, 0].max() < 0.65
     limits = scalars(recorded[0], f"{root}/limits")[1]
     assert limits[0].tolist() == [1.0, 0.85, 0.7]
-    names = ["reference", "degraded below 0.85", "emergency up to 0.7"]
+    names = ["reference 1", "degraded below 0.85", "emergency up to 0.7"]
     assert static(recorded[0], f"{root}/limits")["SeriesLines:names"] == names
 
 

@@ -93,8 +93,8 @@ def test_the_report_is_kept_up_to_date(
         finished(follower, seen)
     _, texts = rows(seen, "/report", "TextDocument:text")
     assert len(texts) == 2
-    assert "| elevator | **degraded** | 0.5" in texts[0][0]
-    assert "| elevator | **emergency** | " in texts[1][0]
+    assert "| elevator | **DEGRADED** | 0.5" in texts[0][0]
+    assert "| elevator | **EMERGENCY** | " in texts[1][0]
 
 
 @pytest.mark.slow

@@ -121,7 +121,7 @@ def test_limits_come_from_the_profile_that_the_log_names(recording: Path) -> Non
     assert found.tolist() == [[0.375, 0.875]] * 2
     assert time.tolist() == [0.5, 100.0]
     names = static(recording, "/vehicle_1/elevator/limits")["SeriesLines:names"]
-    assert names == ["normal up to 0.375", "emergency from 0.875"]
+    assert names == ["degraded above 0.375", "emergency from 0.875"]
 
 
 def test_conditions_change_where_they_did_and_not_where_it_was_certain(

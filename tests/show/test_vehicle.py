@@ -265,7 +265,7 @@ def test_what_shows_another_fault_is_drawn_with_its_interval(
     assert limit_time.tolist() == [0.5, 100.0]
     assert limit.tolist() == [[0.15], [0.15]]
     assert static(path, "/vehicle_1/elevator/faults/backlash/limits")["SeriesLines:names"] == [
-        "normal up to 0.15"
+        "degraded above 0.15"
     ]
 
 
