@@ -54,15 +54,6 @@ def test_every_quantity_names_its_source_or_that_there_is_none(
     assert "| V11 output shaft torque, N·m | not in the log |" in text
 
 
-def test_actuators_with_the_same_sources_share_a_table(new_verdict: New, new_assessment: Assess) -> None:
-    one, two = (new_verdict(name, "normal", 0.2, 0.0) for name in ("elevator", "rudder"))
-    shared = {"tier": None, "provenance": {"V1": "SERVO_OUTPUT_RAW"}}
-    text = markdown(new_assessment(one.model_copy(update=shared), two.model_copy(update=shared)))
-    assert text.count("came from") == 1
-    assert "## Where the values of elevator and rudder came from" in text
-    assert "telemetry tier" not in text
-
-
 def test_actuators_whose_sources_differ_in_numbers_share_a_table(assessment: Assessment) -> None:
     text = markdown(assessment)
     assert "## Where the values of elevator, rudder, aileron_left and aileron_right came from" in text
@@ -70,26 +61,9 @@ def test_actuators_whose_sources_differ_in_numbers_share_a_table(assessment: Ass
     assert r"| V2 rotor rotation, ° | DEBUG_FLOAT_ARRAY\[EMA,3/4/1/2\].data\[1\] |" in text
 
 
-def test_the_networks_vote_is_told_as_a_share(new_verdict: New, new_assessment: Assess) -> None:
-    vote = Evidence(kind="network", start_s=90, end_s=100, value=0.03, rule="emergency: above 0.5")
-    verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"evidence": (vote,)})
-    text = markdown(new_assessment(verdict))
-    assert "**Why:** 1m30s to 1m40s: emergency: above 0.5 (highest probability 3 %)" in text
-
-
 def test_a_log_without_a_profile_speaks_of_every_actuator(new_verdict: New, new_assessment: Assess) -> None:
     nothing = new_verdict("rudder", "undecided", 0.0, None).model_copy(update={"actuator": ALL})
     assert "## every actuator: undecided" in markdown(new_assessment(nothing))
-
-
-def test_reasons_shared_by_all_are_said_once_and_in_the_first_line(
-    new_verdict: New, new_assessment: Assess
-) -> None:
-    verdicts = [new_verdict(name, "undecided", 0.0, None) for name in ("elevator", "rudder")]
-    text = markdown(new_assessment(*verdicts))
-    assert text.startswith("# All 2 actuators undecided: it stood still throughout")
-    assert text.count("**Why:**") == text.count("**What to do:** record a flight") == 1
-    assert "## elevator and rudder: undecided" in text
 
 
 def test_different_reasons_are_told_apart(new_verdict: New, new_assessment: Assess) -> None:
@@ -155,14 +129,6 @@ def test_texts_from_outside_stay_texts(new_verdict: New, new_assessment: Assess)
     row = next(line for line in text.splitlines() if line.startswith(r"| a\|"))
     assert row.startswith(r"| a\|b�# x \<b>\[l\](u) \`c\` �\[31m | normal |")
     assert "\x1b" not in text
-
-
-def test_vehicles_are_named_where_there_are_several(new_verdict: New, new_assessment: Assess) -> None:
-    one = new_verdict("elevator", "emergency", 1.0, 5.0)
-    two = new_verdict("elevator", "normal", 0.2, 0.0).model_copy(update={"vehicle": 2})
-    text = markdown(new_assessment(one, two))
-    assert text.startswith("# 1: elevator: EMERGENCY since 5.0s")
-    assert "| 2: elevator | normal |" in text
 
 
 def test_a_live_link_without_model_or_airframe(assessment: Assessment) -> None:
