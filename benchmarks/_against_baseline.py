@@ -37,6 +37,24 @@ CLEAR = {
     "jam": 10.0,
 }
 NAMES = {"resistance": "winding_resistance"}
+UNITS = {
+    "friction": "friction +{:g} N·m",
+    "backlash": "backlash +{:g}°",
+    "resistance": "winding resistance +{:.0%}",
+    "torque_constant": "torque constant −{:.0%}",
+    "supply_sag": "supply sag {:g} V at the motor",
+    "sensor_bias": "sensor bias {:g}°",
+    "jam": "jam {:g} N·m",
+}
+EARLY = (
+    *((25.0, (mode,), 0.0) for mode in MODES),
+    (25.0, MODES, 0.0),
+    (25.0, MODES, 0.03),
+    (100.0, MODES, 0.0),
+)
+RATES_HZ = (100.0, 25.0)
+BY_TIER = ("instrumented", "esc-signed")
+EACH = 10  # flights of each severity and aircraft
 
 
 def reference(
@@ -95,17 +113,12 @@ def early(args: argparse.Namespace) -> Rows:
     yield "| rate | modes | k_t drift | +0.02 N·m | +0.03 | +0.05 | of |"
     yield "|---|---|---|---|---|---|---|"
     aircraft = range(args.count(5))
-    cases = [(25.0, (mode,), 0.0) for mode in MODES] + [
-        (25.0, MODES, 0.0),
-        (25.0, MODES, 0.03),
-        (100.0, MODES, 0.0),
-    ]
-    for rate_hz, modes, drift in cases:
+    for rate_hz, modes, drift in EARLY:
         given = {"drift": drift} if drift else {}
         baselines = reference(args, aircraft, rate_hz, modes, **given)
         shares, total = [], 0
         for severity in (0.02, 0.03, 0.05):
-            total, found, _ = _found(args, baselines, aircraft, rate_hz, modes, 10, severity, 100, **given)
+            total, found, _ = _found(args, baselines, aircraft, rate_hz, modes, EACH, severity, 100, **given)
             shares.append(f"{found / total:.1%}")
         name = modes[0] if len(modes) == 1 else "all five"
         yield f"| {rate_hz:g} Hz | {name} | {drift:.0%} | {' | '.join(shares)} | {total} |"
@@ -165,55 +178,56 @@ def _named_in_tiers(name: str, record: FlightRecord, *, baselines: dict[str, Kno
 
 
 def _tier_baselines(name: str, record: FlightRecord) -> dict[str, list[Judged]]:
-    return {tier: judge(name, record, tier=tier) for tier in ("instrumented", "esc-signed")}
+    return {tier: judge(name, record, tier=tier) for tier in BY_TIER}
 
 
 def conditions(args: argparse.Namespace) -> Rows:
-    yield "Actuator-flights with own baseline; mild is half of clear. Rows: truth; columns: first suspect."
-    aircraft = range(700, 700 + args.count(3))
-    for rate_hz in (100.0, 25.0):
-        tasks = [
-            Task(f"{a}/{k}", flight(k, a, rate_hz=rate_hz, mode=MODES[k % 5]))
-            for a in aircraft
-            for k in range(REFERENCE_FLIGHTS)
-        ]
-        judged = list(fly_all(tasks, _tier_baselines, args.workers))
-        baselines = {
-            tier: baselines_of([(name, tiers[tier]) for name, tiers in judged])
-            for tier in ("instrumented", "esc-signed")
+    """Yield the share of each condition named right, clear / half as severe, and what is named wrong."""
+    named: dict[tuple[str, str], Counter[str]] = {}
+    for rate_hz in RATES_HZ:
+        named.update(_named_at(args, range(700, 700 + args.count(3)), rate_hz))
+    columns = [f"{tier} {rate_hz:g} Hz" for tier in BY_TIER for rate_hz in RATES_HZ]
+    yield f"| condition, clear severity | {' | '.join(columns)} | of |"
+    yield "|---" * (len(columns) + 2) + "|"
+    for fault, severity in {"healthy": 0.0, **CLEAR}.items():
+        name = NAMES.get(fault, fault)
+        cells = []
+        for column in columns:
+            clear, mild = (named[column, f"{fault}{part}"] for part in ("", ", mild"))
+            cells.append(f"{100 * clear[name] / clear.total():.0f} / {100 * mild[name] / mild.total():.0f} %")
+        title = UNITS.get(fault, fault).format(severity)
+        yield f"| {title} | {' | '.join(cells)} | {named[columns[0], fault].total()} |"
+    yield ""
+    for (column, fault), counts in named.items():
+        right = fault.removesuffix(", mild")
+        wrong = {
+            name: count for name, count in counts.items() if name not in (NAMES.get(right, right), "healthy")
         }
-        for share, label in ((1.0, "clear"), (0.5, "mild")):
-            named: dict[tuple[str, str], Counter[str]] = {}
-            for fault, severity in {"healthy": 0.0, **CLEAR}.items():
-                tasks = [
-                    Task(
-                        f"{a}/{k}",
-                        flight(
-                            200 + k,
-                            a,
-                            rate_hz=rate_hz,
-                            mode=MODES[k % 5],
-                            conditions=added(fault, share * severity),
-                        ),
-                    )
-                    for a in aircraft
-                    for k in range(10)
-                ]
-                for _, tiers in fly_all(tasks, partial(_named_in_tiers, baselines=baselines), args.workers):
-                    for tier, names in tiers.items():
-                        named.setdefault((tier, NAMES.get(fault, fault)), Counter()).update(names)
-            for tier in ("instrumented", "esc-signed"):
-                yield from _confusion(f"{tier}, {rate_hz:g} Hz, {label}", named, tier)
+        if wrong:
+            yield f"{column}, {fault}: named {wrong} of {counts.total()}"
 
 
-def _confusion(title: str, named: dict[tuple[str, str], Counter[str]], tier: str) -> Rows:
-    faults = [fault for known, fault in named if known == tier]
-    yield ""
-    yield f"{title}:"
-    yield ""
-    yield "| truth | right | " + " | ".join(faults) + " |"
-    yield "|---" * (len(faults) + 2) + "|"
-    for fault in faults:
-        counts = named[tier, fault]
-        cells = " | ".join(str(counts[name]) for name in faults)
-        yield f"| {fault} | {counts[fault] / counts.total():.1%} | {cells} |"
+def _named_at(
+    args: argparse.Namespace, aircraft: range, rate_hz: float
+) -> dict[tuple[str, str], Counter[str]]:
+    """Return the first suspects by tier and rate, and by condition, clear and mild."""
+    tasks = [
+        Task(f"{a}/{k}", flight(k, a, rate_hz=rate_hz, mode=MODES[k % 5]))
+        for a in aircraft
+        for k in range(REFERENCE_FLIGHTS)
+    ]
+    judged = list(fly_all(tasks, _tier_baselines, args.workers))
+    baselines = {tier: baselines_of([(name, tiers[tier]) for name, tiers in judged]) for tier in BY_TIER}
+    named: dict[tuple[str, str], Counter[str]] = {}
+    for share, label in ((1.0, ""), (0.5, ", mild")):
+        for fault, severity in {"healthy": 0.0, **CLEAR}.items():
+            worn = added(fault, share * severity)
+            tasks = [
+                Task(f"{a}/{k}", flight(200 + k, a, rate_hz=rate_hz, mode=MODES[k % 5], conditions=worn))
+                for a in aircraft
+                for k in range(EACH)
+            ]
+            for _, tiers in fly_all(tasks, partial(_named_in_tiers, baselines=baselines), args.workers):
+                for tier, names in tiers.items():
+                    named.setdefault((f"{tier} {rate_hz:g} Hz", f"{fault}{label}"), Counter()).update(names)
+    return named

@@ -32,6 +32,8 @@ Rows = Iterator[str]
 
 MIDDLE = 0.625
 JAMS_S = (1.0, 1.5, 2.0, 3.0, 6.0)
+WINDOWS_HZ = (10.0, 25.0, 50.0, 100.0)
+BY_TIER = {"instrumented": "instrumented", "without load": "without V11", "esc-signed": "esc-signed"}
 
 
 def _windows(name: str, record: FlightRecord) -> dict[str, list[tuple[float, float, float, float]]]:
@@ -49,7 +51,7 @@ def _windows(name: str, record: FlightRecord) -> dict[str, list[tuple[float, flo
 def windows(args: argparse.Namespace, cyclograms: tuple[object, ...] = MODES) -> Rows:
     yield "| tier | rate | windows | decidable | right of decidable | wrong |"
     yield "|---|---|---|---|---|---|"
-    for rate_hz in (10.0, 25.0, 50.0, 100.0):
+    for rate_hz in WINDOWS_HZ:
         tasks = at_all_frictions(args.count(50), rate_hz, cyclograms)
         by_tier: dict[str, list[Array]] = {}
         for _, found in fly_all(tasks, _windows, args.workers):
@@ -62,7 +64,7 @@ def windows(args: argparse.Namespace, cyclograms: tuple[object, ...] = MODES) ->
             wrong = int(np.count_nonzero(decidable & ~right))
             yield (
                 f"| {tier} | {rate_hz:g} Hz | {truth.size} | {decidable.mean():.1%} | "
-                f"{1 - wrong / max(decidable.sum(), 1):.4%} | {wrong} |"
+                f"{1 - wrong / max(decidable.sum(), 1):.2%} | {wrong} |"
             )
 
 
@@ -108,7 +110,7 @@ def flights(args: argparse.Namespace) -> Rows:
 
 def _estimates(name: str, record: FlightRecord) -> list[tuple[str, float, float, float, float]]:
     rows = []
-    for tier in ("instrumented", "without load", "esc-signed"):
+    for tier in BY_TIER:
         for one in judge(name, record, tier=tier, keep_windows=True):
             for window in one.windows[::10]:
                 if window.friction_nm is not None:
@@ -142,19 +144,22 @@ def _oracle(surface: str, flown: ActuatorRecord) -> list[float]:
 
 
 def friction(args: argparse.Namespace, cyclograms: tuple[object, ...] = MODES) -> Rows:
-    yield "| mode | tier | windows | bias | sd, N·m | interval covers |"
-    yield "|---|---|---|---|---|---|"
+    yield f"| mode | all but T_c known | {' | '.join(BY_TIER.values())} |"
+    yield "|---" * (2 + len(BY_TIER)) + "|"
     rows: dict[tuple[str, str], list[tuple[float, float, float, float]]] = {}
     for name, found in fly_all(at_all_frictions(args.count(75), 25.0, cyclograms), _estimates, args.workers):
         for tier, *numbers in found:
             for mode in (name.split("/")[1], "all"):
                 rows.setdefault((tier, mode), []).append(tuple(numbers))  # type: ignore[arg-type]
-    for (tier, mode), several in sorted(rows.items()):
-        truth, estimate, low, high = np.array(several).T
-        error = estimate - truth
-        covers = np.mean((low <= truth) & (truth <= high))
-        shown = "—" if np.isnan(low).all() else f"{covers:.1%}"
-        yield f"| {mode} | {tier} | {truth.size} | {error.mean():+.4f} | {error.std():.4f} | {shown} |"
+    for mode in dict.fromkeys(mode for _, mode in rows):
+        truth, bound, *_ = np.array(rows["all but T_c known", mode]).T
+        cells = [f"{(bound - truth).std():.3f}"]
+        for tier in BY_TIER:
+            truth, estimate, low, high = np.array(rows[tier, mode]).T
+            error = estimate - truth
+            covers = f"; {np.mean((low <= truth) & (truth <= high)):.1%}" * (mode == "all")
+            cells.append(f"{error.mean():+.3f} ± {error.std():.3f}{covers}")
+        yield f"| {mode} | {' | '.join(cells)} |"
 
 
 def _jams(name: str, record: FlightRecord) -> Counter[tuple[str, str, str]]:

@@ -186,9 +186,11 @@ def fly_all(
     tasks: list[Task], consumer: Callable[[str, FlightRecord], T], workers: int
 ) -> Iterator[tuple[str, T]]:
     """Simulate and judge flights on all workers, with a progress bar."""
+    from rich.console import Console
     from rich.progress import track
 
-    yield from track(consume(tasks, consumer, workers), total=len(tasks), description=f"{len(tasks)} flights")
+    found, title = consume(tasks, consumer, workers), f"{len(tasks)} flights"
+    yield from track(found, total=len(tasks), description=title, console=Console(stderr=True))
 
 
 def baselines_of(flights: list[tuple[str, list[Judged]]]) -> Known:

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from rich.table import Table
 
 from mavhums.actuator import load_airframe
 from mavhums.app.analysis import analyse
@@ -34,7 +33,16 @@ from mavhums_sim.sensors import SensorNoise
 SEED, LAST_LOOK = 71_000_000, 79_000_000
 """Seeds to develop with, and of the flights that are looked at once, after every choice."""
 
-TIERS = ("instrumented", "esc-signed", "esc-unsigned")
+TIERS = {"instrumented": "instrumented", "esc-signed": "ESC_STATUS", "esc-unsigned": "ESC_TELEMETRY"}
+LOOKS = {SEED: "", LAST_LOOK: "last look: "}
+COLUMNS = (
+    "windows answered",
+    "decided",
+    "right of the decided",
+    "emergency by friction decided as less",
+    "actuators with an emergency called normal",
+    "normal ones called worse",
+)
 FRICTION = {"normal": (0.225, 0.375), "degraded": (0.375, 0.875), "emergency": (0.875, 1.3)}
 OTHERS = {
     "winding resistance": ("resistance", 0.3, 1.5),
@@ -42,7 +50,16 @@ OTHERS = {
     "supply sag": ("supply_sag", 12.0, 22.0),
     "jam": ("jam", 8.0, 12.0),
 }
+CLASSES = {
+    "normal": "normal",
+    "degraded": "friction_degraded",
+    "emergency": "friction_emergency",
+    **{name: name.replace(" ", "_") for name in OTHERS},
+}
+UNDECIDED = ("abstained", "outside")
 DURATION_S = 100.0
+
+Counts = Counter[tuple[str, str, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,9 +155,9 @@ def _values(noise: SensorNoise) -> list[float]:
     return [getattr(noise, name) for name in noise.__slots__]
 
 
-def independent(models: Sequence[Model], count: int, seed: int) -> Iterator[Table]:
-    """Yield, for each tier, what the networks alone say of windows and of actuators."""
-    windows, actuators = Counter[tuple[str, str, str]](), Counter[tuple[str, str, str]]()
+def independent(models: Sequence[Model], count: int, seed: int) -> None:
+    """Print, for each tier, what the networks alone say of windows and of actuators; then what is wrong."""
+    windows, actuators = Counts(), Counts()
     airframe = load_airframe("paper")
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "flight.tlog"
@@ -155,15 +172,30 @@ def independent(models: Sequence[Model], count: int, seed: int) -> Iterator[Tabl
                     for each, found in (answer.classes if answer else {}).items():
                         windows[tier, name, each] += found.windows
                     actuators[tier, name, answer.condition if answer else "not asked"] += 1
-    for tier in TIERS:
-        yield _table(f"{tier}, windows", windows, tier)
-        yield _table(f"{tier}, actuators", actuators, tier)
+    print(f"| | {' | '.join(COLUMNS)} |")
+    print("|---" * (len(COLUMNS) + 1) + "|")
+    for tier, name in TIERS.items():
+        print(f"| {LOOKS[seed]}{name} | {' | '.join(_cells(windows, actuators, tier))} |")
+    for tier, name in TIERS.items():
+        wrong = {
+            f"{flown} as {said}": n
+            for (of, flown, said), n in windows.items()
+            if of == tier and said not in (CLASSES[flown], *UNDECIDED)
+        }
+        print(f"\n{name}, windows decided wrongly: {wrong}")
 
 
-def _table(title: str, counts: Counter[tuple[str, str, str]], tier: str) -> Table:
-    """Return the confusion of one tier: flown, then said."""
-    said = list(dict.fromkeys(each for of, _, each in counts if of == tier))
-    table = Table(title, *said, box=None, header_style="bold", pad_edge=False)
-    for name in (*FRICTION, *OTHERS):
-        table.add_row(name, *(str(counts[tier, name, each] or "") for each in said))
-    return table
+def _cells(windows: Counts, actuators: Counts, tier: str) -> Iterator[str]:
+    said = {name: Counter[str]() for name in CLASSES}
+    for (of, name, each), count in windows.items():
+        said[name][each] += count * (of == tier)
+    answered = sum(counts.total() for counts in said.values())
+    decided = answered - sum(counts[each] for counts in said.values() for each in UNDECIDED)
+    right = sum(said[name][each] for name, each in CLASSES.items())
+    yield from (str(answered), f"{100 * decided / answered:.1f} %", f"{100 * right / decided:.1f} %")
+    grave = said["emergency"]
+    as_grave = sum(grave[each] for each in (CLASSES["emergency"], "jam", *UNDECIDED))
+    yield f"{grave.total() - as_grave} of {grave.total()}"
+    for name, wrong in (("emergency", ("normal",)), ("normal", ("degraded", "emergency"))):
+        called = sum(actuators[tier, name, each] for each in wrong)
+        yield f"{called} of {sum(n for (t, f, _), n in actuators.items() if (t, f) == (tier, name))}"

@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
-from rich.table import Table
 
 from mavhums.actuator import load_airframe
 from mavhums.core.arrays import Flags
 from mavhums.learn import Model
-from mavhums.learn.model import FRICTION_EMERGENCY
 from mavhums.paper.flights import TELEMETRY
 from mavhums.paper.windows import FlownWindows, fly_windows, measure
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 
 SEED = 56_000_000
+CYCLOGRAMS_EACH = 12
+NAMES = {"instrumented": "instrumented", "without-load": "without load torque", "esc": "ESC"}
 ACTUATOR = load_airframe("paper").actuators[2]
-
-
-def heading(*titles: str) -> Table:
-    made = Table(box=None, header_style="bold", pad_edge=False)
-    for k, title in enumerate(titles):
-        made.add_column(title, justify="right" if k else "left")
-    return made
-
-
-def percent(share: float) -> str:
-    return "—" if np.isnan(share) else f"{100 * share:.2f} %"
 
 
 class Judged:
@@ -41,48 +31,77 @@ class Judged:
         top = np.nan_to_num(answers.probabilities.max(axis=1))
         self.decided: Flags = answers.inside & (top >= model.card.window.decides_at)
         self.right: Flags = answers.probabilities.argmax(axis=1) == windows.classes
-        self.p_emergency = answers.probabilities[:, model.window_classes.index(FRICTION_EMERGENCY)]
-        self.inside = answers.inside
+        self.confusion: dict[str, dict[str, int]] = {}
 
-    def row(self, these: Flags) -> list[str]:
-        """Number, share right of the decided, share abstained, and median probability of an emergency."""
-        if not these.any():
-            return ["0", "—", "—", "—"]
-        decided = self.decided & these
-        right = float(self.right[decided].mean()) if decided.any() else np.nan
-        called = (self.p_emergency > 0.5) & self.inside
-        return [
-            str(int(these.sum())),
-            percent(right),
-            percent(float(1 - decided.sum() / these.sum())),
-            percent(float(called[these].mean())),
-        ]
+    def decisions(self, flown: str) -> str:
+        """Return how many windows of a condition are decided rightly, as others, and not at all."""
+        if flown not in self.confusion:
+            return "–"
+        counts = Counter(self.confusion[flown])
+        right, abstained = counts.pop(flown, 0), counts.pop("abstained", 0)
+        wrong = [f"{count} {name.replace('_', ' ')}" for name, count in counts.most_common()]
+        return ", ".join([f"{right} right", *wrong, f"{abstained} abstained"])
 
-
-def windows(models: dict[str, Model], flights: int, show: Callable[[Table], None]) -> None:
-    """Print the confusion of each model, and its decisions by mode, rate, and third of the severities."""
-    for number, (name, model) in enumerate(models.items()):
-        flown = fly_windows(ACTUATOR, TELEMETRY[name], 12 * flights, seed=SEED + 100_000 * number)
-        judged = Judged(model, flown)
-        assert model.window is not None
-        assert model.card.window is not None
-        metrics, confusion = measure(model.window, flown, judged.classes, model.card.window.decides_at)
-        said = ", ".join(f"{key.replace('_', ' ')} {value:g}" for key, value in metrics.items())
-        told = heading(f"{name}: flown, decided as", *judged.classes, "abstained")
-        told.caption = said
-        for each, row in confusion.items():
-            told.add_row(each, *(str(row.get(other, "")) for other in (*judged.classes, "abstained")))
-        show(told)
-        parts = heading(name, "windows", "right of the decided", "abstained", "p of an emergency > 0.5")
-        parts.add_row("all", *judged.row(np.ones(len(flown), dtype=np.bool_)))
-        for k, mode in enumerate(CYCLOGRAMS):
-            parts.add_row(mode, *judged.row(flown.cyclogram == k))
-        for rate in np.unique(flown.rate_hz)[::-1].tolist():
-            parts.add_row(f"{rate:g} Hz", *judged.row(flown.rate_hz == rate))
-        for k, each in enumerate(judged.classes):
-            mine = flown.classes == k
-            edges = np.quantile(flown.severity[mine], [0, 1 / 3, 2 / 3, 1]) if mine.any() else []
+    def by_severity(self) -> Iterator[str]:
+        """Yield the decisions on each third of the severities of each condition."""
+        for k, each in enumerate(self.classes):
+            mine = self.windows.classes == k
+            edges = np.quantile(self.windows.severity[mine], [0, 1 / 3, 2 / 3, 1]) if mine.any() else []
             for low, high in pairwise(edges):
-                third = mine & (flown.severity >= low) & (flown.severity <= high)
-                parts.add_row(f"{each} {low:.2f} … {high:.2f}", *judged.row(third))
-        show(parts)
+                third = mine & (self.windows.severity >= low) & (self.windows.severity <= high)
+                yield f"{each} {low:.2f}…{high:.2f} {self.row(third)}"
+
+    def row(self, these: Flags) -> str:
+        """Return the shares right of the decided / abstained."""
+        decided = self.decided & these
+        if not decided.any():
+            return "–"
+        right, abstained = self.right[decided].mean(), 1 - decided.sum() / these.sum()
+        return f"{100 * right:.1f} / {100 * abstained:.0f} %"
+
+
+def _table(title: str, rows: dict[str, list[str]]) -> None:
+    print(f"| {title} | {' | '.join(NAMES.values())} |")
+    print("|---" * (1 + len(NAMES)) + "|")
+    for name, cells in rows.items():
+        print(f"| {name.replace('_', ' ')} | {' | '.join(cells)} |")
+
+
+def windows(models: dict[str, Model], flights: int) -> None:
+    """Print what each model decides: in all, by condition, mode and rate, and third of the severities."""
+    judged = {}
+    print(
+        "| network | right of the decided, card | last look | abstained, card / last look | decides from | ",
+        end="",
+    )
+    print("calibration error, card / last look |\n|---|---|---|---|---|---|")
+    for number, (name, model) in enumerate(models.items()):
+        flown = fly_windows(
+            ACTUATOR, TELEMETRY[name], CYCLOGRAMS_EACH * flights, seed=SEED + 100_000 * number
+        )
+        card = model.card.window
+        assert model.window is not None
+        assert card is not None
+        judged[name] = Judged(model, flown)
+        found, judged[name].confusion = measure(model.window, flown, judged[name].classes, card.decides_at)
+        cells = [f"{100 * metrics['decided_right']:.2f} %" for metrics in (card.metrics, found)]
+        both = " / ".join(f"{100 * metrics['abstained']:.1f}" for metrics in (card.metrics, found))
+        cells += [f"{both} %", f"{card.decides_at:g}"]
+        cells += [" / ".join(f"{one['expected_calibration_error']:.3f}" for one in (card.metrics, found))]
+        print(f"| {NAMES[name]} | {' | '.join(cells)} |", flush=True)
+    print("\nRightly decided, decided as another, abstained:\n")
+    rows = {
+        label: [one.decisions(label) for one in judged.values()]
+        for label in max((one.classes for one in judged.values()), key=len)
+    }
+    _table("flown", rows)
+    print("\nRight of the decided / abstained:\n")
+    rows = {
+        mode: [one.row(one.windows.cyclogram == k) for one in judged.values()]
+        for k, mode in enumerate(CYCLOGRAMS)
+    }
+    for rate in (100.0, 50.0, 25.0, 10.0):
+        rows[f"{rate:g} Hz"] = [one.row(one.windows.rate_hz == rate) for one in judged.values()]
+    _table("mode or rate", rows)
+    for name, one in judged.items():
+        print(f"\n{NAMES[name]}, by severity: {'; '.join(one.by_severity())}")

@@ -73,11 +73,15 @@ def shifts(fault: str, severity: float) -> Array:
 
 
 def shift_table() -> Iterator[str]:
-    yield "| condition | severity | " + " | ".join(QUANTITIES) + " |"
-    yield "|---" * (len(QUANTITIES) + 2) + "|"
+    """Yield the shifts but for V1, which never changes, and V8, which is V5 in other units."""
+    shown = [k for k, name in enumerate(QUANTITIES) if name not in ("V1", "V8")]
+    names = [QUANTITIES[k].replace("V5", "V5, V8") for k in shown]
+    yield f"| condition | {' | '.join(names)} |"
+    yield "|---" * (len(names) + 1) + "|"
     for fault, severity in CLEAR.items():
-        cells = " | ".join(f"{shift:.1f}" for shift in shifts(fault, severity))
-        yield f"| {fault} | {severity:g} {FAULTS[fault].unit} | {cells} |"
+        cells = " | ".join(f"{shifts(fault, severity)[k]:.1f}" for k in shown)
+        name = f"{fault} {severity:g} {FAULTS[fault].unit.replace('1', '')}".rstrip()
+        yield f"| {name} | {cells} |"
 
 
 def balance(time: Array, amperes: Array, speed: Array, load: list[Array]) -> float:
@@ -197,8 +201,8 @@ def smallest(fault: str, tier: str, *, baseline: bool) -> tuple[float, str]:
 
 
 def severity_table() -> Iterator[str]:
-    yield "| condition | unit | " + " | ".join(TIERS) + " | pwm |"
-    yield "|---" * (len(TIERS) + 3) + "|"
+    yield f"| condition, unit | {' | '.join(TIERS)} |"
+    yield "|---" * (len(TIERS) + 1) + "|"
     for fault in CLEAR:
         cells = []
         for tier in TIERS:
@@ -206,7 +210,7 @@ def severity_table() -> Iterator[str]:
             least = 0.01 * LARGEST.get(fault, 1.0)
             said = [f"{'≤ ' if x <= least else ''}{x:.2g} ({by})" if x < inf else "never" for x, by in both]
             cells.append("; ".join(said) if said[0] != said[1] else said[0])
-        yield f"| {fault} | {FAULTS[fault].unit} | " + " | ".join(cells) + " | never |"
+        yield f"| {fault}, {FAULTS[fault].unit.replace('1', 'share')} | {' | '.join(cells)} |"
 
 
 def picture(path: Path) -> None:

@@ -115,9 +115,10 @@ def main() -> None:
                 found[one.fault] += axis in after
                 wrong[one.fault] += bool((after - before) - {axis})
     print(f"{options.aircraft} aircraft from {options.first}, {options.flights} earlier flights each")
-    print("fault | flights | found alone | found against the history | another axis named by the history")
+    print("| fault | flights | found alone | against earlier flights | another axis named |")
+    print("|---|---|---|---|---|")
     for fault, count in shares.items():
-        print(f"{fault} | {count} | {alone[fault]} | {found[fault]} | {wrong[fault]}")
+        print(f"| {fault} | {count} | {alone[fault]} | {found[fault]} | {wrong[fault]} |")
 
 
 def _alarmed(verdicts: tuple[Verdict, ...]) -> set[str]:

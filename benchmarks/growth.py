@@ -2,9 +2,9 @@
 
 Histories of one friction, N·m, as `mavhums trend` sees them: a level of 0.225, a scatter from flight to
 flight of 3, 5 or 10 %, errors of measurement, a limit at 0.375. With growth: how many are told 10, 5 and
-1 flights before the limit, and at all looks of the last ten; how many intervals of the flights left hold
-the truth. Then repairs that nobody recorded. Without growth: how many of the histories of 200 flights
-ever get one. Seeds below 1000 were used for development.
+1 flights before the limit; how many intervals of the flights left hold the truth. Then repairs that nobody
+recorded. Without growth: how many of the histories of 200 flights ever get one. Seeds below 1000 were used
+for development.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from mavhums.health.decision.thresholds import TREND_FLIGHTS
 
 LEVEL, LIMIT, FLIGHTS = 0.225, 0.375, 200
 SCATTERS = (0.03, 0.05, 0.10)
+BEGINS = (0, 30, 100)
 
 
 def heavy(rng: np.random.Generator, n: int) -> Array:
@@ -64,32 +65,41 @@ def without(histories: int, first: int, every: int) -> None:
 
 def growing(histories: int, first: int) -> None:
     print(
-        f"growth to the limit, {histories} histories a row: told 10 / 5 / 1 flights before; of the last ten"
+        f"Growth reported 10 / 5 / 1 flights before the limit; truth inside, 5 before; {histories} a row:\n"
     )
-    for share in SCATTERS:
-        for begin in (0, 30, 100):
-            for flights in (20, 30, 50, 100):
-                told = np.zeros((histories, 11), dtype=bool)
-                inside: list[bool] = []
-                n = begin + flights
-                for seed in range(histories):
-                    rng = np.random.default_rng([first + seed, 2, flights, begin])
-                    truth = LEVEL + (LIMIT - LEVEL) / flights * np.maximum(np.arange(1.0, n + 1) - begin, 0)
-                    scatter, errors = history(rng, truth, share, "normal")
-                    for left in (10, 7, 5, 3, 1):
-                        one = look(truth, scatter, errors, n - left)
-                        told[seed, left] = one is not None and one.grows
-                        if one is not None and one.grows and left == 5:
-                            low, _, high = one.flights_left(LIMIT)
-                            inside.append(low <= left <= high)
-                shares = [f"{100 * told[:, left].mean():.0f}" for left in (10, 5, 1)]
-                last = 100 * told[:, [10, 7, 5, 3, 1]].mean()
-                hit = f"{100 * np.mean(inside):.0f} %" if inside else "—"
-                print(
-                    f"  {share:.0%}, from flight {begin}, {flights} flights to the limit:"
-                    f" {' / '.join(shares)} %; {last:.0f} %; truth inside {hit}",
-                    flush=True,
-                )
+    scatters = " | ".join(f"scatter {share:.0%}" for share in SCATTERS)
+    print(f"| growth after | flights to the limit | {scatters} | truth inside |")
+    print("|---" * (len(SCATTERS) + 3) + "|")
+    for begin in BEGINS:
+        for flights in (20, 30, 50, 100):
+            cells, hits = [], []
+            for share in SCATTERS:
+                found, inside = _reported(histories, first, share, begin, flights)
+                cells.append(f"{' / '.join(f'{100 * part:.0f}' for part in found)} %")
+                hits.append(f"{100 * np.mean(inside):.0f}" if inside else "–")
+            row = " | ".join([str(begin), str(flights), *cells, f"{' / '.join(hits)} %"])
+            print(f"| {row} |", flush=True)
+    print()
+
+
+def _reported(
+    histories: int, first: int, share: float, begin: int, flights: int
+) -> tuple[list[float], list[bool]]:
+    """Return the shares that report growth 10, 5 and 1 flights before, and which intervals hold the truth."""
+    told = np.zeros((histories, 3))
+    inside: list[bool] = []
+    n = begin + flights
+    for seed in range(histories):
+        rng = np.random.default_rng([first + seed, 2, flights, begin])
+        truth = LEVEL + (LIMIT - LEVEL) / flights * np.maximum(np.arange(1.0, n + 1) - begin, 0)
+        scatter, errors = history(rng, truth, share, "normal")
+        for k, left in enumerate((10, 5, 1)):
+            one = look(truth, scatter, errors, n - left)
+            told[seed, k] = one is not None and one.grows
+            if one is not None and one.grows and left == 5:
+                low, _, high = one.flights_left(LIMIT)
+                inside.append(low <= left <= high)
+    return told.mean(axis=0).tolist(), inside
 
 
 def repaired(histories: int, first: int) -> None:

@@ -89,7 +89,7 @@ def _against_truth(flights: Sequence[list[Verdict]]) -> str:
 
 def own_rows(folder: Path, seconds: float, each: int) -> Iterator[str]:
     """Yield the table of the own history, row by row."""
-    cells = " | ".join(f"+{rise:.0%} found" for rise in RISES[1:])
+    cells = " | ".join(f"+{100 * rise:.0f} % found" for rise in RISES[1:])
     yield f"| read by | judged by | healthy | least rise, median (range) | {cells} |"
     yield "|---|---|---|---|---|---|---|"
     blank = folder / "blank.toml"

@@ -30,6 +30,8 @@ from mavhums_sim.multirotor.log import FUNCTIONS, PARAMETERS, Rates, pulses, sam
 
 LOSSES = (1.0, 0.7, 0.5, 0.3)
 HZ = (2.0, 4.0, 10.0, 25.0, 50.0)
+RATES = {"≥ 10 Hz": (10.0, 25.0, 50.0), "4 Hz": (4.0,)}
+SIZES = ("quad", "hexa", "octa")
 
 
 class Case(NamedTuple):
@@ -118,7 +120,7 @@ def tasks(seed: int, faults: int, hours: float) -> list[tuple[int, str, float, f
     found, n = [], seed * 1_000_000
     for loss in LOSSES if faults else ():
         for frame in frames:
-            for hz in (4.0, 10.0, 25.0, 50.0):
+            for hz in sum(RATES.values(), ()):
                 for _ in range(faults):
                     n += 1
                     found.append((n, frame, hz, loss, ""))
@@ -139,40 +141,32 @@ def share(hits: int, of: int) -> str:
     return f"{p:.2f} ({low:.2f}–{high:.2f})"
 
 
+def _found(own: Sequence[Case]) -> str:
+    """Return how many are rightly named within 0.5, 2 and 30 s, of how many, and the median delay, s."""
+    right = [c.delay_s for c in own if c.named == c.motor and c.delay_s >= 0]
+    if not own:
+        return "–"
+    within = ", ".join(str(sum(delay <= limit for delay in right)) for limit in (0.5, 2, 30))
+    return f"{within} of {len(own)}" + (f"; {np.median(right):.2f}" if right else "")
+
+
 def report(cases: Sequence[Case]) -> None:
     """Print what was found of faults, and the false alarms."""
-    columns = "fault|craft|outputs|n|0.5 s|1 s|2 s|5 s|30 s|wrong|before|several|median s"
-    print(f"|{columns}|")
-    print("|---|---|---|---|---|---|---|---|---|---|---|---|---|")
-    sizes = {"quad": "quad", "hexa": "hexa", "octa": "octa"}
+    print(f"| lost thrust | craft | {' | '.join(f'outputs {name}' for name in RATES)} |")
+    print("|---" * (2 + len(RATES)) + "|")
+    faults = [c for c in cases if c.loss and c.flown_s > c.fault_s]
     for loss in LOSSES:
-        for size in sizes:
-            for name, rates in (("≥ 10 Hz", (10.0, 25.0, 50.0)), ("4 Hz", (4.0,))):
-                own = [c for c in cases if c.loss == loss and c.frame.startswith(size) and c.hz in rates]
-                own = [c for c in own if c.flown_s > c.fault_s]
-                if not own:
-                    continue
-                right = [c for c in own if c.named == c.motor and c.delay_s >= 0]
-                cells = [
-                    share(sum(c.delay_s <= limit for c in right), len(own)) for limit in (0.5, 1, 2, 5, 30)
-                ]
-                wrong = sum(c.named not in (0, c.motor) for c in own)
-                early = sum(c.delay_s < 0 for c in own)
-                several = sum(c.several for c in own)
-                median = np.median([c.delay_s for c in right]) if right else np.nan
-                print(
-                    f"| −{100 * loss:.0f} % | {size} | {name} | {len(own)} | {' | '.join(cells)} | {wrong} | "
-                    f"{early} | {several} | {median:.2f} |"
-                )
-                inside = [c for c in right if c.low <= loss <= c.high]
-                shares = [c.share for c in right]
-                if shares:
-                    bound = sum(c.bound < loss for c in own if not c.named)
-                    print(
-                        f"    share lost {np.mean(shares):.2f} ({np.quantile(shares, 0.05):.2f}–"
-                        f"{np.quantile(shares, 0.95):.2f}), in its interval {len(inside)} of {len(right)}; "
-                        f"unnamed and excluded {bound}"
-                    )
+        for size in SIZES:
+            own = [c for c in faults if c.loss == loss and c.frame.startswith(size)]
+            cells = [_found([c for c in own if c.hz in rates]) for rates in RATES.values()]
+            print(f"| {100 * loss:.0f} % | {size} | {' | '.join(cells)} |")
+    wrong = sum(c.named not in (0, c.motor) for c in faults)
+    early, several = sum(c.delay_s < 0 for c in faults), sum(c.several for c in faults)
+    print(f"\nwrong motor {wrong}, before the fault {early}, more than one {several}, of {len(faults)}")
+    right = [c for c in faults if c.named == c.motor and c.delay_s >= 0]
+    inside = sum(c.low <= c.loss <= c.high for c in right)
+    excluded = sum(c.bound < c.loss for c in faults if not c.named)
+    print(f"share lost in its interval {inside} of {len(right)}; unnamed and excluded {excluded}")
     healthy = [c for c in cases if not c.loss]
     hours = sum(c.flown_s for c in healthy) / 3600
     if not healthy:
@@ -183,7 +177,7 @@ def report(cases: Sequence[Case]) -> None:
         own = [c for c in healthy if c.kind == kind]
         h = sum(c.flown_s for c in own) / 3600
         print(f"  {kind or 'neither':8} {sum(c in false for c in own)} in {h:.1f} h")
-    for size in sizes:
+    for size in SIZES:
         own = [c for c in healthy if c.frame.startswith(size)]
         bounds = np.array([c.bound for c in own if not c.named])
         if not bounds.size:

@@ -31,7 +31,7 @@ from rich.table import Table
 from sklearn.ensemble import HistGradientBoostingClassifier
 
 from benchmarks import _independent
-from benchmarks._windows import windows
+from benchmarks._windows import NAMES, windows
 from mavhums.actuator import load_airframe
 from mavhums.core.quantities import KEYS, column
 from mavhums.health.actuator.votes import count_votes
@@ -51,6 +51,8 @@ from mavhums_sim.conditions import Condition
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 
 SEED = 50_000_000
+ERROR = "expected_calibration_error"
+EACH = 14  # independent flights
 PARTS = ["modes", "population", "faults", "windows", "independent", "stages", "bound", "cost"]
 ACTUATOR = load_airframe("paper").actuators[2]
 MIDDLE = 0.625
@@ -143,27 +145,32 @@ def table(*titles: str) -> Table:
     return made
 
 
-def modes(models: dict[str, Model], flights: int) -> Table:
-    rows = table(
-        "model", "mode", "samples right", "windows right, share", "probability", "abstains (still)", "windows"
-    )
+def modes(models: dict[str, Model], flights: int) -> None:
+    """Print what the cards say, then samples / windows right by network and mode."""
+    print("| network | inputs | samples right | windows right | windows abstained | calibration error |")
+    print("|---" * 6 + "|")
     for name, model in models.items():
-        telemetry = TELEMETRY[name]
+        card = model.card
+        assert card.calibration is not None
+        shares = ("samples_in_motion_right", "windows_right", "windows_in_motion_abstained")
+        cells = [" ".join(card.features), *(f"{100 * card.metrics[share]:.1f} %" for share in shares)]
+        print(f"| {NAMES[name]} | {' | '.join(cells)} | {card.calibration.metrics[ERROR]:.3f} |")
+    print()
+    print(f"| network | {' | '.join(CYCLOGRAMS)} |")
+    print("|---" * (1 + len(CYCLOGRAMS)) + "|")
+    idle = []
+    for name, model in models.items():
+        cells = []
         for k, mode in enumerate(CYCLOGRAMS):
             tally = Tally(model)
             for j, friction in enumerate(CLASSES):
-                for flown in fleet(telemetry, friction, flights, 1 + 2 * k + j, [mode]):
+                for flown in fleet(TELEMETRY[name], friction, flights, 1 + 2 * k + j, [mode]):
                     tally.take(flown)
-            rows.add_row(
-                name,
-                mode,
-                percent(tally.right / tally.samples),
-                percent(tally.right_share(tally.share)),
-                percent(tally.right_share(tally.said)),
-                tally.abstained,
-                str(tally.windows),
-            )
-    return rows
+            right = 100 * tally.right / tally.samples
+            cells.append(f"{right:.1f} / {100 * tally.right_share(tally.share):.1f} %")
+            idle.append(f"{name}, {mode}: abstains (still) {tally.abstained} of {tally.windows} windows")
+        print(f"| {NAMES[name]} | {' | '.join(cells)} |", flush=True)
+    print("", *idle, sep="\n")
 
 
 def population(models: dict[str, Model], flights: int) -> Table:
@@ -348,28 +355,21 @@ def main() -> None:
     options = parser.parse_args()
     console = Console(width=150)
     models = dict(zip(TELEMETRY, packaged_models(), strict=True))
+    looked = _independent.LAST_LOOK if options.last_look else _independent.SEED
     parts: dict[str, Callable[[], Table | None]] = {
         "modes": lambda: modes(models, options.flights),
         "population": lambda: population(models, options.flights),
         "faults": lambda: faults(models, options.flights),
-        "windows": lambda: windows(models, options.flights, console.print),
-        "independent": lambda: console.print(
-            *_independent.independent(
-                [*models.values()],
-                14 * options.flights,
-                _independent.LAST_LOOK if options.last_look else _independent.SEED,
-            )
-        ),
+        "windows": lambda: windows(models, options.flights),
+        "independent": lambda: _independent.independent([*models.values()], EACH * options.flights, looked),
         "stages": lambda: stages(models, options.flights),
         "bound": lambda: bound(options.flights),
         "cost": lambda: cost(models),
     }
     for name, part in parts.items():
         if options.part in (None, name):
-            with console.status(name):
-                made = part()
-            console.print(f"\n[bold]{name}[/]")
-            if made is not None:
+            console.print(f"\n[bold]{name}[/]\n")
+            if made := part():
                 console.print(made)
 
 

@@ -50,8 +50,7 @@ def main() -> None:
             found = compare(equation, row.record, known).condition if row.record else "undecided"
             said[row.tier, row.kind, MODES[row.number % len(MODES)], blurs, found] += 1
     for name in NAMES:
-        print(f"\n{name}: flights of four actuators changed\n")
-        print(f"| lost | {' | '.join(MODES)} |")
+        print(f"\n| {name}; lost | {' | '.join(MODES)} |")
         print("|---" * (len(MODES) + 1) + "|")
         for lost in LOST_V:
             cells = []

@@ -26,6 +26,19 @@ from mavhums_sim.closed_loop.outputs import Outputs
 STEP_S, SETTLED_S = 0.1, 25.0
 LAGS_S = np.arange(0.0, 0.8, 0.04)
 TRACKING_S = np.arange(0.0, 2.0, 0.1)
+ROWS = {
+    "airspeed, m/s; its SD": ("speed, m/s", "speed SD, m/s"),
+    "roll rate per full aileron, rad/s": ("roll rate per full aileron, rad/s",),
+    "R² of roll rate by aileron": ("its R²",),
+    "lag of roll rate, s": ("its lag, s",),
+    "SD of aileron; elevator, share of travel": ("aileron SD", "elevator SD"),
+    "10 s windows with SD ≥ 0.05": ("10 s windows with SD ≥ 0.05",),
+    "rudder–aileron correlation": ("rudder–aileron correlation",),
+    "p; q SD, rad/s": ("p SD, rad/s", "q SD, rad/s"),
+    "vertical; lateral acceleration SD, g": ("vertical acceleration SD, g", "lateral acceleration SD, g"),
+    "roll error SD, °; lag, s": ("roll error SD, °", "roll lag, s"),
+    "pitch error SD, °; lag, s": ("pitch error SD, °", "pitch lag, s"),
+}
 
 
 class Signals:
@@ -80,15 +93,14 @@ def describe(
         "roll rate per full aileron, rad/s": gain,
         "its R²": explained,
         "its lag, s": lag,
-        "aileron SD, share of travel": demand.std(),
+        "aileron SD": demand.std(),
         "10 s windows with SD ≥ 0.05": float(np.mean(np.array(windows) >= 0.05)),
-        "elevator SD, share of travel": signals.at("SERVO_OUTPUT_RAW", elevator).std() / half,
-        "|rudder–aileron correlation|": abs(_correlation(demand, signals.at("SERVO_OUTPUT_RAW", rudder))),
+        "elevator SD": signals.at("SERVO_OUTPUT_RAW", elevator).std() / half,
+        "rudder–aileron correlation": abs(_correlation(demand, signals.at("SERVO_OUTPUT_RAW", rudder))),
         "p SD, rad/s": p.std(),
         "q SD, rad/s": float(np.std(signals.at("RAW_IMU", "ygyro"))) / 1000.0,
         "vertical acceleration SD, g": float(np.std(signals.at("RAW_IMU", "zacc"))) / 1000.0,
         "lateral acceleration SD, g": float(np.std(signals.at("RAW_IMU", "yacc"))) / 1000.0,
-        "roll SD, °": float(np.degrees(roll.std())),
         "roll error SD, °": float(np.degrees((nav_roll - roll).std())),
         "roll lag, s": _lag(nav_roll, roll),
         "pitch error SD, °": float(np.degrees((nav_pitch - pitch).std())),
@@ -119,12 +131,16 @@ def simulated(count: int) -> Iterator[dict[str, float]]:
             yield describe(path, (1, 3, 4), float(outputs.trim[0]), float(outputs.half_range[0]), sign)
 
 
-def show(flights: list[dict[str, float]]) -> None:
+def show(whose: str, flights: list[dict[str, float]]) -> None:
+    """Print the medians of the flights, of single quantities their ranges, too."""
     flights = [flight for flight in flights if flight]
-    print(f"{len(flights)} flights")
-    for name in flights[0]:
-        values = [flight[name] for flight in flights]
-        print(f"{name:36} {np.median(values):8.2f}   {min(values):.2f}…{max(values):.2f}")
+    print(f"| | {whose} |\n|---|---|")
+    for title, names in ROWS.items():
+        values = [[flight[name] for flight in flights] for name in names]
+        cells = [f"{np.median(several):.2f}" for several in values]
+        if len(values) == 1:
+            cells[0] += f" ({min(values[0]):.2f}…{max(values[0]):.2f})"
+        print(f"| {title} | {'; '.join(cells)} |")
 
 
 def main() -> None:
@@ -136,9 +152,10 @@ def main() -> None:
     arguments = parser.parse_args()
     first, second, third = (int(n) for n in arguments.outputs.split(","))
     if arguments.logs:
-        show([describe(p, (first, second, third), 1500.0, arguments.travel, 1.0) for p in arguments.logs])
+        own = [describe(p, (first, second, third), 1500.0, arguments.travel, 1.0) for p in arguments.logs]
+        show(f"{len(own)} logs", own)
     else:
-        show(list(simulated(arguments.flights)))
+        show("closed loop", list(simulated(arguments.flights)))
 
 
 if __name__ == "__main__":

@@ -44,18 +44,18 @@ def profile() -> str:
 
 
 def row(name: str, shown: dict[str, list[Shown]], volts: list[float]) -> str:
-    cells = [name, f"{np.mean(volts):.0%} ({min(volts):.0%} to {max(volts):.0%})"]
+    cells = [name, f"{np.mean(volts):.0%} ({min(volts):.0%}–{max(volts):.0%})"]
     for fault in STALL_SHARES:
         errors = [value.estimate / truth - 1.0 for value, truth in shown[fault]]
         inside = np.mean([value.low <= truth <= value.high for value, truth in shown[fault]])
         truths = np.mean([truth for _, truth in shown[fault]])
         cells += [f"{truths:.1%}", f"{np.mean(errors):+.1%} ± {np.std(errors):.1%}", f"{inside:.0%}"]
-    return f"| {' | '.join(cells)} | {len(volts)} |"
+    return f"| {' | '.join(cells)} |"
 
 
 def table(args: argparse.Namespace, folder: Path) -> Iterator[str]:
-    cells = "truth | error | inside"
-    yield f"| flights | V4 of the supply's | friction, {cells} | torque, {cells} | of |\n{'|---' * 9}|"
+    titles = (f"{name}, {cell}" for name in ("friction", "torque") for cell in ("truth", "error", "inside"))
+    yield f"| flight | V4 of the supply's | {' | '.join(titles)} |\n{'|---' * 8}|"
     kept: dict[tuple[int, str], list[OwnRecord]] = defaultdict(list)
     known: dict[tuple[int, str], list[float]] = defaultdict(list)
     blank, path = folder / "blank.toml", folder / "flight.tlog"
@@ -108,7 +108,7 @@ def together(kept: dict[tuple[int, str], list[OwnRecord]], known: dict[tuple[int
     inside = np.mean([value.low <= truth <= value.high for value, truth in told])
     truths = np.mean([truth for _, truth in told])
     error = f"{np.mean(errors):+.1%} ± {np.std(errors):.1%}"
-    return f"| all five | — | {truths:.1%} | {error} | {inside:.0%} | — | — | — | {len(told)} |"
+    return f"| all five | – | {truths:.1%} | {error} | {inside:.0%} | – | – | – |"
 
 
 def main() -> None:

@@ -60,19 +60,23 @@ def case(seed: int, fault: str, seconds: float) -> Case:
 
 def report(cases: Sequence[Case]) -> None:
     """Print what was found, and the false alarms."""
-    print("| fault | vehicle | n | 10 s | 30 s | 60 s | to the end | before | undecided | median s |")
-    print("|---|---|---|---|---|---|---|---|---|---|")
+    print("| fault | vehicle | 10, 30, 60 s, to the end; median, s |")
+    print("|---|---|---|")
     for fault in FAULTS:
         for boat in (False, True):
             own = [c for c in cases if c.fault == fault and c.boat == boat]
             late = np.array([c.alarm_s - c.fault_s for c in own])
             right = late[late >= 0]
-            cells = [share(int((right <= limit).sum()), len(own)) for limit in (10, 30, 60, 1e9)]
-            median = f"{np.median(right):.0f}" if right.size else "–"
-            print(
-                f"| {fault} | {'boat' if boat else 'rover'} | {len(own)} | {' | '.join(cells)} | "
-                f"{(late < 0).sum()} | {sum(c.condition == 'undecided' for c in own)} | {median} |"
-            )
+            within = ", ".join(str((right <= limit).sum()) for limit in (10, 30, 60, 1e9))
+            median = f"; {np.median(right):.0f}" if right.size else ""
+            cell = f"{within} of {len(own)}{median}" if own else "–"
+            print(f"| {fault} | {'boat' if boat else 'rover'} | {cell} |")
+    faulty = [c for c in cases if c.fault]
+    early, undecided = (
+        sum(c.alarm_s < c.fault_s for c in faulty),
+        sum(c.condition == "undecided" for c in faulty),
+    )
+    print(f"\nbefore the onset {early}, undecided at the end {undecided}, of {len(faulty)}")
     healthy = [c for c in cases if not c.fault]
     hours = 600 * len(healthy) / 3600
     false = [c for c in healthy if c.kind]

@@ -10,7 +10,7 @@ import numpy as np
 
 from mavhums_sim import Flight
 from mavhums_sim.closed_loop import Air, ClosedLoop, FlownLoop, fly_closed_loop
-from mavhums_sim.conditions import Condition
+from mavhums_sim.conditions import FAULTS, Condition
 from mavhums_sim.cyclogram import SURFACES
 
 ONSET_S = 60.0
@@ -50,12 +50,16 @@ def describe(flown: FlownLoop) -> list[float]:
 
 
 def main() -> None:
-    print("fault, severity; SD of roll error °, pitch error °, elevator beside its demand °, q rad/s; end")
+    print("| EMA | roll error, ° | pitch error, ° | q, rad/s | elevator error, ° | end |")
+    print("|---|---|---|---|---|---|")
     for fault, severity in CASES:
         flights = [fly(fault, severity, seed) for seed in (1, 2)]
-        values = np.mean([describe(flown) for flown in flights], axis=0)
-        row = "".join(f"{value:16.3f}" for value in values)
-        print(f"{fault:18} {severity:4g} {row}   {', '.join(flown.end for flown in flights)}")
+        roll, pitch, beside, q = np.mean([describe(flown) for flown in flights], axis=0)
+        name = (
+            f"{fault} {severity:g} {FAULTS[fault].unit.replace('1', '')}".rstrip() if severity else "healthy"
+        )
+        ends = ", ".join(dict.fromkeys(flown.end for flown in flights))
+        print(f"| {name} | {roll:.2f} | {pitch:.2f} | {q:.3f} | {beside:.2f} | {ends} |", flush=True)
 
 
 if __name__ == "__main__":
