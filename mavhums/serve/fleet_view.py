@@ -139,8 +139,7 @@ def trends_shown(report: TrendReport, addresses: Mapping[str, str]) -> list[Actu
 def _curves(trends: Iterable[TrendView], addresses: Mapping[str, str]) -> Markup:
     """Return trends as JSON that can stand in an attribute; each point knows its flight's page."""
     charts = [
-        one.chart | {"life": one.life, "links": [addresses.get(start, "") for start in one.chart["starts"]]}
-        for one in trends
+        one.chart | {"links": [addresses.get(start, "") for start in one.chart["starts"]]} for one in trends
     ]
     return escape(json.dumps({"charts": charts}))
 

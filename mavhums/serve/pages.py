@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlencode
@@ -36,7 +36,7 @@ from mavhums.serve.routes import LogOf
 from mavhums.serve.sessions import Dropped, Sessions, UserSession
 from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.html import draw, environment, parts
-from mavhums.show.trend import headline
+from mavhums.show.trend import trend_blocks
 
 _SUBJECTS: Final = 4000
 _AIRCRAFT: Final = 300
@@ -87,7 +87,7 @@ def add_pages(app: FastAPI, sessions: Sessions, options: ServeOptions, log_of: L
         logs = list(_session(sessions, request).logs.values())
         found, others = await asyncio.to_thread(dropped_trends, logs)
         aircraft = [
-            {"board": board, "flights": flights, "headline": headline(report), "trends": _trends(report)}
+            {"board": board, "flights": flights, "trends": trends(report, {})}
             for board, flights, report in found
         ]
         values = {"aircraft": aircraft, "others": others, "fewest": FEWEST_FLIGHTS}
@@ -187,9 +187,10 @@ async def _keep(fleet: Fleet, log: Dropped, aircraft: str | None) -> None:
         log.kept = f"not kept: {error}"
 
 
-def _trends(report: TrendReport) -> Markup:
-    """Return the curves of trends whose points open nothing."""
-    return Markup(render("_trends.html", trends=trends_shown(report, {}), report=report, flights=()))
+def trends(report: TrendReport, addresses: Mapping[str, str]) -> Markup:
+    """Return what is said of an aircraft's trends, and their curves, whose points open the flights' pages."""
+    said, shown = Markup(draw(trend_blocks(report), "h2")), trends_shown(report, addresses)
+    return Markup(render("_trends.html", said=said, trends=shown, links=bool(addresses)))
 
 
 def _add_fleet(app: FastAPI, fleet: Fleet, page: Page) -> None:
@@ -213,9 +214,7 @@ def _add_fleet(app: FastAPI, fleet: Fleet, page: Page) -> None:
             values["problem"] = str(error)
         else:
             values |= {
-                "report": report,
-                "headline": headline(report),
-                "trends": trends_shown(report, flight_pages(name, flights)),
+                "trends": trends(report, flight_pages(name, flights)),
                 "flights": flight_table(name, flights),
                 "query": urlencode({"aircraft": name}),
             }

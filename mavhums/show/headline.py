@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
-from mavhums.results.assessment import Assessment
+from mavhums.results.assessment import Assessment, Judgeable
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.show.standing import sentences, since_words, soonest_words
 from mavhums.show.verdict_words import course, culprits
@@ -18,6 +19,8 @@ NOT_JUDGED: Final = (
 )
 """What is said of a vehicle with neither wings nor rotors that are judged, after its kind."""
 
+_SILENT: Final = (PROPELLERS_ONLY, TO_BE_JUDGED)
+"""Remedies for servos on which nothing reports."""
 _SHORT: Final = 60  # a longer reason is given below the headline, with its remedy
 
 
@@ -122,7 +125,7 @@ def judged_vehicles(assessment: Assessment) -> tuple[Assessment, list[str]]:
     by_vehicle: dict[int | None, list[Verdict]] = {}
     for verdict in assessment.verdicts:
         by_vehicle.setdefault(verdict.vehicle, []).append(verdict)
-    lines = {vehicle: line for vehicle, own in by_vehicle.items() if (line := _wingless(own))}
+    lines = {vehicle: line for vehicle, own in by_vehicle.items() if (line := wingless(own))}
     if not lines:
         return assessment, []
     rest = {
@@ -134,14 +137,9 @@ def judged_vehicles(assessment: Assessment) -> tuple[Assessment, list[str]]:
     return assessment.model_copy(update=rest), said
 
 
-def _wingless(own: Sequence[Verdict]) -> str | None:
+def wingless(subjects: Sequence[Verdict | Judgeable]) -> str | None:
     """Return what is said of a vehicle without wings and without servos that report; None of any other."""
-    axes = next((v for v in own if v.subject == "axis" and v.remedy == NO_WINGS), None)
-    if axes is None:
+    axes = next((one for one in subjects if one.remedy == NO_WINGS), None)
+    if axes is None or any(one.remedy not in _SILENT for one in subjects if one is not axes):
         return None
-    for verdict in own:
-        silent = verdict.condition == "unmonitored" or verdict.remedy == PROPELLERS_ONLY
-        if verdict is not axes and not silent:
-            return None
-    kind = (axes.reason or "").partition(":")[0]
-    return f"{kind}: {NOT_JUDGED}"
+    return f"{(axes.reason or '').partition(':')[0]}: {NOT_JUDGED}"

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.output import printable
-from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.assessment import Inspection, Judgeable, VehicleTelemetry
 from mavhums.show.blocks import Block, Column, Headline, Listing, Note, Table
-from mavhums.show.headline import NOT_JUDGED
+from mavhums.show.headline import wingless
 from mavhums.show.tables import usage
 from mavhums.show.words import join, subject_of
 from mavhums.show.words import losses as loss_words
 
 _MOST_NAMED = 100
 _NAMED_SUBJECTS = 3
-_NOTHING_REPORTED = (PROPELLERS_ONLY, TO_BE_JUDGED)
 
 
 def inspection_blocks(inspection: Inspection, *, messages: bool = False) -> Iterator[Block]:
@@ -40,7 +37,7 @@ def inspection_blocks(inspection: Inspection, *, messages: bool = False) -> Iter
             f"telemetry tier {vehicle.tier or 'none'}, which gives {vehicle.gives}",
             [*_lines(vehicle)],
         )
-        if vehicle.usage and not _wingless(vehicle):
+        if vehicle.usage and not wingless(vehicle.subjects):
             yield usage(vehicle.usage, several=False)
     counted = _counted(inspection)
     if messages:
@@ -57,7 +54,7 @@ def _verdict(inspection: Inspection) -> str:
     several = len(inspection.vehicles) > 1
     parts = []
     for vehicle in inspection.vehicles:
-        text = _wingless(vehicle) or _what(vehicle.subjects)
+        text = wingless(vehicle.subjects) or _what(vehicle.subjects)
         parts.append(f"vehicle {vehicle.vehicle}: {text}" if several else f"{text[:1].upper()}{text[1:]}")
     return "; ".join(parts)
 
@@ -77,15 +74,6 @@ def _titles(subjects: Sequence[Judgeable]) -> list[str]:
     axes = [subject_of(one.subject, one.name) for one in subjects if one.subject == "axis"]
     motors = [one.name for one in subjects if one.subject == "motor"]
     return [*axes, *motors, *([f"wear of {named}"] if servos else [])]
-
-
-def _wingless(vehicle: VehicleTelemetry) -> str | None:
-    """Return what is said of a vehicle without wings and servos that report; None of any other."""
-    axes = next((one for one in vehicle.subjects if one.remedy == NO_WINGS), None)
-    servos = [one for one in vehicle.subjects if one is not axes]
-    if axes is None or any(one.judgeable or one.remedy not in _NOTHING_REPORTED for one in servos):
-        return None
-    return f"{(axes.reason or '').partition(':')[0]}: {NOT_JUDGED}"
 
 
 def _counted(inspection: Inspection) -> str:
@@ -116,7 +104,7 @@ def _messages(inspection: Inspection) -> Iterator[Block]:
 def _lines(vehicle: VehicleTelemetry) -> Iterator[str]:
     """Yield what can be judged, then once for each reason what cannot, then the sources by actuator."""
     refused: dict[tuple[str, str], list[Judgeable]] = {}
-    for one in () if _wingless(vehicle) else vehicle.subjects:
+    for one in () if wingless(vehicle.subjects) else vehicle.subjects:
         if one.judgeable and one.subject == "axis":
             by = f", moved by {join(one.surfaces)}" if one.surfaces else ""
             yield f"{subject_of(one.subject, one.name)}: control effectiveness can be judged{by}"

@@ -190,25 +190,18 @@ _MAIN: Final = ("friction", *LOSSES)
 
 
 class TrendView(NamedTuple):
-    """A trend: its title, its numbers in words, its curve, and the remaining useful life.
+    """A trend of an actuator or an axis, for a browser that draws it.
 
     Attributes
     ----------
-    actuator, condition
-        Whose trend it is, and its gravest condition in the last flight, of whatever indicator.
-    caption
-        The last value with its interval, the change and the slope.
-    life
-        Growth with the flights left to each limit, or why there are none.
     first
         Whether a reader must see it: friction, control, what grows, and what is beyond its limit.
+    chart
+        The curve. Its ``caption`` has the last value with its interval, the change and the slope, ``life``
+        the growth with the flights left to each limit, or why there are none.
     """
 
     actuator: str
-    condition: Condition
-    title: str
-    caption: str
-    life: str
     first: bool
     chart: Chart
 
@@ -233,15 +226,12 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[Repair
     marks = _marks(trend, repairs)
     caption = "; ".join([_trend_text(trend, unit), *(text for _, text in marks)])
     drawn = chart(Curve(days_ms, rows), limits, title, caption, whole=True)
+    drawn["life"] = _life(trend)
     drawn["marks"] = [{"at": _milliseconds(at_utc), "text": text} for at_utc, text in marks]
     drawn["flights"] = [point.flight for point in trend.points]
     drawn["starts"] = [point.start_utc for point in trend.points]
     return TrendView(
         actuator=f"{prefix}{subject_of(trend.subject, trend.actuator)}",
-        condition=trend.condition,
-        title=title,
-        caption=caption,
-        life=_life(trend),
         first=trend.fault in _MAIN or trend.growth is not None or _beyond(trend),
         chart=drawn,
     )

@@ -22,7 +22,7 @@ from mavhums.results.standing import (
 )
 from mavhums.results.verdict import Suspect, Verdict
 from mavhums.serve.fleet_view import aircraft_table, flight_pages, flight_table, tally, trends_shown
-from mavhums.serve.pages import render
+from mavhums.serve.pages import render, trends
 from mavhums.show.blocks import Link, Mark
 
 MARKUP = "<img src=x onerror=alert(1)>"
@@ -162,10 +162,10 @@ def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_
     elevator, rudder = trends_shown(report, {"2026-01-02T00:00:00Z": "/fleet/flight?log=2"})
     assert (len(elevator.first), len(elevator.others)) == (1, 1)
     assert len(rudder.first) == 2
-    shown = rudder.first[0]
-    assert (shown.title, shown.life) == ("play, °", TOLD)
-    assert shown.caption.startswith("flight 12: 0.2 (0.1 to 0.3) °, 95 % interval")
-    assert elevator.first[0].life == "It does not grow"
+    shown = rudder.first[0].chart
+    assert (shown["title"], shown["life"]) == ("play, °", TOLD)
+    assert shown["caption"].startswith("flight 12: 0.2 (0.1 to 0.3) °, 95 % interval")
+    assert elevator.first[0].chart["life"] == "It does not grow"
     (chart,) = json.loads(elevator.more.unescape())["charts"]
     assert (chart["title"], chart["life"]) == ("play, °", "It does not grow")
     assert [limit["name"] for limit in chart["limits"]] == ["degraded above", "emergency from"]
@@ -187,7 +187,7 @@ def test_repairs_are_marked_at_their_dates() -> None:
     (shown,) = trends_shown(report, {})[0].first
     (mark,) = shown.chart["marks"]
     assert mark == {"at": shown.chart["time"][-1], "text": f"repair {last[:10]}"}
-    assert mark["text"] in shown.caption
+    assert mark["text"] in shown.chart["caption"]
 
 
 def test_texts_of_a_store_are_never_markup() -> None:
@@ -204,9 +204,7 @@ def test_texts_of_a_store_are_never_markup() -> None:
         **page,
         name=MARKUP,
         problem="",
-        report=report,
-        headline=MARKUP,
-        trends=trends_shown(report, {}),
+        trends=trends(report, {}),
         flights=flight_table(MARKUP, []),
         query="",
     )

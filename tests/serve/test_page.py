@@ -256,7 +256,7 @@ def test_a_log_of_200_mb_is_judged_in_bounded_memory(
 
 
 def test_a_fleet_is_listed_worst_first_and_leads_to_its_flights(store: Path, browser: Browser) -> None:
-    with served(store) as page:
+    with served("--store", store) as page:
         browser.open(f"{page.url}/fleet")
         names = browser.wait("[...document.querySelectorAll('tbody th')].map(one => one.innerText)")
         assert names == ["D-FAILS", "D-GROWS", "D-KEEPS"]
@@ -285,7 +285,7 @@ def test_a_fleet_is_listed_worst_first_and_leads_to_its_flights(store: Path, bro
 def test_a_log_is_kept_only_when_asked(tmp_path: Path, browser: Browser, healthy_log: Path) -> None:
     store = tmp_path / "new" / "store"
     store.parent.mkdir()
-    with served(store) as page:
+    with served("--store", store) as page:
         browser.open(page.url)
         browser.choose([healthy_log])
         browser.wait(HEADLINE)
@@ -367,7 +367,7 @@ def test_a_log_that_the_store_cannot_name_is_asked_for(store: Path, browser: Bro
     copied = shutil.copy(store, tmp_path / "store")
     log = tmp_path / "new.tlog"
     log.write_bytes(moved((store.parent / "logs" / "D-KEEPS" / "00.tlog").read_bytes(), 90 * 86_400.0))
-    with served(copied) as page:
+    with served("--store", copied) as page:
         browser.open(page.url)
         browser.choose([log])
         browser.wait(HEADLINE)
