@@ -54,7 +54,6 @@ EARLY = (
 )
 RATES_HZ = (100.0, 25.0)
 BY_TIER = ("instrumented", "esc-signed")
-EACH = 10  # flights of each severity and aircraft
 
 
 def reference(
@@ -118,7 +117,9 @@ def early(args: argparse.Namespace) -> Rows:
         baselines = reference(args, aircraft, rate_hz, modes, **given)
         shares, total = [], 0
         for severity in (0.02, 0.03, 0.05):
-            total, found, _ = _found(args, baselines, aircraft, rate_hz, modes, EACH, severity, 100, **given)
+            total, found, _ = _found(
+                args, baselines, aircraft, rate_hz, modes, args.count(10), severity, 100, **given
+            )
             shares.append(f"{found / total:.1%}")
         name = modes[0] if len(modes) == 1 else "all five"
         yield f"| {rate_hz:g} Hz | {name} | {drift:.0%} | {' | '.join(shares)} | {total} |"
@@ -225,7 +226,7 @@ def _named_at(
             tasks = [
                 Task(f"{a}/{k}", flight(200 + k, a, rate_hz=rate_hz, mode=MODES[k % 5], conditions=worn))
                 for a in aircraft
-                for k in range(EACH)
+                for k in range(args.count(10))
             ]
             for _, tiers in fly_all(tasks, partial(_named_in_tiers, baselines=baselines), args.workers):
                 for tier, names in tiers.items():

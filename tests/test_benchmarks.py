@@ -97,7 +97,6 @@ RUNS: dict[str, list[Small]] = {
             "early --scale 0.2 --workers 1",
             {
                 "_against_baseline.EARLY": ((25.0, ("takeoff",), 0.0),),
-                "_against_baseline.EACH": 2,
                 "_against_baseline.REFERENCE_FLIGHTS": 10,
             },
             slow=True,
