@@ -86,7 +86,7 @@ class AirspeedCheck:
     """Compares the airspeed sensor with the wind triangle, second by second.
 
     The limits let through the gusts of moderate turbulence, and notice a sensor that reads 20 % wrong within
-    five seconds (closed-loop flights, see ``docs/evidence/axes.md``).
+    five seconds (closed-loop flights).
 
     Examples
     --------

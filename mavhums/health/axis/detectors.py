@@ -197,7 +197,7 @@ class PooledDetector:
     limits
         Limits of the profile.
     axis
-        ``pitch``: in roll healthy flights come too close (docs/evidence/axes.md).
+        ``pitch``: in roll healthy flights come too close.
     """
 
     inspect: ClassVar[Mapping[str, str]] = EffectivenessDetector.inspect

@@ -15,7 +15,7 @@ from mavhums.health.estimation.thresholds import WINDOW_S
 WINDOW_SECONDS: Final = int(WINDOW_S)
 
 # Seconds of flight that make a reference: fewer leave the gain too uncertain, more leave fewer to be
-# judged. Development (docs/evidence/axes.md).
+# judged. Development.
 REFERENCE_S: Final = 45
 
 # Seconds within which a reference is sought, s: older rows are of another phase of the flight.
@@ -39,8 +39,7 @@ LEAST_DRIVE: Final = 1e-4
 # Judged seconds without a loss that make an axis normal: three windows that share no row. Development.
 NORMAL_S: Final = 30
 
-# Effectiveness that the 95 % interval of a normal axis must exceed: a loss of 40 % is what the test is for
-# (docs/evidence/axes.md).
+# Effectiveness that the 95 % interval of a normal axis must exceed: a loss of 40 % is what the test is for.
 NORMAL_EFFECTIVENESS: Final = 0.6
 
 # Seconds in a row at full effectiveness that end a fault: two windows that share no row. By hand.
@@ -68,7 +67,7 @@ POOLED_NOISE: Final = 0.2
 POOLED_CALM: Final = 0.05
 
 # Share of the effectiveness whose loss the CUSUM is tuned to, where no profile has limits: smaller losses
-# are within what manoeuvres change by themselves (docs/evidence/axes.md).
+# are within what manoeuvres change by themselves.
 LOSS_TO_DETECT: Final = 0.4
 
 # The loss that the CUSUM is tuned to, beside the loss that the profile calls degraded: halfway lies the
@@ -96,8 +95,7 @@ COMMON_PITCH: Final = 0.5
 # Times the limit while a loss rests on few seconds: the gain differs between manoeuvres. Development.
 DOUBTFUL_TIMES: Final = 2.0
 
-# Judged seconds below which a loss is doubtful, and a lag is not sought: a single manoeuvre may differ
-# (docs/evidence/axes.md).
+# Judged seconds below which a loss is doubtful, and a lag is not sought: a single manoeuvre may differ.
 DOUBTFUL_S: Final = 7
 
 # Judged seconds that make a loss an emergency, a whole window. By hand.
@@ -148,7 +146,7 @@ ROLL_PERSISTENT_S: Final = 3
 # Below, tracking limits are wider.
 SLOW_STREAM_S: Final = 0.42
 
-# The same by axis, s. In pitch 10 Hz: slower samples miss most of the short period (docs/evidence/axes.md:
+# The same by axis, s. In pitch 10 Hz: slower samples miss most of the short period (development:
 # 4 % of the seconds at 4 Hz could be judged, and the only false alarms came from there).
 SLOWEST_STREAM_S: Final = {
     "roll": SLOW_STREAM_S,
@@ -233,7 +231,7 @@ DRIVEN_SHARE: Final = 0.5
 TAIL_SHARE: Final = 0.07
 
 # Largest unexplained response: in roll beyond it, gusts alone make the gain of ten healthy seconds scatter by
-# 14 % and more (docs/evidence/axes.md). Pitch and yaw: development.
+# 14 % and more. Pitch and yaw: development.
 GUSTY: Final = {"roll": 0.1, "pitch": 0.5, "yaw": 0.5, "steering": 0.1}
 
 # Memory of the filter that removes trim, s: longer ones keep phugoid and wind. In pitch a step of thrust or
@@ -257,10 +255,10 @@ LAGS_S: Final = {
 }
 
 # Share of the response that a reference must explain: below, the surfaces cannot be told from gusts and
-# each other (docs/evidence/axes.md).
+# each other.
 EXPLAINED: Final = {"roll": 0.75, "pitch": 0.45, "yaw": 0.5, "steering": 0.75}
 
-# Largest relative standard error of a reference's gain (docs/evidence/axes.md). In roll the gains of the
+# Largest relative standard error of a reference's gain. In roll the gains of the
 # references of a healthy flight differ by 9 % below it, and by 17 % and up to 61 % above it.
 GAIN_ERROR: Final = {"roll": 0.06, "pitch": 0.06, "yaw": 0.06, "steering": 0.10}
 
@@ -370,7 +368,7 @@ PART_S: Final = 10
 PAST_REFERENCES: Final = 20
 
 # Largest ratio of the outputs' rates of two flights whose responses are compared: the gain of pitch at 4 Hz
-# is 0.8 to 1.0 of that at 10 Hz (software in the loop; docs/evidence/axes.md).
+# is 0.8 to 1.0 of that at 10 Hz (software in the loop).
 PAST_RATE_RATIO: Final = 3.0
 
 # Parts in which a flight that is judged by itself is kept for later ones: fewer tell less of their scatter,
