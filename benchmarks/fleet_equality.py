@@ -80,7 +80,7 @@ def one_by_one(logs: Path, store: Path, flights: int, rate: float, aircraft: Seq
     for number in aircraft:
         options = Options(store=store, aircraft="folder", false_alarms=rate, keep=True)
         for log in sorted((logs / f"D-{number:03d}").iterdir()):
-            if number == REPAIRED and int(log.stem) == flights // 2:
+            if number == REPAIRED and int(log.stem) == max(flights // 2, 1):  # the store knows it by then
                 fleet.change_repairs(store, add=[repair(flights)])
             try:
                 assessment = analyse(log, options)

@@ -60,7 +60,7 @@ RUNS: dict[str, list[Small]] = {
         for name in ("tlog", "dataflash", "ulog")
     ],
     "false_alarms": [Small("--hours 0.01", {"_FLIGHT_S": 30.0})],
-    "fleet": [Small("landings", {"LANDINGS": (10,)})],
+    "fleet": [Small("stored", {"LANDINGS": (10,)}, slow=True)],
     "fleet_equality": [Small("--flights 1", {"AIRCRAFT": 4, "TWO_VEHICLES": (3,)}, slow=True)],
     "fleet_year": [Small("--aircraft 1 --days 7", slow=True)],
     "growth": [
@@ -222,7 +222,7 @@ RUNS: dict[str, list[Small]] = {
         )
     ],
     "train": [Small("--quick --part fifty --solver lbfgs --inputs 4", slow=True)],
-    "trend": [Small("--quick", {"TAILS": {"normal": normal}, "FLIGHTS": (20,)}, slow=True)],
+    "trend": [Small("--quick", {"TAILS": {"normal": normal}}, slow=True)],
     "worn": [
         Small(
             constants={"CASES": (("none", 0.0), ("jam", 10.0))},

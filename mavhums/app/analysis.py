@@ -249,14 +249,15 @@ def among_own(log: Path, alone: StandaloneAssessment, settings: Settings) -> tup
     from mavhums.flights.landing import OwnFlights, land
     from mavhums.flights.store import LogFile
 
+    landed = False
     if settings.keep:
         file = LogFile.at(log.absolute())
         try:
-            land(settings.store, alone, file, settings.fingerprint(), settings.resolver)
+            landed = land(settings.store, alone, file, settings.fingerprint(), settings.resolver)
         except MavhumsError as error:
             return Judged(log, settings.resolver.named(alone.assessment), alone, error), None
     own = OwnFlights(settings.store, alone.assessment, settings.resolver)
-    return Judged(log, own.compared(alone), alone), own
+    return Judged(log, own.kept(alone) if landed else own.compared(alone), alone), own
 
 
 def _followed(

@@ -128,8 +128,9 @@ def live(
     if keep:  # a store that cannot be written is known before the flight
         from mavhums.flights.store import Store
 
-        with Store(store).writing():
-            pass
+        kept = Store(store)
+        with kept.writing():
+            judging = replace(judging, store=kept)
     level = "info" if verbose and log_level == "warning" else log_level
     from mavhums.live.outlet import Spool
     from mavhums.live.setup import LiveOptions

@@ -35,7 +35,7 @@ from mavhums.flights.naming import (
     remember,
     resolver_of_store,
 )
-from mavhums.flights.queries import earlier_flights
+from mavhums.flights.queries import earlier_flights, standings, stored_verdicts
 from mavhums.flights.store import LogFile, Row, Store
 from mavhums.flights.store.database import FORMAT
 from mavhums.flights.store.earlier import us_of
@@ -46,6 +46,7 @@ from mavhums.flights.trends import standings_after
 from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import NOT_COMPARED
+from mavhums.results.standing import Standing
 
 
 class OwnFlights:
@@ -100,11 +101,24 @@ class OwnFlights:
         """Return the data of the flights before, for own-scale equations."""
         return self._flights.past(airframe, before, self._since(before)) if self.is_named else {}
 
-    def completed(self, assessment: Assessment) -> Assessment:
+    def kept(self, alone: StandaloneAssessment) -> Assessment:
+        """Return the assessment of a flight with its verdicts in the store, which has just made them."""
+        log = alone.assessment.log
+        if log.start_utc is None or not self.is_named:
+            return self.compared(alone)
+        with self._store.reading() as connection:
+            verdicts = stored_verdicts(connection, log.sha256 or "")
+            stands = standings(connection, self._aircraft).get(self._aircraft, ())
+        own = [one for one in stands if one.last_utc == PastFlight.of(alone.assessment).start.isoformat()]
+        last = tuple(one.model_copy(update={"log": log.path}) for one in own)
+        named = self.resolver.named(alone.assessment.model_copy(update={"verdicts": verdicts}))
+        return self.completed(named, last or None)
+
+    def completed(self, assessment: Assessment, stands: tuple[Standing, ...] | None = None) -> Assessment:
         """Return a compared assessment with what the store knows of its aircraft.
 
         That is how many flights it was compared with, how each actuator stands over them, which other logs
-        record this one, and what an operator should look into.
+        record this one, and what an operator should look into. ``stands`` is how they stand, if known.
         """
         if not self.is_named:
             return assessment.with_notice(f"{NOT_COMPARED}: --aircraft =NAME names its aircraft")
@@ -116,8 +130,11 @@ class OwnFlights:
             flown = PastFlight.of(assessment)
         except UndatedError:
             return assessment
-        stands = standings_after(flown, self._flights.recent(), self._since(flown.start))
-        counted = {"standings": stands, "earlier_flights": self._flights.count(flown)}
+        count = self._flights.count(flown)
+        if stands is None or not count:
+            before = self._flights.recent() if count else ()
+            stands = standings_after(flown, before, self._since(flown.start))
+        counted = {"standings": stands, "earlier_flights": count}
         return with_copies(assessment, self._flights.near(flown)).model_copy(update=counted)
 
     def _since(self, start: datetime | None) -> Since:
@@ -129,8 +146,10 @@ class OwnFlights:
 
 def land(
     store: Store, alone: StandaloneAssessment, file: LogFile, settings: str, given: AircraftResolver
-) -> None:
+) -> bool:
     """Put a judged log into a store, and make the verdicts on it and on later flights; it is kept once.
+
+    Return whether it is there as it was judged now; a copy of a log that is there is left out.
 
     Parameters
     ----------
@@ -155,7 +174,7 @@ def land(
         there = _judged(connection, alone.assessment.log.sha256 or "")
         if there is not None and there.path != file.path and there.aircraft != UNKNOWN:
             _check_not_of_another(store, file, there, given)
-            return
+            return False
         remember(connection, given, [file])
         if known_files(connection, [file]).get(file) != settings:
             row = row_of(alone, file, settings, resolver_of_store(connection, given))
@@ -169,6 +188,7 @@ def land(
         make_verdicts(connection)
     if refused is not None:
         raise refused
+    return True
 
 
 def row_of(alone: StandaloneAssessment, file: LogFile, settings: str, resolver: AircraftResolver) -> Row:

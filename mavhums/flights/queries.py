@@ -262,8 +262,10 @@ def _ranked(connection: Connection) -> list[_Last]:
     return sorted(found.values(), key=rank)
 
 
-def standings(connection: Connection, *, until_us: int | None = None) -> dict[str, tuple[Standing, ...]]:
-    """Return how each aircraft with a name stands, or stood at a time; worst first within each."""
+def standings(
+    connection: Connection, aircraft: str | None = None, *, until_us: int | None = None
+) -> dict[str, tuple[Standing, ...]]:
+    """Return how each aircraft with a name, or one, stands or stood at a time; worst first within each."""
     newest = select(STANDING.c.id).where(STANDING.c.aircraft_id == AIRCRAFT.c.id)
     if until_us is not None:
         newest = newest.where(STANDING.c.stored_us <= until_us)
@@ -271,6 +273,8 @@ def standings(connection: Connection, *, until_us: int | None = None) -> dict[st
     rows = select(AIRCRAFT.c.name, STANDING.c.standings).join(
         STANDING, STANDING.c.id == newest.correlate(AIRCRAFT).scalar_subquery()
     )
+    if aircraft is not None:
+        rows = rows.where(AIRCRAFT.c.name == aircraft)
     return {
         name: found
         for name, text in connection.execute(rows.order_by(AIRCRAFT.c.name))
@@ -411,15 +415,25 @@ def flight(store: Place, aircraft: str, sha256: str) -> Assessment:
     with Store(store).opened().reading() as connection:
         own = FLIGHT.c.aircraft_id == aircraft_id(connection, aircraft, creates=False)
         row = connection.execute(
-            select(FLIGHT.c.id, JUDGEMENT.c.alone)
-            .join(JUDGEMENT, JUDGEMENT.c.flight_id == FLIGHT.c.id)
+            select(JUDGEMENT.c.alone)
+            .join(FLIGHT, FLIGHT.c.id == JUDGEMENT.c.flight_id)
             .where(FLIGHT.c.sha256 == sha256, own)
         ).first()
         if row is None:
             problem = f"{store}: no such flight of the aircraft {aircraft!r}"
             raise MavhumsError(problem, "choose one of its list")
         alone = unpacked(row.alone).assessment
-        told = select(VERDICT.c.verdict, RECORD.c.own).outerjoin(RECORD, OF_VERDICT)
-        rows = connection.execute(told.where(VERDICT.c.flight_id == row.id).order_by(VERDICT.c.place)).all()
-        found = tuple(verdict_of(*each) for each in rows)
+        found = stored_verdicts(connection, sha256)
     return alone.model_copy(update={"verdicts": found}) if found else alone
+
+
+def stored_verdicts(connection: Connection, sha256: str) -> tuple[Verdict, ...]:
+    """Return the verdicts on a log, compared with its aircraft's past."""
+    rows = (
+        select(VERDICT.c.verdict, RECORD.c.own)
+        .join(FLIGHT, FLIGHT.c.id == VERDICT.c.flight_id)
+        .outerjoin(RECORD, OF_VERDICT)
+        .where(FLIGHT.c.sha256 == sha256)
+        .order_by(VERDICT.c.place)
+    )
+    return tuple(verdict_of(*row) for row in connection.execute(rows))

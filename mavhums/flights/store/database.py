@@ -105,6 +105,9 @@ class Store:
         if self.is_file and Path(self.place).is_dir():
             raise MavhumsError(f"{self.place}: is a folder, not a store", "name its file, or a new file")
 
+    def __str__(self) -> str:
+        return self.place
+
     @property
     def exists(self) -> bool:
         """Whether the file exists; a server is asked when it is read."""
