@@ -2,37 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums.log import Decoder, Table
+from mavhums.log import Table
 from mavhums.vehicle.airspeed import Airspeeds
-from mavhums.vehicle.usage import EscTemperatures
-from tests.logs import write_log
 
 SECOND = 1_000_000
-
-
-def tables(folder: Path, *messages: v2.MAVLink_message) -> dict[str, Table]:
-    """Return messages that come one a second."""
-    log = write_log(folder / "a.tlog", messages, step_us=SECOND)
-    decoder = Decoder({"VFR_HUD", "ESC_TELEMETRY_1_TO_4"})
-    return decoder.feed(log.read_bytes(), final=True)
-
-
-def test_the_airspeed_is_held_until_the_next_and_not_for_ever(tmp_path: Path) -> None:
-    heard = tables(
-        tmp_path, *(v2.MAVLink_vfr_hud_message(speed, 0.0, 0, 0, 0.0, 0.0) for speed in (20.0, 25.0))
-    )
-    at_us = heard["VFR_HUD"].time_us
-    airspeeds = Airspeeds()
-    airspeeds.feed(heard)
-    asked = np.array([at_us[0] - 1, at_us[0], at_us[1] - 1, at_us[1] + 2 * SECOND, at_us[1] + 4 * SECOND])
-    np.testing.assert_array_equal(airspeeds.at(1, asked), [np.nan, 20.0, 20.0, 25.0, np.nan])
-    assert np.isnan(airspeeds.at(2, asked)).all()
 
 
 def reported(*speeds: float, first_s: int = 0, vehicle: int = 1) -> dict[str, Table]:
@@ -81,21 +57,3 @@ def test_on_board_logs_tell_the_airspeed_too(message: str, field: str) -> None:
     last_us = np.array([(count - 1) * SECOND])
     np.testing.assert_array_equal(airspeeds.at(1, np.array([0])), [20.0])
     np.testing.assert_array_equal(airspeeds.at(1, last_us), [25.0])
-
-
-def test_the_temperature_is_the_median_of_what_an_esc_tells(tmp_path: Path) -> None:
-    readings = [[31, 0, 40, 5]] * 14 + [[90, 0, 41, 5]] * 6
-    heard = tables(
-        tmp_path,
-        *(
-            v2.MAVLink_esc_telemetry_1_to_4_message(degrees, [0] * 4, [0] * 4, [0] * 4, [0] * 4, [0] * 4)
-            for degrees in readings
-        ),
-    )
-    temperatures = EscTemperatures()
-    temperatures.feed(heard)
-    assert temperatures.median(1, 0) == pytest.approx(31.0)
-    assert temperatures.median(1, 1) is None
-    assert temperatures.median(1, 2) == pytest.approx(40.0)
-    assert temperatures.median(1, None) is None
-    assert temperatures.median(1, 7) is None

@@ -73,13 +73,6 @@ def test_nothing_else_names_a_message() -> None:
     assert not named, f"name the fact instead, and put the message into vehicle/formats: {named}"
 
 
-def test_a_message_would_be_found(tmp_path: Path) -> None:
-    module = tmp_path / "one.py"
-    lines = '"""ATTITUDE is a message."""', 'KINDS = {"RCOU", "attitude"}', 'TOLD = f"of ESC_STATUS[{1}]"'
-    module.write_text("\n".join(lines))
-    assert [line for line, text in texts(module) if NAME.search(text)] == [2, 3]
-
-
 def test_every_format_that_is_read_says_where_it_keeps_facts() -> None:
     modules = {path.stem for path in KNOWS[1].glob("*.py")} - {"__init__", "base", "px4_buses"}
     modules |= {path.parent.name for path in KNOWS[1].glob("*/__init__.py")}

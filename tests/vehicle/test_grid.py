@@ -19,13 +19,6 @@ def test_a_signal_is_interpolated_over_no_more_than_a_gap(at: float, expected: f
     np.testing.assert_allclose(_between(time_s, values, np.array([at])), [[expected]])
 
 
-def test_an_angle_turns_the_shorter_way() -> None:
-    time_s, angles = np.array([0.0, 1.0]), np.array([[3.0, 0.5], [-3.0, -0.5]])
-    half = np.array([0.5])
-    np.testing.assert_allclose(_between(time_s, angles, half, turns=True), [[np.pi, 0.0]])
-    np.testing.assert_allclose(_between(time_s, angles, half), [[0.0, 0.0]])
-
-
 def test_spacing_and_state_hold_for_five_seconds() -> None:
     time_s = np.array([0.0, 5.0, 10.5])
     at = np.array([-1.0, 0.0, 4.9, 5.0, 10.5])

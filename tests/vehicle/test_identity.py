@@ -135,10 +135,6 @@ def test_a_text_names_the_kind_until_the_vehicle_says_its_own(
         assert (who.kind, who.multirotor, who.autopilot) == ("hexarotor", True, "PX4")
 
 
-def test_an_unknown_vehicle_is_unnamed() -> None:
-    assert str(Identities().of(3)) == ""
-
-
 def told_by_ulog(path: Path, *, kind: int, release: bytes) -> Identities:
     start = 1_000_000
     path.write_bytes(

@@ -98,8 +98,20 @@ def test_channels_of_arduplane_before_3_8() -> None:
         (3, "throttle"),
         (6, "aileron"),
     ]
-    assert outputs(old | {"VTAIL_OUTPUT": 1.0}) == []
-    assert outputs({"RC1_REV": 1.0}) == []
+    assert [
+        one[2][1] for one in outputs(old | {"RC2_TRIM": 1487.0, "RC2_MIN": 1068.0, "RC2_MAX": 1907.0})[:2]
+    ] == [
+        1500,
+        1487,
+    ]
+    five = assigned_outputs(Parameters(1, False, old | {"RC5_FUNCTION": 4.0}))
+    assert [five[0].because, five[-1].because] == ["channel 1 of ArduPlane before 3.8", "RC5_FUNCTION = 4"]
+    for mixed in ("VTAIL_OUTPUT", "ELEVON_MIXING"):
+        assert outputs(old | {mixed: 1.0}) == []
+        assert outputs(old | {mixed: 0.0}) == outputs(old)
+    # A later version whose SERVOn_FUNCTION were not downloaded has RCn_REVERSED.
+    for lost in ({"RC1_REV": 1.0}, {"RC1_REVERSED": 0.0, "KFF_RDDRMIX": 0.5}):
+        assert outputs(lost) == []
 
 
 def px4(kind: int, *, bus: str = "PWM_MAIN", n: int = 1, k: int = 0) -> dict[str, float]:
@@ -122,7 +134,16 @@ def test_outputs_of_px4() -> None:
             assert found == [(first + n, "elevator", pwm_us, True, True)]
             one_pulse = {f"{bus}_MIN{n}": 1500.0, f"{bus}_CENT{n}": 1500.0, f"{bus}_MAX{n}": 1501.0}
             assert outputs(px4(3, bus=bus, n=n) | one_pulse, px4=True)[0][2] == pwm_us
+            ends = {f"{bus}_MIN{n}": usual + 50.0, f"{bus}_MAX{n}": usual + 950.0}
+            assert outputs(px4(3, bus=bus, n=n) | ends, px4=True)[0][2] == (
+                usual + 50,
+                usual + 500,
+                usual + 950,
+            )
             assert not outputs(px4(3, bus=bus, n=n) | {f"{bus}_REV": float(1 << n)}, px4=True)[0][3]
+    [known] = assigned_outputs(Parameters(1, True, px4(3, bus="PWM_AUX")))
+    assert known.because == "PWM_AUX_FUNC1 = 201, CA_SV_CS0_TYPE = 3"
+    assert "CHECK" in known.calibrated_by
     motors = {f"PWM_MAIN_FUNC{n}": one for n, one in enumerate((101.0, 112.0, 113.0, 233.0), start=1)}
     found = [(servo, what, moves) for servo, what, _, _, moves in outputs(motors, px4=True)]
     assert found == [(1, "motor 1", False), (2, "motor 12", False)]
@@ -195,16 +216,6 @@ def test_demands_are_shares_of_the_travel_about_each_axis() -> None:
         np.testing.assert_allclose(demand, [expected])
 
 
-def test_skid_steering_needs_both_wheels_and_a_rover() -> None:
-    tank = {"CRUISE_THROTTLE": 50.0, "SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0}
-    assert steers_by_wheels(Parameters(1, False, tank))
-    for name in tank:
-        less = {key: value for key, value in tank.items() if key != name}
-        assert not steers_by_wheels(Parameters(1, False, less))
-    for frame, wheels in ((6.0, True), (5.0, False)):
-        assert steers_by_wheels(Parameters(1, True, {"CA_AIRFRAME": frame})) == wheels
-
-
 @pytest.mark.parametrize(
     ("functions", "axis", "ignored"),
     [((4, 4), 0, True), ((19, 19), 1, True), ((77, 77, 78), 0, False), ((79, 79, 80), 1, False)],
@@ -240,6 +251,14 @@ def test_an_output_counts_up_to_the_last_one_of_the_second_message() -> None:
         found = of_parameters(Parameters(1, False, values))
         moved = found.moved if found else ()
         assert tuple(one.servo for one in moved if one.kind == "steering") == steering
+
+
+def test_skid_steering_needs_both_wheels_and_a_rover() -> None:
+    tank = {"CRUISE_THROTTLE": 50.0, "SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0}
+    assert steers_by_wheels(Parameters(1, False, tank))
+    for name in tank:
+        less = {key: value for key, value in tank.items() if key != name}
+        assert not steers_by_wheels(Parameters(1, False, less))
     for airframe, wheels in ((5.0, False), (6.0, True), (7.0, False)):
         assert steers_by_wheels(Parameters(1, True, {"CA_AIRFRAME": airframe})) == wheels
 

@@ -9,37 +9,9 @@ import numpy as np
 import pytest
 
 from mavhums.log import Decoder
-from mavhums.vehicle.parameters import Parameters, control_surfaces, read_parameters
+from mavhums.vehicle.parameters import read_parameters
 from mavhums.vehicle.states import Attitude, FlightMode, VehicleStates
 from tests.log.ulog import writer
-
-
-@pytest.mark.parametrize(
-    ("prefix", "servo", "usual"),
-    [
-        ("PWM_MAIN", 2, (1000, 1500, 2000)),
-        ("PWM_AUX", 18, (1000, 1500, 2000)),
-        ("UAVCAN_SV", 34, (0, 500, 1000)),
-    ],
-)
-def test_surfaces_are_found_on_every_bus(prefix: str, servo: int, usual: tuple[int, int, int]) -> None:
-    values = {f"{prefix}_FUNC2": 201.0, "CA_SV_CS0_TYPE": 3.0, f"{prefix}_REV": 2.0, f"{prefix}_FUNC1": 101.0}
-    [output] = control_surfaces(Parameters(1, True, values))
-    assert (output.servo, output.surface, output.pwm_us, output.is_reversed) == (
-        servo,
-        "elevator",
-        usual,
-        True,
-    )
-    assert output.because == f"{prefix}_FUNC2 = 201, CA_SV_CS0_TYPE = 3"
-    assert ("CHECK" in output.calibrated_by) or prefix == "PWM_MAIN"
-
-
-def test_limits_are_those_of_the_bus() -> None:
-    values = {"PWM_AUX_FUNC1": 202.0, "CA_SV_CS1_TYPE": 1.0, "PWM_AUX_MIN1": 900.0, "PWM_AUX_MAX1": 2100.0}
-    [output] = control_surfaces(Parameters(1, True, values))
-    assert output.pwm_us == (900, 1500, 2100)
-    assert output.surface == "left aileron"
 
 
 def test_parameters_of_a_ulog_are_numbers_and_the_last_counts(tmp_path: Path) -> None:

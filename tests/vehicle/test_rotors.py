@@ -256,17 +256,6 @@ def test_px4s_parameters_that_leave_the_motors_unknown() -> None:
         assert of(values, px4=True) is None
 
 
-def test_functions_name_the_outputs() -> None:
-    values = {**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}
-    outputs = {
-        f"SERVO{n}_FUNCTION": function for n, function in zip(range(5, 9), (34, 33, 36, 35), strict=True)
-    }
-    rotors = of(values | outputs)
-    assert isinstance(rotors, Rotors)
-    assert rotors.servos == (6, 5, 8, 7)
-    assert isinstance(of(values | {"SERVO1_FUNCTION": 33.0, "SERVO2_FUNCTION": 1.0}), str)
-
-
 def test_what_is_no_multirotor_or_not_known() -> None:
     assert of({"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}) is None  # a rover or a boat
     assert of({}) is None

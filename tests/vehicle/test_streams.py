@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mavhums.vehicle.facts import Signal
-from mavhums.vehicle.formats import mavlink
 from mavhums.vehicle.formats.base import angles_of
 from mavhums.vehicle.grid import Grid, Seconds
 from mavhums.vehicle.signals import (
@@ -22,7 +21,6 @@ from mavhums.vehicle.signals import (
     DERIVED,
     CandidateStream,
     Choice,
-    _products,
     body_rates,
 )
 
@@ -114,10 +112,6 @@ def test_angles_are_interpolated_the_shorter_way_round() -> None:
     found = used(Signal(1, "attitude", "ATTITUDE", time_us // 1000, time_us, turning))
     roll = found.signals["attitude"][:3, :, 0]
     assert np.abs(roll).min() > 2.9
-
-
-def test_one_format_has_no_more_streams_than_are_kept() -> None:
-    assert len(mavlink.SOURCES) < 64
 
 
 def chosen(*spacings: tuple[int, list[float]]) -> list[int]:
@@ -218,9 +212,3 @@ def test_quaternions_become_the_angles_of_the_rotation() -> None:
     )
     x, y, z, w = Rotation.from_euler("ZYX", angles[:, ::-1]).as_quat().T
     np.testing.assert_allclose(angles_of(np.column_stack([w, x, y, z])), angles, atol=1e-12)
-
-
-def test_products_count_only_rows_in_which_both_are_known() -> None:
-    own = np.array([[[1.0, 2.0, 3.0], [np.nan, 1.0, 1.0], [1.0, 0.0, 0.0]], [[np.nan] * 3] * 3])
-    truth = np.array([[[2.0, 0.0, 1.0], [5.0, 5.0, 5.0], [np.nan, 1.0, 1.0]], [[1.0] * 3] * 3])
-    assert _products(own, truth).tolist() == [[5.0, 5.0, 1.0], [0.0, 0.0, 0.0]]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mavhums.vehicle.facts import OUTPUTS
-from mavhums.vehicle.parameters import Parameters, control_surfaces
+from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import (
     AXES,
     STEERING,
@@ -57,26 +57,6 @@ def test_outputs_that_are_off_do_not_count(off: tuple[int, ...]) -> None:
         sent[:, servo - 1] = np.nan
     demand = Demands(ailerons(1, 2)).feed(sent)[:, 0]
     assert np.isnan(demand).all() if len(off) == 2 else demand == pytest.approx((moving - 1500) / 400)
-
-
-def old(**values: float) -> list[tuple[int, str, int, bool]]:
-    """The outputs of an ArduPlane before 3.8, which has no SERVOn_FUNCTION."""
-    known = {"KFF_RDDRMIX": 0.5, "RC1_REV": 1.0, "RC2_REV": -1.0, "RC2_MIN": 1068.0, "RC2_MAX": 1907.0}
-    found = control_surfaces(Parameters(1, False, known | {"RC2_TRIM": 1487.0} | values))
-    return [(one.servo, one.surface, one.pwm_us[1], one.is_reversed) for one in found]
-
-
-def test_arduplane_before_3_8_is_named_by_its_channels() -> None:
-    plain = [(1, "aileron", 1500, False), (2, "elevator", 1487, True), (4, "rudder", 1500, False)]
-    assert old() == plain
-    assert old(RC5_FUNCTION=4.0, RC6_FUNCTION=0.0) == [*plain, (5, "aileron", 1500, False)]
-    assert old(RCMAP_ROLL=4.0, RCMAP_YAW=1.0)[0][:2] == (1, "rudder")
-    assert old(ELEVON_MIXING=1.0) == old(VTAIL_OUTPUT=2.0) == []
-    assert old(ELEVON_MIXING=0.0) == plain
-    five = control_surfaces(Parameters(1, False, {"KFF_RDDRMIX": 0.5, "RC1_REV": 1.0, "RC5_FUNCTION": 4.0}))
-    assert [five[0].because, five[-1].because] == ["channel 1 of ArduPlane before 3.8", "RC5_FUNCTION = 4"]
-    # A later version whose SERVOn_FUNCTION were not downloaded has RCn_REVERSED.
-    assert control_surfaces(Parameters(1, False, {"KFF_RDDRMIX": 0.5, "RC1_REVERSED": 0.0})) == []
 
 
 def test_a_profile_whose_outputs_are_all_contradicted_steers_no_rover() -> None:
@@ -172,6 +152,9 @@ def test_channels_of_a_receiver_that_drives_the_servos() -> None:
     ):
         channels = on_channels(None, Parameters(1, px4, values), range(1, 17))
         assert [one.servo for one in channels.moved] == servos if channels else not servos
+        if channels and servos[0] == 33:
+            assert channels.moved[0] == SurfaceOutput(33, "aileron", 1500.0, 500.0)
+    assert [SurfaceOutput(n, "rudder", 1500, 400).number for n in (1, 32, 33, 48)] == [1, 32, 1, 16]
     assert on_channels(None, None, [1, 2, 3, 4]) is None
     assert on_channels(profile, None, [3]) is None
 
@@ -188,19 +171,6 @@ def test_names_of_an_axis_surfaces() -> None:
         known = Surfaces(moved, origin)
         assert (known.brief("roll"), known.names("roll"), known.brief("pitch")) == (brief, names, "")
     assert sides[1].range_us == sides[0].range_us == (1100, 1500, 1900)
-
-
-def test_channels_are_counted_after_the_outputs_of_both_messages() -> None:
-    for servo, number in ((1, 1), (32, 32), (33, 1), (48, 16)):
-        one = SurfaceOutput(servo, "rudder", 1500, 400)
-        assert one.number == number
-        assert Surfaces((one,), "profile").by_receiver == (servo > 32)
-    usual = on_channels(None, Parameters(1, False, {}), [1, 2, 4])
-    assert usual is not None
-    assert usual.moved == tuple(
-        SurfaceOutput(32 + n, kind, 1500.0, 500.0)
-        for n, kind in ((1, "aileron"), (2, "elevator"), (4, "rudder"))
-    )
 
 
 def test_outputs_are_the_same_where_they_move_the_same_the_same_way() -> None:

@@ -178,22 +178,6 @@ def test_rows_that_do_not_carry_the_fact() -> None:
         assert fact(name, one) == [], (name, one.fields)
 
 
-def test_boards_of_both_lengths() -> None:
-    """ArduPilot fills 12 bytes of ``uid2``, PX4 all 18; older ones send ``uid`` alone."""
-    empty = np.zeros(18, np.uint8)
-    twelve, whole = empty.copy(), empty.copy()
-    twelve[:12], whole[17] = range(1, 13), 255
-    said = {"uid2": twelve, "uid": np.uint64(5), "flight_sw_version": 0x040501FF}
-    assert fact("firmware", table("AUTOPILOT_VERSION", said)) == [0x040501FF]
-    for uid2, expected in (
-        (twelve, b"0102030405060708090A0B0C"),
-        (whole, b"00" * 17 + b"FF"),
-        (empty, b"%016X" % 5),
-    ):
-        assert fact("board", table("AUTOPILOT_VERSION", said | {"uid2": uid2})) == [expected]  # fmt: skip
-    assert fact("board", table("AUTOPILOT_VERSION", said | {"uid2": empty, "uid": np.uint64(0)})) == []
-
-
 def readings(ids: ServoIds, *tables: Table, others: tuple[ServoIds, ...] = ()) -> list[tuple[str, Any]]:
     """Return source and quantities of what a servo reports, NaN left out."""
     found = [

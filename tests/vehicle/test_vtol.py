@@ -31,6 +31,24 @@ def test_the_mask_of_tilts_parts_the_motors() -> None:
     assert [motor.servo for motor in lift.fixed] == [6]
     assert [motor.servo for motor in lift.tilting] == [5, 7]
     assert lift.tilts == ((8, 1100.0, 1900.0),)
+    assert lift_of(TILTROTOR | {"Q_TILT_ENABLE": 0.0}).tilting == ()
+    assert lift_of(TILTROTOR | {"Q_ENABLE": 0.0}).servos == frozenset()
+
+
+@pytest.mark.parametrize(
+    ("values", "servos"),
+    [
+        ({"Q_FRAME_CLASS": 10.0}, {5, 6}),
+        ({"Q_FRAME_CLASS": 10.0, "Q_TAILSIT_MOTMX": 1.0}, {6}),
+        ({"Q_TAILSIT_ENABLE": 1.0, "Q_TAILSIT_MOTMX": 1.0}, {6}),
+        ({"Q_TAILSIT_MOTMX": 1.0}, {5, 6}),  # no tailsitter
+        ({"Q_FRAME_CLASS": 10.0, "Q_TAILSIT_MOTMX": 1.0, "Q_TAILSIT_ENABLE": 0.0}, {5, 6}),
+    ],
+)
+def test_motors_of_a_tailsitter_that_pull_do_not_lift(values: dict[str, float], servos: set[int]) -> None:
+    assert (
+        lift_of({"Q_ENABLE": 1.0, "SERVO5_FUNCTION": 33.0, "SERVO6_FUNCTION": 34.0} | values).servos == servos
+    )
 
 
 @pytest.mark.parametrize("function", [41, 45, 46, 47, 75, 76])
@@ -90,13 +108,6 @@ def test_tilted_motors_lift_until_they_point_forward() -> None:
     assert reversed_.works(sent(s5=1500, s8=1900))[0]
     no_travel = lift_of(TILTROTOR | {"SERVO8_MIN": 1500.0, "SERVO8_MAX": 1500.0})
     assert no_travel.tilts == ()
-
-
-def test_motors_of_a_tailsitter_that_pull_do_not_lift() -> None:
-    tailsitter = {"Q_ENABLE": 1.0, "Q_FRAME_CLASS": 10.0, "SERVO5_FUNCTION": 33.0, "SERVO6_FUNCTION": 34.0}
-    assert lift_of(tailsitter).servos == {5, 6}
-    assert lift_of(tailsitter | {"Q_TAILSIT_MOTMX": 1.0}).servos == {6}
-    assert lift_of(tailsitter | {"Q_TAILSIT_MOTMX": 1.0, "Q_TAILSIT_ENABLE": 0.0}).servos == {5, 6}
 
 
 def test_motor_seven_of_a_tricopter_is_its_tail_servo() -> None:
