@@ -9,13 +9,11 @@ from typing import Any
 
 import pytest
 
-from mavhums.core.statistics import NORMAL_95, NORMAL_99
 from mavhums.health.axis.detectors import (
     Alarm,
     AxisInput,
     EffectivenessDetector,
     HardOverDetector,
-    PooledDetector,
     Skids,
 )
 from mavhums.health.axis.reference import Second
@@ -36,7 +34,6 @@ from mavhums.health.axis.thresholds import (
     TRIM_SHIFT_DEVIATIONS,
 )
 from mavhums.results.sections import AxisLimits
-from mavhums.results.standing import Interval
 
 LIMITS = AxisLimits()
 CERTAIN, COMMON = 10.0, 0.5
@@ -144,22 +141,6 @@ def test_a_certain_loss_is_an_emergency_where_nothing_else_explains_it(
 def test_a_lag_is_degraded_whatever_is_left() -> None:
     [found] = alarms(second(slow_s=0.5, left_over=0.1))
     assert (found.fault, found.condition, found.value, found.limit) == ("slow", "degraded", 0.5, LIMITS.lag_s)
-
-
-@pytest.mark.parametrize(
-    ("share", "changes", "found"),
-    [(0.99, {}, True), (1.01, {}, False), (0.99, {"steady": False}, False), (0.99, {"driven": None}, False)],
-)
-def test_a_minute_shows_a_loss_with_ninety_nine_percent(
-    share: float, changes: dict[str, Any], found: bool
-) -> None:
-    limit = LIMITS.effectiveness_degraded
-    driven = Interval.around(limit - 0.1, share * 0.1 * NORMAL_95 / NORMAL_99)
-    one = second(**{"driven": driven, "steady": True} | changes)
-    shown = PooledDetector(LIMITS, "pitch").feed(given(one, axis="pitch"))
-    assert bool(shown) is found
-    for alarm in shown:
-        assert (alarm.condition, alarm.value, alarm.limit) == ("degraded", limit - 0.1, limit)
 
 
 def deflected(

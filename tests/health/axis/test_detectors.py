@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from mavhums.health.axis.detectors import Alarm, AxisDetector, Persistent, _slow, detectors, to_inspect
-from mavhums.health.axis.monitor import AxisMonitor, _AxisState, _since_s
-from mavhums.health.axis.reference import Second
+from mavhums.health.axis.detectors import AxisDetector, Persistent, detectors, to_inspect
+from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.results.sections import AxisLimits
 from tests.health.axis.flights import changes_of, excited, rows, steady
 
@@ -74,30 +72,6 @@ def test_what_leaves_the_reference_is_found_in_seconds(what: str, axis: str, fau
     if fault == "hard_over":
         as_if = "a rudder" if axis == "yaw" else "an aileron or elevon"
         assert re.search(rf"rolls right \d+°/s more than commanded, as if {as_if} stood", alarms[0].rule)
-
-
-def test_since_is_the_earliest_evidence() -> None:
-    """What takes longer to prove than the alarm did may have begun before it."""
-    slow = Alarm("roll", 160, "slow", "degraded", 104, 1.0, 0.25, "degraded: gain intact, 1 s late", 0.9)
-    before = Alarm("roll", 30, "tracking", "emergency", 20, 9.0, 8.0, "emergency: roll away", 0.9)
-    held = _AxisState(condition="emergency", since_s=108, episodes=[before, slow])
-    assert _since_s(held) == 104.0
-    assert _since_s(replace(held, condition="normal")) == 108.0
-    assert _since_s(replace(held, since_s=None)) is None
-
-
-@pytest.mark.parametrize(
-    ("value", "error", "told"),
-    [
-        (0.25, 0.03, "25 % of the commanded roll is answered in time (gain intact, 1 s late)"),
-        (None, 9.0, "gain intact, 1 s late"),
-        (0.25, 0.9, "gain intact, 1 s late"),
-        (1.1, 0.03, "gain intact, 1 s late"),
-    ],
-)
-def test_a_lag_says_what_is_answered_in_time(value: float | None, error: float, told: str) -> None:
-    second = Second(9, value, error, 9.0, 1, 1.0, True, None, None, 0.0, 9, 0)
-    assert _slow(second, 1.0, "roll") == told
 
 
 @pytest.mark.parametrize(

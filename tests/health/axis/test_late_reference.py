@@ -14,6 +14,7 @@ from mavhums.health.verdict.axis import indicators
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import changes_of, excited, rows, steady
+from tests.health.present import present
 
 QUIET_S = 220
 START = datetime(2026, 5, 1, tzinfo=UTC)
@@ -43,8 +44,7 @@ def test_a_late_reference_judges_what_follows_and_says_from_when_on() -> None:
     assert next(c.after for c in changes if c.actuator == "roll") == "unchanged"
     assert found.condition in ("degraded", "emergency")
     assert found.since_s == pytest.approx(420, abs=15)
-    assert found.reference is not None
-    assert found.coverage.judged_from_s == found.reference.end_s > QUIET_S
+    assert found.coverage.judged_from_s == present(found.reference).end_s > QUIET_S
 
 
 def test_an_early_reference_says_nothing_of_the_kind() -> None:
@@ -87,6 +87,5 @@ def test_a_finding_against_earlier_flights_holds_from_a_late_reference_on() -> N
     past = Baseline(mean=2.2 / 18.0, error=0.001, flights=6, between=0.004, spread=0.004)
     compared = compare_with_earlier_flights(verdict, {"effectiveness": past}, start_utc=START, end_s=600.0)
     assert compared.condition == "emergency"
-    assert compared.since is not None
-    assert compared.since.flight_time_s == verdict.coverage.judged_from_s
+    assert present(compared.since).flight_time_s == verdict.coverage.judged_from_s
     assert compared.evidence[0].rule.endswith(f"is left, from {verdict.coverage.judged_from_s:.0f} s on")

@@ -10,9 +10,8 @@ import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.detectors import Alarm, AxisInput
-from mavhums.health.axis.monitor import _MOST_EPISODES, AxisMonitor, _AxisState, _percent, _since_s
+from mavhums.health.axis.monitor import _MOST_EPISODES, AxisMonitor, _AxisState, _since_s
 from mavhums.health.axis.thresholds import MASKED_S
-from mavhums.results.standing import Interval
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.flights import changes_of, rows, steady
 
@@ -29,35 +28,31 @@ def episodes(*alarms: Alarm) -> list[tuple[str, int, int, str]]:
     return [(one.fault, one.since_s, one.end_s, one.rule) for one in state.episodes]
 
 
-def test_alarms_of_one_fault_are_one_episode_until_a_pause() -> None:
-    last = 10 + 2 * MASKED_S
-    assert episodes(alarm(10), alarm(last)) == [("tracking", 9, last, f"degraded at {last}")]
-    assert [one[2] for one in episodes(alarm(10), alarm(last + 1))] == [10, last + 1]
-    assert [one[0] for one in episodes(alarm(10), alarm(11, "slow"))] == ["tracking", "slow"]
+LAST = 10 + 2 * MASKED_S
+GRAVE = alarm(11, condition="emergency")
+LOSS, LAG = alarm(10, "effectiveness", since_s=5), alarm(15, "slow", since_s=5)
 
 
-def test_an_episode_keeps_the_reason_of_its_worst_moment() -> None:
-    grave = alarm(11, condition="emergency")
-    assert episodes(alarm(10), grave, alarm(12)) == [("tracking", 9, 12, "emergency at 11")]
-    assert episodes(alarm(10), grave, alarm(12, condition="emergency"))[0][3] == "emergency at 12"
-
-
-def test_an_alarm_extends_one_of_the_latest_episodes() -> None:
-    faults = ["a", "b", "c", "d"]
-    begun = [alarm(k, fault) for k, fault in enumerate(faults, 10)]
-    assert len(episodes(*begun, alarm(20, "b"))) == 4
-    assert len(episodes(*begun, alarm(20, "a"))) == 5
-
-
-def test_what_first_looks_like_a_loss_is_the_beginning_of_a_lag() -> None:
-    lag = alarm(15, "slow", since_s=5)
-    assert episodes(alarm(10, "effectiveness", since_s=5), lag) == [("slow", 5, 15, "degraded at 15")]
-    for other in (
-        alarm(10, "effectiveness", since_s=6),
-        alarm(10, "effectiveness", "emergency", since_s=5),
-        alarm(10, "hard_over", since_s=5),
-    ):
-        assert [one[0] for one in episodes(other, lag)] == [other.fault, "slow"]
+@pytest.mark.parametrize(
+    ("alarms", "expected"),
+    [
+        # Alarms of one fault are one episode until a pause.
+        ([alarm(10), alarm(LAST)], [("tracking", 9, LAST, f"degraded at {LAST}")]),
+        ([alarm(10), alarm(LAST + 1)], [("tracking", 9, 10, "degraded at 10"), alarm(LAST + 1)]),
+        ([alarm(10), alarm(11, "slow")], [alarm(10), alarm(11, "slow")]),
+        # An episode keeps the reason of its worst moment.
+        ([alarm(10), GRAVE, alarm(12)], [("tracking", 9, 12, "emergency at 11")]),
+        ([GRAVE, alarm(12, condition="emergency")], [("tracking", 10, 12, "emergency at 12")]),
+        # What first looks like a loss is the beginning of a lag, if it is no emergency and begins with it.
+        ([LOSS, LAG], [("slow", 5, 15, "degraded at 15")]),
+        ([LOSS._replace(since_s=6), LAG], [LOSS._replace(since_s=6), LAG]),
+        ([LOSS._replace(condition="emergency"), LAG], [LOSS._replace(condition="emergency"), LAG]),
+        ([LOSS._replace(fault="hard_over"), LAG], [LOSS._replace(fault="hard_over"), LAG]),
+    ],
+)
+def test_alarms_make_episodes(alarms: list[Alarm], expected: list[Alarm | tuple[str, int, int, str]]) -> None:
+    shown = [(e.fault, e.since_s, e.end_s, e.rule) if isinstance(e, Alarm) else e for e in expected]
+    assert episodes(*alarms) == shown
 
 
 def test_many_episodes_keep_the_first_and_the_last_ones() -> None:
@@ -112,7 +107,6 @@ def test_a_fault_is_as_old_as_the_earliest_episode_that_lasts_beyond_its_onset()
         state = _AxisState(condition=condition, since_s=since_s)  # type: ignore[arg-type]
         state.episodes.extend([ended, lasting])
         assert _since_s(state) == shown
-    assert _percent(Interval(estimate=0.5, low=0.404, high=0.596)) == "50 % (40–60)"
 
 
 class Told:

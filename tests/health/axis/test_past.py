@@ -14,6 +14,7 @@ from mavhums.health.decision.baseline import Baseline, ComparedIndicator
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Suspect, Verdict
+from tests.health.present import present
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
 LIMITS = AxisLimits(effectiveness_degraded=0.8, effectiveness_emergency=0.5, lag_s=0.25, trim_shift=0.1)
@@ -22,24 +23,6 @@ LIMITS = AxisLimits(effectiveness_degraded=0.8, effectiveness_emergency=0.5, lag
 def indicator(fault: str, value: float, error: float = 0.01, quantity: str = "control gain") -> Indicator:
     interval = Interval(estimate=value, low=value - 1.96 * error, high=value + 1.96 * error)
     return Indicator(fault=fault, quantity=quantity, unit="", value=interval, windows=45)
-
-
-def test_the_error_joins_the_interval_of_the_flight_with_the_scatter_between_flights() -> None:
-    value = Interval(estimate=1.5, low=1.5 - 0.2 * 1.96, high=1.5 + 0.2 * 1.96)
-    shown = Indicator(fault="effectiveness", quantity="effectiveness", unit="", value=value, windows=5)
-    baseline = Baseline(mean=2.0, error=0.03, flights=9, between=0.04, spread=0.1)
-    one = ComparedIndicator.of(shown, baseline)
-    own, between = 0.2**2, 0.04**2 + 0.03**2
-    assert one.difference == pytest.approx(-0.5)
-    assert one.error == pytest.approx((own + between) ** 0.5, rel=1e-4)
-    # Welch and Satterthwaite: 4 degrees of freedom of five windows, 8 of nine flights.
-    freedom = (own + between) ** 2 / (own**2 / 4 + between**2 / 8)
-    assert one.freedom == pytest.approx(freedom, rel=1e-3)
-    assert one.ratio == pytest.approx(-0.5 / one.error)
-    half = t.ppf(0.975, freedom) * one.error / 2.0
-    assert one.share.estimate == 0.75
-    assert one.share.low == pytest.approx(0.75 - half, abs=6e-4)
-    assert one.share.high == pytest.approx(0.75 + half, abs=6e-4)
 
 
 def compared(fault: str, value: float, mean: float, ratio: float, quantity: str = "") -> ComparedIndicator:
@@ -145,8 +128,7 @@ def test_what_is_as_before_is_normal_without_a_reservation() -> None:
     assert (found.condition, found.reason, found.remedy) == ("normal", None, None)
     assert [one.baseline_flights for one in found.indicators] == [9, None]
     expected = earlier(2.0).prediction()
-    assert found.indicators[0].baseline is not None
-    assert found.indicators[0].baseline.high == pytest.approx(expected.high, rel=1e-4)
+    assert present(found.indicators[0].baseline).high == pytest.approx(expected.high, rel=1e-4)
     undecided = judged(verdict("undecided", indicators=as_before), {"effectiveness": earlier(2.0)})
     assert undecided.reason == "as it was"
     assert judged(verdict(indicators=as_before), {"hard_over": earlier(0.0)}).reason == "as it was"
@@ -178,8 +160,7 @@ def test_a_departure_holds_from_the_start_on_unless_the_flight_shows_worse(
     assert (found.reason is None) is since
     if found.since:
         assert (found.since.flight_time_s, found.since.utc) == (0.0, START.isoformat())
-    assert found.effectiveness is not None
-    assert found.effectiveness.estimate == value / 2.0
+    assert present(found.effectiveness).estimate == value / 2.0
 
 
 def test_what_the_flight_shows_itself_keeps_its_onset() -> None:

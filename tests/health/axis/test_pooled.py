@@ -87,9 +87,9 @@ def test_no_axis_is_normal_while_a_minute_does_not_exclude_the_loss(left: float)
         assert "is left over the last minute" in change.rule
 
 
-@pytest.mark.parametrize(("half", "told"), [(0.12, True), (0.16, False)])
+@pytest.mark.parametrize(("half", "told"), [(0.135, True), (0.139, False)])
 def test_a_loss_over_a_minute_must_be_certain(half: float, told: bool) -> None:
-    """99 % lie below 62 % + 2.58 / 1.96 · half: 0.778 and 0.83, where 0.8 is the limit."""
+    """99 % lie below 62 % + 2.576 / 1.96 · half: 0.797 and 0.803, where 0.8 is the limit."""
     kept = Interval(estimate=0.62, low=0.62 - half, high=0.62 + half)
     second = Second(90, 0.6, 0.1, 0.0, 90, None, False, None, None, 0.0, 0, 0, kept)
     alarms = PooledDetector(AxisLimits(), "pitch").feed(

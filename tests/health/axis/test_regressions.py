@@ -14,7 +14,6 @@ from mavhums.health.axis.regressions import (
     HighPass,
     Lag,
     Shape,
-    Tail,
     judgeable,
 )
 from mavhums.health.axis.residuals import AttitudeResponse
@@ -61,12 +60,6 @@ def test_a_controlled_attitude_is_critically_damped_or_as_fast_as_the_aircraft()
     held = AttitudeResponse(2.5).feed(np.array([np.nan, 0.2, np.nan]))
     assert held == pytest.approx([0.2] * 3)
     assert AttitudeResponse(2.5).feed(np.array([np.nan])) == pytest.approx([0.0])
-
-
-def test_past_rows_come_first() -> None:
-    tail = Tail(1, 2)
-    assert tail.feed(np.array([[1.0], [2.0], [3.0]])).ravel().tolist()[2:] == [1.0, 2.0, 3.0]
-    assert tail.feed(np.array([[4.0]])).ravel().tolist() == [2.0, 3.0, 4.0]
 
 
 def test_a_reference_rests_on_the_usual_source_in_flight() -> None:

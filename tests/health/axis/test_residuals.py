@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mavhums.core.arrays import Array, Flags
-from mavhums.health.axis.residuals import AttitudeResponse, PitchTracking, Residual, RollTracking, _OwnSpeed
+from mavhums.health.axis.residuals import PitchTracking, Residual, RollTracking, _OwnSpeed
 from mavhums.health.axis.thresholds import (
     LEAST_ROWS_PER_S,
     PITCH_DELAY_S,
@@ -147,17 +147,6 @@ def test_tracking_goes_on_from_block_to_block_and_begins_anew_after_a_gap(
     _, anew, _ = begun.feed(later)
     np.testing.assert_array_equal(anew, model().feed(later)[1])
     assert not np.allclose(anew[RATE_HZ:], expected[7 * RATE_HZ :], atol=1e-3)
-
-
-def test_the_response_to_a_step_is_critically_damped() -> None:
-    step = np.where(np.arange(60) >= 20, 0.1, 0.0)
-    time_s = np.maximum(np.arange(60) - 20, 0) / RATE_HZ
-    expected = 0.1 * (1.0 - np.exp(-4.0 * time_s) * (1.0 + 4.0 * time_s))
-    np.testing.assert_allclose(AttitudeResponse(4.0).feed(0.7 + step), 0.7 + expected, atol=1e-12)
-    limited = AttitudeResponse(200.0, 0.4).feed(np.concatenate([[np.nan], 0.7 + step]))
-    np.testing.assert_allclose(limited[:20], 0.7)
-    np.testing.assert_allclose(limited[22:26], 0.7 + 0.02 * np.arange(1, 5), atol=1e-2)
-    np.testing.assert_allclose(limited[30:], 0.8, atol=1e-3)
 
 
 def test_pitch_follows_a_step_late_and_roll_between_the_demand_and_the_slowest_response() -> None:

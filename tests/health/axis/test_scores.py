@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from mavhums.health.axis.effectiveness import EffectivenessTracker, _late, _ratio, new_tracker
+from mavhums.health.axis.effectiveness import EffectivenessTracker, _ratio, new_tracker
 from mavhums.health.axis.reference import STANDARDS, constants
 from mavhums.health.axis.regressions import FORMS, Columns, Lag, Shape
 from mavhums.health.axis.scores import Pool, Scores, ServoLag
 from mavhums.health.axis.thresholds import (
     EXTRA_LAGS_S,
-    LONGEST_REFERENCE_S,
     MANOEUVRE_DEVIATION,
     POOLED_ERROR,
 )
@@ -22,6 +21,7 @@ from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.flights import Array, excited, rows, steady
 from tests.health.axis.test_pooled import GAIN, REFERENCE
+from tests.health.present import present
 
 
 def test_sums_are_of_usable_rows_without_the_nuisances() -> None:
@@ -97,18 +97,6 @@ def test_the_loss_to_detect_is_twice_that_of_the_profile() -> None:
     assert new_tracker("pitch")._standards == STANDARDS["pitch"]
 
 
-@pytest.mark.parametrize(
-    ("lengths", "first"), [((100, 20), 0), ((100, 21), 1), ((50, 50, 50), 30), ((300,), 180)]
-)
-def test_the_last_two_minutes_wait_for_a_reference(lengths: tuple[int, ...], first: int) -> None:
-    tracker, begun = EffectivenessTracker(FORMS["roll"], STANDARDS["roll"]), 0
-    for seconds in lengths:
-        tracker._keep(rows(steady(seconds), first=begun))
-        begun += seconds
-    assert tracker._waiting[0].second == first
-    assert sum(part.seconds for part in tracker._waiting) == min(begun, LONGEST_REFERENCE_S)
-
-
 @pytest.mark.parametrize(("axis", "column"), [("roll", 0), ("steering", 2)])
 @pytest.mark.parametrize(("delay", "tau_s"), [(0, 0.0), (4, 0.1), (6, 0.2)])
 def test_a_reference_finds_the_delay_and_the_lag(axis: str, column: int, delay: int, tau_s: float) -> None:
@@ -118,16 +106,8 @@ def test_a_reference_finds_the_delay_and_the_lag(axis: str, column: int, delay: 
     flight["yaw_rate" if axis == "steering" else "roll_rate"] = 2.0 * late
     tracker = EffectivenessTracker(FORMS[axis], STANDARDS[axis])
     tracker.feed(rows(flight))
-    assert tracker.reference is not None
-    assert tracker.reference.shape == Shape(delay, tau_s)
-    assert tracker.reference.gain == pytest.approx(2.0)
-
-
-def test_demands_are_as_late_as_the_columns_of_a_shape() -> None:
-    demand = np.arange(12.0)[:, None]
-    found = _late(demand, Shape(2, 0.0))[:, 0]
-    assert np.isnan(found[:6]).all()
-    assert found[6:].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    assert present(tracker.reference).shape == Shape(delay, tau_s)
+    assert present(tracker.reference).gain == pytest.approx(2.0)
 
 
 def test_pooled_seconds_are_the_fewest_that_are_certain_or_all_of_them() -> None:

@@ -24,6 +24,7 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.health.estimation.least_squares import packed
 from mavhums.results.verdict import Coverage, OwnRecord, Verdict
+from tests.health.present import present
 
 SPEED = 20.0
 PARTS = POOLED_S // PART_S
@@ -162,10 +163,8 @@ def test_a_loss_is_over_when_a_later_minute_excludes_one(left: float, since_s: f
     start = datetime(2026, 3, 1, 9, tzinfo=UTC)
     found = compare_response(verdict, PAST, others=(), start_utc=start, false_alarms=1.0)
     assert (found.condition, found.worst) == ("normal" if over else "emergency", "emergency")
-    assert found.effectiveness is not None
-    assert found.effectiveness.estimate == pytest.approx(left if over else 0.3)
-    assert found.since is not None
-    assert found.since.flight_time_s == since_s
+    assert present(found.effectiveness).estimate == pytest.approx(left if over else 0.3)
+    assert present(found.since).flight_time_s == since_s
 
 
 def test_a_loss_is_told_at_its_worst_and_as_it_was_last() -> None:
@@ -192,8 +191,7 @@ def test_a_loss_is_told_at_its_worst_and_as_it_was_last() -> None:
     )
     assert evidence.rule.startswith(f"emergency: 20 % of the control effectiveness of {PAST_FLIGHTS} earlier")
     assert evidence.rule.endswith("from 60 s to 240 s")
-    assert found.effectiveness is not None
-    assert found.effectiveness.estimate == pytest.approx(0.3)
+    assert present(found.effectiveness).estimate == pytest.approx(0.3)
     seen = found.coverage
     assert (seen.windows, seen.decidable, seen.moving_fraction) == (420, 300, 0.7143)
     assert (seen.excluded, seen.excluded_until_s) == (60, 60.0)
