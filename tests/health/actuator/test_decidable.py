@@ -142,6 +142,7 @@ def agrees(findings: ActuatorFindings) -> None:
         assert (findings.friction, findings.suspects, findings.evidence) == (None, (), ())
 
 
+@pytest.mark.slow
 def test_the_spans_reach_both_ends() -> None:
     """Some flights like those above are decided and some are not, with telemetry of every kind."""
     for tier in TIERS[:3]:

@@ -11,6 +11,7 @@ from mavhums.core.conditions import SEVERITY
 from mavhums.health.actuator.detector import sharp
 from mavhums.health.actuator.network_tally import NetworkTally
 from mavhums.health.actuator.votes import VoteOutcome, by_votes
+from tests.health.present import present
 
 GRAVE, SOUND, EVEN = by_votes(0.8, 0), by_votes(0.3, 0), by_votes(0.5, 0)
 WORN = VoteOutcome(0, "friction_degraded", "friction_degraded", 1, 1, 0.99, 1.0)
@@ -59,8 +60,7 @@ def test_a_change_counts_from_the_middle_of_its_first_window_and_the_worst_stays
     assert tally.tallied() is None
     changes = fed(tally, *[SOUND] * 20, *[GRAVE] * 20, *[SOUND] * 20)
     assert changes == [(10, "normal", 0.0), (30, "emergency", 25.0), (50, "normal", 45.0)]
-    found = tally.tallied()
-    assert found is not None
+    found = present(tally.tallied())
     assert (found.windows, found.first_emergency_s, found.condition) == (60, 25.0, "emergency")
     assert found.latest == SOUND
     assert {said: windows for said, (windows, _) in found.classes.items()} == {
@@ -85,8 +85,7 @@ def test_the_condition_is_that_of_the_class(said: VoteOutcome, condition: str, f
     tally = NetworkTally(1)
     assert tally.suspect() is None
     assert fed(tally, *[said] * 20) == [(10, condition, 0.0)]
-    suspect, found = tally.suspect(), tally.tallied()
-    assert suspect is not None
+    suspect, found = present(tally.suspect()), tally.tallied()
     assert (suspect.fault, suspect.confidence) == (fault, said.probability)
     assert found is not None
     assert (found.condition, found.says) == (condition, said.said)
@@ -95,8 +94,7 @@ def test_the_condition_is_that_of_the_class(said: VoteOutcome, condition: str, f
 def test_windows_are_counted_by_class_and_those_that_are_not_sure_decide_nothing() -> None:
     tally = NetworkTally(1)
     fed(tally, *[UNSURE] * 30, *[WORN] * 9, *[ALIEN] * 2)
-    found = tally.tallied()
-    assert found is not None
+    found = present(tally.tallied())
     assert (found.condition, found.says, found.windows) == ("undecided", None, 9)
     assert {said: windows for said, (windows, _) in found.classes.items()} == {
         "abstained": 30,
@@ -112,8 +110,7 @@ def test_the_network_with_most_votes_answers_for_its_share_of_samples() -> None:
     tally.count(np.array([[0, 9, 2, 2, 1, 0], [1, 9, 5, 3, 2, 4], [-1, 9, 0, 0, 0, 0], [1, 9, 1, 1, 0, 0]]))
     tally.count(np.array([[0, 9, 2, 3, 0, 0]]))
     fed(tally, GRAVE)
-    found = tally.tallied()
-    assert found is not None
+    found = present(tally.tallied())
     assert (found.network, found.share_of_samples) == (1, 0.6)
 
 

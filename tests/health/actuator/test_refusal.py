@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
-from mavhums.health.actuator.detectors.friction import FrictionDetector, _too_few, why_no_friction
+from mavhums.health.actuator.detectors.friction import FrictionDetector, why_no_friction
 from mavhums.health.actuator.monitor import ActuatorFindings
-from mavhums.health.actuator.thresholds import FRICTION_SAMPLES
 from mavhums.health.estimation.equations import Fits
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums_sim.conditions import Condition
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch
+from tests.health.present import present
 
 Array = NDArray[np.float64]
 EMA = actuator_of().known_ema()
@@ -38,61 +40,56 @@ def reason(findings: ActuatorFindings) -> str:
     return why
 
 
-def test_a_flight_that_shows_friction_needs_no_reason() -> None:
-    assert judged(*healthy()).no_friction is None
+SPEED = actuator_of().rad_s(1.0)
 
 
-def test_it_stands() -> None:
+def one_way(values: Array) -> None:
+    values[:, _V7] = np.abs(values[:, _V7]) + 100.0
+    values[:, [_V4, _V11]] = np.nan
+
+
+def unsigned(values: Array) -> None:
+    values[:, [_V4, _V5, _V8]] = np.nan
+    values[::400, _V5] = 0.1
+
+
+def another_motor(values: Array) -> None:
+    """Twice the back-EMF; a loss would be a verdict on the torque constant."""
+    values[:, _V4] += EMA.gear_ratio * EMA.torque_constant * values[:, _V7] * SPEED
+
+
+def below_zero(values: Array) -> None:
+    values[:, [_V5, _V8]] -= np.sign(values[:, _V7])[:, None] * 0.2 * [1.0, EMA.torque_constant]
+    values[:, _V4] = np.nan
+
+
+def without_current(values: Array) -> None:
+    values[:, [_V5, _V8, _V11]] = 0.0
+    values[:, _V4] = np.nan
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda values: values[:, _V7].fill(0.0), "moves in 0 % of the samples, too little"),
+        (unsigned, "a current of known sign"),
+        (one_way, "moves one way only"),
+        (another_motor, "of the profile's torque constant, so the current does not tell the torque"),
+        (below_zero, "below zero"),
+        (without_current, "the current does not follow the motion"),
+    ],
+)
+def test_the_reason_is_what_the_flight_lacks(change: Callable[[Array], None], why: str) -> None:
     time_s, values = healthy()
-    values[:, _V7] = 0.0
-    assert reason(judged(time_s, values)) == (
-        "the actuator moves in 0 % of the samples, too little to show friction"
-    )
+    assert judged(time_s, values).no_friction is None
+    change(values)
+    assert why in reason(judged(time_s, values))
 
 
 def test_its_telemetry_is_slow() -> None:
     time_s, values = healthy()
     few = judged(time_s[:800:40], values[:800:40])
     assert "comes at 1.2 Hz, less than the profile's min_rate_hz of 5" in reason(few)
-
-
-def test_its_current_has_no_sign() -> None:
-    time_s, values = healthy()
-    values[:, [_V4, _V5, _V8]] = np.nan
-    values[::400, _V5] = 0.1
-    assert "a current of known sign" in reason(judged(time_s, values))
-
-
-def test_it_moves_one_way_only() -> None:
-    time_s, values = healthy()
-    values[:, _V7] = np.abs(values[:, _V7]) + 100.0
-    values[:, _V4] = np.nan
-    values[:, _V11] = np.nan
-    assert "moves one way only" in reason(judged(time_s, values))
-
-
-def test_its_constants_are_not_the_motors() -> None:
-    """Twice the back-EMF: another motor; a loss would be a verdict on the torque constant."""
-    time_s, values = healthy()
-    speed = values[:, _V7] * actuator_of().rad_s(1.0)
-    values[:, _V4] += EMA.gear_ratio * EMA.torque_constant * speed
-    assert "of the profile's torque constant, so the current does not tell the torque" in reason(
-        judged(time_s, values)
-    )
-
-
-def test_its_friction_is_below_zero() -> None:
-    time_s, values = healthy()
-    values[:, [_V5, _V8]] -= np.sign(values[:, _V7])[:, None] * 0.2 * [1.0, EMA.torque_constant]
-    values[:, _V4] = np.nan
-    assert "below zero" in reason(judged(time_s, values))
-
-
-def test_its_current_stands_still() -> None:
-    time_s, values = healthy()
-    values[:, [_V5, _V8, _V4, _V11]] = 0.0
-    values[:, _V4] = np.nan
-    assert "the current does not follow the motion" in reason(judged(time_s, values))
 
 
 @pytest.mark.parametrize("load_friction", [0.0, None])
@@ -108,32 +105,15 @@ def test_its_friction_is_too_uncertain(load_friction: float | None) -> None:
     assert "moves too little both ways: its friction is known to ±" in reason(found)
 
 
-@pytest.mark.parametrize(
-    ("usable", "moving", "why"),
-    [
-        (FRICTION_SAMPLES // 2 - 1, FRICTION_SAMPLES, "of these have a current of known sign"),
-        (FRICTION_SAMPLES // 2, FRICTION_SAMPLES, "too little to show friction"),
-        (0, FRICTION_SAMPLES - 1, "too little to show friction"),
-    ],
-)
-def test_what_moves_has_samples_without_a_sign(usable: int, moving: int, why: str) -> None:
-    found = _too_few(usable, moving, 2 * moving)[0]
-    assert "moves in 50 % of the samples" in found
-    assert found.endswith(why)
-
-
 def test_its_telemetry_is_as_slow_as_the_profile_allows() -> None:
     time_s, values = healthy()
-    values[:, _V7] = np.abs(values[:, _V7]) + 100.0
-    values[:, [_V4, _V11]] = np.nan
+    one_way(values)
     fits, cutter = Fits(actuator_of(), FrictionDetector.equations), SlotCutter()
-    slots = cutter.feed(time_s, with_extra_columns(values))
-    assert slots is not None
+    slots = present(cutter.feed(time_s, with_extra_columns(values)))
     fits.feed(slots, motion(actuator_of(), slots))
     detector, least_hz = FrictionDetector(actuator_of()), actuator_of().min_rate_hz
     for rate_hz, why in ((least_hz, "moves one way only"), (0.99 * least_hz, "less than the profile's")):
-        found = why_no_friction(detector, fits.whole(), moving=999, samples=999, rate_hz=rate_hz)
-        assert found is not None
+        found = present(why_no_friction(detector, fits.whole(), moving=999, samples=999, rate_hz=rate_hz))
         assert why in found[0]
 
 

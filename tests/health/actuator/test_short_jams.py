@@ -116,11 +116,3 @@ def test_a_shaft_that_stands_at_stall_has_jammed(share: float, worst: str, *, si
     columns[pushes, there[0]] = current[pushes] if signed else np.abs(current[pushes])
     _, findings = watch(Telemetry(time_s, values, magnitudes=magnitudes))
     assert findings.worst == worst
-
-
-def test_a_jam_does_not_depend_on_the_blocks() -> None:
-    seen = telemetry(flown(Condition("jam", 10.0, 10.0, 23.4, 26.9), rate_hz=50.0))
-    whole = watch(seen)[1].evidence
-    cuts = [0, 1, 900, 1171, 1172, 1200, seen.time_s.size]
-    parts = [seen.between(a, b) for a, b in itertools.pairwise(cuts)]
-    assert watch_blocks(parts)[1].evidence == whole

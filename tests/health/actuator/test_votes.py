@@ -103,12 +103,6 @@ def test_the_first_network_whose_quantities_are_there_is_asked() -> None:
     assert asked(values) == -1
 
 
-def test_what_lacks_a_quantity_does_not_vote() -> None:
-    values = samples([2.0] * 4)
-    values[0, 4] = np.nan
-    assert count_votes([Threshold()], values, [0, 4], RATIO).tolist() == [row(0, 4, (0, 3), (0, 3))]
-
-
 def window(*rows: list[int]) -> NDArray[np.int64]:
     return np.array(rows, dtype=np.int64).reshape(-1, 6)
 
@@ -210,12 +204,6 @@ def test_a_window_is_as_grave_as_its_probabilities_make_sure(
     assert (found.said, found.severity, found.leaning) == (said, severity, leaning)
     assert found.p_fault == pytest.approx(1 - probabilities[0])
     assert found.probability == max(probabilities)
-
-
-def test_a_network_that_knows_no_emergency_by_friction_names_its_classes() -> None:
-    network = Ranks(window_classes=("normal", "backlash"), probabilities=(0.1, 0.9))
-    (found,) = window_outcomes([network], window(row(0, 40, (20, 20), (0, 0)))[None], slots(0.25))
-    assert found == VoteOutcome(0, "backlash", "backlash", 1, 1, 0.9, 0.9)
 
 
 def test_a_network_of_windows_abstains_outside_its_range_and_where_nothing_moves() -> None:
