@@ -83,15 +83,6 @@ def test_sure_windows_count_only_in_a_row() -> None:
         assert sum(shown) == 1
 
 
-def test_the_whole_flight_settles_only_what_windows_left_open() -> None:
-    decision = Decision(LEVELS)
-    assert not decision.settle(NOTHING, 3.0)
-    assert decision.settle(DEGRADED, 3.0)
-    assert (decision.condition, decision.since_s) == ("degraded", 3.0)
-    assert not decision.settle(EMERGENCY, 4.0)
-    assert (decision.condition, decision.since_s) == ("degraded", 3.0)
-
-
 def test_a_window_that_proves_a_fault_begins_it_at_once_and_at_its_start() -> None:
     """To end it takes as many as ever; where no window proves one, all changes do."""
     n = CONFIRM_WINDOWS
@@ -109,11 +100,6 @@ def test_a_window_that_proves_a_fault_begins_it_at_once_and_at_its_start() -> No
             if decision.feed(severity, 10.0 * k, 10.0 * k + 10.0)
         ]
         assert changes == expected
-
-
-def test_undecided_has_no_since() -> None:
-    decision, changes = follow([NOTHING] * 50 + [DEGRADED] * (CONFIRM_WINDOWS - 1))
-    assert (decision.condition, decision.since_s, changes) == ("undecided", None, [])
 
 
 @given(st.lists(st.integers(1, CONFIRM_WINDOWS - 1), max_size=10))

@@ -12,6 +12,7 @@ from mavhums.health.decision.baseline import Baseline, ComparedIndicator, Drift,
 from mavhums.health.decision.growth import course_of
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
+from tests.health.present import present
 
 BASELINE = Baseline(mean=0.22, error=0.001, flights=12, between=0.003, spread=0.004)
 ERROR = 0.008
@@ -39,8 +40,7 @@ def follow(
 
 def test_flights_known_alike_count_alike() -> None:
     values = [0.20, 0.22, 0.27] * 4
-    baseline = Baseline.of([indicator(value, 11, 0.011) for value in values])
-    assert baseline is not None
+    baseline = present(Baseline.of([indicator(value, 11, 0.011) for value in values]))
     assert baseline.mean == pytest.approx(0.23)
     of_flight = 0.011**2 / 11 * 10 / 8
     assert baseline.between == pytest.approx(np.sqrt(np.var(values, ddof=1) - of_flight))
@@ -52,9 +52,7 @@ def test_flights_known_alike_count_alike() -> None:
 def test_a_flight_that_tells_little_counts_little() -> None:
     good = [indicator(value, 9, 0.003) for value in (0.218, 0.220, 0.222) * 4]
     poor = [indicator(value, 9, 0.15) for value in (0.26, 0.18, 0.22) * 4]
-    alone, together = Baseline.of(good), Baseline.of([*good, *poor])
-    assert alone is not None
-    assert together is not None
+    alone, together = present(Baseline.of(good)), present(Baseline.of([*good, *poor]))
     assert together.mean == pytest.approx(alone.mean, abs=0.001)
     assert together.flight_variance < 1.5 * alone.flight_variance
     assert together.spread > 5 * alone.spread
@@ -119,15 +117,13 @@ def test_a_prediction_holds_the_next_flight_as_often_as_it_says() -> None:
     inside = 0
     for _ in range(800):
         *past, following = rng.normal(0.22, 0.003, 13).tolist()
-        baseline = Baseline.of([indicator(value, 10, 0.008) for value in past])
-        assert baseline is not None
+        baseline = present(Baseline.of([indicator(value, 10, 0.008) for value in past]))
         inside += baseline.prediction().low <= following <= baseline.prediction().high
     assert 0.93 <= inside / 800 <= 0.97
 
 
 def test_flights_without_any_scatter_make_a_baseline() -> None:
-    baseline = Baseline.of([indicator(0.2, 9, 0.0)] * 10)
-    assert baseline is not None
+    baseline = present(Baseline.of([indicator(0.2, 9, 0.0)] * 10))
     natural = 0.05 * 0.2 * np.sqrt(9 / 18)
     assert (baseline.mean, baseline.between) == pytest.approx((0.2, natural))
 
@@ -138,55 +134,37 @@ def test_the_baseline_itself_is_no_drift() -> None:
     assert max(shift.ratio for shift in shifts) < 1.0
 
 
-def test_a_shift_alarms_once_with_its_size_and_its_beginning() -> None:
-    rng = np.random.default_rng(3)
-    values = np.concatenate([rng.normal(0.22, 0.008, 20), rng.normal(0.27, 0.008, 20)])
-    drift, shifts = follow(values)
-    assert drift.alarm is not None
-    first = next(shift for shift in shifts if shift.ratio >= 1.0)
-    assert drift.alarm == first
-    assert drift.alarm.value == pytest.approx(0.05, abs=0.02)
-    assert drift.alarm.since_s == pytest.approx(200.0, abs=20.0)
-
-
-@pytest.mark.parametrize("two_sided", [False, True])
-def test_a_fall_alarms_only_where_both_sides_count(two_sided: bool) -> None:
-    drift, _ = follow(np.full(20, 0.17), two_sided=two_sided)
-    assert (drift.alarm is not None) == two_sided
-    if drift.alarm:
-        assert drift.alarm.value == pytest.approx(-0.05)
-
-
 WELL_KNOWN = Baseline(mean=0.22, error=0.0001, flights=200, between=0.0001, spread=0.0025)
 
 
-def test_a_small_shift_is_found_by_many_windows_together() -> None:
-    """One that the scatter of single windows hides, of about one standard deviation of theirs."""
-    values = np.concatenate([np.full(40, 0.22), np.full(40, 0.229)])
-    drift, shifts = follow(values, WELL_KNOWN)
-    assert drift.alarm is not None
-    assert 8 < next(k for k, shift in enumerate(shifts) if shift.ratio >= 1.0) - 40 < 34
-    assert drift.alarm.since_s == pytest.approx(400.0, abs=100.0)
-    assert follow(values[:45], WELL_KNOWN)[0].alarm is None
+@pytest.mark.parametrize(("two_sided", "sign"), [(False, 1.0), (True, 1.0), (True, -1.0)])
+def test_the_power_curve_of_a_shift(two_sided: bool, sign: float) -> None:
+    """The larger, the sooner, from about one deviation of a window on, with its size and its beginning."""
+    delays = []
+    for size in (0.0, 0.001, 0.009, 0.02, 0.03, 0.1):
+        values = np.append(np.full(40, 0.22), np.full(40, 0.22 + sign * size))
+        drift, shifts = follow(values, WELL_KNOWN, two_sided=two_sided)
+        alarms = [k for k, shift in enumerate(shifts) if shift.ratio >= 1.0]
+        delays.append(alarms[0] - 40 if alarms else 99)
+        assert drift.alarm == (shifts[alarms[0]] if alarms else None)
+        if drift.alarm:
+            assert drift.alarm.since_s == pytest.approx(400.0, abs=100.0)
+            assert drift.alarm.value == pytest.approx(sign * size, abs=0.01)
+    assert delays == sorted(delays, reverse=True)
+    assert delays[:2] == [99, 99]
+    assert 8 < delays[2] < 34
+    assert delays[-1] == 0
 
 
-def test_a_large_shift_is_found_by_one_window() -> None:
-    drift, _ = follow(np.array([0.22] * 40 + [0.32]), WELL_KNOWN)
-    assert drift.alarm is not None
-    assert drift.alarm.since_s == 400.0
-    assert drift.alarm.value == pytest.approx(0.1)
-
-
-def test_a_fall_begins_where_it_did() -> None:
-    drift, _ = follow(np.array([0.22] * 40 + [0.19] * 10), two_sided=True)
-    assert drift.alarm is not None
-    assert drift.alarm.since_s == pytest.approx(400.0, abs=30.0)
-    assert drift.alarm.value == pytest.approx(-0.03, abs=0.01)
-
-
-def test_two_sides_take_more_evidence_than_one() -> None:
-    one, both = (follow(np.full(5, 0.25), two_sided=two)[1][-1].ratio for two in (False, True))
+def test_a_fall_is_no_wear_and_a_rarer_alarm_and_two_sides_take_more_evidence() -> None:
+    assert follow(np.full(20, 0.17))[0].alarm is None
+    values = np.full(5, 0.25)
+    one, both, seldom = (
+        shifts[-1].ratio
+        for _, shifts in (follow(values), follow(values, two_sided=True), follow(values, false_alarms=0.01))
+    )
     assert 0.9 * one < both < one
+    assert seldom < both
 
 
 def test_a_window_that_doubts_itself_alarms_nobody() -> None:
@@ -195,12 +173,6 @@ def test_a_window_that_doubts_itself_alarms_nobody() -> None:
         drift.feed(0.22, ERROR, 9.0, 10.0 * k)
     assert drift.feed(0.42, 0.2, 9.0, 300.0).ratio < 1.0
     assert drift.feed(0.42, ERROR, 9.0, 310.0).ratio > 1.0
-
-
-def test_a_rarer_alarm_takes_more_evidence() -> None:
-    seldom = follow(np.full(5, 0.25), false_alarms=0.01)[1][-1].ratio
-    often = follow(np.full(5, 0.25), false_alarms=10.0)[1][-1].ratio
-    assert seldom < often
 
 
 @pytest.mark.slow
@@ -218,8 +190,7 @@ def test_false_alarms_are_as_rare_as_promised(heavy: bool, unlike: bool) -> None
         within = 0.008 * 10 ** (rng.uniform(-0.5, 0.5, flights + 1) if unlike else np.zeros(flights + 1))
         past = np.full((flights, 10), 0.22) + between * rng.standard_normal((flights, 1))
         past += within[1:, None] * scatter(rng, (flights, 10), heavy)
-        known = Baseline.of([indicator(float(f.mean()), 10, float(f.std(ddof=1))) for f in past])
-        assert known is not None
+        known = present(Baseline.of([indicator(float(f.mean()), 10, float(f.std(ddof=1))) for f in past]))
         now = 0.22 + between * rng.standard_normal() + within[0] * scatter(rng, (10,), heavy)
         drift = Drift(known, false_alarms=rate)
         for k, value in enumerate(now):
@@ -247,8 +218,7 @@ def test_the_whole_flight_counts_where_it_is_known_better_than_its_windows() -> 
     drift, _ = follow(np.full(2, 0.25))
     assert drift.alarm is None
     drift.conclude(0.25, 0.001, 30.0, 4.0)
-    assert drift.alarm is not None
-    assert (drift.alarm.value, drift.alarm.since_s) == pytest.approx((0.03, 4.0))
+    assert (present(drift.alarm).value, present(drift.alarm).since_s) == pytest.approx((0.03, 4.0))
 
 
 def scatter(rng: np.random.Generator, shape: tuple[int, ...], heavy: bool) -> Array:

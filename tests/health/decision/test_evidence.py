@@ -17,8 +17,9 @@ from mavhums.health.decision.conditions import (
     since,
 )
 from mavhums.health.decision.events import Estimate, FaultRecord
-from mavhums.health.decision.evidence import concludes, drift_evidence, limit_rule, suspected
+from mavhums.health.decision.evidence import drift_evidence, limit_rule, suspected
 from mavhums.health.decision.limits import Levels
+from tests.health.present import present
 
 PLAY = FaultRecord("backlash", "backlash", "°", Levels(0.15), two_sided=False)
 LOSS = FaultRecord("torque_constant", "torque constant lost", "1", Levels(0.08, 0.2), two_sided=True)
@@ -93,32 +94,21 @@ def test_a_drift_degrades_and_dates_back(
     assert onset_with_drift("undecided", None, None) is None
 
 
-@pytest.mark.parametrize(
-    ("windows", "friction", "expected"), [(0, 0, False), (1, 0, True), (0, 1, True), (2, 3, True)]
-)
-def test_a_flight_concludes_where_any_window_was_judged(windows: int, friction: int, expected: bool) -> None:
-    assert concludes(windows, friction) == expected
-
-
 def test_only_friction_makes_normal_and_onsets_follow_each_other() -> None:
     tracker = ConditionTracker()
     assert tracker.take("backlash", IndicatorChange("normal", 1.0, "play")) is None
     assert tracker.condition == "undecided"
-    found = tracker.take("friction", IndicatorChange("normal", 5.0, "friction"))
-    assert found is not None
+    found = present(tracker.take("friction", IndicatorChange("normal", 5.0, "friction")))
     # The play was normal before; the friction decides.
     assert (found.after, found.since_s, found.fault) == ("normal", 5.0, "friction")
-    found = tracker.take("backlash", IndicatorChange("degraded", 2.0, "play"))
-    assert found is not None
+    found = present(tracker.take("backlash", IndicatorChange("degraded", 2.0, "play")))
     assert (found.since_s, found.rule, tracker.since_s) == (5.0, "play", 5.0)
     assert tracker.take("friction", IndicatorChange("degraded", 7.0, "friction")) is None
     assert tracker.take("jam", IndicatorChange("degraded", 9.0, "jam")) is None
     assert not tracker.jammed
-    found = tracker.take("jam", IndicatorChange("emergency", 12.0, "jam"))
-    assert found is not None
+    found = present(tracker.take("jam", IndicatorChange("emergency", 12.0, "jam")))
     assert (tracker.jammed, found.before, tracker.worst) == (True, "degraded", "emergency")
-    found = tracker.take("jam", IndicatorChange("normal", 20.0, "jam"))
-    assert found is not None
+    found = present(tracker.take("jam", IndicatorChange("normal", 20.0, "jam")))
     # What remains is the play, which is older than the friction; not before the jam's own onset.
     assert (found.after, found.fault, found.since_s) == ("degraded", "backlash", 12.0)
     assert (tracker.condition, tracker.worst) == ("degraded", "emergency")
@@ -159,6 +149,5 @@ def test_of_more_than_a_hundred_episodes_the_first_and_the_last_fifty_stay() -> 
 def test_an_onset_has_its_date_in_universal_time() -> None:
     start = datetime(2026, 3, 1, 23, 59, 58, tzinfo=timezone(timedelta(hours=1)))
     assert since(None, start) is None
-    shown = since(62.34567, start)
-    assert shown is not None
+    shown = present(since(62.34567, start))
     assert (shown.flight_time_s, shown.utc) == (62.346, "2026-03-01T23:01:00.345670+00:00")

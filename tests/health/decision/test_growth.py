@@ -24,6 +24,7 @@ from mavhums.health.decision.thresholds import (
 from mavhums.health.decision.trend import widening
 from mavhums.health.estimation.random_effects import variance_between
 from tests.health.decision.lines import beside_the_line
+from tests.health.present import present
 
 Array = NDArray[np.float64]
 
@@ -42,9 +43,7 @@ def history(
 
 
 def course(numbers: Array, values: Array, errors: Array, begin: int = 0) -> Course:
-    found = course_of(numbers, values, errors, begin=begin)
-    assert found is not None
-    return found
+    return present(course_of(numbers, values, errors, begin=begin))
 
 
 @pytest.mark.slow
@@ -93,23 +92,6 @@ def test_the_evidence_is_the_bayes_factor_of_a_slope(seed: int, widened: bool) -
         expected.append((np.sqrt(1 - share) * (total / rest) ** 3.5) ** (1 / inflation) * rising)
     assert np.exp(found.log_odds[0]) == pytest.approx(0.5 * np.mean(expected), rel=1e-3)
     assert found.first.tolist() == [0, *range(1, 8 - GROWTH_FLIGHTS)]
-
-
-def test_the_line_since_the_first_flight_is_that_of_least_squares() -> None:
-    numbers, values, errors = history(6, 12, 0.01)
-    found = course(numbers, values, errors)._courses
-    plain = stats.linregress(numbers, values)
-    inflation = widening(found.residuals)
-    level = plain.intercept + plain.slope * numbers[-1]
-    assert (found.slope[0], found.level[0]) == pytest.approx((plain.slope, level))
-    assert found.freedom == 10
-    variance = found.variance[0] / inflation
-    assert (variance / found.spread[0]) ** 0.5 == pytest.approx(plain.stderr)
-    # The error at the number zero, from that at the last flight and of the slope.
-    back = found.ahead[0] - numbers[-1]
-    assert (variance * (1 / found.total_weight + back**2 / found.spread[0])) ** 0.5 == pytest.approx(
-        plain.intercept_stderr
-    )
 
 
 def test_each_course_is_the_weighted_line_that_grows_from_its_first_flight_on() -> None:

@@ -14,6 +14,7 @@ from scipy import stats
 from mavhums.health.decision.thresholds import MOST_AUTOCORRELATION, OUTLIER_PROBABILITY, TREND_FLIGHTS
 from mavhums.health.decision.trend import Trend, fit_trend, widening
 from tests.health.decision.lines import beside_the_line
+from tests.health.present import present
 
 Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], Array]
@@ -41,9 +42,7 @@ def history(
 
 
 def fitted(numbers: Array, values: Array, errors: Array) -> Trend:
-    trend = fit_trend(numbers, values, errors)
-    assert trend is not None
-    return trend
+    return present(fit_trend(numbers, values, errors))
 
 
 def test_equal_errors_make_it_plain_least_squares() -> None:
