@@ -13,10 +13,8 @@ from mavhums.health.motor import evidence as e
 from mavhums.health.motor import thresholds as t
 from mavhums.health.motor.monitor import Loss, MotorMonitor
 from mavhums.results.standing import Interval
-from mavhums.vehicle.grid import RATE_HZ, Seconds
-from mavhums.vehicle.phases import PhaseRows
+from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rotors import Rotors
-from mavhums.vehicle.signals import DERIVED
 from tests.health.motor.test_hypotheses import QUAD
 from tests.health.motor.test_past import QUAD as QUADCOPTER
 
@@ -185,60 +183,6 @@ def test_the_effort_of_a_turn_is_learned_less_and_forgotten_slowly() -> None:
         assert craft.state.now[:3] == pytest.approx(effort * np.array([1.0, 1.0, weight]) / long)
 
 
-def test_each_second_keeps_its_time_and_what_is_known_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Seconds with gaps between them; each differs from the others in something that is handed on."""
-    index = np.array([3, 4, 7, 8, 9, 12])
-    thrust, roll = np.array([0.4, 0.4, 0.09, 0.4, 0.4, 0.11]), np.array([0.3, 0.3, 0.3, 1.0, 0.98, 0.3])
-    spacing, grounded = np.array([0.1, 0.12, 0.1, 0.125, 0.13, 0.1]), np.array([0, 0, 0, 1, 0, 1])
-    settled, derived = np.array([1.0, 0.0, 0.0, 1.0, 1.0, 0.0]), np.array([0, 1, 0, 0, 0, 1], dtype=bool)
-
-    def by_rows(*columns: Array | float) -> Array:
-        return np.array([[np.broadcast_to(one, index.shape) for one in columns]] * RATE_HZ).transpose(2, 0, 1)
-
-    off = np.full((len(index), RATE_HZ, 32), np.nan)
-    handed: list[list[Array]] = []
-    unknown = by_rows(np.nan, np.nan, np.nan, np.nan)
-    signals = {
-        "state": unknown, "velocity": unknown, "altitude": unknown, "groundspeed": unknown,
-        "outputs": by_rows(*[thrust] * 16), "outputs_2": off, "outputs_3": off,
-        "outputs_spacing": by_rows(spacing),
-        "attitude": by_rows(roll, 0.4, 2.0), "demand": by_rows(roll, 0.4), "rates": by_rows(0.5, 0.5, 0.5),
-        "landed": by_rows(grounded), "mixer": unknown,
-    }  # fmt: skip
-
-    def follow(*given: Any) -> None:
-        thrusts, rates, upright, _, ground, slow, *_, found = given
-        found[::RATE_HZ, 0], found[:, 1], found[:, 6] = 2.0, 9.0, 5.0
-        found[:, 7] = settled[np.isin(index, times[len(handed)])].repeat(RATE_HZ)
-        handed.append([one[::RATE_HZ] for one in (thrusts[:, 0], rates[:, 2], upright, ground, slow)])
-
-    def phases(part: Seconds) -> PhaseRows:
-        sent, airborne = part.rows["outputs"][:, :4], part.rows["landed"][:, 0] == 0.0
-        nowhere = np.zeros(len(sent), dtype=bool)
-        return PhaseRows(airborne, airborne, np.full(len(sent), HOVER), nowhere, nowhere, sent, ())
-
-    times, kept, flown = [[3, 4], [7, 8, 9], [12]], [], []
-    assert isinstance(QUADCOPTER, Rotors)
-    monitor: Any = MotorMonitor(1, QUADCOPTER)
-    monkeypatch.setattr(e, "follow", follow)
-    monitor._alarm = lambda row_s, spacing_s, _: [(row_s, spacing_s)]
-    monitor._trims = SimpleNamespace(add=lambda _, upright: kept.extend(upright[::RATE_HZ]))
-    monitor._speeds = SimpleNamespace(add=lambda first, _, flew, __: flown.append((first, flew[::RATE_HZ])))
-    seconds = Seconds(index, signals, {"rates": np.where(derived, DERIVED, 0)})
-    parts = [seconds.part(*ends) for ends in ((0, 2), (2, 5), (5, 6))]
-    alarms = [one for part in parts for one in monitor.feed(part, phases(part))]
-    assert alarms == list(zip(index.tolist(), spacing.tolist(), strict=True))
-    asked, rates, upright, ground, slow = (np.concatenate(one) for one in zip(*handed, strict=True))
-    assert asked.tolist() == thrust.tolist()
-    assert np.isnan(rates).tolist() == derived.tolist(), "the change of the attitude is too smooth"
-    assert upright == pytest.approx(np.cos(roll) * np.cos(0.4))
-    assert (ground.tolist(), slow.tolist()) == ((grounded > 0).tolist(), (spacing > 0.125).tolist())
-    assert kept == (settled > 0.0).tolist()
-    # It flies with more than a tenth of the thrust, and leans by less than 60°.
-    assert [first for first, _ in flown] == index.tolist()
-    assert np.concatenate([flew for _, flew in flown]).tolist() == [True, True, False, False, True, True]
-
-
 def test_a_log_that_ends_in_the_air_has_no_touch_down_to_be_left_out() -> None:
     assert isinstance(QUADCOPTER, Rotors)
     monitor: Any = MotorMonitor(1, QUADCOPTER)
@@ -255,19 +199,3 @@ def test_a_log_that_ends_in_the_air_has_no_touch_down_to_be_left_out() -> None:
     monitor._speeds = SimpleNamespace(cause=lambda *asked: asked)
     monitor._loss = Loss(2, 41.0, 40.0, Interval.around(0.5, 0.1), 9.0)
     assert monitor.findings().cause == (1, 40.0)
-
-
-def test_the_rules_are_those_of_the_number_of_rotors() -> None:
-    quad, more = e.rules_for(4), e.rules_for(5)
-    assert (quad.odds is t.ODDS_QUAD, more.odds is t.ODDS_MORE) == (True, True)
-    assert (quad.slow_odds, more.slow_odds) == (t.SLOW_ODDS_QUAD, t.SLOW_ODDS_MORE)
-    assert (quad.least is t.LEAST_LOSS_QUAD, more.least is t.LEAST_LOSS_MORE) == (True, True)
-    assert t.WINDOWS.tolist() == [round(seconds * RATE_HZ) for seconds in t.WINDOWS_S]
-    per_window = (t.ODDS_QUAD, t.ODDS_MORE, t.LEAST_LOSS_QUAD, t.LEAST_LOSS_MORE, t.HELD_S, t.NOISE_SD)
-    for table in per_window:
-        steps = np.diff(table, axis=0)
-        # A longer window is quieter, shows less of a loss, and must hold longer.
-        assert (steps >= 0).all() if table is t.HELD_S else (steps[2:] <= 0).all()
-        assert (table > 0).all()
-    assert (t.AIR[0] > t.AIR_BESIDE).all(), "beside a motor's loss the air asks for less than alone"
-    assert ((t.LEAST_LOSS_QUAD < 0.5) & (t.LEAST_LOSS_MORE < 0.5)).all(), "half of the thrust is always told"

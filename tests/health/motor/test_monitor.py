@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,16 +13,15 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.motors import VehicleMotors
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor.monitor import MotorMonitor
-from mavhums.health.motor.speeds import EscSpeeds, SpeedsBesideThrust
 from mavhums.health.motor.thresholds import WINDOWS_S
 from mavhums.results.verdict import Verdict
 from mavhums.show.answer import blocks
 from mavhums.show.blocks import Finding
 from mavhums.show.headline import headline
 from mavhums.vehicle.facts import OUTPUTS, Signal
-from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
+from mavhums.vehicle.grid import Grid, Seconds
 from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.phases import PhaseRows, Phases
+from mavhums.vehicle.phases import Phases
 from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums_sim.multirotor.craft import FRAMES, Event, draw_craft, draw_plan
 from mavhums_sim.multirotor.flight import Flown, fly
@@ -37,6 +35,7 @@ from mavhums_sim.multirotor.log import (
     write_tlog,
 )
 from tests.conftest import REAL_LOGS, Run, needs
+from tests.health.present import present
 
 GROUND_S = 12.0
 """What the log shows before the flight."""
@@ -60,8 +59,12 @@ def motors(path: Path) -> list[Verdict]:
     return list(assessment.verdicts)
 
 
+OTHERS = (("quad +", 0.6), ("hexa x", 5.0), ("octa x", 5.0))
+
+
 @pytest.mark.parametrize(
-    ("frame", "within_s"), [("quad x", 0.6), ("quad +", 0.6), ("hexa x", 5.0), ("octa x", 5.0)]
+    ("frame", "within_s"),
+    [("quad x", 0.6), *(pytest.param(*case, marks=pytest.mark.slow) for case in OTHERS)],
 )
 def test_a_motor_that_stops_is_named(tmp_path: Path, frame: str, within_s: float) -> None:
     [verdict] = motors(log(tmp_path / "f.tlog", frame, 1.0, seed=3))
@@ -115,25 +118,6 @@ def test_the_speed_of_its_esc_names_the_cause(
     assert ("propeller of motor 2" in (verdict.advice or "")) is by_propeller
 
 
-def test_speeds_that_only_repeat_themselves_tell_nothing() -> None:
-    speeds, time_s = EscSpeeds(), np.arange(0.0, 60.0, 0.1)
-    for esc in range(4):
-        speeds.hear(esc, time_s, np.full(600, 5000.0))
-    assert np.isnan(speeds.at(10, range(4))).all()
-    beside = SpeedsBesideThrust(speeds, range(1, 5))
-    asked = np.where(np.arange(60 * RATE_HZ)[:, None] < 40 * RATE_HZ, 0.4, 0.8) * np.ones(4)
-    beside.add(0, asked, np.ones(len(asked), dtype=bool), 41.0)
-    assert beside.cause(0, 40.0) is None
-
-
-def test_half_of_the_thrust_is_told_with_its_interval(tmp_path: Path) -> None:
-    [verdict] = motors(log(tmp_path / "f.tlog", "quad x", 0.5, seed=4))
-    assert verdict.actuator == "motor 2"
-    assert verdict.condition in ("degraded", "emergency")
-    assert verdict.effectiveness
-    assert verdict.effectiveness.low <= 0.5 <= verdict.effectiveness.high
-
-
 def test_a_healthy_flight_is_told_what_it_excludes(tmp_path: Path) -> None:
     path = log(tmp_path / "f.tlog", "quad x", 0.0, seed=4)
     found = motors(path)
@@ -184,9 +168,7 @@ def settled(flown: Flown, hz: float, seed: int, mode: float | None = None) -> Se
         time_us = np.arange(0, int(flown.time_s[-1] * 1e6), 1_000_000)
         state = np.tile([1.0, 3.0, 1.0, mode], (time_us.size, 1))
         signals.append(Signal(1, "state", "state", time_us, time_us, state))
-    seconds = Grid(0).feed(signals, final=True)
-    assert seconds is not None
-    return seconds
+    return present(Grid(0).feed(signals, final=True))
 
 
 def rotors(frame: str) -> Rotors:
@@ -212,8 +194,7 @@ def test_an_obstacle_that_holds_the_craft_is_no_motor(held: bool) -> None:
     asked = attitude[:, :2] * (not held)
     sent = {"outputs": outputs, "attitude": attitude, "rates": np.zeros((time_s.size, 3)), "demand": asked}
     signals = [Signal(1, name, name, time_us, time_us, values) for name, values in sent.items()]
-    seconds = Grid(0).feed(signals, final=True)
-    assert seconds is not None
+    seconds = present(Grid(0).feed(signals, final=True))
     found = [[change.actuator for change in told(seconds, size)] for size in (7, 1000)]
     assert found[0] == found[1] == ([] if held else ["motor 2"])
 
@@ -292,21 +273,6 @@ def test_parameters_that_come_late_find_the_same_seconds_however_blocks_end() ->
 
     assert [change.actuator for change in told(1000)] == ["motor 2"]
     assert told(1) == told(7) == told(1000)
-
-
-def test_the_phases_of_a_flight_are_followed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    taken, feed = list[int](), Phases.feed
-
-    def counted(phases: Phases, seconds: Seconds, *rotors: Any) -> PhaseRows:
-        taken.extend(seconds.index.tolist())
-        return feed(phases, seconds, *rotors)
-
-    monkeypatch.setattr(Phases, "feed", counted)
-    path = log(tmp_path / "f.tlog", "quad x", 0.0)
-    assert mavhums.analyse(path).verdicts
-    later = [second for second in taken if second >= 20]  # the parameters are known by then
-    assert len(later) > 40
-    assert sorted(set(later)) == later
 
 
 def test_without_parameters_it_says_so(tmp_path: Path) -> None:
@@ -395,18 +361,7 @@ def test_what_follows_an_alarm_refines_it_or_makes_it_doubtful(
     if kept is None:
         assert found.loss is None
     else:
-        assert found.loss is not None
-        assert (found.loss.since_s, found.loss.odds) == pytest.approx(kept)
-
-
-def test_the_words_of_an_alarm_and_a_late_sample() -> None:
-    monitor = MotorMonitor(1, rotors("quad x"))
-    [loss] = monitor._alarm(50.0, 2.5, FIRST[1])
-    [doubt] = monitor._alarm(51.0, 0.5, window(51.0, 4, 0.8, 9.0)[1])
-    assert loss.time_s == 51.0, "a second at most: after a gap the next sample says nothing about its time"
-    assert loss.rule == "degraded: motor 2 of quad X lost 40 % of its thrust (30 to 60 %)"
-    assert loss.finding == "lost 40 % of thrust"
-    assert doubt.rule == "emergency: more than one motor (of 2 and 4)"
+        assert (present(found.loss).since_s, present(found.loss).odds) == pytest.approx(kept)
 
 
 FLIGHTS = REAL_LOGS.parent / "flights" / "motors"

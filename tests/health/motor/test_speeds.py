@@ -7,6 +7,7 @@ import pytest
 
 from mavhums.health.motor.speeds import EscSpeeds, SpeedCause, SpeedsBesideThrust
 from mavhums.vehicle.grid import RATE_HZ
+from tests.health.present import present
 
 LOST_S = 40.0
 
@@ -41,8 +42,7 @@ def cause(left: float, *, thrust: float = 0.36, sags: float = 1.0, from_s: int =
 )
 def test_the_cause_is_where_the_speed_leaves_the_thrust(left: float, thrust: float, words: str) -> None:
     for sags in (1.0, 0.9):
-        found = cause(left, thrust=thrust, sags=sags)
-        assert found is not None
+        found = present(cause(left, thrust=thrust, sags=sags))
         assert found.words.startswith(words)
         assert found.ratio == pytest.approx(left, rel=0.005)
         assert (found.start_s, found.end_s) == (40.5, 49.5)  # 0.4 s after the onset, 8 s after the decision
@@ -63,8 +63,7 @@ def test_the_esc_of_a_motor_is_the_one_whose_speed_follows_its_output(escs: tupl
             heard.hear(9, time_s, 2000.0 + np.array([0.0, 1.0]))  # of another motor
         rows = np.repeat(asked, RATE_HZ // 2, axis=0)
         speeds.add(second, rows, np.ones(RATE_HZ, dtype=bool), LOST_S + 1.0 if second > LOST_S else None)
-    found = speeds.cause(1, LOST_S)
-    assert found is not None
+    found = present(speeds.cause(1, LOST_S))
     assert found.words.startswith("its speed follows its output")
     assert f"(ESC {escs[1]}, whose speed follows" in found.words
     assert found.ratio == pytest.approx(1.0, rel=0.01)
@@ -105,8 +104,7 @@ def test_a_loss_that_is_known_late_is_held_against_the_time_before_it() -> None:
                 motor, second + np.array([0.1, 0.3, 0.6, 0.8]), np.repeat(halves, 2) + np.array([0, 1, 0, 1])
             )
         speeds.add(second, np.full((RATE_HZ, 3), 0.25), np.ones(RATE_HZ, dtype=bool), None)
-    found = speeds.cause(0, 30.2)
-    assert found is not None
+    found = present(speeds.cause(0, 30.2))
     assert (found.start_s, found.end_s) == (31.0, 40.0)
     usual = [1100.5, 900.5] * 15
     before = np.mean([*usual, *usual])
@@ -158,22 +156,6 @@ def test_only_bins_that_may_hold_a_fault_are_kept_and_the_older_ones_counted() -
     late = SpeedsBesideThrust(EscSpeeds(), (1, 2))
     late.add(0, np.full((100 * RATE_HZ, 2), 0.25), np.ones(100 * RATE_HZ, dtype=bool), 90.0)
     assert sorted(late._asked) == [*range(180 - 120, 180 + 16 + 1)], "of a whole log at once, too"
-
-
-def test_the_usual_speed_is_a_mean_with_its_scatter_over_the_bins_that_are_known() -> None:
-    rows = np.array([[2.0, 3.0, np.nan], [2.5, 0.0, np.nan], [3.5, 5.0, 7.0], [2.2, 4.0, np.inf]])
-    sums = np.zeros((3, 3))
-    for row in rows:
-        sums = SpeedsBesideThrust._with(sums, row)
-    known = [rows[:, 0], rows[[0, 2, 3], 1], rows[2:3, 2]]
-    squares = [np.sum((one - one.mean()) ** 2) for one in known]
-    assert sums == pytest.approx(np.array([[4, 3, 1], [one.mean() for one in known], squares]))
-    speeds = SpeedsBesideThrust(EscSpeeds(), (1, 2, 3))
-    assert speeds.cause(0, 10.0) is None
-    for esc in range(3):
-        speeds._heard.hear(esc, np.array([0.1, 0.2]), np.array([99.0, 101.0]))
-    speeds._asked[0] = np.array([0.0, 0.02, 0.0225])
-    assert np.diag(speeds._ratios(0)) == pytest.approx([np.nan, np.nan, 100.0 / 0.15], nan_ok=True)
 
 
 @pytest.mark.parametrize(("left", "words"), [(0.833, "its speed lags"), (0.836, None)])
