@@ -19,7 +19,7 @@ from mavhums.health.estimation.equations.data_sheet import (
     VOLTAGE,
     Load,
 )
-from mavhums.health.estimation.equations.interface import SlotLoad, friction_with_load
+from mavhums.health.estimation.equations.interface import SlotLoad
 from mavhums.health.estimation.least_squares import Prior
 from mavhums.health.estimation.motion import Motion
 from mavhums.health.estimation.slots import COLUMNS, Slots
@@ -106,12 +106,6 @@ def test_a_single_sample_counts_from_three_times_the_moving_speed(times: float, 
     assert X[0] == pytest.approx([np.sign(times), 1.0, np.radians(30.0), 0.0])
     assert y == pytest.approx([0.5 - 0.5 * speed])
     assert counts.tolist() == [usable]
-
-
-def test_the_prior_of_single_samples_leaves_all_but_the_load_free() -> None:
-    prior = TORQUE_PER_SAMPLE.prior(actuator_of(load_friction=0.2, load_friction_uncertainty=0.1))
-    assert prior.mean.tolist() == [0.0, 0.0, 0.0, 0.2]
-    assert prior.deviation.tolist() == [np.inf, np.inf, np.inf, 0.05]
 
 
 def test_the_winding_is_seen_at_standstill_by_magnitudes_alone() -> None:
@@ -208,11 +202,3 @@ def test_the_mean_load_is_that_of_the_samples_in_motion() -> None:
     rigid = Load(actuator_of())
     assert rigid.feed(slots_of([0], 4), seen) is seen
     assert rigid.mean is None
-
-
-def test_friction_by_load_opposes_the_motion() -> None:
-    assert friction_with_load(np.array([2.0, -2.0, 0.0]), np.array([-3.0, -3.0, 3.0])).tolist() == [
-        3.0,
-        -3.0,
-        0.0,
-    ]

@@ -20,6 +20,7 @@ from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.thresholds import MOST_LOAD_FRICTION
 from tests.health.flown import actuator_of, flown, telemetry
+from tests.health.present import present
 from tests.strategies import cuts
 
 Array = NDArray[np.float64]
@@ -105,13 +106,6 @@ def test_a_window_is_its_ten_slots_and_the_flight_all_of_them(by_slots: Fed, nam
     assert first == pytest.approx(joined(by_slots.sofar[name], "coefficients")[9], rel=1e-6)
 
 
-def test_the_whole_flights_error_is_honest_about_its_parts(by_slots: Fed) -> None:
-    """Longer parts make the error neither small nor large: it falls as the flight grows."""
-    errors = joined(by_slots.whole["torque"], "errors")[:, 0]
-    assert errors[98] < errors[31] < errors[9]
-    assert 0.5 < errors[33] / errors[31] < 2.0
-
-
 @given(cuts(2500))
 @settings(max_examples=8, deadline=None)
 def test_where_blocks_end_does_not_matter(places: list[int]) -> None:
@@ -128,8 +122,7 @@ def test_a_fit_of_the_whole_flight_stays_what_it_was() -> None:
     actuator, seen = actuator_of(), telemetry(flown(rate_hz=25.0, seconds=40.0))
     cutter, fits = SlotCutter(), Fits(actuator, ("torque",))
     for part in (slice(0, 500), slice(500, None)):
-        slots = cutter.feed(seen.time_s[part], with_extra_columns(seen.values[part]))
-        assert slots is not None
+        slots = present(cutter.feed(seen.time_s[part], with_extra_columns(seen.values[part])))
         fits.feed(slots, motion(actuator, slots))
         if part.start == 0:
             whole, before = fits.whole()["torque"], fits.whole()["torque"].count.copy()

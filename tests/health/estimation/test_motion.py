@@ -9,11 +9,8 @@ from mavhums.actuator import load_airframe
 from mavhums.core.quantities import MOMENTS, column, products
 from mavhums.health.estimation.motion import angle_speed, central_slope, lasting, motion, window_sums
 from mavhums.health.estimation.slots import (
-    AIRSPEED,
     APART,
     BUS,
-    COLUMNS,
-    MAGNITUDES,
     SENSED,
     SHAFT,
     TURNED,
@@ -85,20 +82,6 @@ def test_motion_is_that_of_the_output_shaft_at_the_judged_samples() -> None:
     # Two and a half periods of 5 Hz: neighbours more than half a second apart show no acceleration.
     far = Slots(np.array([0]), np.array([0]), slice(1, 5), 2.6 * time_s, with_extra_columns(values))
     assert not motion(actuator, far).moving.any()
-
-
-def test_the_columns_beside_the_quantities_say_what_was_measured() -> None:
-    values = np.arange(12.0)[None]
-    measured = np.ones((1, 12), dtype=bool)
-    [plain] = with_extra_columns(values)
-    assert plain[[SHAFT, SENSED, APART, TURNED]].tolist() == [2.0, 1.0, 1.0, 0.0]
-    assert np.isnan(plain[[BUS, AIRSPEED, *range(COLUMNS)[MAGNITUDES]]]).all()
-    [full] = with_extra_columns(
-        values, measured, np.array([26.0]), np.array([20.0]), np.array([[1.0, 2.0, 3.0]])
-    )
-    assert full[[BUS, AIRSPEED]].tolist() == [26.0, 20.0]
-    assert full[MAGNITUDES].tolist() == [1.0, 2.0, 3.0]
-    assert full[[SHAFT, SENSED, APART, TURNED]].tolist() == [2.0, 1.0, 1.0, 0.0]
 
 
 @pytest.mark.parametrize(

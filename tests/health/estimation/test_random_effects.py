@@ -129,25 +129,6 @@ def test_an_error_is_moderated_by_those_before() -> None:
     assert common.with_own(0.3, 10.0, 20.0) == (0.3, 40.0), "a larger one of its own counts in full"
 
 
-def test_the_share_that_scatters_counts_the_stated_errors_for_a_little() -> None:
-    errors = np.full(4, 0.5)
-    share, freedom = scattering_share(ONE, VALUES, errors)
-    squares = ((VALUES - VALUES.mean()) ** 2).sum() / 0.25
-    assert freedom == 3 + STATED_ERROR_FREEDOM
-    assert share == pytest.approx((squares + STATED_ERROR_FREEDOM) / freedom)
-    assert scattering_share(ONE, VALUES, np.full(4, 1e-3))[0] == 1.0
-
-
 def test_satterthwaites_degrees_of_freedom() -> None:
     assert satterthwaite(1.0, 5.0, 1.0, 5.0) == pytest.approx(10.0)
     assert satterthwaite(2.0, 4.0, 1.0, 9.0) == pytest.approx(9.0 / (4.0 / 4.0 + 1.0 / 9.0))
-
-
-def test_numbers_one_by_one_have_the_variance_of_all() -> None:
-    running = RunningVariance()
-    for number in VALUES:
-        running.add(float(number))
-    assert running.count == 4
-    assert running.mean == pytest.approx(VALUES.mean())
-    assert running.variance == pytest.approx(np.var(VALUES, ddof=1))
-    assert running.deviation == pytest.approx(np.std(VALUES, ddof=1))

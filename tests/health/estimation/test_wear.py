@@ -24,6 +24,7 @@ from mavhums.health.estimation.wear import (
     wear,
 )
 from mavhums.results.verdict import OwnRecord
+from tests.health.present import present
 
 
 @pytest.mark.parametrize("alike", [0.0, 0.5, 0.95])
@@ -55,8 +56,7 @@ def test_columns_that_a_flight_moves_alike_share_their_coefficient() -> None:
     one, other = QUADRATIC[:2]
     columns[:, other] = columns[:, one] + 1e-6 * columns[:, other]
     columns[:, -1] += 10.0 * columns[:, list(QUADRATIC)].sum(axis=1)
-    law = _law(columns.T @ columns, 0.3)
-    assert law is not None
+    law = present(_law(columns.T @ columns, 0.3))
     assert law.quadratic == pytest.approx(10.0, abs=0.5)
 
 
@@ -86,8 +86,7 @@ def gram_of(samples: int, seed: int, friction: float, noise: float, drag: float 
 def test_the_wear_of_strokes_is_their_mean() -> None:
     """Its error is a thousandth, so that only the scatter between flights counts; four strokes are enough."""
     record = strokes((0.1, 1.0), (0.2, 2.0), (0.3, -1.0), (0.6, 2.0))
-    found = wear(record, None)
-    assert found is not None
+    found = present(wear(record, None))
     assert (found.value, found.error, found.freedom) == pytest.approx((0.3, 0.0003, 3.0))
     assert mean_load(record) == pytest.approx(1.0)
     assert mean_load(strokes((0.1, -3.0))) == pytest.approx(3.0)
@@ -167,13 +166,13 @@ def test_the_wear_with_known_nuisances_is_that_of_least_squares(seed: int, large
     assert found.error == pytest.approx(errors[larger], rel=1e-5)
     assert found.freedom == pytest.approx(size.sum() ** 2 / np.sum(size**2) - 1.0)
     total, columns = np.sum(grams, axis=0), [0, 1, 2, 3]
-    alone = wear(parts(*grams), None)
-    assert alone is not None
+    alone = present(wear(parts(*grams), None))
     # A flight by itself fits drag, inertia and load beside the friction.
     fitted = np.linalg.solve(total[np.ix_(columns, columns)], total[columns, -1])
     assert alone.value == pytest.approx(fitted[0])
-    loaded = wear(parts(*grams), Nuisances({KEPT.index("speed"): 0.3, KEPT.index("loaded"): 0.1}, (), 2.0))
-    assert loaded is not None
+    loaded = present(
+        wear(parts(*grams), Nuisances({KEPT.index("speed"): 0.3, KEPT.index("loaded"): 0.1}, (), 2.0))
+    )
     assert loaded.value == pytest.approx(found.value + 0.1 * 2.0)
 
 
@@ -276,12 +275,10 @@ def test_the_error_of_the_powers_friction_is_the_larger_of_two(apart: float, lar
 def test_the_parts_of_the_power_count_by_the_inverse_variance_of_their_residuals() -> None:
     calm, rough = powered(1, (0.3, 0.3)), powered(2, (0.6, 0.6), noise=1.0)
     both = calm.model_copy(update={"groups": calm.groups + rough.groups})
-    fit = _friction(*_power_grams(both), LAW)
-    assert fit is not None
+    fit = present(_friction(*_power_grams(both), LAW))
     assert fit.weights[:2].min() > 20.0 * fit.weights[2:].max()
     longer = both.model_copy(update={"groups": tuple((2 * row[0], *row[1:]) for row in both.groups)})
-    twice = _friction(*_power_grams(longer), LAW)
-    assert twice is not None
+    twice = present(_friction(*_power_grams(longer), LAW))
     assert twice.weights == pytest.approx(2.0 * fit.weights)
 
 

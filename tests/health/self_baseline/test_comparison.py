@@ -5,15 +5,13 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from mavhums.health.estimation.motor_identification import VOLTAGE
-from mavhums.health.estimation.random_effects import population, variance_between
-from mavhums.health.estimation.thresholds import NATURAL_SCATTER_FREEDOM
 from mavhums.health.self_baseline import motor
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import OwnRecord
+from tests.health.present import present
 
 
 def record(**changes: Any) -> OwnRecord:
@@ -32,8 +30,8 @@ def identified(drop: float) -> Any:
 def test_shares_of_stall_are_currents_by_that_of_the_voltage_left() -> None:
     """10 V less a drop of 2 V over 4 Ω are 2 A; relative errors of 5 % and 0.2 V / 8 V add in squares."""
     friction = Interval(estimate=0.1, low=0.09, high=0.12)
-    told = motor.shares([record(), record(peak_a=Interval.around(0.5, 0.1))], identified(2.0), friction)
-    assert told is not None
+    records = [record(), record(peak_a=Interval.around(0.5, 0.1))]
+    told = present(motor.shares(records, identified(2.0), friction))
     error = (0.05**2 + 0.025**2) ** 0.5
     low, high = (0.1**2 + error**2) ** 0.5, (0.2**2 + error**2) ** 0.5
     assert [told.torque.estimate, told.torque.low, told.torque.high] == pytest.approx(
@@ -42,8 +40,8 @@ def test_shares_of_stall_are_currents_by_that_of_the_voltage_left() -> None:
     # The level of the friction current is biased by a tenth besides.
     biased = (error**2 + 0.1**2) ** 0.5
     low, high = ((10.0 * away) ** 2 for away in (0.01, 0.02))
-    assert told.friction is not None
-    assert [told.friction.estimate, told.friction.low, told.friction.high] == pytest.approx(
+    share = present(told.friction)
+    assert [share.estimate, share.low, share.high] == pytest.approx(
         [0.05, 0.05 * (1.0 - (low + biased**2) ** 0.5), 0.05 * (1.0 + (high + biased**2) ** 0.5)], abs=5e-6
     )
     assert motor.shares([record()], identified(2.0), None) == motor.Shares(None, told.torque)
@@ -78,14 +76,3 @@ def test_the_scatter_of_parts_follows_from_the_interval_of_their_mean(parts: int
     shown = motor._indicator("fault", "quantity", "Ω", value, earlier, parts)
     assert shown.scatter == pytest.approx(0.2 / times * parts**0.5, rel=1e-3)
     assert (shown.value, shown.windows, shown.baseline, shown.baseline_flights) == (value, parts, None, 9)
-
-
-def test_flights_that_agree_scatter_as_actuators_do_about_their_weighted_mean() -> None:
-    """One flight that is far off and hardly known moves neither the mean nor the natural scatter."""
-    values, errors = np.append(np.full(10, 2.0), 100.0), np.append(np.full(10, 0.01), 1e6)
-    found = population(np.ones((11, 1)), values, errors, natural_scatter=0.1)
-    own = variance_between(np.ones((11, 1)), values, errors)
-    natural = NATURAL_SCATTER_FREEDOM * (0.1 * 2.0) ** 2
-    variance = (natural + 10 * own) / (NATURAL_SCATTER_FREEDOM + 10)
-    assert found.between == pytest.approx(variance**0.5, rel=1e-3)
-    assert float(found.coefficients[0]) == pytest.approx(2.0, rel=1e-4)

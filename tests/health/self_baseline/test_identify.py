@@ -11,6 +11,7 @@ from mavhums.core.quantities import column
 from mavhums.health.estimation.motor_identification import VoltageSums, identified
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import OwnRecord
+from tests.health.present import present
 from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
 
 SERVO = Servo()
@@ -21,9 +22,7 @@ def measured(seed: int, noise_v: float = NOISE_V, noise_a: float = 0.0, servo: S
     rng = np.random.default_rng([seed, 5])
     values[:, column("V4")] += noise_v * rng.standard_normal(time_s.size)
     values[:, column("V5")] += noise_a * rng.standard_normal(time_s.size)
-    record = collected(VoltageSums(blank()), (time_s, values, airspeed))
-    assert record is not None
-    return record
+    return present(collected(VoltageSums(blank()), (time_s, values, airspeed)))
 
 
 def inside(interval: Interval, truth: float) -> bool:
@@ -31,8 +30,7 @@ def inside(interval: Interval, truth: float) -> bool:
 
 
 def test_resistance_back_emf_and_drop_are_told_apart() -> None:
-    found = identified([measured(seed) for seed in range(3)])
-    assert found is not None
+    found = present(identified([measured(seed) for seed in range(3)]))
     assert found.flights == 3
     assert found.resistance.estimate == pytest.approx(SERVO.resistance, rel=0.01)
     assert found.back_emf.estimate == pytest.approx(SERVO.back_emf, rel=0.01)
@@ -43,8 +41,7 @@ def test_resistance_back_emf_and_drop_are_told_apart() -> None:
 def test_the_intervals_hold_the_truth(noise_a: float, drop_v: float) -> None:
     held, servo = 0, replace(SERVO, drop_v=drop_v)
     for seed in range(20):
-        found = identified([measured(seed, noise_a=noise_a, servo=servo)])
-        assert found is not None
+        found = present(identified([measured(seed, noise_a=noise_a, servo=servo)]))
         held += inside(found.resistance, SERVO.resistance) + inside(found.back_emf, SERVO.back_emf)
     assert held >= 35
 
@@ -60,8 +57,7 @@ def test_a_motor_without_resistance_or_without_back_emf_is_not_identified() -> N
     assert identified([measured(1, servo=replace(SERVO, back_emf=0.0))]) is None
     time_s, values, airspeed = SERVO.flown(1)
     values[:, column("V5")] *= -1.0
-    record = collected(VoltageSums(blank()), (time_s, values, airspeed))
-    assert record is not None
+    record = present(collected(VoltageSums(blank()), (time_s, values, airspeed)))
     assert identified([record]) is None
 
 

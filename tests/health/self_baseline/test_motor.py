@@ -12,15 +12,14 @@ from mavhums.health.self_baseline.motor import MOTOR_FAULTS, _prediction, fricti
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import OwnRecord, Verdict
+from tests.health.present import present
 from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
 
 
 def voltage(seed: int, servo: Servo | None = None) -> OwnRecord:
     flight = (servo or Servo()).flown(seed, seconds=60.0)
     flight[1][:, column("V4")] += NOISE_V * np.random.default_rng([seed, 4]).standard_normal(len(flight[0]))
-    record = collected(VoltageSums(blank()), flight)
-    assert record is not None
-    return record
+    return present(collected(VoltageSums(blank()), flight))
 
 
 PAST = [PastRecord((voltage(seed),), "2026-03-01", True) for seed in range(10)]
@@ -31,11 +30,9 @@ def test_a_motor_is_shown_beside_its_earlier_flights() -> None:
     assert (resistance.fault, back_emf.fault) == MOTOR_FAULTS
     assert resistance.value.estimate == pytest.approx(22.0, rel=0.02)
     assert back_emf.value.estimate == pytest.approx(0.015, rel=0.02)
-    assert resistance.baseline is not None
-    assert back_emf.baseline is not None
-    assert resistance.baseline.estimate == pytest.approx(20.0, rel=0.02)
-    assert resistance.baseline.high < 22.0
-    assert back_emf.baseline.low < back_emf.value.estimate < back_emf.baseline.high
+    assert present(resistance.baseline).estimate == pytest.approx(20.0, rel=0.02)
+    assert present(resistance.baseline).high < 22.0
+    assert present(back_emf.baseline).low < back_emf.value.estimate < present(back_emf.baseline).high
     assert resistance.baseline_flights == resistance.needed_flights == 10
 
 
@@ -43,8 +40,7 @@ def test_the_baseline_is_the_prediction_interval_of_one_more_flight() -> None:
     """Mean ± t · s · √(1 + 1/n) with t of n − 1 degrees of freedom: 2.262 for ten flights (any table)."""
     values = 20.0 + np.array([-0.3, 0.1, 0.2, -0.1, 0.4, 0.0, -0.2, 0.3, -0.4, 0.5])
     earlier = [Interval(estimate=value, low=value - 1.0, high=value + 1.0) for value in values.tolist()]
-    found = _prediction(earlier)
-    assert found is not None
+    found = present(_prediction(earlier))
     spread = float(np.sqrt(np.sum((values - values.mean()) ** 2) / 9)) * 1.1**0.5
     assert found.estimate == pytest.approx(values.mean(), rel=1e-4)
     assert (found.high - found.estimate, found.estimate - found.low) == pytest.approx(

@@ -10,12 +10,13 @@ import pytest
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import TRACKING
 from mavhums.health.estimation.motor_identification import VoltageSums
-from mavhums.health.estimation.random_effects import CommonError, population, scattering_share
+from mavhums.health.estimation.random_effects import population
 from mavhums.health.self_baseline import comparison
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS, USEFUL_RISE
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, comparison_text
 from mavhums.results.verdict import OwnRecord, Verdict
+from tests.health.present import present
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
 
 
@@ -36,8 +37,7 @@ def test_fewer_than_ten_flights_are_learning() -> None:
     for before in (0, 5, 9):
         found = compare(EQUATION, flight(50), HEALTHY[:before])
         assert (found.condition, found.flights, found.needed) == ("learning", before + 1, 10)
-        assert found.value is not None
-        assert found.value.estimate == pytest.approx(0.05, rel=0.1)
+        assert present(found.value).estimate == pytest.approx(0.05, rel=0.1)
     assert (
         comparison_text(EQUATION, found)
         == "flight 10 of the 10 that its baseline takes; no absolute limit known"
@@ -48,8 +48,7 @@ def test_a_flight_like_those_before_is_unchanged_and_says_what_it_would_have_see
     found = compare(EQUATION, flight(51), HEALTHY)
     assert found.condition == "unchanged"
     assert found.least_rise is not None
-    assert found.baseline is not None
-    assert found.baseline.low < 0.05 < found.baseline.high
+    assert present(found.baseline).low < 0.05 < present(found.baseline).high
     risen = flight(52, 0.05 * (1.0 + 1.3 * found.least_rise))
     assert compare(EQUATION, risen, HEALTHY).condition == "changed"
 
@@ -64,23 +63,19 @@ def test_a_rise_is_changed_since_the_first_flight_of_an_unbroken_row(monkeypatch
     flights = past(*(p.records[0] for p in HEALTHY), *extra, *worn)
     found = compare(EQUATION, flight(84, 0.08), flights)
     assert found.condition == "changed"
-    assert found.change is not None
-    assert found.change.estimate == pytest.approx(0.6, abs=0.1)
-    assert found.since is not None
-    assert found.since.flight == REFERENCE_FLIGHTS + 3
+    assert present(found.change).estimate == pytest.approx(0.6, abs=0.1)
+    assert present(found.since).flight == REFERENCE_FLIGHTS + 3
     text = comparison_text(EQUATION, found)
     assert text.startswith("friction current +")
     assert "since flight 23 (2026-03-23): friction" in text
-    assert found.value is not None
-    assert found.baseline is not None
-    halves = found.value.high - found.value.estimate, found.baseline.high - found.baseline.estimate
-    ratio = (found.change.high - found.change.estimate) / (np.hypot(*halves) / found.baseline.estimate)
+    value, usual, change = present(found.value), present(found.baseline), present(found.change)
+    halves = value.high - value.estimate, usual.high - usual.estimate
+    ratio = (change.high - change.estimate) / (np.hypot(*halves) / usual.estimate)
     assert ratio == pytest.approx(1.0, abs=0.3)
     # Further back it is not looked for.
     monkeypatch.setattr(comparison, "TRAILING_FLIGHTS", 1)
     again = compare(EQUATION, flight(84, 0.08), flights)
-    assert again.since is not None
-    assert again.since.flight == REFERENCE_FLIGHTS + 4
+    assert present(again.since).flight == REFERENCE_FLIGHTS + 4
 
 
 def test_a_fault_that_blurs_its_own_quantity_is_changed() -> None:
@@ -143,19 +138,7 @@ def test_a_flight_beyond_the_baseline_neither_begins_nor_ends_a_run() -> None:
     worn = past(at(92, 20.0, 0.08), at(93, 60.0, 0.05), at(94, 60.0, 0.08), healthy=False)
     found = compare(EQUATION, at(95, 20.0, 0.08), [*warm, *worn])
     assert found.condition == "changed"
-    assert found.since is not None
-    assert found.since.flight == 13
-
-
-@pytest.mark.parametrize(("name", "value"), [("learned", lambda _: None), ("SHOWN_FLIGHTS", 13)])
-def test_flights_that_determine_too_little_are_learning(
-    monkeypatch: pytest.MonkeyPatch, name: str, value: object
-) -> None:
-    monkeypatch.setattr(comparison, name, value)
-    comparison._ReferenceFlights.of.cache_clear()
-    found = compare(EQUATION, flight(56), HEALTHY)
-    comparison._ReferenceFlights.of.cache_clear()
-    assert (found.condition, found.flights, found.needed) == ("learning", 10, 10)
+    assert present(found.since).flight == 13
 
 
 def _untold(record: OwnRecord) -> OwnRecord:
@@ -218,8 +201,7 @@ def test_a_weaker_motor_is_told_from_friction() -> None:
             hinge=whole.hinge / left_of_it,
             back_emf=whole.back_emf * left_of_it,
         )
-        voltage = collected(VoltageSums(blank()), weak.flown(seed, seconds=60.0))
-        assert voltage is not None
+        voltage = present(collected(VoltageSums(blank()), weak.flown(seed, seconds=60.0)))
         return left(weak, seed, seconds=60.0), voltage
 
     before = [PastRecord(records(seed, 1.0), "2026-03-01", True) for seed in range(12)]
@@ -245,42 +227,3 @@ def test_an_uncertain_flight_says_at_which_rate_of_false_alarms_it_shows_a_usefu
     assert again.least_rise == pytest.approx(USEFUL_RISE, rel=1e-6)
     assert f"{found.useful_at:.2g} false alarms in 100 h" in comparison_text(EQUATION, found)
     assert "false alarms" not in comparison_text(EQUATION, compare(EQUATION, flight(51), HEALTHY))
-
-
-@pytest.mark.parametrize(("overstated", "share"), [(1.0, 1.0), (3.0, 0.2)])
-def test_what_recurs_in_each_flight_does_not_scatter(overstated: float, share: float) -> None:
-    rng, shares = np.random.default_rng(5), []
-    for _ in range(200):
-        values, errors = rng.normal(1.0, 0.05, 20), np.full(20, 0.05 * overstated)
-        shares.append(scattering_share(np.ones((20, 1)), values, errors)[0])
-    assert max(shares) <= 1.0
-    assert np.median(shares) == pytest.approx(share, abs=0.05)
-
-
-@pytest.mark.parametrize("worth", [10.0, 40.0])
-def test_flights_tell_how_alike_their_errors_are(worth: float) -> None:
-    """Drawn variances of ten degrees of freedom, whose true ones scatter as ``worth`` degrees do."""
-    rng, found = np.random.default_rng(6), []
-    for _ in range(200):
-        true = 4.0 * worth / rng.chisquare(worth, 20)
-        common = CommonError.of(true * rng.chisquare(10.0, 20) / 10.0, np.full(20, 10.0))
-        found.append((common.variance, common.freedom))
-    variance, freedom = np.median(found, axis=0)
-    assert variance == pytest.approx(4.0, rel=0.1)
-    assert worth / 2 < freedom < 2 * worth
-
-
-def test_a_larger_error_counts_by_itself() -> None:
-    common = CommonError.of(np.full(20, 4.0), np.full(20, 10.0))
-    moderated, freedom = common.with_own(0.03, 10.0, 100.0)
-    assert moderated == pytest.approx(0.0434, rel=0.01)
-    assert freedom == 210.0
-    assert common.with_own(0.05, 10.0, 100.0) == (0.05, 210.0)
-
-
-def test_a_small_error_by_chance_counts_as_those_of_the_flights_before() -> None:
-    """Flights of the same noise: least rises lie closer together below than the errors of their parts."""
-    own = [left(Servo(), seed, seconds=60.0, noise_a=0.25) for seed in range(30)]
-    before = past(*own[:20])
-    rises = np.sort([compare(EQUATION, one, before).least_rise or 0.0 for one in own[20:]])
-    assert rises[5] < 1.1 * rises[0]

@@ -14,6 +14,7 @@ from mavhums.health.estimation.wear import _learned_power, _power_wear, _shows_p
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.verdict import comparison_text
 from mavhums.results.verdict import OwnRecord
+from tests.health.present import present
 from tests.health.self_baseline.servo import Array, Servo, blank, collected
 
 FRICTION_NM, DRAG, INERTIA, HINGE = 8e-4, 2e-6, 9e-7, 2.5e-8
@@ -51,9 +52,7 @@ def flown(
 
 
 def left(seed: int, friction_nm: float = FRICTION_NM, *, burns: bool = False, **given: float) -> OwnRecord:
-    record = collected(collector(POWER, at_bus()), flown(seed, friction_nm, burns=burns, **given))
-    assert record is not None
-    return record
+    return present(collected(collector(POWER, at_bus()), flown(seed, friction_nm, burns=burns, **given)))
 
 
 def past(*records: OwnRecord) -> list[PastRecord]:
@@ -71,21 +70,18 @@ HEALTHY = past(*(scattered(seed) for seed in range(10)))
 def test_the_law_that_made_the_power_is_found_again() -> None:
     frictions = FRICTION_NM * np.linspace(0.8, 1.4, 6)
     records = [left(seed, friction, noise_w=1e-4) for seed, friction in enumerate(frictions)]
-    law = _learned_power(records)
-    assert law is not None
+    law = present(_learned_power(records))
     of_load, of_inertia, of_heat = law.quadratic[2], law.quadratic[4], law.quadratic[5]
     assert of_load == pytest.approx(HINGE * SCALE, rel=0.02)
     assert of_inertia == pytest.approx(2 * HEAT * INERTIA * HINGE, rel=0.05)
     assert of_heat == pytest.approx(HEAT * HINGE**2, rel=0.02)
     for record, friction in zip(records, frictions, strict=True):
-        found = _power_wear(record, law)
-        assert found is not None
+        found = present(_power_wear(record, law))
         assert found.value == pytest.approx(friction * SCALE, rel=0.02)
 
 
 def test_a_flight_alone_finds_its_friction() -> None:
-    found = _power_wear(left(3, noise_w=1e-4), None)
-    assert found is not None
+    found = present(_power_wear(left(3, noise_w=1e-4), None))
     assert found.value == pytest.approx(FRICTION_NM * SCALE, rel=0.1)
 
 
@@ -110,8 +106,7 @@ def test_more_friction_is_a_change_whatever_the_bridge_does(burns: bool) -> None
     found = compare(POWER, risen, healthy)
     assert found.condition == "changed"
     assert comparison_text(POWER, found).startswith("friction in the supply's power +")
-    assert found.change is not None
-    assert found.change.estimate == pytest.approx(1.3 * same.least_rise, abs=0.12 if burns else 0.06)
+    assert present(found.change).estimate == pytest.approx(1.3 * same.least_rise, abs=0.12 if burns else 0.06)
 
 
 def test_the_record_does_not_depend_on_the_blocks() -> None:
@@ -127,11 +122,9 @@ def test_a_long_flight_leaves_as_little_and_shows_the_same_friction() -> None:
     assert {len(group) for group in long.groups} == {1 + POWER_COLUMNS * (POWER_COLUMNS + 1) // 2}
     assert len(long.model_dump_json()) < 25_000
     law = _learned_power([record for flight in HEALTHY for record in flight.records])
-    found = _power_wear(long, law)
-    assert found is not None
+    found = present(_power_wear(long, law))
     assert found.value == pytest.approx(FRICTION_NM * SCALE, rel=0.05)
-    unsteady = _power_wear(left(71, seconds=900.0, rate_hz=25.0, noise_w=0.1, slow_nm=3e-3), law)
-    assert unsteady is not None
+    unsteady = present(_power_wear(left(71, seconds=900.0, rate_hz=25.0, noise_w=0.1, slow_nm=3e-3), law))
     assert unsteady.value == pytest.approx(FRICTION_NM * SCALE, rel=0.05)
     assert unsteady.error < 4.0 * found.error
 
@@ -150,8 +143,7 @@ def test_without_airspeed_it_says_so() -> None:
 def test_power_without_load_determines_nothing() -> None:
     time_s, values, airspeed = flown(74)
     values[:, column("V5")] = 0.05 + 0.001 * np.random.default_rng(74).standard_normal(time_s.size)
-    record = collected(collector(POWER, at_bus()), (time_s, values, airspeed))
-    assert record is not None
+    record = present(collected(collector(POWER, at_bus()), (time_s, values, airspeed)))
     assert _shows_power(record)
     assert _power_wear(record, None) is None
 

@@ -24,6 +24,7 @@ from mavhums.health.estimation.thresholds import (
 )
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.results.verdict import OwnRecord
+from tests.health.present import present
 from tests.health.self_baseline.servo import blank
 
 RATE_HZ = 25.0
@@ -112,8 +113,7 @@ def test_the_record_does_not_depend_on_the_blocks(cuts: list[int]) -> None:
 
 
 def test_memory_does_not_grow_with_the_flight() -> None:
-    record = left(swept(3, sweeps=60), ROUGHNESS)
-    assert record is not None
+    record = present(left(swept(3, sweeps=60), ROUGHNESS))
     assert len(record.groups) <= 64
 
 
@@ -151,12 +151,10 @@ def test_a_rise_is_changed_and_a_healthy_flight_is_not(equation: object) -> None
 def test_the_stroke_with_which_a_log_ends_counts() -> None:
     time_s, values = swept(4, sweeps=2)
     ends = time_s < 29.5  # in the last rest but 0.5 s: strokes out and back, twice
-    whole = left((time_s[ends], values[ends]), ROUGHNESS)
-    assert whole is not None
+    whole = present(left((time_s[ends], values[ends]), ROUGHNESS))
     assert len(whole.groups) == 4
     within = time_s < 28.5
-    part = left((time_s[within], values[within]), ROUGHNESS)
-    assert part is not None
+    part = present(left((time_s[within], values[within]), ROUGHNESS))
     assert len(part.groups) == 4
 
 
@@ -190,9 +188,7 @@ def test_a_load_the_other_way_is_another_baseline() -> None:
     """Other flanks of the gear press: the friction differs there, and only flights there say by how much."""
 
     def at(seed: int, way: float) -> OwnRecord:
-        record = left(swept(seed, load=way * 0.2, friction=0.3 + 0.1 * (way < 0.0)), TWO_WAYS)
-        assert record is not None
-        return record
+        return present(left(swept(seed, load=way * 0.2, friction=0.3 + 0.1 * (way < 0.0)), TWO_WAYS))
 
     def past(*ways: float) -> list[PastRecord]:
         return [PastRecord((at(300 + k, way),), f"2026-03-{k + 1:02d}", True) for k, way in enumerate(ways)]
