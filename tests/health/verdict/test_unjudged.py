@@ -22,10 +22,8 @@ SURFACES = Surfaces(
 @pytest.mark.parametrize(
     ("vehicle", "tier", "condition"),
     [
-        (1, None, "unmonitored"),
         (1, SEEN, "unmonitored"),
         (1, JUDGED, "undecided"),
-        (None, None, "undecided"),
         (None, SEEN, "undecided"),
         (None, JUDGED, "undecided"),
     ],
@@ -68,14 +66,7 @@ ONLY_PROPELLERS = f"the profile names no ESC of servo {SERVO}: those that report
         ({}, SEEN, ("V1", "V3"), UNSEEN),
         ({"ema": None, "limits": None}, JUDGED, ("V3",), BLANKS),
         ({"ema": None, "limits": None}, JUDGED, (), f"{BLANKS}; {LEFT_OUT}"),
-        ({"ema": None, "limits": None}, SEEN, ("V3",), f"{BLANKS}; {UNSEEN}"),
         ({"ema": None, "limits": None, "travel_deg": None}, JUDGED, ("V3",), f"{BLANKS}, no travel_deg"),
-        (
-            {"ema": None, "limits": None, "travel_deg": None, "fields": {"V1": "A.b"}},
-            JUDGED,
-            ("V3",),
-            BLANKS,
-        ),
         ({"esc": None}, FROM_ESC, (), ONLY_PROPELLERS),
         ({"esc": 2}, FROM_ESC, (), f"the log's {FROM_ESC.name} telemetry leaves out servo {SERVO}"),
     ],
