@@ -86,6 +86,8 @@ def test_a_failure_leaves_what_was_there(tmp_path: Path) -> None:
         fail()
     assert path.read_text() == "old"
     assert left(tmp_path) == ["file"]
+    with pytest.raises(MavhumsError, match="cannot write"), written_whole(path):
+        raise OSError("the disk is on fire")
 
 
 def test_a_folder_or_an_absent_one_is_an_error_with_a_remedy(tmp_path: Path) -> None:

@@ -30,12 +30,6 @@ def test_read_log_gives_tables_by_time_of_reception(growing_log: Path, growing_r
     assert log.span[1] - log.span[0] == pytest.approx(40e6, rel=0.01)
 
 
-def test_only_wanted_messages_are_kept(short_log: Path) -> None:
-    log = read_log(short_log, messages=["ATTITUDE"])
-    assert set(log.messages) == {"ATTITUDE"}
-    assert (1, 1, "HEARTBEAT") in log.counts
-
-
 def test_tables_join_and_select(short_log: Path) -> None:
     whole = read_log(short_log, messages=["ATTITUDE"]).tables["ATTITUDE"]
     decoder = Decoder(["ATTITUDE"])

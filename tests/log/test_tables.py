@@ -29,14 +29,6 @@ def test_to_frame_has_every_field_as_contiguous_columns(table: Table) -> None:
     assert np.array_equal(frame.index.to_numpy("M8[us]").astype(np.int64), table.time_us)
 
 
-def test_csv_holds_what_the_frame_holds(table: Table, tmp_path: Path) -> None:
-    path = tmp_path / "table.csv"
-    table.to_frame().to_csv(path)
-    read = pd.read_csv(path, index_col="time", parse_dates=True)
-    assert list(read.columns) == list(table.to_frame().columns)
-    assert np.allclose(read["data[4]"], table["data"][:, 4], equal_nan=True)
-
-
 @given(
     st.lists(st.sampled_from([b"", b"a", b"a\0b", b"\xff\xfe", b"S1V05", b"SERVO1_MIN", b"Mission: 3 WP"]))
 )

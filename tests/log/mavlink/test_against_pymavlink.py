@@ -63,16 +63,3 @@ def test_an_unknown_message_whose_crc_cannot_be_right(
     assert log.unknown == {}
     assert log.losses.bytes_skipped == 8 + len(damaged)
     assert len(log.tables["HEARTBEAT"]) == 2
-
-
-def test_a_flipped_time_bit_does_not_lengthen_the_log(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("MAVLINK20", "1")
-    path = log_of(tmp_path / "clock.tlog", *[heartbeat(v2)] * 5)
-    data = bytearray(path.read_bytes())
-    data[2 * 29 + 1] ^= 0x80
-    path.write_bytes(data)
-    log = read_log(path)
-    assert log.span == (START_US, START_US + 4)
-    assert log.losses.implausible_times == 1

@@ -101,20 +101,6 @@ def test_blocks_of_one_byte_are_as_good_as_the_whole(log: list[Record], form: st
     assert_cuts_do_not_matter(data, range(1, len(data)))
 
 
-@pytest.mark.slow
-@given(records(min_size=2), st.binary(min_size=1, max_size=60), st.data())
-@settings(max_examples=80, deadline=None)
-def test_noise_between_records_costs_nothing_but_itself(
-    log: list[Record], noise: bytes, data: st.DataObject
-) -> None:
-    before = data.draw(st.integers(1, len(log) - 1))
-    parts = [record.data for record in log]
-    found, scanner = scan(b"".join([*parts[:before], noise, *parts[before:]]))
-    assert [frame.time_us for frame in found] == [record.time_us for record in log]
-    assert scanner.regions == [(sum(map(len, parts[:before])), len(noise))]
-    assert scanner.totals.skipped == len(noise)
-
-
 @given(records(min_size=2), st.data())
 @settings(max_examples=80, deadline=None)
 def test_a_flipped_bit_costs_one_frame_at_most(log: list[Record], data: st.DataObject) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import pytest
@@ -146,11 +145,6 @@ def test_what_is_no_key_is_refused_with_the_remedy(tmp_path: Path, content: byte
     path.write_bytes(content)
     with pytest.raises(KeyFileError, match="sha256sum"):
         load_key(path)
-
-
-def test_the_remedy_makes_the_key_of_a_passphrase() -> None:
-    """Ground stations take a passphrase and hash it."""
-    assert len(hashlib.sha256(b"PASSPHRASE").hexdigest()) == 64
 
 
 @needs(REAL_LOGS / "sitl")
