@@ -180,8 +180,6 @@ def test_a_port_that_others_reach_is_warned_of(run: Run, tmp_path: Path) -> None
     ("arguments", "complaint"),
     [
         (["14550"], "'14550' is not the address of a link"),
-        (["udpin:99999"], "'udpin:99999' is not the address"),
-        (["udpout:14550"], "'udpout:14550' is not the address"),
         (["udpin:nonesuch.invalid:1"], "no such host"),
         (["serial:/dev/nonesuch"], "/dev/nonesuch"),
         (["udpin:0", "--airframe", "nonesuch"], "nonesuch"),
@@ -200,8 +198,8 @@ def test_what_cannot_be_used_is_named(run: Run, arguments: list[str], complaint:
 def test_a_taken_port_is_named(run: Run) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
-        outcome = run("live", f"udpin:{other.getsockname()[1]}", "--duration", "0.1")
-    assert outcome.code == 1
+        outcome = run("live", "udpin:0", f"udpin:{other.getsockname()[1]}", "--duration", "0.1")
+    assert outcome.code == 1  # a first link that stayed open would be a ResourceWarning, an error here
     assert os.strerror(errno.EADDRINUSE) in outcome.err
 
 
@@ -223,14 +221,6 @@ def test_nothing_heard_is_undecided(run: Run) -> None:
     assert outcome.code == 12
     assert "nothing was received on udpin:127.0.0.1:" in outcome.out
     assert "in this log" not in outcome.out
-
-
-@pytest.mark.slow
-def test_a_pipe_that_closes_ends_what_has_no_other_purpose() -> None:
-    arguments = command("live", "udpin:0", "--json", "--duration", "60")
-    begin = time.monotonic()
-    os.system(f"{' '.join(arguments)} 2>/dev/null | head -n 2 >/dev/null")
-    assert time.monotonic() - begin < 55
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from mavhums.log.mavlink.stamping import Piece
 from mavhums_sim import FlightRecord
 from mavhums_sim.link import EPOCH_US, Link
 from mavhums_sim.telemetry import messages
-from tests.live.conftest import KEY, RIGHT, Rig, conditions, of, pieces, verdicts
+from tests.live.conftest import KEY, RIGHT, Rig, conditions, of, pieces
 
 MakeRig = Callable[..., Rig]
 
@@ -82,52 +82,6 @@ def test_garbage_before_after_and_between(rig: Rig, worn_pieces: list[Piece]) ->
     counts = rig.stamper.counts
     assert counts.frames > 0.995 * len(worn_pieces)
     assert counts.bytes_skipped >= added
-
-
-@pytest.mark.slow
-def test_datagrams_hold_several_frames_and_halves(rig: Rig, worn_pieces: list[Piece]) -> None:
-    """The vehicle's bytes as a stream, cut anywhere."""
-    dice = random.Random(6)
-    cut: list[Piece] = []
-    for first in range(0, len(worn_pieces), 7):
-        several = worn_pieces[first : first + 7]
-        data = b"".join(piece.data for piece in several)
-        places = sorted(dice.sample(range(1, len(data)), 3))
-        parts = [data[a:b] for a, b in itertools.pairwise([0, *places, len(data)])]
-        cut += [Piece("vehicle", several[-1].time_us + k, part) for k, part in enumerate(parts)]
-    rig.hear(cut)
-    assert conditions(rig.end()) == RIGHT
-    assert rig.stamper.counts.frames == len(worn_pieces)
-    assert rig.stamper.counts.bytes_skipped == 0
-
-
-@pytest.mark.slow
-def test_halves_whose_other_half_is_lost(rig: Rig, worn_pieces: list[Piece]) -> None:
-    dice = random.Random(7)
-    halved = [
-        piece._replace(data=piece.data[: len(piece.data) // 2]) if dice.random() < 0.05 else piece
-        for piece in worn_pieces
-    ]
-    lost = sum(a.data != b.data for a, b in zip(halved, worn_pieces, strict=True))
-    rig.hear(halved)
-    assert conditions(rig.end()) == RIGHT
-    counts = rig.stamper.counts
-    assert len(worn_pieces) - counts.frames == pytest.approx(lost, rel=0.1)
-    assert counts.bytes_skipped > 0
-
-
-@pytest.mark.slow
-def test_pieces_of_two_senders_are_not_joined(rig: Rig, worn_pieces: list[Piece]) -> None:
-    """Every frame comes in two halves, and another sender's halves come in between."""
-    both: list[Piece] = []
-    for piece in worn_pieces:
-        half = len(piece.data) // 2
-        for part in (piece.data[:half], piece.data[half:]):
-            both += [Piece(sender, piece.time_us, part) for sender in ("one", "other")]
-    rig.hear(both)
-    assert conditions(rig.end()) == RIGHT
-    counts = rig.stamper.counts
-    assert (counts.frames, counts.bytes_skipped) == (2 * len(worn_pieces), 0)
 
 
 def readdressed(record: FlightRecord, system: int, start_s: float, sender: str) -> list[Piece]:
@@ -262,27 +216,6 @@ def test_a_forged_frame_changes_nothing(make_rig: MakeRig, worn: FlightRecord) -
     assert conditions(rig.end()) == RIGHT
     counts = rig.stamper.counts
     assert (counts.bad_signatures, counts.frames, counts.replayed_frames) == (100, len(true), 0)
-
-
-@pytest.mark.slow
-def test_replayed_frames_do_not_count(make_rig: MakeRig, worn: FlightRecord, tmp_path: Path) -> None:
-    true = pieces(worn, Link(key=KEY))
-    rig = make_rig(key=KEY)
-    again = [
-        Piece("stranger", piece.time_us + 12_000_000, piece.data)
-        for piece in true
-        if piece.time_us < EPOCH_US + 15_000_000
-    ]
-    rig.hear(true + again)
-    live = rig.end()
-    assert conditions(live) == RIGHT
-    assert rig.stamper.counts.replayed_frames == len(again)
-    assert rig.stamper.frames == len(true)
-    folder = tmp_path / "alone"
-    folder.mkdir()
-    alone = Rig(folder, key=KEY)
-    alone.hear(true)
-    assert verdicts(alone.end()) == verdicts(live)
 
 
 @pytest.mark.slow

@@ -10,7 +10,6 @@ import shutil
 import socket
 import subprocess
 import sys
-from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,7 +21,6 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 import mavhums.live
-from mavhums.engine.events import AirframeNamed, ConditionChanged, Notice, Samples
 from mavhums.live import Address
 from mavhums.live.links import AddressError, _enlarge
 from mavhums.live.recorder import TlogRecorder
@@ -103,26 +101,6 @@ def test_only_linux_is_asked_for_times_and_losses(
     assert _enlarge(link) is timed
     assert len(asked) == len(set(asked)) == (4 if timed else 1)
     assert asked[0] == socket.SO_RCVBUF
-
-
-def test_the_error_names_the_forms() -> None:
-    for url in ("14550", ":14550", "udp:14550"):
-        with pytest.raises(AddressError) as refused:
-            Address.parse(url)
-        assert refused.value.remedy.startswith("did you mean udpin:14550? it must be udpin:[HOST:]PORT")
-    with pytest.raises(AddressError) as refused:
-        Address.parse("nonsense")
-    assert refused.value.remedy.startswith("it must be udpin:[HOST:]PORT")
-
-
-def test_the_recorder_names_its_file_after_the_start(tmp_path: Path) -> None:
-    recorder = TlogRecorder(
-        tmp_path / "f-%Y%m%d-%H%M%S.tlog", start=datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC)
-    )
-    recorder.write(b"record", 1)
-    recorder.close()
-    assert recorder.path.name == "f-20260304-050607.tlog"
-    assert recorder.path.read_bytes() == b"record"
 
 
 def test_records_are_on_the_disk_within_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -325,13 +303,6 @@ def test_lines_follow_the_schema(rig: Rig, worn_pieces: list[Piece]) -> None:
     assert told[-1]["record"]["bytes"] == rig.recorder.bytes
 
 
-def test_notices_are_told(rig: Rig) -> None:
-    lines: list[str] = []
-    written = JsonLines(lines.append, rig.clock.now_us, rig.session.status)
-    written.consume([Notice(1.0, 1, "PreArm: check")])
-    assert json.loads(lines[0])["text"] == "PreArm: check"
-
-
 @pytest.mark.slow
 def test_plain_lines_tell_changes_and_silence(rig: Rig, worn_pieces: list[Piece]) -> None:
     lines: list[str] = []
@@ -362,15 +333,6 @@ def test_a_viewer_that_fails_ends_nothing(
     flown(rig, worn_pieces)
     rig.end()
     assert caplog.text.count("drawing has ended: the viewer is gone") == 1
-
-
-def test_events_of_the_engine_are_not_kept(rig: Rig, worn_pieces: list[Piece]) -> None:
-    """A session keeps no events; only what shows them may."""
-    rig.hear(worn_pieces[:2000])
-    kinds = (Samples, ConditionChanged, AirframeNamed)
-    assert any(isinstance(event, kinds) for event in rig.shown.events)
-    held = [value for value in vars(rig.session).values() if isinstance(value, list)]
-    assert all(not any(isinstance(item, kinds) for item in value) for value in held)
 
 
 COMPILED = """

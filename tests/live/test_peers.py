@@ -21,16 +21,6 @@ from tests.live.attacks import attitude
 SECOND = 1_000_000
 
 
-def test_only_who_speaks_for_a_vehicle_is_told_of_it() -> None:
-    peers = Peers()
-    peers.hear("router", {1, 2}, 500, 0)
-    peers.hear("station", {255}, 500, 0)
-    assert peers.senders_for(1, SECOND) == ["router"]
-    assert peers.senders_for(3, SECOND) == []
-    assert peers.vehicles(SECOND) == [1, 2]
-    assert peers.senders_for(1, 11 * SECOND) == [], "silent for more than ten seconds"
-
-
 @given(
     st.lists(
         st.tuples(st.sampled_from("abc"), st.integers(1, 500), st.booleans()),
@@ -60,17 +50,6 @@ def test_of_many_peers_those_are_kept_from_which_most_came() -> None:
     peers.forget(20_000)
     assert len(peers) == 64
     assert "router" in peers.senders_for(1, 20_000)
-
-
-def test_a_vehicle_for_which_two_speak_is_contested() -> None:
-    peers = Peers()
-    peers.hear("router", {1, 2}, 100, 0)
-    assert peers.contested(0) == []
-    peers.hear("stranger", {2}, 100, 5 * SECOND)
-    assert peers.contested(5 * SECOND) == [2]
-    assert peers.contested(14 * SECOND) == [], "one of them has gone silent"
-    peers.forget(30 * SECOND)
-    assert len(peers) == 0
 
 
 class Stranger:
@@ -139,17 +118,6 @@ def test_alerts_are_not_reflected(
     assert reflector.got <= reflector.sent
     assert other.drain() == [], "its vehicle is not judged"
     assert session.status.link(session._engine.assessment(), session.clock.now_us()).contested == (1,)
-
-
-def test_two_senders_of_one_vehicle_are_reported(
-    session: Session, strangers: list[Stranger], caplog: pytest.LogCaptureFixture
-) -> None:
-    for stranger in strangers:
-        stranger.send(attitude(1, 1))
-        hear(session)
-    for _ in range(5):
-        session.tick()
-    assert caplog.text.count("more than one sender transmits as vehicle 1") == 1, "once a minute at most"
 
 
 def test_an_address_to_which_nothing_can_be_sent_silences_nobody(session: Session) -> None:

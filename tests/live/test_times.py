@@ -20,7 +20,6 @@ from hypothesis import strategies as st
 
 from mavhums.live.links import Address, ReceiveClock, UdpLink
 from mavhums.live.session import Session
-from mavhums.live.setup import _open
 from mavhums.live.streams import Outgoing, TcpLink
 from mavhums.log.mavlink.stamping import Piece
 
@@ -291,26 +290,3 @@ def test_two_senders_of_a_vehicle_are_warned_about_once_a_minute(caplog: pytest.
     session._first_us = None
     Session._warn_contested(session, [3], SECOND_US * 1000)
     assert told[-1].time_s == 0.0
-
-
-@pytest.mark.parametrize("signed_only", [False, True])
-def test_an_address_that_is_open_to_others_is_warned_about(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, signed_only: bool
-) -> None:
-    closed: list[Address] = []
-
-    def link(address: Address, clock: ReceiveClock) -> Any:
-        if address.port == 1:
-            raise OSError(98, "in use")
-        return SimpleNamespace(address=address, close=lambda: closed.append(address))
-
-    monkeypatch.setattr("mavhums.live.setup._LINKS", {"udpin": link})
-    own, open_ = (Address("udpin", host, 14550) for host in ("127.0.0.1", "0.0.0.0"))
-    links = _open([own, open_], ReceiveClock(), signed_only=signed_only)
-    assert [one.address for one in links] == [own, open_]
-    [record] = caplog.records
-    assert record.getMessage().startswith(f"{open_}: other computers can send here, too")
-    assert ("without authentication" in record.getMessage()) == (not signed_only)
-    with pytest.raises(OSError, match="in use"):
-        _open([own, open_, Address("udpin", "127.0.0.1", 1)], ReceiveClock(), signed_only=signed_only)
-    assert closed == [own, open_]
