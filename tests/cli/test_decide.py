@@ -160,18 +160,6 @@ def test_fewer_windows_than_must_agree_are_undecided_with_the_reason(run: Run, s
     assert "of no condition in two separate ones" in verdict["reason"]
 
 
-def test_a_file_of_version_0_1_is_still_read() -> None:
-    old = {
-        "vehicle": 1,
-        "actuator": "elevator",
-        "condition": "emergency",
-        "worst": "emergency",
-        "p_emergency": 0.93,
-        "model": {"name": "paper-ema", "hash": "ab"},
-    }
-    assert mavhums.Verdict.model_validate(old).network is None
-
-
 def test_a_history_keeps_the_networks_decision(run: Run, worn: Path, tmp_path: Path) -> None:
     """Held against earlier flights, the verdict is still the network's."""
     alone = elevator(run("analyse", worn, "--decide", "network", "--json").out)

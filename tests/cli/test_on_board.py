@@ -12,7 +12,6 @@ import pytest
 
 from mavhums_sim import Flight, fly, write_dataflash
 from tests.conftest import REAL_LOGS, Run, needs
-from tests.log.dataflash.synthetic import definition, fmt_of_fmt
 
 F25 = REAL_LOGS / "sitl" / "control" / "f25_jam_bin.BIN.gz"
 
@@ -64,23 +63,6 @@ def test_a_profile_is_drafted_from_its_parameters(run: Run, log: Path) -> None:
     drafted = run("profile", "new", log)
     assert drafted.code == 0
     assert 'surface = "elevator"\nservo = 3  # SERVO3_FUNCTION = 19' in drafted.out
-
-
-def test_a_key_and_a_dialect_are_for_mavlink(run: Run, log: Path, tmp_path: Path) -> None:
-    key = tmp_path / "key"
-    key.write_text("00" * 32)
-    refused = run("analyse", log, "--key", key)
-    assert refused.code == 1
-    assert "leave --key out" in refused.err
-
-
-def test_a_log_that_is_too_old_is_one_line_and_a_remedy(run: Run, tmp_path: Path) -> None:
-    path = tmp_path / "old.BIN"
-    path.write_bytes(fmt_of_fmt() + definition(3, "ATT", "IccC", "TimeMS,Roll,Pitch,Yaw") + bytes(300))
-    refused = run("analyse", path)
-    assert refused.code == 1
-    assert str(path) in refused.err
-    assert "Traceback" not in refused.err
 
 
 @pytest.mark.slow

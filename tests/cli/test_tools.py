@@ -14,8 +14,8 @@ import mavhums
 from mavhums.actuator import load_airframe
 from mavhums.actuator.draft import draft_profile
 from mavhums.app.export import export_quantities
-from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.core.output import writer_for, written_whole
+from mavhums.core.errors import ExitCode
+from mavhums.core.output import writer_for
 from mavhums.core.quantities import KEYS
 from mavhums.learn import default_model, save_model
 from tests.conftest import Run
@@ -167,23 +167,6 @@ def test_progress_is_the_bytes_read(short_log: Path, tmp_path: Path) -> None:
     export_quantities(short_log, tmp_path / "t.csv", airframe=load_airframe("paper"), progress=seen.append)
     draft_profile(short_log, progress=seen.append)
     assert max(seen) == seen[-1] == short_log.stat().st_size
-
-
-def test_a_file_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
-    path = tmp_path / "file.txt"
-    path.write_text("before")
-
-    def fail_half_way() -> None:
-        with written_whole(path) as temporary:
-            temporary.write_text("half")
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fail_half_way()
-    assert path.read_text() == "before"
-    assert list(tmp_path.iterdir()) == [path]
-    with pytest.raises(MavhumsError, match="cannot write"), written_whole(path):
-        raise OSError("the disk is on fire")
 
 
 def test_the_packaged_model_shows_its_card(run: Run) -> None:

@@ -83,29 +83,24 @@ def test_inspect_says_what_a_copters_log_lacks(run: Run, tmp_path: Path) -> None
     assert "remedy: record the parameters" in text
 
 
-def test_the_profile_names_outputs_before_the_parameters(run: Run, log: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "shown", "named_by", "range_us"),
+    [
+        ("aileron right", "aileron right", "profile", [1000, 1500, 2000]),
+        ("flap right", "aileron", "parameters", [1100, 1500, 1900]),  # which contradict the profile
+    ],
+)
+def test_the_profile_names_outputs_before_the_parameters_where_they_agree(
+    run: Run, log: Path, tmp_path: Path, name: str, shown: str, named_by: str, range_us: list[int]
+) -> None:
     profile = tmp_path / "own.toml"
     profile.write_text(
-        'name = "own"\n[[actuators]]\nname = "aileron right"\nservo = 1\npwm_us = [1000, 1500, 2000]\n'
+        f'name = "own"\n[[actuators]]\nname = "{name}"\nservo = 1\npwm_us = [1000, 1500, 2000]\n'
     )
     [usage] = json.loads(run("analyse", log, "--json", "--airframe", profile).out)["usage"]
-    aileron = by_name(usage)["aileron right"]
-    assert (aileron["servo"], aileron["named_by"], aileron["range_us"]) == (1, "profile", [1000, 1500, 2000])
-
-
-def test_a_profile_that_the_parameters_contradict_names_nothing(run: Run, log: Path, tmp_path: Path) -> None:
-    profile = tmp_path / "own.toml"
-    profile.write_text(
-        'name = "own"\n[[actuators]]\nname = "flap right"\nservo = 1\npwm_us = [1000, 1500, 2000]\n'
-    )
-    [usage] = json.loads(run("analyse", log, "--json", "--airframe", profile).out)["usage"]
-    assert "flap right" not in by_name(usage)
-    aileron = by_name(usage)["aileron"]
-    assert (aileron["servo"], aileron["named_by"], aileron["range_us"]) == (
-        1,
-        "parameters",
-        [1100, 1500, 1900],
-    )
+    output = by_name(usage)[shown]
+    assert (output["servo"], output["named_by"], output["range_us"]) == (1, named_by, range_us)
+    assert (name in by_name(usage)) == (name == shown)
 
 
 @needs_logs
