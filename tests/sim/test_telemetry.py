@@ -164,20 +164,3 @@ def test_same_flight_writes_the_same_bytes(record: FlightRecord, tmp_path: Path)
     write_tlog(record, one)
     write_tlog(record, other)
     assert one.read_bytes() == other.read_bytes()
-
-
-def test_failed_writing_leaves_what_was_there(
-    record: FlightRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "flight.tlog"
-    path.write_bytes(b"yesterday's")
-
-    def broken(*_: object) -> Iterator[Any]:
-        raise KeyboardInterrupt
-        yield
-
-    monkeypatch.setattr("mavhums_sim.telemetry.messages", broken)
-    with pytest.raises(KeyboardInterrupt):
-        write_tlog(record, path)
-    assert path.read_bytes() == b"yesterday's"
-    assert list(tmp_path.iterdir()) == [path]
