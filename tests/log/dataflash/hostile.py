@@ -1,17 +1,8 @@
-"""Hold the kernel against the reference on records mutated where it hurts.
-
-    NUMBA_BOUNDSCHECK=1 python -m tests.log.dataflash.hostile [--mutations 1000000] [--seed 1]
-
-With NUMBA_BOUNDSCHECK=1 (and a NUMBA_CACHE_DIR of its own) every array access of the kernels is checked.
-Each stream is scanned whole and in blocks, compared record by record with the reference, and decoded.
-"""
+"""Records mutated where it hurts, scanned whole and in blocks, held against the reference, and decoded."""
 
 from __future__ import annotations
 
-import argparse
 import random
-import resource
-import time
 
 from mavhums.log.dataflash import DataFlashDecoder
 from tests.log.dataflash.kernel_check import agree, scan
@@ -45,22 +36,3 @@ def check(mutations: int, seed: int) -> tuple[int, int]:
         for table in decoder.feed(data, final=True).values():
             table.to_frame()
     return size, records
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--mutations", type=int, default=1_000_000)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
-    begin = time.perf_counter()
-    size, records = check(options.mutations, options.seed)
-    took = time.perf_counter() - begin
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(
-        f"{options.mutations:,} mutations, seed {options.seed}: {size / 1e6:.0f} MB, {records:,} records, "
-        f"no difference; {took:.0f} s, peak memory {peak:.0f} MiB"
-    )
-
-
-if __name__ == "__main__":
-    main()

@@ -1,17 +1,8 @@
-"""Hold the decoder's kernel against the reference on records mutated with repaired CRCs.
-
-    NUMBA_BOUNDSCHECK=1 python -m tests.log.mavlink.hostile [--mutations 10000000] [--seed 1]
-
-With NUMBA_BOUNDSCHECK=1 (and a NUMBA_CACHE_DIR of its own) every array access of the kernel is
-checked. Each stream is scanned whole and in blocks, and compared frame by frame with the reference.
-"""
+"""Mutated records with repaired CRCs, scanned whole and in blocks, and held against the reference."""
 
 from __future__ import annotations
 
-import argparse
 import random
-import resource
-import time
 
 from mavhums.log import Decoder
 from mavhums.log.mavlink.dialect import load_dialect
@@ -47,22 +38,3 @@ def check(mutations: int, seed: int) -> tuple[int, int]:
         assert pieces == found.frames
         Decoder().feed(data, final=True)
     return size, frames
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--mutations", type=int, default=10_000_000)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
-    begin = time.perf_counter()
-    size, frames = check(options.mutations, options.seed)
-    took = time.perf_counter() - begin
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(
-        f"{options.mutations:,} mutations, seed {options.seed}: {size / 1e6:.0f} MB, {frames:,} frames, "
-        f"no difference; {took:.0f} s, peak memory {peak:.0f} MiB"
-    )
-
-
-if __name__ == "__main__":
-    main()

@@ -1,18 +1,9 @@
-"""Decode mutated ULogs, whole and in blocks: no crash, no hang, the same from either, memory bounded.
-
-    NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=checked \\
-        python -m tests.log.ulog.hostile [--mutations 1000000] [--seed 1]
-
-With NUMBA_BOUNDSCHECK=1 (and a NUMBA_CACHE_DIR of its own) every array access of the kernels is checked.
-"""
+"""Mutated ULogs, decoded whole and in blocks: no crash, no hang, the same from either."""
 
 from __future__ import annotations
 
-import argparse
 import random
-import resource
 import struct
-import time
 
 from tests.log.ulog import writer
 from tests.log.ulog.peer import decode
@@ -97,22 +88,3 @@ def check(mutations: int, seed: int) -> tuple[int, int]:
         size += len(log)
         found += sum(decoder.counts.values())
     return size, found
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--mutations", type=int, default=1_000_000)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
-    begin = time.perf_counter()
-    size, found = check(options.mutations, options.seed)
-    took = time.perf_counter() - begin
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(
-        f"{options.mutations:,} mutations, seed {options.seed}: {size / 1e6:.0f} MB, {found:,} messages, "
-        f"no difference; {took:.0f} s, peak memory {peak:.0f} MiB"
-    )
-
-
-if __name__ == "__main__":
-    main()
