@@ -91,8 +91,7 @@ def test_the_reserve_is_told_only_where_it_is_known(run: Run, log: Path, tmp_pat
     profile = tmp_path / "blank.toml"
     profile.write_text(BLANK.replace("esc = 2", "esc = 2\nsupply_voltage = 27"), encoding="utf-8")
     told = run("analyse", str(log), "--airframe", str(profile), "--verbose").out
-    [line] = re.findall(r"(\w+): highest sustained (\d+)\s%, reserve (\d+)\s%, friction [\d.]+\s%", told)
-    assert line[0] == "elevator"
+    [line] = re.findall(r"(elevator) +(\d+)\s% +(\d+)\s% +[\d.]+\s%", told)
     assert int(line[1]) + int(line[2]) == pytest.approx(100, abs=1)
     page = tmp_path / "report.html"
     assert run("report", str(log), "--airframe", str(profile), "-o", str(page)).code == 12
