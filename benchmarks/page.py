@@ -140,7 +140,7 @@ def users(page: Served, folder: Path) -> tuple[list[float], int]:
 
 def fleet_pictures(browser: Browser, store: Path, folder: Path) -> None:
     """Draw a fleet, and its worst aircraft that wears."""
-    with served(store) as page:
+    with served("--store", store) as page:
         for name, width, scheme in (("desktop", 1000, "light"), ("phone", 390, "dark")):
             browser.size(width, 420, scheme=scheme)
             browser.open(f"{page.url}/fleet")

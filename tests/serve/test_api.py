@@ -37,7 +37,7 @@ def page(store: Path, folder: Path) -> Iterator[Served]:
     options = ("--host", "0.0.0.0", "--max-mb", "5", "--workers", "1")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TMPDIR", str(folder))
-        with served(store, *options, lines=3) as page:
+        with served("--store", store, *options, lines=3) as page:
             yield page
 
 
@@ -121,8 +121,10 @@ def test_a_store_is_asked_as_on_the_command_line(client: httpx.Client, store: Pa
         )
         return json.loads(done.stdout)
 
-    assert client.get("/fleet/status").json() == command("status", str(store))
-    assert client.get("/fleet/worst", params={"most": 3}).json() == command("worst", str(store), "-n", "3")
+    assert client.get("/fleet/status").json() == command("status", "--store", str(store))
+    assert client.get("/fleet/worst", params={"most": 3}).json() == command(
+        "worst", "--store", str(store), "-n", "3"
+    )
     trend = client.get("/fleet/trend", params={"aircraft": "D-GROWS"}).json()
     assert trend == json.loads(fleet.trend(store, "D-GROWS").to_json())
     flights = client.get("/fleet/flights", params={"aircraft": "D-FAILS"}).json()
