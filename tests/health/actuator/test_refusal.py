@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
-from mavhums.health.actuator.detectors.friction import FrictionDetector, why_no_friction
+from mavhums.health.actuator.detectors.friction import FrictionDetector, _too_few, why_no_friction
 from mavhums.health.actuator.monitor import ActuatorFindings
+from mavhums.health.actuator.thresholds import FRICTION_SAMPLES
 from mavhums.health.estimation.equations import Fits
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
@@ -103,6 +104,20 @@ def test_its_friction_is_too_uncertain(load_friction: float | None) -> None:
     ema = EMA.model_copy(update={"load_friction": load_friction})
     found = watch(Telemetry(time_s, values), actuator.model_copy(update={"ema": ema}))[1]
     assert "moves too little both ways: its friction is known to ±" in reason(found)
+
+
+@pytest.mark.parametrize(
+    ("usable", "moving", "why"),
+    [
+        (FRICTION_SAMPLES // 2 - 1, FRICTION_SAMPLES, "of these have a current of known sign"),
+        (FRICTION_SAMPLES // 2, FRICTION_SAMPLES, "too little to show friction"),
+        (0, FRICTION_SAMPLES - 1, "too little to show friction"),
+    ],
+)
+def test_what_moves_has_samples_without_a_sign(usable: int, moving: int, why: str) -> None:
+    found = _too_few(usable, moving, 2 * moving)[0]
+    assert "moves in 50 % of the samples" in found
+    assert found.endswith(why)
 
 
 def test_its_telemetry_is_as_slow_as_the_profile_allows() -> None:

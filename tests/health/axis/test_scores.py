@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from mavhums.health.axis.effectiveness import EffectivenessTracker, _ratio, new_tracker
+from mavhums.health.axis.effectiveness import EffectivenessTracker, _late, _ratio, new_tracker
 from mavhums.health.axis.reference import STANDARDS, constants
 from mavhums.health.axis.regressions import FORMS, Columns, Lag, Shape
 from mavhums.health.axis.scores import Pool, Scores, ServoLag
@@ -108,6 +108,13 @@ def test_a_reference_finds_the_delay_and_the_lag(axis: str, column: int, delay: 
     tracker.feed(rows(flight))
     assert present(tracker.reference).shape == Shape(delay, tau_s)
     assert present(tracker.reference).gain == pytest.approx(2.0)
+
+
+def test_demands_are_as_late_as_the_columns_of_a_shape() -> None:
+    demand = np.arange(12.0)[:, None]
+    found = _late(demand, Shape(2, 0.0))[:, 0]
+    assert np.isnan(found[:6]).all()
+    assert found[6:].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
 
 
 def test_pooled_seconds_are_the_fewest_that_are_certain_or_all_of_them() -> None:
