@@ -56,9 +56,6 @@ class Options:
         A MAVLink XML file whose definitions take precedence over the shipped ones.
     key
         A MAVLink 2 signing key of 32 bytes, or its file: only frames signed with it count.
-    vehicle_states
-        Whether the events include attitude, position, flight mode, and what a network says of each sample,
-        as a recording needs them.
 
     Examples
     --------
@@ -78,7 +75,6 @@ class Options:
     false_alarms: float = FALSE_ALARMS
     dialect: str | os.PathLike[str] | None = None
     key: bytes | str | os.PathLike[str] | None = None
-    vehicle_states: bool = False
 
     def resolved(self) -> EngineOptions:
         """Return the options of an engine that judges one flight, with every named file read.
@@ -124,7 +120,6 @@ class GivenOptions(TypedDict, total=False):
     false_alarms: float
     dialect: str | os.PathLike[str] | None
     key: bytes | str | os.PathLike[str] | None
-    vehicle_states: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,7 +177,6 @@ class Settings:
             false_alarms=wanted.false_alarms,
             dialect=wanted.dialect,
             key=key if isinstance(key, bytes | None) else load_key(key),
-            vehicle_states=wanted.vehicle_states,
         )
         if not isinstance(table, AircraftTable):
             table = AircraftTable() if table is None else load_aircraft_table(table)

@@ -41,7 +41,8 @@ class Sink(Protocol):
         sample.
     """
 
-    draws: ClassVar[bool]
+    @property
+    def draws(self) -> bool: ...  # noqa: D102
 
     def follow(self, log: Path, dialect: Place | None) -> AbstractContextManager[Follower]:
         """Return what follows a log; without its ``close`` nothing is left."""
@@ -138,7 +139,7 @@ class Events:
     """A function of the caller that is called with the events of each block."""
 
     consume: Callable[[Sequence[Event]], None]
-    draws: ClassVar[bool] = False
+    draws: bool = False
 
     def follow(self, log: Path, dialect: Place | None) -> AbstractContextManager[Follower]:
         """Return itself: nothing is to be prepared."""

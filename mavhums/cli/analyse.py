@@ -273,8 +273,12 @@ def analyse(
         else _TablePrinter(recordings, several=several, verbose=verbose)
     )
     with printer:
+        kept = 0
         for outcome in analyse_many(logs, settings, batch):
             printer.show(outcome)
+            kept += keep and outcome.error is None
+    if kept:
+        say(f"mavhums: {kept} {'log is' if kept == 1 else 'logs are'} kept in {settings.store}", err=True)
     written = [recording for recording in recordings.values() if recording.exists()]
     if open_viewer and written:
         _open_recordings(written)

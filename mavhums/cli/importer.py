@@ -59,13 +59,13 @@ def _arguments() -> tuple[Path, str | None]:
 
 def _import(path: Path, recording_id: str | None) -> None:
     from mavhums.app.analysis import analyse
-    from mavhums.app.settings import Options
     from mavhums.app.sinks import Events
     from mavhums.show.recording import PipedRecorder
 
-    options = Options(airframe=os.environ.get(_AIRFRAME), vehicle_states=True)
     with PipedRecorder(recording_id=recording_id or path.name) as recorder:
-        assessment = analyse(path, options, sinks=[Events(recorder.consume)])
+        assessment = analyse(
+            path, airframe=os.environ.get(_AIRFRAME), sinks=[Events(recorder.consume, draws=True)]
+        )
         recorder.close(assessment)
 
 

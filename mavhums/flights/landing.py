@@ -121,7 +121,9 @@ class OwnFlights:
         record this one, and what an operator should look into. ``stands`` is how they stand, if known.
         """
         if not self.is_named:
-            return assessment.with_notice(f"{NOT_COMPARED}: --aircraft =NAME names its aircraft")
+            return assessment.with_notice(
+                f"{NOT_COMPARED}: nothing names its aircraft; give it by --aircraft =NAME"
+            )
         with self._store.reading() as connection:
             notice = _odd_board(connection, assessment)
         if notice is not None:

@@ -37,7 +37,7 @@ def test_profile_table_and_history_are_read_once(
     table.write_text("aircraft,board,actuator,serial,from,to\nD-A,0A,,,,\n")
     named = ("--airframe", "paper", "--aircraft", "=D-A", "--aircraft-table", table)
     kept = ("--store", tmp_path / "kept", "--keep")
-    assert run("analyse", growing_log, *named, *kept).err == ""
+    assert run("analyse", growing_log, *named, *kept).err == f"mavhums: 1 log is kept in {kept[1]}\n"
     assert sorted(read) == ["_store", "load_aircraft_table", "load_airframe", "packaged_models"]
 
 

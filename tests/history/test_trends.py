@@ -324,7 +324,7 @@ def test_one_command_after_each_landing_keeps_the_history(
     assert not store.parent.exists()
     for count, log in enumerate(logs):
         outcome = run("analyse", log, "--keep")
-        assert (outcome.code, outcome.err) == (ExitCode.OK, "")
+        assert (outcome.code, outcome.err) == (ExitCode.OK, f"mavhums: 1 log is kept in {store}\n")
         assert fleet.status(store).judged == count + 1
         earlier = f"Compared with {count} earlier flight{'s' if count > 1 else ''} of this aircraft."
         assert (earlier in outcome.out) == (count > 0)
