@@ -85,13 +85,13 @@ class Browser(Chromium):
 
     def choose(self, files: Sequence[Path]) -> None:
         """Choose files, as with the dialogue."""
-        self.wait("document.querySelector('#logs')")
+        self.wait("document.readyState == 'complete' && document.querySelector('#logs')")
         node = self.call("Runtime.evaluate", expression="document.querySelector('#logs')")["result"]
         self.call("DOM.setFileInputFiles", files=[str(file) for file in files], objectId=node["objectId"])
 
     def drop(self, files: Sequence[Path]) -> None:
         """Drag files from the desktop onto the page's place for them."""
-        self.wait("document.querySelector('[data-drop]')")
+        self.wait("document.readyState == 'complete' && document.querySelector('[data-drop]')")
         x, y = self.js(
             "(() => {const r = document.querySelector('[data-drop]').getBoundingClientRect();"
             " return [r.x + r.width / 2, r.y + r.height / 2]})()"
