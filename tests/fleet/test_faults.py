@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from importlib import import_module
 from pathlib import Path
+from threading import Timer
 
 import psutil
 import pytest
@@ -26,6 +27,7 @@ from tests.fleet_logs import moved
 distributed = pytest.importorskip("distributed")
 
 from mavhums import fleet  # noqa: E402
+from tests.fleet.stores import add  # noqa: E402
 
 FLIGHTS = 6
 DAY_S = 86_400.0
@@ -159,6 +161,19 @@ def test_a_restored_backup_goes_on(
     (tmp_path / "backup").rename(tmp_path / "restored")
     assert fleet.scan([logs], tmp_path / "restored", options) == (FLIGHTS - 3, 0, 3)
     assert told(tmp_path / "restored") == expected
+
+
+def test_a_writer_waits_for_one_that_writes_a_new_file(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    writes = sqlite3.connect(store, isolation_level=None, check_same_thread=False)
+    writes.execute("BEGIN IMMEDIATE")  # SQLite refuses another journal mode now, at once
+    writes.execute("CREATE TABLE other (x)")
+    end = Timer(0.3, writes.execute, ("COMMIT",))
+    end.start()
+    add(store)
+    end.join()
+    writes.close()
+    assert fleet.worst(store) == []
 
 
 def test_a_store_that_cannot_be_reached_is_told(run: Run) -> None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from pydantic import ValidationError
 from sqlalchemy import Connection, Engine, NullPool, create_engine, event, inspect, select
-from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError, SQLAlchemyError
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.core.output import as_utf8
@@ -227,8 +227,10 @@ def _begin(connection: Connection) -> None:
         else:
             connection.exec_driver_sql("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ")
     elif writes:
-        # Readers go on meanwhile; the mode is kept in the file, and cannot be changed in a transaction.
-        connection.exec_driver_sql("PRAGMA journal_mode = WAL")
+        # Readers go on meanwhile; the mode is kept in the file, and cannot be changed in a transaction, nor
+        # while another writes a new file: this one then waits its turn, and the next sets the mode.
+        with suppress(OperationalError):
+            connection.exec_driver_sql("PRAGMA journal_mode = WAL")
         connection.exec_driver_sql("BEGIN IMMEDIATE")
     else:
         connection.exec_driver_sql("BEGIN")
