@@ -76,23 +76,9 @@ RUNS: dict[str, list[Small]] = {
             slow=True,
             compares={"| mode | all but T_c": Cells(of=20, factor=3.0)},
         ),
-        Small(
-            "flights --scale 0.016 --workers 1",
-            slow=True,
-            compares={"| tier | rate | actuator-flights": Cells(labels=2, of="actuator-flights")},
-        ),
-        Small(
-            "jams --scale 0.25 --workers 1",
-            {"_against_limits.MODES": ("takeoff", "cruise")},
-            slow=True,
-            compares={"| mode | tier | found of": Cells(labels=2, of="found of")},
-        ),
-        Small(
-            "windows --scale 0.1 --workers 1",
-            {"_against_limits.WINDOWS_HZ": (10.0,)},
-            slow=True,
-            compares={"| tier | rate | windows": Cells(labels=2, of=20, without=("windows", "wrong"))},
-        ),
+        Small("flights --scale 0.016 --workers 1", slow=True),
+        Small("jams --scale 0.1 --workers 1", {"_against_limits.MODES": ("takeoff",)}, slow=True),
+        Small("windows --scale 0.05 --workers 1", {"_against_limits.WINDOWS_HZ": (10.0,)}, slow=True),
         Small(
             "early --scale 0.2 --workers 1",
             {
@@ -143,10 +129,7 @@ RUNS: dict[str, list[Small]] = {
         Small(
             "--flights 1 --part modes",
             slow=True,
-            compares={
-                "| network | preflight": Cells(of=8),
-                "| network | inputs": Cells(labels=2, factor=1.01),
-            },
+            compares={"| network | inputs": Cells(labels=2, factor=1.01)},
         ),
         Small(
             "--flights 1 --part windows",
@@ -155,7 +138,6 @@ RUNS: dict[str, list[Small]] = {
             compares={
                 "| network | right of the decided, card": Cells(of=12, factor=4.0),
                 "| flown": Cells(each=10),
-                "| mode or rate": Cells(of=2),
             },
         ),
         Small(
@@ -186,7 +168,6 @@ RUNS: dict[str, list[Small]] = {
         Small(
             constants={"LOST_V": (24.0,), "NAMES": ("position, 50 Hz",)},
             slow=True,
-            compares={"| position, 50 Hz; lost": Cells()},
         )
     ],
     "page": [Small(constants={"DROPS": 1, "TWENTY": 1}, slow=True, needs=BROWSER)],
@@ -243,26 +224,18 @@ NOT_COMPARED = {
     "the logs or recordings are not in the repository": (
         "| | outputs named |",
         "| | ArduPlane |",
-        "| | alone |",
         "| flights | named |",
-        "| cut by |",
-        "| current | friction with load",
         "| current | healthy",
         "| condition | friction both ways",
         "| split |",
     ),
     "the smallest run that says anything takes minutes of processor time": (
-        "| | seed 103",
         "| seeds | flights, h",
-        "| fault | flights | found alone",
         "| one surface frozen",
-        "| effectiveness left",
         "| the paper says",
-        "| decay |",
     ),
     "all its figures are times and memory of one machine": (
         "| what | measured | command",
-        "| figure | measured",
         "| quantity | measured",
         "| flight | write, s",
     ),
