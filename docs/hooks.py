@@ -113,9 +113,16 @@ def profile() -> str:
 
 
 def names(module: Any) -> str:
-    """Return a list of a module's public names, each with the first sentence of its docstring."""
-    summaries = {key: (inspect.getdoc(getattr(module, key)) or "").split("\n\n")[0] for key in module.__all__}
-    return "\n".join(f"- `{key}`: {_plain(text)}" for key, text in summaries.items())
+    """Return a list of a module's public names with their summaries; of `learn` of what a user calls."""
+    texts = {key: (inspect.getdoc(getattr(module, key)) or "").split("\n\n")[0] for key in module.__all__}
+    values = {key: getattr(module, key) for key in texts}
+    rest = [
+        f"`{key}`"
+        for key, one in values.items()
+        if module is learn and not (inspect.isfunction(one) or hasattr(one, "fit"))
+    ]
+    lines = [f"- `{key}`: {_plain(text)}" for key, text in texts.items() if f"`{key}`" not in rest]
+    return "\n".join([*lines, *([f"\nWhat they take and return: {', '.join(rest)}."] if rest else [])])
 
 
 def objects(schema: Schema) -> Iterator[tuple[str, Schema]]:
@@ -174,8 +181,9 @@ def _section(name: str, schema: Schema) -> str:
     required = schema.get("required", [])
     fields = []
     for key, one, text in _described_fields(name, schema):
-        kind, default = _type(one).removesuffix(" or null"), _default(one, required=key in required)
-        fields.append(f"- `{key}` ({kind}; {default}): {text}")
+        kind = _type(one).removesuffix(" or null").removeprefix("number ")
+        default = _default(one, required=key in required)
+        fields.append(f"- `{key}` ({'; '.join(filter(None, (kind, default)))}): {text}")
     return "\n".join([f"## {name}", "", _summary(schema), "", *fields])
 
 
@@ -187,7 +195,7 @@ def _default(value: Schema, *, required: bool) -> str:
     default = value.get("default")
     if required:
         return "required"
-    return f"`{default}`" if default not in (None, "", {}) and not isinstance(default, dict) else "optional"
+    return f"`{default}`" if default not in (None, "", {}) and not isinstance(default, dict) else ""
 
 
 def _type(value: Schema) -> str:
@@ -215,7 +223,7 @@ def _bounds(value: Schema) -> str:
     found = [
         "> 0" if value[key] == _LEAST else f"{sign} {value[key]:g}"
         for key, sign in signs.items()
-        if key in value and value[key] != _MOST
+        if key in value and abs(value[key]) != _MOST
     ]
     return f" {', '.join(found)}" if found else ""
 

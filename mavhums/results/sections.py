@@ -128,41 +128,38 @@ _Deviations = Annotated[float, Field(ge=3, le=1000, allow_inf_nan=False)]
 class AxisLimits(Contract):
     """Limits of the axes: control effectiveness, lag, trim and tracking."""
 
+    # One of two equal surfaces that keeps 60 % of its effect leaves the first share. Deviations are a quarter
+    # above the highest of healthy flights, whose trim scatters by 0.01 to 0.02 of the full demand.
     effectiveness_degraded: _Share = Field(
         default=0.8,
-        description="Share of the reference's control effectiveness below which a certain loss is degraded. "
-        "One of two equal surfaces that keeps 60 % of its effect leaves this share.",
+        description="Share of the reference's control effectiveness below which a certain loss is degraded.",
     )
     effectiveness_emergency: _Share = Field(
         default=0.65,
-        description="Share of the reference's control effectiveness up to which a certain loss is an "
-        "emergency. One of two equal surfaces that no longer moves leaves 45 to 65 %, and the next failure "
-        "may take the rest.",
+        description="The same, up to which it is an emergency. One of two equal surfaces that no longer "
+        "moves leaves 45 to 65 %.",
     )
     lag_s: Annotated[float, Field(ge=0.1, le=5, allow_inf_nan=False)] = Field(
         default=0.3,
-        description="Additional lag from which a servo is slow, s. It is the shortest that the test "
-        "tells from the scatter of healthy flights, 0.1 s.",
+        description="Additional lag from which a servo is slow, s.",
     )
     trim_deviations: _Deviations = Field(
         default=6.5,
         description="Roll rate that no demand explains over three seconds, in standard deviations of the "
-        "reference, from which a surface stands deflected. A quarter above the highest of healthy flights.",
+        "reference, from which a surface is deflected.",
     )
     trim_shift: _Share = Field(
         default=0.1,
-        description="Change of the roll trim from the earlier flights, as a share of the full demand. "
-        "Healthy flights of one aircraft scatter by 0.01 to 0.02.",
+        description="Change of the roll trim from the earlier flights, as a share of the full demand.",
     )
     roll_tracking_deviations: _Deviations = Field(
         default=8.0,
         description="Distance of the roll angle from its demand, in standard deviations of the flight's "
-        "beginning. A quarter above the highest value of healthy flights.",
+        "beginning.",
     )
     pitch_tracking_deviations: _Deviations = Field(
         default=7.5,
-        description="Distance of the pitch angle from its demand, in standard deviations of the flight's "
-        "beginning. A quarter above the highest value of healthy flights.",
+        description="The same of the pitch angle.",
     )
 
     @model_validator(mode="after")
