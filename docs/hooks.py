@@ -113,16 +113,17 @@ def profile() -> str:
 
 
 def names(module: Any) -> str:
-    """Return a list of a module's public names with their summaries; of `learn` of what a user calls."""
-    texts = {key: (inspect.getdoc(getattr(module, key)) or "").split("\n\n")[0] for key in module.__all__}
-    values = {key: getattr(module, key) for key in texts}
+    """Return a list of what a user calls or gets, with summaries, and of the errors or parts beside it."""
+    values = {key: getattr(module, key) for key in module.__all__}
+    errors = [one for one in values.values() if inspect.isclass(one) and issubclass(one, Exception)]
     rest = [
-        f"`{key}`"
+        key
         for key, one in values.items()
-        if module is learn and not (inspect.isfunction(one) or hasattr(one, "fit"))
+        if one in errors or (module is learn and not (inspect.isfunction(one) or hasattr(one, "fit")))
     ]
-    lines = [f"- `{key}`: {_plain(text)}" for key, text in texts.items() if f"`{key}`" not in rest]
-    return "\n".join([*lines, *([f"\nWhat they take and return: {', '.join(rest)}."] if rest else [])])
+    texts = {key: (inspect.getdoc(one) or "").split("\n\n")[0] for key, one in values.items()}
+    lines = [f"- `{key}`: {_plain(text)}" for key, text in texts.items() if key not in rest]
+    return "\n".join([*lines, "", f"Beside these: {', '.join(f'`{key}`' for key in rest)}."])
 
 
 def objects(schema: Schema) -> Iterator[tuple[str, Schema]]:

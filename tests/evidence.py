@@ -33,8 +33,6 @@ class Cells(NamedTuple):
         Cases in a count that are no independent trials, as the windows of a flight.
     factor
         By which figures that are neither counts nor shares may differ.
-    sizes
-        Columns whose percentages are sizes, not shares.
     without
         Columns of times and memory, which differ by machine, and of what a small run does not measure.
     """
@@ -43,7 +41,6 @@ class Cells(NamedTuple):
     of: int | str = 0
     each: int = 1
     factor: float = 2.0
-    sizes: tuple[str, ...] = ()
     without: tuple[str, ...] = ()
 
 
@@ -110,7 +107,7 @@ def compare(printed: str, head: str, cells: Cells) -> int:
             for column, cell in row.items():
                 if page and column not in (cells.of, *cells.without) and cell not in "–—":
                     where = f"{labels}, {column}: found {cell}, the page says {page[column]}"
-                    trials = (0, 0) if column in cells.sizes or not few else (int(few), int(many))
+                    trials = (int(few), int(many)) if few else (0, 0)
                     agree(plain(cell), plain(page[column]), trials, cells, where)
                     compared += 1
     return compared

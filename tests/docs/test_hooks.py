@@ -31,7 +31,7 @@ def test_profile_fields_and_public_names_are_read_in_the_repository_as_the_code_
     heads = [re.findall(r"^- `.*?: ", one, re.MULTILINE) for one in (hooks.renewed(text), text)]
     assert heads[0] == heads[1], "python docs/hooks.py renews it"
     keys = ["supply_voltage", "effectiveness_degraded"] if page == "profile-fields.md" else [*mavhums.__all__]
-    assert [key for key in keys if f"- `{key}`" not in text] == []
+    assert [key for key in keys if f"`{key}`" not in text] == []
 
 
 def test_a_field_without_a_description_and_a_description_without_a_field_are_warnings(

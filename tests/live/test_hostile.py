@@ -152,7 +152,7 @@ def test_an_attack_costs_little(
     for what in ("memory_mb", "cpu", "shutdown_s", "shutdown_cpu_s"):
         record_property(what, getattr(cost, what))
     print(f"{cost.memory_mb:.0f} MB, {cost.cpu:.1%} of a core after it, {cost.shutdown_s:.2f} s to end")
-    assert cost.memory_mb < 512, "MemoryMax of the unit in docs/guide/live.md"
+    assert cost.memory_mb < 512, "MemoryMax of examples/services/mavhums.service"
     assert cost.shutdown_s < 60.0, "it does not end"
     if not ATTACKS[name].lasts:
         assert cost.cpu < 0.5, "it does not come to rest"

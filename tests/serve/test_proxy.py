@@ -1,4 +1,4 @@
-"""The page behind a proxy with TLS, set up as docs/guide/page.md tells."""
+"""The page behind a proxy with TLS, set up as examples/services/nginx.conf is."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ pytest.importorskip("plotly", reason="the page needs the extra 'serve'")
 
 NGINX = shutil.which("nginx") or shutil.which("/usr/sbin/nginx")
 OPENSSL = shutil.which("openssl")
-DOCS = Path(__file__).parents[2] / "docs" / "guide" / "page.md"
+RECIPE = Path(__file__).parents[2] / "examples" / "services" / "nginx.conf"
 NAME = "hums.example.org"
 
 pytestmark = [
@@ -82,11 +82,9 @@ def proxy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
     made = (OPENSSL, "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", *subject)
     subprocess.run([*made, "-keyout", str(key), "-out", str(certificate)], check=True, capture_output=True)
     with served("--public-name", f"{NAME}:{port}") as page:
-        recipe = re.search(r"```nginx\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)
-        assert recipe
         behind = re.search(r"http://(127\.0\.0\.1:\d+)", page.told[1])
         assert behind
-        server = recipe[1].replace("listen 443 ssl", f"listen 127.0.0.1:{port} ssl")
+        server = RECIPE.read_text(encoding="utf-8").replace("listen 443 ssl", f"listen 127.0.0.1:{port} ssl")
         server = server.replace(f"/etc/ssl/{NAME}.pem", str(certificate))
         server = server.replace(f"/etc/ssl/{NAME}.key", str(key)).replace("127.0.0.1:8080", behind[1])
         places = ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")
