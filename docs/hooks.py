@@ -212,7 +212,7 @@ def _type(value: Schema) -> str:
     if "enum" in value:
         return ", ".join(f"`{one}`" for one in value["enum"])
     if value.get("type") == "array":
-        return f"list of {_type(value.get('items', {}))}" if "items" in value else "list of numbers"
+        return f"list of {_type(value.get('items', {}))}" if "items" in value else "numbers"
     if value.get("type") == "object":
         inner = value.get("additionalProperties")
         return f"object of {_type(inner)}" if isinstance(inner, dict) else "object"
