@@ -126,8 +126,7 @@ RUNS: dict[str, list[Small]] = {
     ],
     "networks": [
         Small(
-            "--flights 1 --part modes",
-            slow=True,
+            "--part cards",
             compares={"| network | inputs": Cells(labels=2, factor=1.01)},
         ),
         Small(
