@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 from mavhums.actuator.profile import Actuator, Airframe
+from mavhums.results.reasons import Reason
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.parameters import Output, Parameters, assigned_outputs
 from mavhums.vehicle.surfaces import AXES, KINDS, SurfaceOutput, Surfaces, of_parameters
@@ -112,19 +113,12 @@ def contradictions(airframe: Airframe, parameters: Parameters) -> tuple[Contradi
     return tuple(found)
 
 
-def against_log(found: Sequence[Contradiction]) -> str:
+def against_log(found: Sequence[Contradiction]) -> Reason:
     """Return contradictions as the reason of a verdict."""
-    return f"the profile contradicts the log: {'; '.join(one.text for one in found)}"
-
-
-def remedy(found: Sequence[Contradiction]) -> str:
-    """Return what to do about contradictions."""
     names = {"servo": "servo or surface"}
     lines = dict.fromkeys(f"{names.get(one.key, one.key)} of {one.actuator}" for one in found)
-    return (
-        f"correct {', '.join(lines)} in the profile, or draft one from the log's parameters: "
-        "`mavhums profile new LOG -o mine.toml`"
-    )
+    statements = "; ".join(one.text for one in found)
+    return Reason("contradicts", statements=statements, lines=", ".join(lines))
 
 
 def reconciled(airframe: Airframe, parameters: Parameters | None) -> Surfaces | None:
@@ -147,7 +141,7 @@ def reconciled(airframe: Airframe, parameters: Parameters | None) -> Surfaces | 
         servos = {one.servo for one in outputs}
         against = [one for one in found if one.servo in servos]
         if against:
-            contradicted[axis] = against_log(against)
+            contradicted[axis] = against_log(against).text
         if against or not outputs:
             outputs = by_parameters.of_axis(axis) if by_parameters else ()
             by_log |= {axis} if outputs else set()

@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 from mavhums.actuator.align import Aligned, Aligner
 from mavhums.actuator.derive import REPORTED, Deriver
 from mavhums.actuator.freshness import NOT_USED, Freshness
-from mavhums.actuator.one_servo import SHARED_ID, OneServo
+from mavhums.actuator.one_servo import OneServo
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.actuator.telemetry import TIERS, Reading, read
-from mavhums.actuator.travel import NEVER_FOLLOWS, Travel
+from mavhums.actuator.travel import Travel
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
+from mavhums.results.reasons import Reason
 from mavhums.vehicle.formats import SERVO_SOURCES
 
 MAGNITUDES = [column(key) for key in ("V4", "V5", "V7")]
@@ -270,11 +271,11 @@ class ActuatorMapper:
         return self.aligner.late
 
     @property
-    def obstacle(self) -> tuple[str, str] | None:
-        """Reason and remedy where the telemetry is not that of one servo which answers; else None."""
+    def obstacle(self) -> Reason | None:
+        """The reason where the telemetry is not that of one servo which answers; else None."""
         if self.one_servo.shared:
-            return SHARED_ID
-        return NEVER_FOLLOWS if self.travel and self.travel.never_follows else None
+            return Reason("shared_id")
+        return Reason("never_follows") if self.travel and self.travel.never_follows else None
 
     @property
     def implausible(self) -> dict[str, tuple[int, int]]:

@@ -15,12 +15,6 @@ from mavhums.actuator.telemetry import Reading
 from mavhums.core.arrays import Integers
 from mavhums.core.quantities import column
 
-SHARED_ID: Final = (
-    "several servos report under its id: the angle leaps faster than any servo turns",
-    "give each servo an id of its own",
-)
-"""Reason and remedy of an actuator whose telemetry is a mixture."""
-
 _V3: Final = column("V3")
 _FASTEST_DEG_S: Final = 2000.0  # the fastest servos of models take 0.03 s for 60°
 _LEAST, _SHARE = 20, 0.25

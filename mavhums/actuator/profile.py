@@ -15,6 +15,7 @@ from mavhums.actuator.profile_checks import Place, explain_syntax, explain_value
 from mavhums.core.errors import MavhumsError
 from mavhums.core.models import Contract, Frozen
 from mavhums.core.quantities import KEYS
+from mavhums.results.reasons import FILL_IN
 from mavhums.results.sections import AxisLimits
 
 _LARGEST = 1e9  # squares and products of such numbers stay finite
@@ -25,8 +26,6 @@ _Pulse = Annotated[int, Field(ge=0, le=65_535)]
 _NotNegative = Annotated[float, Field(ge=0, le=_LARGEST, allow_inf_nan=False)]
 
 _BEYOND = 0.05  # share of the range: an end that is trimmed is still the same calibration
-
-FILL_IN = "fill in the constants from the EMA's data sheet and the friction limits from its maker"
 
 
 class ProfileError(MavhumsError):

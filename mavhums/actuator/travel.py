@@ -21,12 +21,6 @@ _MOVES_DEG: Final = 1.0  # standard deviation of what moves: less is noise
 _TOGETHER: Final = 0.95  # correlation from which the shaft follows: its lag costs a few hundredths
 _APART: Final = 0.3  # correlation, of either sign, below which the angle has nothing of the pulse
 
-NEVER_FOLLOWS: Final = (
-    "its angle does not follow its pulse from the beginning: it does not move, or its id is another servo's",
-    "check on the ground that the surface moves with its output, and that the servo has the output's number",
-)
-"""Reason and remedy of an actuator that never answers."""
-
 
 class Travel:
     """Converts the pulses of one actuator to angles, block after block."""

@@ -10,9 +10,8 @@ from types import MappingProxyType
 from typing import Final
 
 from mavhums.actuator.contradictions import Contradiction, against_log
-from mavhums.actuator.contradictions import remedy as to_correct
 from mavhums.actuator.mapping import ActuatorMapper, Mapper, messages_for
-from mavhums.actuator.profile import FILL_IN, Airframe, load_airframe
+from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.actuator.telemetry import TIERS, TO_BE_JUDGED, Tier, tier_named
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.output import as_utf8
@@ -20,8 +19,8 @@ from mavhums.core.quantities import KEYS
 from mavhums.engine.axes import Axes, VehicleLimit, with_drops
 from mavhums.engine.usage import vehicle_usage
 from mavhums.engine.vehicle_axes import VehicleAxes
-from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle
-from mavhums.health.verdict.obstacles import PROPELLERS_ONLY, obstacle
+from mavhums.health.verdict.actuator import unjudged_actuator, unjudged_vehicle
+from mavhums.health.verdict.obstacles import obstacle, unjudged
 from mavhums.log import Decoder, decode_blocks
 from mavhums.results.assessment import (
     ActuatorTelemetry,
@@ -31,6 +30,7 @@ from mavhums.results.assessment import (
     NamedRate,
     VehicleTelemetry,
 )
+from mavhums.results.reasons import Reason, said
 from mavhums.results.verdict import ALL, MOTORS, Verdict
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
@@ -83,9 +83,9 @@ def inspect_log(
         vehicle_limit.observe(read)
         tables = clocks.feed(read, vehicle_limit.admits)
         start_us = decoder.first_time_us or 0
-        for said, named in fleet.listen(tables):
+        for text, named in fleet.listen(tables):
             if named is not None:
-                axes.announce(said.vehicle, said.frame, named)
+                axes.announce(text.vehicle, text.frame, named)
         for _ in (
             *fleet.draft(tables),
             *axes.feed(tables, start_us, admits=vehicle_limit.admits, final=final),
@@ -171,12 +171,13 @@ def _remedy(
 ) -> str | None:
     """Return the obstacle to a verdict and its remedy; None if there is no obstacle."""
     if airframe is None:
-        return "; ".join(obstacle(sent, identity))
+        return "{reason}; {remedy}".format(**said(*obstacle(sent, identity)))
     blanks = sorted({blank for actuator in airframe.actuators for blank in actuator.blanks})
     if any(actuator.travel_deg is None and "V1" not in actuator.fields for actuator in airframe.actuators):
         blanks.append("travel_deg, without which a pulse has no angle")
-    parts = [f"{against_log(found)}: {to_correct(found)}"] if found else []
-    parts += [f"the profile has no {', no '.join(blanks)}: {FILL_IN}"] if blanks else []
+    reasons = [against_log(found)] if found else []
+    reasons += [Reason("blanks", blanks=", no ".join(blanks))] if blanks else []
+    parts = [f"{one.text}: {one.remedy}" for one in reasons]
     if tier is None or not tier.judged:
         if sent is not None and sent.judged:
             parts.append(f"the log's {sent.name} telemetry is of none of the profile's actuators")
@@ -219,16 +220,15 @@ def _judgeable(
     if mapper is None:
         surfaces = axes.surfaces if axes else None
         for verdict in unjudged_vehicle(identity.vehicle, sent, identity, surfaces=surfaces, rotors=rotors):
-            if not motors or verdict.remedy != PROPELLERS_ONLY:
+            if not motors or "multirotor" not in verdict.reason_codes:
                 yield _said(verdict, judged=False)
         return
     for actuator in mapper.airframe.actuators:
         track = mapper.of(identity.vehicle, actuator)
         tier, provenance = tier_named(track.tier) if track.tier else None, track.provenance
-        against = axes.setups.last.against(actuator.name) if axes else ()
-        if against:
-            why = against_log(against), to_correct(against)
-            yield _said(unjudged(identity.vehicle, actuator.name, why, tier, provenance), judged=False)
+        if why := axes.setups.last.against(actuator.name) if axes else None:
+            verdict = unjudged(identity.vehicle, actuator.name, why, tier=tier, provenance=provenance)
+            yield _said(verdict, judged=False)
             continue
         verdict = unjudged_actuator(identity.vehicle, actuator, tier or sent, provenance)
         yield _said(verdict, judged=tier is not None and tier.judged and not actuator.blanks)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from mavhums.actuator.contradictions import against_log, remedy
 from mavhums.actuator.mapping import MappedSamples, Mapper, messages_for
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.actuator.telemetry import Tier, tier_named
@@ -31,13 +30,13 @@ from mavhums.health.decision.events import ActuatorRecord
 from mavhums.health.verdict import of_several_senders, with_advice, with_supply
 from mavhums.health.verdict.actuator import (
     crowded_out,
-    unjudged,
     unjudged_actuator,
     unjudged_vehicle,
     verdict_of_actuator,
     with_refused,
 )
 from mavhums.health.verdict.axis import named_by_telemetry
+from mavhums.health.verdict.obstacles import unjudged
 from mavhums.log import Decoder, Table
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.sections import FlightIdentity, VehicleUsage
@@ -356,7 +355,8 @@ class Engine:
         monitor = self._monitors.pop((vehicle, actuator), None)
         if monitor is None:
             return
-        why = f"undecided: {against_log(self._axes.setups(vehicle).last.against(actuator))}"
+        against = self._axes.setups(vehicle).last.against(actuator)
+        why = f"undecided: {against.text if against else ''}"
         if monitor.condition != "undecided":
             yield ConditionChanged(vehicle, actuator, time_s, time_s, monitor.condition, "undecided", why)
         yield Forgotten(vehicle, actuator, time_s, why)
@@ -410,10 +410,8 @@ class Engine:
             monitor = self._monitors.get((vehicle, actuator.name))
             track = mapper.of(vehicle, actuator)
             own, provenance = track.tier and tier_named(track.tier), track.provenance
-            against = setup.against(actuator.name)
-            contradicted = (against_log(against), remedy(against)) if against else None
-            if why := contradicted or track.obstacle:
-                yield unjudged(vehicle, actuator.name, why, own or tier, provenance)
+            if why := setup.against(actuator.name) or track.obstacle:
+                yield unjudged(vehicle, actuator.name, why, tier=own or tier, provenance=provenance)
                 continue
             if monitor is None or not own or not own.judged:
                 yield unjudged_actuator(vehicle, actuator, own or tier, provenance)
@@ -426,8 +424,7 @@ class Engine:
                 indicators=indicators, temperature_c=self._temperatures.median(vehicle, actuator.esc)
             )
             if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
-                gap = "; ".join(filter(None, [*track.refused.values(), findings.own_gap])) or None
-                yield unjudged_actuator(vehicle, actuator, own, provenance, gap)
+                yield unjudged_actuator(vehicle, actuator, own, provenance, findings.own_gap)
             else:
                 verdict = verdict_of_actuator(
                     vehicle,

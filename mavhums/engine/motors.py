@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor.speeds import EscSpeeds
-from mavhums.health.verdict.axis import unjudged_axes
-from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, Obstacle
+from mavhums.health.verdict.obstacles import unjudged
+from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import Received, Seconds
@@ -46,14 +46,14 @@ class VehicleMotors:
 
     def __init__(self, vehicle: int) -> None:
         self._vehicle = vehicle
-        self.by_parameters: Rotors | str | None = None
+        self.by_parameters: Rotors | Reason | None = None
         self.speeds = EscSpeeds()
         self._monitor: MotorMonitor | None = None
         self._early: list[Seconds] = []
         self._began_s: int | None = None
 
     @property
-    def rotors(self) -> Rotors | str | None:
+    def rotors(self) -> Rotors | Reason | None:
         """The motors that are judged; why they are not known; None if it is not known to be a multirotor."""
         # A motor that loses its output in flight, as an override has it, is still the aircraft's.
         return self._monitor.rotors if self._monitor else self.by_parameters
@@ -83,18 +83,20 @@ class VehicleMotors:
         self,
         identity: Identity,
         flight: Flight,
-        why: Obstacle | None,
+        why: Sequence[Reason],
         start_utc: datetime,
         received: Mapping[str, Received],
     ) -> Iterator[Verdict]:
         """Yield the verdicts on a multirotor's or a quadplane's motors, or why the axes are not judged.
 
-        ``why`` tells why its axes are not judged, None if they are.
+        ``why`` are the reasons why its axes are not judged; none if they are.
         """
         lift = isinstance(self.rotors, Rotors) and self.rotors.lift
-        if why is not None and (why.remedy != NO_WINGS or not identity.multirotor):
-            yield unjudged_axes(identity.vehicle, *why, STEERING if flight.on_ground else "axes")
-        if not lift and (why is None or why.remedy != NO_WINGS or not identity.multirotor):
+        only_rotors = identity.multirotor and any(one.code == "no_wings" for one in why)
+        if why and not only_rotors:
+            name = STEERING if flight.on_ground else "axes"
+            yield unjudged(identity.vehicle, name, *why, subject="axis")
+        if not lift and not only_rotors:
             return
         from mavhums.health.verdict.motor import verdicts_of_motors
 
@@ -105,5 +107,5 @@ class VehicleMotors:
 def beside_motors(actuators: Sequence[Verdict], others: Sequence[Verdict]) -> Sequence[Verdict]:
     """Return the verdicts on actuators without those that only tell a copter that it has no surfaces."""
     if any(verdict.subject == "motor" for verdict in others):
-        return [verdict for verdict in actuators if verdict.remedy != PROPELLERS_ONLY]
+        return [verdict for verdict in actuators if "multirotor" not in verdict.reason_codes]
     return actuators

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 from mavhums.actuator.contradictions import contradictions
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.vehicle_axes import VehicleAxes
+from mavhums.results.reasons import Reason
 from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.identity import Identity
@@ -88,7 +89,7 @@ def _facts_by_servo(
             yield actuator.servo, _OutputFacts(actuator.name, "profile", (low, zero, high))
 
 
-def _motors(rotors: Rotors | str | None) -> Iterator[tuple[int, _OutputFacts]]:
+def _motors(rotors: Rotors | Reason | None) -> Iterator[tuple[int, _OutputFacts]]:
     """Yield what is known of the outputs of a multirotor's motors."""
     if isinstance(rotors, Rotors) and not rotors.lift:
         idle, full = round(rotors.idle), round(rotors.full)

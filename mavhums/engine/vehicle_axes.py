@@ -128,7 +128,7 @@ class VehicleAxes:
         """Yield the verdicts on the axes and the motors, or why they are not judged."""
         received = self.grid.received()
         why = why_not_at_all(self.flight, identity.kind, received, self.parameters)
-        if why is None:
+        if not why:
             yield from verdicts_of_axes(
                 self._vehicle, self.monitor, self.surfaces, self.flight, start_utc, self.grid
             )

@@ -14,9 +14,9 @@ from mavhums.actuator.contradictions import (
     against_log,
     contradictions,
     reconciled,
-    remedy,
 )
 from mavhums.actuator.profile import Airframe
+from mavhums.results.reasons import Reason
 from mavhums.vehicle.parameters import Parameters, assigned_outputs
 from mavhums.vehicle.rotors import TURNED, Rotors, rotors_of
 from mavhums.vehicle.surfaces import Surfaces, of_parameters
@@ -45,13 +45,14 @@ class VehicleSetup(NamedTuple):
         return None if self.parameters is None else of_parameters(self.parameters)
 
     @property
-    def rotors(self) -> Rotors | str | None:
+    def rotors(self) -> Rotors | Reason | None:
         """The motors of a multirotor; why they are not known; None if it is not known to be one."""
         return None if self.parameters is None else rotors_of(self.parameters)
 
-    def against(self, actuator: str) -> tuple[Contradiction, ...]:
+    def against(self, actuator: str) -> Reason | None:
         """Return why an actuator cannot be judged by the profile: its output moves something else."""
-        return tuple(one for one in self.contradictions if one.actuator == actuator and one.key == "servo")
+        found = [one for one in self.contradictions if one.actuator == actuator and one.key == "servo"]
+        return against_log(found) if found else None
 
     def after(self, fact: Airframe | Parameters) -> VehicleSetup:
         """Return the setup with one more fact."""
@@ -68,9 +69,10 @@ def setup_notices(setup: VehicleSetup, surfaces: Surfaces | None) -> Iterator[st
     """Yield what contradicts the profile, and what is not judged, where no verdict says so."""
     others = [one for one in setup.contradictions if one.key != "servo"]
     if others:
-        yield f"{against_log(others)}; {remedy(others)}"
+        reason = against_log(others)
+        yield f"{reason.text}; {reason.remedy}"
     if setup.rotors == TURNED:
-        yield TURNED
+        yield TURNED.text
     contradicted = surfaces.contradicted if surfaces else {}
     by_log = [axis for axis in contradicted if surfaces and axis in surfaces.by_log]
     if by_log:

@@ -19,6 +19,7 @@ from mavhums.live.status import Reception, SessionStatus
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.results.assessment import Assessment
 from mavhums.results.live import AlertObject, StaleObject, StatusObject
+from mavhums.results.reasons import Reason, said
 
 T = TypeVar("T")
 _LOG = logging.getLogger(__name__)
@@ -225,15 +226,10 @@ class Session:
         if counts.frames:
             return assessment
         where = ", ".join(str(link.address) for link in self.links) or "any link"
-        reason, remedy = f"nothing was received on {where}", "send the vehicle's telemetry there"
-        if counts.bytes:
-            refused = counts.unsigned_frames + counts.bad_signatures + counts.replayed_frames
-            what = "no new frame signed with the key" if refused else "no MAVLink frame"
-            reason = f"{what} in the {counts.bytes:,} bytes that were received on {where}"
-            remedy = (
-                "sign with this key" if refused else "check what sends there, of a serial link its baud rate"
-            )
-        verdicts = [v.model_copy(update={"reason": reason, "remedy": remedy}) for v in assessment.verdicts]
+        refused = counts.unsigned_frames + counts.bad_signatures + counts.replayed_frames
+        code = "no_signed_frame" if refused else "no_frame"
+        why = Reason(code if counts.bytes else "nothing_received", where=where, bytes=counts.bytes)
+        verdicts = [v.model_copy(update=said(why)) for v in assessment.verdicts]
         return assessment.model_copy(update={"verdicts": tuple(verdicts)})
 
     def _record(self, records: bytes) -> None:

@@ -180,7 +180,8 @@ class Verdict(Contract):
     and ``limits`` are those by which it was judged.
     ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
     ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
-    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``;
+    actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``, and
+    ``reason_codes`` their rows of :data:`mavhums.results.reasons.MESSAGES`, the binding one first;
     ``advice`` is the recommended action, which files of earlier versions lack. ``network``
     is a network's answer on its friction; None if none covers the log.
 
@@ -215,6 +216,7 @@ class Verdict(Contract):
     own: tuple[OwnRecord, ...] = ()
     reason: str | None = None
     remedy: str | None = None
+    reason_codes: tuple[str, ...] = ()
     advice: str | None = None
 
     @model_validator(mode="before")

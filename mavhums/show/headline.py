@@ -7,8 +7,8 @@ from typing import Final
 
 from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.assessment import Assessment, Judgeable
+from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.show.standing import sentences, since_words, soonest_words
 from mavhums.show.verdict_words import course, culprits

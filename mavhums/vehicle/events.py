@@ -16,6 +16,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.results.events import EventKind, FlightEvent
+from mavhums.results.reasons import Reason
 from mavhums.vehicle.facts import ARDUPILOT, ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.phases import CONTACT, LANDING, TAKE_OFF, PhaseRows, Phases
@@ -93,7 +94,7 @@ class VehicleEvents:
             first, last, count = self._sources.get(subject, (float(time_s[0]), -np.inf, 0))
             self._sources[subject] = first, max(last, float(time_s.max())), count + time_s.size
 
-    def feed(self, seconds: Seconds, rotors: Rotors | str | None = None) -> PhaseRows:
+    def feed(self, seconds: Seconds, rotors: Rotors | Reason | None = None) -> PhaseRows:
         """Take settled seconds that follow each other; return the phases of the flight in them.
 
         Parameters

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.results.reasons import Reason
 from mavhums.vehicle.facts import IN_AIR, ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rotors import Rotors, mean_thrust
@@ -132,7 +133,7 @@ class Phases:
         """Whether the latest second speaks against the present state."""
         return self._since_s is not None
 
-    def feed(self, seconds: Seconds, rotors: Rotors | str | None = None) -> PhaseRows:
+    def feed(self, seconds: Seconds, rotors: Rotors | Reason | None = None) -> PhaseRows:
         """Take settled seconds that follow each other.
 
         Parameters

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from mavhums.core.arrays import Array
+from mavhums.results.reasons import Reason
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.formats.px4_buses import Bus, buses_of, uses_dshot
 from mavhums.vehicle.parameters import Parameters
@@ -58,14 +59,8 @@ _FRAMES: Final[Mapping[tuple[int, int], tuple[tuple[float, int], ...]]] = {
 """Place, degrees clockwise from the nose, and direction of each motor, by FRAME_CLASS and FRAME_TYPE."""
 
 
-class UnjudgedFrame(str):
-    """Why the motors of a frame are not judged, however it is set up."""
-
-    __slots__ = ()
-
-
-TURNED: Final = UnjudgedFrame(
-    "lift motors that also drive forward flight (tiltrotor, tailsitter) are not judged"
+TURNED: Final = Reason(
+    "unjudged_frame", frames="lift motors that also drive forward flight (tiltrotor, tailsitter)"
 )
 _PAIRED: Final = "motors in pairs, one above the other, so which of a pair failed is not certain: they"
 _UNJUDGED: Final = {
@@ -178,12 +173,12 @@ def mean_thrust(thrusts: Array, mixer: Array) -> Array:
     return np.where(asked < _WOUND_UP * sent, asked, sent)
 
 
-def rotors_of(parameters: Parameters) -> Rotors | str | None:
+def rotors_of(parameters: Parameters) -> Rotors | Reason | None:
     """Return the motors of a multirotor; why they are not known; or None if it is not known to be one.
 
     Examples
     --------
-    >>> rotors_of(Parameters(1, False, {"FRAME_CLASS": 1.0, "MOT_SPIN_MIN": 0.15}))
+    >>> rotors_of(Parameters(1, False, {"FRAME_CLASS": 1.0, "MOT_SPIN_MIN": 0.15})).text
     'the log lacks the parameter FRAME_TYPE, so what each motor does is not known'
     """
     values = parameters.values
@@ -191,10 +186,10 @@ def rotors_of(parameters: Parameters) -> Rotors | str | None:
         return _of_px4(values) if parameters.is_px4 else _of_ardupilot(values)
     except KeyError as missing:
         # No default takes its place: a log that lost a few records hides any value.
-        return f"the log lacks the parameter {missing.args[0]}, so what each motor does is not known"
+        return Reason("no_parameter", name=missing.args[0])
 
 
-def _of_ardupilot(values: Mapping[str, float]) -> Rotors | str | None:
+def _of_ardupilot(values: Mapping[str, float]) -> Rotors | Reason | None:
     lift = values.get("Q_ENABLE", 0.0) > 0.0
     if lift:
         # A quadplane has Q_TILT_MASK unless Q_TILT_ENABLE hides it; Q_TAILSIT_ENABLE is as old as this.
@@ -214,13 +209,13 @@ def _of_ardupilot(values: Mapping[str, float]) -> Rotors | str | None:
     places = _FRAMES.get((int(kind), int(type_)))
     if places is None:
         why = _UNJUDGED.get(int(kind), f"frames of FRAME_CLASS {kind:.0f} and FRAME_TYPE {type_:.0f}")
-        return UnjudgedFrame(f"{why} are not judged")
+        return Reason("unjudged_frame", frames=why)
     functions = {n: int(values.get(f"SERVO{n}_FUNCTION", 0.0)) for n in range(1, ALL_OUTPUTS + 1)}
     found = {_MOTORS[function]: n for n, function in functions.items() if function in _MOTORS}
     if fixed:
         found = {k: k + 1 for k in range(len(places))}
     if set(range(len(places))) - found.keys():
-        return "the parameters assign no output to some of its motors"
+        return Reason("motor_unassigned", names="SERVOn_FUNCTION")
     # Before 3.4 a curve is not always given, and the range by other parameters: it is the usual one.
     old = fixed and "MOT_SPIN_ARMED" in values
     least, most, curve = (
@@ -231,7 +226,7 @@ def _of_ardupilot(values: Mapping[str, float]) -> Rotors | str | None:
     low, high = (_end(values, motors, end, old=old) for end in ("MIN", "MAX"))
     idle, full = low + least * (high - low), low + most * (high - low)
     if not full > idle + _LEAST_RANGE_US:
-        return f"the range of its motors' outputs ({motors}PWM_MIN, {motors}PWM_MAX) is not plausible"
+        return Reason("pulses_implausible", motors=motors)
     name = f"{'lift ' * lift}{_SIZES[int(kind)]} {_TYPES[int(type_)]}"
     servos, bearings = tuple(found[k] for k in range(len(places))), tuple(float(angle) for angle, _ in places)
     assumed = "the number of motors" * fixed + " and their idle and full output" * old
@@ -248,7 +243,7 @@ def _end(values: Mapping[str, float], motors: str, end: str, *, old: bool) -> fl
     return values[f"Q_THR_{end}_PWM"]
 
 
-def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
+def _of_px4(values: Mapping[str, float]) -> Rotors | Reason | None:
     # The old mixers are in use where SYS_CTRL_ALLOC is 0, and before there were functions of outputs.
     allocates = any(name.startswith("CA_") or "_FUNC" in name for name in values)
     airframe = values["CA_AIRFRAME"] if allocates and values.get("SYS_CTRL_ALLOC") != 0.0 else None
@@ -274,9 +269,9 @@ def _of_px4(values: Mapping[str, float]) -> Rotors | str | None:
         ends = (1000.0 + 1000.0 * dshot, 2000.0)
         servos, size = tuple(range(1, len(factors) + 1)), f"{_SIZES[kind]} {_TYPES[type_]}"
     if size is None or np.linalg.matrix_rank(factors) < 3 or (np.abs(factors).max(axis=0) <= 0).any():
-        return UnjudgedFrame("frames with such an arrangement of rotors are not judged")
+        return Reason("unjudged_frame", frames="frames with such an arrangement of rotors")
     if len(servos) < len(factors):
-        return "the parameters assign no output to some of its motors (PWM_MAIN_FUNCn)"
+        return Reason("motor_unassigned", names="PWM_MAIN_FUNCn")
     bearings = tuple(np.degrees(np.arctan2(-factors[:, 0], factors[:, 1])).round(1).tolist())
     assumed = "" if airframe is not None else "the order of the motors on the outputs"
     curve = (values["THR_MDL_FAC"] if airframe is not None else values.get("THR_MDL_FAC", 0.0)) or None

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.actuator.contradictions import Contradiction, contradictions, reconciled, remedy
+from mavhums.actuator.contradictions import Contradiction, against_log, contradictions, reconciled
 from mavhums.actuator.draft import _names, _section
 from mavhums.actuator.profile import Actuator, Airframe, load_airframe
 from mavhums.vehicle.parameters import Parameters, control_surfaces
@@ -188,7 +188,7 @@ def test_an_axis_that_the_profile_leaves_out_takes_the_logs_outputs() -> None:
 
 def test_the_remedy_names_the_lines() -> None:
     found = [Contradiction(2, "left", "servo", ""), Contradiction(3, "flap", "pwm_us", "")]
-    assert remedy(found).startswith(
+    assert against_log(found).remedy.startswith(
         "correct servo or surface of left, pwm_us of flap in the profile, or draft"
     )
 

@@ -10,12 +10,12 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.actuator import Mapper, actuators, load_airframe
-from mavhums.actuator.one_servo import SHARED_ID
 from mavhums.actuator.profile import ProfileError
 from mavhums.actuator.telemetry import best_tier, tiers_by_content
 from mavhums.actuator.vehicle_mappers import announcements
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Decoder, Log, Table
+from mavhums.results.reasons import Reason
 from mavhums.vehicle.clocks import Clocks
 from tests.strategies import START_US
 
@@ -168,4 +168,4 @@ def test_two_servos_under_one_id_are_seen_whatever_the_cut(servos: int, apart_ms
                 {name: table.select(np.arange(at, min(at + cut, 200))) for name, table in tables.items()}
             )
         (elevator,) = [one for one in mapper.airframe.actuators if one.servo == 3]
-        assert mapper.of(1, elevator).obstacle == (SHARED_ID if servos == 2 else None)
+        assert mapper.of(1, elevator).obstacle == (Reason("shared_id") if servos == 2 else None)

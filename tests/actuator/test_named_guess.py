@@ -50,4 +50,4 @@ def test_a_drafted_profile_finds_the_jam_unedited(tmp_path: Path) -> None:
     assert len(verdicts) == 5
     for verdict in verdicts.values():
         assert verdict.worst in ("undecided", "learning")
-        assert "20 Hz" in (verdict.reason or "")
+        assert "own_too_slow" in verdict.reason_codes

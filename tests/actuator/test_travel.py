@@ -10,9 +10,9 @@ import pytest
 from mavhums.actuator import Airframe
 from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.profile import Actuator
-from mavhums.actuator.travel import NEVER_FOLLOWS
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.log import Table
+from mavhums.results.reasons import Reason
 
 TIME_S = np.arange(0.0, 60.0, 0.02)
 ELEVATOR = Actuator(name="elevator", servo=3, pwm_us=(1000, 1500, 2000))
@@ -52,4 +52,4 @@ def test_a_position_that_stands_while_the_pulse_moves_is_a_jam(
             np.testing.assert_allclose(new.values[follows, 0], new.values[follows, 2], atol=0.05)
     list(monitor.finish())
     assert monitor.worst == worst
-    assert mapper.of(1, ELEVATOR).obstacle == (NEVER_FOLLOWS if jam_s == 0.0 else None)
+    assert mapper.of(1, ELEVATOR).obstacle == (Reason("never_follows") if jam_s == 0.0 else None)

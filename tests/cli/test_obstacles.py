@@ -50,8 +50,8 @@ def test_one_heartbeat_names_the_vehicle(run: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path / "x.tlog", [v2.MAVLink_heartbeat_message(FIXED_WING, 12, 0, 0, 4, 3)], system=9)
     vehicle, verdict = both(run, log)
     assert (vehicle["vehicle"], vehicle["kind"], vehicle["autopilot"]) == (9, "fixed wing", "PX4")
-    assert verdict["vehicle"] == 9
-    assert verdict["reason"] == "fixed wing, PX4: the log carries nothing of the actuators"
+    assert (verdict["vehicle"], verdict["reason_codes"]) == (9, ["nothing_of_actuators"])
+    assert verdict["reason"].startswith("fixed wing, PX4: ")
     assert "no vehicle speaks" not in run("analyse", log).out
 
 
@@ -59,17 +59,14 @@ def test_commands_alone_are_no_case_for_a_profile(run: Run, tmp_path: Path) -> N
     vehicle, verdict = both(run, write_log(tmp_path / "x.tlog", sent(FIXED_WING, esc=False)))
     assert vehicle["tier"] == verdict["tier"] == "pwm"
     assert not vehicle["judged"]
-    assert "ArduPlane V4.5.7" in verdict["reason"]
-    assert "no servo current or speed in the log, so wear cannot be seen" in verdict["reason"]
-    assert "profile" not in verdict["reason"] + verdict["remedy"]
+    assert verdict["reason_codes"] == ["wear_unseen"]
 
 
 def test_a_propellers_esc_is_named_as_such(run: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path / "x.tlog", sent(FIXED_WING, esc=True, parameters=True))
     vehicle, verdict = both(run, log)
     assert vehicle["tier"] == verdict["tier"] == "esc-unsigned"
-    assert "an ESC may drive a propeller" in verdict["reason"]
-    assert "profile new" in verdict["remedy"]
+    assert verdict["reason_codes"] == ["no_profile_of_esc"]
     profile = tmp_path / "mine.toml"
     profile.write_text(draft_profile(log).replace("# travel_deg = ", "travel_deg = [-20, 20]  #"))
     vehicle, verdict = both(run, log, "--airframe", profile)
@@ -85,7 +82,7 @@ def test_a_multirotor_is_told_that_it_has_no_surfaces(run: Run, tmp_path: Path) 
     assert not vehicle["judged"]
     # Its motors are what it is judged by, and this log has no parameters.
     assert (verdict["subject"], verdict["condition"]) == ("motor", "undecided")
-    assert "where each motor is" in verdict["reason"]
+    assert verdict["reason_codes"] == ["motors_unknown"]
 
 
 def test_a_fresh_draft_says_what_it_lacks(run: Run, tmp_path: Path) -> None:

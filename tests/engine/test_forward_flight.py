@@ -13,7 +13,7 @@ from mavhums.show.headline import NOT_JUDGED, headline
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.vtol import lift_of, refined_identity, rotor_servos
-from tests.engine.test_axes import flown, judged, of
+from tests.engine.test_axes import judged, of
 from tests.engine.wired import PLANE, Wired
 
 TILTROTOR = {
@@ -97,23 +97,6 @@ def test_a_tilt_that_the_log_does_not_carry_is_told_by_the_motors_that_do_not_ti
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("options", "why"),
-    [
-        ({"speed": 6.0}, "its highest speed while armed was 6 m/s, more than 8 are needed"),
-        ({"armed": False}, "it was never armed"),
-        (
-            {"kind": 20},
-            "of 148 s above 8 m/s (fastest 18 m/s), in 148 s its VTOL state was not forward flight",
-        ),
-    ],
-)
-def test_the_condition_that_failed_is_named(options: dict[str, float], why: str) -> None:
-    reason = str(of(judged(flown(**options))[0], "axes").reason)  # type: ignore[arg-type]
-    figures = reason.replace("149", "148").replace("150", "148")
-    assert figures == f"it never flew forward: {why}"
-
-
 def test_which_modes_and_transitions_are_forward_flight() -> None:
     """ArduPlane hovers in its Q modes, 17 to 25 without 24 (thermal); MAV_VTOL_STATE 4 is forward flight."""
 
@@ -136,11 +119,9 @@ def test_which_modes_and_transitions_are_forward_flight() -> None:
 
 def test_outputs_without_pulses_are_recorded_all_the_same() -> None:
     """A log from the bench with the safety switch on."""
-    log = replace(Wired(), seconds=60).dataflash()
-    silent = Silent(seconds=60).dataflash()
-    assert "the log lacks" not in str(of(judged(silent)[0], "axes").reason)
-    assert "are recorded (600 RCOU) and carry no pulses" in str(of(judged(silent)[0], "axes").reason)
-    assert "no pulses" not in str(judged(log)[0].verdicts)
+    silent = of(judged(Silent(seconds=60).dataflash())[0], "axes")
+    assert silent.reason_codes == ("no_pulses",)
+    assert "(600 RCOU)" in str(silent.reason)
 
 
 class Silent(Wired):
@@ -155,8 +136,7 @@ def test_a_program_on_board_is_named() -> None:
     flight = Flight(None)
     flight.kinds = {18}
     why = why_not_at_all(flight)
-    assert why is not None
-    assert why.reason.startswith("a companion computer: ")
+    assert why[0].text.startswith("a companion computer: ")
 
 
 def test_the_servos_of_a_helicopters_rotors_are_unmonitored() -> None:

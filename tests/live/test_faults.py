@@ -225,18 +225,14 @@ def test_a_session_of_yesterday_is_not_accepted(make_rig: MakeRig, worn: FlightR
     newest = int.from_bytes(true[-1].data[-12:-6], "little") + 2 * 60 * 100_000
     rig = make_rig(key=KEY, latest={(0, 1, 2): newest})
     rig.hear(true)
-    reason = rig.session.close().verdicts[0].reason
-    assert reason
-    assert reason.startswith("no new frame signed with the key in the ")
+    assert rig.session.close().verdicts[0].reason_codes == ("no_signed_frame",)
     assert rig.stamper.counts.replayed_frames == len(true)
 
 
 def test_unsigned_frames_do_not_count(make_rig: MakeRig, worn_pieces: list[Piece]) -> None:
     rig = make_rig(key=KEY)
     rig.hear(worn_pieces)
-    reason = rig.session.close().verdicts[0].reason
-    assert reason
-    assert reason.startswith("no new frame signed with the key in the ")
+    assert rig.session.close().verdicts[0].reason_codes == ("no_signed_frame",)
     assert rig.stamper.counts.unsigned_frames == len(worn_pieces)
     assert rig.recorder.bytes == 0
 

@@ -183,33 +183,26 @@ def test_an_error_ends_a_session_with_its_verdicts() -> None:
 
 
 @pytest.mark.parametrize(
-    ("counts", "reason", "remedy"),
+    ("counts", "code"),
     [
-        ({}, "nothing was received on udpin:127.0.0.1:14550", "send the vehicle's telemetry there"),
-        (
-            {"bytes": 1234},
-            "no MAVLink frame in the 1,234 bytes that were received on udpin",
-            "check what sends",
-        ),
-        *(
-            ({"bytes": 9, name: 1}, "no new frame signed with the key in the 9 bytes", "sign with this key")
-            for name in ("unsigned_frames", "bad_signatures", "replayed_frames")
-        ),
-        ({"frames": 1, "bytes": 9}, None, None),
+        ({}, "nothing_received"),
+        ({"bytes": 1234}, "no_frame"),
+        ({"bytes": 9, "unsigned_frames": 1}, "no_signed_frame"),
+        ({"bytes": 9, "bad_signatures": 1}, "no_signed_frame"),
+        ({"bytes": 9, "replayed_frames": 1}, "no_signed_frame"),
+        ({"frames": 1, "bytes": 9}, ""),
     ],
 )
-def test_why_nothing_is_judged_is_said(
-    counts: dict[str, int], reason: str | None, remedy: str | None
-) -> None:
+def test_why_nothing_is_judged_is_said(counts: dict[str, int], code: str) -> None:
     parts = Parts()
     before = parts.assessed.verdicts[0]
     parts.stamper.counts = Counts(**counts)
     (found,) = parts.session.close().verdicts
-    if reason is None or remedy is None:
+    if not code:
         assert found == before
     else:
-        assert str(found.reason).startswith(reason)
-        assert str(found.remedy).startswith(remedy)
+        assert found.reason_codes == (code,)
+        assert "on udpin:127" in (found.reason or "")
 
 
 @pytest.mark.parametrize(

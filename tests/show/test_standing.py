@@ -8,8 +8,8 @@ from collections.abc import Callable
 import pytest
 from rich.console import Console
 
-from mavhums.health.verdict.obstacles import NO_WINGS, PROPELLERS_ONLY, WEAR_UNSEEN
 from mavhums.results.assessment import Assessment
+from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Verdict
 from mavhums.show import markdown, render
@@ -21,6 +21,7 @@ from mavhums.show.verdict_words import certainty, control_left
 
 New = Callable[..., Verdict]
 Assess = Callable[..., Assessment]
+UNSEEN = "nothing reports on it"
 
 LATE = Evidence(
     kind="slow",
@@ -47,7 +48,7 @@ def servo(number: int) -> Verdict:
         actuator=f"aileron (servo {number})",
         condition="unmonitored",
         worst="unmonitored",
-        reason=WEAR_UNSEEN,
+        reason=UNSEEN,
         remedy="record its current",
     )
 
@@ -132,9 +133,9 @@ def test_six_servos_without_telemetry_are_one_line(new_assessment: Assess) -> No
     assessment = new_assessment(axis(), *(servo(k) for k in range(1, 7)))
     assert "6 servos" not in shown(assessment)
     text = " ".join(shown(assessment, verbose=True).split())
-    assert f"and aileron (servo 6): unmonitored: {WEAR_UNSEEN} what to do: record its current" in text
+    assert f"and aileron (servo 6): unmonitored: {UNSEEN} what to do: record its current" in text
     html = page(assessment, EvidenceCollector())
-    assert html.count(WEAR_UNSEEN) == text.count(WEAR_UNSEEN) == 1
+    assert html.count(UNSEEN) == text.count(UNSEEN) == 1
     assert markdown(assessment).count("wear of 6 servos") == 1
     assert markdown(assessment).count("## aileron (servo 1), aileron (servo 2)") == 1
 

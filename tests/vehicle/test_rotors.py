@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from mavhums.results.reasons import Reason
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import _FRAMES, Rotors, rotors_of
 from mavhums_sim.multirotor.craft import FRAMES
 from mavhums_sim.multirotor.log import FUNCTIONS, PARAMETERS, pulses
 
 
-def of(values: dict[str, float], *, px4: bool = False) -> Rotors | str | None:
+def of(values: dict[str, float], *, px4: bool = False) -> Rotors | Reason | None:
     return rotors_of(Parameters(1, px4, values))
 
 
@@ -161,14 +162,17 @@ def test_ardupilots_parameters_give_the_range_of_the_motors(
 
 
 @pytest.mark.parametrize(
-    ("values", "why"),
+    ("values", "code"),
     [
-        (QUAD | {"MOT_PWM_MIN": 1800.0, "MOT_PWM_MAX": 1940.0}, "not plausible"),  # 98 µs
-        (COPTER | functions(1, 2, 3), "assign no output"),
+        (QUAD | {"MOT_PWM_MIN": 1800.0, "MOT_PWM_MAX": 1940.0}, "pulses_implausible"),  # 98 µs
+        (COPTER | functions(1, 2, 3), "motor_unassigned"),
+        (QUAD | {"FRAME_CLASS": 7.0}, "unjudged_frame"),
     ],
 )
-def test_ardupilots_parameters_that_leave_the_motors_unknown(values: dict[str, float], why: str) -> None:
-    assert why in str(of(values))
+def test_ardupilots_parameters_that_leave_the_motors_unknown(values: dict[str, float], code: str) -> None:
+    found = of(values)
+    assert isinstance(found, Reason)
+    assert found.code == code
     assert isinstance(of(QUAD | {"MOT_PWM_MIN": 1800.0, "MOT_PWM_MAX": 1945.0}), Rotors)  # 101.5 µs
 
 
@@ -242,7 +246,7 @@ def test_px4s_parameters_that_leave_the_motors_unknown() -> None:
         (placed(4) | {"CA_ROTOR_COUNT": 5.0}, "lacks the parameter CA_ROTOR4_PX"),
         (placed(5), "arrangement"),
         (nowhere, "arrangement"),
-        (shifted, "assign no output"),
+        (shifted, "motor_unassigned"),
     ):
         assert why in str(of(values, px4=True))
     in_line = placed(4) | {f"CA_ROTOR{k}_PY": float(k - 1.5) for k in range(4)}

@@ -48,6 +48,7 @@ from mavhums.health.estimation.motion import Motion, motion, window_sums
 from mavhums.health.estimation.slots import SlotCutter, Slots, Windows, with_extra_columns
 from mavhums.health.estimation.strokes import collectors
 from mavhums.health.estimation.thresholds import WINDOW_S, WINDOW_SLOTS
+from mavhums.results.reasons import Reason
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Indicator, OwnRecord, Suspect
 
@@ -61,8 +62,7 @@ class ActuatorFindings:
     """Results of a flight for one actuator.
 
     ``network`` is what the networks say, and ``by_network`` whether that decides; ``last_s`` is the flight
-    time of the last sample; ``no_friction`` is the reason and the remedy if an undecided flight shows no
-    friction.
+    time of the last sample; ``no_friction`` is the reason if an undecided flight shows no friction.
     """
 
     condition: Condition
@@ -77,8 +77,8 @@ class ActuatorFindings:
     indicators: tuple[Indicator, ...]
     last_s: float
     own: tuple[OwnRecord, ...] = ()
-    own_gap: str | None = None
-    no_friction: tuple[str, str] | None = None
+    own_gap: Reason | None = None
+    no_friction: Reason | None = None
 
 
 class Monitor:
@@ -254,7 +254,7 @@ class Monitor:
             return self._trackers
         return {fault: tracker for fault, tracker in self._trackers.items() if fault != "friction"}
 
-    def _why_no_friction(self) -> tuple[str, str] | None:
+    def _why_no_friction(self) -> Reason | None:
         if self._by_network:
             return self._tally.why_undecided(physics="friction" in self._trackers)
         tracker, lasted_s = self._trackers.get("friction"), float(self._slots)

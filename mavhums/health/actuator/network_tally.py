@@ -19,6 +19,7 @@ from mavhums.health.decision.conditions import Episodes, IndicatorChange
 from mavhums.health.decision.events import DecisionChange, Estimate, FaultRecord
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.thresholds import WINDOW_S
+from mavhums.results.reasons import Reason
 from mavhums.results.sections import ABSTAINED, OUTSIDE, fault_of
 from mavhums.results.verdict import Evidence, Suspect
 
@@ -150,8 +151,8 @@ class NetworkTally:
         latest = None if self._sure is None else Estimate(self._sure.probability, 0.0, 1.0)
         return self.described._replace(decided=tuple(self._decided), latest=latest, evidence=self.evidence())
 
-    def why_undecided(self, *, physics: bool) -> tuple[str, str]:
-        """Return reason and remedy if the network decides and held no condition.
+    def why_undecided(self, *, physics: bool) -> Reason:
+        """Return the reason if the network decides and held no condition.
 
         ``physics`` says whether the profile has the constants and limits by which it could decide.
         """
@@ -161,21 +162,11 @@ class NetworkTally:
             else "fill in the profile's constants and limits"
         )
         if self._latest is None:
-            return (
-                "the network decides, and no window has enough samples in motion that carry its inputs",
-                f"analyse a flight in which the surface moves, or {by_physics}",
-            )
+            return Reason("network_unfed", physics=by_physics)
         total, outside = self._windows.total(), self._windows[OUTSIDE]
         if outside > total / 2:
-            return (
-                f"the network decides, and {outside} of {total} windows are outside its training range",
-                f"train a network on flights of such aircraft (mavhums train), or {by_physics}",
-            )
-        return (
-            f"the network decides: it is sure of {self._decided_windows} of {total} windows, and of no "
-            "condition in two separate ones",
-            f"analyse a longer flight, or {by_physics}",
-        )
+            return Reason("network_outside", outside=outside, windows=total, physics=by_physics)
+        return Reason("network_unsure", sure=self._decided_windows, windows=total, physics=by_physics)
 
     @property
     def _decided_windows(self) -> int:

@@ -27,6 +27,7 @@ from mavhums.health.decision.baseline import Baseline, ComparedIndicator, with_b
 from mavhums.health.decision.conditions import since
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
+from mavhums.results.reasons import Reason, said
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, OwnRecord, Suspect, Verdict
@@ -90,7 +91,7 @@ def compare_with_earlier_flights(
         return verdict
     # Earlier flights show what the log of a flight that begins in the air does not.
     worst = "normal" if verdict.worst == "unchanged" else verdict.worst
-    return verdict.model_copy(update={"condition": "normal", "worst": worst, "reason": None, "remedy": None})
+    return verdict.model_copy(update={"condition": "normal", "worst": worst, **said()})
 
 
 def _departures(compared: list[ComparedIndicator], limits: AxisLimits, tail: float) -> Iterator[Departure]:
@@ -145,7 +146,7 @@ def _with_departures(verdict: Verdict, found: list[Departure], start_utc: dateti
     effectiveness = next((one.effectiveness for one in found if one.effectiveness), verdict.effectiveness)
     changes: dict[str, object] = {"effectiveness": effectiveness}
     if SEVERITY[worst] >= SEVERITY[verdict.condition]:
-        changes |= {"condition": worst, "since": since(start_s, start_utc), "reason": None, "remedy": None}
+        changes |= {"condition": worst, "since": since(start_s, start_utc), **said()}
     return _with_evidence(verdict, found, (start_s, end_s), when, changes)
 
 
@@ -245,8 +246,7 @@ def compare_response(
             "worst": "normal",
             "effectiveness": judged[-1].share,
             "coverage": _coverage(verdict, judged),
-            "reason": f"judged by {flights} earlier flights: this one gives no reference of its own",
-            "remedy": None,
+            **said(Reason("by_earlier_flights", flights=flights)),
         }
     )
 
@@ -264,8 +264,7 @@ def _with_loss(verdict: Verdict, judged: list[_JudgedStretch], start_utc: dateti
         "since": since(last.stretch.start_s if is_over else start_s, start_utc),
         "effectiveness": last.share if is_over else latest.share,
         "coverage": _coverage(verdict, judged),
-        "reason": None,
-        "remedy": None,
+        **said(),
     }
     when = f"from {start_s:.0f} s to {end_s:.0f} s"
     return _with_evidence(verdict, [gravest], (start_s, end_s), when, changes)

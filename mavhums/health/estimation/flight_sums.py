@@ -29,6 +29,7 @@ from mavhums.health.estimation.thresholds import (
     LONGEST_INTEGRATED_STEP_S,
     OWN_RATE_HZ,
 )
+from mavhums.results.reasons import Reason
 from mavhums.results.verdict import OwnRecord
 
 KEPT = ("sign", "speed", "acceleration", "load", "angle", "loaded", "left")
@@ -106,13 +107,13 @@ class OwnSums:
         )
 
     @property
-    def gap(self) -> str | None:
+    def gap(self) -> Reason | None:
         """The reason for missing evidence; None if there is evidence, or if nothing is measured."""
         if not self._samples or self.record() is not None:
             return None
         if self.rate_hz < OWN_RATE_HZ:
-            return f"the {self._equation.quantity} needs {OWN_RATE_HZ:g} Hz, and the log has less"
-        return f"the servo moved too little to show its {self._equation.quantity}"
+            return Reason("own_too_slow", quantity=self._equation.quantity, needed_hz=OWN_RATE_HZ)
+        return Reason("own_still", quantity=self._equation.quantity)
 
     @property
     def rate_hz(self) -> float:
@@ -278,12 +279,12 @@ class PowerSums(OwnSums):
         return found
 
     @property
-    def gap(self) -> str | None:
+    def gap(self) -> Reason | None:
         """The reason for missing evidence; None if there is evidence, or if nothing is measured."""
         gap = super().gap
         if gap is None or self._pressure or self.rate_hz < OWN_RATE_HZ:
             return gap
-        return f"the {self._equation.quantity} needs the airspeed, and the log has none"
+        return Reason("own_no_airspeed", quantity=self._equation.quantity)
 
     def expanded(self, found: Terms) -> Terms:
         """Return the products of the torque's terms at the samples with a known airspeed."""

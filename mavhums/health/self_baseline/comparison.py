@@ -70,7 +70,7 @@ class Comparison:
     since
         First flight with the change; None if it is this flight, or if there is no change.
     why
-        Reason of ``undecided``, and of a second baseline.
+        Reason of a second baseline.
     load
         Load at which the quantity is told, in its unit; None where it does not grow with the load.
     useful_at
@@ -282,8 +282,7 @@ def _row(known: Sequence[Difference], record: OwnRecord) -> Array:
 
 
 def _still(equation: OwnEquation, flights: int) -> Comparison:
-    why = f"the servo moved too little both ways to show its {equation.quantity}"
-    return Comparison("undecided", None, flights, equation.min_flights, why=why)
+    return Comparison("undecided", None, flights, equation.min_flights)
 
 
 def _interval(of: Wear) -> Interval:

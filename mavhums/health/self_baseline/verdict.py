@@ -23,15 +23,13 @@ from mavhums.health.self_baseline.motor import (
 )
 from mavhums.health.self_baseline.past import record_of
 from mavhums.health.self_baseline.thresholds import CHANGED_CONFIDENCE, USEFUL_RISE
+from mavhums.results.reasons import Reason, said
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import STALL_SHARES, Evidence, Indicator, OwnRecord, Suspect, Verdict
 
 _OPEN: tuple[Condition, ...] = ("undecided", "learning", "unchanged", "changed")
 _CONSTANT = "torque_constant"
 _OF_THE_MOTOR = (*MOTOR_FAULTS, *STALL_SHARES)
-_MAGNETS = "inspect the motor's magnets, which age and suffer from heat"
-_KEEP = "keep its flights: mavhums analyse LOG --keep"
-_NO_LIMIT = "no absolute limit known"
 
 
 def compare_with_own_flights(
@@ -73,17 +71,18 @@ def _beside(
     }
     if found.value is None:
         return verdict.model_copy(update=kept)
-    text = comparison_text(equation, found)
+    reason = comparison_reason(equation, found)
     kept["indicators"] += (_indicator(equation, record, found, found.value),)
-    kept["evidence"] += (_evidence(equation, record, found, found.value, text),)
+    kept["evidence"] += (_evidence(equation, record, found, found.value, reason.text),)
     if found.condition != "changed":
         return verdict.model_copy(update=kept)
     kept["suspects"] += (Suspect(fault=equation.fault, confidence=CHANGED_CONFIDENCE),)
-    reason, remedy = text, remedy_of(equation, found)
+    why = said(reason)
     if verdict.condition == "changed":
-        reason, remedy = f"{verdict.reason}; {text}", f"{verdict.remedy}; {remedy}"
-    changed = {"condition": "changed", "worst": "changed", "reason": reason, "remedy": remedy}
-    return verdict.model_copy(update={**kept, **changed})
+        before = f"{verdict.reason}; {reason.text}", f"{verdict.remedy}; {reason.remedy}"
+        codes = dict.fromkeys((*verdict.reason_codes, reason.code))
+        why = {"reason": before[0], "remedy": before[1], "reason_codes": tuple(codes)}
+    return verdict.model_copy(update={**kept, "condition": "changed", "worst": "changed", **why})
 
 
 def _by_equation(verdict: Verdict, past: Sequence[PastRecord], false_alarms: float) -> Verdict:
@@ -96,14 +95,14 @@ def _by_equation(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
     found = compare(equation, record, past, false_alarms)
     lost = constant_lost(found, verdict.own, past) if found.condition == "changed" else None
     fault = equation.fault if lost is None else _CONSTANT
-    text = comparison_text(equation, found) if lost is None else constant_text(equation, found, lost)
+    reason = comparison_reason(equation, found, lost)
     replaced = (equation.fault, *_OF_THE_MOTOR)
     indicators = [shown for shown in verdict.indicators if shown.fault not in replaced]
     evidence = [known for known in verdict.evidence if known.kind != _kind(equation)]
     suspects = [suspect for suspect in verdict.suspects if suspect.fault not in (equation.fault, _CONSTANT)]
     if found.value is not None:
         indicators.append(_indicator(equation, record, found, found.value))
-        evidence.append(_evidence(equation, record, found, found.value, text))
+        evidence.append(_evidence(equation, record, found, found.value, reason.text))
     current = found.value if equation == CURRENT else None
     indicators.extend(motor_indicators(verdict.own, past))
     indicators.extend(stall_indicators(verdict.own, motor_of(verdict.own), current))
@@ -116,8 +115,7 @@ def _by_equation(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
             "suspects": tuple(suspects),
             "evidence": tuple(evidence),
             "indicators": tuple(indicators),
-            "reason": text,
-            "remedy": remedy_of(equation, found) if lost is None else _MAGNETS,
+            **said(reason),
         }
     )
 
@@ -177,29 +175,24 @@ def _evidence(
     )
 
 
-def comparison_text(equation: OwnEquation, found: Comparison) -> str:
-    """Return the result of a comparison as text.
-
-    Examples
-    --------
-    >>> from mavhums.health.estimation.equations import OWN_EQUATIONS
-    >>> comparison_text(OWN_EQUATIONS[0], Comparison("learning", None, 6, 10))
-    'flight 6 of the 10 that its baseline takes; no absolute limit known'
-    """
+def comparison_reason(equation: OwnEquation, found: Comparison, lost: float | None = None) -> Reason:
+    """Return the result of a comparison; ``lost`` is the loss of the torque constant that explains it."""
+    at_load = "" if found.load is None else f" at a load of {found.load:.2g} {equation.unit}"
+    what, change = f"{equation.quantity}{at_load}", found.change
     if found.condition == "learning":
         why = found.why and f", for {found.why}"
-        return f"flight {found.flights} of the {found.needed} that its baseline takes{why}; {_NO_LIMIT}"
-    if found.change is None:
-        return found.why
-    at_load = "" if found.load is None else f" at a load of {found.load:.2g} {equation.unit}"
+        return Reason("own_learning", flight=found.flights, needed=found.needed, why=why)
+    if lost is not None:
+        rise = "" if change is None else f" {change.estimate:+.0%}"
+        return Reason("own_constant", lost=-lost, quantity=f"{equation.quantity}{rise}")
+    if change is None:
+        return Reason("own_still", quantity=equation.quantity)
     if found.condition == "unchanged":
-        half = found.change.high - found.change.estimate
-        return (
-            f"{equation.quantity}{at_load} within ±{half:.0%} of its first {found.flights} flights "
-            f"(a rise of {found.least_rise:.0%} would have been found{_at_rate(found)}); {_NO_LIMIT}"
-        )
+        sizes = {"half": change.high - change.estimate, "rise": found.least_rise, "rate": _at_rate(found)}
+        return Reason("own_unchanged", quantity=what, flights=found.flights, **sizes)
     since = f" since flight {found.since.flight} ({found.since.date[:10]})" if found.since else ""
-    return f"{equation.quantity}{at_load} {_change(found.change)}{since}: {equation.cause}; {_NO_LIMIT}"
+    risen = f"{change.estimate:+.0%} ± {(change.high - change.low) / 2:.0%}{since}"
+    return Reason("own_changed", quantity=what, change=risen, cause=equation.cause, inspect=equation.inspect)
 
 
 def _at_rate(found: Comparison) -> str:
@@ -209,25 +202,3 @@ def _at_rate(found: Comparison) -> str:
     if found.useful_at == inf:
         return f", one of {USEFUL_RISE:.0%} at no useful rate of false alarms"
     return f", one of {USEFUL_RISE:.0%} at {found.useful_at:.2g} false alarms in 100 h"
-
-
-def constant_text(equation: OwnEquation, found: Comparison, lost: float) -> str:
-    """Return the text for a change that a loss of the torque constant explains."""
-    rise = "" if found.change is None else f" {found.change.estimate:+.0%}"
-    return f"torque constant {-lost:+.0%}; the {equation.quantity}{rise} follows from it; {_NO_LIMIT}"
-
-
-def remedy_of(equation: OwnEquation, found: Comparison) -> str | None:
-    """Return the remedy; None if there is none."""
-    if found.condition == "changed":
-        return f"inspect {equation.inspect}"
-    if found.condition == "learning":
-        return _KEEP
-    if found.condition == "undecided":
-        return "analyse a flight in which the surface works in the air of the flights before"
-    return None
-
-
-def _change(change: Interval) -> str:
-    half = (change.high - change.low) / 2
-    return f"{change.estimate:+.0%} ± {half:.0%}"

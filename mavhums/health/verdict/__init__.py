@@ -9,6 +9,7 @@ from typing import Final
 
 from mavhums.core.conditions import Condition
 from mavhums.health.axis import detectors as axis_detectors
+from mavhums.results.reasons import Reason, said
 from mavhums.results.verdict import Candidate, Verdict
 from mavhums.vehicle.servo_rail import Sag
 from mavhums.vehicle.surfaces import STEERING
@@ -51,19 +52,12 @@ def of_several_senders(verdict: Verdict, message: str | None) -> Verdict:
     """
     if message is None or verdict.condition == "unmonitored":
         return verdict
+    kept = ("subject", "vehicle", "actuator", "surfaces", "tier", "provenance")
     return Verdict(
-        subject=verdict.subject,
-        vehicle=verdict.vehicle,
-        actuator=verdict.actuator,
-        surfaces=verdict.surfaces,
         condition="undecided",
         worst="undecided",
-        tier=verdict.tier,
-        provenance=verdict.provenance,
-        reason=f"more than one sender transmits as vehicle {verdict.vehicle}: the time stamps of {message}"
-        " are of more than one clock",
-        remedy="give each aircraft a system id of its own (SYSID_THISMAV, MAV_SYSID or MAV_SYS_ID), and"
-        " record again; on a link, accept only signed frames (--key)",
+        **{name: getattr(verdict, name) for name in kept},
+        **said(Reason("several_senders", vehicle=verdict.vehicle, message=message)),
     )
 
 

@@ -1,21 +1,22 @@
-"""Conversion of an actuator's findings to a verdict, or to a reason and a remedy if there are none."""
+"""Conversion of an actuator's findings to a verdict, or to its reasons if there are none."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
 from mavhums.actuator.freshness import not_used
-from mavhums.actuator.profile import FILL_IN, Actuator
+from mavhums.actuator.profile import Actuator
 from mavhums.actuator.telemetry import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
 from mavhums.health.actuator.thresholds import IMPLAUSIBLE_SHARE
 from mavhums.health.decision.conditions import since
 from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.health.verdict.obstacles import WEAR_UNSEEN, obstacle
+from mavhums.health.verdict.obstacles import obstacle, unjudged
+from mavhums.results.reasons import Reason, said
 from mavhums.results.sections import NetworkAnswer
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import ALL, Coverage, Evidence, Indicator, Suspect, Verdict
@@ -66,11 +67,11 @@ def verdict_of_actuator(
     silent = _is_silent(findings.last_s, end_s)
     # Silence is never normal; earlier findings stay as the worst.
     condition: Condition = "undecided" if silent else findings.condition
-    reason, remedy = None, None
+    reasons: list[Reason] = []
     if findings.condition == "undecided":
-        reason, remedy = _absurd(implausible) or _why_undecided(actuator, findings, provenance)
+        reasons.append(_absurd(implausible) or _why_undecided(actuator, findings, provenance))
     elif silent:
-        reason, remedy = _silence(findings.last_s, end_s, findings.condition)
+        reasons.append(_silence(findings.last_s, end_s, findings.condition))
     return Verdict(
         vehicle=vehicle,
         actuator=actuator.name,
@@ -92,8 +93,7 @@ def verdict_of_actuator(
         evidence=tuple(_rounded_evidence(evidence) for evidence in findings.evidence),
         indicators=tuple(_rounded_indicator(indicator) for indicator in findings.indicators),
         own=() if silent else findings.own,
-        reason=reason,
-        remedy=remedy,
+        **said(*reasons),
     )
 
 
@@ -106,9 +106,9 @@ def against_baseline(
     """
     silent = _is_silent(found.last_s, end_s)
     decidable = max(verdict.coverage.decidable, found.decidable)
-    reason, remedy = verdict.reason, verdict.remedy
+    reasons = {}
     if found.condition != "undecided":
-        reason, remedy = _silence(found.last_s, end_s, found.condition) if silent else (None, None)
+        reasons = said(*([_silence(found.last_s, end_s, found.condition)] if silent else []))
     return verdict.model_copy(
         update={
             "condition": "undecided" if silent else found.condition,
@@ -121,24 +121,26 @@ def against_baseline(
                 _rounded_indicator(one.model_copy(update={"baseline": found.baselines.get(one.fault)}))
                 for one in verdict.indicators
             ),
-            "reason": reason,
-            "remedy": remedy,
+            **reasons,
         }
     )
 
 
 def with_refused(verdict: Verdict) -> Verdict:
     """Return an undecided verdict with what the log carries and no equation could use."""
-    refused = not_used(verdict.provenance)
-    why = "; ".join(refused.values())
-    if verdict.condition != "undecided" or (verdict.reason or "").startswith(why):
+    refusal = _refusal(verdict.provenance)
+    if verdict.condition != "undecided" or not refusal or "refused" in verdict.reason_codes:
         return verdict
-    return verdict.model_copy(
-        update={
-            "reason": f"{why}; {verdict.reason}" if verdict.reason else why,
-            "remedy": f"record {' and '.join(refused)} as sampled at the motor, with sign",
-        }
-    )
+    why = said(*refusal)
+    if verdict.reason:
+        why["reason"] += f"; {verdict.reason}"
+    return verdict.model_copy(update={**why, "reason_codes": ("refused", *verdict.reason_codes)})
+
+
+def _refusal(provenance: Mapping[str, str]) -> list[Reason]:
+    """Return what no equation could use of what the log carries, as one reason; none if there is nothing."""
+    why = not_used(provenance)
+    return [Reason("refused", why="; ".join(why.values()), quantities=" and ".join(why))] if why else []
 
 
 def unjudged_actuator(
@@ -146,63 +148,25 @@ def unjudged_actuator(
     actuator: Actuator,
     tier: Tier | None,
     provenance: dict[str, str],
-    own_gap: str | None = None,
+    own_gap: Reason | None = None,
 ) -> Verdict:
     """Return the verdict on an actuator for which the log or the profile has insufficient data.
 
     An actuator without feedback is unmonitored, regardless of its profile. ``own_gap`` is the reason why it
     cannot be compared with its own earlier flights either.
     """
+    no_angle = actuator.travel_deg is None and "V1" not in actuator.fields
     # Absence of telemetry is never an alarm, and never normal.
     if tier is None or not (tier.judged or provenance.keys() - {"V1"}):
-        unmonitored = _unmonitored(vehicle, actuator.name, tier, provenance)
-        if actuator.travel_deg is not None or "V1" in actuator.fields:
-            return unmonitored
-        reason = f"{unmonitored.reason}; without travel_deg in the profile its command is no angle"
-        return unmonitored.model_copy(update={"reason": reason})
-    reasons, remedies = [], []
-    if own_gap:
-        reasons.append(own_gap)
-        remedies.append("record its telemetry faster, or a flight in which the surface works")
+        return _unmonitored(vehicle, actuator.name, tier, provenance, [Reason("no_angle")] * no_angle)
+    reasons = [*_refusal(provenance), *filter(None, [own_gap])]
     if actuator.blanks:
-        no_command = actuator.travel_deg is None and "V1" not in actuator.fields
-        travel = ("travel_deg",) if no_command else ()
-        reasons.append(f"the profile has no {', no '.join((*actuator.blanks, *travel))}")
-        remedies.append(FILL_IN)
+        travel = ["travel_deg"] * no_angle
+        reasons.append(Reason("blanks", blanks=", no ".join((*actuator.blanks, *travel))))
     if not (actuator.blanks and tier.judged and provenance):
-        reasons.append(_telemetry_gap(actuator, tier))
-        remedies.append(TO_BE_JUDGED)
-    return unjudged(vehicle, actuator.name, ("; ".join(reasons), "; ".join(remedies)), tier, provenance)
-
-
-def unjudged(
-    vehicle: int | None,
-    name: str,
-    why: tuple[str, str],
-    tier: Tier | None,
-    provenance: dict[str, str],
-    condition: Condition = "undecided",
-) -> Verdict:
-    """Return a verdict without findings, such as on an output that moves something else.
-
-    ``why`` is reason and remedy.
-    """
-    return Verdict(
-        vehicle=vehicle,
-        actuator=name,
-        condition=condition,
-        worst=condition,
-        tier=tier.name if tier else None,
-        provenance=provenance,
-        reason=why[0],
-        remedy=why[1],
-    )
-
-
-def _telemetry_gap(actuator: Actuator, tier: Tier) -> str:
-    if tier.from_esc and actuator.esc is None:
-        return f"the profile names no ESC of servo {actuator.servo}: those that report drive propellers"
-    return f"the log's {tier.name} telemetry leaves out servo {actuator.servo}"
+        code = "esc_unnamed" if tier.from_esc and actuator.esc is None else "left_out"
+        reasons.append(Reason(code, tier=tier.name, servo=actuator.servo, record=TO_BE_JUDGED))
+    return unjudged(vehicle, actuator.name, *reasons, tier=tier, provenance=provenance)
 
 
 def unjudged_vehicle(
@@ -224,84 +188,65 @@ def unjudged_vehicle(
     if vehicle is not None and names:
         yield from (_unmonitored(vehicle, name, tier, {}) for name in names)
         return
-    why = obstacle(tier, identity)
-    if vehicle is None:
-        why = "no vehicle found in this log", "record the link between vehicle and ground station"
+    why = obstacle(tier, identity) if vehicle is not None else [Reason("no_vehicle")]
     # Absence of telemetry is neither normal nor a gap in the evidence: nothing reports on the servos.
     silent = vehicle is not None and (tier is None or not tier.judged)
-    yield unjudged(vehicle, ALL, why, tier, {}, "unmonitored" if silent else "undecided")
+    condition: Condition = "unmonitored" if silent else "undecided"
+    yield unjudged(vehicle, ALL, *why, condition=condition, tier=tier)
 
 
-def _unmonitored(vehicle: int, name: str, tier: Tier | None, provenance: dict[str, str]) -> Verdict:
+def _unmonitored(
+    vehicle: int, name: str, tier: Tier | None, provenance: dict[str, str], more: Sequence[Reason] = ()
+) -> Verdict:
     """Return the verdict on an actuator without feedback: neither an alarm nor a normal condition."""
-    return unjudged(vehicle, name, (WEAR_UNSEEN, TO_BE_JUDGED), tier, provenance, "unmonitored")
+    reasons = Reason("wear_unseen", who="", record=TO_BE_JUDGED), *more
+    return unjudged(vehicle, name, *reasons, condition="unmonitored", tier=tier, provenance=provenance)
 
 
-def _absurd(implausible: Mapping[str, tuple[int, int]]) -> tuple[str, str] | None:
-    """Return reason and remedy if most values of a quantity are implausible for this actuator."""
+def _absurd(implausible: Mapping[str, tuple[int, int]]) -> Reason | None:
+    """Return the reason if most values of a quantity are implausible for this actuator."""
     shares = {key: refused / told for key, (refused, told) in implausible.items()}
     worst = [key for key, share in shares.items() if share > IMPLAUSIBLE_SHARE]
     if not worst:
         return None
-    share = f"{100 * max(shares.values()):.0f} %"
-    return (
-        f"up to {share} of the values of {', '.join(worst)} are beyond what the profile's actuator can do",
-        "check the unit and scale of these fields, and the profile's constants, travel and voltage",
-    )
+    return Reason("implausible", percent=100 * max(shares.values()), quantities=", ".join(worst))
 
 
 def crowded_out(vehicle: int, tier: Tier | None, most: int) -> Verdict:
     """Return the verdict on a vehicle beyond the maximum number of judged vehicles."""
-    why = (
-        f"more than {most} vehicles transmit; this one came after them",
-        "record each vehicle's link on its own; on a link, accept only signed frames (--key)",
-    )
-    return unjudged(vehicle, ALL, why, tier, {})
+    return unjudged(vehicle, ALL, Reason("crowded_out", most=most), tier=tier)
 
 
-def _why_undecided(
-    actuator: Actuator, findings: ActuatorFindings, provenance: dict[str, str]
-) -> tuple[str, str]:
+def _why_undecided(actuator: Actuator, findings: ActuatorFindings, provenance: dict[str, str]) -> Reason:
     missing = [] if "V7" in provenance else ["V7"]
     # At the motor the voltage shows the current, at the supply bus it does not.
     shown_by = {"V4", "V5", "V8"} if actuator.esc_side == "motor" else {"V5", "V8"}
     if not shown_by & provenance.keys():
         missing.append("V4, V5 or V8" if actuator.esc_side == "motor" else "V5 or V8")
     if "V6" in provenance and "V5" not in provenance and actuator.esc_side == "bus":
-        return (
-            "its ESC measures at the supply bus, where driving and braking currents of the motor look alike",
-            f"measure at the motor's terminals, or {to_record('motor quantities')}",
-        )
+        return Reason("bus_power", record=to_record("motor quantities"))
     # In the order of what binds: what is not measured, then how long, then how it moved.
     if missing:
-        return f"{', '.join(missing)} not measured, so the torque balance cannot be formed", TO_BE_JUDGED
+        return Reason("not_measured", quantities=", ".join(missing), record=TO_BE_JUDGED)
     coverage = findings.coverage
     if coverage.windows == 0:
-        return f"less than {WINDOW_S:g} s of telemetry", "record the whole flight"
+        return Reason("telemetry_too_short", needed_s=WINDOW_S)
     if findings.no_friction:
         return findings.no_friction
     if actuator.blanks:
-        return f"the profile has no {', no '.join(actuator.blanks)}", FILL_IN
+        return Reason("blanks", blanks=", no ".join(actuator.blanks))
     if coverage.decidable == 0 and provenance.get("V5", "").endswith(SIGNED_BY_VOLTAGE):
-        share = f"{100 * coverage.moving_fraction:.0f} %"
-        return (
-            f"the actuator moves in {share} of the samples, too slowly to show friction: in slow motion the "
-            "magnitudes that the ESC sends do not tell a driving current from a braking one",
-            f"analyse a flight in which the surface moves faster, or {to_record('signed currents')}",
-        )
-    return (
-        f"{coverage.decidable} of {coverage.windows} windows are decidable, and too few in a row agree",
-        "analyse a longer flight",
-    )
+        record = to_record("signed currents")
+        return Reason("slow_motion", percent=100 * coverage.moving_fraction, record=record)
+    return Reason("few_agree", decidable=coverage.decidable, windows=coverage.windows)
 
 
 def _is_silent(last_s: float, end_s: float) -> bool:
     return last_s < end_s - WINDOW_S
 
 
-def _silence(last_s: float, end_s: float, condition: Condition) -> tuple[str, str]:
-    ended = f"its telemetry ends at {last_s:.0f} s of {end_s:.0f} s"
-    return f"{ended}, when it was {condition}", "check why it is silent: sensor, wiring or link"
+def _silence(last_s: float, end_s: float, condition: Condition) -> Reason:
+    return Reason("silent", last_s=last_s, end_s=end_s, condition=condition)
 
 
 def rounded_suspects(suspects: tuple[Suspect, ...]) -> tuple[Suspect, ...]:

@@ -1,4 +1,4 @@
-"""Converts an axis's findings to a verdict, or to a reason and a remedy if there are none."""
+"""Converts an axis's findings to a verdict, or to its reasons if there are none."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from mavhums.health.decision.conditions import since
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.actuator import rounded, rounded_suspects
 from mavhums.health.verdict.obstacles import why_undecided
+from mavhums.results.reasons import Reason, said
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Candidate, Indicator, OwnRecord, Verdict
 from mavhums.vehicle.flight import Flight
@@ -31,28 +32,9 @@ from mavhums.vehicle.grid import RATE_HZ, Grid
 from mavhums.vehicle.surfaces import STEERING, Surfaces
 
 _SUREST: Final = 0.99  # tens of simulated flights cannot support more
-_BEGINS_IN_FLIGHT: Final = (
-    "the log begins in flight, and does not show whether control was healthy then",
-    "record from before take-off, or compare with earlier flights (--keep)",
-)
-_LATE_REFERENCE: Final = "its reference ends {:.0f} s into the log: a loss before that does not show"
-_COMPARE: Final = "compare with earlier flights (--keep)"
 _SPEEDS: Final = ("the airspeed sensor", "the wind triangle", "the speed over ground")
 _GAIN: Final = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m"), STEERING: (1, "rad/m")}
 _CONSTANTS: Final = {"hard_over": ("trim", "1"), "manoeuvre": ("load factor by full demand", "s²/m²")}
-
-
-def unjudged_axes(vehicle: int, reason: str, remedy: str, name: str = "axes") -> Verdict:
-    """Return the single verdict on all axes of a vehicle, or on its steering, if none can be judged."""
-    return Verdict(
-        subject="axis",
-        vehicle=vehicle,
-        actuator=name,
-        condition="undecided",
-        worst="undecided",
-        reason=reason,
-        remedy=remedy,
-    )
 
 
 def verdicts_of_axes(
@@ -119,13 +101,13 @@ def verdict_of_axis(
     grid: Grid,
 ) -> Verdict:
     """Return the verdict on one axis of a vehicle that flew; the grid knows which messages were used."""
-    reason, remedy, received = None, None, grid.received()
+    reasons, received = list[Reason](), grid.received()
     if findings.condition == "undecided":
-        reason, remedy = why_undecided(findings, surfaces, flight, received)
+        reasons += why_undecided(findings, surfaces, flight, received)
     elif findings.condition == "unchanged":
-        reason, remedy = _BEGINS_IN_FLIGHT
+        reasons.append(Reason("begins_in_flight"))
     elif findings.condition == "normal" and findings.coverage.judged_from_s is not None:
-        reason, remedy = _LATE_REFERENCE.format(findings.coverage.judged_from_s), _COMPARE
+        reasons.append(Reason("late_reference", judged_from_s=findings.coverage.judged_from_s))
     axis = findings.axis
     # Inferred outputs, and those instead of a profile's, have another scale than in other flights.
     comparable = (
@@ -157,8 +139,7 @@ def verdict_of_axis(
         indicators=tuple(indicators(findings)) if comparable else (),
         own=tuple(_record(findings, flight)) if comparable else (),
         provenance=origin,
-        reason=reason,
-        remedy=remedy,
+        **said(*reasons),
     )
 
 

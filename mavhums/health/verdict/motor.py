@@ -1,4 +1,4 @@
-"""Converts the findings about a multirotor's motors to verdicts, or to a reason and a remedy.
+"""Converts the findings about a multirotor's motors to verdicts, or to reasons.
 
 A flight alone cannot show a motor or a propeller that was worn from the start. A trim that changed against
 the earlier flights is therefore reported with its causes: a worn propeller or motor, or a weight that sits
@@ -32,42 +32,25 @@ from mavhums.health.motor.thresholds import (
     TRIM_SCATTER_WORTH,
     YAW_SHIFT,
 )
-from mavhums.health.verdict.obstacles import beside, to_record, without
+from mavhums.health.verdict.obstacles import beside, unjudged, without
+from mavhums.results.reasons import Reason, said
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import MOTORS, Coverage, Evidence, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import Received
-from mavhums.vehicle.rotors import Rotors, UnjudgedFrame
+from mavhums.vehicle.rotors import Rotors
 
-_PARAMETERS: Final = (
-    "the log does not show where each motor is",
-    "record the parameters, too (refresh the ground station's list, or use the on-board log)",
-)
 _NEEDED: Final = {
     "outputs": "the outputs of its motors",
     "attitude": "the attitude",
     "rates": "the body rates",
 }
-_LONGER: Final = "choose a log with a hover of a minute or more, from take-off on"
-
-
-def unjudged_motors(vehicle: int, reason: str, remedy: str) -> Verdict:
-    """Return the single verdict on all motors of a vehicle if none can be judged."""
-    return Verdict(
-        subject="motor",
-        vehicle=vehicle,
-        actuator=MOTORS,
-        condition="undecided",
-        worst="undecided",
-        reason=reason,
-        remedy=remedy,
-    )
 
 
 def verdicts_of_motors(
     vehicle: int,
     findings: MotorFindings | None,
-    rotors: Rotors | str | None,
+    rotors: Rotors | Reason | None,
     flight: Flight,
     start_utc: datetime,
     received: Mapping[str, Received] = MappingProxyType({}),
@@ -85,43 +68,25 @@ def verdicts_of_motors(
     start_utc, received
         Start of the log, and the numbers of samples by message.
     """
-    if findings is None:
-        why, remedy = _PARAMETERS
-        if isinstance(rotors, str):
-            why = rotors
-        if isinstance(rotors, UnjudgedFrame):
-            remedy = "only quad, hexa and octa frames are judged"
-        yield unjudged_motors(vehicle, why, remedy)
-        return
     missing = {name: words for name, words in _NEEDED.items() if name not in flight.heard}
-    if missing:
-        yield unjudged_motors(
-            vehicle, without(missing, flight, received), to_record("motion", flight, received)
-        )
+    why: tuple[Reason, ...] = ()
+    if findings is None:
+        why = (rotors if isinstance(rotors, Reason) else Reason("motors_unknown"),)
+    elif missing:
+        why = without(missing, flight, received)
     elif findings.loss is not None:
         yield _lost(vehicle, findings, findings.loss, start_utc)
     elif findings.several:
-        numbers = " and ".join(map(str, findings.several))
-        yield unjudged_motors(
-            vehicle,
-            f"two motors ({numbers}) stood out at once, as after a contact, and nothing is judged then",
-            "read the log by hand: a collision and a fault look alike there",
-        )
+        why = (Reason("two_motors", motors=" and ".join(map(str, findings.several))),)
     elif findings.tipped:
-        why = (
-            f"it leaned more than {MOST_BANK_DEG:.0f}° before any motor stood out, and nothing is judged then"
-        )
-        yield unjudged_motors(
-            vehicle, why, "read the log by hand: a fall, a flip and a fault look alike there"
-        )
+        why = (Reason("leaned", most_deg=MOST_BANK_DEG),)
     elif findings.judged_s < JUDGED_S:
-        motion = "hover" if findings.rotors.lift else "flight"
-        why = (
-            f"{beside(findings.judged_s, JUDGED_S)} s of {motion} could be judged, {JUDGED_S:.0f} are needed"
-        )
-        yield unjudged_motors(vehicle, why, _LONGER)
+        judged_s, motion = beside(findings.judged_s, JUDGED_S), "hover" if findings.rotors.lift else "flight"
+        why = (Reason("hover_too_short", judged_s=judged_s, motion=motion, needed_s=JUDGED_S),)
     else:
         yield from _healthy(vehicle, findings)
+    if why:
+        yield unjudged(vehicle, MOTORS, *why, subject="motor")
 
 
 def _lost(vehicle: int, findings: MotorFindings, loss: Loss, start_utc: datetime) -> Verdict:
@@ -178,15 +143,10 @@ def _healthy(vehicle: int, findings: MotorFindings) -> Iterator[Verdict]:
     """
     bound = max(findings.bound)
     condition: Condition = "normal" if bound <= MOST_EXCLUDED else "undecided"
-    reason = (
-        f"{findings.rotors.frame}: no motor lost {ceil(round(100 * bound, 6))} % or more of its thrust for "
-        f"over 2 s, with 95 % confidence in {100 * BOUND_SHARE:.0f} % of the seconds, turns and the last "
-        "seconds before a landing left out"
-    )
-    remedy = "keep the log: a slower loss shows against later flights only"
+    frame, percent = findings.rotors.frame, ceil(round(100 * bound, 6))
+    reason = Reason("motors_normal", frame=frame, bound=percent, share=100 * BOUND_SHARE)
     if condition == "undecided":
-        reason = f"no motor stands out, but a loss of {100 * MOST_EXCLUDED:.0f} % would not have been certain"
-        remedy = "choose a calmer flight, or record the outputs at 25 Hz or more"
+        reason = Reason("motors_uncertain", loss=100 * MOST_EXCLUDED)
     for number in range(1, len(findings.bound) + 1):
         worst, evidence = condition, tuple[Evidence]()
         if findings.withdrawn and findings.withdrawn[0].motor == number:
@@ -211,8 +171,7 @@ def _healthy(vehicle: int, findings: MotorFindings) -> Iterator[Verdict]:
             coverage=_coverage(findings),
             provenance=_origin(findings, number),
             indicators=findings.trims[number - 1],
-            reason=reason,
-            remedy=remedy,
+            **said(reason),
         )
 
 
@@ -310,8 +269,7 @@ def _judged(one: _TrimShift, start_utc: datetime, end_s: float) -> Verdict:
         update={
             "condition": "degraded",
             "worst": "degraded",
-            "reason": None,
-            "remedy": None,
+            **said(),
             "since": since(0.0, start_utc),
             # What the test asks for: a Student's t of few flights claims more than they show.
             "suspects": (Suspect(fault="thrust", confidence=1.0 - MOST_FLIGHT_TAIL),),

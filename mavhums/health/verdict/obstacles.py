@@ -1,14 +1,15 @@
-"""The first reason why a vehicle without a profile has no verdict, and its remedy."""
+"""Why a vehicle, or one of its axes, has no verdict."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
 from mavhums.actuator.telemetry import TO_BE_JUDGED, Tier
+from mavhums.core.conditions import Condition
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.thresholds import (
     DOUBTED_AIRSPEED_S,
@@ -22,6 +23,8 @@ from mavhums.health.axis.thresholds import (
     NORMAL_S,
     REFERENCE_S,
 )
+from mavhums.results.reasons import Reason, said
+from mavhums.results.verdict import Verdict
 from mavhums.vehicle.flight import GROUND, LEAST_DRIVEN, Flight
 from mavhums.vehicle.formats import messages_of, remedy
 from mavhums.vehicle.grid import GAP_S, Received
@@ -30,22 +33,8 @@ from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import STEERING, Surfaces, steers_by_wheels
 from mavhums.vehicle.vtol import LEAST_SPEED
 
-NO_WINGS = "its servos can be judged if they report current or speed: name a profile with --airframe"
-"""Remedy for a vehicle that no control surface turns in flight."""
-PROPELLERS_ONLY = "if it moves a surface by a servo after all, name its profile with --airframe"
-"""Remedy for a vehicle that flies by its propellers alone."""
-WEAR_UNSEEN = "no servo current or speed in the log, so wear cannot be seen"
-"""Reason for a servo without telemetry."""
-_DRAFT = (
-    "name one with --airframe: `mavhums profile new LOG -o mine.toml` drafts it from the log's parameters"
-)
-_JUDGED_S: Final = REFERENCE_S + NORMAL_S
 _WINGED: Final = ("fixed wing", "VTOL", "quadplane", "tiltrotor", "tailsitter")
 _WINGED_TYPES: Final = {1, *range(19, 26)}
-_FIXED_WINGS_ONLY: Final = "control effectiveness is judged for fixed-wing aircraft in forward flight only"
-_LONGER: Final = f"choose a log with {_JUDGED_S} s or more of forward flight"
-_LONGER_DRIVE: Final = f"choose a log with {_JUDGED_S} s or more of driving forward, with turns"
-_IN_ORDER: Final = "record on board, or over a link that keeps the order of the messages"
 _OUTPUTS: Final = messages_of("outputs")
 _MOST_DECIMALS: Final = 6  # what is closer is equal
 _NEEDED: Final = {"outputs": "the servo outputs", "attitude": "the attitude"}
@@ -58,44 +47,65 @@ _STOPPED: Final = {
     "slow": "its ground speed was below 5 m/s",
     "lift": "the lift motors carried it",
 }
-_CORRECT: Final = (
-    "correct these outputs in the profile, draft one from the log's parameters "
-    "(`mavhums profile new LOG -o mine.toml`), or leave out --airframe"
+_SECONDS: Final = {
+    "reference_s": REFERENCE_S,
+    "normal_s": NORMAL_S,
+    "judged_s": REFERENCE_S + NORMAL_S,
+}
+_MOTIONS: Final[tuple[Mapping[str, Any], ...]] = (
+    {
+        **_SECONDS,
+        "stood": "it never flew forward",
+        "motion": "forward flight",
+        "longer": "forward flight",
+        "manoeuvres": "turns and climbs",
+        "again": "fly more turns and climbs in the first three minutes",
+    },
+    {
+        **_SECONDS,
+        "stood": "it did not drive forward for 3 s",
+        "motion": "driving forward",
+        "longer": "driving forward, with turns",
+        "manoeuvres": "turns",
+        "again": "drive more turns in the first three minutes",
+    },
 )
+"""Words for the motion in which an axis, or else the steering, is judged."""
 
 
-def obstacle(tier: Tier | None, identity: Identity | None = None) -> tuple[str, str]:
-    """Return reason and remedy for a vehicle without a profile.
+def unjudged(
+    vehicle: int | None,
+    name: str,
+    *reasons: Reason,
+    condition: Condition = "undecided",
+    tier: Tier | None = None,
+    **more: Any,
+) -> Verdict:
+    """Return a verdict without findings; ``more`` are other fields of it."""
+    more |= {"vehicle": vehicle, "actuator": name, "tier": tier.name if tier else None}
+    return Verdict(condition=condition, worst=condition, **said(*reasons), **more)
+
+
+def obstacle(tier: Tier | None, identity: Identity | None = None) -> tuple[Reason, ...]:
+    """Return why a vehicle without a profile has no verdict.
 
     The remedy asks for a profile only if the log carries telemetry that could be judged with one, and never
     for a packaged one: those are of other aircraft, and a log that is of one names it.
 
     Examples
     --------
-    >>> obstacle(None, Identity(1, "quadrotor", multirotor=True))[0]
+    >>> obstacle(None, Identity(1, "quadrotor", multirotor=True))[0].text
     'quadrotor: a multirotor has no control surfaces whose servos could be judged'
     """
     who = f"{identity}: " if identity is not None and str(identity) else ""
+    from_esc = tier is not None and tier.from_esc
     if identity is not None and identity.multirotor:
-        reason = "a multirotor has no control surfaces whose servos could be judged"
-        if tier is not None and tier.from_esc:
-            reason += "; its ESC telemetry is that of the propellers"
-        return who + reason, PROPELLERS_ONLY
+        return Reason("multirotor", who=who), *([Reason("propeller_escs")] if from_esc else [])
     if tier is None:
-        return f"{who}the log carries nothing of the actuators", TO_BE_JUDGED
+        return (Reason("nothing_of_actuators", who=who, record=TO_BE_JUDGED),)
     if not tier.judged:
-        return f"{who}{WEAR_UNSEEN}", TO_BE_JUDGED
-    reason = "no airframe profile: one actuator's limits say nothing about another's"
-    if tier.from_esc:
-        reason += ", and an ESC may drive a propeller: only a profile tells which drives a servo"
-    return who + reason, _DRAFT
-
-
-class Obstacle(NamedTuple):
-    """A requirement that is not met, and what to do about it."""
-
-    reason: str
-    remedy: str
+        return (Reason("wear_unseen", who=who, record=TO_BE_JUDGED),)
+    return (Reason("no_profile_of_esc" if from_esc else "no_profile", who=who),)
 
 
 def why_not_at_all(
@@ -103,8 +113,8 @@ def why_not_at_all(
     kind: str | None = None,
     received: Mapping[str, Received] = MappingProxyType({}),
     parameters: Parameters | None = None,
-) -> Obstacle | None:
-    """Return the reason why no axis of a vehicle can be judged, and the remedy; None if some may be.
+) -> tuple[Reason, ...]:
+    """Return why no axis of a vehicle can be judged; nothing if some may be.
 
     ``kind`` is the type of vehicle in words, if something other than its flight tells it; ``received`` the
     numbers of samples by message; ``parameters`` those of the vehicle, which tell how a rover steers.
@@ -112,95 +122,80 @@ def why_not_at_all(
     Examples
     --------
     >>> from mavhums.vehicle.flight import Flight
-    >>> why_not_at_all(Flight(None))[0]
+    >>> why_not_at_all(Flight(None))[0].text
     'nothing in the log tells what kind of vehicle this is'
-    >>> why_not_at_all(Flight(None), "multirotor")[0].partition(":")[0]
-    'multirotor'
+    >>> why_not_at_all(Flight(None), "multirotor")[0].code
+    'no_wings'
     """
     kinds = flight.kinds - PERIPHERALS.keys() or flight.kinds
     if flight.on_ground:
         if not flight.steers:
-            return _unsteered(" and ".join(map(in_words, sorted(kinds))), parameters)
+            return (_unsteered(" and ".join(map(in_words, sorted(kinds))), parameters),)
     elif kind and not kind.startswith(_WINGED) and not kinds & _WINGED_TYPES:
         kinds = set() if not kinds or kind == "helicopter" else kinds
         if not kinds:
-            return Obstacle(f"{kind}: {_FIXED_WINGS_ONLY}", NO_WINGS)
+            return (Reason("no_wings", who=kind),)
     if not kinds and not flight.on_ground:
-        reason = "nothing in the log tells what kind of vehicle this is"
-        return Obstacle(reason, "record the autopilot's heartbeats as well; a .BIN or .ulg from its start")
+        return (Reason("unknown_kind"),)
     if not kinds & _WINGED_TYPES and not flight.on_ground:
-        return Obstacle(f"{' and '.join(map(in_words, sorted(kinds)))}: {_FIXED_WINGS_ONLY}", NO_WINGS)
+        return (Reason("no_wings", who=" and ".join(map(in_words, sorted(kinds)))),)
     # Of a receiver that drives the servos, each axis tells.
     heard = flight.heard | ({"outputs"} if flight.by_receiver else set())
     missing = {name: words for name, words in _NEEDED.items() if name not in heard}
-    told = " and ".join(missing.values())
     # The messages are there: recording more of them would not help.
     if missing and (late := disorder(received)):
-        return Obstacle(f"{told} came too late to be used: {late}", _IN_ORDER)
+        return (Reason("no_sample_in_time", signals=" and ".join(missing.values()), samples=late),)
     # Outputs without pulses: ArduPilot writes 0 while the safety switch is on.
     silent = next((name for name in received if name in _OUTPUTS and received[name].kept), None)
     if [*missing] == ["outputs"] and silent and received[silent].kept * GAP_S > flight.lasted_s("recorded"):
-        reason = f"the servo outputs are recorded ({received[silent].kept:,} {silent}) and carry no pulses"
-        return Obstacle(
-            f"{reason}: the safety switch is on, or another device drives the servos",
-            "release the safety switch and arm; nothing more needs to be recorded",
-        )
+        return (Reason("no_pulses", kept=received[silent].kept, message=silent),)
     if missing:
-        return Obstacle(without(missing, flight, received), to_record("motion", flight, received))
-    if flight.flown_s == 0:
-        return _stood(flight)
-    return None
+        return without(missing, flight, received)
+    return (_stood(flight),) if flight.flown_s == 0 else ()
 
 
-def without(missing: Mapping[str, str], flight: Flight, received: Mapping[str, Received]) -> str:
+def without(
+    missing: Mapping[str, str], flight: Flight, received: Mapping[str, Received]
+) -> tuple[Reason, ...]:
     """Return which signals a log lacks; of those that come too rarely to be followed, how often they come."""
-    recorded_s, lacking, rare = flight.lasted_s("recorded"), [], []
+    recorded_s, lacking, rare = flight.lasted_s("recorded"), list[str](), list[Reason]()
+    record = to_record("motion", flight, received)
     for name, words in missing.items():
         kept = max((received[one].kept for one in messages_of(name) & received.keys()), default=0)
         if 0 < kept < NEEDED_HZ * recorded_s:
-            rare.append(f"{words} come {kept / recorded_s:.2g} times a second, {NEEDED_HZ} are needed")
+            rates = {"rate_hz": kept / recorded_s, "needed_hz": NEEDED_HZ}
+            rare.append(Reason("too_rare", signal=words, record=record, **rates))
         else:
             lacking.append(words)
-    return "; ".join([*([f"the log lacks {' and '.join(lacking)}"] if lacking else []), *rare])
+    lacks = (Reason("lacks", signals=" and ".join(lacking), record=record),) if lacking else ()
+    return *lacks, *rare
 
 
-def _unsteered(who: str, parameters: Parameters | None) -> Obstacle:
+def _unsteered(who: str, parameters: Parameters | None) -> Reason:
     """Return why the steering of a rover or a boat is not known."""
     if parameters is None:
-        return Obstacle(
-            f"{who}: which output steers it is told by nothing in the log",
-            "record the parameters, too (refresh the ground station's list, or use the on-board log)",
-        )
-    if steers_by_wheels(parameters):
-        reason = f"{who}: it steers by the difference of its motors (skid steering), which is not judged"
-        return Obstacle(reason, NO_WINGS)
-    reason = f"{who}: its parameters name no output that steers it (SERVOn_FUNCTION 26)"
-    return Obstacle(reason, "if one does, set its function, and record the parameters, too")
+        return Reason("steering_unknown", who=who)
+    return Reason("skid_steering" if steers_by_wheels(parameters) else "steering_unnamed", who=who)
 
 
-def _stood(flight: Flight) -> Obstacle:
+def _stood(flight: Flight) -> Reason:
     """Return why a flight has no second of forward flight."""
-    least, said, longer = LEAST_SPEED, "it never flew forward", _LONGER
+    least, words = LEAST_SPEED, {**_MOTIONS[flight.on_ground]}
     if flight.on_ground:
         least = max(LEAST_DRIVEN[kind] for kind in flight.kinds & GROUND or GROUND)
-        said, longer = "it did not drive forward for 3 s", _LONGER_DRIVE
     elif not flight.lasted_s("armed"):
-        return Obstacle(f"{said}: it was never armed", longer)
+        return Reason("never_armed", **words)
     elif not flight.heard & {"airspeed", "groundspeed", "velocity"}:
-        return Obstacle(
-            "whether it flew forward is not known: the log tells no speed", "record airspeed or GPS as well"
-        )
-    fast_s, fastest = flight.lasted_s("fast"), beside(flight.fastest, least)
+        return Reason("no_speed")
+    words |= {"fastest": beside(flight.fastest, least), "least": least}
     if flight.fastest <= least:
-        reason = f"its highest speed while armed was {fastest} m/s, more than {least:g} are needed"
-        return Obstacle(f"{said}: {reason}", longer)
+        return Reason("too_slow", **words)
     stops = sorted(_STOPPED, key=flight.lasted_s, reverse=True)
     lasted = [
         f"in {flight.lasted_s(why):.0f} s {_STOPPED[why]}" for why in stops if flight.lasted_s(why) >= 1
     ]
-    above = f"of {fast_s:.3g} s above {least:g} m/s (fastest {fastest} m/s)"
     rest = ", ".join(lasted or ["no stretch of the rest lasted 3 s"])
-    return Obstacle(f"{said}: {above}, {rest}", longer)
+    return Reason("stopped", fast_s=flight.lasted_s("fast"), rest=rest, **words)
 
 
 def beside(value: float, limit: float) -> str:
@@ -233,8 +228,8 @@ def disorder(received: Mapping[str, Received]) -> str:
 
 def why_undecided(
     findings: AxisFindings, surfaces: Surfaces | None, flight: Flight, received: Mapping[str, Received]
-) -> Obstacle:
-    """Return all requirements on an axis that are not met as one reason, the binding one first.
+) -> Iterator[Reason]:
+    """Yield the requirements on an axis that are not met, the binding one first.
 
     Parameters
     ----------
@@ -247,31 +242,28 @@ def why_undecided(
     received
         Numbers of samples by message.
     """
-    found = [*_obstacles(findings, surfaces, flight, received)]
+    yield from _obstacles(findings, surfaces, flight, received)
     if late := disorder(received):
-        found.append(Obstacle(late, _IN_ORDER))
-    reasons = "; ".join(dict.fromkeys(one.reason for one in found))
-    return Obstacle(reasons, "; ".join(dict.fromkeys(one.remedy for one in found)))
+        yield Reason("out_of_order", samples=late)
 
 
 def _obstacles(
     findings: AxisFindings, surfaces: Surfaces | None, flight: Flight, received: Mapping[str, Received]
-) -> Iterator[Obstacle]:
+) -> Iterator[Reason]:
     axis = findings.axis
     outputs = surfaces.of_axis(axis) if surfaces else ()
     if flight.by_receiver and not (surfaces and surfaces.by_receiver and outputs):
-        yield _by_receiver(flight)
+        channels = ", ".join(map(str, flight.by_receiver))
+        yield Reason("by_receiver" if flight.has_pulses else "only_receiver", channels=channels)
         return
     if findings.reference is None:
         yield from _unmeasured(findings, flight, received)
-    motion, longer = ("driving forward", _LONGER_DRIVE) if axis == STEERING else ("forward flight", _LONGER)
     usable_s = findings.usable_s if outputs else flight.flown_s
     # More of a flight whose streams are too slow, or whose airspeed is doubted, would not help.
     doubted = flight.doubted_s >= DOUBTED_AIRSPEED_S
     if findings.reference is None and usable_s < REFERENCE_S and not doubted and not _slow(findings, flight):
-        which = " with known outputs" if outputs and usable_s < flight.flown_s else ""
-        reason = f"{usable_s} s of {motion}{which}, {REFERENCE_S} are needed for a reference"
-        yield Obstacle(f"{reason} and {NORMAL_S} to judge", longer)
+        known = " with known outputs" if outputs and usable_s < flight.flown_s else ""
+        yield Reason("too_short", usable_s=usable_s, known=known, **_MOTIONS[axis == STEERING])
     against = (
         surfaces.contradicted.get(axis) or (axis == "yaw" and surfaces.contradicted.get("roll"))
         if surfaces
@@ -280,46 +272,27 @@ def _obstacles(
     # A contradiction matters where it kept the outputs from being known in time.
     late = findings.reference is None and findings.usable_s < REFERENCE_S
     if against and (late or not outputs):
-        yield Obstacle(against, _CORRECT)
+        yield Reason("outputs_contradicted", why=against)
     elif not outputs:
         yield _unnamed(axis, surfaces, flight)
     if doubted:
-        reason = f"for {flight.doubted_s} s the airspeed sensor contradicts ground speed and wind"
-        yield Obstacle(f"{reason}, so that the rest is too little", "inspect the pitot tube, then fly again")
+        yield Reason("airspeed_doubted", doubted_s=flight.doubted_s)
     if findings.reference is not None:
         yield _unclear(findings)
     elif outputs and usable_s >= REFERENCE_S and not _slow(findings, flight):
         yield from _no_reference(findings)
 
 
-def _by_receiver(flight: Flight) -> Obstacle:
-    """Return why an axis without a command is not judged, where the receiver's channels are all there is."""
-    only = f"only the receiver's channels ({', '.join(map(str, flight.by_receiver))})"
-    if flight.has_pulses:
-        reason = f"the receiver drives the servos: no output in the log moves, {only} do"
-        return Obstacle(reason, "choose a flight in which the autopilot's outputs drive the servos")
-    reason = f"the receiver drives the servos: the log has no output, {only}"
-    return Obstacle(
-        reason, "record the parameters, too, or name servos by their channels in an airframe file"
-    )
-
-
-def _unmeasured(
-    findings: AxisFindings, flight: Flight, received: Mapping[str, Received]
-) -> Iterator[Obstacle]:
+def _unmeasured(findings: AxisFindings, flight: Flight, received: Mapping[str, Received]) -> Iterator[Reason]:
     """Yield what no flight as it was recorded can tell: streams that are too slow or absent."""
     axis, needed_hz = findings.axis, NEEDED_PITCH_HZ if findings.axis == "pitch" else NEEDED_HZ
     slow = _slow(findings, flight)
     if slow:
-        yield Obstacle(
-            f"{' and '.join(slow)} times a second, {needed_hz} are needed to judge {axis}",
-            to_record("motion", flight, received),
-        )
+        record, streams = to_record("motion", flight, received), " and ".join(slow)
+        yield Reason("stream_too_slow", streams=streams, needed_hz=needed_hz, axis=axis, record=record)
     if axis in _ACCELEROMETER and "force" not in flight.heard:
-        yield Obstacle(
-            f"the log lacks the accelerometer, which {axis} needs",
-            to_record("force", flight, received),
-        )
+        signals = f"the accelerometer, which {axis} needs"
+        yield Reason("lacks", signals=signals, record=to_record("force", flight, received))
 
 
 def _slow(findings: AxisFindings, flight: Flight) -> list[str]:
@@ -334,83 +307,53 @@ def _slow(findings: AxisFindings, flight: Flight) -> list[str]:
     return slow
 
 
-def _unnamed(axis: str, surfaces: Surfaces | None, flight: Flight) -> Obstacle:
-    name = f'[[actuators]] with name = "{_NAMES[axis]}", its servo and its pwm_us'
-    remedy = f"download the parameters while recording, or name the outputs in an airframe file: {name}"
-    if surfaces is not None and surfaces.origin == "parameters":
-        reason = f"by its parameters no output of this vehicle moves it in {axis}"
-        return Obstacle(reason, f"if one does, name it in an airframe file: {name}")
+def _unnamed(axis: str, surfaces: Surfaces | None, flight: Flight) -> Reason:
+    words = {"axis": axis, "name": f'[[actuators]] with name = "{_NAMES[axis]}", its servo and its pwm_us'}
     if surfaces is not None:
-        return Obstacle(f"no output of this vehicle is known to move it in {axis}", remedy)
+        return Reason("moved_by_none" if surfaces.origin == "parameters" else "moved_by_unknown", **words)
     why = "the flight's beginning does not tell it clearly"
     if flight.flown_s < REFERENCE_S:
         why = f"{flight.flown_s} s of forward flight are too short to learn it"
-    reason = "which outputs move the surfaces is told neither by parameters nor by a profile"
-    return Obstacle(f"{reason}, and {why}", remedy)
+    return Reason("outputs_unknown", why=why, **words)
 
 
-def _unclear(findings: AxisFindings) -> Obstacle:
+def _unclear(findings: AxisFindings) -> Reason:
     """Return why an axis with a reference is neither normal nor faulty."""
     coverage, found = findings.coverage, findings.doubt or findings.effectiveness
-    if coverage.decidable >= NORMAL_S and found is not None:
-        low = beside(100 * found.low, 100 * NORMAL_EFFECTIVENESS)
-        kept = f"{100 * found.estimate:.0f} % ({low}–{100 * found.high:.0f})"
-        least = f"{100 * NORMAL_EFFECTIVENESS:.0f} %"
-        reason = f"control left {kept} is neither certainly above {least} nor certainly a loss"
-    else:
-        reason = (
-            f"{coverage.decidable} of {coverage.windows} seconds since the reference were excited enough, "
-            f"{NORMAL_S} are needed"
-        )
-        if coverage.judged_from_s is not None:
-            reason = f"its reference ends {coverage.judged_from_s:.0f} s into the log, and {reason}"
+    words, least, known = _MOTIONS[findings.axis == STEERING], 100 * NORMAL_EFFECTIVENESS, ""
     if coverage.excluded:
-        loss = f"a loss of {100 * (1 - NORMAL_EFFECTIVENESS):.0f} % or more"
-        motion = "driving forward" if findings.axis == STEERING else "forward flight"
-        reason = f"{loss} is excluded over {coverage.excluded} s of {motion}, but {reason}"
-    return Obstacle(reason, f"choose a longer log, or one with more {_manoeuvres(findings.axis)}")
+        loss = f"a loss of {100 - least:.0f} % or more is excluded"
+        known = f"{loss} over {coverage.excluded} s of {words['motion']}, but "
+    if coverage.decidable >= NORMAL_S and found is not None:
+        kept, low, high = 100 * found.estimate, beside(100 * found.low, least), 100 * found.high
+        return Reason("uncertain_loss", known=known, kept=kept, low=low, high=high, least=least, **words)
+    if coverage.judged_from_s is not None:
+        known += f"its reference ends {coverage.judged_from_s:.0f} s into the log, and "
+    return Reason("unexcited", known=known, decidable=coverage.decidable, windows=coverage.windows, **words)
 
 
-def _manoeuvres(axis: str) -> str:
-    return "turns" if axis == STEERING else "turns and climbs"
-
-
-def _no_reference(findings: AxisFindings) -> Iterator[Obstacle]:
+def _no_reference(findings: AxisFindings) -> Iterator[Reason]:
     """Yield why enough seconds with known outputs make no reference."""
     axis, best, needs = findings.axis, findings.best, findings.needs
     if best is None and axis == STEERING:
-        reason = f"in no {REFERENCE_S} s of two minutes of driving forward its steering moved"
-        yield Obstacle(reason, "drive turns in the first three minutes")
+        yield Reason("steering_still", reference_s=REFERENCE_S)
         return
     if best is None:
         least = 100 * LEAST_SPEED_SHARE
         speeds = f"{least:.0f} to {1e4 / least:.0f}" if axis == "pitch" else f"{least:.0f}"
-        reason = (
-            f"no {REFERENCE_S} s within two minutes were flown within {MOST_BANK_DEG}° of bank, "
-            f"{MOST_PITCH_DEG}° of pitch and {speeds} % of the usual speed, with the "
-            f"surfaces of {axis} in motion"
-        )
-        yield Obstacle(reason, "fly straight legs and gentle turns in the first three minutes")
+        attitude = {"bank_deg": MOST_BANK_DEG, "pitch_deg": MOST_PITCH_DEG}
+        yield Reason("no_reference", reference_s=REFERENCE_S, speeds=speeds, axis=axis, **attitude)
         return
-    verb = "drive" if axis == STEERING else "fly"
-    remedy = f"{verb} more {_manoeuvres(axis)} in the first three minutes"
+    again = _MOTIONS[axis == STEERING]["again"]
     if best.explained < needs.explained:
-        share = beside(100 * best.explained, 100 * needs.explained)
-        what = f"its surfaces explain {share} % of how it moves in {axis}"
-        if axis == STEERING:
-            # Whether the steering is dead or too little was driven, the log does not show.
-            what = f"the commands to its steering explain {share} % of how it turns"
-            remedy = f"check on the ground that the steering follows its commands, then {remedy}"
-        if axis == "yaw":
-            what = (
-                "rudder and aileron cannot be told apart: the rudder explains "
-                f"{share} % of the side force that the ailerons leave"
-            )
-            remedy = "pulse the rudder alone for a few seconds early in the flight"
-        yield Obstacle(f"{what}, {100 * needs.explained:.0f} % are needed", remedy)
+        needed = 100 * needs.explained
+        share = beside(100 * best.explained, needed)
+        code = {STEERING: "steering_unexplained", "yaw": "rudder_unexplained"}.get(axis, "unexplained")
+        yield (reason := Reason(code, share=share, axis=axis, needed=needed, again=again))
+        again = reason.remedy
     if best.error > needs.error:
-        reason = f"the effect of its surfaces is known to {beside(100 * best.error, 100 * needs.error)} %"
-        yield Obstacle(f"{reason}, {100 * needs.error:.0f} % are needed", remedy)
+        needed = 100 * needs.error
+        yield Reason("effect_uncertain", error=beside(100 * best.error, needed), needed=needed, again=again)
 
 
 def to_record(fact: str, flight: Flight, received: Mapping[str, Received]) -> str:

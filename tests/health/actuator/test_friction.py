@@ -258,8 +258,7 @@ def test_a_friction_that_may_be_that_of_the_load_is_no_verdict() -> None:
     time_s, values = loaded(0.9, 0.3)
     found = judged(time_s, values, with_load_friction(None)).findings()
     assert found.condition == "undecided"
-    assert present(found.no_friction)[0].startswith("its friction of 0.9 N·m may be that of the load")
-    assert present(found.no_friction)[1] == "fill in load_friction of [actuators.ema]"
+    assert present(found.no_friction).code == "load_friction"
     assert judged(time_s, values, with_load_friction(0.3)).findings().condition == "emergency"
 
 

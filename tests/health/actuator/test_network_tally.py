@@ -116,19 +116,17 @@ def test_the_network_with_most_votes_answers_for_its_share_of_samples() -> None:
 
 def test_why_a_network_decides_nothing() -> None:
     tally = NetworkTally(1)
-    assert tally.why_undecided(physics=True)[0].startswith(
-        "the network decides, and no window has enough samples"
-    )
+    assert tally.why_undecided(physics=True).code == "network_unfed"
     fed(tally, GRAVE, SOUND)
-    assert tally.why_undecided(physics=True) == (
-        "the network decides: it is sure of 2 of 2 windows, and of no condition in two separate ones",
-        "analyse a longer flight, or let the physics decide (--decide physics)",
-    )
-    assert tally.why_undecided(physics=False)[1] == (
-        "analyse a longer flight, or fill in the profile's constants and limits"
-    )
+    unsure, blank = (tally.why_undecided(physics=physics) for physics in (True, False))
+    assert unsure.code == "network_unsure"
+    assert "sure of 2 of 2 windows" in unsure.text
+    assert unsure.remedy.endswith("(--decide physics)")
+    assert blank.remedy.endswith("fill in the profile's constants and limits")
     fed(tally, *[ALIEN] * 3)
-    assert "3 of 5 windows are outside its training range" in tally.why_undecided(physics=True)[0]
+    outside = tally.why_undecided(physics=True)
+    assert outside.code == "network_outside"
+    assert " 3 of 5 windows" in outside.text
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from mavhums.health.estimation.random_effects import population
 from mavhums.health.self_baseline import comparison
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS, USEFUL_RISE
-from mavhums.health.self_baseline.verdict import compare_with_own_flights, comparison_text
+from mavhums.health.self_baseline.verdict import compare_with_own_flights, comparison_reason
 from mavhums.results.verdict import OwnRecord, Verdict
 from tests.health.present import present
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
@@ -38,10 +38,7 @@ def test_fewer_than_ten_flights_are_learning() -> None:
         found = compare(EQUATION, flight(50), HEALTHY[:before])
         assert (found.condition, found.flights, found.needed) == ("learning", before + 1, 10)
         assert present(found.value).estimate == pytest.approx(0.05, rel=0.1)
-    assert (
-        comparison_text(EQUATION, found)
-        == "flight 10 of the 10 that its baseline takes; no absolute limit known"
-    )
+    assert comparison_reason(EQUATION, found).code == "own_learning"
 
 
 def test_a_flight_like_those_before_is_unchanged_and_says_what_it_would_have_seen() -> None:
@@ -65,9 +62,9 @@ def test_a_rise_is_changed_since_the_first_flight_of_an_unbroken_row(monkeypatch
     assert found.condition == "changed"
     assert present(found.change).estimate == pytest.approx(0.6, abs=0.1)
     assert present(found.since).flight == REFERENCE_FLIGHTS + 3
-    text = comparison_text(EQUATION, found)
-    assert text.startswith("friction current +")
-    assert "since flight 23 (2026-03-23): friction" in text
+    reason = comparison_reason(EQUATION, found)
+    assert reason.code == "own_changed"
+    assert "since flight 23 (2026-03-23): friction" in reason.text
     value, usual, change = present(found.value), present(found.baseline), present(found.change)
     halves = value.high - value.estimate, usual.high - usual.estimate
     ratio = (change.high - change.estimate) / (np.hypot(*halves) / usual.estimate)
@@ -208,7 +205,8 @@ def test_a_weaker_motor_is_told_from_friction() -> None:
     weak = compare_with_own_flights(verdict(flight(1)).model_copy(update={"own": records(70, 0.8)}), before)
     assert weak.condition == "changed"
     assert [suspect.fault for suspect in weak.suspects] == ["torque_constant"]
-    assert (weak.reason or "").startswith("torque constant -20%; the friction current +")
+    assert weak.reason_codes == ("own_constant",)
+    assert "constant -20%; the friction current +" in (weak.reason or "")
     worn = compare_with_own_flights(
         verdict(flight(1)).model_copy(update={"own": records(71, 1.0, 0.08)}), before
     )
@@ -225,5 +223,7 @@ def test_an_uncertain_flight_says_at_which_rate_of_false_alarms_it_shows_a_usefu
     assert found.useful_at > 1.0
     again = compare(EQUATION, own, before, false_alarms=found.useful_at)
     assert again.least_rise == pytest.approx(USEFUL_RISE, rel=1e-6)
-    assert f"{found.useful_at:.2g} false alarms in 100 h" in comparison_text(EQUATION, found)
-    assert "false alarms" not in comparison_text(EQUATION, compare(EQUATION, flight(51), HEALTHY))
+    assert f"{found.useful_at:.2g} false alarms in 100 h" in comparison_reason(EQUATION, found).text
+    sure = comparison_reason(EQUATION, compare(EQUATION, flight(51), HEALTHY))
+    assert sure.code == "own_unchanged"
+    assert "false alarms" not in sure.text

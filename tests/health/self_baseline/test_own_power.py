@@ -12,7 +12,7 @@ from mavhums.health.estimation.equations.own_scale import POWER
 from mavhums.health.estimation.flight_sums import POWER_COLUMNS, collector
 from mavhums.health.estimation.wear import _learned_power, _power_wear, _shows_power
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.health.self_baseline.verdict import comparison_text
+from mavhums.health.self_baseline.verdict import comparison_reason
 from mavhums.results.verdict import OwnRecord
 from tests.health.present import present
 from tests.health.self_baseline.servo import Array, Servo, blank, collected
@@ -105,7 +105,7 @@ def test_more_friction_is_a_change_whatever_the_bridge_does(burns: bool) -> None
     risen = left(62, FRICTION_NM * (1.0 + 1.3 * same.least_rise), burns=burns)
     found = compare(POWER, risen, healthy)
     assert found.condition == "changed"
-    assert comparison_text(POWER, found).startswith("friction in the supply's power +")
+    assert comparison_reason(POWER, found).text.startswith("friction in the supply's power +")
     assert present(found.change).estimate == pytest.approx(1.3 * same.least_rise, abs=0.12 if burns else 0.06)
 
 
@@ -137,7 +137,7 @@ def test_without_airspeed_it_says_so() -> None:
     time_s, values, airspeed = flown(73)
     sums = collector(POWER, at_bus())
     assert collected(sums, (time_s, values, np.full_like(airspeed, np.nan))) is None
-    assert sums.gap == "the friction in the supply's power needs the airspeed, and the log has none"
+    assert present(sums.gap).code == "own_no_airspeed"
 
 
 def test_power_without_load_determines_nothing() -> None:

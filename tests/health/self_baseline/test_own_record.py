@@ -105,7 +105,7 @@ def test_a_long_flight_leaves_no_more_than_sixteen_parts() -> None:
 def test_a_flight_at_a_low_rate_leaves_nothing_and_says_why() -> None:
     sums = OwnSums(EQUATION, blank())
     assert collected(sums, SERVO.flown(1, rate_hz=10.0)) is None
-    assert sums.gap == "the friction current needs 20 Hz, and the log has less"
+    assert present(sums.gap).code == "own_too_slow"
 
 
 def test_magnitudes_show_no_friction() -> None:

@@ -11,6 +11,7 @@ from mavhums.core.conditions import Condition
 from mavhums.health.estimation.equations.own_scale import CURRENT, RIPPLE, ROUGHNESS, TRACKING, TWO_WAYS
 from mavhums.health.self_baseline import verdict as judged
 from mavhums.health.self_baseline.comparison import Comparison
+from mavhums.results.reasons import said
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Evidence, Indicator, OwnRecord, Suspect, Verdict
 
@@ -19,7 +20,7 @@ NEAR = Interval(estimate=0.02, low=-0.06, high=0.1)
 VALUE = Interval(estimate=0.123456, low=0.103456, high=0.143456)
 USUAL = Interval(estimate=0.0987654, low=0.0876543, high=0.1098765)
 LEARNING = Comparison("learning", VALUE, 6, 10)
-COLDER = Comparison("undecided", VALUE, 20, 10, why="its flight was colder than any of its baseline")
+STILL = Comparison("undecided", VALUE, 20, 10)
 LIKE = Comparison("unchanged", VALUE, 20, 10, USUAL, NEAR, 0.123456)
 RISEN = Comparison("changed", VALUE, 20, 10, USUAL, RISE, 0.123456)
 
@@ -48,9 +49,9 @@ def compared(
         (LIKE, {TWO_WAYS: RISEN}, "changed", [TWO_WAYS]),
         (LIKE, {TWO_WAYS: LIKE, ROUGHNESS: RISEN, RIPPLE: LEARNING}, "changed", [ROUGHNESS]),
         (RISEN, {TWO_WAYS: RISEN, RIPPLE: RISEN}, "changed", [CURRENT, TWO_WAYS, RIPPLE]),
-        (RISEN, {ROUGHNESS: COLDER}, "changed", [CURRENT]),
+        (RISEN, {ROUGHNESS: STILL}, "changed", [CURRENT]),
         (LEARNING, {ROUGHNESS: LIKE}, "learning", []),
-        (COLDER, {RIPPLE: RISEN}, "changed", [RIPPLE]),
+        (STILL, {RIPPLE: RISEN}, "changed", [RIPPLE]),
         (None, {RIPPLE: RISEN, ROUGHNESS: RISEN}, "changed", [ROUGHNESS, RIPPLE]),
         (None, {RIPPLE: LIKE}, "undecided", []),
     ],
@@ -74,21 +75,21 @@ def test_strokes_stand_beside_the_equation_and_can_only_add_a_change(
     verdict = compared(monkeypatch, found, before)
     shown = [one.fault for one in (CURRENT, TWO_WAYS, ROUGHNESS, RIPPLE) if one.name in found]
     changed = [one for one in (CURRENT, TWO_WAYS, ROUGHNESS, RIPPLE) if one in told]
-    texts = {one: judged.comparison_text(one, found[one.name]) for one in changed}
+    reasons = [judged.comparison_reason(one, found[one.name]) for one in changed]
     assert (verdict.condition, verdict.worst) == (condition, condition)
     assert [one.fault for one in verdict.indicators] == [*others, *shown]
     assert [one.kind for one in verdict.evidence] == [*others, *(f"{fault}_own" for fault in shown)]
     assert [one.fault for one in verdict.suspects] == [*others, *(one.fault for one in changed)]
     if changed:
-        assert verdict.reason == "; ".join(texts[one] for one in changed)
-        assert verdict.remedy == "; ".join(f"inspect {one.inspect}" for one in changed)
+        kept = ("reason", "remedy", "reason_codes")
+        assert {name: getattr(verdict, name) for name in kept} == said(*reasons)
     elif current is None:
         assert (verdict.reason, verdict.remedy) == ("it was so", None)
     else:
-        assert verdict.reason == judged.comparison_text(CURRENT, current)
+        assert verdict.reason == judged.comparison_reason(CURRENT, current).text
     assert compared(monkeypatch, found, verdict).indicators == verdict.indicators
     # What no longer shows itself leaves nothing of the comparison before.
-    still = replace(COLDER, value=None)
+    still = replace(STILL, value=None)
     again = compared(monkeypatch, dict.fromkeys(found, still), verdict)
     assert [one.fault for one in again.indicators] == [*others]
     assert [one.kind for one in again.evidence] == [*others]

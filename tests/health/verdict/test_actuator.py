@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
 from mavhums.actuator.telemetry import TIERS
 from mavhums.core.conditions import Condition
 from mavhums.health.verdict.actuator import (
@@ -16,6 +17,7 @@ from mavhums.health.verdict.actuator import (
     crowded_out,
     verdict_of_actuator,
 )
+from mavhums.results.reasons import Reason
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Indicator, OwnRecord, Suspect, Verdict
 from tests.health.flown import actuator_of
@@ -27,13 +29,15 @@ SHOWN = Indicator(
 )  # fmt: skip
 FOUND = Evidence(kind="friction", start_s=1.23456, end_s=9.87654, value=0.123456, rule="")
 OWN = OwnRecord(equation="own_current", setup="", rate_hz=25.0, duration_s=60.0, groups=())
+NOTHING = Coverage(moving_fraction=0.1, windows=0, decidable=0)
 SURE = Suspect(fault="friction", confidence=0.987654)
-ENDED = "its telemetry ends at 90 s of 101 s, when it was "
 
 
 def verdict(condition: Condition = "degraded", end_s: float = 100.0, **changes: Any) -> Verdict:
     """Return the verdict on a flight whose telemetry ends at 90 s."""
     implausible = changes.pop("implausible", {"V5": (3, 100)})
+    provenance = changes.pop("provenance", {"V5": "A.b", "V7": "A.c"})
+    actuator = actuator_of().model_copy(update=changes.pop("actuator", {}))
     findings: Any = SimpleNamespace(
         **{
             "condition": condition,
@@ -51,8 +55,8 @@ def verdict(condition: Condition = "degraded", end_s: float = 100.0, **changes: 
         | changes
     )
     return verdict_of_actuator(
-        1, actuator_of(), findings, start_utc=START, end_s=end_s, late=2,
-        implausible=implausible, provenance={"V5": "A.b", "V7": "A.c"}, tier=TIERS[0],
+        1, actuator, findings, start_utc=START, end_s=end_s, late=2,
+        implausible=implausible, provenance=provenance, tier=TIERS[0],
     )  # fmt: skip
 
 
@@ -78,43 +82,64 @@ def test_numbers_have_the_digits_that_are_known() -> None:
 
 
 @pytest.mark.parametrize(
-    ("condition", "end_s", "told", "reason"),
+    ("condition", "end_s", "told", "expected"),
     [
-        ("degraded", 100.0, "degraded", None),
-        ("degraded", 101.0, "undecided", f"{ENDED}degraded"),
-        ("normal", 100.01, "undecided", "its telemetry ends at 90 s of 100 s, when it was normal"),
-        ("undecided", 101.0, "undecided", "7 of 50 windows are decidable, and too few in a row agree"),
+        ("degraded", 100.0, "degraded", ()),
+        ("degraded", 101.0, "undecided", ("silent",)),
+        ("normal", 100.01, "undecided", ("silent",)),
+        ("undecided", 101.0, "undecided", ("few_agree",)),
     ],
 )
 def test_silence_for_more_than_a_window_is_undecided_and_keeps_the_worst(
-    condition: Condition, end_s: float, told: Condition, reason: str | None
+    condition: Condition, end_s: float, told: Condition, expected: tuple[str, ...]
 ) -> None:
     found = verdict(condition, end_s)
-    assert (found.condition, found.worst, found.reason) == (told, "emergency", reason)
+    assert (found.condition, found.worst, found.reason_codes) == (told, "emergency", expected)
     silent = end_s > 100.0
     assert (found.since is None, found.own) == (silent, () if silent else (OWN,))
-    assert (found.remedy is None) == (reason is None)
+
+
+@pytest.mark.parametrize(
+    ("measured", "changes", "code"),
+    [
+        (("V6", "V7"), {"actuator": {"esc_side": "bus"}}, "bus_power"),
+        (("V5",), {}, "not_measured"),
+        (
+            ("V5", "V7"),
+            {"coverage": Coverage(moving_fraction=0, windows=0, decidable=0)},
+            "telemetry_too_short",
+        ),
+        (("V5", "V7"), {"no_friction": Reason("one_way")}, "one_way"),
+        (("V5", "V7"), {"actuator": {"ema": None}}, "blanks"),
+        (("V5", "V7"), {"coverage": NOTHING.model_copy(update={"windows": 9})}, "slow_motion"),
+        (("V5", "V7"), {}, "few_agree"),
+    ],
+)
+def test_what_binds_is_told(measured: tuple[str, ...], changes: dict[str, Any], code: str) -> None:
+    provenance = dict.fromkeys(measured, f"A.b{SIGNED_BY_VOLTAGE}")
+    assert verdict("undecided", provenance=provenance, **changes).reason_codes == (code,)
 
 
 def test_absurd_values_are_told_before_what_else_is_missing() -> None:
     found = verdict("undecided", implausible={"V5": (11, 100)})
-    assert (found.reason or "").startswith("up to 11 % of the values of V5 are beyond")
+    assert found.reason_codes == ("implausible",)
+    assert "11 % of the values of V5 are" in (found.reason or "")
     assert verdict("degraded", implausible={"V5": (11, 100)}).reason is None
 
 
 @pytest.mark.parametrize(
-    ("condition", "end_s", "decidable", "told", "reason"),
+    ("condition", "end_s", "decidable", "told", "expected"),
     [
-        ("degraded", 100.0, 3, "degraded", None),
-        ("degraded", 101.0, 12, "undecided", f"{ENDED}degraded"),
-        ("undecided", 101.0, 12, "undecided", "as it was"),
+        ("degraded", 100.0, 3, "degraded", ()),
+        ("degraded", 101.0, 12, "undecided", ("silent",)),
+        ("undecided", 101.0, 12, "undecided", ("few_agree",)),
     ],
 )
 def test_its_own_baseline_replaces_what_the_flight_alone_showed(
-    condition: Condition, end_s: float, decidable: int, told: Condition, reason: str | None
+    condition: Condition, end_s: float, decidable: int, told: Condition, expected: tuple[str, ...]
 ) -> None:
     """Of another fault there is no baseline."""
-    before = verdict().model_copy(update={"reason": "as it was", "remedy": "as before"})
+    before = verdict("undecided")
     before = before.model_copy(update={"indicators": (SHOWN, SHOWN.model_copy(update={"fault": "backlash"}))})
     usual = Interval(estimate=0.0987654, low=0.0876543, high=0.1098765)
     found = against_baseline(
@@ -125,8 +150,7 @@ def test_its_own_baseline_replaces_what_the_flight_alone_showed(
         start_utc=START,
         end_s=end_s,
     )
-    assert (found.condition, found.worst, found.reason) == (told, "degraded", reason)
-    assert (found.remedy is None) == (reason is None)
+    assert (found.condition, found.worst, found.reason_codes) == (told, "degraded", expected)
     assert found.coverage.decidable == max(7, decidable)
     assert (found.since and found.since.flight_time_s) == (None if end_s > 100.0 else 12.346)
     assert (found.suspects[0].confidence, found.evidence[0].end_s) == (0.9877, 9.877)
@@ -138,4 +162,5 @@ def test_its_own_baseline_replaces_what_the_flight_alone_showed(
 def test_a_vehicle_beyond_the_most_that_are_judged_says_how_many_these_are() -> None:
     found = crowded_out(9, None, 8)
     assert (found.vehicle, found.actuator, found.condition) == (9, "all", "undecided")
-    assert found.reason == "more than 8 vehicles transmit; this one came after them"
+    assert found.reason_codes == ("crowded_out",)
+    assert "than 8 vehicles" in (found.reason or "")

@@ -7,7 +7,9 @@ import pytest
 from mavhums.actuator.freshness import NOT_USED
 from mavhums.actuator.telemetry import TIERS, Tier
 from mavhums.core.conditions import Condition
-from mavhums.health.verdict.actuator import unjudged, unjudged_actuator, unjudged_vehicle, with_refused
+from mavhums.health.verdict.actuator import unjudged_actuator, unjudged_vehicle, with_refused
+from mavhums.health.verdict.obstacles import unjudged
+from mavhums.results.reasons import Reason
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
 from tests.health.flown import actuator_of
@@ -34,7 +36,7 @@ def test_a_vehicle_whose_servos_tell_nothing_is_unmonitored(
     [found] = unjudged_vehicle(vehicle, tier)
     assert (found.vehicle, found.actuator, found.condition) == (vehicle, ALL, condition)
     assert found.tier == (tier and tier.name)
-    assert (found.reason == "no vehicle found in this log") == (vehicle is None)
+    assert (found.reason_codes == ("no_vehicle",)) == (vehicle is None)
 
 
 @pytest.mark.parametrize(("tier", "each"), [(None, True), (SEEN, True), (JUDGED, False)])
@@ -52,37 +54,32 @@ def test_a_helicopters_rotors_stand_for_its_surfaces() -> None:
     assert [(one.actuator, one.condition) for one in found] == [("tail rotor (servo 3)", "unmonitored")]
 
 
-BLANKS = "the profile has no [actuators.ema], no [actuators.limits]"
-SERVO = actuator_of().servo
-LEFT_OUT = f"the log's {JUDGED.name} telemetry leaves out servo {SERVO}"
-UNSEEN = f"the log's {SEEN.name} telemetry leaves out servo {SERVO}"
-ONLY_PROPELLERS = f"the profile names no ESC of servo {SERVO}: those that report drive propellers"
+GAP = Reason("own_still", quantity="friction")
+BLANK: dict[str, object] = {"ema": None, "limits": None}
 
 
 @pytest.mark.parametrize(
-    ("changes", "tier", "keys", "reason"),
+    ("changes", "tier", "keys", "expected"),
     [
-        ({}, JUDGED, ("V3",), LEFT_OUT),
-        ({}, SEEN, ("V1", "V3"), UNSEEN),
-        ({"ema": None, "limits": None}, JUDGED, ("V3",), BLANKS),
-        ({"ema": None, "limits": None}, JUDGED, (), f"{BLANKS}; {LEFT_OUT}"),
-        ({"ema": None, "limits": None, "travel_deg": None}, JUDGED, ("V3",), f"{BLANKS}, no travel_deg"),
-        ({"esc": None}, FROM_ESC, (), ONLY_PROPELLERS),
-        ({"esc": 2}, FROM_ESC, (), f"the log's {FROM_ESC.name} telemetry leaves out servo {SERVO}"),
+        ({}, JUDGED, ("V3",), ["left_out"]),
+        ({}, SEEN, ("V1", "V3"), ["left_out"]),
+        (BLANK, JUDGED, ("V3",), ["blanks"]),
+        (BLANK, JUDGED, (), ["blanks", "left_out"]),
+        ({**BLANK, "travel_deg": None}, JUDGED, ("V3",), ["blanks"]),
+        ({"esc": None}, FROM_ESC, (), ["esc_unnamed"]),
+        ({"esc": 2}, FROM_ESC, (), ["left_out"]),
     ],
 )
 def test_why_an_actuator_with_telemetry_is_not_judged(
-    changes: dict[str, object], tier: Tier, keys: tuple[str, ...], reason: str
+    changes: dict[str, object], tier: Tier, keys: tuple[str, ...], expected: list[str]
 ) -> None:
     actuator = actuator_of().model_copy(update=changes)
     provenance = dict.fromkeys(keys, "A.b")
     found = unjudged_actuator(1, actuator, tier, provenance)
     assert (found.condition, found.actuator, found.provenance) == ("undecided", actuator.name, provenance)
-    assert found.reason == reason
-    gap = unjudged_actuator(1, actuator, tier, provenance, "it comes at 2 Hz")
-    assert gap.reason == f"it comes at 2 Hz; {found.reason}"
-    assert gap.remedy is not None
-    assert gap.remedy.startswith("record its telemetry faster")
+    assert found.reason_codes == (*expected,)
+    assert ("no travel_deg" in (found.reason or "")) is ("travel_deg" in changes)
+    assert unjudged_actuator(1, actuator, tier, provenance, GAP).reason_codes == (GAP.code, *expected)
 
 
 @pytest.mark.parametrize(("tier", "keys"), [(None, ()), (None, ("V3",)), (SEEN, ()), (SEEN, ("V1",))])
@@ -92,10 +89,9 @@ def test_an_actuator_without_feedback_is_unmonitored(tier: Tier | None, keys: tu
     by_angle = unknown.model_copy(update={"fields": {"V1": "A.b"}})
     angles = []
     for actuator in (known, by_angle, unknown):
-        found = unjudged_actuator(1, actuator, tier, provenance, "it comes at 2 Hz")
+        found = unjudged_actuator(1, actuator, tier, provenance, GAP)
         assert found.condition == "unmonitored"
-        assert found.reason is not None
-        angles.append("its command is no angle" in found.reason)
+        angles.append("no_angle" in found.reason_codes)
     assert angles == [False, False, True]
 
 
@@ -107,24 +103,22 @@ PROVENANCE = {
 REFUSED = "the current is refreshed once a second; the speed has no sign"
 
 
-def undecided(reason: str, provenance: dict[str, str] = PROVENANCE) -> Verdict:
-    return unjudged(1, "elevator", (reason, "fly longer"), None, provenance)
+def undecided(*reasons: Reason, provenance: dict[str, str] = PROVENANCE) -> Verdict:
+    return unjudged(1, "elevator", *reasons, provenance=provenance)
 
 
-@pytest.mark.parametrize(
-    ("before", "after"), [("", REFUSED), ("V7 not measured", f"{REFUSED}; V7 not measured")]
-)
-def test_an_undecided_actuator_names_what_no_equation_can_use(before: str, after: str) -> None:
-    found = with_refused(undecided(before))
-    assert found.reason == after
+@pytest.mark.parametrize(("before", "after"), [([], REFUSED), ([GAP], f"{REFUSED}; {GAP.text}")])
+def test_an_undecided_actuator_names_what_no_equation_can_use(before: list[Reason], after: str) -> None:
+    found = with_refused(undecided(*before))
+    assert (found.reason, found.reason_codes) == (after, ("refused", *(one.code for one in before)))
     assert found.remedy == "record V5 and V7 as sampled at the motor, with sign"
     assert with_refused(found) == found
 
 
 def test_a_verdict_without_anything_refused_stays_as_it_is() -> None:
     for one in (
-        undecided("fly", {"V4": PROVENANCE["V4"]}),
-        undecided("fly").model_copy(update={"condition": "normal"}),
-        undecided("fly").model_copy(update={"condition": "unmonitored"}),
+        undecided(GAP, provenance={"V4": PROVENANCE["V4"]}),
+        undecided(GAP).model_copy(update={"condition": "normal"}),
+        undecided(GAP).model_copy(update={"condition": "unmonitored"}),
     ):
         assert with_refused(one) is one

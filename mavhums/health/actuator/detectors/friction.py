@@ -28,9 +28,7 @@ from mavhums.health.decision.limits import Estimates, Levels, half_width, tail_o
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.thresholds import MOST_LOAD_FRICTION
-
-_MOVE_IT = "analyse a flight in which the surface moves, or sweep it before take-off"
-_CHECK = "check torque_constant and gear_ratio of the profile, and the units and signs of V4, V5, V7 and V11"
+from mavhums.results.reasons import Reason
 
 
 class FrictionDetector(EquationDetector):
@@ -122,8 +120,8 @@ class FrictionDetector(EquationDetector):
 
 def why_no_friction(
     detector: Detector | None, flight: Mapping[str, Fit], *, moving: int, samples: int, rate_hz: float
-) -> tuple[str, str] | None:
-    """Return reason and remedy if a whole flight shows no friction; None if it does, or without a detector.
+) -> Reason | None:
+    """Return the reason if a whole flight shows no friction; None if it does, or without a detector.
 
     Parameters
     ----------
@@ -143,55 +141,40 @@ def why_no_friction(
     fit, actuator = flight["torque"], detector.actuator
     # In the order of what can be done: first the recording, then the flight, then the profile.
     if rate_hz < actuator.min_rate_hz:
-        reason = f"its telemetry comes at {rate_hz:.1f} Hz, less than the profile's min_rate_hz of "
-        return f"{reason}{actuator.min_rate_hz:g}", "record its telemetry faster"
+        return Reason("telemetry_too_slow", rate_hz=rate_hz, needed_hz=actuator.min_rate_hz)
     if fit.count[0] < FRICTION_SAMPLES or not fit.spread[0]:
         return _too_few(int(fit.count[0]), moving, samples)
     return _contradiction(detector, flight) or _too_wide(detector, flight)
 
 
-def _too_few(usable: int, moving: int, samples: int) -> tuple[str, str]:
-    share = f"{100 * moving / max(samples, 1):.0f} %"
+def _too_few(usable: int, moving: int, samples: int) -> Reason:
+    percent = 100 * moving / max(samples, 1)
     # It moves, but most of its samples have no current of known sign.
     if moving >= FRICTION_SAMPLES and usable < moving / 2:
-        return (
-            f"it moves in {share} of the samples, but only {usable} of these have a current of known sign",
-            "record current and speed together, with their signs",
-        )
-    return f"the actuator moves in {share} of the samples, too little to show friction", _MOVE_IT
+        return Reason("unsigned_current", percent=percent, usable=usable)
+    return Reason("still", percent=percent)
 
 
-def _contradiction(detector: FrictionDetector, flight: Mapping[str, Fit]) -> tuple[str, str] | None:
+def _contradiction(detector: FrictionDetector, flight: Mapping[str, Fit]) -> Reason | None:
     """Return what contradicts the torque balance, if anything does."""
     ema, limits = detector.actuator.known_ema(), detector.actuator.known_limits()
     contradicted, constant = contradicts(flight["voltage"], ema, turned=detector.turned)
     if contradicted[0]:
-        share = f"the back-EMF shows {100 * constant[0]:.0f} % of the profile's torque constant"
-        return f"{share}, so the current does not tell the torque", _CHECK
+        return Reason("other_constant", percent=100 * constant[0])
     friction, error = (float(column[0]) for column in flight["torque"]["friction"])
     if friction <= -FRICTION_CONTRADICTION_ERRORS * error:
-        return f"the torque balance comes to a friction of {friction:.3g} N·m, below zero", _CHECK
+        return Reason("negative_friction", friction=friction)
     if friction + ERRORS_95 * error <= FRICTIONLESS_LIMIT_SHARE * limits.normal:
-        return (
-            "the torque balance comes to no friction at all: the current does not follow the motion",
-            _CHECK,
-        )
+        return Reason("no_friction")
     return None
 
 
-def _too_wide(detector: FrictionDetector, flight: Mapping[str, Fit]) -> tuple[str, str]:
+def _too_wide(detector: FrictionDetector, flight: Mapping[str, Fit]) -> Reason:
     fit, limits = flight["torque"], detector.actuator.known_limits()
     if detector.actuator.known_ema().load_friction is None and fit["friction"].value[0] > limits.normal:
-        return (
-            f"its friction of {fit['friction'].value[0]:.2g} N·m may be that of the load: the profile has no "
-            "load_friction",
-            "fill in load_friction of [actuators.ema]",
-        )
+        return Reason("load_friction", friction=fit["friction"].value[0])
     if not fit.both_ways("friction", "offset")[0]:
-        return "the actuator moves one way only, which does not tell friction from load", _MOVE_IT
+        return Reason("one_way")
     error = float(fit["friction"].std_error[0])
-    return (
-        f"it moves too little both ways: its friction is known to ± {ERRORS_95 * error:.2g} N·m, "
-        f"and its limits are {limits.emergency - limits.normal:.2g} N·m apart",
-        _MOVE_IT,
-    )
+    apart = limits.emergency - limits.normal
+    return Reason("friction_uncertain", error=ERRORS_95 * error, apart=apart)
