@@ -2,9 +2,9 @@
 
 Flies twelve aircraft, fifty flights each: on six the elevator wears, two have two vehicles in each log, one
 is repaired half-way, one log in a hundred is broken. Every log is judged by ``analyse --keep``
-after its landing, and by a fleet with one worker, with two, in shuffled order of arrival, and through a
-scheduler that is a process of its own; two aircraft once more with another rate of false alarms. Prints how
-many logs agree.
+after its landing, and by a fleet with one worker, with two, in shuffled order of arrival, in PostgreSQL, and
+through a scheduler that is a process of its own; two aircraft once more with another rate of false alarms.
+Prints how many logs agree.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from distributed import Security
 
 from mavhums import MavhumsError, Options, analyse, fleet
 from mavhums_sim import Flight, fly, write_tlog
+from tests.fleet.stores import postgres
 from tests.fleet_logs import joined, moved
 
 AIRCRAFT = 12
@@ -91,7 +92,7 @@ def one_by_one(logs: Path, store: Path, flights: int, rate: float, aircraft: Seq
 
 
 def by_fleet(
-    logs: Sequence[Path], store: Path, flights: int, *, rate: float = 1.0, parts: int = 1, **how: object
+    logs: Sequence[Path], store: str | Path, flights: int, *, rate: float = 1.0, parts: int = 1, **how: object
 ) -> Told:
     """Judge the logs in the given order of arrival."""
     options = fleet.ScanOptions(
@@ -172,6 +173,10 @@ def main() -> None:
         scans = min(5, flights)  # the first one must know the aircraft of a repair
         found = by_fleet(arriving, folder / "store-shuffled", flights, parts=scans, workers=2)
         agree.append(compare(f"fleet, shuffled, in {scans} scans", expected, found, begun))
+        begun = time.perf_counter()
+        with postgres() as server:
+            found = by_fleet(arriving, server, flights, parts=scans, workers=2)
+        agree.append(compare("the same in PostgreSQL", expected, found, begun))
         begun = time.perf_counter()
         with cluster(folder) as scheduler:
             found = by_fleet(logs, folder / "store-scheduler", flights, scheduler=scheduler)

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from datetime import datetime
 from pathlib import Path
 from unittest.mock import patch
@@ -62,3 +67,32 @@ def table(store: str | Path, name: str) -> list[dict[str, object]]:
     """Return the rows of a table of a store."""
     with Store(store).reading() as connection:
         return [dict(row) for row in connection.execute(select(METADATA.tables[name])).mappings()]
+
+
+@contextmanager
+def postgres() -> Iterator[str]:
+    """Run a server of its own, which listens at a socket in its folder alone; yield its address.
+
+    Raises
+    ------
+    FileNotFoundError
+        If PostgreSQL is not installed.
+    """
+    binaries = Path(shutil.which("postgres") or "none").resolve().parent
+    if not (binaries / "initdb").exists():
+        raise FileNotFoundError("PostgreSQL is not installed")
+    user = "nobody" if hasattr(os, "geteuid") and os.geteuid() == 0 else None  # it refuses to run as root
+    with tempfile.TemporaryDirectory(prefix="pg-", dir="/tmp") as folder:
+        if user:
+            shutil.chown(folder, user)
+        data, sockets = f"{folder}/data", f"-c listen_addresses= -k {folder} -c fsync=off"
+        make = [binaries / "initdb", "-D", data, "-U", "fleet", "-A", "trust", "-E", "UTF8", "--no-sync"]
+        control = [binaries / "pg_ctl", "-D", data, "-w"]
+        start = [*control, "-l", f"{folder}/log", "-o", sockets, "start"]
+        stop = [*control, "-m", "immediate", "stop"]
+        for command in (make, start):
+            subprocess.run([*map(str, command)], check=True, stdout=subprocess.DEVNULL, user=user, cwd=folder)
+        try:
+            yield f"postgresql://fleet@/postgres?host={folder}"
+        finally:
+            subprocess.run([*map(str, stop)], check=True, stdout=subprocess.DEVNULL, user=user, cwd=folder)

@@ -2,44 +2,30 @@
 
 from __future__ import annotations
 
-import os
 import random
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from mavhums import fleet
-from tests.fleet.stores import add, row_of
+from tests.fleet.stores import add, postgres, row_of
 from tests.fleet.test_corrections import FOREIGN, GROWS, STILL, held
 from tests.flights import START, flown, verdict
 
 pytest.importorskip("psycopg")
-USER = "nobody" if hasattr(os, "geteuid") and os.geteuid() == 0 else None
 
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[str]:
-    """The address of a server of its own, which listens at a socket in its folder alone."""
-    found = shutil.which("postgres")
-    binaries = Path(found).resolve().parent if found else None
-    if binaries is None or not (binaries / "initdb").exists():
-        pytest.skip("PostgreSQL is not installed")
-    with tempfile.TemporaryDirectory(prefix="pg-", dir="/tmp") as folder:
-        if USER:
-            shutil.chown(folder, USER)
-        data, sockets = f"{folder}/data", f"-c listen_addresses= -k {folder} -c fsync=off"
-        make = [binaries / "initdb", "-D", data, "-U", "fleet", "-A", "trust", "-E", "UTF8", "--no-sync"]
-        start = [binaries / "pg_ctl", "-D", data, "-w", "-l", f"{folder}/log", "-o", sockets, "start"]
-        stop = [binaries / "pg_ctl", "-D", data, "-m", "immediate", "stop"]
-        for command in (make, start):
-            subprocess.run([*map(str, command)], check=True, stdout=subprocess.DEVNULL, user=USER, cwd=folder)
-        yield f"postgresql://fleet@/postgres?host={folder}"
-        subprocess.run([*map(str, stop)], check=True, stdout=subprocess.DEVNULL, user=USER, cwd=folder)
+    with ExitStack() as stack:
+        try:
+            address = stack.enter_context(postgres())
+        except FileNotFoundError:
+            pytest.skip("PostgreSQL is not installed")
+        yield address
 
 
 @pytest.mark.slow
