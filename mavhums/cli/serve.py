@@ -139,12 +139,8 @@ class _PageStore:
     def __init__(self, place: str, options: Options) -> None:
         from mavhums.flights.store import Store
 
-        store = Store(place)
-        if not store.exists:
-            if not Path(place).absolute().parent.is_dir():
-                raise MavhumsError(f"{place}: no such folder", "make it, or name another store")
-            with store.writing():
-                pass
+        if not Store(place).exists and not Path(place).absolute().parent.is_dir():
+            raise MavhumsError(f"{place}: no such folder", "make it, or name another store")
         self._store = place
         self._options = options.as_texts()
 

@@ -121,7 +121,9 @@ def _unpack(job: Job) -> Job:
 
 
 def _settings(job: Job) -> Settings:
-    return Settings.read(Options(**job["options"]))
+    settings = Settings.read(Options(**job["options"]))
+    # the page's store begins with the first log that somebody keeps
+    return settings if settings.store is None or settings.store.exists else settings.alone()
 
 
 if __name__ == "__main__":

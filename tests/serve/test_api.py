@@ -134,6 +134,20 @@ def test_a_store_is_asked_as_on_the_command_line(client: httpx.Client, store: Pa
     assert last.json()["verdicts"] == flights[-1]["verdicts"]
 
 
+def test_a_new_store_begins_with_the_first_log_that_is_kept(healthy_log: Path, tmp_path: Path) -> None:
+    new = tmp_path / "new"
+    with served("--store", new, "--workers", "1") as page, httpx.Client(timeout=120) as client:
+        headers = {"origin": page.url}
+        log = client.post(
+            f"{page.url}/api/logs?name=a.tlog", content=healthy_log.read_bytes(), headers=headers
+        )
+        assert log.json()["verdicts"]
+        status = client.get(f"{page.url}/api/fleet/status")
+        assert "no store of flights" in status.json()["problem"]
+        assert "no store of flights" in client.get(f"{page.url}/fleet").text
+    assert not new.exists()
+
+
 def test_openapi_describes_every_path(client: httpx.Client) -> None:
     said = client.get("/openapi.json").json()
     wanted = {f"/fleet/{name}" for name in ("status", "worst", "trend", "flights", "flight")}
