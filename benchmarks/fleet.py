@@ -6,7 +6,7 @@ the machine, the processors' are the ones to trust. The load is printed first.
 scans      logs per second in a plain loop, with one worker and with two
 memory     largest memory of driver and worker while they scan 100 and 2,000 logs
 growth     ten new logs into a store of 10,000
-questions  `worst` and one aircraft's trend, of 1,000,000 verdicts
+questions  what the page and the commands ask, of 1,000,000 verdicts
 stored     one more flight in a store with 10, 1,000 and 10,000 of its aircraft; then a late log, for which
            all of them are compared again
 many       `analyse` of many logs by one process and by two
@@ -22,7 +22,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import psutil
@@ -31,9 +31,11 @@ from mavhums import Options, analyse, analyse_many, fleet
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.many import Batch
 from mavhums.engine.events import StandaloneAssessment
-from mavhums.flights.queries import exit_code
+from mavhums.flights.queries import exit_code, flight
+from mavhums.flights.queries import flights as all_flights
 from mavhums.flights.store import Store
 from mavhums.flights.store.tables import METADATA
+from mavhums.serve.fleet_view import aircraft_table
 from mavhums_sim import Flight, fly, write_tlog
 from tests.fleet.stores import add, row_of
 from tests.fleet_logs import moved
@@ -211,12 +213,14 @@ def questions(folder: Path) -> None:
         "sha256": "sha256 || '-' || day",
         "start_us": "start_us - 86400000000 * day",
         "last": "false",
+        "boot_us": "boot_us - 86400000000 * day",
+        "path": "path || day",
     }
     days = (
         f"WITH RECURSIVE days(day) AS (SELECT 1 UNION ALL SELECT day + 1 FROM days WHERE day < {flights - 1})"
     )
     with Store(store).writing() as connection:
-        for name in ("flight", "verdict", "indicator"):
+        for name in ("flight", "log", "recording", "verdict", "indicator"):
             columns = [column.name for column in METADATA.tables[name].columns]
             values = ", ".join(changed.get(column, f'"{column}"') for column in columns)
             names = ", ".join(f'"{column}"' for column in columns)
@@ -228,10 +232,18 @@ def questions(folder: Path) -> None:
             fleet.worst(store, most=20)
         with told("status"):
             fleet.status(store)
+        with told("the page's list of aircraft"):
+            aircraft_table(fleet.worst(store))
+        with told("digest of a day"):
+            fleet.digest(store, datetime.now(UTC) - timedelta(days=1))
         with told("exit code of all"):
             exit_code(store)
         with told(f"trend of one aircraft, {flights} flights"):
             fleet.trend(store, "D-007")
+        with told("its flights"):
+            last = all_flights(store, "D-007")[-1].log
+        with told("one of them"):
+            flight(store, "D-007", last.sha256 or "")
 
 
 def stored(folder: Path) -> None:

@@ -138,6 +138,7 @@ def status(store: Place) -> Status:
             select(FLIGHT.c.path, best.c.path)
             .join(RECORDING, RECORDING.c.flight_id == FLIGHT.c.id)
             .join(best, best.c.id == RECORDING.c.counted_id)
+            .where(RECORDING.c.counted_id.is_not(None))
             .distinct()
             .order_by(FLIGHT.c.path)
         )

@@ -5,9 +5,13 @@ from __future__ import annotations
 import json
 import random
 import sqlite3
+from contextlib import closing
+from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
+from sqlalchemy import Engine, event
 
 from mavhums import fleet
 from mavhums.core.conditions import URGENCY, Condition
@@ -19,9 +23,10 @@ from mavhums.flights.store import Store
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
+from mavhums.results.verdict import OwnRecord
 from tests.conftest import Run
 from tests.fleet.stores import write_store
-from tests.flights import flown, shown, verdict
+from tests.flights import START, flown, shown, verdict
 
 CONDITIONS: tuple[Condition, ...] = ("normal", "degraded", "undecided", "emergency", "unchanged")
 
@@ -155,3 +160,54 @@ def test_the_example_dashboard_asks_what_the_store_has(
     assert len(trend) == 2 * len(known["D-B"])
     assert sum(row.flights for row in days) == sum(map(len, known.values())) - 2
     assert (failed, [row.name for row in names]) == ([], ["D'A", "D-B"])
+
+
+def test_no_question_reads_a_whole_table(made: tuple[Path, dict[str, list[Assessment]]]) -> None:
+    asked: list[tuple[str, Any]] = []
+
+    def note(*given: Any) -> None:
+        asked.append(given[2:4])
+
+    store, _ = made
+    event.listen(Engine, "before_cursor_execute", note)
+    try:
+        for ask in (fleet.status, fleet.worst, exit_code, queries.actuators_in):
+            ask(store)
+        fleet.trend(store, "D-B")
+        queries.flights(store, "D-B")
+        write_store(store, {})
+    finally:
+        event.remove(Engine, "before_cursor_execute", note)
+    with closing(sqlite3.connect(store)) as base:
+        plans = {
+            step: text
+            for text, given in asked
+            if text.startswith(("SELECT", "UPDATE"))
+            for *_, step in base.execute(f"EXPLAIN QUERY PLAN {text}", given)
+        }
+    large = ("flight", "verdict", "log", "recording", "record", "indicator")
+    assert any("verdict_last" in step for step in plans)
+    assert any("flight_due" in step for step in plans)
+    assert [plans[step] for step in plans if step in {f"SCAN {name}" for name in large}] == []
+
+
+def test_of_earlier_flights_a_comparison_reads_few_records(tmp_path: Path) -> None:
+    own = (OwnRecord(equation="own_current", setup="-", rate_hz=10.0, duration_s=9.0, groups=((9.0,),)),)
+    learning = verdict(condition="learning").model_copy(update={"own": own})
+    write_store(tmp_path / "store", {"D-A": [flown(learning, day=day) for day in range(100)]})
+    read: list[int] = []
+
+    def note(*given: Any) -> None:
+        read.extend([len(given[3])] * ("record.own" in given[2]))
+
+    earlier = queries.earlier_flights(Store(tmp_path / "store"), "D-A")
+    event.listen(Engine, "before_cursor_execute", note)
+    try:
+        past = earlier.past("paper", START + timedelta(days=200))[1, "elevator"]
+        assert len(past) == 100
+        assert read == []
+        assert [*past[99].records, *past[98].records] == [*own, *own]
+    finally:
+        event.remove(Engine, "before_cursor_execute", note)
+    assert len(read) == 1
+    assert read[0] < 40, "with those around them"

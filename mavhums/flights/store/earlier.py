@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from functools import cached_property
+from functools import cache, cached_property, partial
 from itertools import groupby
 from typing import Any, Final
 
@@ -24,6 +24,7 @@ from mavhums.flights.history import (
     records_of,
     references,
 )
+from mavhums.flights.store.logs import in_parts
 from mavhums.flights.store.tables import FLIGHT, RECORD, RECORDING, VERDICT
 from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
@@ -43,6 +44,11 @@ _SLIM: Final = ("vehicle", "subject", "actuator", "condition", "worst", "suspect
 # More than a baseline takes: a recording may turn out to be of the same flight as a better one.
 _WANTED: Final = REFERENCE_FLIGHTS + 5
 OWN: Final = TypeAdapter(tuple[OwnRecord, ...])
+_LOG: Final = LogSummary(path=None, sha256=None, start_utc=None, duration_s=0.0, vehicles=(), losses=Losses())
+_VERDICT: Final = Verdict.model_construct()
+_BLOCK: Final = 32  # flights whose records are read together; a baseline takes 20
+
+Reading = Callable[[], AbstractContextManager[Connection]]
 QUALITY: Final = TypeAdapter(Quality)
 
 
@@ -58,7 +64,7 @@ def verdict_of(text: str, own: str | None = None) -> Verdict:
 
 
 def past_flights(
-    connection: Connection, aircraft: int, *where: Any, records: bool = False
+    connection: Connection, aircraft: int, *where: Any, records: Reading | None = None
 ) -> Iterator[PastFlight]:
     """Yield an aircraft's dated flights in time order, each with its verdicts and the times of its log.
 
@@ -71,57 +77,90 @@ def past_flights(
     where
         Conditions on the flights and their verdicts.
     records
-        Whether to take of the verdicts what own-scale equations need of earlier flights, and nothing else.
+        Takes of the verdicts what own-scale equations need of earlier flights, and nothing else; it returns a
+        connection by which the records are read when they are asked for.
     """
     columns = (FLIGHT.c.id, FLIGHT.c.path, FLIGHT.c.sha256, FLIGHT.c.start_us, FLIGHT.c.airframe)
-    shown = [VERDICT.c[name] for name in _SLIM] if records else [VERDICT.c.verdict]
-    asked = (
-        select(*columns, FLIGHT.c.duration_s, *shown, RECORD.c.own)
-        .join(VERDICT, VERDICT.c.flight_id == FLIGHT.c.id)
-        .outerjoin(RECORD, OF_VERDICT)
-        .where(FLIGHT.c.aircraft_id == aircraft, FLIGHT.c.start_us.is_not(None), *where)
-        .order_by(FLIGHT.c.start_us, FLIGHT.c.path, FLIGHT.c.id, VERDICT.c.place)
+    asked = select(*columns, FLIGHT.c.duration_s).join(VERDICT, VERDICT.c.flight_id == FLIGHT.c.id)
+    if records is None:
+        asked = asked.add_columns(VERDICT.c.verdict, RECORD.c.own).outerjoin(RECORD, OF_VERDICT)
+    else:
+        asked = asked.add_columns(VERDICT.c.place, *(VERDICT.c[name] for name in _SLIM))
+    asked = asked.where(FLIGHT.c.aircraft_id == aircraft, FLIGHT.c.start_us.is_not(None), *where).order_by(
+        FLIGHT.c.start_us, FLIGHT.c.path, FLIGHT.c.id, VERDICT.c.place
     )
-    # All rows at once: the recordings are asked for meanwhile.
+    found = connection.execute(asked).all()
+    ids = [*dict.fromkeys(row.id for row in found)]
+    known, kept = _recordings_in(connection, ids), _kept_in(records, ids) if records else {}
     for (flight_id, path, sha256, start_us, airframe, duration_s), rows in groupby(
-        connection.execute(asked).all(), key=lambda row: row[:6]
+        found, key=lambda row: row[:6]
     ):
         start = EPOCH + timedelta(microseconds=start_us)
-        identities, recordings = recordings_in(connection, flight_id)
-        log = LogSummary(
-            path=path,
-            sha256=sha256,
-            start_utc=start.isoformat(),
-            duration_s=duration_s,
-            vehicles=(),
-            losses=Losses(),
-            flight=identities,
-        )
-        verdicts = tuple(_slim_verdict(row) if records else verdict_of(row.verdict) for row in rows)
+        recorded = known.get(flight_id, ())
+        times = {"path": path, "sha256": sha256, "start_utc": start.isoformat(), "duration_s": duration_s}
+        log = _LOG.model_copy(update=times | {"flight": tuple(identity for identity, _ in recorded)})
+        if records:
+            verdicts = tuple(_slim_verdict(row, _Kept(kept[row.id], (row.id, row.place))) for row in rows)
+        else:
+            verdicts = tuple(verdict_of(row.verdict, row.own) for row in rows)
         # not validated again: the verdicts are parsed, or have what is asked for alone
         assessment = Assessment.model_construct(log=log, airframe=airframe, model=None, verdicts=verdicts)
         end = start + timedelta(seconds=duration_s)
+        recordings = tuple(Recording(identity, quality) for identity, quality in recorded if quality)
         yield PastFlight(assessment, start, end, recordings=recordings)
 
 
-def recordings_in(
-    connection: Connection, flight: int
-) -> tuple[tuple[FlightIdentity, ...], tuple[Recording, ...]]:
-    """Return a flight's identities, and its recordings: those whose time and board are known."""
-    columns = (RECORDING.c.identity, RECORDING.c.quality)
-    rows = connection.execute(
-        select(*columns).where(RECORDING.c.flight_id == flight).order_by(RECORDING.c.vehicle)
-    )
-    found = [(FlightIdentity.model_validate_json(identity), quality) for identity, quality in rows]
-    recorded = (Recording(one, QUALITY.validate_json(quality)) for one, quality in found if quality)
-    return tuple(one for one, _ in found), tuple(recorded)
+def _recordings_in(
+    connection: Connection, flights: Iterable[int]
+) -> dict[int, list[tuple[FlightIdentity, Quality | None]]]:
+    """Return the identities in some flights, with the quality of those whose time and board are known."""
+    columns = (RECORDING.c.flight_id, RECORDING.c.identity, RECORDING.c.quality)
+    found: dict[int, list[tuple[FlightIdentity, Quality | None]]] = {}
+    for part in in_parts(flights):
+        own = select(*columns).where(RECORDING.c.flight_id.in_(part)).order_by(RECORDING.c.vehicle)
+        for flight, identity, quality in connection.execute(own):
+            known = QUALITY.validate_json(quality) if quality else None
+            found.setdefault(flight, []).append((FlightIdentity.model_validate_json(identity), known))
+    return found
 
 
-def _slim_verdict(row: Any) -> Verdict:
-    told = {name: getattr(row, name) for name in _SLIM if name != "suspect"}
-    suspects = (Suspect.model_construct(fault=row.suspect),) if row.suspect else ()
-    own = OWN.validate_json(row.own) if row.own else ()
-    return Verdict.model_construct(**told, suspects=suspects, own=own)
+class _Kept(Sequence[OwnRecord]):
+    """The records of a verdict, which are read when they are asked for: a comparison takes a few flights."""
+
+    def __init__(self, block: Callable[[], dict[tuple[int, int], str]], place: tuple[int, int]) -> None:
+        self._block, self._place = block, place
+
+    @cached_property
+    def _own(self) -> tuple[OwnRecord, ...]:
+        text = self._block().get(self._place)
+        return OWN.validate_json(text) if text else ()
+
+    def __getitem__(self, index: Any) -> Any:
+        return self._own[index]
+
+    def __len__(self) -> int:
+        return len(self._own)
+
+
+def _kept_in(reading: Reading, flights: Sequence[int]) -> dict[int, Callable[[], dict[tuple[int, int], str]]]:
+    """Return what reads the records of each flight, and keeps those of the flights around it."""
+    blocks: dict[int, Callable[[], dict[tuple[int, int], str]]] = {}
+    for first in range(0, len(flights), _BLOCK):
+        part = flights[first : first + _BLOCK]
+        blocks |= dict.fromkeys(part, cache(partial(_read_records, reading, part)))
+    return blocks
+
+
+def _read_records(reading: Reading, flights: Sequence[int]) -> dict[tuple[int, int], str]:
+    asked = select(RECORD.c.flight_id, RECORD.c.place, RECORD.c.own).where(RECORD.c.flight_id.in_(flights))
+    with reading() as connection:
+        return {(flight, place): own for flight, place, own in connection.execute(asked)}
+
+
+def _slim_verdict(row: Any, own: Sequence[OwnRecord]) -> Verdict:
+    known: dict[str, object] = {name: getattr(row, name) for name in _SLIM if name != "suspect"}
+    known["suspects"] = (Suspect.model_construct(fault=row.suspect),) if row.suspect else ()
+    return _VERDICT.model_copy(update=known | {"own": own})
 
 
 class StoredFlights:
@@ -141,7 +180,7 @@ class StoredFlights:
 
     def __init__(
         self,
-        reading: Callable[[], AbstractContextManager[Connection]],
+        reading: Reading,
         aircraft: int | None,
         since: Callable[[datetime], Since],
         *,
@@ -269,7 +308,8 @@ class StoredFlights:
         if self._aircraft is None:
             return []
         with no_collection(), self._reading() as connection:
-            return [*past_flights(connection, self._aircraft, *where, records=records)]
+            records_by = self._reading if records else None
+            return [*past_flights(connection, self._aircraft, *where, records=records_by)]
 
 
 def _record_of(flight: PastFlight) -> PastFlight:

@@ -15,6 +15,7 @@ from sqlalchemy import (
     BigInteger,
     Boolean,
     Column,
+    ColumnElement,
     Float,
     ForeignKey,
     ForeignKeyConstraint,
@@ -25,6 +26,7 @@ from sqlalchemy import (
     Table,
     Text,
     false,
+    true,
 )
 from sqlalchemy.dialects import postgresql
 
@@ -60,6 +62,11 @@ def _of(table: str, *, key: bool = False, **given: Any) -> Column[Any]:
     return Column(f"{table}_id", BigInteger, parent, primary_key=key, **given)
 
 
+def _index_few(name: str, where: ColumnElement[bool], *columns: Column[Any]) -> None:
+    """Index the few rows that a query asks for, in the words that SQLAlchemy puts into the query."""
+    Index(name, *columns, sqlite_where=where, postgresql_where=where)
+
+
 AIRCRAFT: Final = Table("aircraft", METADATA, _id(), _text("name", unique=True, nullable=False))
 ALIAS: Final = Table("alias", METADATA, _text("name", primary_key=True), _of("aircraft", nullable=False))
 BOARD: Final = Table(
@@ -86,19 +93,13 @@ FLIGHT: Final = Table(
     *map(_flag, ("due", "reference", "pinned")),
     Index("flight_by_time", "aircraft_id", "start_us", "path"),
     Index("flight_by_board", "board", "start_us"),
+    Index("flight_boards", "aircraft_id", "board"),
     Index("flight_came", "came_us"),
 )
 """``aircraft_id`` is NULL of a removed flight; verdicts of one that is ``due`` are not made yet; a baseline
 may rest on a ``reference``; the operator gave a ``pinned`` one to its aircraft."""
 for _name in ("due", "reference"):
-    _where = FLIGHT.c[_name]
-    Index(
-        f"flight_{_name}",
-        FLIGHT.c.aircraft_id,
-        FLIGHT.c.start_us,
-        sqlite_where=_where,
-        postgresql_where=_where,
-    )
+    _index_few(f"flight_{_name}", FLIGHT.c[_name] == true(), FLIGHT.c.aircraft_id, FLIGHT.c.start_us)
 
 JUDGEMENT: Final = Table(
     "judgement", METADATA, _of("flight", key=True), Column("alone", LargeBinary, nullable=False)
@@ -119,6 +120,8 @@ LOG: Final = Table(
     _flag("removed"),
     Index("log_file", "path", "size", "time_ns", unique=True),
 )
+_index_few("log_removed", LOG.c.removed == true(), LOG.c.path)
+_index_few("log_failed", LOG.c.problem.is_not(None), LOG.c.path)
 RECORDING: Final = Table(
     "recording",
     METADATA,
@@ -131,6 +134,7 @@ RECORDING: Final = Table(
     Index("recording_by_boot", "board", "boot_us"),
 )
 """``counted_id`` is the better recording of the same flight, which counts instead."""
+_index_few("recording_copy", RECORDING.c.counted_id.is_not(None), RECORDING.c.counted_id)
 
 VERDICT: Final = Table(
     "verdict",
@@ -149,7 +153,7 @@ VERDICT: Final = Table(
 )
 """``finding`` is the indicator to show, of the suspected fault if there is one; ``counts`` is false where
 another recording of the flight counts; ``last`` is true in an actuator's last flight."""
-Index("verdict_last", VERDICT.c.aircraft_id, sqlite_where=VERDICT.c.last, postgresql_where=VERDICT.c.last)
+_index_few("verdict_last", VERDICT.c.last == true(), VERDICT.c.aircraft_id)
 
 
 def _of_verdict() -> tuple[Column[Any], Column[Any], ForeignKeyConstraint]:

@@ -94,7 +94,7 @@ def _judge(connection: Connection, aircraft: int, name: str) -> None:
             logs = earlier.add(PastFlight.of(assessment))
             connection.execute(update(FLIGHT).where(FLIGHT.c.sha256.in_(logs)).values(reference=True))
     _choose_recordings(connection, flights)
-    _mark_last(connection, aircraft, after)
+    _mark_last(connection, aircraft, flights)
     recent, table = earlier.recent(), installed(connection, aircraft)
     stands = trend_of(recent, since, table, name).standings if recent else ()
     found = STANDINGS.dump_json(stands).decode()
@@ -226,8 +226,8 @@ def _booted_near(connection: Connection, board: str, low: int, high: int) -> Col
         low, high = found
 
 
-def _mark_last(connection: Connection, aircraft: int, after: int) -> None:
-    """Mark each actuator's verdicts in its last flight."""
+def _mark_last(connection: Connection, aircraft: int, flights: Sequence[int]) -> None:
+    """Mark each actuator's verdicts in its last flight, which may be one of those that are judged again."""
     later = VERDICT.alias()
     newer = (
         select(later.c.flight_id)
@@ -240,6 +240,7 @@ def _mark_last(connection: Connection, aircraft: int, after: int) -> None:
         )
         .exists()
     )
-    changed = or_(VERDICT.c.last, VERDICT.c.start_us >= after, VERDICT.c.start_us.is_(None))
-    own = and_(VERDICT.c.aircraft_id == aircraft, changed)
-    connection.execute(update(VERDICT).where(own).values(last=and_(VERDICT.c.counts, ~newer)))
+    last = and_(VERDICT.c.counts, ~newer)
+    before = and_(VERDICT.c.aircraft_id == aircraft, VERDICT.c.last)
+    for changed in (before, *(VERDICT.c.flight_id.in_(part) for part in in_parts(flights))):
+        connection.execute(update(VERDICT).where(changed).values(last=last))

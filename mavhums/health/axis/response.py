@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -256,8 +257,9 @@ def stretches(own: Sequence[OwnRecord], past: Sequence[Sequence[OwnRecord]]) -> 
     parts = _Parts.of(record) if record else None
     if record is None or parts is None:
         return
-    alike = [each for records in past if (each := _record_of(records)) and _alike(record, each)]
-    flown = [one for each in alike[:PAST_REFERENCES] if (one := _Parts.of(each)) and _usable(one, parts)]
+    alike = (each for records in past if (each := _record_of(records)) and _alike(record, each))
+    references = islice(alike, PAST_REFERENCES)
+    flown = [known for each in references if (known := _Parts.of(each)) and _usable(known, parts)]
     if len(flown) < PAST_FLIGHTS:
         return
     gram = sum(one.grams.sum(axis=0) for one in flown)

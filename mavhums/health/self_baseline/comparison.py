@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -142,7 +143,6 @@ def _compare(
         return _compare(equation, own, past, false_alarms, (*outside, beyond))
     rise, bound, found = healthy.rise(own_wear, own, false_alarms)
     least_rise = found / abs(healthy.mean(own))
-    trailing = after[-TRAILING_FLIGHTS:]
     return Comparison(
         condition="changed" if rise > bound else "unchanged",
         value=_interval(own_wear),
@@ -152,7 +152,7 @@ def _compare(
         change=healthy.relative(own_wear, own),
         least_rise=least_rise,
         useful_at=healthy.alarms_at(USEFUL_RISE, own_wear, own) if least_rise > USEFUL_RISE else None,
-        since=healthy.since(trailing, false_alarms) if rise > bound else None,
+        since=healthy.since(islice(after, TRAILING_FLIGHTS), false_alarms) if rise > bound else None,
         load=healthy.load,
     )
 
@@ -258,10 +258,10 @@ class _ReferenceFlights:
         half = t_quantile(self.flights.freedom, CENTRAL_95) * self.flights.variance_at(row) ** 0.5
         return Interval.around(mean, half)
 
-    def since(self, after: list[tuple[int, str, OwnRecord]], false_alarms: float) -> Onset | None:
-        """Return the first of the latest consecutive flights that also show the change."""
+    def since(self, latest: Iterable[tuple[int, str, OwnRecord]], false_alarms: float) -> Onset | None:
+        """Return the first of the consecutive flights that also show the change, from the latest one back."""
         first = None
-        for number, date, record in reversed(after):
+        for number, date, record in latest:
             own_wear = wear(record, self.nuisances)
             # A flight that says nothing neither begins nor ends a run.
             if own_wear is None or self.beyond(record):

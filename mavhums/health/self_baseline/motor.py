@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import islice
 from math import hypot
 
 import numpy as np
@@ -50,8 +51,7 @@ def motor_indicators(records: Sequence[OwnRecord], past: Sequence[PastRecord]) -
     own, found = record_of(records, VOLTAGE), motor_of(records)
     if own is None or found is None:
         return ()
-    before = [known for flight in past if flight.healthy and (known := record_of(flight.records, VOLTAGE))]
-    earlier = [one for record in before[:REFERENCE_FLIGHTS] if (one := _alone(record))]
+    earlier = [known for record in _reference(past) if (known := _alone(record))]
     parts = len(own.groups)
     return (
         _indicator(
@@ -61,6 +61,12 @@ def motor_indicators(records: Sequence[OwnRecord], past: Sequence[PastRecord]) -
             _BACK_EMF, "back-EMF constant", "V·s/rad", found.back_emf, [e.back_emf for e in earlier], parts
         ),
     )
+
+
+def _reference(past: Sequence[PastRecord]) -> list[OwnRecord]:
+    """Return the records of the motor in the first healthy flights that have one."""
+    records = (record_of(flight.records, VOLTAGE) for flight in past if flight.healthy)
+    return [*islice(filter(None, records), REFERENCE_FLIGHTS)]
 
 
 def motor_of(records: Sequence[OwnRecord]) -> Identified | None:
@@ -252,10 +258,9 @@ def constant_lost(
         Records of the flight, and of the earlier flights.
     """
     own = record_of(records, VOLTAGE)
-    before = [record for flight in past if flight.healthy and (record := record_of(flight.records, VOLTAGE))]
     if own is None or found.change is None or found.least_rise is None:
         return None
-    now, known = identified([own]), identified(before[:REFERENCE_FLIGHTS])
+    now, known = identified([own]), identified(_reference(past))
     # A loss of the constant counts only where the intervals lie apart.
     if now is None or known is None or now.back_emf.high >= known.back_emf.low:
         return None

@@ -5,8 +5,9 @@ Warmth, activity and load differ from flight to flight without a fault.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from mavhums.results.verdict import OwnRecord
 
 _ACCELERATION = KEPT.index("acceleration")
 _Of = Callable[[OwnRecord], float | None]
+_Numbered = tuple[int, str, OwnRecord]
 
 
 def record_of(records: Sequence[OwnRecord], name: str) -> OwnRecord | None:
@@ -38,24 +40,27 @@ def record_of(records: Sequence[OwnRecord], name: str) -> OwnRecord | None:
 
 def compared(
     equation: OwnEquation, own: OwnRecord, past: Sequence[PastRecord], beyond: Sequence[Difference] = ()
-) -> tuple[list[tuple[int, str, OwnRecord]], list[tuple[int, str, OwnRecord]]]:
-    """Return the reference flights and the later ones, all with the same set-up as this flight.
+) -> tuple[list[_Numbered], Iterator[_Numbered]]:
+    """Return the reference flights, and the later ones from the latest on, with the same set-up as this one.
 
     Each comes with its number among all flights, from 1, and its date. They lie beyond the same
-    baselines as this flight, whose differences ``beyond`` are.
+    baselines as this flight, whose differences ``beyond`` are. Records that are not needed are not read.
     """
-    alike = [
-        (number, flight.date, flight.healthy, record)
-        for number, flight in enumerate(past, 1)
-        if (record := record_of(flight.records, equation.name)) and _alike(own, record) and shows(record)
-        if all(before.beyond(record) == before.beyond(own) for before in beyond)
-    ]
-    healthy = [number for number, _, sound, _ in alike if sound]
+
+    def alike(numbers: Iterable[int]) -> Iterator[_Numbered]:
+        for number in numbers:
+            flight = past[number - 1]
+            record = record_of(flight.records, equation.name)
+            if record is None or not _alike(own, record) or not shows(record):
+                continue
+            if all(before.beyond(record) == before.beyond(own) for before in beyond):
+                yield number, flight.date, record
+
     # The first healthy ones for good: a baseline that follows would learn slow wear.
-    last = healthy[:REFERENCE_FLIGHTS][-1] if healthy else 0
-    reference = [(number, date, record) for number, date, sound, record in alike if sound and number <= last]
-    after = [(number, date, record) for number, date, _, record in alike if number > last]
-    return reference, after
+    healthy = (number for number, flight in enumerate(past, 1) if flight.healthy)
+    reference = [*islice(alike(healthy), REFERENCE_FLIGHTS)]
+    last = reference[-1][0] if reference else 0
+    return reference, alike(range(len(past), last, -1))
 
 
 def _alike(one: OwnRecord, other: OwnRecord) -> bool:

@@ -97,15 +97,15 @@ def test_the_first_twenty_healthy_flights_are_the_baseline_and_those_after_the_l
     left_out = {sick, other, slow, 11}
     numbers = [k for k in range(1, 31) if k not in left_out]
     assert [number for number, _, _ in reference] == numbers[:20]
-    assert [number for number, _, _ in after] == numbers[20:]
-    assert [date for _, date, _ in after] == [f"{k}" for k in numbers[20:]]
+    later = [(number, date) for number, date, _ in after]
+    assert later == [(k, f"{k}") for k in reversed(numbers[20:])], "the latest first"
     # Until there are twenty, only what comes after the last healthy one is judged.
     unsound = [one._replace(healthy=k in (1, 2)) for k, one in enumerate(past, 1)]
     reference, after = compared(EQUATION, own, unsound)
     assert [number for number, _, _ in reference] == [1, 2]
-    assert [number for number, _, _ in after] == [k for k in range(3, 31) if k not in (other, slow, 11)]
+    assert {number for number, _, _ in after} == {*range(3, 31)} - {other, slow, 11}
     none = [one._replace(healthy=False) for one in past]
-    assert len(compared(EQUATION, own, none)[1]) == 27
+    assert len([*compared(EQUATION, own, none)[1]]) == 27
 
 
 def test_temperatures_too_close_together_give_no_slope() -> None:
