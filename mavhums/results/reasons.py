@@ -1,7 +1,8 @@
 """Why a verdict is what it is, and what to do about it: one table of messages, a code for each.
 
 A row has the reason and the remedy, with the names of the data that they contain. A remedy is empty where
-another reason beside it has one, or where all is well. The codes do not change with the words.
+another reason beside it has one, or where all is well. The codes do not change with the words. Several
+reasons are joined by "; "; a short answer has the first one.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
     "no_signed_frame": (
         "no new frame signed with the key in the {bytes:,} bytes that were received on {where}",
         "sign with this key"),
-    "crowded_out": ("more than {most} vehicles transmit; this one came after them",
+    "crowded_out": ("more than {most} vehicles transmit, and this one came after them",
         f"record each vehicle's link on its own; {_KEY}"),
     "several_senders": (
         "more than one sender transmits as vehicle {vehicle}: the time stamps of {message} are of more than "
