@@ -212,6 +212,7 @@ def questions(folder: Path) -> None:
         "flight_id": f"flight_id + {AIRCRAFT} * day",
         "sha256": "sha256 || '-' || day",
         "start_us": "start_us - 86400000000 * day",
+        "came_us": "came_us - 86400000000 * day",
         "last": "false",
         "boot_us": "boot_us - 86400000000 * day",
         "path": "path || day",

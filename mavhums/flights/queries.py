@@ -19,7 +19,7 @@ from mavhums.flights.naming import foreign_boards
 from mavhums.flights.store import Store
 from mavhums.flights.store.dates import installed, repairs_of, since_of, there_are
 from mavhums.flights.store.earlier import OF_VERDICT, StoredFlights, past_flights, verdict_of
-from mavhums.flights.store.logs import FLOWN, aircraft_id
+from mavhums.flights.store.logs import FLOWN, aircraft_id, in_parts
 from mavhums.flights.store.tables import (
     AIRCRAFT,
     FLIGHT,
@@ -198,15 +198,19 @@ def worst(store: Place, *, most: int | None = None) -> list[WorstActuator]:
     """
     with Store(store).opened().reading() as connection:
         chosen = _ranked(connection)[:most]
-        found = []
-        for one in chosen:
-            key = (VERDICT.c.flight_id == one.flight, VERDICT.c.place == one.place)
-            text, own = connection.execute(
-                select(VERDICT.c.verdict, RECORD.c.own).outerjoin(RECORD, OF_VERDICT).where(*key)
-            ).one()
-            verdict = verdict_of(text, own)
-            found.append(WorstActuator(one.aircraft, one.path, one.start_us, verdict, one.standing))
-    return found
+        verdicts = {
+            (flight, place): verdict_of(text, own)
+            for part in in_parts(dict.fromkeys(one.flight for one in chosen))
+            for flight, place, text, own in connection.execute(
+                select(VERDICT.c.flight_id, VERDICT.c.place, VERDICT.c.verdict, RECORD.c.own)
+                .outerjoin(RECORD, OF_VERDICT)
+                .where(VERDICT.c.flight_id.in_(part))
+            )
+        }
+    return [
+        WorstActuator(one.aircraft, one.path, one.start_us, verdicts[one.flight, one.place], one.standing)
+        for one in chosen
+    ]
 
 
 def actuators_in(store: Place) -> int:
