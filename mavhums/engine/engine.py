@@ -352,11 +352,11 @@ class Engine:
 
     def _forget(self, vehicle: int, actuator: str, time_s: float) -> Iterator[Event]:
         """Forget what was judged of an actuator whose output, as the log tells now, moves something else."""
-        monitor = self._monitors.pop((vehicle, actuator), None)
-        if monitor is None:
+        monitor, setups = self._monitors.pop((vehicle, actuator), None), self._axes.setups(vehicle)
+        reason = setups.at(time_s).against(actuator) or setups.last.against(actuator)
+        if monitor is None or reason is None:
             return
-        against = self._axes.setups(vehicle).last.against(actuator)
-        why = f"undecided: {against.text if against else ''}"
+        why = f"undecided: {reason.text}"
         if monitor.condition != "undecided":
             yield ConditionChanged(vehicle, actuator, time_s, time_s, monitor.condition, "undecided", why)
         yield Forgotten(vehicle, actuator, time_s, why)
