@@ -7,8 +7,9 @@ scans      logs per second in a plain loop, with one worker and with two
 memory     largest memory of driver and worker while they scan 100 and 2,000 logs
 growth     ten new logs into a store of 10,000
 questions  what the page and the commands ask, of 1,000,000 verdicts
-stored     one more flight in a store with 10, 1,000 and 10,000 of its aircraft; then a late log, for which
+stored     one more flight in a store with 10, 600 and 10,000 of its aircraft; then a late log, for which
            all of them are compared again
+unlimited  the same of an aircraft without a data sheet, whose earlier flights were not compared
 many       `analyse` of many logs by one process and by two
 """
 
@@ -28,6 +29,7 @@ from pathlib import Path
 import psutil
 
 from mavhums import Options, analyse, analyse_many, fleet
+from mavhums.actuator import Airframe, load_airframe
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.many import Batch
 from mavhums.engine.events import StandaloneAssessment
@@ -40,7 +42,7 @@ from mavhums_sim import Flight, fly, write_tlog
 from tests.fleet.stores import add, row_of
 from tests.fleet_logs import moved
 
-LANDINGS = (10, 1_000, 10_000)
+LANDINGS = (10, 600, 10_000)
 AIRCRAFT = 200
 VERDICTS = 1_000_000
 DAY_S = 86_400.0
@@ -247,32 +249,40 @@ def questions(folder: Path) -> None:
             flight(store, "D-007", last.sha256 or "")
 
 
-def stored(folder: Path) -> None:
+def landed(what: str, store: Path, log: bytes, day: float, airframe: Airframe | None = None) -> None:
+    """Keep one more flight of the aircraft of a store."""
+    path = store.parent / "logs" / "D-000" / f"{day:g}.tlog"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(moved(log, DAY_S * day))
+    with told(what):
+        analyse(path, airframe=airframe, store=store, aircraft="folder", keep=True)
+
+
+def stored(folder: Path, *, airframe: Airframe | None = None, compares: bool = True) -> None:
     made = kinds(folder, 40.0)
     (folder / "one.tlog").write_bytes(made[0])
-    alone = analyse_alone(folder / "one.tlog", Options().resolved())
-
-    def land(what: str, store: Path, day: float) -> None:
-        log = store.parent / "logs" / "D-000" / f"{day:g}.tlog"
-        log.parent.mkdir(parents=True, exist_ok=True)
-        log.write_bytes(moved(made[1], DAY_S * day))
-        with told(what):
-            analyse(log, store=store, aircraft="folder", keep=True)
-
+    alone = analyse_alone(folder / "one.tlog", Options(airframe=airframe).resolved())
     for count in LANDINGS:
-        place = folder / str(count)
-        place.mkdir()
-        store = place / "store"
-        rows = [row_of(flight.assessment, "D-000", flight) for flight in copies_of(alone, folder, 0, count)]
-        with told(f"comparison of {count} flights of one aircraft", count, "flights"):
-            add(store, *rows)
+        store = folder / str(count) / "store"
+        rows = (row_of(flight.assessment, "D-000", flight) for flight in copies_of(alone, folder, 0, count))
+        with told(f"{count} flights of one aircraft put into a store", count, "flights"):
+            add(store, *rows, compares=compares)
         for again in range(3):
-            land(f"landing after {count} flights of the aircraft", store, 20_000 + again)
-    land(f"late log among {count} flights", store, 0.5)
+            landed(f"landing after {count} flights", store, made[1], 20_000 + again, airframe)
+    if compares:
+        landed(f"late log among {count} flights", store, made[1], 0.5, airframe)
+
+
+def unlimited(folder: Path) -> None:
+    """The same without a data sheet: a comparison takes the records of earlier flights."""
+    paper = load_airframe("paper")
+    nothing = {"ema": None, "limits": None, "travel_deg": None}
+    own = tuple(actuator.model_copy(update=nothing) for actuator in paper.actuators)
+    stored(folder, airframe=paper.model_copy(update={"actuators": own}), compares=False)
 
 
 PARTS: dict[str, Callable[[Path], None]] = {
-    part.__name__: part for part in (stored, questions, growth, many, scans, memory)
+    part.__name__: part for part in (stored, unlimited, questions, growth, many, scans, memory)
 }
 
 
