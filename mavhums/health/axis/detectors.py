@@ -13,20 +13,12 @@ from typing import ClassVar, NamedTuple, Protocol
 import numpy as np
 
 from mavhums.core.conditions import Condition
-from mavhums.core.statistics import NORMAL_95, NORMAL_99
 from mavhums.health.axis.effectiveness import EffectivenessTracker
-from mavhums.health.axis.reference import Second
+from mavhums.health.axis.reference import Loss, Second
 from mavhums.health.axis.residuals import Deviation, PitchTracking, Residual, RollTracking
 from mavhums.health.axis.thresholds import (
-    CERTAIN_PITCH,
-    CERTAIN_ROLL,
-    CERTAIN_STEERING,
-    CERTAIN_YAW,
     COARSE_TIMES,
-    COMMON_PITCH,
-    DOUBTFUL_S,
-    DOUBTFUL_TIMES,
-    EMERGENCY_S,
+    GRAVE_PROBABILITY,
     JUDGED_ERROR,
     PERSISTENT_S,
     ROLL_PERSISTENT_S,
@@ -40,7 +32,6 @@ from mavhums.health.axis.thresholds import (
     SKIDDING_DEVIATIONS,
     SLOW_STREAM_S,
     SURE_CONFIDENCE,
-    TRIM_SHIFT_DEVIATIONS,
 )
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
@@ -114,21 +105,17 @@ class Persistent:
 
 
 class EffectivenessDetector:
-    """Reports an axis whose CUSUM exceeds its limit.
+    """Reports an axis with a certain loss of effectiveness, or a certain lag.
 
-    The axis is degraded at once. It is an emergency if the effectiveness over at least ten judged seconds
-    is within the limit and no additional lag, as of a slow servo, explains them better.
+    The axis is degraded at once. It is an emergency if the loss is within that limit with 95 %, which a slow
+    servo that explains the response as well excludes.
 
     Parameters
     ----------
     limits
         Limits of the profile.
     axis
-        ``roll``, ``pitch`` or ``yaw``.
-    certain
-        CUSUM that makes a loss certain.
-    common
-        Effectiveness down to which healthy flights go for tens of seconds; above it the limit is doubled.
+        ``roll``, ``pitch``, ``yaw`` or ``steering``.
     """
 
     inspect: ClassVar[Mapping[str, str]] = {
@@ -136,90 +123,27 @@ class EffectivenessDetector:
         "slow": "each servo of the axis for speed under load, its supply and its linkage for binding",
     }
 
-    def __init__(self, limits: AxisLimits, axis: str, certain: float, common: float = 1.0) -> None:
-        self._limits, self._axis, self._certain, self._common = limits, axis, certain, common
+    def __init__(self, limits: AxisLimits, axis: str) -> None:
+        self._limits, self._axis = limits, axis
 
     def feed(self, given: AxisInput) -> list[Alarm]:
         """Return the seconds in which a loss is certain."""
-        return [self._alarm(s) for s in given.seconds[self._axis] if self._is_certain(s, given)]
+        seconds = given.seconds[self._axis]
+        return [self._alarm(s, s.loss) for s in seconds if s.loss is not None and s.loss.certain]
 
-    def _is_certain(self, second: Second, given: AxisInput) -> bool:
-        """Return whether a loss is certain, and not an artefact of a sudden shift of the trim."""
-        reference = given.trackers[self._axis].reference
-        left = second.left_over if second.left_over is not None else 1.0
-        doubtful = second.lost_s < DOUBTFUL_S or (left > self._common and not second.later)
-        # A single manoeuvre may differ, and gusts lower the gain of calm references for a while.
-        limit = self._certain * (DOUBTFUL_TIMES if doubtful else 1.0)
-        if second.level <= limit or reference is None:
-            return False
-        # A lag that the profile allows is no fault, however certain it is.
-        if second.slow_s is not None and second.slow_s < self._limits.lag_s:
-            return False
-        # A sudden shift of the trim also reads as a loss for some seconds; it is for the detector of hard-
-        # overs.
-        if self._axis not in ("roll", STEERING) or second.shift is None or second.lost_s >= DOUBTFUL_S:
-            return True
-        return given.shift_deviations(self._axis, second) <= TRIM_SHIFT_DEVIATIONS
-
-    def _alarm(self, second: Second) -> Alarm:
-        left = second.left_over if second.left_over is not None else 1.0
-        limits, confidence = self._limits, 1.0 / (1.0 + exp(-second.level))
+    def _alarm(self, second: Second, loss: Loss) -> Alarm:
+        limits, confidence = self._limits, 1.0 / (1.0 + exp(-loss.evidence))
         condition: Condition = "degraded"
-        if second.slow_s is not None:
-            fault, value, limit = "slow", second.slow_s, limits.lag_s
-            rule = _slow(second, second.slow_s, self._axis)
+        if loss.lag_s is not None:
+            fault, value, limit = "slow", loss.lag_s, limits.lag_s
+            rule = _slow(second, loss.lag_s, self._axis)
         else:
-            fault, value, limit, rule = "effectiveness", left, limits.effectiveness_degraded, _share(left)
-            grave = left <= limits.effectiveness_emergency
-            if grave and second.later:
-                rule += "; a slow servo explains it nearly as well"
-            elif grave and second.lost_s < EMERGENCY_S:
-                rule += f"; an emergency if {EMERGENCY_S} judged seconds show it, {second.lost_s} do"
-            elif grave:
+            fault, value, limit = "effectiveness", loss.kept, limits.effectiveness_degraded
+            rule = f"{100 * max(loss.kept, 0.0):.0f} % of the control effectiveness of the reference is left"
+            if loss.kept <= limits.effectiveness_emergency and loss.grave >= GRAVE_PROBABILITY:
                 condition, limit = "emergency", limits.effectiveness_emergency
         rule = f"{condition}: {rule}"
-        return Alarm(
-            self._axis, second.end_s, fault, condition, second.since_s, value, limit, rule, confidence
-        )
-
-
-def _share(left: float) -> str:
-    return f"{100 * max(left, 0.0):.0f} % of the control effectiveness of the reference is left"
-
-
-class PooledDetector:
-    """Reports a loss that a minute of driven flight shows, where the CUSUM forgets it.
-
-    The axis is degraded where the effectiveness over those seconds is below the limit with 99 %.
-
-    Parameters
-    ----------
-    limits
-        Limits of the profile.
-    axis
-        ``pitch``: in roll healthy flights come too close.
-    """
-
-    inspect: ClassVar[Mapping[str, str]] = EffectivenessDetector.inspect
-
-    def __init__(self, limits: AxisLimits, axis: str) -> None:
-        self._limit, self._axis = limits.effectiveness_degraded, axis
-
-    def feed(self, given: AxisInput) -> list[Alarm]:
-        """Return the seconds in which a loss is certain."""
-        alarms = []
-        for second in given.seconds[self._axis]:
-            kept = second.driven
-            if kept is None or not second.steady:
-                continue
-            if kept.estimate + NORMAL_99 / NORMAL_95 * (kept.high - kept.estimate) >= self._limit:
-                continue
-            k, since_s, end_s = kept.estimate, second.since_s, second.end_s
-            rule = f"degraded: {_share(k)} over the last minute"
-            alarms.append(
-                Alarm(self._axis, end_s, "effectiveness", "degraded", since_s, k, self._limit, rule)
-            )
-        return alarms
+        return Alarm(self._axis, second.end_s, fault, condition, loss.since_s, value, limit, rule, confidence)
 
 
 def _slow(second: Second, late_s: float, axis: str) -> str:
@@ -365,19 +289,18 @@ class Skids:
 
 DETECTORS: tuple[Callable[[AxisLimits], AxisDetector], ...] = (
     HardOverDetector,
-    lambda limits: EffectivenessDetector(limits, "pitch", CERTAIN_PITCH, COMMON_PITCH),
+    lambda limits: EffectivenessDetector(limits, "pitch"),
     lambda limits: TrackingDetector("pitch", PitchTracking(), limits.pitch_tracking_deviations, PERSISTENT_S),
-    lambda limits: PooledDetector(limits, "pitch"),
-    lambda limits: EffectivenessDetector(limits, "roll", CERTAIN_ROLL),
+    lambda limits: EffectivenessDetector(limits, "roll"),
     lambda limits: TrackingDetector(
         "roll", RollTracking(), limits.roll_tracking_deviations, ROLL_PERSISTENT_S
     ),
-    lambda limits: EffectivenessDetector(limits, "yaw", CERTAIN_YAW),
+    lambda limits: EffectivenessDetector(limits, "yaw"),
 )
 
 GROUND_DETECTORS: tuple[Callable[[AxisLimits], AxisDetector], ...] = (
     lambda limits: HardOverDetector(limits, STEERING),
-    lambda limits: EffectivenessDetector(limits, STEERING, CERTAIN_STEERING),
+    lambda limits: EffectivenessDetector(limits, STEERING),
 )
 """Those of the steering of rovers and boats."""
 

@@ -1,14 +1,9 @@
 """Control effectiveness: the aircraft's current response to a demand, relative to the reference.
 
 The gain K of the response to the drive is fitted together with all other contributions to the response in
-the first excited seconds of the flight. Each later second gives a score: the shortfall of the response from
-K times the drive, both without their slow parts, so that a change of trim is not a change of gain. The CUSUM
-of the scores' log-likelihood ratios between the full gain and a reduced gain detects a loss. The likelihood
-allows for the variation of K between manoeuvres.
-
-References
-----------
-E. S. Page, "Continuous inspection schemes", Biometrika 41, 1954.
+the first excited seconds of the flight. Each later second gives sums of products of drive and response, both
+without their slow parts, so that a change of trim is not a change of gain. The sequential test detects a loss
+or a lag by them (:mod:`mavhums.health.axis.evidence`).
 """
 
 from __future__ import annotations
@@ -16,37 +11,27 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection
 from dataclasses import replace
-from math import exp
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
+from mavhums.health.axis.evidence import LossTest
 from mavhums.health.axis.findings import MixedSums
-from mavhums.health.axis.reference import STANDARDS, Reference, Second, Standards, constants
+from mavhums.health.axis.reference import STANDARDS, Loss, Reference, Second, Standards, constants
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Lag, Shape, judgeable
-from mavhums.health.axis.scores import LossExclusion, Pool, Scores, ServoLag, Sums, measured
+from mavhums.health.axis.scores import LossExclusion, Scores, Sums, measured
 from mavhums.health.axis.thresholds import (
-    DETECTED_LOSS_PER_LIMIT,
-    DRIVEN_SHARE,
     EXCLUDING_SPEED_SHARE,
     EXTRA_LAGS_S,
-    FORGET_S,
-    FULL_S,
-    JUDGED_ERROR,
     LEAST_DRIVE,
     LEAST_ROWS_PER_S,
     LONGEST_REFERENCE_S,
     LOSS_SECONDS,
-    MANOEUVRE_DEVIATION,
     MEAN_ROWS,
-    MOST_CUSUM,
-    POOLED_S,
     REFERENCE_RETRY_S,
     REFERENCE_S,
     SHIFT_S,
-    TAIL_SHARE,
     WINDOW_SECONDS,
 )
 from mavhums.results.sections import AxisLimits
@@ -54,16 +39,12 @@ from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES
 
-_FORGET: Final = exp(-1.0 / FORGET_S)  # per second
-
 
 def new_tracker(
     axis: str, limits: AxisLimits | None = None, coupled: str | None = None
 ) -> EffectivenessTracker:
     """Return the tracker of the effectiveness of an axis; ``coupled`` is one that the same surfaces move."""
-    least = 1.0 - (limits or AxisLimits()).effectiveness_degraded
-    loss = round(DETECTED_LOSS_PER_LIMIT * least, 9)  # the profile's decimals, not those of the subtraction
-    return EffectivenessTracker(FORMS[axis], replace(STANDARDS[axis], loss=loss), coupled)
+    return EffectivenessTracker(FORMS[axis], STANDARDS[axis], limits or AxisLimits(), coupled)
 
 
 class EffectivenessTracker:
@@ -75,12 +56,16 @@ class EffectivenessTracker:
         The regression of the axis.
     standards
         Requirements on the reference.
+    limits
+        The loss and the lag from which the axis is degraded.
     coupled
         Another axis that the same surfaces move; None if they are not mixed.
     """
 
-    def __init__(self, form: Form, standards: Standards, coupled: str | None = None) -> None:
-        self._form, self._standards, self._coupled = form, standards, coupled
+    def __init__(
+        self, form: Form, standards: Standards, limits: AxisLimits, coupled: str | None = None
+    ) -> None:
+        self._form, self._standards, self._limits, self._coupled = form, standards, limits, coupled
         self._waiting: list[Rows] = []
         self._tried = 0
         self.reference: Reference | None = None
@@ -195,13 +180,10 @@ class EffectivenessTracker:
         extras = (0.0, *EXTRA_LAGS_S)
         self._chains = [Chain(self._form, reference.basis, reference.shape, extra) for extra in extras]
         self._scores = [Scores(reference.others, self._standards.memory_s) for _ in extras]
-        self._cusum, self._full, self._strongest = 0.0, 0, 0.0
-        self._since = reference.end_s
-        self._window: deque[Array] = deque(maxlen=WINDOW_SECONDS)
-        self._recent: deque[Array] = deque(maxlen=LOSS_SECONDS)
-        self._servo_lag = ServoLag()
+        self._test = LossTest(reference, self._limits)
+        self._recent: deque[tuple[int, Array]] = deque(maxlen=LOSS_SECONDS)
         self._left: deque[tuple[Array, int]] = deque(maxlen=SHIFT_S)
-        self._exclusion, self._driven = LossExclusion(reference), Pool(reference, POOLED_S)
+        self._exclusion = LossExclusion(reference)
         self._mixed: MixedSums | None = None
         if self._coupled is not None:
             self._mixed = MixedSums(reference, self._form.axis, self._coupled, self._standards.memory_s)
@@ -249,56 +231,34 @@ class EffectivenessTracker:
         reference = self.reference
         assert reference is not None
         self._left.append((left, count))
+        loss, value, error = None, None, np.inf
         if count >= LEAST_ROWS_PER_S:
-            # Row 0 is without additional lag; the columns are drive², drive·response and response².
-            drive2, cross = float(sums[0, 0]), float(sums[0, 1])
-            score = cross - reference.gain * drive2
-            self._window.append(sums)
-            # The slow filter's tail fades with its memory, and the square of it twice as fast.
-            self._strongest = max(drive2, exp(-2.0 / self._standards.memory_s) * self._strongest)
-            ratio = _ratio(score, drive2, reference, self._standards.loss)
-            # Evidence for the full gain always counts, evidence for a loss only where demand dominates gusts.
-            informs = self._informs(reference)
-            if informs:
-                self._driven.add(drive2, cross, float(sums[0, 2]))
-            if ratio < 0.0 or informs:
-                self._cusum = min(MOST_CUSUM, max(0.0, _FORGET * self._cusum + ratio))
-                self._recent.append(sums)
-        value, error = None, np.inf
-        if count >= LEAST_ROWS_PER_S and len(self._window) == WINDOW_SECONDS:
-            value, error = _measured([window[0] for window in self._window], reference)
-        if value is not None and error <= JUDGED_ERROR:
-            self._full = self._full + 1 if value >= self._standards.full else 0
-        # A fault that is over must not leave its sum behind.
-        if self._full >= FULL_S:
-            self._cusum = 0.0
-            self._driven.clear()
-        # Without a suspicion the onset moves along, and so does what is measured since then.
-        if self._cusum == 0.0:
-            self._since = end_s
-            self._recent.clear()
-            self._servo_lag = ServoLag()
-        slow_s, later = self._servo_lag.feed(self._recent, reference.gain)
+            self._recent.append((end_s, sums))
+            alarm = self._test.feed(end_s, sums)
+            since_s = self._test.since_s
+            if since_s is not None and (alarm or self._test.suspects):
+                loss = self._loss(since_s, certain=alarm)
+            if len(self._recent) >= WINDOW_SECONDS:
+                window = [sums[0] for _, sums in [*self._recent][-WINDOW_SECONDS:]]
+                value, error = _measured(window, reference)
         shift, shift_error = self._shifted(reference.error)
+        return Second(end_s, value, error, loss, shift, shift_error, excluded)
+
+    def _loss(self, since_s: int, *, certain: bool) -> Loss | None:
+        assert self.reference is not None
         # At the lag that explains most: a slow servo's share in time is no loss.
-        at_lag = [sums[self._servo_lag.lag] for sums in self._recent]
-        left_over, left_error = _measured(at_lag, reference)
-        return Second(
-            end_s,
-            value,
+        at_lag = [sums[self._test.lag] for end_s, sums in self._recent if end_s > since_s]
+        kept, error = _measured(at_lag, self.reference)
+        if kept is None:
+            return None
+        return Loss(
+            certain,
+            since_s,
+            self._test.evidence,
+            self._test.lag_s or None,
+            kept,
             error,
-            self._cusum,
-            self._since,
-            slow_s,
-            later,
-            shift,
-            left_over,
-            left_error,
-            len(self._recent),
-            excluded,
-            driven=self._driven.whole(),
-            steady=self._driven.steady(),
-            shift_error=shift_error,
+            self._test.probability(self._limits.effectiveness_emergency),
         )
 
     def _shifted(self, gain_error: float) -> tuple[float | None, float]:
@@ -306,26 +266,8 @@ class EffectivenessTracker:
         count = sum(rows for _, rows in self._left)
         if count < SHIFT_S * LEAST_ROWS_PER_S:
             return None, 0.0
-        answered, driven = np.sum([left[self._servo_lag.lag] for left, _ in self._left], axis=0) / count
+        answered, driven = np.sum([left[self._test.lag] for left, _ in self._left], axis=0) / count
         return self._form.unexplained(float(answered), float(driven)), gain_error * abs(float(driven))
-
-    def _informs(self, reference: Reference) -> bool:
-        """Return whether demand, not gusts, dominates the last seconds.
-
-        Gusts move the aircraft and, through the autopilot, the surfaces against it: without other drive, the
-        gain is underestimated. The drive must therefore be nearly that of the reference, and some gain, with
-        some lag, must explain most of the response. After a strong manoeuvre the tail of the slow filter
-        would repeat that manoeuvre's score for seconds.
-        """
-        drive2, cross, answer2 = np.sum(self._window, axis=0).T
-        if drive2[0] < DRIVEN_SHARE * reference.power * len(self._window):
-            return False
-        if self._window[-1][0, 0] < TAIL_SHARE * self._strongest:
-            return False
-        # A lag under which nothing was driven explains nothing, and would divide by zero.
-        driven = drive2 > 0
-        unexplained = (answer2[driven] - cross[driven] ** 2 / drive2[driven]) / drive2[driven]
-        return float(unexplained.min(initial=np.inf)) <= self._standards.noise * reference.gain**2
 
 
 def explained_by(axis: str, rows: Rows, demand: Array, others: Array) -> tuple[float, float]:
@@ -386,14 +328,6 @@ def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float |
     drive2, cross, _ = np.array(seconds)[::-1].T
     values, errors = measured(drive2, cross, reference)
     return (float(values[-1]), float(errors[-1])) if np.isfinite(errors[-1]) else (None, np.inf)
-
-
-def _ratio(score: float, drive2: float, reference: Reference, loss: float) -> float:
-    """Return the log-likelihood ratio of a second between a loss and none."""
-    lost = loss * reference.gain
-    # The gain of a single second differs between manoeuvres, in proportion to the drive.
-    spread = reference.variance + (MANOEUVRE_DEVIATION * reference.gain) ** 2 * drive2
-    return float((-lost * score - 0.5 * lost**2 * drive2) / spread)
 
 
 def _least_squares(design: Array, answer: Array) -> tuple[Array, float]:

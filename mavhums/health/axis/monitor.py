@@ -183,9 +183,9 @@ class AxisMonitor:
             fault, rule = "effectiveness", f"{well}: the control effectiveness of the reference is kept"
             finding = ""
         elif before == well and state.doubt is not None:
-            # What ten seconds showed does not hold over a minute: a loss of 40 % is no longer excluded.
+            # The evidence for a loss is halfway to an alarm: it is no longer excluded.
             state.condition, state.since_s = "undecided", None
-            fault, rule = "effectiveness", f"undecided: {_percent(state.doubt)} is left over the last minute"
+            fault, rule = "effectiveness", f"undecided: {_percent(state.doubt)} is left by the last seconds"
             finding = ""
         if SEVERITY[state.condition] > SEVERITY[state.worst]:
             state.worst = state.condition
@@ -220,8 +220,8 @@ class AxisMonitor:
         if SEVERITY[state.condition] <= SEVERITY["normal"]:
             state.excluded_s += second.excluded
             state.excluded_until_s = float(second.end_s) if second.excluded else state.excluded_until_s
-        driven = second.driven
-        state.doubt = driven if driven is not None and driven.low <= NORMAL_EFFECTIVENESS else None
+        loss = second.loss
+        state.doubt = None if loss is None else Interval.around(loss.kept, NORMAL_95 * loss.error)
         if second.value is None or second.error > JUDGED_ERROR:
             return
         state.judged += 1
@@ -243,11 +243,8 @@ class AxisMonitor:
             for episode in state.episodes[-_LATEST_EPISODES:]
         ):
             state.lost = True
-            if second is not None and second.left_over is not None:
-                k, half = second.left_over, NORMAL_95 * second.left_error
-                state.value = Interval.around(k, half)
-            elif second is not None:
-                state.value = second.driven
+            if second is not None and second.loss is not None:
+                state.value = Interval.around(second.loss.kept, NORMAL_95 * second.loss.error)
 
     def _average(self, state: _AxisState, value: float, error: float) -> None:
         """Add a window that does not overlap the previous one to the mean since the last change."""

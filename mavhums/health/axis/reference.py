@@ -15,14 +15,11 @@ from mavhums.health.axis.thresholds import (
     DELAYS_S,
     EXPLAINED,
     GAIN_ERROR,
-    GUSTY,
     LAGS_S,
-    LOSS_TO_DETECT,
     SCORE_SCATTER,
     SLOW_PART_S,
     SLOWEST_STREAM_S,
 )
-from mavhums.results.standing import Interval
 from mavhums.vehicle.grid import RATE_HZ
 
 
@@ -38,37 +35,25 @@ class Standards:
         Largest relative standard error of the gain.
     scatter
         Smallest variance of a second's score, relative to the gain's square: quiet air does not last.
-    noise
-        Largest variance that no gain explains, relative to the reference gain's response to the drive, in
-        seconds that may count for a loss.
     delays_s, taus_s
         Candidates for the axis's own delay and lag.
     spacing_s
         Longest time between samples of the outputs and the rates from which the gain can be determined.
     memory_s
         Memory of the filter that removes trim and other slow parts from drive and response.
-    loss
-        Loss to detect, as a share; the gain of a whole flight may deviate by half of it.
     """
 
     explained: float
     error: float
     scatter: float
-    noise: float
     delays_s: tuple[float, ...]
     taus_s: tuple[float, ...]
     spacing_s: float
     memory_s: float
-    loss: float = LOSS_TO_DETECT
 
     def shapes(self) -> list[Shape]:
         """Return the candidates for the axis's own response."""
         return [Shape(round(delay * RATE_HZ), tau) for delay in self.delays_s for tau in self.taus_s]
-
-    @property
-    def full(self) -> float:
-        """Effectiveness above which the axis has not lost any: halfway to the loss to detect."""
-        return 1.0 - self.loss / 2.0
 
 
 STANDARDS: Final = {
@@ -76,7 +61,6 @@ STANDARDS: Final = {
         explained=EXPLAINED[axis],
         error=GAIN_ERROR[axis],
         scatter=SCORE_SCATTER[axis],
-        noise=GUSTY[axis],
         delays_s=DELAYS_S[axis],
         taus_s=LAGS_S[axis],
         spacing_s=SLOWEST_STREAM_S[axis],
@@ -121,6 +105,34 @@ class Reference:
         return self.basis.speed
 
 
+class Loss(NamedTuple):
+    """A loss of effectiveness or a lag of an axis.
+
+    Attributes
+    ----------
+    certain
+        Whether it is certain; else the evidence is halfway to it.
+    since_s
+        Flight second of its onset.
+    evidence
+        Logarithm of the evidence.
+    lag_s
+        Additional lag, if a slow servo explains more than a loss.
+    kept, error
+        Effectiveness since the onset, at that lag, over at most 20 judged seconds, and its standard error.
+    grave
+        Probability that it is a loss within the limit of an emergency.
+    """
+
+    certain: bool
+    since_s: int
+    evidence: float
+    lag_s: float | None
+    kept: float
+    error: float
+    grave: float
+
+
 @dataclass(frozen=True, slots=True)
 class Second:
     """The results of one second.
@@ -132,27 +144,13 @@ class Second:
     value, error
         Effectiveness over the last ten judged seconds, relative to the reference, and its standard error;
         None if they have insufficient evidence.
-    level
-        Sum of the log-likelihood ratios for a loss.
-    since_s
-        Flight second from which the level has not been zero: the onset of a loss, if there is one.
-    slow_s
-        Additional lag that explains the response better than a loss; None if there is none.
-    later
-        Whether an additional lag explains the response slightly better, so that the kind of fault is open.
+    loss
+        The fault that the test suspects; None without one.
     shift, shift_error
-        Mean of the unexplained response over the last three seconds, at the additional lag that explained
-        more since ``since_s``, and its error by that of the reference's gain; None if it is not known.
-    left_over, left_error, lost_s
-        Effectiveness since ``since_s``, at the additional lag that explained more since then, over at most 20
-        judged seconds, its standard error, and the number of these seconds.
+        Mean of the unexplained response over the last three seconds, at the additional lag of the suspected
+        fault, and its error by that of the reference's gain; None if it is not known.
     excluded
         Number of seconds over which a loss of 40 % is excluded by now, and was not before.
-    driven
-        Effectiveness over the last seconds, at most 60, in which demand dominates gusts; None if they do not
-        tell it.
-    steady
-        Whether some gain explains these seconds, and not gusts.
     mixed
         Evidence that distinguishes mixed surfaces; None without them
         (:class:`~mavhums.health.axis.findings.MixedSums`).
@@ -161,19 +159,11 @@ class Second:
     end_s: int
     value: float | None
     error: float
-    level: float
-    since_s: int
-    slow_s: float | None
-    later: bool
+    loss: Loss | None
     shift: float | None
-    left_over: float | None
-    left_error: float
-    lost_s: int
+    shift_error: float
     excluded: int
-    driven: Interval | None = None
-    steady: bool = True
     mixed: Array | None = None
-    shift_error: float = 0.0
 
 
 class Constant(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,17 +13,8 @@ from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.regressions import Columns, HighPass
 from mavhums.health.axis.thresholds import (
-    DOUBTFUL_S,
-    EXTRA_LAGS_S,
-    LAG_BETTER,
-    LAG_GAIN,
-    LAG_GAIN_KEPT,
-    LAG_MUCH_BETTER,
     NORMAL_EFFECTIVENESS,
-    POOLED_CALM,
     POOLED_ERROR,
-    POOLED_LEAST_S,
-    POOLED_NOISE,
     POOLED_REFERENCE_S,
     POOLED_S,
     WINDOW_DEVIATION,
@@ -77,51 +68,6 @@ class Scores:
         return Sums(drive2, cross, answer2, total, left, good.reshape(shape).sum(axis=1))
 
 
-class ServoLag:
-    """Follows one suspected loss.
-
-    Attributes
-    ----------
-    lag
-        Index of the lag that explained more so far: 0 for none, else one above that in ``EXTRA_S``.
-    """
-
-    def __init__(self) -> None:
-        self.lag = 0
-        self._is_slow = False
-
-    def feed(self, seconds: Collection[Array], full: float) -> tuple[float | None, bool]:
-        """Return the lag, s, that explains much more than a loss, and whether any lag explains more.
-
-        A lag that was found once stays as long as it explains more and leaves most of the gain.
-
-        Parameters
-        ----------
-        seconds
-            The last seconds of the suspected loss: sums of squares of the drive, of products, and of squares
-            of the response, by lag, shape (1 + len(EXTRA_S), 3).
-        full
-            The gain of the reference.
-        """
-        # A single manoeuvre shows no lag.
-        if len(seconds) < DOUBTFUL_S:
-            return None, False
-        drive2, cross, answer2 = np.sum(list(seconds), axis=0).T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            # Columns of the sums are drive², drive·response and response², rows the lags.
-            gain = cross / drive2 / full
-            share = np.nan_to_num(cross**2 / (drive2 * answer2))
-        best = int(np.argmax(share))
-        better = float(share[best] - share[0])
-        later = better >= LAG_BETTER
-        if later:
-            self.lag = best
-        # With two limits a servo at the limit is not called slow and lost by turns.
-        whole = LAG_GAIN_KEPT if self._is_slow else LAG_GAIN
-        self._is_slow = later and (self._is_slow or better >= LAG_MUCH_BETTER) and bool(gain[best] >= whole)
-        return (EXTRA_LAGS_S[best - 1] if self._is_slow else None), later
-
-
 def measured(drive2: Array, cross: Array, reference: Reference) -> tuple[Array, Array]:
     """Return the effectiveness over the last n seconds and its standard error, for each n from 1 on.
 
@@ -165,28 +111,15 @@ class Pool:
 
     def __init__(self, reference: Reference, most_s: int) -> None:
         self._reference = reference
-        self._seconds: deque[tuple[float, float, float]] = deque(maxlen=most_s)
+        self._seconds: deque[tuple[float, float]] = deque(maxlen=most_s)
 
-    def add(self, drive2: float, cross: float, answer2: float = 0.0) -> None:
-        """Add a second: sums of squares of drive and response, and of their products."""
-        self._seconds.append((drive2, cross, answer2))
-
-    def clear(self) -> None:
-        """Forget all seconds."""
-        self._seconds.clear()
-
-    def steady(self) -> bool:
-        """Return whether some gain explains the seconds, and not gusts: these lower a healthy axis's gain."""
-        drive2, cross, answer2 = np.sum(self._seconds, axis=0) if self._seconds else np.zeros(3)
-        if drive2 <= 0.0:
-            return False
-        unexplained = (answer2 - cross**2 / drive2) / drive2
-        most = POOLED_NOISE if len(self._seconds) >= POOLED_LEAST_S else POOLED_CALM
-        return bool(unexplained <= most * self._reference.gain**2)
+    def add(self, drive2: float, cross: float) -> None:
+        """Add a second: sums of squares of the drive, and of its products with the response."""
+        self._seconds.append((drive2, cross))
 
     def fewest(self) -> tuple[int, Interval] | None:
         """Return how many of the last seconds show the effectiveness well, and its interval over them."""
-        drive2, cross, _ = np.array(self._seconds)[::-1].T if self._seconds else np.zeros((3, 0))
+        drive2, cross = np.array(self._seconds)[::-1].T
         k, error = measured(drive2, cross, self._reference)
         # They are chosen by their error alone: chosen by its value, they would be the luckiest of many.
         well = np.flatnonzero(error[WINDOW_SECONDS - 1 :] <= POOLED_ERROR)
@@ -194,13 +127,6 @@ class Pool:
             return None
         n = int(well[0]) + WINDOW_SECONDS
         return n, _interval(k[n - 1], error[n - 1])
-
-    def whole(self) -> Interval | None:
-        """Return the effectiveness over all seconds with its 95 % interval; None if they do not show it."""
-        drive2, cross, _ = np.array(self._seconds)[::-1].T if self._seconds else np.zeros((3, 0))
-        k, error = measured(drive2, cross, self._reference)
-        is_known = len(k) >= WINDOW_SECONDS and error[-1] <= POOLED_ERROR
-        return _interval(k[-1], error[-1]) if is_known else None
 
 
 def _interval(value: float, error: float) -> Interval:

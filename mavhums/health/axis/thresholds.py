@@ -58,52 +58,8 @@ POOLED_REFERENCE_S: Final = 20
 # windows.
 POOLED_ERROR: Final = 0.12
 
-# Largest unexplained response of a pooled loss, relative to what the reference's gain makes of the drive:
-# over most of a minute, and over fewer seconds (calm). Gusts lower the gain of a healthy axis: in 12 m/s
-# of wind one kept 55 %, with 0.13 and more over 13 s and 0.25 over 38 s; losses that the pool finds first
-# have 0.02 over 12 s and 0.10 over 53 s. Development.
+# Least seconds of a minute of the flight that are compared with earlier flights. Development.
 POOLED_LEAST_S: Final = 45
-POOLED_NOISE: Final = 0.2
-POOLED_CALM: Final = 0.05
-
-# Share of the effectiveness whose loss the CUSUM is tuned to, where no profile has limits: smaller losses
-# are within what manoeuvres change by themselves.
-LOSS_TO_DETECT: Final = 0.4
-
-# The loss that the CUSUM is tuned to, beside the loss that the profile calls degraded: halfway lies the
-# limit.
-DETECTED_LOSS_PER_LIMIT: Final = 2.0
-
-# CUSUM that makes a loss in roll certain: 1.5 times the highest of the healthy development flights.
-CERTAIN_ROLL: Final = 9.0
-
-# CUSUM that makes a loss of steering certain: 1.5 times the highest of 50 h of simulated healthy drives,
-# 10.6 (benchmarks/steering.py, seeds 1 and 2). Lower finds a loss some seconds earlier.
-CERTAIN_STEERING: Final = 16.0
-
-# CUSUM that makes a loss in pitch certain: 1.8 times the highest of the healthy development flights.
-CERTAIN_PITCH: Final = 12.0
-
-# CUSUM that makes a loss in yaw certain: 1.6 times the highest of the healthy development flights.
-CERTAIN_YAW: Final = 20.0
-
-# Effectiveness above which a loss in pitch needs twice the evidence: where the reference lies in a calm
-# part of a flight in 12 m/s of wind, half a minute of another part keeps as little as 0.53 of it.
-# Development.
-COMMON_PITCH: Final = 0.5
-
-# Times the limit while a loss rests on few seconds: the gain differs between manoeuvres. Development.
-DOUBTFUL_TIMES: Final = 2.0
-
-# Judged seconds below which a loss is doubtful, and a lag is not sought: a single manoeuvre may differ.
-DOUBTFUL_S: Final = 7
-
-# Judged seconds that make a loss an emergency, a whole window. By hand.
-EMERGENCY_S: Final = 10
-
-# A larger shift of the trim in roll, in deviations of the reference, is that and no loss of gain.
-# Development.
-TRIM_SHIFT_DEVIATIONS: Final = 4.0
 
 # Least deviation of a roll reference, rad/s: a calm reference does not promise a calm flight.
 # Development.
@@ -191,18 +147,32 @@ GROUND_SPEED_SHARE: Final = 0.5
 # 0.3.
 EXTRA_LAGS_S: Final = (0.3, 0.45, 0.65, 1.0, 1.5)
 
-# Share of the response that a lag must explain beyond a loss to be a slow servo. Development (0.98 against
-# 0.70 in software in the loop).
-LAG_MUCH_BETTER: Final = 0.15
+# Losses between the least one and all, each a hypothesis: a step of 0.15 lies within the error of a loss.
+LOSSES: Final = 6
 
-# Share from which the kind of a fault is open: degraded, and no emergency. Development.
-LAG_BETTER: Final = 0.05
+# The least of them, beside the loss that the profile calls degraded: a smaller one is within the error of a
+# reference.
+LEAST_LOSS_PER_LIMIT: Final = 1.25
 
-# Gain that must be left at that lag: neighbouring tested lags differ by a quarter of the gain.
-LAG_GAIN: Final = 0.75
+# Largest correlation of the surfaces with the gusts that move the aircraft, by the autopilot. Larger hides
+# losses in wind, smaller calls gusts a loss (benchmarks/control.py, healthy flights in wind to 12 m/s).
+GUST_SHARE: Final = 0.6
 
-# Gain that must stay left for a slow servo to remain one. Development.
-LAG_GAIN_KEPT: Final = 0.6
+# Share of a reference's unexplained response that is the regression's own and no gusts. As above.
+MISFIT_SHARE: Final = 0.3
+
+# Seconds over which the unexplained response is measured: a manoeuvre and its end.
+GUST_WINDOW_S: Final = 10
+
+# Relative deviation of the gain of one second from that of the reference, beside gusts. Development.
+GAIN_DEVIATION: Final = 0.1
+
+# Largest logarithm of a second's likelihood ratio: an alarm needs four seconds at least, for a single
+# manoeuvre may differ. Development.
+MOST_RATIO: Final = 4.0
+
+# Probability from which a loss is one within the limit of an emergency.
+GRAVE_PROBABILITY: Final = 0.95
 
 # Relative deviation of the gain of one second between manoeuvres. Development: healthy seconds.
 MANOEUVRE_DEVIATION: Final = 0.2
@@ -216,23 +186,9 @@ LAG_ERROR_S: Final = 0.03
 # Judged seconds over which a loss is measured: longer ones blur its onset. By hand.
 LOSS_SECONDS: Final = 20
 
-# Largest CUSUM: twice the highest limit, so that a long loss does not take minutes to be forgotten.
-MOST_CUSUM: Final = 40.0
-
-# Time within which the CUSUM forgets, s: a small deficit over minutes is the reference's error.
-# Development.
-FORGET_S: Final = 60.0
-
-# Share of the reference's drive from which a second may count for a loss: less, and gusts dominate.
+# Share of the earlier flights' drive from which a minute is compared with them: less, and gusts dominate.
 # Development.
 DRIVEN_SHARE: Final = 0.5
-
-# Share of the last manoeuvre's drive below which the slow filter's tail dominates. Development.
-TAIL_SHARE: Final = 0.07
-
-# Largest unexplained response: in roll beyond it, gusts alone make the gain of ten healthy seconds scatter by
-# 14 % and more. Pitch and yaw: development.
-GUSTY: Final = {"roll": 0.1, "pitch": 0.5, "yaw": 0.5, "steering": 0.1}
 
 # Memory of the filter that removes trim, s: longer ones keep phugoid and wind. In pitch a step of thrust or
 # speed changes the elevator's trim for good (docs/method/axes.md).

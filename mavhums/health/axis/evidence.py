@@ -1,0 +1,130 @@
+"""What a second says for a loss of control effectiveness or a slow servo, and against gusts and manoeuvres.
+
+The response of an axis is y = (1 − λ)·K·d + noise: d is the drive, K the gain of the reference, λ the loss.
+A second's sums give the log-likelihood ratio of each λ, and of each additional lag of d, against the most
+likely kind of health. Health is more than λ = 0:
+
+- *gusts*: they move the aircraft and, through the autopilot, the surfaces against it, which lowers the gain
+  by up to ρ·√(R / K²D): R is the response that no gain explains, D the sum of d²;
+- *lags* up to the one that the profile allows;
+- *manoeuvres*: the gain of one second differs between them, in proportion to it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import sqrt
+
+import numpy as np
+
+from mavhums.core.arrays import Array
+from mavhums.health.axis.reference import Reference
+from mavhums.health.axis.thresholds import (
+    EXTRA_LAGS_S,
+    GAIN_DEVIATION,
+    GUST_SHARE,
+    GUST_WINDOW_S,
+    LEAST_LOSS_PER_LIMIT,
+    LOSSES,
+    MISFIT_SHARE,
+    MOST_RATIO,
+)
+from mavhums.health.sequential import SequentialTest
+from mavhums.results.sections import AxisLimits
+
+_LAGS_S = np.array((0.0, *EXTRA_LAGS_S))
+
+
+class LossTest:
+    """The sequential test of one axis against its reference.
+
+    Parameters
+    ----------
+    reference
+        The healthy response.
+    limits
+        The loss and the lag from which the axis is degraded.
+    """
+
+    def __init__(self, reference: Reference, limits: AxisLimits) -> None:
+        self._reference = reference
+        least = LEAST_LOSS_PER_LIMIT * (1.0 - limits.effectiveness_degraded)
+        losses = np.linspace(min(least, 1.0), 1.0, LOSSES)
+        slow = np.flatnonzero(limits.lag_s < _LAGS_S)
+        self._allowed = np.flatnonzero(limits.lag_s >= _LAGS_S)
+        self._kept = np.concatenate([1.0 - losses, np.ones(len(slow))])
+        self._lags = np.concatenate([np.zeros(LOSSES, dtype=np.intp), slow])
+        half = 0.5 if len(slow) else 1.0
+        self._test = SequentialTest(np.where(self._lags == 0, half / LOSSES, half / max(len(slow), 1)))
+        own = MISFIT_SHARE * (1.0 - reference.explained) / reference.explained
+        self._misfit = own if reference.explained > 0.0 else 0.0
+        self._window: deque[Array] = deque(maxlen=GUST_WINDOW_S)
+
+    def feed(self, end_s: int, sums: Array) -> bool:
+        """Take a usable second; return whether a fault is present.
+
+        Parameters
+        ----------
+        end_s
+            Flight second of its end.
+        sums
+            Drive², drive times response, and response² by additional lag, shape (1 + lags, 3).
+        """
+        gain, (drive2, cross) = self._reference.gain, sums[:, :2].T
+        self._window.append(sums)
+        spread = 2.0 * (self._reference.variance + (GAIN_DEVIATION * gain) ** 2 * drive2[0])
+        hypotheses = _explained(self._kept, drive2[self._lags], cross[self._lags], gain)
+        driven = self._allowed[drive2[self._allowed] > 0.0]
+        share = cross[driven] / (drive2[driven] * gain)
+        gusty = 1.0 - np.clip(1.0 - share, 0.0, self._gust_loss())
+        health = _explained(gusty, drive2[driven], cross[driven], gain).max(initial=-np.inf)
+        perfect = float(_explained(1.0, drive2[0], cross[0], gain))
+        ratios = np.clip((hypotheses - health) / spread, -MOST_RATIO, MOST_RATIO)
+        back = float(np.clip((hypotheses[self._test.likeliest] - perfect) / spread, -MOST_RATIO, MOST_RATIO))
+        return self._test.feed(end_s, ratios, back)
+
+    def _gust_loss(self) -> float:
+        """Return the largest share of the gain that the gusts of the last seconds can hide."""
+        drive2, cross, answer2 = np.sum(self._window, axis=0).T
+        # A lag under which nothing was driven explains nothing, and would divide by zero.
+        driven = drive2 > 0.0
+        if not driven[0]:
+            return 0.0
+        left = float((answer2[driven] - cross[driven] ** 2 / drive2[driven]).min())
+        return GUST_SHARE * sqrt(max(left / drive2[0] / self._reference.gain**2 - self._misfit, 0.0))
+
+    @property
+    def evidence(self) -> float:
+        """Logarithm of the evidence, for the test's threshold of an alarm."""
+        return self._test.evidence
+
+    @property
+    def suspects(self) -> bool:
+        """Whether the evidence is halfway to an alarm."""
+        return self._test.evidence >= self._test.threshold / 2.0
+
+    @property
+    def since_s(self) -> int | None:
+        """Flight second at which the likeliest fault begins; None without one."""
+        since = self._test.since
+        return None if since is None else since - 1
+
+    @property
+    def lag(self) -> int:
+        """Index of the additional lag of the suspected fault, 0 for a loss or without one."""
+        return int(self._lags[self._test.likeliest]) if self.suspects else 0
+
+    @property
+    def lag_s(self) -> float:
+        """The same lag, s."""
+        return float(_LAGS_S[self.lag])
+
+    def probability(self, kept: float) -> float:
+        """Return the probability that a fault leaves no more than a share, and is no lag."""
+        return float(self._test.shares()[(self._lags == 0) & (self._kept <= kept)].sum())
+
+
+def _explained(kept: Array | float, drive2: Array, cross: Array, gain: float) -> Array:
+    """Return the square of the response that a share of the gain explains, less what it adds."""
+    gains = kept * gain
+    return np.asarray(2.0 * gains * cross - gains**2 * drive2)
