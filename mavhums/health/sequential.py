@@ -85,7 +85,8 @@ class SequentialTest:
         begins = self._sums <= 0.0
         self._since = np.where(begins, at, self._since)
         self._sums = np.maximum(self._sums, 0.0) + ratios
-        self._values = np.minimum(np.logaddexp(0.0, self._values) + ratios, _MOST)
+        self._values = np.logaddexp(0.0, self._values) + ratios
+        self._values -= max(self._values.max() - _MOST, 0.0)
         if not self.alarm:
             self.alarm, self._back = self.evidence >= self.threshold, -inf
             return self.alarm

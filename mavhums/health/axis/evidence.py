@@ -8,6 +8,8 @@ likely kind of health. Health is more than λ = 0:
   by up to ρ·√(R / K²D): R is the response that no gain explains, D the sum of d²;
 - *lags* up to the one that the profile allows;
 - *manoeuvres*: the gain of one second differs between them, in proportion to it.
+
+The noise is that of the reference, or R over the last seconds if it is larger.
 """
 
 from __future__ import annotations
@@ -26,11 +28,13 @@ from mavhums.health.axis.thresholds import (
     GUST_WINDOW_S,
     LEAST_LOSS_PER_LIMIT,
     LOSSES,
+    MEAN_ROWS,
     MISFIT_SHARE,
     MOST_RATIO,
 )
 from mavhums.health.sequential import SequentialTest
 from mavhums.results.sections import AxisLimits
+from mavhums.vehicle.grid import RATE_HZ
 
 _LAGS_S = np.array((0.0, *EXTRA_LAGS_S))
 
@@ -72,26 +76,31 @@ class LossTest:
         """
         gain, (drive2, cross) = self._reference.gain, sums[:, :2].T
         self._window.append(sums)
-        spread = 2.0 * (self._reference.variance + (GAIN_DEVIATION * gain) ** 2 * drive2[0])
+        noise, gust_loss = self._gusts()
+        spread = 2.0 * (max(noise, self._reference.variance) + (GAIN_DEVIATION * gain) ** 2 * drive2[0])
         hypotheses = _explained(self._kept, drive2[self._lags], cross[self._lags], gain)
         driven = self._allowed[drive2[self._allowed] > 0.0]
         share = cross[driven] / (drive2[driven] * gain)
-        gusty = 1.0 - np.clip(1.0 - share, 0.0, self._gust_loss())
+        gusty = 1.0 - np.clip(1.0 - share, 0.0, gust_loss)
         health = _explained(gusty, drive2[driven], cross[driven], gain).max(initial=-np.inf)
         perfect = float(_explained(1.0, drive2[0], cross[0], gain))
-        ratios = np.clip((hypotheses - health) / spread, -MOST_RATIO, MOST_RATIO)
-        back = float(np.clip((hypotheses[self._test.likeliest] - perfect) / spread, -MOST_RATIO, MOST_RATIO))
-        return self._test.feed(end_s, ratios, back)
+        ratios = (hypotheses - health) / spread
+        best = float(ratios.max())
+        back = float(hypotheses[self._test.likeliest] - perfect) / spread
+        # What tells the hypotheses apart stays.
+        return self._test.feed(end_s, ratios + _bounded(best) - best, _bounded(back))
 
-    def _gust_loss(self) -> float:
-        """Return the largest share of the gain that the gusts of the last seconds can hide."""
+    def _gusts(self) -> tuple[float, float]:
+        """Return the noise of the last seconds, and the largest share of the gain that their gusts hide."""
         drive2, cross, answer2 = np.sum(self._window, axis=0).T
         # A lag under which nothing was driven explains nothing, and would divide by zero.
         driven = drive2 > 0.0
         if not driven[0]:
-            return 0.0
+            return 0.0, 0.0
         left = float((answer2[driven] - cross[driven] ** 2 / drive2[driven]).min())
-        return GUST_SHARE * sqrt(max(left / drive2[0] / self._reference.gain**2 - self._misfit, 0.0))
+        excess = left / drive2[0] / self._reference.gain**2 - self._misfit
+        noise = max(left, 0.0) / len(self._window) * MEAN_ROWS / RATE_HZ  # of independent rows
+        return noise, GUST_SHARE * sqrt(max(excess, 0.0))
 
     @property
     def evidence(self) -> float:
@@ -122,6 +131,10 @@ class LossTest:
     def probability(self, kept: float) -> float:
         """Return the probability that a fault leaves no more than a share, and is no lag."""
         return float(self._test.shares()[(self._lags == 0) & (self._kept <= kept)].sum())
+
+
+def _bounded(ratio: float) -> float:
+    return min(max(ratio, -MOST_RATIO), MOST_RATIO)
 
 
 def _explained(kept: Array | float, drive2: Array, cross: Array, gain: float) -> Array:

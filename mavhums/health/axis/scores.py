@@ -119,7 +119,7 @@ class Pool:
 
     def fewest(self) -> tuple[int, Interval] | None:
         """Return how many of the last seconds show the effectiveness well, and its interval over them."""
-        drive2, cross = np.array(self._seconds)[::-1].T
+        drive2, cross = np.reshape(self._seconds, (-1, 2))[::-1].T
         k, error = measured(drive2, cross, self._reference)
         # They are chosen by their error alone: chosen by its value, they would be the luckiest of many.
         well = np.flatnonzero(error[WINDOW_SECONDS - 1 :] <= POOLED_ERROR)

@@ -167,9 +167,9 @@ GUST_WINDOW_S: Final = 10
 # Relative deviation of the gain of one second from that of the reference, beside gusts. Development.
 GAIN_DEVIATION: Final = 0.1
 
-# Largest logarithm of a second's likelihood ratio: an alarm needs four seconds at least, for a single
+# Largest logarithm of a second's likelihood ratio: an alarm needs three seconds at least, for a single
 # manoeuvre may differ. Development.
-MOST_RATIO: Final = 4.0
+MOST_RATIO: Final = 5.0
 
 # Probability from which a loss is one within the limit of an emergency.
 GRAVE_PROBABILITY: Final = 0.95

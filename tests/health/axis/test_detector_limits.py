@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import exp
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,12 +15,9 @@ from mavhums.health.axis.detectors import (
     HardOverDetector,
     Skids,
 )
-from mavhums.health.axis.reference import Second
+from mavhums.health.axis.reference import Loss, Second
 from mavhums.health.axis.residuals import Deviation
 from mavhums.health.axis.thresholds import (
-    DOUBTFUL_S,
-    DOUBTFUL_TIMES,
-    EMERGENCY_S,
     PERSISTENT_S,
     SHIFT_FLOOR_RAD_S,
     SHIFT_S,
@@ -31,20 +27,16 @@ from mavhums.health.axis.thresholds import (
     SKID_S,
     SKID_SHARE,
     SKIDDING_DEVIATIONS,
-    TRIM_SHIFT_DEVIATIONS,
 )
 from mavhums.results.sections import AxisLimits
 
 LIMITS = AxisLimits()
-CERTAIN, COMMON = 10.0, 0.5
-SURE = CERTAIN * 1.001
-DOUBTED = CERTAIN * DOUBTFUL_TIMES
 DEVIATION = 2.0 * SHIFT_FLOOR_RAD_S  # of the reference
 
 
 def second(**changes: Any) -> Second:
-    """Return a second with a certain loss, but for the changes."""
-    whole = Second(100, 0.5, 0.05, SURE, 80, None, False, 0.0, COMMON, 0.05, EMERGENCY_S, 0)
+    """Return a second without a loss, but for the changes."""
+    whole = Second(100, 0.5, 0.05, None, 0.0, 0.0, 0)
     return replace(whole, **changes)
 
 
@@ -57,90 +49,26 @@ def given(
     return AxisInput(rows, {axis: seconds}, trackers, {side.end_s: side for side in sides})
 
 
-def alarms(one: Second, axis: str = "roll", deviation: float | None = DEVIATION) -> list[Alarm]:
-    detector = EffectivenessDetector(LIMITS, axis, CERTAIN, COMMON)
-    return detector.feed(given(one, axis=axis, deviation=deviation))
-
-
 @pytest.mark.parametrize(
-    ("changes", "certain"),
+    ("changes", "fault", "condition"),
     [
-        ({}, True),
-        ({"level": CERTAIN}, False),
-        ({"lost_s": DOUBTFUL_S}, True),
-        ({"lost_s": DOUBTFUL_S - 1}, False),
-        ({"lost_s": DOUBTFUL_S - 1, "level": DOUBTED}, False),
-        ({"lost_s": DOUBTFUL_S - 1, "level": 1.001 * DOUBTED}, True),
-        ({"left_over": COMMON + 0.01}, False),
-        ({"left_over": COMMON + 0.01, "later": True}, True),
-        ({"left_over": COMMON + 0.01, "level": 1.001 * DOUBTED}, True),
-        ({"left_over": None}, False),
-        ({"slow_s": LIMITS.lag_s}, True),
-        ({"slow_s": LIMITS.lag_s - 0.01}, False),
+        ({"kept": LIMITS.effectiveness_emergency}, "effectiveness", "emergency"),
+        ({"kept": LIMITS.effectiveness_emergency + 0.01}, "effectiveness", "degraded"),
+        ({"kept": -0.1}, "effectiveness", "emergency"),
+        ({"kept": 0.4, "grave": 0.94}, "effectiveness", "degraded"),
+        ({"lag_s": 0.5, "kept": 0.1}, "slow", "degraded"),
+        ({"certain": False}, None, None),
     ],
 )
-def test_a_loss_is_certain(changes: dict[str, Any], certain: bool) -> None:
-    assert bool(alarms(second(**changes))) is certain
-    assert not alarms(second(**changes), deviation=None)
-
-
-@pytest.mark.parametrize(
-    ("shift", "lost_s", "deviation", "axis", "certain"),
-    [
-        (TRIM_SHIFT_DEVIATIONS * DEVIATION, DOUBTFUL_S - 1, DEVIATION, "roll", True),
-        (-1.01 * TRIM_SHIFT_DEVIATIONS * DEVIATION, DOUBTFUL_S - 1, DEVIATION, "roll", False),
-        (1.01 * TRIM_SHIFT_DEVIATIONS * DEVIATION, DOUBTFUL_S - 1, DEVIATION, "steering", False),
-        (1.01 * TRIM_SHIFT_DEVIATIONS * DEVIATION, DOUBTFUL_S - 1, DEVIATION, "pitch", True),
-        (1.01 * TRIM_SHIFT_DEVIATIONS * DEVIATION, DOUBTFUL_S, DEVIATION, "roll", True),
-        (0.99 * TRIM_SHIFT_DEVIATIONS * SHIFT_FLOOR_RAD_S, DOUBTFUL_S - 1, 0.001, "roll", True),
-        (1.01 * TRIM_SHIFT_DEVIATIONS * SHIFT_FLOOR_RAD_S, DOUBTFUL_S - 1, 0.001, "roll", False),
-        (None, DOUBTFUL_S - 1, DEVIATION, "roll", True),
-    ],
-)
-def test_a_sudden_shift_of_the_trim_is_no_loss_for_some_seconds(
-    shift: float | None, lost_s: int, deviation: float, axis: str, certain: bool
+def test_a_certain_loss_is_an_emergency_where_no_lag_explains_it(
+    changes: dict[str, Any], fault: str | None, condition: str | None
 ) -> None:
-    one = second(shift=shift, lost_s=lost_s, level=1.001 * DOUBTED)
-    assert bool(alarms(one, axis, deviation)) is certain
-
-
-@pytest.mark.parametrize(
-    ("changes", "condition", "limit", "rule"),
-    [
-        ({"left_over": LIMITS.effectiveness_emergency}, "emergency", LIMITS.effectiveness_emergency, "left"),
-        (
-            {"left_over": LIMITS.effectiveness_emergency + 0.01},
-            "degraded",
-            LIMITS.effectiveness_degraded,
-            "left",
-        ),
-        ({"left_over": None}, "degraded", LIMITS.effectiveness_degraded, "100 % of the control effective"),
-        ({"left_over": -0.1}, "emergency", LIMITS.effectiveness_emergency, "emergency: 0 % of the control"),
-        ({"later": True}, "degraded", LIMITS.effectiveness_degraded, "left; a slow servo explains it nearly"),
-        (
-            {"lost_s": EMERGENCY_S - 1},
-            "degraded",
-            LIMITS.effectiveness_degraded,
-            f"left; an emergency if {EMERGENCY_S} judged seconds show it, {EMERGENCY_S - 1} do",
-        ),
-    ],
-)
-def test_a_certain_loss_is_an_emergency_where_nothing_else_explains_it(
-    changes: dict[str, Any], condition: str, limit: float, rule: str
-) -> None:
-    one = second(level=3.0 * CERTAIN, **changes)
-    [found] = alarms(one)
-    assert (found.fault, found.condition, found.limit) == ("effectiveness", condition, limit)
-    assert found.rule.startswith(f"{condition}: ")
-    assert rule in found.rule
-    assert found.value == (1.0 if one.left_over is None else one.left_over)
-    assert (found.end_s, found.since_s) == (100, 80)
-    assert found.confidence == pytest.approx(1.0 / (1.0 + exp(-3.0 * CERTAIN)))
-
-
-def test_a_lag_is_degraded_whatever_is_left() -> None:
-    [found] = alarms(second(slow_s=0.5, left_over=0.1))
-    assert (found.fault, found.condition, found.value, found.limit) == ("slow", "degraded", 0.5, LIMITS.lag_s)
+    loss = Loss(True, 80, 14.0, None, 0.5, 0.05, 1.0)._replace(**changes)
+    alarms = EffectivenessDetector(LIMITS, "roll").feed(given(second(loss=loss)))
+    assert [(alarm.fault, alarm.condition) for alarm in alarms] == ([(fault, condition)] if fault else [])
+    for alarm in alarms:
+        assert alarm.rule.startswith(f"{condition}: ")
+        assert (alarm.end_s, alarm.since_s) == (100, 80)
 
 
 def deflected(

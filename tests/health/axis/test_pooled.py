@@ -8,18 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from mavhums.health.axis.detectors import AxisInput, PooledDetector
 from mavhums.health.axis.monitor import AxisMonitor
-from mavhums.health.axis.reference import Reference, Second
+from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.regressions import Basis, Shape
-from mavhums.health.axis.scores import LossExclusion, Pool, measured
-from mavhums.results.sections import AxisLimits
-from mavhums.results.standing import Interval
+from mavhums.health.axis.scores import LossExclusion, measured
 from mavhums.results.verdict import Coverage
 from tests.health.axis.flights import Array, changes_of, excited, rolling, rows, steady
 
 GAIN = 2.0
-KEPT = Interval(estimate=0.62, low=0.5, high=0.74)
 REFERENCE = Reference(
     Basis(18.0, 0.0), Shape(0, 0.0), GAIN, np.zeros(1), 0.01, 0.03, 0.9, 0.1, 1.0, 0, 45
 )  # fmt: skip
@@ -78,40 +74,10 @@ def test_a_quiet_flight_says_which_loss_it_excludes() -> None:
 
 
 @pytest.mark.parametrize("left", [0.95, 0.75])
-def test_no_axis_is_normal_while_a_minute_does_not_exclude_the_loss(left: float) -> None:
+def test_no_axis_is_normal_while_a_loss_is_likely(left: float) -> None:
     changes = changes_of(AxisMonitor(1), rolling(130, lambda t: np.where(t < 100, 2.2, 2.2 * left)))
     taken_back = [c for c in changes if (c.before, c.after) == ("unchanged", "undecided")]
     assert bool(taken_back) is (left < 0.8)
     for change in taken_back:
         assert 100 < change.time_s < 125
-        assert "is left over the last minute" in change.rule
-
-
-@pytest.mark.parametrize(("half", "told"), [(0.135, True), (0.139, False)])
-def test_a_loss_over_a_minute_must_be_certain(half: float, told: bool) -> None:
-    """99 % lie below 62 % + 2.576 / 1.96 · half: 0.797 and 0.803, where 0.8 is the limit."""
-    kept = Interval(estimate=0.62, low=0.62 - half, high=0.62 + half)
-    second = Second(90, 0.6, 0.1, 0.0, 90, None, False, None, None, 0.0, 0, 0, kept)
-    alarms = PooledDetector(AxisLimits(), "pitch").feed(
-        AxisInput(rows(steady(1)), {"pitch": [second]}, {}, {})
-    )
-    assert [(one.condition, one.fault, one.value) for one in alarms] == (
-        [("degraded", "effectiveness", 0.62)] if told else []
-    )
-
-
-@pytest.mark.parametrize(
-    ("seconds", "unexplained", "told"),
-    [(0, 0.0, False), (20, 0.04, True), (44, 0.06, False), (45, 0.19, True), (60, 0.21, False)],
-)
-def test_a_loss_over_a_minute_is_none_of_gusts(seconds: int, unexplained: float, told: bool) -> None:
-    """With a drive of 1 a share k of the gain answers with k² of its square, and gusts with the rest."""
-    pool = Pool(REFERENCE, 60)
-    for _ in range(seconds):
-        pool.add(1.0, 0.6 * REFERENCE.gain, (0.36 + unexplained) * REFERENCE.gain**2)
-    assert pool.steady() is told
-    second = Second(90, 0.6, 0.1, 0.0, 90, None, False, None, None, 0.0, 0, 0, KEPT, pool.steady())
-    alarms = PooledDetector(AxisLimits(), "pitch").feed(
-        AxisInput(rows(steady(1)), {"pitch": [second]}, {}, {})
-    )
-    assert bool(alarms) is told
+        assert "is left by the last seconds" in change.rule

@@ -1,0 +1,80 @@
+"""What a second says for a loss or a lag: against the normal density, and against what health explains."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from scipy.stats import norm
+
+from mavhums.health.axis.evidence import LossTest
+from mavhums.health.axis.thresholds import EXTRA_LAGS_S, GAIN_DEVIATION
+from mavhums.results.sections import AxisLimits
+from tests.health.axis.test_pooled import GAIN, REFERENCE
+
+LAGS = 1 + len(EXTRA_LAGS_S)
+
+
+def second(kept: float, *, lag: int = 0, noise: float = 0.0, drive2: float = 0.05) -> np.ndarray:
+    """Return the sums of a second whose response is a share of the gain, at a lag, beside noise.
+
+    At another lag the drive is at right angles.
+    """
+    sums = np.zeros((LAGS, 3))
+    sums[:, 0], sums[lag, 1] = drive2, kept * GAIN * drive2
+    sums[:, 2] = (kept**2 + noise) * GAIN**2 * drive2
+    return sums
+
+
+def alarm_s(sums: np.ndarray, limits: AxisLimits | None = None, most_s: int = 300) -> tuple[int, LossTest]:
+    """Return after how many such seconds a fault is certain; ``most_s`` if it is not."""
+    test = LossTest(REFERENCE, limits or AxisLimits())
+    return next((k for k in range(1, most_s) if test.feed(k, sums)), most_s), test
+
+
+def test_a_calm_second_weighs_losses_by_their_likelihood() -> None:
+    """Its score is normal about −λ·K·drive², with the variance of the reference and of the manoeuvre."""
+    for kept in (1.0, 0.9, 0.5):
+        test, drive2 = LossTest(REFERENCE, AxisLimits(lag_s=2.0)), 0.05
+        test.feed(1, second(kept))
+        deviation = np.sqrt((REFERENCE.variance + (GAIN_DEVIATION * GAIN) ** 2 * drive2) * drive2)
+        losses = np.linspace(0.25, 1.0, 6)
+        score, means = (kept - 1.0) * GAIN * drive2, -losses * GAIN * drive2
+        ratios = norm.logpdf(score, means, deviation) - norm.logpdf(score, 0.0, deviation)
+        assert test.evidence == pytest.approx(logsumexp(ratios) - np.log(len(losses)))
+
+
+@pytest.mark.parametrize(
+    ("kept", "found"), [(1.1, False), (1.0, False), (0.9, False), (0.7, True), (0.0, True)]
+)
+def test_a_loss_beyond_the_limit_is_found_the_sooner_the_larger_it_is(kept: float, found: bool) -> None:
+    delay_s, test = alarm_s(second(kept))
+    assert (delay_s < 300) is found
+    assert test.lag_s == 0.0
+    if found:
+        assert delay_s <= alarm_s(second(kept + 0.1))[0]
+        assert test.since_s == 0
+
+
+def test_gusts_excuse_a_loss_as_far_as_their_size_explains_it() -> None:
+    """They hide 0.6 times the root of their share of the response: 0.13 and 0.6 of the gain."""
+    calm, breeze, storm = (alarm_s(second(0.6, noise=noise))[0] for noise in (0.0, 0.08, 1.0))
+    assert calm < breeze < 300
+    assert storm == 300
+    assert alarm_s(second(0.0, noise=0.3))[0] < 300
+
+
+def test_a_lag_is_slow_only_beyond_that_of_the_profile() -> None:
+    at = EXTRA_LAGS_S.index(0.65) + 1
+    delay_s, test = alarm_s(second(1.0, lag=at))
+    assert delay_s < 30
+    assert test.lag_s == 0.65
+    assert test.probability(1.0) < 0.05
+    assert alarm_s(second(1.0, lag=at), AxisLimits(lag_s=0.7))[0] == 300
+
+
+def test_a_loss_ends_as_certainly_as_it_begins() -> None:
+    delay_s, test = alarm_s(second(0.5))
+    end_s = next(k for k in range(1, 300) if not test.feed(delay_s + k, second(1.0)))
+    assert 4 <= end_s <= 3 * delay_s
+    assert not test.suspects
