@@ -167,12 +167,9 @@ class EffectivenessTracker:
         seen, variance = variance, max(variance, least)
         # A weak drive in quiet air shows how the autopilot answers gusts, not what a manoeuvre does.
         error = float(np.sqrt((variance if self._form.feels_gusts else seen) / total)) / abs(gain or np.nan)
-        power = float(drive2.mean())
         first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1
         deviation = float(np.sqrt(left))
-        return Reference(
-            basis, shape, gain, beta[1:], variance, error, explained, deviation, power, first, last
-        )
+        return Reference(basis, shape, gain, beta[1:], variance, error, explained, deviation, first, last)
 
     def _begin(self, rows: Rows) -> None:
         reference = self.reference

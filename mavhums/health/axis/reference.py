@@ -80,8 +80,6 @@ class Reference:
         Relative standard error of the gain.
     deviation
         Standard deviation of the regression's residuals.
-    power
-        Mean sum of squares of the drive over a second, without its slow part.
     constants
         What one aircraft keeps from flight to flight beside the gain, by the fault that changes it.
     """
@@ -94,7 +92,6 @@ class Reference:
     error: float
     explained: float
     deviation: float
-    power: float
     start_s: int
     end_s: int
     constants: Mapping[str, Constant] = field(default_factory=dict)
