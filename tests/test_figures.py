@@ -202,7 +202,7 @@ AXES: dict[str, Callable[[], Rows]] = {
     "tracking": partial(upset, "roll", 0.9),
     "hard over": partial(upset, "roll_rate", 0.6, 1.6),
     "turns": partial(turning, 160, spiral=0.4),
-    "slow": partial(faded, 10, 1.0),
+    "slow": partial(faded, 13, 1.0),
     "weak": partial(faded, 4, 0.55),
     "gone": partial(faded, 4, 0.1),
 }

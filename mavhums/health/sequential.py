@@ -108,7 +108,7 @@ class SequentialTest:
 
     @property
     def since(self) -> int | None:
-        """Time of the first unit of the likeliest hypothesis; None if the last unit spoke against it."""
+        """Time at which the likeliest hypothesis begins; None without one."""
         k = self.likeliest
         return int(self._since[k]) if self._sums[k] > 0.0 else None
 
