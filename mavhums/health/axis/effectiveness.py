@@ -213,25 +213,24 @@ class EffectivenessTracker:
         stacked = np.array([[s.drive2, s.cross, s.answer2] for s in sums])
         assert self.reference is not None
         left = np.array([[s.raw, self.reference.gain * s.driven] for s in sums])
+        mixed = [*self._mixed.feed(rows)] if self._mixed else [None] * rows.seconds
         seconds = []
         for k in range(rows.seconds):
             excluded = self._exclusion.feed(*excluding[k]) if k in excluding else 0
             count = int(sums[0].count[k])
             end_s = rows.second + k + 1
-            seconds.append(self._second(end_s, stacked[:, :, k], count, left[:, :, k], excluded))
-        if self._mixed is None:
-            return seconds
-        mixed = self._mixed.feed(rows)
-        return [replace(second, mixed=part) for second, part in zip(seconds, mixed, strict=True)]
+            second = self._second(end_s, stacked[:, :, k], count, left[:, :, k], mixed[k])
+            seconds.append(replace(second, excluded=excluded))
+        return seconds
 
-    def _second(self, end_s: int, sums: Array, count: int, left: Array, excluded: int) -> Second:
+    def _second(self, end_s: int, sums: Array, count: int, left: Array, mixed: Array | None) -> Second:
         reference = self.reference
         assert reference is not None
         self._left.append((left, count))
         loss, value, error = None, None, np.inf
         if count >= LEAST_ROWS_PER_S:
             self._recent.append((end_s, sums))
-            alarm = self._test.feed(end_s, sums)
+            alarm = self._test.feed(end_s, sums, mixed)
             since_s = self._test.since_s
             if since_s is not None and (alarm or self._test.suspects):
                 loss = self._loss(since_s, certain=alarm)
@@ -239,7 +238,7 @@ class EffectivenessTracker:
                 window = [sums[0] for _, sums in [*self._recent][-WINDOW_SECONDS:]]
                 value, error = _measured(window, reference)
         shift, shift_error = self._shifted(reference.error)
-        return Second(end_s, value, error, loss, shift, shift_error, excluded)
+        return Second(end_s, value, error, loss, shift, shift_error, 0, mixed)
 
     def _loss(self, since_s: int, *, certain: bool) -> Loss | None:
         assert self.reference is not None

@@ -63,8 +63,9 @@ class LossTest:
         own = MISFIT_SHARE * (1.0 - reference.explained) / reference.explained
         self._misfit = own if reference.explained > 0.0 else 0.0
         self._window: deque[Array] = deque(maxlen=GUST_WINDOW_S)
+        self._coupled: deque[Array] = deque(maxlen=GUST_WINDOW_S)
 
-    def feed(self, end_s: int, sums: Array) -> bool:
+    def feed(self, end_s: int, sums: Array, mixed: Array | None = None) -> bool:
         """Take a usable second; return whether a fault is present.
 
         Parameters
@@ -73,9 +74,14 @@ class LossTest:
             Flight second of its end.
         sums
             Drive², drive times response, and response² by additional lag, shape (1 + lags, 3).
+        mixed
+            Of mixed surfaces what a loss and a coupling explain
+            (:meth:`~mavhums.health.axis.findings.MixedSums.feed`), shape (5,).
         """
         gain, (drive2, cross) = self._reference.gain, sums[:, :2].T
         self._window.append(sums)
+        if mixed is not None:
+            self._coupled.append(mixed)
         noise, gust_loss = self._gusts()
         spread = 2.0 * (max(noise, self._reference.variance) + (GAIN_DEVIATION * gain) ** 2 * drive2[0])
         hypotheses = _explained(self._kept, drive2[self._lags], cross[self._lags], gain)
@@ -98,9 +104,18 @@ class LossTest:
         if not driven[0]:
             return 0.0, 0.0
         left = float((answer2[driven] - cross[driven] ** 2 / drive2[driven]).min())
-        excess = left / drive2[0] / self._reference.gain**2 - self._misfit
-        noise = max(left, 0.0) / len(self._window) * MEAN_ROWS / RATE_HZ  # of independent rows
-        return noise, GUST_SHARE * sqrt(max(excess, 0.0))
+        own = drive2[0] * self._reference.gain**2
+        share = max(left / own - self._coupling(), 0.0)
+        noise = share * own / len(self._window) * MEAN_ROWS / RATE_HZ  # of independent rows
+        return noise, GUST_SHARE * sqrt(max(share - self._misfit, 0.0))
+
+    def _coupling(self) -> float:
+        """Return the share of the response that the demand about the other axis explains: no gusts."""
+        if not self._coupled:
+            return 0.0
+        drive2, both, other2, lost, coupled = np.sum(self._coupled, axis=0).tolist()
+        alone = drive2 * other2 - both**2
+        return (coupled * drive2 - lost * both) ** 2 / alone / drive2**2 if alone > 0.0 else 0.0
 
     @property
     def evidence(self) -> float:
