@@ -15,7 +15,7 @@ The noise is that of the reference, or R over the last seconds if it is larger.
 from __future__ import annotations
 
 from collections import deque
-from math import sqrt
+from math import log, sqrt
 
 import numpy as np
 
@@ -124,8 +124,8 @@ class LossTest:
 
     @property
     def suspects(self) -> bool:
-        """Whether the evidence is halfway to an alarm."""
-        return self._test.evidence >= self._test.threshold / 2.0
+        """Whether health shows as much evidence less often than ten times between two false alarms."""
+        return self._test.evidence >= self._test.threshold - log(10.0)
 
     @property
     def since_s(self) -> int | None:

@@ -183,7 +183,7 @@ class AxisMonitor:
             fault, rule = "effectiveness", f"{well}: the control effectiveness of the reference is kept"
             finding = ""
         elif before == well and state.doubt is not None and second is not None and second.loss is not None:
-            # The evidence for a loss is halfway to an alarm: it is no longer excluded.
+            # The evidence for a loss is near an alarm: it is no longer excluded.
             state.condition, state.since_s = "undecided", second.loss.since_s
             fault, rule = "effectiveness", f"undecided: {_percent(state.doubt)} is left by the last seconds"
             finding = ""

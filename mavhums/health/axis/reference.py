@@ -108,7 +108,7 @@ class Loss(NamedTuple):
     Attributes
     ----------
     certain
-        Whether it is certain; else the evidence is halfway to it.
+        Whether it is certain; else the evidence is near that.
     since_s
         Flight second of its onset.
     evidence
