@@ -178,8 +178,11 @@ class Workers:
             await worker.end()
 
     async def _acquire(self, user: str) -> _Worker:
-        if self._free:
-            return self._free.pop(0)
+        while self._free:
+            worker = self._free.pop(0)
+            if worker.usable or self._closed:
+                return worker
+            await self._release(worker)  # killed while it was idle: another takes its place
         turn: asyncio.Future[_Worker] = asyncio.get_running_loop().create_future()
         entry = (user, turn)
         self._waiting.append(entry)

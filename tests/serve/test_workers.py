@@ -77,6 +77,20 @@ def test_the_log_of_a_killed_process_is_judged_once_more(tmp_path: Path) -> None
     with_workers(use, count=1)
 
 
+def test_processes_killed_while_idle_cost_no_attempt() -> None:
+    async def use(workers: Workers) -> None:
+        for _ in range(3):
+            pids = {(await ask(workers, "judge"))["pid"] for _ in range(2)}
+            for pid in pids:
+                process = psutil.Process(pid)
+                process.kill()
+                await asyncio.to_thread(psutil.wait_procs, [process], 10.0)
+            await asyncio.sleep(0.1)
+            assert "pid" in await ask(workers, "judge")
+
+    with_workers(use)
+
+
 def test_no_process_stays() -> None:
     async def use(workers: Workers) -> list[int]:
         several = [await ask(workers, "judge") for _ in range(2)]
