@@ -51,7 +51,7 @@ class Options:
         The operator's table of installed boards and actuators, or its file: it names the aircraft of a board,
         and the baseline of an actuator begins anew when it is swapped.
     false_alarms
-        Accepted number of false alarms in 100 hours of an actuator.
+        Accepted number of false alarms in 100 hours of an actuator or an axis.
     dialect
         A MAVLink XML file whose definitions take precedence over the shipped ones.
     key

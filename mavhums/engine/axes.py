@@ -11,6 +11,7 @@ import numpy as np
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.vehicle_axes import AxisEvent, VehicleAxes
 from mavhums.engine.vehicle_setup import SetupHistory
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.log import Table
 from mavhums.log.base.decoder import Losses
 from mavhums.log.base.tables import text_of
@@ -37,14 +38,21 @@ class Axes:
         The profile for every vehicle; None if each vehicle reports its own outputs.
     events
         Where the events of each vehicle go; None for nowhere else.
+    false_alarms
+        Accepted number of false alarms in 100 hours of an axis.
     angles
         Whether to yield the demanded and the flown angles as well, for a recording.
     """
 
     def __init__(
-        self, airframe: Airframe | None = None, events: FlightEvents | None = None, *, angles: bool = False
+        self,
+        airframe: Airframe | None = None,
+        events: FlightEvents | None = None,
+        *,
+        false_alarms: float = FALSE_ALARMS,
+        angles: bool = False,
     ) -> None:
-        self._angles = angles
+        self._false_alarms, self._angles = false_alarms, angles
         self._events = events or FlightEvents()
         self._airframe = airframe
         self._signals = SignalReader()
@@ -95,8 +103,14 @@ class Axes:
         def axes_of(vehicle: int) -> VehicleAxes:
             if vehicle not in self._vehicles:
                 own = self._events.of(vehicle)
-                new = VehicleAxes(vehicle, start_us, self._airframe, own, angles=self._angles)
-                self._vehicles[vehicle] = new
+                self._vehicles[vehicle] = VehicleAxes(
+                    vehicle,
+                    start_us,
+                    self._airframe,
+                    own,
+                    false_alarms=self._false_alarms,
+                    angles=self._angles,
+                )
             return self._vehicles[vehicle]
 
         by_vehicle: dict[int, list[Signal]] = {}

@@ -104,7 +104,9 @@ class Engine:
         wanted |= STATE_MESSAGES if options.vehicle_states else MODE_MESSAGES
         wanted |= SIGNAL_MESSAGES
         self._events = FlightEvents()
-        self._axes = Axes(airframe, self._events, angles=options.vehicle_states)
+        self._axes = Axes(
+            airframe, self._events, false_alarms=options.false_alarms, angles=options.vehicle_states
+        )
         self._show_states = options.vehicle_states
         self._states = VehicleStates(modes_only=not options.vehicle_states)
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)

@@ -32,7 +32,7 @@ class EngineOptions:
         Who decides an actuator's friction: the physics, a network where one is for its airframe, or both.
         With ``both`` the physics decides, and where the network says otherwise is told.
     false_alarms
-        Accepted number of false alarms in 100 hours of an actuator.
+        Accepted number of false alarms in 100 hours of an actuator or an axis.
     dialect
         A MAVLink XML file whose definitions take precedence over the shipped ones.
     key

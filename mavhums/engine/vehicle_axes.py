@@ -19,6 +19,7 @@ from mavhums.engine.vehicle_setup import SetupHistory, VehicleSetup
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Indication
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.verdict.axis import verdicts_of_axes
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.results.sections import AxisLimits
@@ -31,7 +32,7 @@ from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.states import Followed
-from mavhums.vehicle.surfaces import STEERING, Demands, Surfaces, on_channels
+from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces, on_channels
 from mavhums.vehicle.usage import Usage
 
 AxisEvent = ConditionChanged | Indication | Followed | Notice
@@ -63,6 +64,8 @@ class VehicleAxes:
         A profile; None if the log is to define the surfaces.
     events
         Where the events of its flight go; None for nowhere else.
+    false_alarms
+        Accepted number of false alarms in 100 hours of an axis.
     angles
         Whether to yield the demanded and the flown angles as well, for a recording.
 
@@ -85,16 +88,17 @@ class VehicleAxes:
         airframe: Airframe | None = None,
         events: VehicleEvents | None = None,
         *,
+        false_alarms: float = FALSE_ALARMS,
         angles: bool = False,
     ) -> None:
+        self._vehicle, self._false_alarms, self._angles = vehicle, false_alarms, angles
         self.setups = SetupHistory(airframe)
         self.surfaces = self.setups.last.surfaces
-        self.monitor = _monitor(vehicle, airframe.axes if airframe else None, self.surfaces)
+        self.monitor = self._monitor(airframe.axes if airframe else None)
         self.flight = Flight(self.surfaces)
         self.usage = Usage()
         self.grid = Grid(start_us)
         self.motors = VehicleMotors(vehicle)
-        self._vehicle, self._angles = vehicle, angles
         self._events = events or VehicleEvents(vehicle)
         self._setup = self.setups.last
         self._answers: dict[str, str] = {}
@@ -249,7 +253,7 @@ class VehicleAxes:
     ) -> Iterator[AxisEvent]:
         """Judge the flight anew with these surfaces, as far back as it is kept."""
         before, self.surfaces = self.surfaces, surfaces
-        self.monitor = _monitor(self._vehicle, limits or self.monitor.limits, surfaces)
+        self.monitor = self._monitor(limits or self.monitor.limits)
         first_s, events = self._now_s, list[ConditionChanged | Indication]()
         for rows in self.flight.learn(surfaces):
             first_s = min(first_s, rows.second)
@@ -361,6 +365,11 @@ class VehicleAxes:
         named = event.finding and suspect
         yield replace(event, finding=f"{event.finding}: {suspect}?") if named else event
 
+    def _monitor(self, limits: AxisLimits | None) -> AxisMonitor:
+        """Return a new monitor of what the surfaces move."""
+        axes, mixed = (self.surfaces.axes, self.surfaces.mixed) if self.surfaces else (AXES, None)
+        return AxisMonitor(self._vehicle, limits, axes, mixed, self._false_alarms)
+
     def _infer(self) -> Iterator[AxisEvent]:
         """Try to infer the outputs from the last minutes, ever more rarely."""
         since_s = self.flight.flown_s - self._hoped_s
@@ -374,15 +383,6 @@ class VehicleAxes:
         if surfaces is not None:
             self._inferences += 1
             yield from self._adopt(surfaces, "its outputs are inferred from the flight")
-
-
-def _monitor(vehicle: int, limits: AxisLimits | None, surfaces: Surfaces | None) -> AxisMonitor:
-    """Return a new monitor of what these surfaces move."""
-    return (
-        AxisMonitor(vehicle, limits, surfaces.axes, surfaces.mixed)
-        if surfaces
-        else AxisMonitor(vehicle, limits)
-    )
 
 
 def _followed(vehicle: int, rows: Rows) -> Iterator[Followed]:

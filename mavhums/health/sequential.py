@@ -21,10 +21,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array
 
-FALSE_ALARM_S: Final = 360_000.0
-"""Healthy seconds in which one false alarm of a subject is allowed, 100 h. A tenth of it finds a fault sooner
-by as many seconds as make an evidence of ln 10 (benchmarks/control.py)."""
-
+_PER_100_H: Final = 360_000.0  # seconds
 _MOST: Final = 200.0  # logarithm: what is certain needs no larger number
 
 
@@ -35,8 +32,10 @@ class SequentialTest:
     ----------
     weights
         Prior weight of each hypothesis, shape (n,).
-    false_alarm_s
-        Units of health in which one false alarm is allowed, and of a fault in which one false end is.
+    false_alarms
+        Accepted number of false alarms in 360,000 units, seconds of 100 hours, of health, and of false ends
+        in as many units of a fault. Ten times as many find a fault sooner by the seconds that make an
+        evidence of ln 10.
 
     Attributes
     ----------
@@ -49,16 +48,16 @@ class SequentialTest:
     --------
     A mean of 0 against one of −1, with a standard deviation of 0.5: the fault lasts from 3 s to 9 s.
 
-    >>> test = SequentialTest(np.ones(1), 1000.0)
+    >>> test = SequentialTest(np.ones(1), false_alarms=360.0)
     >>> values = [0.1, -0.2, 0.1, -1.1, -0.8, -1.0, -0.9, -1.0, -1.2, 0.1, -0.1, 0.0, 0.2, 0.1, 0.0]
     >>> ratios = [-2.0 * (2.0 * value + 1.0) for value in values]
     >>> [second for second, ratio in enumerate(ratios) if test.feed(second, np.array([ratio]), ratio)]
     [6, 7, 8, 9, 10, 11]
     """
 
-    def __init__(self, weights: Array, false_alarm_s: float = FALSE_ALARM_S) -> None:
+    def __init__(self, weights: Array, false_alarms: float) -> None:
         self._weights: Array = np.log(weights / weights.sum())
-        self.threshold = log(false_alarm_s)
+        self.threshold = log(_PER_100_H / false_alarms)
         self.alarm = False
         self._clear()
 

@@ -15,7 +15,7 @@ SHIFTS = np.array([0.5, 1.0, 2.0])
 
 def fed(values: np.ndarray, false_alarm_s: float = 1e9) -> tuple[SequentialTest, list[bool]]:
     """Return a test of the mean of normal values, and in which units it saw a fault."""
-    test = SequentialTest(np.ones(len(SHIFTS)), false_alarm_s)
+    test = SequentialTest(np.ones(len(SHIFTS)), 360_000.0 / false_alarm_s)
     present = []
     for at, value in enumerate(values):
         ratios = SHIFTS * value - SHIFTS**2 / 2

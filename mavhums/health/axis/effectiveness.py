@@ -34,6 +34,7 @@ from mavhums.health.axis.thresholds import (
     SHIFT_S,
     WINDOW_SECONDS,
 )
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
@@ -41,10 +42,13 @@ from mavhums.vehicle.surfaces import AXES
 
 
 def new_tracker(
-    axis: str, limits: AxisLimits | None = None, coupled: str | None = None
+    axis: str,
+    limits: AxisLimits | None = None,
+    coupled: str | None = None,
+    false_alarms: float = FALSE_ALARMS,
 ) -> EffectivenessTracker:
     """Return the tracker of the effectiveness of an axis; ``coupled`` is one that the same surfaces move."""
-    return EffectivenessTracker(FORMS[axis], STANDARDS[axis], limits or AxisLimits(), coupled)
+    return EffectivenessTracker(FORMS[axis], STANDARDS[axis], limits or AxisLimits(), coupled, false_alarms)
 
 
 class EffectivenessTracker:
@@ -60,12 +64,20 @@ class EffectivenessTracker:
         The loss and the lag from which the axis is degraded.
     coupled
         Another axis that the same surfaces move; None if they are not mixed.
+    false_alarms
+        Accepted number of false alarms in 100 hours.
     """
 
     def __init__(
-        self, form: Form, standards: Standards, limits: AxisLimits, coupled: str | None = None
+        self,
+        form: Form,
+        standards: Standards,
+        limits: AxisLimits,
+        coupled: str | None = None,
+        false_alarms: float = FALSE_ALARMS,
     ) -> None:
         self._form, self._standards, self._limits, self._coupled = form, standards, limits, coupled
+        self._false_alarms = false_alarms
         self._waiting: list[Rows] = []
         self._tried = 0
         self.reference: Reference | None = None
@@ -177,7 +189,7 @@ class EffectivenessTracker:
         extras = (0.0, *EXTRA_LAGS_S)
         self._chains = [Chain(self._form, reference.basis, reference.shape, extra) for extra in extras]
         self._scores = [Scores(reference.others, self._standards.memory_s) for _ in extras]
-        self._test = LossTest(reference, self._limits)
+        self._test = LossTest(reference, self._limits, self._false_alarms)
         self._recent: deque[tuple[int, Array]] = deque(maxlen=LOSS_SECONDS)
         self._left: deque[tuple[Array, int]] = deque(maxlen=SHIFT_S)
         self._exclusion = LossExclusion(reference)

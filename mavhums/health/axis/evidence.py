@@ -32,6 +32,7 @@ from mavhums.health.axis.thresholds import (
     MISFIT_SHARE,
     MOST_RATIO,
 )
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.sequential import SequentialTest
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
@@ -48,9 +49,11 @@ class LossTest:
         The healthy response.
     limits
         The loss and the lag from which the axis is degraded.
+    false_alarms
+        Accepted number of false alarms in 100 hours.
     """
 
-    def __init__(self, reference: Reference, limits: AxisLimits) -> None:
+    def __init__(self, reference: Reference, limits: AxisLimits, false_alarms: float = FALSE_ALARMS) -> None:
         self._reference = reference
         least = LEAST_LOSS_PER_LIMIT * (1.0 - limits.effectiveness_degraded)
         losses = np.linspace(min(least, 1.0), 1.0, LOSSES)
@@ -59,7 +62,8 @@ class LossTest:
         self._kept = np.concatenate([1.0 - losses, np.ones(len(slow))])
         self._lags = np.concatenate([np.zeros(LOSSES, dtype=np.intp), slow])
         half = 0.5 if len(slow) else 1.0
-        self._test = SequentialTest(np.where(self._lags == 0, half / LOSSES, half / max(len(slow), 1)))
+        weights = np.where(self._lags == 0, half / LOSSES, half / max(len(slow), 1))
+        self._test = SequentialTest(weights, false_alarms)
         own = MISFIT_SHARE * (1.0 - reference.explained) / reference.explained
         self._misfit = own if reference.explained > 0.0 else 0.0
         self._window: deque[Array] = deque(maxlen=GUST_WINDOW_S)

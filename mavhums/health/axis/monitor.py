@@ -27,6 +27,7 @@ from mavhums.health.axis.thresholds import (
     WINDOW_SECONDS,
 )
 from mavhums.health.decision.events import ConditionChanged, Indication
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.random_effects import RunningVariance
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
@@ -75,6 +76,8 @@ class AxisMonitor:
         Roll, pitch and yaw, or the steering of a rover or a boat.
     mixed
         By axis that two mixed surfaces move, the other one, if its command distinguishes them.
+    false_alarms
+        Accepted number of false alarms of a loss in 100 hours of an axis.
     """
 
     def __init__(
@@ -83,12 +86,13 @@ class AxisMonitor:
         limits: AxisLimits | None = None,
         axes: Sequence[str] = AXES,
         mixed: Mapping[str, str] | None = None,
+        false_alarms: float = FALSE_ALARMS,
     ) -> None:
         self._vehicle = vehicle
         self.limits = limits or AxisLimits()
         self.axes = tuple(axes)
         coupled = mixed or {}
-        self._gains = {axis: new_tracker(axis, self.limits, coupled.get(axis)) for axis in axes}
+        self._gains = {axis: new_tracker(axis, self.limits, coupled.get(axis), false_alarms) for axis in axes}
         self._pair, self._mixed = MixedPair(), {*coupled, *coupled.values()}
         self._detectors = detectors(self.limits, axes)
         self._responses = {axis: ResponseSums(axis) for axis in axes}

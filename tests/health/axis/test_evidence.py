@@ -73,6 +73,12 @@ def test_a_lag_is_slow_only_beyond_that_of_the_profile() -> None:
     assert alarm_s(second(1.0, lag=at), AxisLimits(lag_s=0.7))[0] == 300
 
 
+def test_more_accepted_false_alarms_find_a_loss_sooner() -> None:
+    few, many = (LossTest(REFERENCE, AxisLimits(), rate) for rate in (0.1, 100.0))
+    delays_s = [next(k for k in range(1, 300) if test.feed(k, second(0.6))) for test in (many, few)]
+    assert delays_s[0] < delays_s[1]
+
+
 def test_a_loss_ends_as_certainly_as_it_begins() -> None:
     delay_s, test = alarm_s(second(0.5))
     end_s = next(k for k in range(1, 300) if not test.feed(delay_s + k, second(1.0)))
