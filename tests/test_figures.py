@@ -221,7 +221,7 @@ def test_of_an_axis(name: str) -> None:
 
 def test_of_growth_and_scatter() -> None:
     found: dict[str, Any] = {}
-    parts = ("grows", "evidence", "since", "level", "per_flight", "left_out")
+    parts = ("grows", "evidence", "since", "per_flight", "left_out")
     for seed in range(4):
         for slope, begin in ((0.0, 0), (0.004, 0), (0.006, 12)):
             numbers, values, errors = test_growth.history(seed, 30, slope, begin=begin)

@@ -86,8 +86,6 @@ class Course:
         Weighted Bayes factor of growth, as a logarithm.
     since
         Index of the flight after which it most likely grows, or of the first one.
-    level, per_flight
-        The line at the last flight and its slope, averaged over the flights at which it may begin.
     left_out
         Indices of the flights too far off the line.
     """
@@ -95,10 +93,13 @@ class Course:
     grows: bool
     evidence: float
     since: int
-    level: Interval
-    per_flight: Interval
     left_out: tuple[int, ...]
     _courses: _Courses
+
+    @property
+    def per_flight(self) -> Interval:
+        """The slope of the line, averaged over the flights at which growth may begin."""
+        return _averaged(self._courses, self._courses.slope, 1 / self._courses.spread)
 
     def flights_left(self, limit: float) -> tuple[float, float, float]:
         """Return in how many flights the line reaches a limit: low end, median and high end of 95 %.
@@ -151,8 +152,6 @@ def course_of(numbers: Array, values: Array, errors: Array, *, begin: int = 0) -
         grows=evidence >= -log(GROWTH_CHANCE),
         evidence=evidence,
         since=begin + int(np.flatnonzero(kept)[courses.first[best]]),
-        level=_averaged(courses, courses.level, 1 / courses.total_weight + courses.ahead**2 / courses.spread),
-        per_flight=_averaged(courses, courses.slope, 1 / courses.spread),
         left_out=tuple(begin + int(place) for place in np.flatnonzero(~kept)),
         _courses=courses,
     )
@@ -249,20 +248,25 @@ def _courses(numbers: Array, values: Array, errors: Array, known: tuple[float, f
     weights = 1 / (errors**2 + variance_between(design, values, errors))
     # The weights matter against each other only: their mean is 1, and the scatter is the values' own.
     weights = weights / weights.mean()
-    first = np.concatenate([[0], np.arange(1, max(n - GROWTH_FLIGHTS, 1))])
-    grown = np.maximum(numbers - numbers[first, None], 0.0)
-    middle = grown @ weights / n
-    centred = grown - middle[:, None]
+    first = np.arange(max(n - GROWTH_FLIGHTS, 1))
+    apart = np.diff(numbers)
+    # Sums over the flights after each one: of weights, and of the flights flown since then and their squares.
+    after = _sums_after(weights[1:])
+    flown = _sums_after(apart * after)
+    squared = _sums_after(apart * (2 * flown - apart * after))[first]
+    middle = flown[first] / n
+    ahead = numbers[-1] - numbers[first] - middle
+    spread = squared - n * middle**2
     rest = values - float(weights @ values) / n
     # Flights that agree to the last digit scatter, too: nothing is known of it but that it is small.
     least = n * (1e-6 * float(np.abs(values).max()) + 1e-9) ** 2
     total = float(weights @ rest**2) + known[0] + least
-    spread = centred**2 @ weights
-    product = centred @ (weights * rest)
+    product = _sums_after(apart * _sums_after((weights * rest)[1:]))[first]
     slope = product / spread
     squares = np.maximum(total - product**2 / spread, 1e-12 * total + 1e-300)
     best = int(np.argmin(squares))
-    residuals = np.sqrt(weights) * (rest - slope[best] * centred[best])
+    likeliest = np.maximum(numbers - numbers[best], 0.0) - middle[best]
+    residuals = np.sqrt(weights) * (rest - slope[best] * likeliest)
     # Smaller residuals are rounding errors, whose correlation differs between processors.
     inflation = widening(residuals) if float(residuals @ residuals) > least else 1.0
     waited = np.diff(numbers[first], prepend=numbers[0])
@@ -271,16 +275,21 @@ def _courses(numbers: Array, values: Array, errors: Array, known: tuple[float, f
     return _Courses(
         first=first,
         log_odds=np.log(prior) + _log_bayes_factors(total, product, spread, freedom + 1, inflation),
-        level=values @ weights / n + slope * (grown[:, -1] - middle),
+        level=values @ weights / n + slope * ahead,
         slope=slope,
-        ahead=grown[:, -1] - middle,
+        ahead=ahead,
         spread=spread,
         variance=inflation * squares / freedom,
         total_weight=float(n),
         freedom=freedom,
         residuals=residuals,
-        hat=weights * (1 / n + centred[best] ** 2 / spread[best]),
+        hat=weights * (1 / n + likeliest**2 / spread[best]),
     )
+
+
+def _sums_after(terms: Array) -> Array:
+    """Return the sum of each term and all after it."""
+    return np.cumsum(terms[::-1])[::-1]
 
 
 def _log_bayes_factors(
@@ -321,12 +330,10 @@ def _averaged(courses: _Courses, estimates: Array, shares: Array) -> Interval:
 
 def _quantile(reached: Callable[[float], float], share: float, high: float = _MOST_FLIGHTS) -> float:
     """Return where an increasing probability reaches a share; infinite if it does not do so before."""
-    low = 0.0
-    if reached(low) >= share:
-        return low
+    from scipy.optimize import brentq
+
+    if reached(0.0) >= share:
+        return 0.0
     if reached(high) < share:
         return float("inf")
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (low, middle) if reached(middle) >= share else (middle, high)
-    return high
+    return float(brentq(lambda at: reached(at) - share, 0.0, high, xtol=1e-18 * high))

@@ -147,8 +147,8 @@ def test_a_flight_known_exactly_counts_as_one_known_a_little_better() -> None:
     numbers, values, errors = history(4, 12)
     zero, least = errors.copy(), errors.copy()
     zero[[2, 5]], least[[2, 5]] = 0.0, LEAST_ERROR_SHARE * errors.max()
-    assert course(numbers, values, zero).level == course(numbers, values, least).level
-    assert course(numbers, values, zero).level != course(numbers, values, errors).level
+    assert course(numbers, values, zero).per_flight == course(numbers, values, least).per_flight
+    assert course(numbers, values, zero).per_flight != course(numbers, values, errors).per_flight
 
 
 @pytest.mark.parametrize(("share", "left_out"), [(0.97, True), (1.03, False)])
@@ -184,23 +184,16 @@ def test_a_step_is_larger_than_seven_standard_errors(
 
 
 def test_the_interval_is_that_of_all_courses_together() -> None:
-    """The level and the slope of a mixture of Student's t, whose quantiles are sought anew."""
+    """The slope of a mixture of Student's t, whose quantiles are sought anew."""
     found = course(*history(6, 20, 0.01, begin=8))
-    some = found._courses
+    some, shown = found._courses, found.per_flight
     weights = np.exp(some.log_odds) / np.exp(some.log_odds).sum()
     assert weights.max() < 0.5
-    for shown, at, variance in (
-        (found.level, some.level, some.variance * (1 / some.total_weight + some.ahead**2 / some.spread)),
-        (found.per_flight, some.slope, some.variance / some.spread),
-    ):
-        errors = np.sqrt(variance)
-
-        def below(value: float, at: Array = at, errors: Array = errors) -> float:
-            return float(weights @ stats.t.cdf((value - at) / errors, some.freedom))
-
-        assert shown.estimate == pytest.approx(float(weights @ at))
-        assert below(shown.low) == pytest.approx(0.025, abs=1e-6)
-        assert below(shown.high) == pytest.approx(0.975, abs=1e-6)
+    errors = np.sqrt(some.variance / some.spread)
+    for value, share in ((shown.low, 0.025), (shown.high, 0.975)):
+        below = stats.t.cdf((value - some.slope) / errors, some.freedom)
+        assert float(weights @ below) == pytest.approx(share, abs=1e-6)
+    assert shown.estimate == pytest.approx(float(weights @ some.slope))
 
 
 def test_the_flights_left_are_those_until_the_line_of_all_courses_is_at_the_limit() -> None:
@@ -313,7 +306,7 @@ def test_flights_that_agree_to_the_last_digit_do_not_grow(value: float) -> None:
     for n in (TREND_FLIGHTS, 60):
         found = course(np.arange(1.0, n + 1), np.full(n, value), np.full(n, 0.002))
         assert not found.grows
-        assert found.level.estimate == pytest.approx(value, abs=1e-3)
+        assert found.per_flight.estimate == pytest.approx(0.0, abs=1e-3)
         assert last_step(np.full(n, value), np.full(n, 0.002)) is None
 
 
