@@ -152,10 +152,9 @@ def judges(process: psutil.Process) -> bool:
 
 
 @pytest.fixture
-def stuck(logs: list[Path], tmp_path: Path) -> subprocess.Popen[str]:
-    """A command that has judged its first log and waits for the second, which never comes."""
-    os.mkfifo(tmp_path / "stuck.tlog")
-    command = [sys.executable, "-m", "mavhums", "analyse", logs[0], tmp_path / "stuck.tlog", logs[1]]
+def busy(logs: list[Path]) -> subprocess.Popen[str]:
+    """A command that has judged its first log of a thousand."""
+    command = [sys.executable, "-m", "mavhums", "analyse", *logs[:1] * 1000]
     process = subprocess.Popen(
         [*map(str, command), "--jobs", "2", "--json"],
         stdout=subprocess.PIPE,
@@ -170,13 +169,13 @@ def stuck(logs: list[Path], tmp_path: Path) -> subprocess.Popen[str]:
 
 
 def test_ctrl_c_ends_all_processes_and_leaves_whole_json(
-    logs: list[Path], stuck: subprocess.Popen[str]
+    logs: list[Path], busy: subprocess.Popen[str]
 ) -> None:
-    os.killpg(stuck.pid, signal.SIGINT)
-    rest, told = stuck.communicate(timeout=60)
-    assert stuck.returncode == 130
+    os.killpg(busy.pid, signal.SIGINT)
+    rest, told = busy.communicate(timeout=60)
+    assert busy.returncode == 130
     assert "Traceback" not in told
-    assert rest.endswith("]\n}\n")  # the log that was interrupted may count as one that failed
+    assert rest.endswith('],\n  "failures": []\n}\n')
 
 
 INTERRUPTED_START = """
@@ -236,11 +235,11 @@ def test_ctrl_c_ends_the_program_silently(program: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_processes_end_with_a_command_that_is_killed(stuck: subprocess.Popen[str]) -> None:
-    children = psutil.Process(stuck.pid).children(recursive=True)
+def test_the_processes_end_with_a_command_that_is_killed(busy: subprocess.Popen[str]) -> None:
+    children = psutil.Process(busy.pid).children(recursive=True)
     assert children
-    stuck.kill()
-    stuck.communicate(timeout=60)
+    busy.kill()
+    busy.communicate(timeout=60)
     _, alive = psutil.wait_procs(children, timeout=60)
     assert not alive
 
