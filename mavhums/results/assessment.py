@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SCHEMA = "mavhums.assessment/2"
-READABLE = ("mavhums.assessment/1", SCHEMA)
-"""Versions whose objects are still read: version 2 adds fields, and says more of a network."""
 
 RECORD: Final[dict[str, Any]] = {"verdicts": {"__all__": {"own"}}}
 """Fields that only a later comparison needs: in a kept flight's record, and not in the public JSON."""
@@ -74,9 +72,7 @@ class Assessment(Contract):
     'EMERGENCY'
     """
 
-    schema_: Literal["mavhums.assessment/1", "mavhums.assessment/2"] = Field(
-        default="mavhums.assessment/2", alias="schema"
-    )
+    schema_: Literal["mavhums.assessment/2"] = Field(default="mavhums.assessment/2", alias="schema")
     notice: str = NOTICE
     log: LogSummary
     airframe: str | None

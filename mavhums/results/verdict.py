@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.models import Contract
@@ -218,14 +218,6 @@ class Verdict(Contract):
     remedy: str | None = None
     reason_codes: tuple[str, ...] = ()
     advice: str | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read_version_0_1(cls, data: Any) -> Any:
-        """Accept a verdict of version 0.1, without its network's probability of the last window."""
-        if not isinstance(data, dict):
-            return data
-        return {key: value for key, value in data.items() if key not in ("p_emergency", "model")}
 
     @property
     def gravest(self) -> Condition:
