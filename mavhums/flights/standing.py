@@ -216,7 +216,7 @@ def highest(verdict: Verdict, one: Indicator) -> float | None:
     """Return the highest estimate of a flight: the mean over it may lie below a limit that was passed."""
     if one.fault in LOSSES:
         return None
-    return max((each.value for each in verdict.evidence if each.kind == one.fault), default=None)
+    return max([each.value for each in verdict.evidence if each.kind == one.fault], default=None)
 
 
 def _finding(verdict: Verdict, condition: Condition) -> dict[str, Any]:

@@ -78,9 +78,9 @@ def trend_report(
         for fault in sorted(shown):
             newest, _ = shown[fault][-1]
             baseline = references(airframe, newest.flight.start).get((vehicle, actuator, fault))
-            own.append(_trend(flown, shown[fault], baseline, counted))
+            own.append(_trend(flown, shown[fault], baseline, counted, with_points=fault in (faults or shown)))
         standings.append(standing_of(flown, own, counted))
-        wanted = [one for one in own if not faults or one.fault in faults]
+        wanted = [one for one in own if one.points]
         if not wanted and SEVERITY[flown[-1].gravest] > SEVERITY["normal"]:
             others.append(_last_flight(flown[-1]))
         trends += wanted
@@ -163,7 +163,9 @@ def _by_fault(flown: list[Flown]) -> dict[str, _Shown]:
     return found
 
 
-def _trend(flown: list[Flown], pairs: _Shown, baseline: Baseline | None, counted: Since) -> ActuatorTrend:
+def _trend(
+    flown: list[Flown], pairs: _Shown, baseline: Baseline | None, counted: Since, *, with_points: bool
+) -> ActuatorTrend:
     newest = pairs[-1][1]
     pairs = [(each, one) for each, one in pairs if (one.quantity, one.unit) == (newest.quantity, newest.unit)]
     latest = flown[-1].verdict
@@ -220,6 +222,7 @@ def _trend(flown: list[Flown], pairs: _Shown, baseline: Baseline | None, counted
                     "condition": each.gravest,
                 }
                 for each, one in pairs
+                if with_points
             ]
         ),
     )

@@ -21,7 +21,7 @@ F. Liang et al. (2008), Journal of the American Statistical Association 103:410:
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, sqrt
 
 import numpy as np
@@ -73,6 +73,12 @@ class _Courses:
     residuals: Array
     hat: Array
 
+    def likely(self) -> _Courses:
+        """Return those that count: the others together weigh less than a rounding error."""
+        kept = self.log_odds > self.log_odds.max() - 45
+        columns = ("first", "log_odds", "level", "slope", "ahead", "spread", "variance")
+        return replace(self, **{name: getattr(self, name)[kept] for name in columns})
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
@@ -98,15 +104,28 @@ class Course:
 
     @property
     def per_flight(self) -> Interval:
-        """The slope of the line, averaged over the flights at which growth may begin."""
-        return _averaged(self._courses, self._courses.slope, 1 / self._courses.spread)
+        """The slope of the line, averaged over the flights at which growth may begin; 95 % interval."""
+        some = self._courses.likely()
+        weights, errors = _weights(some), np.sqrt(some.variance / some.spread)
+        middle = float(weights @ some.slope)
+        width = float(np.max(np.abs(some.slope - middle)) + 50 * np.max(errors)) or 1.0
+
+        def below(offset: float) -> float:
+            at = middle - width + offset
+            return float(weights @ t_probability(some.freedom, (at - some.slope) / errors))
+
+        low, high = (
+            min(_quantile(below, share, 2 * width), 2 * width) + middle - width for share in (_LOW, _HIGH)
+        )
+        return Interval(estimate=min(max(middle, low), high), low=low, high=high)
 
     def flights_left(self, limit: float) -> tuple[float, float, float]:
         """Return in how many flights the line reaches a limit: low end, median and high end of 95 %.
 
         They are infinite where it need not reach it.
         """
-        some, weights = self._courses, _weights(self._courses)
+        some = self._courses.likely()
+        weights = _weights(some)
 
         def reached(ahead: float) -> float:
             error = np.sqrt(some.variance * (1 / some.total_weight + (some.ahead + ahead) ** 2 / some.spread))
@@ -311,21 +330,6 @@ def _log_bayes_factors(
 def _weights(courses: _Courses) -> Array:
     weights: Array = np.exp(courses.log_odds - np.logaddexp.reduce(courses.log_odds))
     return weights
-
-
-def _averaged(courses: _Courses, estimates: Array, shares: Array) -> Interval:
-    """Return the estimate and the 95 % interval over all courses, each with Student's t."""
-    weights, errors = _weights(courses), np.sqrt(courses.variance * shares)
-    middle = float(weights @ estimates)
-    width = float(np.max(np.abs(estimates - middle)) + 50 * np.max(errors)) or 1.0
-
-    def below(offset: float) -> float:
-        return float(weights @ t_probability(courses.freedom, (middle - width + offset - estimates) / errors))
-
-    low, high = (
-        min(_quantile(below, share, 2 * width), 2 * width) + middle - width for share in (_LOW, _HIGH)
-    )
-    return Interval(estimate=min(max(middle, low), high), low=low, high=high)
 
 
 def _quantile(reached: Callable[[float], float], share: float, high: float = _MOST_FLIGHTS) -> float:
