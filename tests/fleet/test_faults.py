@@ -9,9 +9,11 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
+from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
 from threading import Timer
@@ -174,6 +176,25 @@ def test_a_writer_waits_for_one_that_writes_a_new_file(tmp_path: Path) -> None:
     end.join()
     writes.close()
     assert fleet.worst(store) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "setresuid"), reason="folders have no permissions here")
+def test_a_store_in_a_folder_that_may_not_be_written_is_read() -> None:
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder, ExitStack() as undone:  # others may look into it
+        store = Path(folder) / "100 %?.sqlite"
+        add(store)
+        assert fleet.worst(store) == []  # what is imported on the way, others may not read
+        store.chmod(0o444)
+        Path(folder).chmod(0o555)
+        if os.geteuid() == 0:  # nothing is forbidden to it
+            os.setresuid(65534, 65534, 0)
+            undone.callback(os.setresuid, 0, 0, 0)
+        else:
+            undone.callback(Path(folder).chmod, 0o755)
+        assert fleet.worst(store) == []
+        with pytest.raises(MavhumsError, match="cannot be written: attempt to write a readonly database"):
+            fleet.change_repairs(store, add=[fleet.Repair(None, None, datetime.now(UTC))])
+        assert [path.name for path in Path(folder).iterdir()] == [store.name]
 
 
 def test_a_store_that_cannot_be_reached_is_told(run: Run) -> None:

@@ -177,16 +177,22 @@ class Store:
             except ModuleNotFoundError as error:
                 raise MissingExtraError("a store in PostgreSQL", "fleet") from error
         else:
-            path = str(Path(self.place).absolute())
-            timeout = {"timeout": _PATIENCE_S, "isolation_level": None, "check_same_thread": False}
-            engine = create_engine("sqlite://", poolclass=NullPool, connect_args=timeout)
-            # an address would take the characters ? and % of a path apart
+            given = {"timeout": _PATIENCE_S, "isolation_level": None, "check_same_thread": False, "uri": True}
+            engine = create_engine("sqlite://", poolclass=NullPool, connect_args=given)
+            # SQLAlchemy's own address would take the characters ? and % of a path apart
             event.listen(
-                engine, "do_connect", lambda _d, _r, args, given: args.__setitem__(slice(None), [path])
+                engine, "do_connect", lambda _d, _r, args, _g: args.__setitem__(slice(None), [self._uri])
             )
             event.listen(engine, "connect", _prepare)
         event.listen(engine, "begin", _begin)
         return engine
+
+    @property
+    def _uri(self) -> str:
+        path = Path(self.place).absolute()
+        # SQLite makes files beside the one that it reads, unless it knows that nobody writes into it.
+        sealed = not os.access(path.parent, os.W_OK) and not Path(f"{path}-wal").exists()
+        return f"{path.as_uri()}?immutable=1" if sealed else path.as_uri()
 
     def unreadable(self, error: Exception) -> MavhumsError:
         """Return the error of a store whose content is damaged."""
@@ -204,7 +210,8 @@ class Store:
             said = _words(error)
             remedy = next((remedy for word, remedy in _REMEDIES.items() if word in said), None)
             if remedy is not None:
-                raise MavhumsError(f"{self.place}: cannot be written: {said}", remedy) from error
+                does = "read" if reads else "written"
+                raise MavhumsError(f"{self.place}: cannot be {does}: {said}", remedy) from error
             if not self.is_file:
                 check = "check the address, the network and the password"
                 raise MavhumsError(f"{self.place}: {said}", check) from error
