@@ -175,9 +175,8 @@ def _trend(
         emergency = latest.limits.effectiveness_emergency * baseline.mean
     used = [(each, one) for each, one in pairs if each.flight.counts(latest.actuator, counted)]
     sign = -1.0 if newest.fault in LOSSES else 1.0
-    numbers = np.array([each.number for each, _ in used], dtype=np.float64)
-    values = sign * np.array([one.value.estimate for _, one in used])
-    errors = np.array([_error(one) for _, one in used])
+    rows = [(each.number, sign * one.value.estimate, _error(one)) for each, one in used]
+    numbers, values, errors = np.array(rows, dtype=np.float64).reshape(-1, 3).T
     place = last_step(values, errors)
     step = None if place is None else step_of(used, place)
     course = course_of(numbers, values, errors, begin=place or 0)
