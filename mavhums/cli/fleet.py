@@ -73,7 +73,7 @@ def _print_first(lines: Sequence[str], what: str) -> None:
 
 @fleet.command(short_help="Show the worst actuators of all aircraft.")
 @FLEET_STORE
-@click.option("-n", "most", type=click.IntRange(1), default=20, show_default=True, help="How many.")
+@click.option("-n", "most", type=click.IntRange(1), default=20, help="How many.")
 @JSON
 def worst(store: str, most: int, as_json: bool) -> None:
     """Show the actuators of all aircraft as they stand after their last flights, the worst first.

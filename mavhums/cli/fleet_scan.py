@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import click
 
@@ -45,7 +45,6 @@ _NOTIFY_ALWAYS = click.option("--notify-always", is_flag=True, help="Send it als
     "--workers",
     type=click.IntRange(0, 256),
     default=1,
-    show_default=True,
     help="Processes on this machine; 0 judges in this one, which is soonest for the log of one landing.",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers judge instead, tls://….")
@@ -115,31 +114,23 @@ def odd_lines(found: OperatorTasks | Status, store: str) -> Iterator[str]:
         yield f"{found.removed} {logs} out: mavhums fleet journal --store {store}"
 
 
-class _TimeParam(click.ParamType[datetime]):
-    """A time: a date, or how long ago."""
-
-    name = "time"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> datetime:
-        """Return the time with its zone, UTC if none is given."""
-        if isinstance(value, datetime):
-            return value
-        ago = re.fullmatch(r"(\d{1,4})([hdw])", value)
-        if ago:
-            return datetime.now(UTC) - timedelta(**{_UNITS[ago[2]]: int(ago[1])})
-        try:
-            return utc(value)
-        except ValueError:
-            self.fail(f"{value!r} is not a time: write 2026-03-01, 2026-03-01T06:00, 12h or 3d", param, ctx)
+def _time(value: str) -> datetime:
+    """Read a date with its zone, UTC if none is given, or how long ago."""
+    if ago := re.fullmatch(r"(\d{1,4})([hdw])", value):
+        return datetime.now(UTC) - timedelta(**{_UNITS[ago[2]]: int(ago[1])})
+    try:
+        return utc(value)
+    except ValueError:
+        remedy = "write 2026-03-01, 2026-03-01T06:00, 12h or 3d"
+        raise click.BadParameter(f"{value!r} is not a time: {remedy}") from None
 
 
 @click.command(short_help="Report what changed since yesterday.", epilog=EPILOG)
 @FLEET_STORE
 @click.option(
     "--since",
-    type=_TimeParam(),
+    type=_time,
     default="1d",
-    show_default=True,
     metavar="TIME",
     help="A date, or how long ago: 2026-03-01, 2026-03-01T06:00, 12h, 3d.",
 )
@@ -203,7 +194,6 @@ def digest(
     "--workers",
     type=click.IntRange(0, 256),
     default=1,
-    show_default=True,
     help="Processes that judge, started when logs have landed; 0 judges in this one, which is lighter, but"
     " ends with a log that crashes it.",
 )
@@ -212,7 +202,6 @@ def digest(
     "settle_s",
     type=click.FloatRange(0),
     default=60.0,
-    show_default=True,
     metavar="SECONDS",
     help="Judge a log once its size and time have not changed for this long.",
 )
@@ -221,7 +210,6 @@ def digest(
     "every_s",
     type=click.FloatRange(0.1),
     default=10.0,
-    show_default=True,
     metavar="SECONDS",
     help="Interval between looks for new logs.",
 )

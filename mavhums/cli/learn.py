@@ -22,7 +22,6 @@ _BASE = click.option(
     "--dir",
     "folder",
     default="precedents",
-    show_default=True,
     type=PATH,
     metavar="DIR",
     help="Folder of the labelled flights.",
@@ -30,25 +29,22 @@ _BASE = click.option(
 
 
 @click.command(short_help="Train a model on simulated and labelled flights.")
-@click.option("--airframe", default="paper", show_default=True, metavar="NAME|FILE", help="Airframe profile.")
+@click.option("--airframe", default="paper", metavar="NAME|FILE", help="Airframe profile.")
 @click.option(
     "--tier",
     default="instrumented",
-    show_default=True,
     type=click.Choice(["instrumented", "without-load", "esc"]),
     help="Telemetry that the model is for: all of V1-V12, without V11 and V12, or of the ESCs.",
 )
 @click.option(
     "--flights",
     default=24,
-    show_default=True,
     type=click.IntRange(0),
     help="Simulated flights per class; 0 trains on the precedents alone, without constants and limits.",
 )
 @click.option(
     "--select",
     default="algorithm-1",
-    show_default=True,
     type=click.Choice(["algorithm-1", "pairwise", "exhaustive", "genetic", "none"]),
     help="What chooses the inputs: a filter, then a search of the subsets of what it keeps; or the search of"
     " all subsets, or of some by a genetic algorithm, without a filter; or nothing. Statistics of windows are"
@@ -57,40 +53,33 @@ _BASE = click.option(
 @click.option(
     "--functions",
     default="x",
-    show_default=True,
     metavar="NAME,...",
     help="Elementary functions of Algorithm 1: x, abs, sign, square, sqrt, sin.",
 )
 @click.option(
     "--order",
     default=2,
-    show_default=True,
     type=click.IntRange(1, 6),
     help="How many functions form a product of Algorithm 1; the degree for --select pairwise.",
 )
 @click.option(
     "--r2",
     default=0.999,
-    show_default=True,
     type=click.FloatRange(0, 1, min_open=True),
     help="R² from which a filter drops a quantity that others explain.",
 )
 @click.option(
     "--vectors",
     default=4000,
-    show_default=True,
     type=click.IntRange(0),
     help="How many vectors represent the training samples; 0 trains on all.",
 )
-@click.option(
-    "--networks", default=50, show_default=True, type=click.IntRange(1), help="Networks to choose from."
-)
-@click.option("--seed", default=1, show_default=True, type=int, help="Makes the model repeatable.")
+@click.option("--networks", default=50, type=click.IntRange(1), help="Networks to choose from.")
+@click.option("--seed", default=1, type=int, help="Makes the model repeatable.")
 @click.option("--precedents", type=PATH, metavar="DIR", help="Labelled flights that train too.")
 @click.option(
     "--flown-weight",
     default=1.0,
-    show_default=True,
     type=click.FloatRange(0, min_open=True),
     help="How many simulated samples one of a precedent counts for.",
 )
@@ -256,7 +245,7 @@ def study() -> None:
 @study.command("paper", short_help="Set the paper's tables and figures beside ours.")
 @click.option("-o", "--output", required=True, type=PATH, metavar="DIR", help="Folder for the report.")
 @click.option("--quick", is_flag=True, help="Fewer networks and iterations.")
-@click.option("--seed", default=1, show_default=True, type=int, help="Of the networks; not of the flights.")
+@click.option("--seed", default=1, type=int, help="Of the networks; not of the flights.")
 def study_paper(output: Path, quick: bool, seed: int) -> None:
     """Set the tables and figures of the paper beside ours: report, CSV tables and a Rerun recording."""
     from mavhums.paper import write_study
@@ -271,7 +260,7 @@ def study_paper(output: Path, quick: bool, seed: int) -> None:
 @click.argument("data", type=PATH, metavar="DIR")
 @click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="Folder for the report.")
 @click.option("--quick", is_flag=True, help="Fewer folds, networks and trees.")
-@click.option("--seed", default=1, show_default=True, type=int, help="Of folds, networks and trees.")
+@click.option("--seed", default=1, type=int, help="Of folds, networks and trees.")
 def study_real(data: Path, output: Path, quick: bool, seed: int) -> None:
     """Run the paper's selection and networks on the recordings of a rig with seeded faults.
 

@@ -57,7 +57,6 @@ _LEVELS = ("debug", "info", "warning", "error")
     "--component",
     type=click.IntRange(1, 250),
     default=194,
-    show_default=True,
     help="Component id of the sender of alerts and heartbeats.",
 )
 @click.option(
@@ -88,7 +87,6 @@ _LEVELS = ("debug", "info", "warning", "error")
     "--log-level",
     type=click.Choice(_LEVELS),
     default="warning",
-    show_default=True,
     help="Which messages go to the standard error.",
 )
 def live(

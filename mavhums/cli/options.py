@@ -37,7 +37,6 @@ _DECIDE = click.option(
     "--decide",
     type=click.Choice(["physics", "network", "both"]),
     default="physics",
-    show_default=True,
     help="Who decides an actuator's friction. physics: the physics, or a network if the profile has no"
     " limits. network: a network wherever one is for the airframe. both: the physics, and the network's"
     " disagreement is reported.",
@@ -72,7 +71,6 @@ _FALSE_ALARMS = click.option(
     "--false-alarms",
     type=click.FloatRange(0.001, 1000.0),
     default=1.0,
-    show_default=True,
     metavar="N",
     help="Allowed false alarms per 100 hours of an actuator: fewer alarms come later, more come earlier.",
 )
@@ -139,25 +137,20 @@ def utc(text: str) -> datetime:
     return at if at.tzinfo else at.replace(tzinfo=UTC)
 
 
-class _NamedDate(click.ParamType[tuple[str | None, datetime]]):
-    """A date such as ``2026-03-01`` for every actuator, or ``rudder=2026-03-01`` for one."""
-
-    name = "date"
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str | None, datetime]:
-        name, _, date = str(value).rpartition("=")
-        try:
-            return name or None, utc(date)
-        except ValueError:
-            self.fail(f"{value!r} is not a date: write 2026-03-01, or rudder=2026-03-01", param, ctx)
+def _named_date(value: str) -> tuple[str | None, datetime]:
+    """Read a date such as ``2026-03-01`` for every actuator, or ``rudder=2026-03-01`` for one."""
+    name, _, date = value.rpartition("=")
+    try:
+        return name or None, utc(date)
+    except ValueError:
+        remedy = "write 2026-03-01, or rudder=2026-03-01"
+        raise click.BadParameter(f"{value!r} is not a date: {remedy}") from None
 
 
 def repair_date(*names: str, text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Return an option with dates of repairs in a store."""
     metavar = "[[AIRCRAFT/]ACTUATOR=]DATE"
-    return click.option(*names, type=_NamedDate(), multiple=True, metavar=metavar, help=text)
+    return click.option(*names, type=_named_date, multiple=True, metavar=metavar, help=text)
 
 
 _JUDGING: Final = {

@@ -38,13 +38,10 @@ _LOGS: Final = ".logs"
 
 
 @click.command(short_help="Open a page in the browser: drop logs, see verdicts.", epilog=EPILOG)
-@click.option(
-    "--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="0 takes a free port."
-)
+@click.option("--port", type=click.IntRange(0, 65535), default=8080, help="0 takes a free port.")
 @click.option(
     "--host",
     default="127.0.0.1",
-    show_default=True,
     help="Address to listen at. Any but a loopback address lets other computers in, and needs a token.",
 )
 @click.option(
@@ -62,22 +59,15 @@ _LOGS: Final = ".logs"
     metavar="FILE",
     help="Show the session whose `mavhums live --json` writes to FILE. Can be repeated.",
 )
-@click.option(
-    "--max-mb", type=click.IntRange(1, 100_000), default=1000, show_default=True, help="Size of a log."
-)
-@click.option(
-    "--max-seconds", type=click.IntRange(1, 86_400), default=300, show_default=True, help="Time to judge one."
-)
+@click.option("--max-mb", type=click.IntRange(1, 100_000), default=1000, help="Size of a log.")
+@click.option("--max-seconds", type=click.IntRange(1, 86_400), default=300, help="Time to judge one.")
 @click.option(
     "--max-memory-mb",
     type=click.IntRange(LEAST_MEMORY_MB, 1_000_000),
     default=2048,
-    show_default=True,
     help="Memory to judge one (Linux only).",
 )
-@click.option(
-    "--workers", type=click.IntRange(1, 64), default=2, show_default=True, help="Processes that judge."
-)
+@click.option("--workers", type=click.IntRange(1, 64), default=2, help="Processes that judge.")
 @judging(without=["decide", "aircraft", "aircraft_table", "key"])
 @STORE
 def serve(

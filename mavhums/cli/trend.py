@@ -22,7 +22,6 @@ from mavhums.core.about import EPILOG
     "faults",
     multiple=True,
     default=("friction", "effectiveness"),
-    show_default=True,
     metavar="NAME",
     help="What wears; can be repeated; 'all' for every fault that the flights show.",
 )

@@ -19,58 +19,44 @@ _NUMBER = r"\d+(?:\.\d+)?"
 _TIMES = rf"(@(?P<at>{_NUMBER})(\.\.(?P<until>{_NUMBER}))?)?"
 
 
-class _SurfaceFault(click.ParamType["SurfaceFault"]):
-    """``SURFACE=KIND[:X][@S[..S]]``."""
-
-    name = "surface fault"
-    _form = re.compile(rf"(?P<surface>\w+)=(?P<kind>\w+)(:(?P<value>-?{_NUMBER}))?{_TIMES}")
-
-    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> SurfaceFault:
-        from mavhums_sim.closed_loop import SurfaceFault
-
-        match = self._form.fullmatch(value)
-        if not match:
-            self.fail(
-                f"{value!r} is not SURFACE=KIND[:X][@S[..S]], for example rudder=freeze:10@60", param, ctx
-            )
-        try:
-            severity = float(match["value"]) if match["value"] else nan
-            return SurfaceFault(match["surface"], match["kind"], severity, *_times(match))
-        except ValueError as error:
-            self.fail(f"{value!r}: {error}", param, ctx)
+_FAULT = re.compile(rf"(?P<surface>\w+)=(?P<kind>\w+)(:(?P<value>-?{_NUMBER}))?{_TIMES}")
+_CONFOUNDER = re.compile(rf"(?P<kind>\w+):(?P<value>-?{_NUMBER}){_TIMES}")
 
 
-class _Confounder(click.ParamType["Confounder"]):
-    """``KIND:X@S[..S]``."""
+def _surface_fault(value: str) -> SurfaceFault:
+    """Read ``SURFACE=KIND[:X][@S[..S]]``."""
+    from mavhums_sim.closed_loop import SurfaceFault
 
-    name = "confounder"
-    _form = re.compile(rf"(?P<kind>\w+):(?P<value>-?{_NUMBER}){_TIMES}")
-
-    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> Confounder:
-        from mavhums_sim.closed_loop import Confounder
-
-        match = self._form.fullmatch(value)
-        if not match:
-            self.fail(f"{value!r} is not KIND:X@S[..S], for example engine:0@60", param, ctx)
-        try:
-            return Confounder(match["kind"], float(match["value"]), *_times(match))
-        except ValueError as error:
-            self.fail(f"{value!r}: {error}", param, ctx)
+    match = _FAULT.fullmatch(value)
+    if not match:
+        form = "SURFACE=KIND[:X][@S[..S]], for example rudder=freeze:10@60"
+        raise click.BadParameter(f"{value!r} is not {form}")
+    try:
+        return SurfaceFault(match["surface"], match["kind"], float(match["value"] or nan), *_times(match))
+    except ValueError as error:
+        raise click.BadParameter(f"{value!r}: {error}") from error
 
 
-class _Wind(click.ParamType[tuple[float, float]]):
-    """``M/S`` or ``M/S@DEGREES``."""
+def _confounder(value: str) -> Confounder:
+    """Read ``KIND:X@S[..S]``."""
+    from mavhums_sim.closed_loop import Confounder
 
-    name = "wind"
+    match = _CONFOUNDER.fullmatch(value)
+    if not match:
+        raise click.BadParameter(f"{value!r} is not KIND:X@S[..S], for example engine:0@60")
+    try:
+        return Confounder(match["kind"], float(match["value"]), *_times(match))
+    except ValueError as error:
+        raise click.BadParameter(f"{value!r}: {error}") from error
 
-    def convert(
-        self, value: str, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, float]:
-        speed, _, direction = value.partition("@")
-        try:
-            return float(speed), float(direction or 0.0)
-        except ValueError:
-            self.fail(f"{value!r} is not M/S or M/S@DEGREES, for example 5@270", param, ctx)
+
+def _wind(value: str) -> tuple[float, float]:
+    """Read ``M/S`` or ``M/S@DEGREES``."""
+    speed, _, direction = value.partition("@")
+    try:
+        return float(speed), float(direction or 0.0)
+    except ValueError:
+        raise click.BadParameter(f"{value!r} is not M/S or M/S@DEGREES, for example 5@270") from None
 
 
 _OPTIONS = (
@@ -80,7 +66,7 @@ _OPTIONS = (
     click.option(
         "--surface-fault",
         multiple=True,
-        type=_SurfaceFault(),
+        type=_surface_fault,
         metavar="SURFACE=KIND[:X][@S[..S]]",
         help="Closed loop: freeze (:X°, else in place), float, gain:SHARE, slow:S, slow_rate:°/s, bias:° or"
         " backlash:°, from S to S seconds. Repeatable.",
@@ -88,13 +74,13 @@ _OPTIONS = (
     click.option(
         "--confounder",
         multiple=True,
-        type=_Confounder(),
+        type=_confounder,
         metavar="KIND:X@S[..S]",
         help="Closed loop: engine:SHARE LEFT, airspeed:SHARE READ, wind:M/S GAINED or"
         " gps:M/S DRIFT. Repeatable.",
     ),
     click.option(
-        "--wind", type=_Wind(), default="0", metavar="M/S[@DEG]", help="Closed loop: speed, and where from."
+        "--wind", type=_wind, default="0", metavar="M/S[@DEG]", help="Closed loop: speed, and where from."
     ),
     click.option(
         "--turbulence",

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 DURATION = click.option(
     "--duration",
     default=100.0,
-    show_default=True,
     type=click.FloatRange(1, 36_000),
     metavar="S",
     help="Seconds.",
@@ -25,82 +24,63 @@ DURATION = click.option(
 SEED = click.option(
     "--seed",
     default=0,
-    show_default=True,
     type=click.IntRange(0),
     help="Pilot, gusts and noise; the same seed flies the same.",
 )
 
 
-class _Friction(click.ParamType[tuple[str, tuple[float, float]]]):
-    """``SURFACE=VALUE`` or ``SURFACE=FROM..TO``."""
-
-    name = "friction"
-
-    def convert(
-        self, value: str, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, tuple[float, float]]:
-        surface, _, numbers = value.partition("=")
-        start, _, end = numbers.partition("..")
-        try:
-            return surface, (float(start), float(end or start))
-        except ValueError:
-            self.fail(
-                f"{value!r} is not SURFACE=N·m or SURFACE=FROM..TO, for example elevator=0.225..1.0",
-                param,
-                ctx,
-            )
+_FAULT = re.compile(r"(?P<surface>\w+)=(?P<fault>\w+):(?P<numbers>[^@]+)(@(?P<at>[^@]+))?")
 
 
-class _Fault(click.ParamType["tuple[str, Condition]"]):
-    """``SURFACE=FAULT:SEVERITY[@S[..S]]`` or ``SURFACE=FAULT:FROM..TO[@S[..S]]``."""
-
-    name = "fault"
-    _form = re.compile(r"(?P<surface>\w+)=(?P<fault>\w+):(?P<numbers>[^@]+)(@(?P<at>[^@]+))?")
-
-    def convert(
-        self, value: str, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, Condition]:
-        from mavhums_sim.conditions import Condition
-
-        match = self._form.fullmatch(value)
-        if not match:
-            self.fail(f"{value!r} is not SURFACE=FAULT:SEVERITY, for example rudder=jam:10@40", param, ctx)
-        start, _, end = match["numbers"].partition("..")
-        at_s, _, until_s = (match["at"] or "0").partition("..")
-        try:
-            return match["surface"], Condition(
-                match["fault"], float(start), float(end or start), float(at_s), float(until_s or "inf")
-            )
-        except ValueError as error:
-            self.fail(f"{value!r}: {error}", param, ctx)
+def _friction(value: str) -> tuple[str, tuple[float, float]]:
+    """Read ``SURFACE=VALUE`` or ``SURFACE=FROM..TO``."""
+    surface, _, numbers = value.partition("=")
+    start, _, end = numbers.partition("..")
+    try:
+        return surface, (float(start), float(end or start))
+    except ValueError:
+        form = "SURFACE=N·m or SURFACE=FROM..TO, for example elevator=0.225..1.0"
+        raise click.BadParameter(f"{value!r} is not {form}") from None
 
 
-class _Output(click.ParamType[tuple[str, int]]):
-    """``SURFACE=N``."""
+def _fault(value: str) -> tuple[str, Condition]:
+    """Read ``SURFACE=FAULT:SEVERITY[@S[..S]]`` or ``SURFACE=FAULT:FROM..TO[@S[..S]]``."""
+    from mavhums_sim.conditions import Condition
 
-    name = "output"
+    match = _FAULT.fullmatch(value)
+    if not match:
+        raise click.BadParameter(f"{value!r} is not SURFACE=FAULT:SEVERITY, for example rudder=jam:10@40")
+    start, _, end = match["numbers"].partition("..")
+    at_s, _, until_s = (match["at"] or "0").partition("..")
+    try:
+        return match["surface"], Condition(
+            match["fault"], float(start), float(end or start), float(at_s), float(until_s or "inf")
+        )
+    except ValueError as error:
+        raise click.BadParameter(f"{value!r}: {error}") from error
 
-    def convert(
-        self, value: str, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, int]:
-        surface, _, number = value.partition("=")
-        if not (number.isdecimal() and 1 <= int(number) <= 16):
-            self.fail(f"{value!r} is not SURFACE=OUTPUT with output 1…16, for example elevator=2", param, ctx)
-        return surface, int(number)
+
+def _output(value: str) -> tuple[str, int]:
+    """Read ``SURFACE=N``."""
+    surface, _, number = value.partition("=")
+    if not (number.isdecimal() and 1 <= int(number) <= 16):
+        form = "SURFACE=OUTPUT with output 1…16, for example elevator=2"
+        raise click.BadParameter(f"{value!r} is not {form}")
+    return surface, int(number)
 
 
 _OPTIONS = (
     click.option(
         "--friction",
         multiple=True,
-        type=_Friction(),
+        type=_friction,
         metavar="SURFACE=N·m",
         help="Coulomb friction of a surface, 0.9 or growing 0.225..1.0; others have 0.225. Repeatable.",
     ),
     click.option(
         "--fault",
         multiple=True,
-        type=_Fault(),
+        type=_fault,
         metavar="SURFACE=FAULT:X[@S]",
         help="A fault of severity X, or growing X..Y, from S seconds on, or only from S..T. X: friction (N·m"
         " added), backlash (° added), resistance (share gained: 1 doubles it), torque_constant (share lost,"
@@ -112,7 +92,6 @@ _OPTIONS = (
     click.option(
         "--rate",
         default=100.0,
-        show_default=True,
         type=click.FloatRange(1, 500),
         metavar="HZ",
         help="Actuator telemetry.",
@@ -120,7 +99,6 @@ _OPTIONS = (
     click.option(
         "--cyclogram",
         default="takeoff",
-        show_default=True,
         help="preflight, takeoff, cruise, turns, gusts or landing.",
     ),
     click.option(
@@ -132,7 +110,7 @@ _OPTIONS = (
     click.option(
         "--channel",
         multiple=True,
-        type=_Output(),
+        type=_output,
         metavar="SURFACE=N",
         help="Servo output of the replayed log. Repeatable.",
     ),
@@ -143,14 +121,12 @@ _OPTIONS = (
         "--model",
         type=click.Choice(["single-mass", "two-mass"]),
         default="single-mass",
-        show_default=True,
         help="Rotor and surface as one mass, or as two with the gear's play and stiffness between them.",
     ),
     click.option(
         "--friction-method",
         type=click.Choice(["impulse", "karnopp"]),
         default="impulse",
-        show_default=True,
         help="How dry friction is integrated: as an impulse, or with Karnopp's band of speed that is rest.",
     ),
     click.option(
@@ -162,19 +138,15 @@ _OPTIONS = (
         multiple=True,
         type=click.Choice(["instrumented", "esc-signed", "esc-unsigned", "named", "pwm", "csrv"]),
         default=("instrumented", "esc-unsigned", "pwm"),
-        show_default=True,
         help="How the actuators are reported; csrv is of a .BIN, which has it by default. Repeatable.",
     ),
     click.option(
         "--esc-side",
         type=click.Choice(["motor", "bus"]),
         default="motor",
-        show_default=True,
         help="Where the ESC measures voltage and current.",
     ),
-    click.option(
-        "--mavlink", type=click.Choice(["1", "2"]), default="2", show_default=True, help="Protocol version."
-    ),
+    click.option("--mavlink", type=click.Choice(["1", "2"]), default="2", help="Protocol version."),
     click.option("--key", metavar="HEX", help="Sign with this key of 32 bytes."),
     click.option("--loss", default=0.0, metavar="SHARE", help="Share of the frames lost."),
     click.option("--burst", default=1.0, metavar="N", help="Mean number of frames lost in a row."),

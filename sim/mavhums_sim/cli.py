@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 Flown = TypeVar("Flown")
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100, "show_default": True}
+)
 @click.version_option(package_name="mavhums", prog_name="mavhums-sim")
 def cli() -> None:
     """Fly simulated servo actuators and write the MAVLink logs they would leave.
@@ -115,7 +117,6 @@ def _written(record: FlightRecord, output: Path, planned: Planned) -> dict[str, 
 @click.option(
     "--speed",
     default=1.0,
-    show_default=True,
     type=click.FloatRange(0, min_open=True),
     help="Flight seconds per second.",
 )

@@ -290,11 +290,9 @@ def test_mistakes_are_one_line_and_a_remedy(
 
 
 def test_dates_are_of_utc_unless_they_say_otherwise() -> None:
-    option = options._NamedDate()
-    assert option.convert("rudder=2026-03-01", None, None) == ("rudder", datetime(2026, 3, 1, tzinfo=UTC))
-    name, at = option.convert("2026-03-01T02:00+02:00", None, None)
-    assert name is None
-    assert at == datetime(2026, 3, 1, tzinfo=UTC)
+    march = datetime(2026, 3, 1, tzinfo=UTC)
+    assert options._named_date("rudder=2026-03-01") == ("rudder", march)
+    assert options._named_date("2026-03-01T02:00+02:00") == (None, march)
 
 
 @pytest.fixture(scope="module")
