@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
@@ -261,16 +262,28 @@ def each(keys: NDArray[Any], among: Flags | None = None) -> Iterator[tuple[int, 
             yield int(key), np.flatnonzero(keys == key)
 
 
-def is_ema(table: Table, servo_field: str) -> Flags:
+def instrumented(message: str, servo_field: str) -> ServoSource:
+    """Return the source of V1–V12 in debug arrays named EMA."""
+    parts = partial(_ema_parts, servo_field=servo_field)
+    return ServoSource("instrumented", message, parts, partial(_is_ema, servo_field=servo_field))
+
+
+def named(message: str, name_field: str, value_field: str) -> ServoSource:
+    """Return the source of the quantities in named floats."""
+    parts = partial(_named_parts, name_field=name_field, value_field=value_field)
+    return ServoSource("named", message, parts, partial(_is_named, field=name_field))
+
+
+def _is_ema(table: Table, servo_field: str) -> Flags:
     """Return which rows of a debug array are actuator telemetry, shape (n,)."""
     if not holds(table, {servo_field: 1, "data": _EMA_ELEMENTS, "name": TEXT}):
         return np.zeros(len(table), dtype=bool)
     return np.array(table["name"] == _EMA)
 
 
-def ema_parts(table: Table, servos: Sequence[ServoIds], servo_field: str) -> Split:
+def _ema_parts(table: Table, servos: Sequence[ServoIds], servo_field: str) -> Split:
     """Yield V1–V12 from debug arrays named EMA: ``servo_field`` is the servo, NaN is not measured."""
-    marked = is_ema(table, servo_field)
+    marked = _is_ema(table, servo_field)
     if not marked.any():
         return
     values = table["data"][:, : len(KEYS)].astype(np.float64)
@@ -279,7 +292,7 @@ def ema_parts(table: Table, servos: Sequence[ServoIds], servo_field: str) -> Spl
         yield ids, ServoPart(f"{table.name}[EMA,{ids.servo}]", _EMA_FIELDS, rows, values)
 
 
-def is_named(table: Table, field: str) -> Flags:
+def _is_named(table: Table, field: str) -> Flags:
     """Return which rows of named values are actuator telemetry, shape (n,)."""
     if not table.holds_text(field):
         return np.zeros(len(table), dtype=bool)
@@ -287,7 +300,7 @@ def is_named(table: Table, field: str) -> Flags:
     return np.array([_NAME.fullmatch(bytes(name)) is not None for name in names], dtype=bool)[row]
 
 
-def named_parts(table: Table, servos: Sequence[ServoIds], name_field: str, value_field: str) -> Split:
+def _named_parts(table: Table, servos: Sequence[ServoIds], name_field: str, value_field: str) -> Split:
     """Yield the quantities in floats named ``S<servo>V01`` … ``S<servo>V12``."""
     if not holds(table, {name_field: TEXT, value_field: 1}):
         return

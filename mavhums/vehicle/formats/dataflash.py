@@ -27,8 +27,7 @@ from mavhums.vehicle.formats.base import (
     Split,
     columns,
     holds,
-    is_named,
-    named_parts,
+    named,
     plain,
     pulses,
     records_of_parameters,
@@ -224,12 +223,7 @@ def _commands(table: Table, servos: Sequence[ServoIds]) -> Split:
 
 SERVO_SOURCES: Final = (
     ServoSource("csrv", "CSRV", _csrv),
-    ServoSource(
-        "named",
-        "NVF",
-        lambda table, servos: named_parts(table, servos, "Name", "Value"),
-        lambda table: is_named(table, "Name"),
-    ),
+    named("NVF", "Name", "Value"),
     ServoSource("esc-unsigned", "ESC", _esc, signed=False),
     *(ServoSource("pwm", name, _commands) for name in ("RCO2", "RCO3", "RCOU")),
 )

@@ -28,10 +28,8 @@ from mavhums.vehicle.formats.base import (
     Split,
     angles_of,
     columns,
-    ema_parts,
-    is_ema,
-    is_named,
-    named_parts,
+    instrumented,
+    named,
     plain,
     pulses,
     records_of_parameters,
@@ -274,19 +272,9 @@ def _output_status(table: Table, servos: Sequence[ServoIds]) -> Split:
 
 
 SERVO_SOURCES: Final = (
-    ServoSource(
-        "instrumented",
-        "DEBUG_FLOAT_ARRAY",
-        lambda table, servos: ema_parts(table, servos, "array_id"),
-        lambda table: is_ema(table, "array_id"),
-    ),
+    instrumented("DEBUG_FLOAT_ARRAY", "array_id"),
     ServoSource("esc-signed", "ESC_STATUS", _esc_status),
-    ServoSource(
-        "named",
-        "NAMED_VALUE_FLOAT",
-        lambda table, servos: named_parts(table, servos, "name", "value"),
-        lambda table: is_named(table, "name"),
-    ),
+    named("NAMED_VALUE_FLOAT", "name", "value"),
     *(ServoSource("esc-unsigned", name, _esc_telemetry, signed=False) for name in _ESC_BATCHES),
     ServoSource("pwm", "SERVO_OUTPUT_RAW", _servo_output),
     ServoSource("pwm", "ACTUATOR_OUTPUT_STATUS", _output_status),

@@ -20,10 +20,8 @@ from mavhums.vehicle.formats.base import (
     Split,
     angles_of,
     columns,
-    ema_parts,
-    is_ema,
-    is_named,
-    named_parts,
+    instrumented,
+    named,
     plain,
     pulses,
     records_of_parameters,
@@ -215,19 +213,9 @@ SOURCES: Final = (
 _ESC_FIELDS: Final = {"V4": "esc_voltage", "V5": "esc_current", "V7": "esc_rpm"}
 
 SERVO_SOURCES: Final = (
-    ServoSource(
-        "instrumented",
-        "debug_array",
-        lambda table, servos: ema_parts(table, servos, "id"),
-        lambda table: is_ema(table, "id"),
-    ),
+    instrumented("debug_array", "id"),
     ServoSource("esc-signed", "esc_status", _esc),
-    ServoSource(
-        "named",
-        "debug_key_value",
-        lambda table, servos: named_parts(table, servos, "key", "value"),
-        lambda table: is_named(table, "key"),
-    ),
+    named("debug_key_value", "key", "value"),
     ServoSource("pwm", "actuator_outputs", _commands),
 )
 
