@@ -5,7 +5,7 @@ The elevator's friction grows from 0.225 to 1.0 N·m, the ailerons stay healthy,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -106,7 +106,7 @@ def condition(friction: Interval) -> Condition:
     return "degraded" if friction.low > NORMAL else "normal"
 
 
-def verdict(actuator: str, state: Condition, estimate: float, since: float | None) -> Verdict:
+def new_verdict(actuator: str, state: Condition, estimate: float, since: float | None) -> Verdict:
     sources = {
         key: f"DEBUG_FLOAT_ARRAY[EMA,{NAMES.index(actuator) + 1}].data[{i}]" for i, key in enumerate(KEYS)
     }
@@ -170,7 +170,7 @@ def verdict(actuator: str, state: Condition, estimate: float, since: float | Non
     )
 
 
-def assess(*verdicts: Verdict, losses: Losses | None = None) -> Assessment:
+def new_assessment(*verdicts: Verdict, losses: Losses | None = None) -> Assessment:
     log = LogSummary(
         path="flights/2025-06-01.tlog",
         sha256="0" * 64,
@@ -189,26 +189,11 @@ def flight() -> Flight:
 
 
 @pytest.fixture(scope="session")
-def new_flight() -> type[Flight]:
-    return Flight
-
-
-@pytest.fixture(scope="session")
-def new_verdict() -> Callable[..., Verdict]:
-    return verdict
-
-
-@pytest.fixture(scope="session")
-def new_assessment() -> Callable[..., Assessment]:
-    return assess
-
-
-@pytest.fixture(scope="session")
 def assessment() -> Assessment:
-    return assess(
-        verdict("aileron_left", "normal", 0.222, 0.0),
-        verdict("aileron_right", "normal", 0.231, 0.0),
-        verdict("elevator", "emergency", 1.003, 72.0),
-        verdict("rudder", "undecided", 0.0, None),
+    return new_assessment(
+        new_verdict("aileron_left", "normal", 0.222, 0.0),
+        new_verdict("aileron_right", "normal", 0.231, 0.0),
+        new_verdict("elevator", "emergency", 1.003, 72.0),
+        new_verdict("rudder", "undecided", 0.0, None),
         losses=Losses(bytes_skipped=1234, damaged_regions=3, bad_crc_frames=2, unknown_frames=1),
     )

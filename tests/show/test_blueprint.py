@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -8,14 +8,13 @@ import pytest
 from mavhums.core.quantities import KEYS
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
+from tests.show.conftest import new_assessment, new_verdict
 
 pytest.importorskip("rerun", reason="layouts need the extra 'viewer'")
 
 from mavhums.show import layout
 from mavhums.show.blueprint import Lane, Surroundings
 
-New = Callable[..., Verdict]
-Assess = Callable[..., Assessment]
 EVENTS = "Events: click one to go there"
 ALL = frozenset({*KEYS, "friction", "network"})
 
@@ -68,7 +67,7 @@ def test_what_is_absent_gets_no_plot(assessment: Assessment) -> None:
     assert only[1:] == ["elevator: emergency", "Network: classes", "P(fault)", EVENTS, "Report"]
 
 
-def test_a_tab_says_what_was_worse(new_verdict: New, new_assessment: Assess) -> None:
+def test_a_tab_says_what_was_worse() -> None:
     verdict = new_verdict("elevator", "emergency", 0.3, 90.0).model_copy(update={"condition": "normal"})
     assert "elevator: normal, was emergency" in tree(new_assessment(verdict), elevator=ALL)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -28,9 +27,7 @@ from mavhums.show.html_plot import plot
 from mavhums.show.outline import outline
 from tests.conftest import REAL_LOGS, needs
 from tests.show.chromium import Chromium, find
-
-New = Callable[..., Verdict]
-Assess = Callable[..., Assessment]
+from tests.show.conftest import new_assessment, new_verdict
 
 BROWSER = find()
 HOSTILE = '<script>alert(1)</script><img src=x onerror="alert(2)">"\'&{{ 7*7 }}\x1b[31m\u202e'
@@ -108,7 +105,7 @@ def test_the_answer_comes_first_and_answers_the_five_questions(assessment: Asses
     assert "0" * 64 in text
 
 
-def test_what_to_do_is_said_once_for_all_that_are_alike(new_verdict: New, new_assessment: Assess) -> None:
+def test_what_to_do_is_said_once_for_all_that_are_alike() -> None:
     healthy = [new_verdict(name, "normal", 0.2, 0.0) for name in ("elevator", "rudder")]
     text = Tags(page(new_assessment(*healthy), EvidenceCollector())).text
     assert text.count("nothing to do") == 1
@@ -139,7 +136,7 @@ def test_the_page_needs_nothing_from_elsewhere_and_runs_nothing(assessment: Asse
     assert policy.startswith("default-src 'none'")
 
 
-def hostile(new_verdict: New, new_assessment: Assess, text: str) -> str:
+def hostile(text: str) -> str:
     found = new_verdict("elevator", "emergency", 1.0, 5.0)
     rule = found.evidence[0].model_copy(update={"rule": text})
     odd = found.model_copy(
@@ -155,9 +152,9 @@ def hostile(new_verdict: New, new_assessment: Assess, text: str) -> str:
     return page(whole, gathered(Notice(1.0, 1, text), indication(f"elevator {text}")))
 
 
-def test_hostile_texts_stay_texts(new_verdict: New, new_assessment: Assess) -> None:
-    written = hostile(new_verdict, new_assessment, HOSTILE)
-    plain = Tags(hostile(new_verdict, new_assessment, "harmless"))
+def test_hostile_texts_stay_texts() -> None:
+    written = hostile(HOSTILE)
+    plain = Tags(hostile("harmless"))
     tags = Tags(written)
     assert [tag for tag, _ in tags.tags] == [tag for tag, _ in plain.tags]
     assert [set(a) for _, a in tags.tags] == [set(a) for _, a in plain.tags]
@@ -188,7 +185,7 @@ def test_any_text_leaves_the_structure_as_it_is(text: str) -> None:
     assert found.tags == usual.tags
 
 
-def test_every_condition_has_a_sign_and_a_word(new_verdict: New, new_assessment: Assess) -> None:
+def test_every_condition_has_a_sign_and_a_word() -> None:
     assert set(ICONS) == set(URGENCY)
     assert len(set(ICONS.values())) == len(ICONS)
     verdicts = [
@@ -202,7 +199,7 @@ def test_every_condition_has_a_sign_and_a_word(new_verdict: New, new_assessment:
         assert f"{icon} {Mark(word).text}" in text
 
 
-def test_long_flights_and_crowds_stay_small(new_verdict: New, new_assessment: Assess) -> None:
+def test_long_flights_and_crowds_stay_small() -> None:
     names = [f"elevator_{k}" for k in range(300)]
     verdicts = [
         new_verdict("elevator", "emergency", 1.0, 5.0).model_copy(update={"actuator": name}) for name in names
@@ -241,7 +238,7 @@ def test_a_pause_is_not_bridged_and_levels_lie_where_they_belong() -> None:
     assert single.line.count("L") == 1
 
 
-def test_a_surface_has_the_condition_of_what_is_known_of_it(new_verdict: New) -> None:
+def test_a_surface_has_the_condition_of_what_is_known_of_it() -> None:
     silent = new_verdict("elevator", "undecided", 0.0, None).model_copy(
         update={"condition": "unmonitored", "worst": "unmonitored"}
     )
@@ -291,14 +288,12 @@ def measure(browser: Chromium, file: Path, width: int) -> Any:
 
 @pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no browser; Debian has one in the package chromium")
-def test_a_browser_opens_it_from_disk_without_a_network(
-    assessment: Assessment, new_verdict: New, new_assessment: Assess, tmp_path: Path
-) -> None:
+def test_a_browser_opens_it_from_disk_without_a_network(assessment: Assessment, tmp_path: Path) -> None:
     assert BROWSER is not None
     usual, odd = tmp_path / "report.html", tmp_path / "odd.html"
     usual.write_text(page(with_limits(assessment), gathered(indication())), encoding="utf-8")
     markup = "<img src=x onerror='window.alarmed=true'><script>window.alarmed=true</script>" + "w" * 200
-    odd.write_text(hostile(new_verdict, new_assessment, markup), encoding="utf-8")
+    odd.write_text(hostile(markup), encoding="utf-8")
     with Chromium(BROWSER) as browser:
         browser.call("Network.enable")
         browser.call(
@@ -330,9 +325,7 @@ def test_the_words_are_the_same_in_light_in_dark_and_on_paper(assessment: Assess
 
 
 @pytest.mark.parametrize(("fault", "axis"), [("tracking", "pitch"), ("hard_over", "roll")])
-def test_an_alarm_by_the_attitude_shows_demanded_against_flown(
-    fault: str, axis: str, new_verdict: New, new_assessment: Assess
-) -> None:
+def test_an_alarm_by_the_attitude_shows_demanded_against_flown(fault: str, axis: str) -> None:
     time_s = np.arange(0.0, 34.0, 0.25)
     demand = np.radians(np.where(time_s < 20.0, 0.0, 45.0))
     demand[:4] = np.nan
@@ -360,9 +353,7 @@ def test_an_alarm_by_the_attitude_shows_demanded_against_flown(
     assert "9.1 times its healthy scatter, limit 8.0" in told.text
 
 
-def test_every_alarm_of_an_actuator_shows_its_curve_though_it_has_passed(
-    new_verdict: New, new_assessment: Assess
-) -> None:
+def test_every_alarm_of_an_actuator_shows_its_curve_though_it_has_passed() -> None:
     evidence = Evidence(
         kind="backlash", start_s=12.0, end_s=33.0, value=2.0, limit=1.0, rule="emergency: play"
     )

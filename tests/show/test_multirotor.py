@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -21,6 +20,7 @@ from mavhums.show.markdown_report import markdown
 from mavhums.show.outline import multirotor
 from mavhums.show.tables import usage
 from mavhums.show.words import place_of
+from tests.show.conftest import new_assessment
 
 PLACES = {"motor 1": 45.0, "motor 2": -135.0, "motor 3": -45.0, "motor 4": 135.0}
 
@@ -34,7 +34,7 @@ def output(servo: int, name: str, bearing: float) -> OutputUsage:
 
 
 @pytest.fixture
-def assessment(new_assessment: Callable[..., Assessment]) -> Assessment:
+def assessment() -> Assessment:
     lost = Verdict(
         subject="motor", vehicle=1, actuator="motor 3", condition="emergency", worst="emergency",
         effectiveness=Interval(estimate=0.1, low=0.0, high=0.2),
@@ -100,7 +100,7 @@ def test_the_recording_draws_the_motors_in_their_colours(assessment: Assessment,
 
 @pytest.mark.parametrize("condition", ["normal", "undecided"])
 def test_a_motor_that_never_changes_has_the_condition_of_its_verdict(
-    condition: Condition, assessment: Assessment, new_assessment: Callable[..., Assessment], tmp_path: Path
+    condition: Condition, assessment: Assessment, tmp_path: Path
 ) -> None:
     from mavhums.show.recording import Recorder
     from tests.show.test_recording import rows

@@ -5,9 +5,7 @@ from __future__ import annotations
 import io
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -16,12 +14,9 @@ from numpy.typing import NDArray
 from examples.picture import draw
 from mavhums.engine.events import Attitude, Event, FlightMode, Position
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import Verdict
 from mavhums.show import LiveViewer, Recorder
 from tests.show.chromium import Chromium, find
-
-if TYPE_CHECKING:
-    from tests.show.conftest import Flight
+from tests.show.conftest import Flight, new_assessment, new_verdict
 
 pytest.importorskip("rerun", reason="pictures need the extra 'viewer'")
 
@@ -37,8 +32,6 @@ needs_vulkan = pytest.mark.skipif(
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="viewers draw without a screen on Linux")
 
-New = Callable[..., Verdict]
-Assess = Callable[..., Assessment]
 Pixels = NDArray[np.int16]
 
 # The viewer dims the colours of states in the dark theme.
@@ -137,9 +130,7 @@ def test_who_follows_a_flight_sees_it(flight: Flight) -> None:
 
 @pytest.mark.slow
 @needs_vulkan
-def test_sixteen_actuators_and_nothing_to_judge_still_make_a_picture(
-    tmp_path: Path, new_verdict: New, new_assessment: Assess
-) -> None:
+def test_sixteen_actuators_and_nothing_to_judge_still_make_a_picture(tmp_path: Path) -> None:
     verdicts = [
         new_verdict("rudder", "undecided", 0.0, None).model_copy(update={"actuator": f"servo_{k}"})
         for k in range(16)

@@ -4,10 +4,10 @@ import math
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,19 +22,14 @@ from mavhums.core.quantities import KEYS
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import Verdict
 from mavhums.show import Recorder, markdown
 from mavhums.show.words import COLOURS
 from tests.conftest import real_logs
-
-if TYPE_CHECKING:
-    from tests.show.conftest import Flight
+from tests.show.conftest import Flight, new_assessment, new_verdict
 
 rr = pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 chunk = pytest.importorskip("rerun.chunk")
 
-New = Callable[..., Verdict]
-Assess = Callable[..., Assessment]
 Floats = NDArray[np.float64]
 
 
@@ -173,22 +168,18 @@ def test_it_is_small_in_few_chunks_and_verifies(recording: Path) -> None:
     subprocess.run([command, "rrd", "verify", recording], check=True, capture_output=True)
 
 
-def test_absent_quantities_are_absent(
-    tmp_path: Path, new_flight: type[Flight], assessment: Assessment
-) -> None:
+def test_absent_quantities_are_absent(tmp_path: Path, assessment: Assessment) -> None:
     absent = tuple(key for key in KEYS if key not in ("V1", "V5"))
-    events = new_flight(absent=absent, duration=12).events()
+    events = Flight(absent=absent, duration=12).events()
     path = write(tmp_path / "sparse.rrd", events, assessment)
     for part in chunk.RrdReader(path).stream().filter(content="/vehicle_1/elevator/quantities"):
         names = set(part.to_record_batch().schema.names)
         assert {name for name in names if name.startswith("mavhums:")} == {"mavhums:V1", "mavhums:V5"}
-    events = new_flight(absent=KEYS, duration=12).events()
+    events = Flight(absent=KEYS, duration=12).events()
     assert "/vehicle_1/elevator/quantities" not in entities(write(path, events, assessment))
 
 
-def test_what_falls_silent_leaves_a_gap_and_not_a_straight_line(
-    tmp_path: Path, new_assessment: Assess
-) -> None:
+def test_what_falls_silent_leaves_a_gap_and_not_a_straight_line(tmp_path: Path) -> None:
     def block(start: int, value: float) -> Samples:
         values = np.full((4096, 12), np.nan)
         values[:, 0], values[:, 4] = 1.0, value
@@ -206,7 +197,7 @@ def test_what_falls_silent_leaves_a_gap_and_not_a_straight_line(
     assert "/vehicle_1/elevator/friction" not in entities(path)
 
 
-def test_blocks_may_be_cut_anywhere(tmp_path: Path, flight: Flight, new_assessment: Assess) -> None:
+def test_blocks_may_be_cut_anywhere(tmp_path: Path, flight: Flight) -> None:
     whole = flight.samples("elevator", 0, 100)
     rng = np.random.default_rng(5)
     cuts = [0, 0, *np.sort(rng.integers(0, whole.time_s.size, 40)), whole.time_s.size]
@@ -222,7 +213,7 @@ def test_blocks_may_be_cut_anywhere(tmp_path: Path, flight: Flight, new_assessme
             np.testing.assert_array_equal(left, right)
 
 
-def test_long_flights_are_written_as_they_come(tmp_path: Path, new_assessment: Assess) -> None:
+def test_long_flights_are_written_as_they_come(tmp_path: Path) -> None:
     path = tmp_path / "long.rrd"
     interval = Interval(estimate=0.2, low=0.1, high=0.3)
     with Recorder(path, recording_id="flight") as recorder:
@@ -243,7 +234,7 @@ def test_long_flights_are_written_as_they_come(tmp_path: Path, new_assessment: A
         assert 5000 <= time.size <= 10001
 
 
-def test_a_state_found_late_never_hides_below_an_earlier_one(tmp_path: Path, new_assessment: Assess) -> None:
+def test_a_state_found_late_never_hides_below_an_earlier_one(tmp_path: Path) -> None:
     empty = Samples(1, "rudder", np.zeros(0), np.zeros((0, 12)))
     window = Window(1, "rudder", 2.0, 12.0, 1.0, None, "undecided")
     changes = [
@@ -256,9 +247,7 @@ def test_a_state_found_late_never_hides_below_an_earlier_one(tmp_path: Path, new
     assert time.tolist() == [2.0, 15.0, pytest.approx(15.000001)]
 
 
-def test_an_actuator_without_telemetry_is_shown_as_undecided(
-    tmp_path: Path, new_verdict: New, new_assessment: Assess
-) -> None:
+def test_an_actuator_without_telemetry_is_shown_as_undecided(tmp_path: Path) -> None:
     silent = new_verdict("rudder", "undecided", 0.0, None).model_copy(update={"vehicle": None})
     path = write(tmp_path / "silent.rrd", [], new_assessment(silent))
     assert rows(path, "/no_vehicle/rudder", "StateChange:state")[1] == [["undecided"]]
@@ -283,7 +272,7 @@ def test_the_profile_of_a_vehicle_draws_its_limits(
 
 
 @pytest.mark.parametrize("start", [None, "2025-06-01T10:00:00", "2025-06-01T12:00:00+02:00"])
-def test_name_and_start_of_a_recording(start: str | None, tmp_path: Path, new_assessment: Assess) -> None:
+def test_name_and_start_of_a_recording(start: str | None, tmp_path: Path) -> None:
     empty = new_assessment()
     log = empty.log.model_copy(update={"path": None, "start_utc": start})
     bare = empty.model_copy(update={"log": log, "airframe": None})

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 
 import pytest
 
@@ -11,11 +10,9 @@ from mavhums.core.quantities import KEYS
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
-from mavhums.results.verdict import ALL, Evidence, Indicator, Since, Suspect, Verdict
+from mavhums.results.verdict import ALL, Evidence, Indicator, Since, Suspect
 from mavhums.show import markdown
-
-New = Callable[..., Verdict]
-Assess = Callable[..., Assessment]
+from tests.show.conftest import new_assessment, new_verdict
 
 
 def first_line(assessment: Assessment) -> str:
@@ -43,9 +40,7 @@ def test_it_says_what_to_do_why_how_sure_and_what_was_lost(assessment: Assessmen
     assert NOTICE in text.splitlines()[2]
 
 
-def test_every_quantity_names_its_source_or_that_there_is_none(
-    new_verdict: New, new_assessment: Assess
-) -> None:
+def test_every_quantity_names_its_source_or_that_there_is_none() -> None:
     verdict = new_verdict("elevator", "normal", 0.2, 0.0)
     sources = {key: value for key, value in verdict.provenance.items() if key != "V11"}
     text = markdown(new_assessment(verdict.model_copy(update={"provenance": sources})))
@@ -61,12 +56,12 @@ def test_actuators_whose_sources_differ_in_numbers_share_a_table(assessment: Ass
     assert r"| V2 rotor rotation, ° | DEBUG_FLOAT_ARRAY\[EMA,3/4/1/2\].data\[1\] |" in text
 
 
-def test_a_log_without_a_profile_speaks_of_every_actuator(new_verdict: New, new_assessment: Assess) -> None:
+def test_a_log_without_a_profile_speaks_of_every_actuator() -> None:
     nothing = new_verdict("rudder", "undecided", 0.0, None).model_copy(update={"actuator": ALL})
     assert "## every actuator: undecided" in markdown(new_assessment(nothing))
 
 
-def test_different_reasons_are_told_apart(new_verdict: New, new_assessment: Assess) -> None:
+def test_different_reasons_are_told_apart() -> None:
     still = new_verdict("rudder", "undecided", 0.0, None)
     bare = still.model_copy(update={"actuator": "elevator", "reason": None, "remedy": None})
     text = markdown(new_assessment(still, bare))
@@ -87,9 +82,7 @@ def test_different_reasons_are_told_apart(new_verdict: New, new_assessment: Asse
         (("degraded", "undecided"), "# a: DEGRADED since 5.0s"),
     ],
 )
-def test_headlines(
-    conditions: tuple[Condition, ...], line: str, new_verdict: New, new_assessment: Assess
-) -> None:
+def test_headlines(conditions: tuple[Condition, ...], line: str) -> None:
     since = {"undecided": None}
     verdicts = [
         new_verdict("aileron_left", state, 0.5, since.get(state, 5.0)).model_copy(update={"actuator": letter})
@@ -98,7 +91,7 @@ def test_headlines(
     assert first_line(new_assessment(*verdicts)).startswith(line)
 
 
-def test_what_was_an_emergency_is_not_forgotten(new_verdict: New, new_assessment: Assess) -> None:
+def test_what_was_an_emergency_is_not_forgotten() -> None:
     verdict = new_verdict("elevator", "emergency", 0.3, 90.0).model_copy(update={"condition": "normal"})
     text = markdown(new_assessment(verdict))
     assert text.startswith("# elevator: EMERGENCY 37.0s–1m40s, then normal")
@@ -110,7 +103,7 @@ def test_what_was_an_emergency_is_not_forgotten(new_verdict: New, new_assessment
     assert "**Why:**" not in without
 
 
-def test_an_emergency_by_other_means_than_friction(new_verdict: New, new_assessment: Assess) -> None:
+def test_an_emergency_by_other_means_than_friction() -> None:
     bare = {"friction_nm": None, "network": None, "since": None}
     suspects = (Suspect(fault="friction", confidence=0.1), Suspect(fault="jam", confidence=0.9))
     verdict = new_verdict("elevator", "emergency", 1.0, 3.0).model_copy(update={**bare, "suspects": suspects})
@@ -122,7 +115,7 @@ def test_an_emergency_by_other_means_than_friction(new_verdict: New, new_assessm
     assert "inspect the actuator and its wiring" in markdown(new_assessment(odd))
 
 
-def test_texts_from_outside_stay_texts(new_verdict: New, new_assessment: Assess) -> None:
+def test_texts_from_outside_stay_texts() -> None:
     name = "a|b\n# x <b>[l](u) `c` \x1b[31m"
     verdict = new_verdict("elevator", "normal", 0.2, 0.0).model_copy(update={"actuator": name})
     text = markdown(new_assessment(verdict))
@@ -140,15 +133,13 @@ def test_a_live_link_without_model_or_airframe(assessment: Assessment) -> None:
         assert fact in text
 
 
-def test_since_outlives_rounding(new_verdict: New, new_assessment: Assess) -> None:
+def test_since_outlives_rounding() -> None:
     late = Since(flight_time_s=59.96, utc="2025-06-01T10:00:59Z")
     verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"since": late})
     assert first_line(new_assessment(verdict)) == "# elevator: DEGRADED since 1m00s"
 
 
-def test_evidence_of_any_kind_is_told_and_of_very_much_the_first_and_the_last(
-    new_verdict: New, new_assessment: Assess
-) -> None:
+def test_evidence_of_any_kind_is_told_and_of_very_much_the_first_and_the_last() -> None:
     verdict = new_verdict("elevator", "degraded", 0.5, 1.0)
     many = tuple(
         Evidence(kind="supply_sag", start_s=k, end_s=k + 1, value=k / 10, limit=2.0, rule="below the bus")
@@ -160,7 +151,7 @@ def test_evidence_of_any_kind_is_told_and_of_very_much_the_first_and_the_last(
     assert text.count("supply sag") == 40
 
 
-def test_indicators_of_a_suspect_are_in_a_table(new_verdict: New, new_assessment: Assess) -> None:
+def test_indicators_of_a_suspect_are_in_a_table() -> None:
     value = Interval(estimate=0.21, low=0.19, high=0.23)
     own = Interval(estimate=0.05, low=0.04, high=0.06)
     backlash = Indicator(
@@ -183,9 +174,7 @@ def test_indicators_of_a_suspect_are_in_a_table(new_verdict: New, new_assessment
         (0.2, 0.2, "0.200 (0.200 to 0.200)"),
     ],
 )
-def test_a_figure_has_as_many_digits_as_its_interval_supports(
-    low: float, high: float, told: str, new_verdict: New, new_assessment: Assess
-) -> None:
+def test_a_figure_has_as_many_digits_as_its_interval_supports(low: float, high: float, told: str) -> None:
     value = Interval(estimate=(low + high) / 2, low=low, high=high)
     shown = Indicator(fault="x", quantity="loss", unit="1", value=value, windows=9, limit=0.08)
     verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"indicators": (shown,)})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
 
 import pytest
 from rich.console import Console
@@ -18,9 +17,8 @@ from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.headline import NOT_JUDGED
 from mavhums.show.html import page
 from mavhums.show.verdict_words import certainty, control_left
+from tests.show.conftest import new_assessment
 
-New = Callable[..., Verdict]
-Assess = Callable[..., Assessment]
 UNSEEN = "nothing reports on it"
 
 LATE = Evidence(
@@ -85,7 +83,7 @@ def test_a_figure_is_told_as_far_as_it_can_be_relied_on(verdict: Verdict, told: 
     assert control_left(verdict) == told
 
 
-def test_an_interval_that_tells_nothing_is_nowhere(new_assessment: Assess) -> None:
+def test_an_interval_that_tells_nothing_is_nowhere() -> None:
     coverage = Coverage(moving_fraction=0.1, windows=157, decidable=9)
     verdict = axis(condition="undecided", effectiveness=left(0.54, -1.02, 2.1), coverage=coverage)
     assessment = new_assessment(verdict)
@@ -101,7 +99,7 @@ def test_an_interval_that_tells_nothing_is_nowhere(new_assessment: Assess) -> No
 
 
 @pytest.mark.parametrize("condition", ["undecided", "normal", "degraded"])
-def test_an_alarm_that_is_past_says_from_when_to_when(condition: str, new_assessment: Assess) -> None:
+def test_an_alarm_that_is_past_says_from_when_to_when(condition: str) -> None:
     alarm = Evidence(kind="tracking", start_s=90, end_s=127, value=9, rule="emergency: roll 24° away")
     before = Evidence(kind="slow", start_s=60, end_s=90, value=0.4, rule="degraded: gain intact, 0.4 s late")
     verdict = axis(condition=condition, worst="emergency", evidence=(before, alarm))
@@ -114,7 +112,7 @@ def test_an_alarm_that_is_past_says_from_when_to_when(condition: str, new_assess
     assert "1m30s–2m07s, then" in page(assessment, EvidenceCollector())
 
 
-def test_where_all_is_well_the_good_news_comes_first(new_assessment: Assess) -> None:
+def test_where_all_is_well_the_good_news_comes_first() -> None:
     open_ = axis("yaw", "undecided", reason="too few pulses", remedy="pulse the rudder")
     assessment = new_assessment(open_, axis("roll"), axis("pitch"), servo(1))
     text = shown(assessment)
@@ -129,7 +127,7 @@ def test_where_all_is_well_the_good_news_comes_first(new_assessment: Assess) -> 
     assert headline_block(assessment).condition == "undecided", "as the exit code is"
 
 
-def test_six_servos_without_telemetry_are_one_line(new_assessment: Assess) -> None:
+def test_six_servos_without_telemetry_are_one_line() -> None:
     assessment = new_assessment(axis(), *(servo(k) for k in range(1, 7)))
     assert "6 servos" not in shown(assessment)
     text = " ".join(shown(assessment, verbose=True).split())
@@ -140,7 +138,7 @@ def test_six_servos_without_telemetry_are_one_line(new_assessment: Assess) -> No
     assert markdown(assessment).count("## aileron (servo 1), aileron (servo 2)") == 1
 
 
-def test_the_picture_says_of_what_a_colour_is(new_assessment: Assess) -> None:
+def test_the_picture_says_of_what_a_colour_is() -> None:
     """A servo of its own is unmonitored; what is drawn on its surface is the axis's condition."""
     surfaces = ("aileron (servo 1)",)
     html = page(new_assessment(axis(condition="degraded", surfaces=surfaces), servo(1)), EvidenceCollector())
@@ -149,7 +147,7 @@ def test_the_picture_says_of_what_a_colour_is(new_assessment: Assess) -> None:
     assert "wear of aileron (servo 1)" in html
 
 
-def test_a_copter_is_one_line(new_assessment: Assess) -> None:
+def test_a_copter_is_one_line() -> None:
     axes = axis("axes", "undecided", reason="a quadrotor: fixed wings only", remedy=NO_WINGS)
     every = Verdict(
         vehicle=1,
@@ -173,7 +171,7 @@ def test_a_copter_is_one_line(new_assessment: Assess) -> None:
     assert "vehicle 1: a quadrotor: not judged" in beside
 
 
-def test_a_rover_whose_servo_reports_keeps_its_remedy(new_assessment: Assess) -> None:
+def test_a_rover_whose_servo_reports_keeps_its_remedy() -> None:
     axes = axis("axes", "undecided", reason="a ground rover: fixed wings only", remedy=NO_WINGS)
     every = Verdict(
         vehicle=1, actuator="all", condition="undecided", worst="undecided", reason="r", remedy="draft one"

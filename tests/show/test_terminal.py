@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
@@ -12,13 +11,10 @@ from rich.console import Console
 import mavhums
 from mavhums.core.about import NOTICE
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import Verdict
 from mavhums.show import render
+from tests.show.conftest import new_assessment, new_verdict
 
 FLIGHTS = Path(__file__).parents[1] / "data"
-
-New = Callable[..., Verdict]
-Assess = Callable[..., Assessment]
 
 
 def rendered(
@@ -73,14 +69,14 @@ def test_colours_on_a_terminal_and_words_too(assessment: Assessment) -> None:
     assert len({code[1] for code in codes if code}) == 2
 
 
-def test_equal_reasons_are_said_once(new_verdict: New, new_assessment: Assess) -> None:
+def test_equal_reasons_are_said_once() -> None:
     names = ("aileron_left", "aileron_right", "elevator", "rudder")
     text = flat(rendered(new_assessment(*(new_verdict(name, "undecided", 0.0, None) for name in names))))
     assert text.count("record a flight") == 1
     assert "aileron_left, aileron_right, elevator and rudder: undecided:" in text
 
 
-def test_a_long_list_of_findings_is_cut_and_says_so(new_verdict: New, new_assessment: Assess) -> None:
+def test_a_long_list_of_findings_is_cut_and_says_so() -> None:
     verdict = new_verdict("elevator", "emergency", 1.0, 5.0)
     many = verdict.model_copy(update={"evidence": verdict.evidence * 4})
     text = rendered(new_assessment(many))
@@ -88,7 +84,7 @@ def test_a_long_list_of_findings_is_cut_and_says_so(new_verdict: New, new_assess
     assert text.count("(highest") == 3
 
 
-def test_markup_and_control_codes_from_outside_are_inert(new_verdict: New, new_assessment: Assess) -> None:
+def test_markup_and_control_codes_from_outside_are_inert() -> None:
     named = {"actuator": "[red]x\x1b[2J\x07"}
     verdict = new_verdict("elevator", "undecided", 0.0, None).model_copy(update=named)
     text = rendered(new_assessment(verdict))
@@ -97,7 +93,7 @@ def test_markup_and_control_codes_from_outside_are_inert(new_verdict: New, new_a
     assert "[red]x�[2J�: undecided" in text
 
 
-def test_a_log_without_actuators(new_assessment: Assess) -> None:
+def test_a_log_without_actuators() -> None:
     text = rendered(new_assessment())
     assert text.startswith("No actuator was found in this log\nLog losses: none.")
 
@@ -115,7 +111,7 @@ def test_the_answer_on_an_ordinary_flight_fits_one_screen() -> None:
         assert len(lines) <= SCREEN, f"{log.name}: {len(lines)} lines"
 
 
-def test_of_several_reasons_the_binding_one_is_shown(new_verdict: New, new_assessment: Assess) -> None:
+def test_of_several_reasons_the_binding_one_is_shown() -> None:
     several = {
         "reason": "outputs at 2.9 Hz, 10 are needed; 26 s of flight",
         "remedy": "record at 10 Hz; fly longer",

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -23,9 +22,7 @@ from mavhums.engine.events import (
     Samples,
 )
 from mavhums.results.assessment import Assessment
-
-if TYPE_CHECKING:
-    from tests.show.conftest import Flight
+from tests.show.conftest import Flight, new_assessment
 
 pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
@@ -42,7 +39,6 @@ from mavhums.show.words import COLOURS
 from tests.show.test_blueprint import names
 from tests.show.test_recording import entities, rows, scalars, static, write
 
-Assess = Callable[..., Assessment]
 SURFACE = "/airframe/vehicle_1/body/at/elevator/surface"
 
 
@@ -79,13 +75,13 @@ def test_surfaces_move_and_carry_their_conditions_colour(
 
 
 def test_without_v3_the_command_moves_the_surface_and_without_both_it_rests(
-    tmp_path: Path, new_flight: type[Flight], assessment: Assessment
+    tmp_path: Path, assessment: Assessment
 ) -> None:
-    events = new_flight(absent=("V3",), duration=12).events()
+    events = Flight(absent=("V3",), duration=12).events()
     _, turns = rows(write(tmp_path / "a.rrd", events, assessment), SURFACE, "Transform3D:rotation_axis_angle")
-    commands = new_flight(duration=12).samples("elevator", 0, 12).values[:, 0]
+    commands = Flight(duration=12).samples("elevator", 0, 12).values[:, 0]
     assert turns[0][0]["angle"] == pytest.approx(-math.radians(commands[0]), abs=1e-6)
-    events = new_flight(absent=("V1", "V3"), duration=12).events()
+    events = Flight(absent=("V1", "V3"), duration=12).events()
     path = write(tmp_path / "b.rrd", events, assessment)
     assert rows(path, SURFACE, "Transform3D:rotation_axis_angle")[1] == []
 
@@ -152,7 +148,7 @@ def test_every_kind_of_surface_has_a_place_of_its_own() -> None:
     assert by_name["ruddervator_left"].roll == -by_name["ruddervator_right"].roll
 
 
-def test_sixteen_actuators_are_all_drawn(tmp_path: Path, new_assessment: Assess) -> None:
+def test_sixteen_actuators_are_all_drawn(tmp_path: Path) -> None:
     names = [f"aileron_{side}_{k}" for side in ("left", "right") for k in range(8)]
     airframe = Airframe(name="many", actuators=tuple(actuator(k + 1, n) for k, n in enumerate(names)))
     events: list[Event] = [AirframeNamed(0.0, None, airframe)]
@@ -161,7 +157,7 @@ def test_sixteen_actuators_are_all_drawn(tmp_path: Path, new_assessment: Assess)
     assert {f"/airframe/vehicle_1/body/at/{name}/surface" for name in names} <= found
 
 
-def test_flight_modes_have_a_lane_and_are_told(tmp_path: Path, new_assessment: Assess) -> None:
+def test_flight_modes_have_a_lane_and_are_told(tmp_path: Path) -> None:
     modes = [FlightMode(1, 0.0, "MANUAL"), FlightMode(1, 5.0, "AUTO"), FlightMode(1, 9.0, "MANUAL")]
     path = write(tmp_path / "modes.rrd", modes, new_assessment())
     time, states = rows(path, "/flight_mode/vehicle_1", "StateChange:state")
@@ -170,7 +166,7 @@ def test_flight_modes_have_a_lane_and_are_told(tmp_path: Path, new_assessment: A
     assert rows(path, "/events", "TextLog:text")[1][1] == ["vehicle 1: flight mode AUTO"]
 
 
-def test_the_events_of_the_flight_are_recorded(tmp_path: Path, new_assessment: Assess) -> None:
+def test_the_events_of_the_flight_are_recorded(tmp_path: Path) -> None:
     happened = (
         FlightEvent(kind="mode", vehicle=1, time_s=1.0, said="AUTO"),  # recorded as it comes
         FlightEvent(kind="crash", vehicle=1, time_s=7.0, said="Crash: Disarming"),  # as its text
@@ -182,7 +178,7 @@ def test_the_events_of_the_flight_are_recorded(tmp_path: Path, new_assessment: A
 
 
 @pytest.mark.parametrize("wanted", [True, False])
-def test_the_position_is_left_out_on_request(wanted: bool, tmp_path: Path, new_assessment: Assess) -> None:
+def test_the_position_is_left_out_on_request(wanted: bool, tmp_path: Path) -> None:
     time = np.arange(100.0)
     degrees = np.stack([51 + time / 1e4, time / 1e4], axis=1)
     with Recorder(tmp_path / "map.rrd", recording_id="flight", position=wanted) as recorder:
@@ -198,7 +194,7 @@ def test_the_position_is_left_out_on_request(wanted: bool, tmp_path: Path, new_a
         np.testing.assert_array_equal(line, degrees)
 
 
-def test_silence_is_stale_and_never_normal(tmp_path: Path, new_assessment: Assess) -> None:
+def test_silence_is_stale_and_never_normal(tmp_path: Path) -> None:
     change = ConditionChanged(1, "elevator", 1.0, 0.0, "undecided", "normal", "r")
     events: list[Event] = [block(0, 500), change, block(20, 500)]
     quiet = new_assessment()  # the log goes on to 100 s
@@ -209,7 +205,7 @@ def test_silence_is_stale_and_never_normal(tmp_path: Path, new_assessment: Asses
     assert time.tolist() == pytest.approx([0.0, 4.99, 20.0, 24.99])
 
 
-def test_silence_is_noticed_while_others_speak(tmp_path: Path, new_assessment: Assess) -> None:
+def test_silence_is_noticed_while_others_speak(tmp_path: Path) -> None:
     other = block(0, 1200)
     rudder = Samples(1, "rudder", other.time_s, other.values)
     log = new_assessment().log.model_copy(update={"duration_s": 12.0})
@@ -219,9 +215,7 @@ def test_silence_is_noticed_while_others_speak(tmp_path: Path, new_assessment: A
     assert rows(path, "/vehicle_1/rudder", "StateChange:state")[1] == [["undecided"]]
 
 
-def test_a_long_flight_is_thinned_but_whole_around_what_happened(
-    tmp_path: Path, new_assessment: Assess
-) -> None:
+def test_a_long_flight_is_thinned_but_whole_around_what_happened(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     time = np.arange(400_000) / 100
     values = rng.normal(size=(time.size, 12))
@@ -243,7 +237,7 @@ def test_a_long_flight_is_thinned_but_whole_around_what_happened(
     assert path.stat().st_size < 5e6
 
 
-def test_no_line_is_drawn_across_a_gap(tmp_path: Path, new_assessment: Assess) -> None:
+def test_no_line_is_drawn_across_a_gap(tmp_path: Path) -> None:
     path = write(tmp_path / "gap.rrd", [block(0, 500), block(20, 500)], new_assessment())
     time, found = scalars(path, "/vehicle_1/elevator/quantities", "mavhums:V5")
     assert time[np.isnan(found[:, 0])] == pytest.approx([4.991])
@@ -295,9 +289,9 @@ def test_the_fault_in_question_lies_in_front() -> None:
         assert [name for name in found if name in shown] == order
 
 
-def test_the_cause_is_what_made_the_condition_the_worst_it_was(new_flight: type[Flight]) -> None:
+def test_the_cause_is_what_made_the_condition_the_worst_it_was() -> None:
     scene = Scene(open_stream("cause"), live=True, position=False)
-    scene.consume(new_flight(duration=12).events())
+    scene.consume(Flight(duration=12).events())
     changes = [
         ("undecided", "normal", "friction", "friction"),
         ("normal", "degraded", "backlash", "backlash"),
