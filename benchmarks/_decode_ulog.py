@@ -165,11 +165,15 @@ def pyulog(path: str, needed: bool) -> int:
 
 
 def memory(path: str, _: bool) -> int:
+    return growth(path, head(), NEEDED)
+
+
+def growth(path: str, first: bytes, needed: list[str]) -> int:
     """Return the most anonymous memory above the imports while a log streams through the decoder, bytes."""
     from mavhums.log import Decoder, read_blocks
 
-    Decoder().feed(head(), final=True)
-    decoder = Decoder(NEEDED)
+    Decoder().feed(first, final=True)
+    decoder = Decoder(needed)
     before = peak = _anonymous()
     for block in read_blocks(path):
         decoder.feed(block)

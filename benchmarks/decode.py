@@ -163,23 +163,7 @@ def fasttlogparser(path: str, needed: bool) -> int:
 
 
 def memory(path: str, _: bool) -> int:
-    """Return the most anonymous memory above the imports while a log streams through the decoder, bytes."""
-    from mavhums.log import Decoder, read_blocks
-
-    Decoder().feed(b"\0" * 100, final=True)
-    decoder = Decoder(_needed(path))
-    before = peak = _anonymous()
-    for block in read_blocks(path):
-        decoder.feed(block)
-        peak = max(peak, _anonymous())
-    return peak - before
-
-
-def _anonymous() -> int:
-    for line in Path("/proc/self/status").read_text().splitlines():
-        if line.startswith("RssAnon"):
-            return int(line.split()[1]) * 1024
-    raise OSError("no RssAnon in /proc/self/status")
+    return _decode_ulog.growth(path, b"\0" * 100, _needed(path))
 
 
 def first_call(path: str, _: bool) -> int:

@@ -69,7 +69,7 @@ def test_noise_agrees(noise: bytes, headed: bool) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_more_is_recovered_than_by_the_peers_and_less_is_false(kind: str) -> None:
-    found = recover(LOG, kind, max(COUNTS[kind] // 20, 2), seed=1, peers=True)
+    found = recover(LOG, kind, max(COUNTS[kind] // 20, 2), seed=1)
     slack = 3 if kind == "zeroed blocks" else 0  # a record that ends in zeros looks cut by zeros
     assert found.good >= found.trusting[0] - slack
     assert found.false <= found.trusting[1]

@@ -1,14 +1,11 @@
 """Count what is recovered of a damaged log, beside pymavlink.
 
-    python -m tests.log.mavlink.recovery [--records 40000] [--seed 1]
-
 A frame counts as undamaged if all its bytes are in the stream, unchanged and together. A frame that
 is accepted counts as false if it is not one that was written, whatever its flags.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import tempfile
 from collections import Counter
@@ -32,12 +29,11 @@ class Recovery(NamedTuple):
     undamaged: int
     found: int
     false: int
-    false_but_flagged: int
     by_pymavlink: int
     written_frames_found: int
 
 
-def recover(seed: int, count: int, kind: str, spacing: int, *, pymavlink: bool = True) -> Recovery:
+def recover(seed: int, count: int, kind: str, spacing: int) -> Recovery:
     """Damage a log and read what is left of it."""
     records = stream(seed, count)
     damaged = damage(b"".join(records), kind, spacing, seed)
@@ -54,8 +50,7 @@ def recover(seed: int, count: int, kind: str, spacing: int, *, pymavlink: bool =
         len(intact),
         len(intact & {frame.offset + 8 for frame in found}),
         sum(not frame.padded for frame in false),
-        sum(frame.padded for frame in false),
-        _by_pymavlink(data, records) if pymavlink else 0,
+        _by_pymavlink(data, records),
         len(true),
     )
 
@@ -108,24 +103,3 @@ def _by_pymavlink(data: bytes, records: list[bytes]) -> int:
                 found += 1
         connection.close()
     return found
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--records", type=int, default=40_000)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
-    print("damage      one in    undamaged    found     share  false  flagged  true in all  by pymavlink")
-    for kind in KINDS:
-        for spacing in SPACINGS:
-            row = recover(options.seed, options.records, kind, spacing)
-            share = 100 * row.found / row.undamaged
-            print(
-                f"{kind:10}{spacing:9,}{row.undamaged:12,}{row.found:10,}{share:9.4f}%{row.false:6}"
-                f"{row.false_but_flagged:8}{row.written_frames_found:13,}{row.by_pymavlink:14,}",
-                flush=True,
-            )
-
-
-if __name__ == "__main__":
-    main()

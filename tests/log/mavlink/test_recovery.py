@@ -1,4 +1,4 @@
-"""A small part of the recovery that ``tests/log/recovery.py`` measures."""
+"""Of a damaged log every undamaged frame is found, and nothing else."""
 
 from __future__ import annotations
 

@@ -1,17 +1,13 @@
 """Damage ULogs as cards and links do, and count what ours and pyulog get back.
 
-    python -m tests.log.ulog.recovery FLIGHT.ulg [--seeds 5]
-
 A record is good if it is one of the sound log's, false if not.
 """
 
 from __future__ import annotations
 
-import argparse
 import random
 from collections import Counter
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
@@ -80,29 +76,3 @@ def theirs(log: bytes) -> Counter[bytes]:
         return records(columns_of_peer(log))
     except Exception:
         return Counter()
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("log", type=Path)
-    parser.add_argument("--seeds", type=int, default=5)
-    options = parser.parse_args()
-    log = options.log.read_bytes()
-    sound = theirs(log)
-    assert ours(log) == sound
-    print(f"{options.log.name}: {sound.total():,} records; good / false, mean of {options.seeds} seeds")
-    for name, damage in DAMAGE.items():
-        scores = np.zeros((options.seeds, 2, 2))
-        for seed in range(options.seeds):
-            damaged = damage(random.Random(seed), log)
-            scores[seed] = score(theirs(damaged), sound), score(ours(damaged), sound)
-        peer, mine = scores.mean(axis=0)
-        worse = int((scores[:, 1, 0] < scores[:, 0, 0]).sum())
-        print(
-            f"{name:22} pyulog {peer[0]:8.0f} / {peer[1]:4.0f}   "
-            f"ours {mine[0]:8.0f} / {mine[1]:4.0f}   fewer good than pyulog: {worse} of {options.seeds}"
-        )
-
-
-if __name__ == "__main__":
-    main()
