@@ -11,36 +11,26 @@ from pathlib import Path
 import pytest
 
 from mavhums_sim import Flight, fly, write_tlog
-from mavhums_sim.cli import main
 from mavhums_sim.validation import Check
+from tests.conftest import Run
 
 
-def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    """The exit code of ``mavhums-sim ARGUMENTS``."""
-    monkeypatch.setattr(sys, "argv", ["mavhums-sim", *arguments])
-    try:
-        main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
-
-
-def test_flight_writes_a_log_and_its_truth(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_flight_writes_a_log_and_its_truth(tmp_path: Path, simulate: Run) -> None:
     log = tmp_path / "flight.tlog"
     options = "--friction elevator=0.225..1.0 --friction rudder=0.9 --duration 2 --seed 7"
-    assert run(monkeypatch, "flight", "-o", str(log), *options.split()) == 0
+    outcome = simulate("flight", "-o", log, *options.split())
+    assert outcome.code == 0
     truth = json.loads((tmp_path / "flight.truth.json").read_text())["flights"][0]
     assert truth["seed"] == 7
     assert truth["actuators"]["elevator"]["friction_nm"] == {"start": 0.225, "end": 1.0}
     assert truth["actuators"]["rudder"]["friction_nm"] == {"start": 0.9, "end": 0.9}
-    assert f"{sum(truth['messages'].values()):,} messages" in capsys.readouterr().out
+    assert f"{sum(truth['messages'].values()):,} messages" in outcome.out
     before = log.read_bytes()
-    assert run(monkeypatch, "flight", "-o", str(log), "--duration", "1") == 2
-    assert "is there already; name another, or replace it with --force" in capsys.readouterr().err
+    outcome = simulate("flight", "-o", log, "--duration", "1")
+    assert outcome.code == 2
+    assert "is there already; name another, or replace it with --force" in outcome.err
     assert log.read_bytes() == before
-    assert run(monkeypatch, "flight", "-o", str(log), "--duration", "1", "--force") == 0
+    assert simulate("flight", "-o", log, "--duration", "1", "--force").code == 0
     assert log.read_bytes() != before
 
 
@@ -54,12 +44,11 @@ def test_a_flight_into_a_device_leaves_the_device(tmp_path: Path) -> None:
     assert [path.name for path in sorted(tmp_path.iterdir())] == ["link.tlog", "real.tlog"]
 
 
-def test_campaign_writes_its_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(monkeypatch, "campaign", "paper", "-o", str(tmp_path / "logs"), "--duration", "1") == 0
+def test_campaign_writes_its_folder(tmp_path: Path, simulate: Run) -> None:
+    outcome = simulate("campaign", "paper", "-o", tmp_path / "logs", "--duration", "1")
+    assert outcome.code == 0
     assert len(list((tmp_path / "logs").glob("*.tlog"))) == 9
-    assert "9 flights of 1 s" in capsys.readouterr().out
+    assert "9 flights of 1 s" in outcome.out
 
 
 @pytest.mark.parametrize(
@@ -83,35 +72,30 @@ def test_campaign_writes_its_folder(
     ],
 )
 def test_wrong_usage_is_explained_and_exits_2(
-    arguments: list[str],
-    says: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
+    arguments: list[str], says: str, monkeypatch: pytest.MonkeyPatch, simulate: Run, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run(monkeypatch, *arguments) == 2
-    assert says in capsys.readouterr().err
+    outcome = simulate(*arguments)
+    assert outcome.code == 2
+    assert says in outcome.err
     assert not list(tmp_path.iterdir())
 
 
-def test_unwritable_file_is_one_line_and_exits_1(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unwritable_file_is_one_line_and_exits_1(tmp_path: Path, simulate: Run) -> None:
     missing = tmp_path / "nowhere" / "flight.tlog"
-    assert run(monkeypatch, "flight", "-o", str(missing), "--duration", "1") == 1
-    error = capsys.readouterr().err
-    assert error.startswith("mavhums-sim: ")
-    assert error.count("\n") == 1
+    outcome = simulate("flight", "-o", missing, "--duration", "1")
+    assert outcome.code == 1
+    assert outcome.err.startswith("mavhums-sim: ")
+    assert outcome.err.count("\n") == 1
 
 
-def test_friction_is_integrated_as_the_paper_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_friction_is_integrated_as_the_paper_says(tmp_path: Path, simulate: Run) -> None:
     """Karnopp's method counts slow motion as rest, so the two flights differ, and little."""
     told = []
     for method in ("impulse", "karnopp"):
         log = tmp_path / f"{method}.tlog"
         asked = ("--duration", "5", "--friction-method", method, "--fault", "rudder=jam:10@1..2")
-        assert run(monkeypatch, "flight", "-o", str(log), *asked) == 0
+        assert simulate("flight", "-o", log, *asked).code == 0
         told.append(json.loads(log.with_suffix(".truth.json").read_text()))
     moved = [truth["flights"][0]["actuators"]["elevator"]["moving_fraction"] for truth in told]
     assert moved[0] != moved[1]
@@ -119,13 +103,13 @@ def test_friction_is_integrated_as_the_paper_says(tmp_path: Path, monkeypatch: p
     assert told[0]["flights"][0]["actuators"]["rudder"]["conditions"][0]["until_s"] == 2.0
 
 
-def test_flight_takes_faults_individuals_and_a_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_flight_takes_faults_individuals_and_a_link(tmp_path: Path, simulate: Run) -> None:
     log = tmp_path / "flight.tlog"
     options = (
         "--duration 2 --fault rudder=jam:10@1 --fault rudder=backlash:0..0.3 --model two-mass --mavlink 1"
     )
     options += " --aircraft 3 --cyclogram gusts --esc-side bus --loss 0.2"
-    assert run(monkeypatch, "flight", "-o", str(log), *options.split()) == 0
+    assert simulate("flight", "-o", log, *options.split()).code == 0
     truth = json.loads((tmp_path / "flight.truth.json").read_text())["flights"][0]
     rudder = truth["actuators"]["rudder"]
     assert [(c["fault"], c["start"], c["end"], c["at_s"]) for c in rudder["conditions"]] == [
@@ -138,92 +122,89 @@ def test_flight_takes_faults_individuals_and_a_link(tmp_path: Path, monkeypatch:
     assert truth["messages"]["SERVO_OUTPUT_RAW"] < 95
 
 
-def test_flight_reports_in_the_tiers_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_flight_reports_in_the_tiers_asked_for(tmp_path: Path, simulate: Run) -> None:
     log = tmp_path / "flight.tlog"
     tiers = ["--tier", "esc-signed", "--tier", "named", "--reboot", "0.5", "--clock-drift", "50"]
-    assert run(monkeypatch, "flight", "-o", str(log), "--duration", "4", *tiers) == 0
+    assert simulate("flight", "-o", log, "--duration", "4", *tiers).code == 0
     truth = json.loads((tmp_path / "flight.truth.json").read_text())["flights"][0]
     assert {"ESC_STATUS", "NAMED_VALUE_FLOAT"} <= set(truth["messages"])
     assert not {"DEBUG_FLOAT_ARRAY", "SERVO_OUTPUT_RAW"} & set(truth["messages"])
     assert truth["tiers"] == ["esc-signed", "named"]
 
 
-def test_flight_replays_a_log_as_long_as_it_lasts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_flight_replays_a_log_as_long_as_it_lasts(tmp_path: Path, simulate: Run) -> None:
     first, second = tmp_path / "first.tlog", tmp_path / "second.tlog"
-    assert run(monkeypatch, "flight", "-o", str(first), "--duration", "4") == 0
-    assert run(monkeypatch, "flight", "-o", str(second), "--replay", str(first), "--hold") == 0
+    assert simulate("flight", "-o", first, "--duration", "4").code == 0
+    outcome = simulate("flight", "-o", second, "--replay", first, "--hold")
+    assert outcome.code == 0
     truth = json.loads((tmp_path / "second.truth.json").read_text())["flights"][0]
     assert truth["cyclogram"] == "replay of first.tlog"
     assert truth["duration_s"] == pytest.approx(4.0, abs=0.1)
-    assert "elevator from output 3" in capsys.readouterr().err
-    again = ("flight", "-o", str(second), "--force", "--replay")
-    assert run(monkeypatch, *again, str(first), *["--channel", "rudder=4", "--duration", "2"]) == 0
-    assert "replaying rudder from output 4" in capsys.readouterr().err
-    assert run(monkeypatch, *again, str(tmp_path / "none.tlog")) == 1
+    assert "elevator from output 3" in outcome.err
+    again = ("flight", "-o", second, "--force", "--replay")
+    outcome = simulate(*again, first, *["--channel", "rudder=4", "--duration", "2"])
+    assert outcome.code == 0
+    assert "replaying rudder from output 4" in outcome.err
+    assert simulate(*again, tmp_path / "none.tlog").code == 1
 
 
-def test_stream_sends_the_flight(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_stream_sends_the_flight(simulate: Run) -> None:
     arguments = ("stream", "udpout:127.0.0.1:9", "--duration", "1", "--speed", "100")
-    assert run(monkeypatch, *arguments) == 0
-    out = capsys.readouterr().out
-    assert "DEBUG_FLOAT_ARRAY 400" in out
-    assert "HEARTBEAT 1" in out
+    outcome = simulate(*arguments)
+    assert outcome.code == 0
+    assert "DEBUG_FLOAT_ARRAY 400" in outcome.out
+    assert "HEARTBEAT 1" in outcome.out
 
 
-def test_link_that_nobody_answers_is_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(monkeypatch, "stream", "tcp:127.0.0.1:9", "--duration", "1") == 1
-    assert "mavhums-sim: " in capsys.readouterr().err
+def test_link_that_nobody_answers_is_one_line(simulate: Run) -> None:
+    outcome = simulate("stream", "tcp:127.0.0.1:9", "--duration", "1")
+    assert outcome.code == 1
+    assert "mavhums-sim: " in outcome.err
 
 
-def test_campaign_from_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_campaign_from_a_file(tmp_path: Path, simulate: Run) -> None:
     plan = tmp_path / "plan.toml"
     plan.write_text("duration_s = 1\nconditions = [{fault = 'friction', severity = [0.1, 0.2]}]\n")
-    assert run(monkeypatch, "campaign", str(plan), "-o", str(tmp_path / "logs")) == 0
+    assert simulate("campaign", plan, "-o", tmp_path / "logs").code == 0
     assert len(json.loads((tmp_path / "logs" / "truth.json").read_text())["flights"]) == 2
     plan.write_text("conditions = 1")
-    assert run(monkeypatch, "campaign", str(plan), "-o", str(tmp_path / "logs")) == 2
-    assert run(monkeypatch, "campaign", str(tmp_path / "no.toml"), "-o", str(tmp_path / "logs")) == 1
+    assert simulate("campaign", plan, "-o", tmp_path / "logs").code == 2
+    assert simulate("campaign", tmp_path / "no.toml", "-o", tmp_path / "logs").code == 1
 
 
 @pytest.mark.parametrize(("measured", "code", "says"), [(1.0, 0, "1 of 1"), (2.0, 1, "FAILED")])
 def test_validate_reports_and_exits(
-    measured: float,
-    code: int,
-    says: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    measured: float, code: int, says: str, monkeypatch: pytest.MonkeyPatch, simulate: Run
 ) -> None:
     check = Check("speed", 1.0, measured, "rad/s", 0.1)
     monkeypatch.setattr("mavhums_sim.validation.validate", lambda: iter([check]))
-    assert run(monkeypatch, "validate") == code
-    assert says in capsys.readouterr().out
+    outcome = simulate("validate")
+    assert outcome.code == code
+    assert says in outcome.out
 
 
-def test_interrupt_exits_130(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_interrupt_exits_130(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, simulate: Run) -> None:
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("mavhums_sim.campaign.run_campaign", interrupted)
-    assert run(monkeypatch, "campaign", "paper", "-o", str(tmp_path), "--duration", "1") == 130
-    assert "stopped" in capsys.readouterr().err
+    outcome = simulate("campaign", "paper", "-o", tmp_path, "--duration", "1")
+    assert outcome.code == 130
+    assert "stopped" in outcome.err
 
 
 def test_progress_bar_only_on_a_terminal(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, simulate: Run
 ) -> None:
-    arguments = ("campaign", "paper", "-o", str(tmp_path), "--duration", "1")
-    assert run(monkeypatch, *arguments) == 0
-    assert not capsys.readouterr().err
+    arguments = ("campaign", "paper", "-o", tmp_path, "--duration", "1")
+    outcome = simulate(*arguments)
+    assert outcome.code == 0
+    assert not outcome.err
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("TTY_COMPATIBLE", "1")
-    assert run(monkeypatch, *arguments) == 0
-    assert "flying" in capsys.readouterr().err
+    outcome = simulate(*arguments)
+    assert outcome.code == 0
+    assert "flying" in outcome.err
 
 
 def test_module_runs_as_a_program(

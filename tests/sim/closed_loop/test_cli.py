@@ -8,26 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from mavhums_sim.cli import main
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
-    monkeypatch.setattr(sys, "argv", ["mavhums-sim", "flight", *map(str, arguments)])
-    try:
-        main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
+from tests.conftest import Run
 
 
 @pytest.mark.slow
-def test_closed_loop_flight_and_its_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_closed_loop_flight_and_its_truth(tmp_path: Path, simulate: Run) -> None:
     log = tmp_path / "jam.tlog"
     options = "--duration 30 --seed 2 --surface-fault aileron_left=freeze:8@25..28.5"
     options += " --confounder engine:0.5@27 --wind 4@200 --turbulence 7 --autopilot px4"
     options += " --stream-rate 4 --aircraft 3"
-    code = run(monkeypatch, "--closed-loop", "-o", log, *options.split())
-    assert code == 0
+    assert simulate("flight", "--closed-loop", "-o", log, *options.split()).code == 0
     truth = json.loads(log.with_suffix(".truth.json").read_text())["flights"][0]
     (fault,) = truth["faults"]
     assert (fault["surface"], fault["kind"], fault["value"]) == ("aileron_left", "freeze", 8.0)
@@ -38,12 +28,10 @@ def test_closed_loop_flight_and_its_truth(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.slow
-def test_a_fault_of_an_ema_brings_the_emas_and_their_telemetry(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fault_of_an_ema_brings_the_emas_and_their_telemetry(tmp_path: Path, simulate: Run) -> None:
     log = tmp_path / "worn.tlog"
     options = ["--fault", "elevator=friction:0.5@20", "--rate", "10"]
-    assert run(monkeypatch, "--closed-loop", "-o", log, "--duration", "25", *options) == 0
+    assert simulate("flight", "--closed-loop", "-o", log, "--duration", "25", *options).code == 0
     truth = json.loads(log.with_suffix(".truth.json").read_text())["flights"][0]
     assert truth["emas"]["actuators"]["elevator"]["fault"] == "friction"
     assert truth["messages"]["DEBUG_FLOAT_ARRAY"] in (4 * 249, 4 * 250)
@@ -64,21 +52,17 @@ def test_a_fault_of_an_ema_brings_the_emas_and_their_telemetry(
         (["--closed-loop", "--stream-rate", "500"], "outside 0.5…50 Hz"),
     ],
 )
-def test_usage_errors_are_one_line(
-    options: list[str],
-    says: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert run(monkeypatch, "-o", tmp_path / "no.tlog", *options) == 2
-    assert says in capsys.readouterr().err
+def test_usage_errors_are_one_line(options: list[str], says: str, tmp_path: Path, simulate: Run) -> None:
+    outcome = simulate("flight", "-o", tmp_path / "no.tlog", *options)
+    assert outcome.code == 2
+    assert says in outcome.err
     assert not list(tmp_path.iterdir())
 
 
 def test_without_jsbsim_the_command_names_the_extra(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, simulate: Run
 ) -> None:
     monkeypatch.setitem(sys.modules, "jsbsim", None)
-    assert run(monkeypatch, "--closed-loop", "-o", tmp_path / "no.tlog") == 2
-    assert "mavhums[sim]" in capsys.readouterr().err
+    outcome = simulate("flight", "--closed-loop", "-o", tmp_path / "no.tlog")
+    assert outcome.code == 2
+    assert "mavhums[sim]" in outcome.err
