@@ -136,28 +136,18 @@ def test_a_cancelled_wait_loses_no_worker() -> None:
     with_workers(use, count=1)
 
 
-def test_a_worker_handed_to_someone_who_has_just_left_is_not_lost() -> None:
+@pytest.mark.parametrize("leaves_first", [False, True])
+def test_a_worker_is_not_lost_with_someone_who_leaves(leaves_first: bool) -> None:
+    """It is handed over just before the other leaves, or to one that is leaving."""
+
     async def use(workers: Workers) -> None:
         worker = await workers._acquire("a")
-        left = asyncio.ensure_future(workers._acquire("b"))
+        leaver = asyncio.ensure_future(workers._acquire("b"))
         await asyncio.sleep(0)
-        workers._hand(worker)
-        left.cancel()
-        await asyncio.gather(left, return_exceptions=True)
-        assert await asyncio.wait_for(workers._acquire("c"), 5) is worker
-        workers._hand(worker)
-
-    with_workers(use, count=1)
-
-
-def test_a_worker_is_not_handed_to_someone_who_is_leaving() -> None:
-    async def use(workers: Workers) -> None:
-        worker = await workers._acquire("a")
-        leaves = asyncio.ensure_future(workers._acquire("b"))
-        await asyncio.sleep(0)
-        leaves.cancel()
-        workers._hand(worker)
-        await asyncio.gather(leaves, return_exceptions=True)
+        steps: list[Callable[[], object]] = [lambda: workers._hand(worker), leaver.cancel]
+        for step in reversed(steps) if leaves_first else steps:
+            step()
+        await asyncio.gather(leaver, return_exceptions=True)
         assert await asyncio.wait_for(workers._acquire("c"), 5) is worker
         workers._hand(worker)
 
