@@ -7,13 +7,12 @@ from pathlib import Path
 import pytest
 
 import mavhums
-from mavhums import Engine
 from mavhums.app.inspection import inspect_log
-from mavhums.results.assessment import Assessment
 from mavhums_sim import Flight, fly
 from mavhums_sim.conditions import Condition
 from mavhums_sim.dataflash import write_dataflash
 from tests.conftest import REAL_LOGS, Run, needs
+from tests.judge import judged
 
 NAMED = b"mavhums airframe=paper"
 CSRV_LOG = REAL_LOGS / "sitl" / "plane_lua_csrv.link1.tlog"
@@ -37,14 +36,6 @@ def unnamed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def judged(content: bytes, piece: int) -> Assessment:
-    engine = Engine()
-    for k in range(0, len(content), piece):
-        engine.feed(content[k : k + piece])
-    engine.finish()
-    return engine.assessment()
-
-
 @pytest.mark.slow
 def test_a_jam_is_found_without_a_profile(unnamed: Path) -> None:
     assessment = mavhums.analyse(unnamed)
@@ -65,9 +56,9 @@ def test_a_jam_is_found_without_a_profile(unnamed: Path) -> None:
 @pytest.mark.slow
 def test_the_draft_does_not_depend_on_the_blocks(unnamed: Path) -> None:
     content = unnamed.read_bytes()
-    whole = judged(content, len(content)).to_json()
-    for piece in (997, 40_003, 1 << 18):
-        assert judged(content, piece).to_json() == whole
+    whole = judged([content])[0].to_json()
+    for size in (997, 40_003, 1 << 18):
+        assert judged(content, size=size)[0].to_json() == whole
 
 
 def test_inspect_says_that_it_can_be_judged(unnamed: Path) -> None:

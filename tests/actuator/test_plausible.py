@@ -15,13 +15,13 @@ from rich.console import Console
 from mavhums.actuator import load_airframe
 from mavhums.actuator.mapping import Gate, bounds
 from mavhums.core.quantities import KEYS, column
-from mavhums.engine.engine import Engine
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from mavhums.show.markdown_report import markdown
 from mavhums.show.terminal import render
 from mavhums_sim import Flight, FlightRecord, fly
 from mavhums_sim.telemetry import messages
+from tests.judge import judged
 from tests.strategies import START_US
 
 TRUE_NM = 1.0
@@ -33,7 +33,7 @@ def record() -> FlightRecord:
 
 
 @pytest.fixture(scope="module")
-def judged(record: FlightRecord) -> Callable[..., Assessment]:
+def judged_with(record: FlightRecord) -> Callable[..., Assessment]:
     def judge(
         value: float, keys: Sequence[str] = KEYS, share: float = 0.05, frozen: bool = False
     ) -> Assessment:
@@ -52,10 +52,7 @@ def judged(record: FlightRecord) -> Callable[..., Assessment]:
             else:
                 sent = message
             data += struct.pack(">Q", START_US + round(time_s * 1e6)) + bytes(sent.pack(link))
-        engine = Engine()
-        engine.feed(bytes(data))
-        engine.finish()
-        return engine.assessment()
+        return judged(bytes(data))[0]
 
     return judge
 
@@ -66,8 +63,10 @@ def elevator(assessment: Assessment) -> Verdict:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("value", [3e38, -np.inf, 1e8, 1e5])
-def test_an_emergency_stays_one_among_absurd_values(judged: Callable[..., Assessment], value: float) -> None:
-    verdict = elevator(judged(value))
+def test_an_emergency_stays_one_among_absurd_values(
+    judged_with: Callable[..., Assessment], value: float
+) -> None:
+    verdict = elevator(judged_with(value))
     assert (verdict.condition, verdict.worst) == ("emergency", "emergency")
     assert verdict.friction_nm is not None
     assert verdict.friction_nm.low <= TRUE_NM + 0.005
@@ -78,8 +77,8 @@ def test_an_emergency_stays_one_among_absurd_values(judged: Callable[..., Assess
     assert all(30 < count < 100 for count in counts.values())
 
 
-def test_what_was_taken_out_is_shown(judged: Callable[..., Assessment]) -> None:
-    assessment = judged(3e38, ["V7"])
+def test_what_was_taken_out_is_shown(judged_with: Callable[..., Assessment]) -> None:
+    assessment = judged_with(3e38, ["V7"])
     count = elevator(assessment).coverage.implausible["V7"]
     console = Console(width=120, file=StringIO())
     render(assessment, console)
@@ -89,8 +88,8 @@ def test_what_was_taken_out_is_shown(judged: Callable[..., Assessment]) -> None:
     assert told in markdown(assessment)
 
 
-def test_values_of_another_unit_are_named(judged: Callable[..., Assessment]) -> None:
-    verdict = elevator(judged(90_000.0, ["V7"], share=1.0))
+def test_values_of_another_unit_are_named(judged_with: Callable[..., Assessment]) -> None:
+    verdict = elevator(judged_with(90_000.0, ["V7"], share=1.0))
     assert verdict.condition == "undecided"
     assert verdict.reason_codes == ("implausible",)
     assert "of V7 are" in (verdict.reason or "")
@@ -99,20 +98,20 @@ def test_values_of_another_unit_are_named(judged: Callable[..., Assessment]) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("current", [0.0, 0.5])
 def test_a_current_that_stands_still_shows_no_friction(
-    judged: Callable[..., Assessment], current: float
+    judged_with: Callable[..., Assessment], current: float
 ) -> None:
     """The torque of a frozen sensor balances with a friction of nothing, and no residual at all."""
-    verdict = elevator(judged(current, ["V4", "V5", "V8", "V11"], frozen=True))
+    verdict = elevator(judged_with(current, ["V4", "V5", "V8", "V11"], frozen=True))
     assert verdict.friction_nm is None
     assert verdict.condition == "undecided"
-    by_voltage = elevator(judged(current, ["V5", "V8", "V11"], frozen=True))
+    by_voltage = elevator(judged_with(current, ["V5", "V8", "V11"], frozen=True))
     assert by_voltage.condition == "undecided"
     assert by_voltage.friction_nm is not None
     assert by_voltage.friction_nm.low < TRUE_NM < by_voltage.friction_nm.high
 
 
-def test_nothing_that_the_simulator_flies_is_taken_out(judged: Callable[..., Assessment]) -> None:
-    for verdict in judged(0.0, share=0.0).verdicts:
+def test_nothing_that_the_simulator_flies_is_taken_out(judged_with: Callable[..., Assessment]) -> None:
+    for verdict in judged_with(0.0, share=0.0).verdicts:
         assert verdict.coverage.implausible == {}
 
 

@@ -10,13 +10,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
-from mavhums import Engine
 from mavhums.core.errors import ExitCode
 from mavhums.engine.events import ConditionChanged
-from mavhums.engine.options import EngineOptions
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
+from tests import judge
 from tests.conftest import REAL_LOGS, needs
+from tests.fleet_logs import records
 from tests.health.axis.flights import excited
 
 START_US = 1_700_000_000_000_000
@@ -82,11 +82,9 @@ def flown(
     return bytes(data)
 
 
-def judged(content: bytes, *, piece: int = 1 << 22) -> tuple[Assessment, list[ConditionChanged]]:
-    engine = Engine(EngineOptions())
-    events = [e for k in range(0, len(content), piece) for e in engine.feed(content[k : k + piece])]
-    events += engine.finish()
-    return engine.assessment(), [e for e in events if isinstance(e, ConditionChanged)]
+def judged(content: bytes) -> tuple[Assessment, list[ConditionChanged]]:
+    assessment, events = judge.judged(content)
+    return assessment, [event for event in events if isinstance(event, ConditionChanged)]
 
 
 def test_a_lost_aileron_is_found_without_any_configuration() -> None:
@@ -101,16 +99,6 @@ def test_a_lost_aileron_is_found_without_any_configuration() -> None:
     assert {v.condition for v in assessment.verdicts if v.subject == "actuator"} == {"unmonitored"}
     alarm = next(change for change in changes if change.after in ("degraded", "emergency"))
     assert 90 < alarm.time_s < 112
-
-
-@pytest.mark.slow
-def test_the_verdicts_on_axes_do_not_depend_on_the_blocks() -> None:
-    content = flown()
-    whole, changes = judged(content)
-    for piece in (997, 40_003):
-        pieces, cut = judged(content, piece=piece)
-        assert pieces.to_json() == whole.to_json()
-        assert cut == changes
 
 
 def test_a_healthy_flight_is_normal() -> None:
@@ -153,26 +141,14 @@ def test_what_cannot_be_judged_is_told_why_in_one_line(options: dict[str, float]
 
 def test_a_frozen_output_is_no_evidence() -> None:
     """Servo 1 is overridden: its output stands, and so does the aircraft."""
-    engine = Engine()
-    content = flown(left=0.0)
-    frozen = bytearray()
-    size, at = 0, 0
-    while at < len(content):
-        length = content[at + 9] + 12
-        frame = content[at + 8 : at + 8 + length]
-        size = 8 + length
-        stamp = struct.unpack(">Q", content[at : at + 8])[0]
-        if frame[7] != 36 or stamp < START_US + 90_000_000:
-            frozen += content[at : at + size]
-        else:
-            link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
-            message = v2.MAVLink_servo_output_raw_message(
-                (stamp - START_US), 0, 1500, 1500, 1600, 1500, 0, 0, 0, 0
-            )
-            frozen += content[at : at + 8] + bytes(message.pack(link))
-        at += size
-    events = engine.feed(bytes(frozen)) + engine.finish()
-    assert not [e for e in events if isinstance(e, ConditionChanged) and e.after != "unchanged"]
+    link, frozen = v2.MAVLink(None, srcSystem=1, srcComponent=1), b""
+    for time_us, frame in records(flown(left=0.0)):
+        if frame[7] == 36 and time_us >= START_US + 90_000_000:
+            pulses = (1500, 1500, 1600, 1500, 0, 0, 0, 0)
+            frame = bytes(v2.MAVLink_servo_output_raw_message(time_us - START_US, 0, *pulses).pack(link))  # noqa: PLW2901
+        frozen += struct.pack(">Q", time_us) + frame
+    _, changes = judged(frozen)
+    assert not [change for change in changes if change.after != "unchanged"]
 
 
 @needs_logs

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -55,15 +54,3 @@ def test_an_on_board_log_tells_the_worn_servo_from_the_sound_ones() -> None:
     friction = found["elevator"].friction_nm
     assert friction is not None
     assert friction.low < 1.0 < friction.high
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("log", sorted(CARRIED.glob("*.tlog")), ids=lambda path: path.name)
-def test_the_blocks_change_nothing(log: Path) -> None:
-    content, engines = log.read_bytes(), (mavhums.Engine(), mavhums.Engine())
-    for engine, size in zip(engines, (len(content), 10_007), strict=True):
-        for start in range(0, len(content), size):
-            engine.feed(content[start : start + size])
-        engine.finish()
-    one, other = (engine.assessment().to_json() for engine in engines)
-    assert one == other

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,12 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mavhums
-from mavhums import Engine
 from mavhums.actuator.profile import Actuator, Airframe, load_airframe
 from mavhums.core.errors import ExitCode
 from mavhums.engine.events import ConditionChanged, Event, Notice
 from mavhums.engine.moving_outputs import contradiction, refutation
-from mavhums.engine.options import EngineOptions
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import AxisLimits
@@ -27,12 +25,11 @@ from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.surfaces import SurfaceOutput
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from tests.conftest import REAL_LOGS, Run, needs
-from tests.engine.test_events import canonical
 from tests.engine.wired import PLANE, PX4_PLANE, START_US, Wired
-from tests.fleet_logs import moved
+from tests.fleet_logs import moved, records
 from tests.health.axis.flights import excited, rows, steady
+from tests.judge import judged
 from tests.live.conftest import Rig
-from tests.strategies import blocks, cuts
 
 PAPER = load_airframe("paper")
 NAMED = (b"mavhums airframe=paper",)
@@ -46,12 +43,10 @@ ALFA = Path(__file__).parents[2] / "benchmarks" / "alfa.toml"
 WRONG = "servo 2 is right aileron in the profile and elevator in the log"
 
 
-def judged(
-    parts: Iterable[bytes], airframe: Airframe | None = PAPER
+def by_profile(
+    log: bytes, airframe: Airframe | None = PAPER
 ) -> tuple[dict[str, Verdict], list[Event], Assessment]:
-    engine = Engine(EngineOptions(airframe=airframe))
-    events = [*(event for part in parts for event in engine.feed(part)), *engine.finish()]
-    assessment = engine.assessment()
+    assessment, events = judged(log, airframe=airframe)
     return {verdict.actuator: verdict for verdict in assessment.verdicts}, events, assessment
 
 
@@ -62,7 +57,7 @@ def alarms(events: Iterable[Event]) -> list[ConditionChanged]:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", FORMATS)
 def test_what_the_parameters_contradict_is_judged_by_them(kind: str) -> None:
-    verdicts, events, assessment = judged([FORMATS[kind](Wired())])
+    verdicts, events, assessment = by_profile(FORMATS[kind](Wired()))
     assert not alarms(events)
     wrong = verdicts["aileron_right"]
     assert (wrong.condition, wrong.worst) == ("undecided", "undecided")
@@ -82,7 +77,7 @@ def test_what_the_parameters_contradict_is_judged_by_them(kind: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "told_s"), [("tlog", 30.0), ("tlog", 130.0), ("BIN", 80.0), ("ulg", 168.0)])
 def test_parameters_that_arrive_late_contradict_as_well(kind: str, told_s: float) -> None:
-    verdicts, events, _ = judged([FORMATS[kind](Wired(told_s=told_s))])
+    verdicts, events, _ = by_profile(FORMATS[kind](Wired(told_s=told_s)))
     assert not alarms(events)
     assert {verdict.worst for verdict in verdicts.values()} <= {
         "undecided",
@@ -99,7 +94,7 @@ def test_parameters_that_arrive_late_contradict_as_well(kind: str, told_s: float
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", FORMATS)
 def test_without_parameters_the_motion_contradicts(kind: str) -> None:
-    verdicts, events, _ = judged([FORMATS[kind](Wired(parameters={}))])
+    verdicts, events, _ = by_profile(FORMATS[kind](Wired(parameters={})))
     assert not alarms(events)
     said = "servo 2 does not move roll, servo 1 does: the profile may name the wrong output"
     assert verdicts["roll"].reason == said
@@ -120,20 +115,12 @@ def named(**servos: int) -> Airframe:
 SWAPPED = named(aileron=4, elevator=2, rudder=1)
 
 
-def records(tlog: bytes) -> Iterator[bytes]:
-    at = 0
-    while at < len(tlog):
-        size = 8 + 12 + tlog[at + 9]
-        yield tlog[at : at + size]
-        at += size
-
-
 def corrected(flight: Wired, first: dict[str, float]) -> bytes:
     """A log that begins with other parameters than those that the flight tells."""
     early = records(replace(flight, parameters=first, told_s=0.0).tlog())
-    late = [record for record in records(flight.tlog()) if record[8 + 7] == PARAM_VALUE]
-    both: list[bytes] = sorted([*early, *late], key=lambda record: record[:8])
-    return b"".join(both)
+    late = [record for record in records(flight.tlog()) if record[1][7] == PARAM_VALUE]
+    both = sorted([*early, *late], key=lambda record: record[0])
+    return b"".join(time_us.to_bytes(8, "big") + frame for time_us, frame in both)
 
 
 @pytest.mark.slow
@@ -141,7 +128,7 @@ def corrected(flight: Wired, first: dict[str, float]) -> bytes:
 def test_an_alarm_is_withdrawn_where_the_parameters_are_corrected_after_it(airframe: Airframe | None) -> None:
     """Until 100 s rudder and aileron move together, so that nothing tells which of them the log names."""
     wrong = {**PLANE, "SERVO1_FUNCTION": 21.0, "SERVO4_FUNCTION": 4.0}
-    verdicts, events, _ = judged([corrected(Wired(coordinated_s=100.0, told_s=140.0), wrong)], airframe)
+    verdicts, events, _ = by_profile(corrected(Wired(coordinated_s=100.0, told_s=140.0), wrong), airframe)
     changes = [e for e in events if isinstance(e, ConditionChanged) and e.actuator == "roll"]
     assert [change.after for change in changes][-2:] == ["emergency", "unchanged"]
     assert changes[-1].time_s == 150.0
@@ -156,7 +143,7 @@ def test_an_alarm_is_withdrawn_where_the_parameters_are_corrected_after_it(airfr
 @pytest.mark.slow
 def test_an_alarm_that_only_a_wrong_profile_raises_is_not_reported() -> None:
     flight = Wired(coordinated_s=100.0, told_s=140.0)
-    verdicts, events, _ = judged([flight.tlog()], SWAPPED)
+    verdicts, events, _ = by_profile(flight.tlog(), SWAPPED)
     assert not alarms(events)
     changes = [e for e in events if isinstance(e, ConditionChanged) and e.actuator == "roll"]
     assert [change.after for change in changes] == ["unchanged", "undecided", "unchanged"]
@@ -168,7 +155,7 @@ def test_an_alarm_that_only_a_wrong_profile_raises_is_not_reported() -> None:
 def test_a_wrong_profile_that_is_named_late_raises_no_alarm_of_the_past() -> None:
     """What was flown before the vehicle names its profile is judged by it, and the motion is asked."""
     flight = Wired(parameters={}, texts=NAMED, named_s=150.0)
-    verdicts, events, _ = judged([flight.tlog()], None)
+    verdicts, events, _ = by_profile(flight.tlog(), None)
     assert not alarms(events)
     assert "servo 2 does not move roll" in str(verdicts["roll"].reason)
 
@@ -177,9 +164,9 @@ def test_a_wrong_profile_that_is_named_late_raises_no_alarm_of_the_past() -> Non
 def test_a_real_loss_is_found_whether_the_profile_is_right_or_not() -> None:
     right, lost = named(aileron=1, elevator=2, rudder=4), Wired(left=0.4)
     for airframe, parameters in ((right, lost.parameters), (right, {}), (PAPER, lost.parameters), (None, {})):
-        verdicts, _, _ = judged([replace(lost, parameters=parameters).tlog()], airframe)
+        verdicts, _, _ = by_profile(replace(lost, parameters=parameters).tlog(), airframe)
         assert verdicts["roll"].condition == "emergency", airframe
-    verdicts, _, _ = judged([replace(lost, parameters={}).tlog()], PAPER)
+    verdicts, _, _ = by_profile(replace(lost, parameters={}).tlog(), PAPER)
     assert verdicts["roll"].reason_codes == ("outputs_contradicted",)
 
 
@@ -187,34 +174,8 @@ def test_a_real_loss_is_found_whether_the_profile_is_right_or_not() -> None:
 def test_a_surface_lost_before_take_off_is_not_laid_on_a_profile_that_the_parameters_confirm() -> None:
     """The aircraft answers to the rudder alone: nothing but the parameters can tell the two cases apart."""
     flight = Wired(left=0.0, lost_s=0)
-    confirmed, _, _ = judged([flight.tlog()], named(aileron=1, elevator=2, rudder=4))
+    confirmed, _, _ = by_profile(flight.tlog(), named(aileron=1, elevator=2, rudder=4))
     assert confirmed["roll"].reason_codes == ("unexplained", "effect_uncertain")
-
-
-WHOLE: dict[str, tuple[dict[str, Verdict], list[Event], Assessment]] = {}
-
-
-@pytest.mark.slow
-@given(data=st.data())
-@settings(max_examples=3, deadline=None)
-@pytest.mark.parametrize(
-    "flight",
-    [
-        Wired(seconds=130, told_s=97.3, texts=NAMED),
-        Wired(seconds=130, parameters={}),
-        Wired(seconds=150, coordinated_s=100.0, told_s=120.4),
-    ],
-    ids=["late", "motion", "withdrawn"],
-)
-def test_no_event_depends_on_the_blocks(flight: Wired, data: st.DataObject) -> None:
-    content = flight.tlog()
-    airframe = None if flight.texts else SWAPPED if flight.coordinated_s else PAPER
-    if repr(flight) not in WHOLE:
-        WHOLE[repr(flight)] = judged([content], airframe)
-    _, events, assessment = WHOLE[repr(flight)]
-    _, cut_events, cut_assessment = judged(blocks(content, data.draw(cuts(len(content)))), airframe)
-    assert canonical(cut_events) == canonical(events)
-    assert cut_assessment.to_json() == assessment.to_json()
 
 
 def swapped(**moved: int) -> Airframe:
@@ -273,13 +234,8 @@ def test_the_telemetry_of_another_surface_is_no_verdict(run: Run, tmp_path: Path
 @pytest.mark.slow
 def test_a_live_session_says_no_alarm_and_agrees_with_its_recording(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
-    content, sent, at = Wired(seconds=120, texts=NAMED, told_s=60.0).tlog(), [], 0
-    while at < len(content):
-        size = 12 + content[at + 9]
-        time_us = int.from_bytes(content[at : at + 8], "big") - START_US + rig.now_us
-        sent.append(Piece("vehicle", time_us, content[at + 8 : at + 8 + size]))
-        at += 8 + size
-    rig.hear(sent)
+    flight = records(Wired(seconds=120, texts=NAMED, told_s=60.0).tlog())
+    rig.hear([Piece("vehicle", time_us - START_US + rig.now_us, frame) for time_us, frame in flight])
     assessment = rig.end()
     assert not rig.shown.alerts
     assert not alarms(rig.shown.events)
@@ -450,5 +406,5 @@ def test_a_rudder_that_moves_with_the_ailerons_does_not_refute_their_loss(loose:
 @needs(REAL_LOGS / "alfa")
 def test_names_lose_no_alarm_of_a_real_flight() -> None:
     log = REAL_LOGS / "alfa" / "2018-10-05-14-37-22_3_left_aileron_failure.tlog"
-    verdicts, _, _ = judged([log.read_bytes()], load_airframe(ALFA))
+    verdicts, _, _ = by_profile(log.read_bytes(), load_airframe(ALFA))
     assert verdicts["roll"].worst in ("degraded", "emergency")

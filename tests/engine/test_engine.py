@@ -33,6 +33,7 @@ from mavhums_sim import Flight, FlightRecord, fly, write_tlog
 from mavhums_sim.conditions import Condition
 from mavhums_sim.telemetry import messages
 from tests.conftest import REAL_LOGS, SINGLE, needs, real_logs
+from tests.judge import judged
 from tests.logs import write_log
 from tests.strategies import START_US, blocks, cuts
 
@@ -42,16 +43,12 @@ def model() -> Model:
     return default_model()
 
 
-def judge(data: Iterable[bytes], **options: Any) -> Assessment:
-    engine = Engine(EngineOptions(**options))
-    for block in data:
-        engine.feed(block)
-    engine.finish()
-    return engine.assessment()
+def judge(log: bytes, **options: Any) -> Assessment:
+    return judged(log, **options)[0]
 
 
 def judge_records(records: Iterable[bytes], **options: Any) -> Assessment:
-    return judge([b"".join(records)], **options)
+    return judge(b"".join(records), **options)
 
 
 def of(assessment: Assessment, actuator: str, vehicle: int = 1) -> Verdict:
@@ -73,23 +70,6 @@ def models() -> tuple[Model, ...]:
     return packaged_models()
 
 
-@pytest.fixture(scope="module")
-def short_verdicts(short_log: Path, models: tuple[Model, ...]) -> str:
-    return judge([short_log.read_bytes()], models=models).to_json()
-
-
-@pytest.mark.slow
-@given(data=st.data())
-@settings(max_examples=12, deadline=None)
-def test_the_verdicts_do_not_depend_on_the_blocks(
-    data: st.DataObject, short_log: Path, short_verdicts: str, models: tuple[Model, ...]
-) -> None:
-    content = short_log.read_bytes()
-    places = data.draw(cuts(len(content)))
-    assert '"paper-instrumented"' in short_verdicts
-    assert judge(blocks(content, places), models=models).to_json() == short_verdicts
-
-
 @pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=4, deadline=None)
@@ -99,12 +79,11 @@ def test_neither_the_networks_decision_nor_its_samples_depend_on_the_blocks(
     content = growing_log.read_bytes()
 
     def decided(parts: Iterable[bytes]) -> tuple[str, list[NDArray[np.float64]]]:
-        engine = Engine(EngineOptions(models=models, decide="network", vehicle_states=True))
-        events = [event for part in parts for event in engine.feed(part)] + engine.finish()
+        assessment, events = judged(parts, models=models, decide="network", vehicle_states=True)
         said = [e for e in events if isinstance(e, Classified) and e.actuator == "elevator"]
         arrays = ("time_s", "p_emergency", "said", "inside")
         columns = [np.concatenate([getattr(e, name) for e in said]) for name in arrays]
-        return engine.assessment().to_json(), columns
+        return assessment.to_json(), columns
 
     verdicts, columns = decided([content])
     assert '"decides": "network"' in verdicts
@@ -115,18 +94,8 @@ def test_neither_the_networks_decision_nor_its_samples_depend_on_the_blocks(
         np.testing.assert_allclose(other, own, rtol=0, atol=1e-12)
 
 
-@pytest.mark.slow
-def test_even_a_few_bytes_at_a_time(short_log: Path, short_verdicts: str, models: tuple[Model, ...]) -> None:
-    content = short_log.read_bytes()
-    parts = (content[k : k + 31] for k in range(0, len(content), 31))
-    assert judge(parts, models=models).to_json() == short_verdicts
-
-
 def test_growing_friction_is_followed_through_both_limits(growing_log: Path, model: Model) -> None:
-    engine = Engine(EngineOptions(models=(model,)))
-    events = [event for block in blocks(growing_log.read_bytes(), [500_000]) for event in engine.feed(block)]
-    events += engine.finish()
-    assessment = engine.assessment()
+    assessment, events = judged(blocks(growing_log.read_bytes(), [500_000]), models=(model,))
     elevator = of(assessment, "elevator")
     assert (elevator.condition, elevator.worst) == ("emergency", "emergency")
     assert [e.rule.split(":")[0] for e in elevator.evidence if e.kind == "friction"] == [
@@ -157,7 +126,7 @@ def test_growing_friction_is_followed_through_both_limits(growing_log: Path, mod
 
 
 def test_the_network_votes_and_its_model_is_named(growing_log: Path, model: Model) -> None:
-    assessment = judge([growing_log.read_bytes()], models=(model,))
+    assessment = judge(growing_log.read_bytes(), models=(model,))
     assert assessment.model is not None
     assert assessment.model.hash == model.hash
     elevator, rudder = of(assessment, "elevator").network, of(assessment, "rudder").network
@@ -168,7 +137,7 @@ def test_the_network_votes_and_its_model_is_named(growing_log: Path, model: Mode
 
 def test_a_model_serves_only_the_airframe_of_its_card(growing_log: Path, model: Model) -> None:
     other = load_airframe("paper").model_copy(update={"name": "other"})
-    assessment = judge([growing_log.read_bytes()], airframe=other, models=(model,))
+    assessment = judge(growing_log.read_bytes(), airframe=other, models=(model,))
     assert assessment.airframe == "other"
     assert assessment.model is None
     assert of(assessment, "elevator").network is None
@@ -179,7 +148,7 @@ def test_every_assessment_follows_the_schema(growing_log: Path, model: Model) ->
     import json
 
     validator = jsonschema.Draft202012Validator(json_schema())
-    for data in ([growing_log.read_bytes()], [b""], [b"junk"]):
+    for data in (growing_log.read_bytes(), b"", b"junk"):
         validator.validate(json.loads(judge(data, models=(model,)).to_json()))
 
 
@@ -221,10 +190,10 @@ def test_a_standing_actuator_is_undecided() -> None:
 
 def test_without_a_profile_nothing_is_judged(short_log: Path) -> None:
     content = short_log.read_bytes().replace(b"mavhums airframe=paper", b"mavhums airframe=piper")
-    drafted = judge([content])
+    drafted = judge(content)
     assert drafted.airframe == "drafted"
     assert {v.condition for v in drafted.verdicts} <= {"learning", "undecided"}
-    assessment = judge([content.replace(b"SERVO", b"SIRVO")])  # no parameter is left
+    assessment = judge(content.replace(b"SERVO", b"SIRVO"))  # no parameter is left
     everything = of(assessment, "all")
     assert {v.condition for v in assessment.verdicts} == {"undecided"}
     assert everything.reason_codes == ("no_profile",)
@@ -232,13 +201,12 @@ def test_without_a_profile_nothing_is_judged(short_log: Path) -> None:
 
 
 def test_an_unknown_profile_is_reported() -> None:
-    engine = Engine()
     link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
     data = b""
     for hour, text in enumerate((b"mavhums airframe=nonesuch", b"hello")):
         frame = bytes(v2.MAVLink_statustext_message(6, text).pack(link))
         data += struct.pack(">Q", START_US + 3_600_000_000 * hour) + frame
-    events = engine.feed(data) + engine.finish()
+    _, events = judged(data)
     assert [(e.time_s, e.text) for e in events if isinstance(e, Notice)] == [
         (0.0, "names the unknown airframe nonesuch"),
         (3600.0, "hello"),
@@ -326,24 +294,24 @@ def test_damage_is_survived_and_declared(growing_log: Path) -> None:
     content = bytearray(growing_log.read_bytes())
     for place in range(1_000, len(content) - 1_000, 5_000):
         content[place] ^= 0xFF
-    assessment = judge([bytes(content)])
+    assessment = judge(bytes(content))
     assert of(assessment, "elevator").condition == "emergency"
     assert of(assessment, "rudder").condition == "normal"
     assert assessment.log.losses.any
 
 
 def test_exit_codes_tell_the_worst(growing_log: Path, tmp_path: Path) -> None:
-    assert judge([growing_log.read_bytes()]).exit_code == ExitCode.EMERGENCY
+    assert judge(growing_log.read_bytes()).exit_code == ExitCode.EMERGENCY
     healthy = tmp_path / "healthy.tlog"
     write_tlog(fly(Flight(seed=5, duration_s=20.0)), healthy)
     content = healthy.read_bytes()
-    assert judge([content]).exit_code == ExitCode.OK
-    assert judge([content + b"\0\0\0"]).exit_code == ExitCode.OK, "so ends a log that ends with the power"
-    assert judge([content[:5000] + b"noise" + content[5000:]]).exit_code == ExitCode.READ_WITH_LOSSES
-    assert judge([b""]).exit_code == ExitCode.UNDECIDED
+    assert judge(content).exit_code == ExitCode.OK
+    assert judge(content + b"\0\0\0").exit_code == ExitCode.OK, "so ends a log that ends with the power"
+    assert judge(content[:5000] + b"noise" + content[5000:]).exit_code == ExitCode.READ_WITH_LOSSES
+    assert judge(b"").exit_code == ExitCode.UNDECIDED
     degraded = tmp_path / "degraded.tlog"
     write_tlog(fly(Flight(seed=5, duration_s=20.0, friction_nm={"rudder": (0.6, 0.6)})), degraded)
-    assessment = judge([degraded.read_bytes()])
+    assessment = judge(degraded.read_bytes())
     assert assessment.exit_code == ExitCode.DEGRADED
     assert assessment.summary().startswith("rudder: degraded, friction 0.")
     frame = assessment.to_frame()
@@ -400,7 +368,6 @@ def test_a_reboot_in_flight_is_reported_and_survived() -> None:
     """The vehicle's clock starts anew at 30 s; the history goes on."""
     record = fly(Flight(seed=22, duration_s=60.0, friction_nm={"elevator": (1.0, 1.0)}))
     link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
-    engine = Engine()
     sent: list[bytes] = []
     for (time_us, data), (time_s, message) in zip(packed(record), messages(record), strict=True):
         if message.get_type() == "DEBUG_FLOAT_ARRAY" and time_s > 30.0:
@@ -409,12 +376,12 @@ def test_a_reboot_in_flight_is_reported_and_survived() -> None:
             )
             data = struct.pack(">Q", time_us) + bytes(again.pack(link))  # noqa: PLW2901
         sent.append(data)
-    events = engine.feed(b"".join(sent)) + engine.finish()
+    assessment, events = judged(b"".join(sent))
     told = [e.text for e in events if isinstance(e, Notice) and not e.text.startswith("SimBoard")]
     assert told == ["its clock jumped: it rebooted, or its time was set"]
-    elevator = of(engine.assessment(), "elevator")
+    elevator = of(assessment, "elevator")
     assert elevator.condition == "emergency"
-    assert engine.assessment().log.losses.broken_stamps["DEBUG_FLOAT_ARRAY"] == 2
+    assert assessment.log.losses.broken_stamps["DEBUG_FLOAT_ARRAY"] == 2
     assert elevator.coverage.decidable > 45
 
 
@@ -465,19 +432,6 @@ def test_a_tier_that_cannot_tell_says_so(every_tier: FlightRecord, tiers: tuple[
         assert verdict.condition in ("undecided", "unmonitored")
         assert verdict.reason
         assert verdict.remedy
-
-
-@pytest.mark.slow
-@given(data=st.data())
-@settings(max_examples=4, deadline=None)
-def test_blocks_do_not_matter_when_every_tier_speaks(
-    data: st.DataObject, every_tier: FlightRecord, models: tuple[Model, ...]
-) -> None:
-    content = b"".join(record for _, record in packed(carrying(every_tier, "esc-unsigned", "pwm", "named")))
-    whole = judge([content], models=models)
-    parts = blocks(content, data.draw(cuts(len(content))))
-    assert judge(parts, models=models).to_json() == whole.to_json()
-    assert whole.model is not None
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Events obey block independence as verdicts do: every event, however the log is cut."""
+"""Which events a log brings about, and what is counted beside them."""
 
 from __future__ import annotations
 
@@ -11,18 +11,15 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.engine.axes import with_drops
-from mavhums.engine.engine import Engine
 from mavhums.engine.events import Attitude, Event, Followed, Indication, Notice, Position, Samples
-from mavhums.engine.options import EngineOptions
 from mavhums.log.base.decoder import Losses
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
-from tests.strategies import START_US, blocks, cuts
+from tests.judge import judged
+from tests.strategies import START_US
 
 REBOOT_S = 11.0
 JUMPED = "its clock jumped: it rebooted, or its time was set"
@@ -37,8 +34,7 @@ def rebooted(message: Any, time_s: float) -> Any:
     return message
 
 
-@pytest.fixture(scope="module")
-def content() -> bytes:
+def two_vehicles() -> bytes:
     """Two vehicles of several tiers; of one the clock jumps; both say things; garbage lies between."""
     out: list[tuple[int, bytes]] = []
     tiers = {1: ("esc-unsigned", "pwm", "named"), 2: ("instrumented",)}
@@ -86,21 +82,10 @@ def _joined(events: list[Any]) -> Any:
     return [np.concatenate([getattr(event, name) for event in events]).tobytes() for name in fields]
 
 
-def follow(parts: Iterable[bytes]) -> list[Event]:
-    """Return the events of the engine and then those of the assessment."""
-    engine = Engine(EngineOptions(vehicle_states=True))
-    events = [*(event for part in parts for event in engine.feed(part)), *engine.finish()]
-    return [*events, *cast(list[Event], engine.assessment().events)]
-
-
-@pytest.fixture(scope="module")
-def whole(content: bytes) -> dict[Any, Any]:
-    return canonical(follow([content]))
-
-
-def test_the_log_brings_about_every_kind_of_event(whole: dict[Any, Any]) -> None:
-    kinds = {key[0] for key in whole}
-    assert kinds >= {
+def test_the_log_brings_about_every_kind_of_event() -> None:
+    assessment, events = judged(two_vehicles(), vehicle_states=True)
+    whole = canonical([*events, *cast(list[Event], assessment.events)])
+    assert {key[0] for key in whole} >= {
         "Samples",
         "Window",
         "ConditionChanged",
@@ -114,17 +99,12 @@ def test_the_log_brings_about_every_kind_of_event(whole: dict[Any, Any]) -> None
     assert ("AirframeNamed", 1, None, None) in whole
 
 
-@given(data=st.data())
-@settings(max_examples=4, deadline=None)
-def test_no_event_depends_on_the_blocks(data: st.DataObject, content: bytes, whole: dict[Any, Any]) -> None:
-    assert canonical(follow(blocks(content, data.draw(cuts(len(content)))))) == whole
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [4096, 1 << 22])
-def test_a_jump_of_the_clock_is_told_where_it_is(content: bytes, size: int) -> None:
-    parts = [content[k : k + size] for k in range(0, len(content), size)]
-    notices = [event for event in follow(parts) if isinstance(event, Notice) and event.text == JUMPED]
+def test_a_jump_of_the_clock_is_told_where_it_is(size: int) -> None:
+    content = two_vehicles()
+    _, events = judged(content, size=size)
+    notices = [event for event in events if isinstance(event, Notice) and event.text == JUMPED]
     assert [event.vehicle for event in notices] == [2]
     assert notices[0].time_s == pytest.approx(REBOOT_S, abs=0.5)
 

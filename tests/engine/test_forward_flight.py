@@ -13,8 +13,9 @@ from mavhums.show.headline import NOT_JUDGED, headline
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.vtol import lift_of, refined_identity, rotor_servos
-from tests.engine.test_axes import judged, of
+from tests.engine.test_axes import of
 from tests.engine.wired import PLANE, Wired
+from tests.judge import judged
 
 TILTROTOR = {
     "Q_ENABLE": 1.0,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import struct
 from pathlib import Path
 
@@ -11,10 +12,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums import Engine
 from mavhums.engine.events import ConditionChanged, Event, Notice
 from mavhums.log.mavlink.stamping import Piece
-from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle import rows as kept
 from mavhums_sim.perturb import (
@@ -28,6 +27,8 @@ from mavhums_sim.perturb import (
 )
 from tests.engine.test_axes import START_US, flown, of
 from tests.engine.test_events import canonical
+from tests.fleet_logs import records
+from tests.judge import judged
 from tests.live.conftest import Rig
 
 ALARMS = ("degraded", "emergency")
@@ -37,13 +38,6 @@ FLIGHTS = {
     "a rudder that moves with the ailerons": flown(left=1.0, parted_s=90),
     "a rudder and a lost aileron": flown(parted_s=70),
 }
-
-
-def judged(content: bytes, *, piece: int = 1 << 22) -> tuple[Assessment, list[Event]]:
-    engine = Engine()
-    events = [e for at in range(0, len(content), piece) for e in engine.feed(content[at : at + piece])]
-    events += engine.finish()
-    return engine.assessment(), events
 
 
 def verdicts(content: bytes) -> list[Verdict]:
@@ -57,15 +51,13 @@ def changes(events: list[Event], axis: str = "roll") -> list[tuple[str, str]]:
 def renamed(content: bytes, time_s: float, **functions: int) -> bytes:
     """The log with parameters ``SERVOn_FUNCTION`` in it at a time."""
     link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
-    stamp = struct.pack(">Q", START_US + round(time_s * 1e6))
-    sent = b"".join(
-        stamp + bytes(v2.MAVLink_param_value_message(name.encode(), value, 6, 9, 0).pack(link))
+    time_us = START_US + round(time_s * 1e6)
+    sent = [
+        (time_us, bytes(v2.MAVLink_param_value_message(name.encode(), value, 6, 9, 0).pack(link)))
         for name, value in functions.items()
-    )
-    at = 0
-    while at < len(content) and content[at : at + 8] < stamp:
-        at += 8 + content[at + 9] + 12
-    return content[:at] + sent + content[at:]
+    ]
+    together = heapq.merge(sent, records(content), key=lambda record: record[0])
+    return b"".join(struct.pack(">Q", time_us) + frame for time_us, frame in together)
 
 
 @pytest.mark.slow
@@ -173,7 +165,7 @@ def test_blocks_do_not_matter_whatever_happened_to_the_log(
 ) -> None:
     content = perturb(FLIGHTS[name], kind, seed)
     whole, events = judged(content)
-    cut, pieces = judged(content, piece=piece)
+    cut, pieces = judged(content, size=piece)
     assert cut.to_json() == whole.to_json()
     assert canonical(pieces) == canonical(events)
 
@@ -181,12 +173,7 @@ def test_blocks_do_not_matter_whatever_happened_to_the_log(
 @pytest.mark.slow
 def test_live_equals_replay_when_parameters_come_in_flight(tmp_path: Path) -> None:
     tlog = move_parameters(FLIGHTS["a rudder and a lost aileron"], 0.7)
-    pieces, at = [], 0
-    while at < len(tlog):
-        size = tlog[at + 9] + 12
-        (time_us,) = struct.unpack(">Q", tlog[at : at + 8])
-        pieces.append(Piece("vehicle", time_us, tlog[at + 8 : at + 8 + size]))
-        at += 8 + size
+    pieces = [Piece("vehicle", time_us, frame) for time_us, frame in records(tlog)]
     rig = Rig(tmp_path, start_us=pieces[0].time_us)
     rig.hear(pieces)
     found = rig.end()  # holds the verdicts against those of the recording

@@ -29,6 +29,7 @@ from mavhums.engine.options import EngineOptions
 from mavhums.log.base.decoder import Losses
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
+from tests.judge import judged
 from tests.links import Mishap, records, rewritten
 from tests.strategies import START_US
 
@@ -50,10 +51,7 @@ class Told(NamedTuple):
 
 
 def judge(tlog: bytes) -> Told:
-    engine = Engine()
-    events = [event for k in range(0, len(tlog), 1 << 18) for event in engine.feed(tlog[k : k + (1 << 18)])]
-    events += engine.finish()
-    assessment = engine.assessment(indicators=False)
+    assessment, events = judged(tlog)
     changes = [event for event in events if isinstance(event, ConditionChanged) and event.after in ALARMS]
     return Told(
         {v.actuator: v.worst for v in assessment.verdicts if v.subject == "axis"},

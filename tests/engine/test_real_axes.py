@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 import mavhums
-from mavhums import Engine
-from mavhums.engine.options import EngineOptions
 from mavhums.health.decision.events import Indication
 from mavhums.log import read_blocks
 from mavhums.results.verdict import Verdict
 from tests.conftest import REAL_LOGS
+from tests.judge import judged
 
 pytestmark = [
     pytest.mark.slow,
@@ -109,9 +108,7 @@ def test_healthy_flights_raise_no_alarm(path: Path, conditions: dict[str, str]) 
 
 def test_half_the_aileron_is_left_in_the_seconds_of_the_jam() -> None:
     """One aileron of two stands from second 90 to 127; the windows are ten seconds long."""
-    engine = Engine(EngineOptions())
-    events = [event for block in read_blocks(REAL_LOGS / JAMMED) for event in engine.feed(block)]
-    events += engine.finish()
+    assessment, events = judged(read_blocks(REAL_LOGS / JAMMED))
     shown = [
         e for e in events if isinstance(e, Indication) and (e.actuator, e.fault) == ("roll", "effectiveness")
     ]
@@ -121,7 +118,7 @@ def test_half_the_aileron_is_left_in_the_seconds_of_the_jam() -> None:
     assert jammed.sum() >= 20
     assert value[jammed] == pytest.approx(0.49, abs=0.04)
     assert (value[(end_s <= 92) | (end_s >= 140)] > 0.85).all()
-    roll = next(v for v in engine.assessment().verdicts if v.actuator == "roll" and v.subject == "axis")
+    roll = next(v for v in assessment.verdicts if v.actuator == "roll" and v.subject == "axis")
     assert roll.worst == "emergency"
     assert roll.since is not None
     assert 90 <= roll.since.flight_time_s <= 110

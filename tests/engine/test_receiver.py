@@ -7,20 +7,16 @@ from typing import Literal
 
 import pytest
 
-import mavhums
 from mavhums.results.verdict import Verdict
+from tests.engine.test_axes import of
 from tests.engine.wired import PLANE, PX4_PLANE, Wired
+from tests.judge import judged
 
 _MAP = {f"RC_MAP_{axis}": float(n) for axis, n in (("ROLL", 1), ("PITCH", 2), ("YAW", 4))}
 
 
-def roll(flight: Wired, form: Literal["tlog", "dataflash", "ulog"], block: int = 1 << 16) -> Verdict:
-    engine = mavhums.Engine(mavhums.EngineOptions())
-    content = getattr(flight, form)()
-    for at in range(0, len(content), block):
-        engine.feed(content[at : at + block])
-    engine.finish()
-    return next(v for v in engine.assessment().verdicts if v.actuator == "roll")
+def roll(flight: Wired, form: Literal["tlog", "dataflash", "ulog"]) -> Verdict:
+    return of(judged(getattr(flight, form)())[0], "roll")
 
 
 @pytest.mark.slow
@@ -37,12 +33,6 @@ def test_the_receivers_channels_are_the_command(
         assert getattr(by_receiver, name) == getattr(by_outputs, name)
     assert by_receiver.surfaces == ("aileron (channel 1)",)
     assert by_receiver.provenance["V1"].startswith("the receiver's channels")
-
-
-@pytest.mark.slow
-def test_it_does_not_depend_on_the_blocks() -> None:
-    flight = Wired(idle_us=0, until_s=95.3, left=0.4)
-    assert roll(flight, "tlog") == roll(flight, "tlog", 1_000)
 
 
 @pytest.mark.slow

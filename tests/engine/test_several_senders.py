@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from mavhums import Assessment, Engine
 from tests.conftest import CARRIED, REAL_LOGS, needs
+from tests.judge import judged
 from tests.links import records
 from tests.strategies import START_US
 
@@ -28,38 +28,30 @@ def together(*flights: list[tuple[int, bytes]]) -> bytes:
     return b"".join(struct.pack(">Q", time_us) + frame for time_us, frame in frames)
 
 
-def judged(data: bytes, size: int) -> Assessment:
-    engine = Engine()
-    for at in range(0, len(data), size):
-        engine.feed(data[at : at + size])
-    engine.finish()
-    return engine.assessment()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("delay_s", [1.0, 7.03, 45.0])
 def test_verdicts_on_two_aircraft_with_one_id_are_undecided(delay_s: float) -> None:
     """Whatever lies between their clocks; the finding on the faulty one could be on either."""
     data = together(moved(FAULTY, 0.0), moved(HEALTHY, delay_s))
-    found = judged(data, 1 << 20)
+    found = judged(data)[0]
     assert {one.worst for one in found.verdicts} == {"undecided", "unmonitored"}
     for one in found.verdicts:
         if one.worst == "undecided":
             assert one.reason_codes == ("several_senders",)
     assert not any(one.own or one.indicators or one.evidence for one in found.verdicts)
-    assert judged(data, 40_000) == found
+    assert judged(data, size=40_000)[0] == found
 
 
 @pytest.mark.slow
 def test_a_reboot_a_late_route_and_a_few_false_frames_are_one_sender() -> None:
     """A finding stays: the aircraft is heard again from its boot, over two links, or beside a forger."""
-    alone = judged(FAULTY.read_bytes(), 1 << 20)
+    alone = judged(FAULTY.read_bytes())[0]
     assert alone.exit_code.name == "EMERGENCY"
     flight = moved(FAULTY, 0.0)
     length_s = (flight[-1][0] - flight[0][0]) / 1e6
-    rebooted = judged(together(flight, moved(FAULTY, length_s + 5.0)), 1 << 20)
-    copied = judged(together(flight, moved(FAULTY, 2.0)), 1 << 20)
-    forged = judged(together(flight, moved(HEALTHY, 7.03)[::40]), 1 << 20)
+    rebooted = judged(together(flight, moved(FAULTY, length_s + 5.0)))[0]
+    copied = judged(together(flight, moved(FAULTY, 2.0)))[0]
+    forged = judged(together(flight, moved(HEALTHY, 7.03)[::40]))[0]
     for one in (rebooted, copied, forged):
         assert not any("several_senders" in verdict.reason_codes for verdict in one.verdicts)
 

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 import mavhums
-from mavhums.engine.engine import Engine
 from mavhums.results.verdict import Verdict
 from mavhums.show.headline import headline
 from mavhums.vehicle.parameters import Parameters
@@ -50,19 +49,6 @@ def test_a_healthy_drive_is_normal(tmp_path: Path, boat: bool) -> None:
     assert (used.name, used.range_us) == ("steering", (1100, 1500, 1900))
     [gain] = [one for one in found.indicators if one.fault == "effectiveness"]
     assert gain.value.estimate == pytest.approx(0.8, rel=0.1), "the curvature by full steering"
-
-
-def test_nothing_depends_on_how_the_log_is_cut() -> None:
-    data = encoded(driven(SteeringFault(200.0, 0.5)))
-
-    def told(size: int) -> list[Verdict]:
-        engine = Engine()
-        for k in range(0, len(data), size):
-            [*engine.feed(data[k : k + size])]
-        [*engine.finish()]
-        return list(engine.assessment().verdicts)
-
-    assert told(9973) == told(len(data))
 
 
 def test_what_is_not_judged_says_why(tmp_path: Path) -> None:

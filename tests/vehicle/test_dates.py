@@ -9,14 +9,13 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-import mavhums
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
-from mavhums.engine.engine import Engine
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.compare import compared
 from mavhums.show import render
 from tests.fleet_logs import records
+from tests.judge import judged
 from tests.live.conftest import verdicts
 
 HEALTHY = Path(__file__).parents[1] / "data" / "healthy.tlog"
@@ -30,21 +29,13 @@ def log_of(stamped: list[tuple[int, bytes]]) -> bytes:
     return b"".join(time_us.to_bytes(8, "big") + frame for time_us, frame in stamped)
 
 
-def judged(log: bytes, size: int) -> mavhums.Assessment:
-    engine = Engine()
-    for k in range(0, len(log), size):
-        engine.feed(log[k : k + size])
-    engine.finish()
-    return engine.assessment()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [10_000, 1 << 22])
 def test_a_clock_that_is_set_in_flight_is_no_pause(size: int) -> None:
     sound = whole(HEALTHY.read_bytes())
     first, third = sound[0][0], len(sound) // 3
     early = [(time_us - first + 10_000_000, frame) for time_us, frame in sound[:third]]
-    found, right = judged(log_of(early + sound[third:]), size), judged(log_of(sound), size)
+    found, right = (judged(log, size=size)[0] for log in (log_of(early + sound[third:]), log_of(sound)))
     assert found.log.duration_s == pytest.approx(right.log.duration_s, abs=0.1)
     starts = [datetime.fromisoformat(one.log.start_utc or "") for one in (found, right)]
     assert abs((starts[0] - starts[1]).total_seconds()) < 0.1
@@ -55,7 +46,7 @@ def test_a_clock_that_is_set_in_flight_is_no_pause(size: int) -> None:
 @pytest.mark.parametrize("cut", [3, 9, 14])
 def test_a_log_that_begins_within_a_frame_begins_with_the_next_time(cut: int) -> None:
     sound = whole(HEALTHY.read_bytes())[:400]
-    found = judged(log_of(sound)[cut:], 1 << 16)
+    found = judged(log_of(sound)[cut:])[0]
     assert (found.log.start_utc or "")[:4] == datetime.fromtimestamp(sound[0][0] / 1e6).strftime("%Y")
     assert found.log.duration_s == pytest.approx((sound[-1][0] - sound[0][0]) / 1e6, abs=1.0)
 
@@ -65,7 +56,7 @@ def undated() -> bytes:
 
 
 def test_a_log_without_a_date_says_first_that_it_is_not_compared() -> None:
-    alone = judged(undated(), 1 << 16)
+    alone = judged(undated())[0]
     assert alone.log.start_utc is None
     found = compared(StandaloneAssessment(alone, {}, {}, 1.0), {})
     assert "no date" in found.log.notices[-1]

@@ -9,12 +9,11 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums.engine.engine import Engine
 from mavhums.engine.events import Attitude, Event, FlightMode, Position
-from mavhums.engine.options import EngineOptions
 from mavhums.log import Table
 from mavhums.vehicle.states import VehicleStates
 from tests.conftest import real_logs
+from tests.judge import judged
 from tests.strategies import START_US
 
 PLANE, COPTER, GCS = 1, 2, 6
@@ -22,10 +21,8 @@ ARDUPILOT, PX4, NONE = 3, 12, 8
 
 
 def told(data: bytes, *, step: int | None = None, wanted: bool = True) -> list[Event]:
-    engine = Engine(EngineOptions(vehicle_states=wanted))
-    step = step or len(data)
-    events = [event for k in range(0, len(data), step) for event in engine.feed(data[k : k + step])]
-    return [e for e in [*events, *engine.finish()] if isinstance(e, Attitude | Position | FlightMode)]
+    _, events = judged(data, size=step or len(data), vehicle_states=wanted)
+    return [e for e in events if isinstance(e, Attitude | Position | FlightMode)]
 
 
 def log(*messages: Any, component: int = 1) -> bytes:

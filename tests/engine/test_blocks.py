@@ -1,0 +1,88 @@
+"""However a log is cut into blocks, verdicts and events are the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, cast
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mavhums.engine.events import Classified, Event
+from mavhums.learn import packaged_models
+from mavhums.results.assessment import Assessment
+from mavhums_sim import Flight, fly
+from mavhums_sim.rover import SteeringFault, encoded
+from tests.conftest import carried_logs
+from tests.engine.test_axes import flown
+from tests.engine.test_contradicted_profile import NAMED, PAPER, SWAPPED
+from tests.engine.test_engine import TIERS, packed
+from tests.engine.test_events import canonical, two_vehicles
+from tests.engine.test_steering import driven
+from tests.engine.wired import Wired
+from tests.judge import judged
+from tests.strategies import blocks, cuts
+
+
+def simulated(**flight: Any) -> bytes:
+    return b"".join(data for _, data in packed(fly(Flight(rate_hz=20.0, **flight))))
+
+
+LOGS: dict[str, tuple[Callable[[], bytes], dict[str, Any]]] = {
+    "two vehicles": (two_vehicles, {"vehicle_states": True}),
+    "networks": (lambda: simulated(seed=12, duration_s=15.0), {"models": packaged_models()}),
+    "tiers": (
+        lambda: simulated(seed=23, duration_s=25.0, friction_nm={"elevator": (1.0, 1.0)}, tiers=TIERS[2:]),
+        {"models": packaged_models()},
+    ),
+    "axes": (flown, {}),
+    "late": (Wired(seconds=130, told_s=97.3, texts=NAMED).tlog, {}),
+    "motion": (Wired(seconds=130, parameters={}).tlog, {"airframe": PAPER}),
+    "withdrawn": (Wired(seconds=150, coordinated_s=100.0, told_s=120.4).tlog, {"airframe": SWAPPED}),
+    "receiver": (Wired(idle_us=0, until_s=95.3, left=0.4).tlog, {}),
+    "rover": (lambda: encoded(driven(SteeringFault(200.0, 0.5))), {}),
+    **{path.name: (path.read_bytes, {}) for path in carried_logs()},
+}
+
+
+@cache
+def whole(name: str) -> tuple[bytes, Assessment, dict[Any, Any]]:
+    log, options = LOGS[name]
+    content = log()
+    assessment, events = judged([content], **options)
+    return content, assessment, canonical(told(assessment, events))
+
+
+def told(assessment: Assessment, events: list[Event]) -> list[Event]:
+    """Return what is told but for the answers to single samples, whose last digits may differ."""
+    kept = [event for event in events if not isinstance(event, Classified)]
+    return kept + cast(list[Event], [*assessment.events])
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name != "two vehicles")) for name in LOGS]
+)
+@given(data=st.data())
+@settings(max_examples=2)
+def test_neither_a_verdict_nor_an_event_depends_on_the_blocks(name: str, data: st.DataObject) -> None:
+    content, assessment, events = whole(name)
+    again, pieces = judged(blocks(content, data.draw(cuts(len(content)))), **LOGS[name][1])
+    assert again.to_json() == assessment.to_json()
+    assert canonical(told(again, pieces)) == events
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "size"), [("networks", 31), ("axes", 997), ("rover", 9973)])
+def test_even_a_few_bytes_at_a_time(name: str, size: int) -> None:
+    content, assessment, events = whole(name)
+    again, pieces = judged(content, size=size, **LOGS[name][1])
+    assert again.to_json() == assessment.to_json()
+    assert canonical(told(again, pieces)) == events
+
+
+def test_the_networks_take_part() -> None:
+    assert {v.network.model.name for v in whole("networks")[1].verdicts if v.network} == {
+        "paper-instrumented"
+    }
