@@ -220,26 +220,16 @@ def test_progress_is_shown_on_a_terminal_only(
         steps(1, 2)
 
 
-def test_help_teaches_and_is_instant() -> None:
-    outcome = subprocess.run(
-        [sys.executable, "-X", "importtime", "-m", "mavhums", "--help"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert "mavhums analyse flight.tlog" in outcome.stdout
+@pytest.mark.parametrize(
+    ("command", "teaches"), [([], "mavhums analyse flight.tlog"), (["inspect"], "--json")]
+)
+def test_help_teaches_and_is_instant(command: list[str], teaches: str) -> None:
+    program = [sys.executable, "-X", "importtime", "-m", "mavhums", *command, "--help"]
+    outcome = subprocess.run(program, capture_output=True, text=True, check=True)
+    assert teaches in outcome.stdout
     loaded = {line.split("|")[-1].strip() for line in outcome.stderr.splitlines()}
-    assert not loaded & {
-        "numpy",
-        "pandas",
-        "torch",
-        "rerun",
-        "pymavlink",
-        "scipy",
-        "numba",
-        "pydantic",
-        "rich",
-    }
+    heavy = {"numpy", "pandas", "torch", "rerun", "pymavlink", "scipy", "numba", "pydantic", "rich"}
+    assert not loaded & heavy
 
 
 def test_interruption_leaves_nothing_half_written(

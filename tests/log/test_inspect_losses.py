@@ -88,13 +88,6 @@ def test_the_standard_input_is_inspected() -> None:
     assert json.loads(done.stdout)["messages"][0]["count"] == 2
 
 
-def test_help_does_not_wait_for_the_compiler() -> None:
-    code = "import sys; from mavhums.cli.main import cli; cli(['inspect', '--help'], standalone_mode=False)"
-    code += "; print('loaded', {'numba', 'numpy', 'pandas'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "loaded set()" in done.stdout
-
-
 def test_a_log_that_ends_with_the_power_has_lost_nothing(tmp_path: Path) -> None:
     path = tmp_path / "power.tlog"
     path.write_bytes(heartbeats([START_US + 1000 * k for k in range(40)])[:-9])
