@@ -38,11 +38,12 @@ _SURFACES = ("aileron_left", "aileron_right", "elevator", "rudder")
 
 @dataclass(frozen=True)
 class Planned:
-    """One flight to be flown: what, at which stream rate, under which name."""
+    """One flight to be flown: what, at which stream rate, under which name; and what its judge accepts."""
 
     name: str
     flight: ClosedLoop
     rate: float
+    false_alarms: float = 1.0
 
     def fly(self) -> Labelled:
         """Fly it; about 0.002 s of CPU per second of flight."""

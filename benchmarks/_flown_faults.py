@@ -145,10 +145,12 @@ def judge(flight: Flight, airframe: str | Path | None) -> Outcome:
     return judge_bytes(flight, read_blocks(flight.path), airframe)
 
 
-def judge_bytes(flight: Flight, blocks: Iterable[bytes], airframe: str | Path | None) -> Outcome:
+def judge_bytes(
+    flight: Flight, blocks: Iterable[bytes], airframe: str | Path | None, false_alarms: float = 1.0
+) -> Outcome:
     """Return the same of the bytes of a flight."""
     profile = None if airframe is None else load_airframe(airframe)
-    engine = Engine(EngineOptions(airframe=profile))
+    engine = Engine(EngineOptions(airframe=profile, false_alarms=false_alarms))
     events: list[Event] = []
     for block in blocks:
         events += engine.feed(block)

@@ -77,7 +77,7 @@ def results(
 def _fly(planned: Planned) -> Result:
     labelled = planned.fly()
     faults = [*_faults(labelled)]
-    outcome = judge_bytes(Flight(Path(labelled.name), faults), [labelled.tlog], None)
+    outcome = judge_bytes(Flight(Path(labelled.name), faults), [labelled.tlog], None, planned.false_alarms)
     alarms = [Alarm(a.actuator, a.fault, a.after, a.time_s) for a in outcome.alarms]
     fault = faults[0] if faults else None
     start_s = fault.start_s if fault else -1.0

@@ -1,13 +1,15 @@
 """Control effectiveness on closed-loop flights: false alarms on healthy flights, and detections by fault.
 
     python benchmarks/control.py [--healthy-hours H] [--share S] [--seed N] [--jobs J] [--keep FILE [--kept]]
+                                 [--false-alarms N]
 
 Flights of JSBSim's aircraft under the simulator's autopilots (``benchmarks/_closed_loop.py``), from their
 bytes alone: the detectors know nothing of that model. Seeds below 100 are for development, seeds from 1000 on
 for a test. ``--share S`` uses every S-th faulty flight, none with 0. ``--keep FILE`` writes each flight's
 result to a file as it comes, and takes from it what a former run with the same seed has done; ``--kept``
-flies nothing more and prints what the file holds. The rate of false alarms is given with its 95 % upper bound
-(Poisson), the share of flights with one with that of Clopper and Pearson.
+flies nothing more and prints what the file holds. ``--false-alarms N`` accepts N in 100 h of an axis on
+healthy flights, to compare many that are promised with those that come. The rate of false alarms is given
+with its 95 % upper bound (Poisson), the share of flights with one with that of Clopper and Pearson.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import argparse
 from collections import defaultdict
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -39,6 +42,9 @@ def false_alarms(rows: Sequence[Result]) -> None:
     bound = chi2.ppf(_SURE, 2 * (alarms + 1)) / 2
     share = beta.ppf(_SURE, flights + 1, len(rows) - flights) if flights < len(rows) else 1.0
     print(f"healthy: {len(rows)} flights, {hours:.1f} h; {alarms} alarms in {flights} flights")
+    tested = sum(alarm.fault in ("effectiveness", "slow") for row in rows for alarm in row.alarms)
+    judged = sum(sum(row.judged.values()) for row in rows) / 3600
+    print(f"    {tested} of them by the test of effectiveness, in {judged:.1f} judged hours of axes")
     print(f"    {100 * alarms / hours:.2f} per 100 h, at 95 % below {100 * bound / hours:.2f} (Poisson)")
     print(f"    {100 * flights / len(rows):.2f} % of the flights, at 95 % below {100 * share:.2f} %")
     for row in rows:
@@ -103,6 +109,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--keep", type=Path, default=None, help="file of the results so far")
+    parser.add_argument("--false-alarms", type=float, default=1.0, help="accepted in 100 h of an axis")
     parser.add_argument("--kept", action="store_true", help="fly nothing, print what FILE holds")
     arguments = parser.parse_args()
     columns = ("surface", "surface+value", "surface+streams_hz", "turb", "phase")
@@ -119,7 +126,9 @@ def main() -> None:
             if arguments.share:
                 found(title, [*fly([*plan(arguments.seed)][:: arguments.share])], keys)
         if arguments.healthy_hours:
-            false_alarms([*fly(healthy(arguments.healthy_hours, arguments.seed))])
+            flights = healthy(arguments.healthy_hours, arguments.seed)
+            accepted = (replace(flight, false_alarms=arguments.false_alarms) for flight in flights)
+            false_alarms([*fly(accepted)])
 
 
 if __name__ == "__main__":
