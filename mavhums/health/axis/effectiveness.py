@@ -222,7 +222,7 @@ class EffectivenessTracker:
     def _judge(self, rows: Rows) -> list[Second]:
         sums = self._sums(rows)
         excluding = self._excluding(rows)
-        stacked = np.array([[s.drive2, s.cross, s.answer2] for s in sums])
+        stacked = np.array([[s.drive2, s.cross, s.answer2, s.drive] for s in sums])
         assert self.reference is not None
         left = np.array([[s.raw, self.reference.gain * s.driven] for s in sums])
         mixed = [*self._mixed.feed(rows)] if self._mixed else [None] * rows.seconds
@@ -333,7 +333,7 @@ def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float |
     """Return the effectiveness over some seconds and its standard error; None if they do not show it."""
     if len(seconds) == 0:
         return None, np.inf
-    drive2, cross, _ = np.array(seconds)[::-1].T
+    drive2, cross = np.array(seconds)[::-1, :2].T
     values, errors = measured(drive2, cross, reference)
     return (float(values[-1]), float(errors[-1])) if np.isfinite(errors[-1]) else (None, np.inf)
 

@@ -7,7 +7,9 @@ likely kind of health. Health is more than λ = 0:
 - *gusts*: they move the aircraft and, through the autopilot, the surfaces against it, which lowers the gain
   by up to ρ·√(R / K²D): R is the response that no gain explains, D the sum of d²;
 - *lags* up to the one that the profile allows;
-- *manoeuvres*: the gain of one second differs between them, in proportion to it.
+- *manoeuvres*: the gain of one second differs between them, in proportion to it;
+- *trim*: thrust and speed change it, and the surfaces that follow move nothing. A trim that is constant over
+  the last seconds adds noise by the share of the drive that is constant, too.
 
 The noise is that of the reference, or R over the last seconds if it is larger.
 """
@@ -31,6 +33,7 @@ from mavhums.health.axis.thresholds import (
     MEAN_ROWS,
     MISFIT_SHARE,
     MOST_RATIO,
+    TRIM_CHANGE,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.sequential import SequentialTest
@@ -64,8 +67,8 @@ class LossTest:
         half = 0.5 if len(slow) else 1.0
         weights = np.where(self._lags == 0, half / LOSSES, half / max(len(slow), 1))
         self._test = SequentialTest(weights, false_alarms)
-        own = MISFIT_SHARE * (1.0 - reference.explained) / reference.explained
-        self._misfit = own if reference.explained > 0.0 else 0.0
+        left = 1.0 - reference.explained
+        self._misfit = min(left / (1.0 - left), MISFIT_SHARE) if left < 1.0 else 0.0
         self._window: deque[Array] = deque(maxlen=GUST_WINDOW_S)
         self._coupled: deque[Array] = deque(maxlen=GUST_WINDOW_S)
 
@@ -77,7 +80,7 @@ class LossTest:
         end_s
             Flight second of its end.
         sums
-            Drive², drive times response, and response² by additional lag, shape (1 + lags, 3).
+            Drive², drive times response, response², and drive by additional lag, shape (1 + lags, 4).
         mixed
             Of mixed surfaces what a loss and a coupling explain
             (:meth:`~mavhums.health.axis.findings.MixedSums.feed`), shape (5,).
@@ -87,7 +90,8 @@ class LossTest:
         if mixed is not None:
             self._coupled.append(mixed)
         noise, gust_loss = self._gusts()
-        spread = 2.0 * (max(noise, self._reference.variance) + (GAIN_DEVIATION * gain) ** 2 * drive2[0])
+        own = (TRIM_CHANGE**2 * self._constant() + GAIN_DEVIATION**2 * drive2[0]) * gain**2
+        spread = 2.0 * (max(noise, self._reference.variance) + own)
         hypotheses = _explained(self._kept, drive2[self._lags], cross[self._lags], gain)
         driven = self._allowed[drive2[self._allowed] > 0.0]
         share = cross[driven] / (drive2[driven] * gain)
@@ -102,7 +106,7 @@ class LossTest:
 
     def _gusts(self) -> tuple[float, float]:
         """Return the noise of the last seconds, and the largest share of the gain that their gusts hide."""
-        drive2, cross, answer2 = np.sum(self._window, axis=0).T
+        drive2, cross, answer2, _ = np.sum(self._window, axis=0).T
         # A lag under which nothing was driven explains nothing, and would divide by zero.
         driven = drive2 > 0.0
         if not driven[0]:
@@ -112,6 +116,11 @@ class LossTest:
         share = max(left / own - self._coupling(), 0.0)
         noise = share * own / len(self._window) * MEAN_ROWS / RATE_HZ  # of independent rows
         return noise, GUST_SHARE * sqrt(max(share - self._misfit, 0.0))
+
+    def _constant(self) -> float:
+        """Return (Σd)² / Σd² of the last seconds: their rows if d is constant, 0 if it is balanced."""
+        drive2, _, _, drive = np.sum(self._window, axis=0)[0].tolist()
+        return drive**2 / drive2 if drive2 > 0.0 else 0.0
 
     def _coupling(self) -> float:
         """Return the share of the response that the demand about the other axis explains: no gusts."""

@@ -31,6 +31,7 @@ class Sums:
     drive2: Array
     cross: Array
     answer2: Array
+    drive: Array
     driven: Array
     raw: Array
     count: Integers
@@ -62,10 +63,11 @@ class Scores:
         raw = np.where(good, columns.answer - other, 0.0)
         drive, answer = self._drive.feed(driven), self._answer.feed(raw)
         shape = (-1, RATE_HZ)
-        products = (drive * drive, drive * answer, answer * answer, driven, raw)
+        products = (drive * drive, drive * answer, answer * answer, drive, driven, raw)
         summed = [np.where(good, product, 0.0).reshape(shape).sum(axis=1) for product in products]
-        drive2, cross, answer2, total, left = summed
-        return Sums(drive2, cross, answer2, total, left, good.reshape(shape).sum(axis=1))
+        drive2, cross, answer2, drive_sum, total, left = summed
+        counts = good.reshape(shape).sum(axis=1)
+        return Sums(drive2, cross, answer2, drive_sum, total, left, counts)
 
 
 def measured(drive2: Array, cross: Array, reference: Reference) -> tuple[Array, Array]:

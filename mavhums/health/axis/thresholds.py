@@ -158,14 +158,18 @@ LEAST_LOSS_PER_LIMIT: Final = 1.25
 # losses in wind, smaller calls gusts a loss (benchmarks/control.py, healthy flights in wind to 12 m/s).
 GUST_SHARE: Final = 0.6
 
-# Share of a reference's unexplained response that is the regression's own and no gusts. As above.
-MISFIT_SHARE: Final = 0.3
+# Largest share of an explained response that the regression itself leaves in calm air: no gusts. As above.
+MISFIT_SHARE: Final = 0.12
 
-# Seconds over which the unexplained response is measured: a manoeuvre and its end.
-GUST_WINDOW_S: Final = 10
+# Seconds over which the unexplained response and the trim are measured: a manoeuvre and its end.
+GUST_WINDOW_S: Final = 6
+
+# Deviation of the trim that thrust and speed change, of the full travel. Larger delays slow demands, smaller
+# calls a change of thrust a loss of roll (benchmarks/control.py, healthy flights without turbulence).
+TRIM_CHANGE: Final = 0.013
 
 # Relative deviation of the gain of one second from that of the reference, beside gusts. Development.
-GAIN_DEVIATION: Final = 0.1
+GAIN_DEVIATION: Final = 0.08
 
 # Largest logarithm of a second's likelihood ratio: an alarm needs three seconds at least, for a single
 # manoeuvre may differ. Development.

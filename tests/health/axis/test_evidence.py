@@ -10,18 +10,22 @@ from scipy.stats import norm
 from mavhums.health.axis.evidence import LossTest
 from mavhums.health.axis.thresholds import EXTRA_LAGS_S, GAIN_DEVIATION
 from mavhums.results.sections import AxisLimits
+from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.test_pooled import GAIN, REFERENCE
 
 LAGS = 1 + len(EXTRA_LAGS_S)
 
 
-def second(kept: float, *, lag: int = 0, noise: float = 0.0, drive2: float = 0.05) -> np.ndarray:
+def second(
+    kept: float, *, lag: int = 0, noise: float = 0.0, drive2: float = 0.05, constant: bool = False
+) -> np.ndarray:
     """Return the sums of a second whose response is a share of the gain, at a lag, beside noise.
 
-    At another lag the drive is at right angles.
+    At another lag the drive is at right angles. It is balanced, or constant.
     """
-    sums = np.zeros((LAGS, 3))
+    sums = np.zeros((LAGS, 4))
     sums[:, 0], sums[lag, 1] = drive2, kept * GAIN * drive2
+    sums[:, 3] = np.sqrt(RATE_HZ * drive2) if constant else 0.0
     sums[:, 2] = (kept**2 + noise) * GAIN**2 * drive2
     return sums
 
@@ -57,11 +61,19 @@ def test_a_loss_beyond_the_limit_is_found_the_sooner_the_larger_it_is(kept: floa
 
 
 def test_gusts_excuse_a_loss_as_far_as_their_size_explains_it() -> None:
-    """They hide 0.6 times the root of their share of the response: 0.13 and 0.6 of the gain."""
-    calm, breeze, storm = (alarm_s(second(0.6, noise=noise))[0] for noise in (0.0, 0.08, 1.0))
+    """They hide 0.6 times the root of their share beyond the regression's own: 0.13 and 0.57 of the gain."""
+    calm, breeze, storm = (alarm_s(second(0.6, noise=noise))[0] for noise in (0.0, 0.16, 1.0))
     assert calm < breeze < 300
     assert storm == 300
     assert alarm_s(second(0.0, noise=0.3))[0] < 300
+
+
+def test_a_trim_that_nothing_follows_is_a_loss_only_beyond_what_thrust_changes() -> None:
+    """Of 1.1 % of the travel, over as many seconds as the filter of slow parts keeps a step, and of 5 %."""
+    small, large = (second(0.0, drive2=RATE_HZ * trim**2, constant=True) for trim in (0.011, 0.05))
+    assert alarm_s(small, most_s=8)[0] == 8
+    assert alarm_s(large)[0] < alarm_s(small)[0]
+    assert alarm_s(second(0.0, drive2=RATE_HZ * 0.011**2))[0] < alarm_s(small)[0]
 
 
 def test_a_lag_is_slow_only_beyond_that_of_the_profile() -> None:
