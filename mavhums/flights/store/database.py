@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import re
+import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from pydantic import ValidationError
 from sqlalchemy import Connection, Engine, NullPool, create_engine, event, inspect, select
@@ -26,6 +27,7 @@ FORMAT: Final = 1
 
 # Longest wait for another command that writes; the verdicts of 10,000 flights take a minute and a half.
 _PATIENCE_S: Final = 300.0
+_PRAGMAS: Final = ("foreign_keys = ON", "synchronous = NORMAL", "cache_size = -32000", "temp_store = MEMORY")
 _PASSWORD: Final = re.compile(r"(://[^/@:]*:)[^/]*@")
 _REMEDIES: Final = {
     "locked": "another command writes into it: try again when it has ended",
@@ -177,22 +179,21 @@ class Store:
             except ModuleNotFoundError as error:
                 raise MissingExtraError("a store in PostgreSQL", "fleet") from error
         else:
-            given = {"timeout": _PATIENCE_S, "isolation_level": None, "check_same_thread": False, "uri": True}
-            engine = create_engine("sqlite://", poolclass=NullPool, connect_args=given)
-            # SQLAlchemy's own address would take the characters ? and % of a path apart
-            event.listen(
-                engine, "do_connect", lambda _d, _r, args, _g: args.__setitem__(slice(None), [self._uri])
-            )
-            event.listen(engine, "connect", _prepare)
+            engine = create_engine("sqlite://", poolclass=NullPool, creator=self._connected)
         event.listen(engine, "begin", _begin)
         return engine
 
-    @property
-    def _uri(self) -> str:
+    def _connected(self) -> sqlite3.Connection:
         path = Path(self.place).absolute()
         # SQLite makes files beside the one that it reads, unless it knows that nobody writes into it.
         sealed = not os.access(path.parent, os.W_OK) and not Path(f"{path}-wal").exists()
-        return f"{path.as_uri()}?immutable=1" if sealed else path.as_uri()
+        address = path.as_uri() + "?immutable=1" * sealed
+        connection = sqlite3.connect(
+            address, timeout=_PATIENCE_S, isolation_level=None, check_same_thread=False, uri=True
+        )
+        for pragma in _PRAGMAS:
+            connection.execute(f"PRAGMA {pragma}")
+        return connection
 
     def unreadable(self, error: Exception) -> MavhumsError:
         """Return the error of a store whose content is damaged."""
@@ -218,11 +219,6 @@ class Store:
             if reads or "malformed" in said or "not a database" in said:
                 raise self.unreadable(error) from error
             raise MavhumsError(f"{self.place}: cannot be written: {said}", "name another file") from error
-
-
-def _prepare(connection: Any, _: object) -> None:
-    for pragma in ("foreign_keys = ON", "synchronous = NORMAL", "cache_size = -32000", "temp_store = MEMORY"):
-        connection.execute(f"PRAGMA {pragma}")
 
 
 def _begin(connection: Connection) -> None:

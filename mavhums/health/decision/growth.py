@@ -74,10 +74,11 @@ class _Courses:
     hat: Array
 
     def likely(self) -> _Courses:
-        """Return those that count: the others together weigh less than a rounding error."""
+        """Return those that count, with odds of one in all: the others weigh less than a rounding error."""
         kept = self.log_odds > self.log_odds.max() - 45
-        columns = ("first", "log_odds", "level", "slope", "ahead", "spread", "variance")
-        return replace(self, **{name: getattr(self, name)[kept] for name in columns})
+        some = {name: getattr(self, name)[kept] for name in ("level", "slope", "ahead", "spread", "variance")}
+        odds = self.log_odds[kept] - np.logaddexp.reduce(self.log_odds)
+        return replace(self, first=self.first[kept], log_odds=odds, **some)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +107,7 @@ class Course:
     def per_flight(self) -> Interval:
         """The slope of the line, averaged over the flights at which growth may begin; 95 % interval."""
         some = self._courses.likely()
-        weights, errors = _weights(some), np.sqrt(some.variance / some.spread)
+        weights, errors = np.exp(some.log_odds), np.sqrt(some.variance / some.spread)
         middle = float(weights @ some.slope)
         width = float(np.max(np.abs(some.slope - middle)) + 50 * np.max(errors)) or 1.0
 
@@ -125,7 +126,7 @@ class Course:
         They are infinite where it need not reach it.
         """
         some = self._courses.likely()
-        weights = _weights(some)
+        weights = np.exp(some.log_odds)
 
         def reached(ahead: float) -> float:
             error = np.sqrt(some.variance * (1 / some.total_weight + (some.ahead + ahead) ** 2 / some.spread))
@@ -315,21 +316,14 @@ def _log_bayes_factors(
     total: float, product: Array, spread: Array, freedom: float, inflation: float
 ) -> Array:
     """Return each course's logarithm of the Bayes factor of a rise, averaged over sizes of a slope."""
-    found = []
-    for scale in GROWTH_SCALES:
-        share = spread / (spread + scale**-2)
-        rest = np.maximum(total - share * product**2 / spread, 1e-12 * total + 1e-300)
-        two_sided = 0.5 * np.log(1 - share) + freedom / 2 * np.log((total + 1e-300) / rest)
-        error = np.sqrt(rest / freedom / (spread + scale**-2))
-        rising = np.log(2 * t_probability(freedom, share * product / spread / error) + 1e-300)
-        found.append(two_sided / inflation + rising)
-    averaged: Array = np.logaddexp.reduce(found, axis=0) - log(len(GROWTH_SCALES))
+    prior = np.array(GROWTH_SCALES)[:, None] ** -2
+    share = spread / (spread + prior)
+    rest = np.maximum(total - share * product**2 / spread, 1e-12 * total + 1e-300)
+    two_sided = 0.5 * np.log(1 - share) + freedom / 2 * np.log((total + 1e-300) / rest)
+    error = np.sqrt(rest / freedom / (spread + prior))
+    rising = np.log(2 * t_probability(freedom, share * product / spread / error) + 1e-300)
+    averaged: Array = np.logaddexp.reduce(two_sided / inflation + rising, axis=0) - log(len(GROWTH_SCALES))
     return averaged
-
-
-def _weights(courses: _Courses) -> Array:
-    weights: Array = np.exp(courses.log_odds - np.logaddexp.reduce(courses.log_odds))
-    return weights
 
 
 def _quantile(reached: Callable[[float], float], share: float, high: float = _MOST_FLIGHTS) -> float:
