@@ -1,4 +1,4 @@
-"""An object store on this computer."""
+"""An object store and a scheduler on this computer."""
 
 from __future__ import annotations
 
@@ -44,3 +44,13 @@ def bucket() -> Iterator[str]:
             sources._filesystem.cache_clear()
             server.kill()
             server.wait()
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    """A cluster in this process, which starts at once."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
+    ) as cluster:
+        yield cluster.scheduler_address

@@ -26,10 +26,10 @@ from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet_logs import moved
 
-distributed = pytest.importorskip("distributed")
+pytest.importorskip("distributed")
 
-from mavhums import fleet  # noqa: E402
-from tests.fleet.stores import add  # noqa: E402
+from mavhums import fleet
+from tests.fleet.stores import add
 
 FLIGHTS = 6
 DAY_S = 86_400.0
@@ -53,11 +53,8 @@ def logs(log: bytes, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def options() -> Iterator[fleet.ScanOptions]:
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
-    ) as cluster:
-        yield fleet.ScanOptions(aircraft="folder", scheduler=cluster.scheduler_address)
+def options(scheduler: str) -> fleet.ScanOptions:
+    return fleet.ScanOptions(aircraft="folder", scheduler=scheduler)
 
 
 @pytest.fixture(scope="module")

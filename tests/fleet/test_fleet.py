@@ -8,7 +8,7 @@ import random
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
@@ -69,15 +69,6 @@ def one_by_one(logs: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
             assessment = analyse(log, store=store, aircraft=f"={aircraft}", keep=True)
             told[str(log)] = [verdict.model_dump_json() for verdict in assessment.verdicts]
     return told
-
-
-@pytest.fixture(scope="module")
-def scheduler() -> Iterator[str]:
-    """A cluster in this process, which starts at once."""
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
-    ) as cluster:
-        yield cluster.scheduler_address
 
 
 @pytest.fixture(scope="module")
