@@ -68,13 +68,6 @@ class State(NamedTuple):
 def rules_for(motors: int) -> Rules:
     """Return the rules for a number of motors."""
     more = motors > 4
-    scalars = [
-        t.RIVAL_ODDS, t.SLOW_HZ, t.YAW_DAMPING, t.FALLS, t.LEAST_THRUST, np.cos(np.radians(t.MOST_BANK_DEG)),
-        t.PAIR_ODDS, t.NOISE_WORTH, t.NOISE_FLOOR, t.NOISE_MOST,
-        t.REFERENCE_S * RATE_HZ, t.REFERENCE_GAP_S * RATE_HZ, t.AIRBORNE_S * RATE_HZ, t.SETTLED_S * RATE_HZ,
-        t.BANK_GRACE_S * RATE_HZ, t.UPRIGHT_S * RATE_HZ, t.LANDED_S * RATE_HZ, t.PAIR_BESIDE_ONE,
-        t.PAYLOAD_ODDS, t.PAYLOAD_BESIDE_MOTOR, t.TURN, t.YAW_DAMPING_SD, t.QUIET_TURN,
-    ]  # fmt: skip
     return Rules(
         t.WINDOWS,
         t.ODDS_MORE if more else t.ODDS_QUAD,
@@ -89,7 +82,28 @@ def rules_for(motors: int) -> Rules:
         t.MODEL_ERROR,
         t.LEAST_GAIN,
         t.MOST_GAIN,
-        np.array(scalars, dtype=np.float64),
+        rival_odds=t.RIVAL_ODDS,
+        pair_odds=t.PAIR_ODDS,
+        pair_beside_one=t.PAIR_BESIDE_ONE,
+        payload_odds=t.PAYLOAD_ODDS,
+        payload_beside_motor=t.PAYLOAD_BESIDE_MOTOR,
+        noise_worth=t.NOISE_WORTH,
+        noise_floor=t.NOISE_FLOOR,
+        noise_most=t.NOISE_MOST,
+        falls=t.FALLS,
+        yaw_damping=t.YAW_DAMPING,
+        yaw_damping_sd=t.YAW_DAMPING_SD,
+        turn=t.TURN,
+        quiet_turn=t.QUIET_TURN,
+        least_thrust=t.LEAST_THRUST,
+        least_upright=float(np.cos(np.radians(t.MOST_BANK_DEG))),
+        reference=round(t.REFERENCE_S * RATE_HZ),
+        gap=round(t.REFERENCE_GAP_S * RATE_HZ),
+        airborne=round(t.AIRBORNE_S * RATE_HZ),
+        settled=round(t.SETTLED_S * RATE_HZ),
+        landed=round(t.LANDED_S * RATE_HZ),
+        bank_grace=round(t.BANK_GRACE_S * RATE_HZ),
+        upright=round(t.UPRIGHT_S * RATE_HZ),
     )
 
 
@@ -135,7 +149,6 @@ def follow(
     it is not in free flight, ``slow`` where the outputs come more rarely than :data:`SLOW_HZ`.
     """
     motors = columns.shape[0]
-    k = rules.scalars
     for row in range(thrust.shape[0]):
         good = np.isfinite(upright[row])
         for i in range(motors):
@@ -143,10 +156,10 @@ def follow(
         for a in range(3):
             good = good and np.isfinite(rates[row, a])
         if good:
-            _take(rates[row], upright[row], hover[row], grounded[row], columns, k, s)
-            settled = s.counts[ALOFT] > k[13] and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0
+            _take(rates[row], upright[row], hover[row], grounded[row], columns, rules, s)
+            settled = s.counts[ALOFT] > rules.settled and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0
             found[row, 7] = 1.0 if settled and upright[row] > 0.866 else 0.0
-            if s.counts[ALOFT] > k[12] and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0:
+            if s.counts[ALOFT] > rules.airborne and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0:
                 _test(slow[row], columns, rules, s, found[row])
         else:
             s.counts[_WHOLE] = 0
@@ -157,7 +170,7 @@ def follow(
 
 @kernel
 def _take(
-    rates: Array, upright: float, hover: float, grounded: bool, columns: Array, k: Array, s: State
+    rates: Array, upright: float, hover: float, grounded: bool, columns: Array, rules: Rules, s: State
 ) -> None:
     """Take one row into the sums and the trim, and decide whether it may be judged."""
     motors = columns.shape[0]
@@ -179,35 +192,39 @@ def _take(
     s.turned[at] = s.turned[before] + rates[2]
     s.now[3] = hover
     c[_WHOLE] += 1
-    low = mean < k[4] * hover
+    low = mean < rules.least_thrust * hover
     c[_DIP] = c[_DIP] + 1 if low else 0
-    if grounded or (c[_DIP] > k[16] and mean < 0.5 * hover) or (c[ALOFT] == 0 and low):
+    if grounded or (c[_DIP] > rules.landed and mean < 0.5 * hover) or (c[ALOFT] == 0 and low):
         c[ALOFT], c[_WHOLE] = 0, 0
         s.recent[:] = 0.0
         s.now[0:3] = np.nan
         s.payload[:] = 0.0
         return
-    if c[_DIP] > k[16]:
+    if c[_DIP] > rules.landed:
         c[_WHOLE] = 0
     c[ALOFT] += 1
     c[FLOWN] += 1
-    if upright < k[5]:
+    if upright < rules.least_upright:
         c[TIPPED] += 1
         c[_GRACE] += 1
-        if c[_GRACE] > k[14]:
-            c[_DEAD] = int(k[15])
+        if c[_GRACE] > rules.bank_grace:
+            c[_DEAD] = rules.upright
     elif upright > 0.866:
         c[_GRACE] = 0
         if c[_DEAD] > 0:
             c[_DEAD] -= 1
             c[_WHOLE] = 0
     # The effort of a climb with much more thrust than a hover's is no trim.
-    if c[ALOFT] > k[12] / 2 and k[4] * hover < mean < hover / k[4] and c[_GRACE] == 0:
-        share = max(1.0 / (c[ALOFT] - k[12] / 2), 1.0 / k[10])
+    if (
+        c[ALOFT] > rules.airborne / 2
+        and rules.least_thrust * hover < mean < hover / rules.least_thrust
+        and c[_GRACE] == 0
+    ):
+        share = max(1.0 / (c[ALOFT] - rules.airborne / 2), 1.0 / rules.reference)
         for a in range(3):
             effort = s.effort[at, a] - s.effort[before, a]
             # The effort of a turn is no trim.
-            part = share / (1.0 + (rates[2] / k[20]) ** 2) if a == 2 else share
+            part = share / (1.0 + (rates[2] / rules.turn) ** 2) if a == 2 else share
             s.now[a] = effort if not np.isfinite(s.now[a]) else s.now[a] + part * (effort - s.now[a])
     for a in range(3):
         s.trim[at, a] = s.now[a]
@@ -217,16 +234,20 @@ def _take(
 @kernel
 def _test(slow: bool, columns: Array, rules: Rules, s: State, found: Array) -> None:
     """Test all windows that end at this row."""
-    c, k = s.counts, rules.scalars
+    c = s.counts
     motors = columns.shape[0]
     e, asked, swing = np.empty(3), np.empty(motors), np.empty(3)
     noise = np.empty((3, 3))
     judged = False
     for w in range(rules.windows.size):
         span = rules.windows[w]
-        if (w > 3 and c[_COUNT] % 4) or c[_WHOLE] <= span or c[ALOFT] <= span + k[11] + k[12] / 2 + 1:
+        if (
+            (w > 3 and c[_COUNT] % 4)
+            or c[_WHOLE] <= span
+            or c[ALOFT] <= span + rules.gap + rules.airborne / 2 + 1
+        ):
             continue
-        if (w >= _QUICK and c[ALOFT] <= k[13]) or (slow and w < _SLOW_WINDOW):
+        if (w >= _QUICK and c[ALOFT] <= rules.settled) or (slow and w < _SLOW_WINDOW):
             continue
         # A window that begins before what a payload explains holds both.
         if c[_COUNT] - c[_EXPLAINED] < span or not _residual(w, columns, rules, s, e, asked, swing):
@@ -234,15 +255,15 @@ def _test(slow: bool, columns: Array, rules: Rules, s: State, found: Array) -> N
         _noise_of(w, rules, s, noise)
         at, begin = c[_COUNT] % _RING, (c[_COUNT] - span) % _RING
         turn = (s.turned[at] - s.turned[begin]) / span
-        noise[2, 2] += (k[21] * turn) ** 2
+        noise[2, 2] += (rules.yaw_damping_sd * turn) ** 2
         need = rules.odds[w] + (rules.slow_odds if slow and w < _SLOW_ODDS else 0.0)
         suspected = _weigh(w, need, e, asked, swing, noise, columns, rules, s, found)
         if w == _BOUND:
             judged = True
-            if abs(turn) < k[22] and abs(swing[2]) < k[22]:
+            if abs(turn) < rules.quiet_turn and abs(swing[2]) < rules.quiet_turn:
                 bound_losses(e, asked, noise, columns, rules, s.recent[0])
         if not suspected:
-            _learn(w, e, k, s)
+            _learn(w, e, rules, s)
     if not judged:
         return
     c[JUDGED] += 1
@@ -257,10 +278,10 @@ def _test(slow: bool, columns: Array, rules: Rules, s: State, found: Array) -> N
 @kernel
 def _residual(w: int, columns: Array, rules: Rules, s: State, e: Array, asked: Array, swing: Array) -> bool:
     """Compute the effort of a window that neither trim nor motion explains; False where the trim is new."""
-    span, k = rules.windows[w], rules.scalars
+    span = rules.windows[w]
     count = s.counts[_COUNT]
     at, begin = count % _RING, (count - span) % _RING
-    trim = (count - span - int(k[11])) % _RING
+    trim = (count - span - rules.gap) % _RING
     hover = s.hover[trim]
     if not hover > 0.0:
         return False
@@ -269,7 +290,7 @@ def _residual(w: int, columns: Array, rules: Rules, s: State, e: Array, asked: A
     for a in range(3):
         beyond = ((s.effort[at, a] - s.effort[begin, a]) / span - s.trim[trim, a]) / hover
         if a == 2:
-            beyond -= k[2] * (s.turned[at] - s.turned[begin]) / span
+            beyond -= rules.yaw_damping * (s.turned[at] - s.turned[begin]) / span
         if not np.isfinite(beyond):
             return False
         swing[a] = s.rates[at, a] - s.rates[begin, a]
@@ -283,21 +304,24 @@ def _residual(w: int, columns: Array, rules: Rules, s: State, e: Array, asked: A
 @kernel
 def _noise_of(w: int, rules: Rules, s: State, noise: Array) -> None:
     """Compute the covariance of a window's effort: the flight's own, shrunk to the usual one."""
-    k = rules.scalars
+    worth = rules.noise_worth + s.weight[w]
     for a in range(3):
         for b in range(3):
-            noise[a, b] = s.noise[w, a, b] / (k[7] + s.weight[w])
+            noise[a, b] = s.noise[w, a, b] / worth
         usual = rules.noise[w, a] ** 2
-        noise[a, a] = max(noise[a, a] + k[7] * usual / (k[7] + s.weight[w]), k[8] * usual)
+        noise[a, a] = max(
+            noise[a, a] + rules.noise_worth * usual / (rules.noise_worth + s.weight[w]),
+            rules.noise_floor * usual,
+        )
 
 
 @kernel
-def _learn(w: int, e: Array, k: Array, s: State) -> None:
+def _learn(w: int, e: Array, rules: Rules, s: State) -> None:
     """Add a window to the flight's own noise: one of those that do not overlap, and not the last one."""
     if s.counts[_COUNT] % max(_ROWS[w], 10) // (4 if w > 3 else 1):
         return
     if np.isfinite(s.pending[w, 0]):
-        keep = 1.0 - 1.0 / k[9]
+        keep = 1.0 - 1.0 / rules.noise_most
         s.weight[w] = s.weight[w] * keep + 1.0
         for a in range(3):
             for b in range(3):
@@ -322,17 +346,17 @@ def _weigh(
     found: Array,
 ) -> bool:
     """Weigh the hypotheses on one window; return whether some motor is suspected."""
-    k, motors = rules.scalars, columns.shape[0]
+    motors = columns.shape[0]
     other = of_others(w, e, noise, rules)
     # No hypothesis can beat the other causes by more than this: mostly nothing need be weighed.
     most = -0.5 * np.log(det(noise)) - other
     if w == _PAYLOAD and is_payload(other, e, asked, noise, columns, rules):
         # Else it stays beside the trim for its memory, and a later turn adds the yaw of a motor.
-        hover = s.hover[(s.counts[_COUNT] - rules.windows[w] - int(k[11])) % _RING]
+        hover = s.hover[(s.counts[_COUNT] - rules.windows[w] - rules.gap) % _RING]
         s.payload[:] += e[:2] * hover
         s.counts[_EXPLAINED] = s.counts[_COUNT]
         return False
-    if most < min(0.5 * need, k[6]):
+    if most < min(0.5 * need, rules.pair_odds):
         s.held[w, 0], s.paired[w] = 0, 0
         return False
     best, second, which = -1e300, -1e300, -1
@@ -347,15 +371,15 @@ def _weigh(
             second = total
     odds = best - other
     low, mean, high = quantiles(posterior)
-    suspected = odds > 0.5 * need and best - second > 0.5 * k[0]
+    suspected = odds > 0.5 * need and best - second > 0.5 * rules.rival_odds
     falls = True
     if w < _QUICK:
         size = np.hypot(columns[which, 0], columns[which, 1])
         towards = -(swing[0] * columns[which, 0] + swing[1] * columns[which, 1]) / size
-        falls = towards >= k[3]
+        falls = towards >= rules.falls
     if _FIRST_PAIRED <= w <= _LAST_PAIRED:
         one, two = (0, 0)
-        if most > k[6] and most > best - other + k[17]:
+        if most > rules.pair_odds and most > best - other + rules.pair_beside_one:
             one, two = pair(best, other, e, asked, noise, columns, rules)
         s.paired[w] = s.paired[w] + 1 if one else 0
         if s.paired[w] >= rules.held[w]:
@@ -363,7 +387,7 @@ def _weigh(
             found[3], found[4], found[5] = mean, low, high
         if one:
             return True
-    sure = odds > need and best - second > k[0] and low > rules.least[w] and falls
+    sure = odds > need and best - second > rules.rival_odds and low > rules.least[w] and falls
     if not sure:
         s.held[w, 0] = 0
         return suspected

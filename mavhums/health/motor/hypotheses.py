@@ -18,7 +18,10 @@ _PAIRED: Final = 10  # the same of each of two
 
 
 class Rules(NamedTuple):
-    """What decides, as arrays for the kernel; :mod:`mavhums.health.motor.thresholds` describes them."""
+    """What decides, for the kernels; :mod:`mavhums.health.motor.thresholds` describes it.
+
+    Times are numbers of rows.
+    """
 
     windows: Integers
     odds: Array
@@ -33,7 +36,28 @@ class Rules(NamedTuple):
     error: Array
     low_gain: Array
     high_gain: Array
-    scalars: Array
+    rival_odds: float
+    pair_odds: float
+    pair_beside_one: float
+    payload_odds: float
+    payload_beside_motor: float
+    noise_worth: float
+    noise_floor: float
+    noise_most: float
+    falls: float
+    yaw_damping: float
+    yaw_damping_sd: float
+    turn: float
+    quiet_turn: float
+    least_thrust: float
+    least_upright: float
+    reference: int
+    gap: int
+    airborne: int
+    settled: int
+    landed: int
+    bank_grace: int
+    upright: int
 
 
 @kernel
@@ -104,12 +128,12 @@ def is_payload(other: float, e: Array, asked: Array, noise: Array, columns: Arra
 
     ``other`` is the log evidence of :func:`of_others`.
     """
-    k, zero = rules.scalars, np.zeros(3)
-    if other - density(e, noise, zero, zero) < k[18]:
+    zero = np.zeros(3)
+    if other - density(e, noise, zero, zero) < rules.payload_odds:
         return False
     shares = np.empty(LOSSES)
     for i in range(columns.shape[0]):
-        if other - of_motor(i, e, asked, noise, columns, rules, shares) < k[19]:
+        if other - of_motor(i, e, asked, noise, columns, rules, shares) < rules.payload_beside_motor:
             return False
     return True
 
@@ -137,8 +161,7 @@ def pair(
 ) -> tuple[int, int]:
     """Return the two motors, from 1, that must both have lost thrust to explain what is seen, else zeros."""
     mean, extra = np.empty(3), np.empty(3)
-    k = rules.scalars
-    most, first, second = max(other + k[6], best + k[17]), 0, 0
+    most, first, second = max(other + rules.pair_odds, best + rules.pair_beside_one), 0, 0
     for i in range(columns.shape[0]):
         for j in range(i):
             total = -1e300
