@@ -20,7 +20,7 @@ from mavhums.health.axis.evidence import LossTest
 from mavhums.health.axis.findings import MixedSums
 from mavhums.health.axis.reference import STANDARDS, Loss, Reference, Second, Standards, constants
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Lag, Shape, judgeable
-from mavhums.health.axis.scores import LossExclusion, Scores, Sums, measured
+from mavhums.health.axis.scores import Scores, Sums, measured
 from mavhums.health.axis.thresholds import (
     EXCLUDING_SPEED_SHARE,
     EXTRA_LAGS_S,
@@ -192,7 +192,6 @@ class EffectivenessTracker:
         self._test = LossTest(reference, self._limits, self._false_alarms)
         self._recent: deque[tuple[int, Array]] = deque(maxlen=LOSS_SECONDS)
         self._left: deque[tuple[Array, int]] = deque(maxlen=SHIFT_S)
-        self._exclusion = LossExclusion(reference)
         self._mixed: MixedSums | None = None
         if self._coupled is not None:
             self._mixed = MixedSums(reference, self._form.axis, self._coupled, self._standards.memory_s)
@@ -201,7 +200,7 @@ class EffectivenessTracker:
         slow = EXCLUDING_SPEED_SHARE
         self._slow_chain = Chain(self._form, reference.basis, reference.shape, least_share=slow)
         self._slow_scores = Scores(reference.others, self._standards.memory_s)
-        self.excluded_s = self._exclusion.begin(self._excluding(rows).values())
+        self.excluded_s = self._test.excludes_in_reference(self._excluding(rows).values())
         self._waiting.clear()
 
     def _sums(self, rows: Rows) -> list[Sums]:
@@ -228,7 +227,7 @@ class EffectivenessTracker:
         mixed = [*self._mixed.feed(rows)] if self._mixed else [None] * rows.seconds
         seconds = []
         for k in range(rows.seconds):
-            excluded = self._exclusion.feed(*excluding[k]) if k in excluding else 0
+            excluded = self._test.excludes(*excluding[k]) if k in excluding else 0
             count = int(sums[0].count[k])
             end_s = rows.second + k + 1
             second = self._second(end_s, stacked[:, :, k], count, left[:, :, k], mixed[k])

@@ -17,7 +17,9 @@ The noise is that of the reference, or R over the last seconds if it is larger.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from math import log, sqrt
+from typing import Final
 
 import numpy as np
 
@@ -33,6 +35,8 @@ from mavhums.health.axis.thresholds import (
     MEAN_ROWS,
     MISFIT_SHARE,
     MOST_RATIO,
+    NORMAL_EFFECTIVENESS,
+    POOLED_S,
     TRIM_CHANGE,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
@@ -40,7 +44,8 @@ from mavhums.health.sequential import SequentialTest
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 
-_LAGS_S = np.array((0.0, *EXTRA_LAGS_S))
+_EXCLUDING: Final = log(20.0)  # of 95 %
+_LAGS_S: Final = np.array((0.0, *EXTRA_LAGS_S))
 
 
 class LossTest:
@@ -69,6 +74,8 @@ class LossTest:
         self._test = SequentialTest(weights, false_alarms)
         left = 1.0 - reference.explained
         self._misfit = min(left / (1.0 - left), MISFIT_SHARE) if left < 1.0 else 0.0
+        self._noise = self._health = 0.0
+        self._waiting = 0  # seconds since the last one over which a loss is excluded
         self._window: deque[Array] = deque(maxlen=GUST_WINDOW_S)
         self._coupled: deque[Array] = deque(maxlen=GUST_WINDOW_S)
 
@@ -89,9 +96,8 @@ class LossTest:
         self._window.append(sums)
         if mixed is not None:
             self._coupled.append(mixed)
-        noise, gust_loss = self._gusts()
-        own = (TRIM_CHANGE**2 * self._constant() + GAIN_DEVIATION**2 * drive2[0]) * gain**2
-        spread = 2.0 * (max(noise, self._reference.variance) + own)
+        self._noise, gust_loss = self._gusts()
+        spread = self._spread(float(drive2[0]))
         hypotheses = _explained(self._kept, drive2[self._lags], cross[self._lags], gain)
         driven = self._allowed[drive2[self._allowed] > 0.0]
         share = cross[driven] / (drive2[driven] * gain)
@@ -103,6 +109,43 @@ class LossTest:
         back = float(hypotheses[self._test.likeliest] - perfect) / spread
         # What tells the hypotheses apart stays.
         return self._test.feed(end_s, ratios + _bounded(best) - best, _bounded(back))
+
+    def excludes(self, drive2: float, cross: float) -> int:
+        """Take a second that may be slower than those of :meth:`feed`.
+
+        Parameters
+        ----------
+        drive2, cross
+            Its sums of drive², and of drive times response.
+
+        Returns
+        -------
+        int
+            Number of seconds over which a loss of 40 % or more is excluded with 95 % by now, and was not
+            before: a larger loss is the less likely wherever one of 40 % is less likely than health.
+        """
+        healthy, lost = _explained(np.array((1.0, NORMAL_EFFECTIVENESS)), drive2, cross, self._reference.gain)
+        ratio = _bounded(float(healthy - lost) / self._spread(drive2))
+        self._health = min(max(self._health, 0.0) + ratio, _EXCLUDING)
+        self._waiting = min(self._waiting + 1, POOLED_S)
+        if self._health < _EXCLUDING:
+            return 0
+        waiting, self._waiting = self._waiting, 0
+        return waiting
+
+    def excludes_in_reference(self, seconds: Iterable[tuple[float, float]]) -> int:
+        """Take the seconds until the reference's end; return over how many of them a loss is excluded.
+
+        They do not speak for those after it.
+        """
+        excluded = sum(self.excludes(*second) for second in seconds)
+        self._health, self._waiting = 0.0, 0
+        return excluded
+
+    def _spread(self, drive2: float) -> float:
+        """Return twice the variance of a second's score, relative to drive²."""
+        own = TRIM_CHANGE**2 * self._constant() + GAIN_DEVIATION**2 * drive2
+        return 2.0 * (max(self._noise, self._reference.variance) + own * self._reference.gain**2)
 
     def _gusts(self) -> tuple[float, float]:
         """Return the noise of the last seconds, and the largest share of the gain that their gusts hide."""
@@ -119,6 +162,8 @@ class LossTest:
 
     def _constant(self) -> float:
         """Return (Σd)² / Σd² of the last seconds: their rows if d is constant, 0 if it is balanced."""
+        if not self._window:
+            return 0.0
         drive2, _, _, drive = np.sum(self._window, axis=0)[0].tolist()
         return drive**2 / drive2 if drive2 > 0.0 else 0.0
 
@@ -165,7 +210,7 @@ def _bounded(ratio: float) -> float:
     return min(max(ratio, -MOST_RATIO), MOST_RATIO)
 
 
-def _explained(kept: Array | float, drive2: Array, cross: Array, gain: float) -> Array:
+def _explained(kept: Array | float, drive2: Array | float, cross: Array | float, gain: float) -> Array:
     """Return the square of the response that a share of the gain explains, less what it adds."""
     gains = kept * gain
     return np.asarray(2.0 * gains * cross - gains**2 * drive2)

@@ -51,13 +51,6 @@ JUDGED_ERROR: Final = 0.2
 # Seconds over which a quiet axis is pooled: longer ones would excuse a loss by what was before it. By hand.
 POOLED_S: Final = 60
 
-# The same within a reference: of all its seconds the mean is one, whatever happened. By hand.
-POOLED_REFERENCE_S: Final = 20
-
-# Standard error at which pooled seconds tell the effectiveness: a whole axis is then above 0.6 in 97 of 100
-# windows.
-POOLED_ERROR: Final = 0.12
-
 # Least seconds of a minute of the flight that are compared with earlier flights. Development.
 POOLED_LEAST_S: Final = 45
 

@@ -8,10 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from mavhums.health.axis.evidence import LossTest
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.regressions import Basis, Shape
-from mavhums.health.axis.scores import LossExclusion, measured
+from mavhums.health.axis.scores import measured
+from mavhums.results.sections import AxisLimits
 from mavhums.results.verdict import Coverage
 from tests.health.axis.flights import Array, changes_of, excited, rolling, rows, steady
 
@@ -41,13 +43,13 @@ def test_pooled_seconds_are_a_regression_through_the_origin(sums: Array, n: int)
 
 
 def test_each_second_is_excluded_once() -> None:
-    exclusion = LossExclusion(REFERENCE)
-    assert exclusion.begin([(1.0, GAIN)] * 45) == 45
+    """A second of (K·d)² = 0.04 in a noise of 0.01 makes a loss of 40 % 0.31 less likely, as a logarithm."""
+    test = LossTest(REFERENCE, AxisLimits())
+    assert test.excludes_in_reference([(0.01, 0.01 * GAIN)] * 45) == 45
     # The seconds of the reference do not speak for those after it.
-    assert [exclusion.feed(1.0, GAIN) for _ in range(12)] == [0] * 9 + [10, 1, 1]
-    lost = [exclusion.feed(1.0, 0.5 * GAIN) for _ in range(100)]
-    assert 1 < sum(lost) < 10
-    assert not any(lost[10:])
+    excluded = [test.excludes(0.01, 0.01 * GAIN) for _ in range(40)]
+    assert excluded == [0] * 9 + [10] + [1] * 30
+    assert not any(test.excludes(0.01, 0.5 * 0.01 * GAIN) for _ in range(100))
 
 
 def test_a_quiet_flight_says_which_loss_it_excludes() -> None:

@@ -10,14 +10,10 @@ import pytest
 from mavhums.health.axis.effectiveness import EffectivenessTracker, _late
 from mavhums.health.axis.reference import STANDARDS, constants
 from mavhums.health.axis.regressions import FORMS, Columns, Lag, Shape
-from mavhums.health.axis.scores import Pool, Scores
-from mavhums.health.axis.thresholds import (
-    POOLED_ERROR,
-)
+from mavhums.health.axis.scores import Scores
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.flights import excited, rows, steady
-from tests.health.axis.test_pooled import GAIN, REFERENCE
 from tests.health.present import present
 
 
@@ -31,10 +27,9 @@ def test_sums_are_of_usable_rows_without_the_nuisances() -> None:
     for second in range(2):
         at = slice(second * RATE_HZ, (second + 1) * RATE_HZ)
         d, y = drive[at][good[at]], left[at][good[at]]
-        found = [
-            float(getattr(sums, name)[second]) for name in ("drive2", "cross", "answer2", "driven", "raw")
-        ]
-        assert found == pytest.approx([d @ d, d @ y, y @ y, d.sum(), y.sum()])
+        names = ("drive2", "cross", "answer2", "drive", "driven", "raw")
+        found = [float(getattr(sums, name)[second]) for name in names]
+        assert found == pytest.approx([d @ d, d @ y, y @ y, d.sum(), d.sum(), y.sum()])
         assert sums.count[second] == len(d)
 
 
@@ -56,18 +51,6 @@ def test_demands_are_as_late_as_the_columns_of_a_shape() -> None:
     found = _late(demand, Shape(2, 0.0))[:, 0]
     assert np.isnan(found[:6]).all()
     assert found[6:].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
-
-
-def test_pooled_seconds_are_the_fewest_that_are_certain() -> None:
-    pool = Pool(REFERENCE, 60)
-    assert pool.fewest() is None
-    for k in range(60):
-        pool.add(1.0, (0.5 if k < 40 else 1.0) * GAIN)
-    n, latest = present(pool.fewest())
-    assert n == 10
-    assert latest.estimate == pytest.approx(1.0)
-    assert latest.high - latest.estimate == pytest.approx(latest.estimate - latest.low)
-    assert latest.high - latest.estimate <= 1.96 * POOLED_ERROR
 
 
 def test_constants_have_the_error_of_a_jackknife_over_blocks() -> None:
