@@ -72,8 +72,7 @@ class LossTest:
         half = 0.5 if len(slow) else 1.0
         weights = np.where(self._lags == 0, half / LOSSES, half / max(len(slow), 1))
         self._test = SequentialTest(weights, false_alarms)
-        left = 1.0 - reference.explained
-        self._misfit = min(left / (1.0 - left), MISFIT_SHARE) if left < 1.0 else 0.0
+        self._misfit = MISFIT_SHARE * (1.0 - reference.explained)
         self._noise = self._health = 0.0
         self._waiting = 0  # seconds since the last one over which a loss is excluded
         self._window: deque[Array] = deque(maxlen=GUST_WINDOW_S)
