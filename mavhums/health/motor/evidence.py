@@ -309,10 +309,7 @@ def _noise_of(w: int, rules: Rules, s: State, noise: Array) -> None:
         for b in range(3):
             noise[a, b] = s.noise[w, a, b] / worth
         usual = rules.noise[w, a] ** 2
-        noise[a, a] = max(
-            noise[a, a] + rules.noise_worth * usual / (rules.noise_worth + s.weight[w]),
-            rules.noise_floor * usual,
-        )
+        noise[a, a] = max(noise[a, a] + rules.noise_worth * usual / worth, rules.noise_floor * usual)
 
 
 @kernel

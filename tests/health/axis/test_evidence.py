@@ -8,7 +8,7 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from mavhums.health.axis.evidence import LossTest
-from mavhums.health.axis.thresholds import EXTRA_LAGS_S, GAIN_DEVIATION
+from mavhums.health.axis.thresholds import EXTRA_LAGS_S
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.test_pooled import GAIN, REFERENCE
@@ -36,15 +36,25 @@ def alarm_s(sums: np.ndarray, limits: AxisLimits | None = None, most_s: int = 30
     return next((k for k in range(1, most_s) if test.feed(k, sums)), most_s), test
 
 
-def test_a_calm_second_weighs_losses_by_their_likelihood() -> None:
-    """Its score is normal about −λ·K·drive², with the variance of the reference and of the manoeuvre."""
+@pytest.mark.parametrize("constant", [False, True])
+@pytest.mark.parametrize("noise", [0.0, 0.16])
+def test_a_second_weighs_losses_by_their_likelihood(noise: float, constant: bool) -> None:
+    """Its score is normal about the gain's, with the variance of noise, manoeuvres and trim.
+
+    Gusts hide 0.6 times the root of what is unexplained beyond a quarter of the reference's share of 0.1.
+    """
+    drive2 = 0.05
+    hidden = 0.6 * np.sqrt(noise - 0.025) if noise else 0.0
+    rows = RATE_HZ if constant else 0.0
+    own = (0.08**2 * drive2 + 0.013**2 * rows) * GAIN**2
+    deviation = np.sqrt((max(0.01, 0.4 * noise * GAIN**2 * drive2) + own) * drive2)
     for kept in (1.0, 0.9, 0.5):
-        test, drive2 = LossTest(REFERENCE, AxisLimits(lag_s=2.0)), 0.05
-        test.feed(1, second(kept))
-        deviation = np.sqrt((REFERENCE.variance + (GAIN_DEVIATION * GAIN) ** 2 * drive2) * drive2)
+        test = LossTest(REFERENCE, AxisLimits(lag_s=2.0))
+        test.feed(1, second(kept, noise=noise, constant=constant))
         losses = np.linspace(0.25, 1.0, 6)
-        score, means = (kept - 1.0) * GAIN * drive2, -losses * GAIN * drive2
-        ratios = norm.logpdf(score, means, deviation) - norm.logpdf(score, 0.0, deviation)
+        score, means = kept * GAIN * drive2, (1.0 - losses) * GAIN * drive2
+        healthy = max(min(kept, 1.0), 1.0 - hidden) * GAIN * drive2
+        ratios = norm.logpdf(score, means, deviation) - norm.logpdf(score, healthy, deviation)
         assert test.evidence == pytest.approx(logsumexp(ratios) - np.log(len(losses)))
 
 
