@@ -68,7 +68,7 @@ class Outcome:
 
     ``bounded`` is by axis the number of seconds that exclude a loss of 40 %, or that measured one.
     ``findings`` counts the axes with a finding that no other one explains; ``candidates`` are the outputs
-    that explain them, ``singled_out`` those that are named alone.
+    that explain them, ``singled_out`` those that are named alone. ``evidence`` is the highest one of each axis.
     """
 
     flight: Flight
@@ -82,6 +82,7 @@ class Outcome:
     findings: int = 0
     candidates: frozenset[int] = frozenset()
     singled_out: frozenset[int] = frozenset()
+    evidence: dict[str, float] = field(default_factory=dict)
 
     def found(self, fault: Fault) -> list[ConditionChanged]:
         """Return the alarms that came while a fault lasted."""
@@ -169,6 +170,7 @@ def judge_bytes(
         tuple(dict.fromkeys(s for v in axes for s in v.surfaces)),
         sum(use.forward_s or 0.0 for use in assessment.usage),
         *_named(axes),
+        {v.actuator: v.highest_evidence for v in axes if v.highest_evidence is not None},
     )
 
 

@@ -36,8 +36,8 @@ class Result:
         While the fault lasted, or at any time on a healthy flight and after a confounder.
     early
         Alarms before the fault or confounder: all false.
-    judged
-        By axis the seconds judged.
+    judged, evidence
+        By axis the seconds judged, and the highest evidence of a loss or a lag.
     """
 
     name: str
@@ -50,6 +50,7 @@ class Result:
     conditions: dict[str, str]
     judged: dict[str, int]
     flown_s: float
+    evidence: dict[str, float]
 
 
 def results(
@@ -93,6 +94,7 @@ def _fly(planned: Planned) -> Result:
         conditions=outcome.conditions,
         judged={axis: seconds for axis, (seconds, _) in outcome.judged.items()},
         flown_s=outcome.flown_s,
+        evidence=outcome.evidence,
     )
 
 

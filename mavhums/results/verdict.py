@@ -177,7 +177,8 @@ class Verdict(Contract):
     ``subject`` tells which; ``actuator`` is its name, for an axis ``roll``, ``pitch`` or ``yaw``, and
     ``surfaces`` are those that move it; for a motor ``motor 1`` and so on, in the autopilot's order.
     ``effectiveness`` is the share of its reference, or of its thrust, that it keeps now,
-    and ``limits`` are those by which it was judged.
+    and ``limits`` are those by which it was judged; ``highest_evidence`` is how near an axis came to an alarm
+    of a loss or a lag, which comes at ln(360,000 / N) for N accepted false alarms in 100 h.
     ``condition`` is the last decidable state, ``worst`` the worst one reached. ``normal``, ``degraded`` and
     ``emergency`` rest on a known limit; without one, ``unchanged``, ``changed`` and ``learning`` compare the
     actuator with its own flights before. ``undecided`` always carries ``reason`` and ``remedy``, and
@@ -204,6 +205,7 @@ class Verdict(Contract):
     worst: Condition
     effectiveness: Interval | None = None
     limits: AxisLimits | None = None
+    highest_evidence: float | None = None
     network: NetworkAnswer | None = None
     friction_nm: Interval | None = None
     suspects: tuple[Suspect, ...] = ()

@@ -87,6 +87,12 @@ class EffectivenessTracker:
         self.excluded_s = 0
 
     @property
+    def highest_evidence(self) -> float | None:
+        """Highest logarithm of the evidence of a loss or a lag; None without a judged second."""
+        highest = self._test.highest if self.reference is not None else -np.inf
+        return float(highest) if np.isfinite(highest) else None
+
+    @property
     def too_slow(self) -> bool:
         """Whether the outputs or the rates are sampled too slowly to determine a gain."""
         return self.spacing_s > self._standards.spacing_s

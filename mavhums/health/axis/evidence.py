@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from math import log, sqrt
+from math import inf, log, sqrt
 from typing import Final
 
 import numpy as np
@@ -59,6 +59,11 @@ class LossTest:
         The loss and the lag from which the axis is degraded.
     false_alarms
         Accepted number of false alarms in 100 hours.
+
+    Attributes
+    ----------
+    highest
+        Highest evidence so far.
     """
 
     def __init__(self, reference: Reference, limits: AxisLimits, false_alarms: float = FALSE_ALARMS) -> None:
@@ -72,6 +77,7 @@ class LossTest:
         half = 0.5 if len(slow) else 1.0
         weights = np.where(self._lags == 0, half / LOSSES, half / max(len(slow), 1))
         self._test = SequentialTest(weights, false_alarms)
+        self.highest = -inf
         self._misfit = MISFIT_SHARE * (1.0 - reference.explained)
         self._noise = self._health = 0.0
         self._waiting = 0  # seconds since the last one over which a loss is excluded
@@ -107,7 +113,9 @@ class LossTest:
         best = float(ratios.max())
         back = float(hypotheses[self._test.likeliest] - perfect) / spread
         # What tells the hypotheses apart stays.
-        return self._test.feed(end_s, ratios + _bounded(best) - best, _bounded(back))
+        alarm = self._test.feed(end_s, ratios + _bounded(best) - best, _bounded(back))
+        self.highest = max(self.highest, self._test.evidence)
+        return alarm
 
     def excludes(self, drive2: float, cross: float) -> int:
         """Take a second that may be slower than those of :meth:`feed`.

@@ -59,6 +59,8 @@ class AxisFindings:
         ``both``; empty where the evidence does not decide.
     response
         Sums of the flight, for the comparison with other flights; None without any.
+    highest_evidence
+        Highest logarithm of the evidence of a loss or a lag; None without a reference.
     """
 
     axis: str
@@ -79,6 +81,7 @@ class AxisFindings:
     limits: AxisLimits
     shares: Mapping[str, float] = field(default_factory=dict)
     response: Response | None = None
+    highest_evidence: float | None = None
 
 
 _ASTRAY: Final = frozenset({"hard_over", "tracking"})

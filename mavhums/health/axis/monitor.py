@@ -331,6 +331,7 @@ class AxisMonitor:
             needs=STANDARDS[axis],
             limits=self.limits,
             response=self._responses[axis].response(),
+            highest_evidence=gain.highest_evidence,
             shares=self._pair.shares() if axis in self._mixed else {},
         )
 

@@ -136,6 +136,7 @@ def verdict_of_axis(
         evidence=tuple(e.model_copy(update={"value": round(e.value, 4)}) for e in findings.evidence),
         effectiveness=rounded(findings.effectiveness, 3),
         limits=findings.limits,
+        highest_evidence=None if findings.highest_evidence is None else round(findings.highest_evidence, 2),
         indicators=tuple(indicators(findings)) if comparable else (),
         own=tuple(_record(findings, flight)) if comparable else (),
         provenance=origin,
