@@ -68,7 +68,7 @@ class Outcome:
 
     ``bounded`` is by axis the number of seconds that exclude a loss of 40 %, or that measured one.
     ``findings`` counts the axes with a finding that no other one explains; ``candidates`` are the outputs
-    that explain them, ``singled_out`` those that are named alone. ``evidence`` is the highest one of each axis.
+    that explain them, ``singled_out`` those that are named alone. ``evidence`` is the highest of each axis.
     """
 
     flight: Flight
