@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import degrees, exp, hypot, isnan, nan
+from math import degrees, exp, isnan, nan
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -40,7 +40,10 @@ from mavhums.vehicle.surfaces import AXES, STEERING
 
 
 class Alarm(NamedTuple):
-    """A fault that is certain according to a detector, in the second that ends at ``end_s``."""
+    """A fault that is certain according to a detector, in the second that ends at ``end_s``.
+
+    ``error`` is the standard error of an effectiveness, 0 of other values.
+    """
 
     axis: str
     end_s: int
@@ -51,6 +54,7 @@ class Alarm(NamedTuple):
     limit: float
     rule: str
     confidence: float = SURE_CONFIDENCE
+    error: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +74,8 @@ class AxisInput:
         reference = self.trackers[axis].reference
         if reference is None or second.shift is None:
             return nan
-        return abs(second.shift) / hypot(max(reference.deviation, SHIFT_FLOOR_RAD_S), error)
+        beyond = max(abs(second.shift) - error, 0.0)
+        return beyond / max(reference.deviation, SHIFT_FLOOR_RAD_S)
 
 
 class AxisDetector(Protocol):
@@ -143,7 +148,8 @@ class EffectivenessDetector:
             if loss.kept <= limits.effectiveness_emergency and loss.grave >= GRAVE_PROBABILITY:
                 condition, limit = "emergency", limits.effectiveness_emergency
         rule = f"{condition}: {rule}"
-        return Alarm(self._axis, second.end_s, fault, condition, loss.since_s, value, limit, rule, confidence)
+        found = (self._axis, second.end_s, fault, condition, loss.since_s, value, limit, rule, confidence)
+        return Alarm(*found, loss.error)
 
 
 def _slow(second: Second, late_s: float, axis: str) -> str:

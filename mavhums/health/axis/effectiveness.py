@@ -11,19 +11,24 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection
 from dataclasses import replace
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
+from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.evidence import LossTest
 from mavhums.health.axis.findings import MixedSums
-from mavhums.health.axis.reference import STANDARDS, Loss, Reference, Second, Standards, constants
+from mavhums.health.axis.reference import Loss, Reference, Second, constants, shapes
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Lag, Shape, judgeable
 from mavhums.health.axis.scores import Scores, Sums, measured
 from mavhums.health.axis.thresholds import (
     EXCLUDING_SPEED_SHARE,
+    EXPLAINED,
     EXTRA_LAGS_S,
+    GAIN_DEVIATION,
+    GAIN_ERROR,
     LEAST_DRIVE,
     LEAST_ROWS_PER_S,
     LONGEST_REFERENCE_S,
@@ -32,6 +37,8 @@ from mavhums.health.axis.thresholds import (
     REFERENCE_RETRY_S,
     REFERENCE_S,
     SHIFT_S,
+    SLOW_PART_S,
+    SLOW_STREAM_S,
     WINDOW_SECONDS,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
@@ -48,7 +55,7 @@ def new_tracker(
     false_alarms: float = FALSE_ALARMS,
 ) -> EffectivenessTracker:
     """Return the tracker of the effectiveness of an axis; ``coupled`` is one that the same surfaces move."""
-    return EffectivenessTracker(FORMS[axis], STANDARDS[axis], limits or AxisLimits(), coupled, false_alarms)
+    return EffectivenessTracker(FORMS[axis], limits or AxisLimits(), coupled, false_alarms)
 
 
 class EffectivenessTracker:
@@ -58,8 +65,6 @@ class EffectivenessTracker:
     ----------
     form
         The regression of the axis.
-    standards
-        Requirements on the reference.
     limits
         The loss and the lag from which the axis is degraded.
     coupled
@@ -71,12 +76,12 @@ class EffectivenessTracker:
     def __init__(
         self,
         form: Form,
-        standards: Standards,
         limits: AxisLimits,
         coupled: str | None = None,
         false_alarms: float = FALSE_ALARMS,
     ) -> None:
-        self._form, self._standards, self._limits, self._coupled = form, standards, limits, coupled
+        self._form, self._limits, self._coupled = form, limits, coupled
+        self._memory_s = SLOW_PART_S[form.axis]
         self._false_alarms = false_alarms
         self._waiting: list[Rows] = []
         self._tried = 0
@@ -95,7 +100,7 @@ class EffectivenessTracker:
     @property
     def too_slow(self) -> bool:
         """Whether the outputs or the rates are sampled too slowly to determine a gain."""
-        return self.spacing_s > self._standards.spacing_s
+        return self.spacing_s > SLOW_STREAM_S
 
     def feed(self, rows: Rows) -> list[Second]:
         """Process rows; return the results of their seconds, from the first second with a reference on."""
@@ -145,8 +150,9 @@ class EffectivenessTracker:
         # A cheap look before a fit of every shape.
         if judgeable(rows, basis, self._form.least_speed_share).sum() < REFERENCE_S * LEAST_ROWS_PER_S:
             return
-        wanted = self._standards
-        fits = [fit for shape in wanted.shapes() if (fit := self._fit(rows, basis, shape)) is not None]
+        fits = [
+            fit for shape in shapes(self._form.axis) if (fit := self._fit(rows, basis, shape)) is not None
+        ]
         # In calm air a regression can find the autopilot's feedback instead of the aircraft, with a gain of
         # the wrong sign.
         possible = [fit for fit in fits if self._form.possible(fit.others)]
@@ -154,7 +160,7 @@ class EffectivenessTracker:
         if found is None:
             return
         self.best = found if self.best is None or found.explained > self.best.explained else self.best
-        if found.explained >= wanted.explained and found.error <= wanted.error:
+        if found.explained >= EXPLAINED and found.error <= GAIN_ERROR:
             design, answer, _ = self._design(Chain(self._form, basis, found.shape).feed(rows))
             self.reference = replace(found, constants=constants(self._form, found.speed, design, answer))
             self._begin(rows)
@@ -172,7 +178,7 @@ class EffectivenessTracker:
         beta, left = _least_squares(design, answer)
         _, without = _least_squares(design[:, 1:], answer)
         explained = 1.0 - left / without if without > 0 else 0.0
-        sums = Scores(beta[1:], self._standards.memory_s).feed(columns)
+        sums = Scores(beta[1:], self._memory_s).feed(columns)
         inside = np.unique(at // RATE_HZ)
         drive2, cross = sums.drive2[inside], sums.cross[inside]
         total = float(drive2.sum())
@@ -180,11 +186,7 @@ class EffectivenessTracker:
             return None
         gain = float(cross.sum()) / total
         variance = float(((cross - gain * drive2) ** 2).sum()) / total
-        least = self._standards.scatter * gain**2
-        # The reference may lie in quiet air, and the rest of the flight in rough air.
-        seen, variance = variance, max(variance, least)
-        # A weak drive in quiet air shows how the autopilot answers gusts, not what a manoeuvre does.
-        error = float(np.sqrt((variance if self._form.feels_gusts else seen) / total)) / abs(gain or np.nan)
+        error = float(np.sqrt(variance / total)) / abs(gain or np.nan)
         first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1
         deviation = float(np.sqrt(left))
         return Reference(basis, shape, gain, beta[1:], variance, error, explained, deviation, first, last)
@@ -194,18 +196,18 @@ class EffectivenessTracker:
         assert reference is not None
         extras = (0.0, *EXTRA_LAGS_S)
         self._chains = [Chain(self._form, reference.basis, reference.shape, extra) for extra in extras]
-        self._scores = [Scores(reference.others, self._standards.memory_s) for _ in extras]
+        self._scores = [Scores(reference.others, self._memory_s) for _ in extras]
         self._test = LossTest(reference, self._limits, self._false_alarms)
         self._recent: deque[tuple[int, Array]] = deque(maxlen=LOSS_SECONDS)
         self._left: deque[tuple[Array, int]] = deque(maxlen=SHIFT_S)
         self._mixed: MixedSums | None = None
         if self._coupled is not None:
-            self._mixed = MixedSums(reference, self._form.axis, self._coupled, self._standards.memory_s)
+            self._mixed = MixedSums(reference, self._form.axis, self._coupled, self._memory_s)
             self._mixed.feed(rows)
         self._sums(rows)
         slow = EXCLUDING_SPEED_SHARE
         self._slow_chain = Chain(self._form, reference.basis, reference.shape, least_share=slow)
-        self._slow_scores = Scores(reference.others, self._standards.memory_s)
+        self._slow_scores = Scores(reference.others, self._memory_s)
         self.excluded_s = self._test.excludes_in_reference(self._excluding(rows).values())
         self._waiting.clear()
 
@@ -254,7 +256,7 @@ class EffectivenessTracker:
             if len(self._recent) >= WINDOW_SECONDS:
                 window = [sums[0] for _, sums in [*self._recent][-WINDOW_SECONDS:]]
                 value, error = _measured(window, reference)
-        shift, shift_error = self._shifted(reference.error)
+        shift, shift_error = self._shifted(NORMAL_95 * hypot(reference.error, GAIN_DEVIATION))
         return Second(end_s, value, error, loss, shift, shift_error, 0, mixed)
 
     def _loss(self, since_s: int, *, certain: bool) -> Loss | None:
@@ -308,7 +310,7 @@ def explained_by(axis: str, rows: Rows, demand: Array, others: Array) -> tuple[f
     form, rows = FORMS[axis], replace(rows, outputs=outputs)
     basis = Basis.of(rows)
     best = 0.0, 0.0
-    for shape in STANDARDS[axis].shapes():
+    for shape in shapes(axis):
         columns = Chain(form, basis, shape).feed(rows)
         late = _late(others, shape) * (rows.speed / basis.speed)[:, None]
         good = columns.good & np.isfinite(late).all(axis=1)

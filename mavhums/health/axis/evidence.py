@@ -24,6 +24,7 @@ from typing import Final
 import numpy as np
 
 from mavhums.core.arrays import Array
+from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import (
     EXTRA_LAGS_S,
@@ -78,6 +79,7 @@ class LossTest:
         weights = np.where(self._lags == 0, half / LOSSES, half / max(len(slow), 1))
         self._test = SequentialTest(weights, false_alarms)
         self.highest = -inf
+        self._doubt = NORMAL_95 * reference.error
         self._misfit = MISFIT_SHARE * (1.0 - reference.explained)
         self._noise = self._health = 0.0
         self._waiting = 0  # seconds since the last one over which a loss is excluded
@@ -98,6 +100,8 @@ class LossTest:
             (:meth:`~mavhums.health.axis.findings.MixedSums.feed`), shape (5,).
         """
         gain, (drive2, cross) = self._reference.gain, sums[:, :2].T
+        if not drive2[0] > 0.0:  # what is not driven says nothing
+            return self._test.alarm
         self._window.append(sums)
         if mixed is not None:
             self._coupled.append(mixed)
@@ -131,7 +135,11 @@ class LossTest:
             Number of seconds over which a loss of 40 % or more is excluded with 95 % by now, and was not
             before: a larger loss is the less likely wherever one of 40 % is less likely than health.
         """
-        healthy, lost = _explained(np.array((1.0, NORMAL_EFFECTIVENESS)), drive2, cross, self._reference.gain)
+        if not drive2 > 0.0:
+            return 0
+        healthy, lost = _explained(
+            np.array((1.0, NORMAL_EFFECTIVENESS * (1.0 + self._doubt))), drive2, cross, self._reference.gain
+        )
         ratio = _bounded(float(healthy - lost) / self._spread(drive2))
         self._health = min(max(self._health, 0.0) + ratio, _EXCLUDING)
         self._waiting = min(self._waiting + 1, POOLED_S)

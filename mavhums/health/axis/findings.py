@@ -16,7 +16,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import Condition
-from mavhums.health.axis.reference import Reference, Standards
+from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.regressions import FORMS, Chain, Form, HighPass
 from mavhums.health.axis.response import Response
 from mavhums.health.axis.thresholds import (
@@ -50,8 +50,6 @@ class AxisFindings:
         The effectiveness over the last minute, where a loss of 40 % is not excluded by it.
     spacing_s
         Time between samples of the outputs or the rates, where a reference was sought.
-    needs
-        Requirements on a reference.
     limits
         Limits by which the axis was judged.
     shares
@@ -77,7 +75,6 @@ class AxisFindings:
     best: Reference | None
     usable_s: int
     spacing_s: float
-    needs: Standards
     limits: AxisLimits
     shares: Mapping[str, float] = field(default_factory=dict)
     response: Response | None = None

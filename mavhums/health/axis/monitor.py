@@ -13,7 +13,7 @@ from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.detectors import Alarm, AxisInput, Skids, detectors
 from mavhums.health.axis.effectiveness import EffectivenessTracker, new_tracker
 from mavhums.health.axis.findings import AxisFindings, MixedPair, origins
-from mavhums.health.axis.reference import STANDARDS, Second
+from mavhums.health.axis.reference import Second
 from mavhums.health.axis.residuals import Residual, SideForce
 from mavhums.health.axis.response import ResponseSums
 from mavhums.health.axis.thresholds import (
@@ -177,7 +177,7 @@ class AxisMonitor:
                 self._pair.begin(worst.since_s)
             for one in found:
                 self._extend(state, one)
-            self._measure(state, found, second, fresh=fresh)
+            self._measure(state, found, fresh=fresh)
             fault, rule = worst.fault, worst.rule
             finding = f"control {100 * max(worst.value, 0.0):.0f}%" if fault == "effectiveness" else fault
         elif second is not None and self._is_healthy(state):
@@ -237,18 +237,14 @@ class AxisMonitor:
         if whole and not state.lost:
             self._average(state, second.value, second.error)
 
-    def _measure(self, state: _AxisState, found: list[Alarm], second: Second | None, *, fresh: bool) -> None:
+    def _measure(self, state: _AxisState, found: list[Alarm], *, fresh: bool) -> None:
         """Take the effectiveness since the onset of a loss: that of the second which the reason names."""
         if fresh:
             state.value = None
-        rules = {one.rule for one in found if one.fault == "effectiveness"}
-        if any(
-            episode.fault == "effectiveness" and episode.rule in rules
-            for episode in state.episodes[-_LATEST_EPISODES:]
-        ):
-            state.lost = True
-            if second is not None and second.loss is not None:
-                state.value = Interval.around(second.loss.kept, NORMAL_95 * second.loss.error)
+        reasons = [(one.rule, one.error) for one in state.episodes[-_LATEST_EPISODES:]]
+        for one in found:
+            if one.fault == "effectiveness" and (one.rule, one.error) in reasons:
+                state.lost, state.value = True, Interval.around(one.value, NORMAL_95 * one.error)
 
     def _average(self, state: _AxisState, value: float, error: float) -> None:
         """Add a window that does not overlap the previous one to the mean since the last change."""
@@ -282,8 +278,9 @@ class AxisMonitor:
         # Alarms that are no farther apart are of one fault, which the air hid for a while.
         if same is not None and episodes[same].end_s >= one.end_s - 2 * MASKED_S:
             earlier = episodes[same]
-            # The reason of the worst moment stays; later seconds of the same fault often say less.
-            kept = one if SEVERITY[one.condition] >= SEVERITY[earlier.condition] else earlier
+            # The reason of the worst moment stays, and of these the best known one: later seconds of the same
+            # fault often say less.
+            kept = max(one, earlier, key=lambda each: (SEVERITY[each.condition], -each.error))
             episodes[same] = kept._replace(since_s=earlier.since_s, end_s=one.end_s)
             return
         if len(episodes) == _MOST_EPISODES:
@@ -328,7 +325,6 @@ class AxisMonitor:
             best=gain.best,
             usable_s=gain.usable_s,
             spacing_s=gain.spacing_s,
-            needs=STANDARDS[axis],
             limits=self.limits,
             response=self._responses[axis].response(),
             highest_evidence=gain.highest_evidence,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,61 +13,14 @@ from mavhums.health.axis.regressions import Basis, Form, Shape
 from mavhums.health.axis.thresholds import (
     CONSTANT_BLOCKS,
     DELAYS_S,
-    EXPLAINED,
-    GAIN_ERROR,
     LAGS_S,
-    SCORE_SCATTER,
-    SLOW_PART_S,
-    SLOWEST_STREAM_S,
 )
 from mavhums.vehicle.grid import RATE_HZ
 
 
-@dataclass(frozen=True, slots=True)
-class Standards:
-    """Requirements on a reference, and its limits.
-
-    Attributes
-    ----------
-    explained
-        Smallest share of the remaining response that the drive must explain.
-    error
-        Largest relative standard error of the gain.
-    scatter
-        Smallest variance of a second's score, relative to the gain's square: quiet air does not last.
-    delays_s, taus_s
-        Candidates for the axis's own delay and lag.
-    spacing_s
-        Longest time between samples of the outputs and the rates from which the gain can be determined.
-    memory_s
-        Memory of the filter that removes trim and other slow parts from drive and response.
-    """
-
-    explained: float
-    error: float
-    scatter: float
-    delays_s: tuple[float, ...]
-    taus_s: tuple[float, ...]
-    spacing_s: float
-    memory_s: float
-
-    def shapes(self) -> list[Shape]:
-        """Return the candidates for the axis's own response."""
-        return [Shape(round(delay * RATE_HZ), tau) for delay in self.delays_s for tau in self.taus_s]
-
-
-STANDARDS: Final = {
-    axis: Standards(
-        explained=EXPLAINED[axis],
-        error=GAIN_ERROR[axis],
-        scatter=SCORE_SCATTER[axis],
-        delays_s=DELAYS_S[axis],
-        taus_s=LAGS_S[axis],
-        spacing_s=SLOWEST_STREAM_S[axis],
-        memory_s=SLOW_PART_S[axis],
-    )
-    for axis in EXPLAINED
-}
+def shapes(axis: str) -> list[Shape]:
+    """Return the candidates for an axis's own response."""
+    return [Shape(round(delay * RATE_HZ), tau) for delay in DELAYS_S[axis] for tau in LAGS_S[axis]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -119,8 +119,6 @@ class Form:
     """Share of the reference's speed below which it is not judged."""
     trimmed = False
     """Whether it is not judged as far above the reference's speed as below: v² no longer shows the trim."""
-    feels_gusts = False
-    """Whether gusts move the axis without moving a nuisance."""
 
     def drive(self, demand: Array, relative: Array) -> Array:
         """Return the moment of the lagged demand at a speed relative to the reference, (n,): v²·δ."""
@@ -263,7 +261,6 @@ class RollForm(Form):
 
     axis = "roll"
     nuisances = 2
-    feels_gusts = True
 
     def drive(self, demand: Array, relative: Array) -> Array:
         """Return v·δ."""
@@ -288,7 +285,6 @@ class SteeringForm(RollForm):
     axis = STEERING
     nuisances = 1
     least_speed_share = 0.0  # wheels steer at any speed
-    feels_gusts = False
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
         """Return v for the trim."""

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 from mavhums.core.statistics import NORMAL_95
-from mavhums.health.axis.reference import STANDARDS
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, HighPass, Shape
 from mavhums.health.axis.thresholds import (
     DRIVEN_SHARE,
@@ -32,6 +31,7 @@ from mavhums.health.axis.thresholds import (
     POOLED_LEAST_S,
     POOLED_S,
     RESPONSE_SHAPES,
+    SLOW_PART_S,
     WINDOW_DEVIATION,
     WINDOW_SECONDS,
 )
@@ -110,7 +110,7 @@ class ResponseSums:
         # Relative to 1 m/s, whatever measured it: each part has its own speed, from one source.
         shape = Shape(round(delay_s * RATE_HZ), tau_s)
         self._chain = Chain(form, Basis(1.0, 0.0), shape, least_share=0.0)
-        self._filters = [HighPass(STANDARDS[axis].memory_s) for _ in range(form.nuisances + 2)]
+        self._filters = [HighPass(SLOW_PART_S[axis]) for _ in range(form.nuisances + 2)]
         self._parts: dict[int, list[_Part]] = {}
         self._lengths: dict[int, int] = {}
         self._open: tuple[int, _Part] | None = None

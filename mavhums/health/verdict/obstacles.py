@@ -13,15 +13,17 @@ from mavhums.core.conditions import Condition
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.thresholds import (
     DOUBTED_AIRSPEED_S,
+    EXPLAINED,
+    GAIN_ERROR,
     LEAST_SPEED_SHARE,
     MOST_BANK_DEG,
     MOST_LATE_SHARE,
     MOST_PITCH_DEG,
     NEEDED_HZ,
-    NEEDED_PITCH_HZ,
     NORMAL_EFFECTIVENESS,
     NORMAL_S,
     REFERENCE_S,
+    SLOW_STREAM_S,
 )
 from mavhums.results.reasons import Reason, said
 from mavhums.results.verdict import Verdict
@@ -285,11 +287,11 @@ def _obstacles(
 
 def _unmeasured(findings: AxisFindings, flight: Flight, received: Mapping[str, Received]) -> Iterator[Reason]:
     """Yield what no flight as it was recorded can tell: streams that are too slow or absent."""
-    axis, needed_hz = findings.axis, NEEDED_PITCH_HZ if findings.axis == "pitch" else NEEDED_HZ
+    axis = findings.axis
     slow = _slow(findings, flight)
     if slow:
         record, streams = to_record("motion", flight, received), " and ".join(slow)
-        yield Reason("stream_too_slow", streams=streams, needed_hz=needed_hz, axis=axis, record=record)
+        yield Reason("stream_too_slow", streams=streams, needed_hz=NEEDED_HZ, axis=axis, record=record)
     if axis in _ACCELEROMETER and "force" not in flight.heard:
         signals = f"the accelerometer, which {axis} needs"
         yield Reason("lacks", signals=signals, record=to_record("force", flight, received))
@@ -298,11 +300,12 @@ def _unmeasured(findings: AxisFindings, flight: Flight, received: Mapping[str, R
 def _slow(findings: AxisFindings, flight: Flight) -> list[str]:
     """Return which streams come too rarely for an axis, and how often a second."""
     rates = {"the servo outputs": flight.rate_hz("outputs"), "the rates": flight.rate_hz("rates")}
-    longest_s = findings.needs.spacing_s
     slow = [
-        f"{stream} come {hz:.1f}" for stream, hz in rates.items() if hz is not None and 1.0 / hz > longest_s
+        f"{stream} come {hz:.1f}"
+        for stream, hz in rates.items()
+        if hz is not None and 1.0 / hz > SLOW_STREAM_S
     ]
-    if not slow and findings.spacing_s > longest_s:
+    if not slow and findings.spacing_s > SLOW_STREAM_S:
         return [f"the servo outputs or the rates come {1 / findings.spacing_s:.1f}"]
     return slow
 
@@ -334,7 +337,7 @@ def _unclear(findings: AxisFindings) -> Reason:
 
 def _no_reference(findings: AxisFindings) -> Iterator[Reason]:
     """Yield why enough seconds with known outputs make no reference."""
-    axis, best, needs = findings.axis, findings.best, findings.needs
+    axis, best = findings.axis, findings.best
     if best is None and axis == STEERING:
         yield Reason("steering_still", reference_s=REFERENCE_S)
         return
@@ -345,14 +348,14 @@ def _no_reference(findings: AxisFindings) -> Iterator[Reason]:
         yield Reason("no_reference", reference_s=REFERENCE_S, speeds=speeds, axis=axis, **attitude)
         return
     again = _MOTIONS[axis == STEERING]["again"]
-    if best.explained < needs.explained:
-        needed = 100 * needs.explained
+    if best.explained < EXPLAINED:
+        needed = 100 * EXPLAINED
         share = beside(100 * best.explained, needed)
         code = {STEERING: "steering_unexplained", "yaw": "rudder_unexplained"}.get(axis, "unexplained")
         yield (reason := Reason(code, share=share, axis=axis, needed=needed, again=again))
         again = reason.remedy
-    if best.error > needs.error:
-        needed = 100 * needs.error
+    if best.error > GAIN_ERROR:
+        needed = 100 * GAIN_ERROR
         yield Reason("effect_uncertain", error=beside(100 * best.error, needed), needed=needed, again=again)
 
 

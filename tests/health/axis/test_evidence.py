@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import logsumexp
@@ -106,3 +108,15 @@ def test_a_loss_ends_as_certainly_as_it_begins() -> None:
     end_s = next(k for k in range(1, 300) if not test.feed(delay_s + k, second(1.0)))
     assert 4 <= end_s <= 3 * delay_s
     assert not test.suspects
+
+
+def test_a_second_without_a_drive_says_nothing() -> None:
+    """An output that does not change, in an answer without any noise."""
+    silent = replace(REFERENCE, variance=0.0)
+    still, driven = LossTest(silent, AxisLimits()), LossTest(silent, AxisLimits())
+    for k in range(1, 6):
+        assert not still.feed(k, second(0.0, drive2=0.0))
+        assert still.excludes(0.0, 0.0) == 0
+    delays_s = [next(k for k in range(6, 300) if test.feed(k, second(0.5))) for test in (still, driven)]
+    assert delays_s[0] == delays_s[1]
+    assert still.highest == driven.highest

@@ -43,12 +43,15 @@ def test_pooled_seconds_are_a_regression_through_the_origin(sums: Array, n: int)
 
 
 def test_each_second_is_excluded_once() -> None:
-    """A second of (K·d)² = 0.04 in a noise of 0.01 makes a loss of 40 % 0.31 less likely, as a logarithm."""
+    """A second of (K·d)² = 0.04 in a noise of 0.01 makes a loss of 40 % 0.26 less likely, as a logarithm.
+
+    The gain of the reference may be 6 % too large.
+    """
     test = LossTest(REFERENCE, AxisLimits())
     assert test.excludes_in_reference([(0.01, 0.01 * GAIN)] * 45) == 45
     # The seconds of the reference do not speak for those after it.
     excluded = [test.excludes(0.01, 0.01 * GAIN) for _ in range(40)]
-    assert excluded == [0] * 9 + [10] + [1] * 30
+    assert excluded == [0] * 11 + [12] + [1] * 28
     assert not any(test.excludes(0.01, 0.5 * 0.01 * GAIN) for _ in range(100))
 
 
@@ -57,7 +60,7 @@ def test_a_quiet_flight_says_which_loss_it_excludes() -> None:
 
     def flight(left: float) -> dict[str, Array]:
         made = steady(240)
-        demand = np.concatenate([excited(60), 0.12 * excited(180, seed=3)])
+        demand = np.concatenate([excited(60), 0.035 * excited(180, seed=3)])
         made["outputs"][:, 0] = demand
         noise = 0.03 * np.random.default_rng(7).normal(size=demand.size)
         gain = np.where(np.arange(demand.size) < 1200, 2.2, 2.2 * left)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mavhums.health.axis.effectiveness import EffectivenessTracker, _late
-from mavhums.health.axis.reference import STANDARDS, constants
+from mavhums.health.axis.reference import constants
 from mavhums.health.axis.regressions import FORMS, Columns, Lag, Shape
 from mavhums.health.axis.scores import Scores
 from mavhums.results.sections import AxisLimits
@@ -40,7 +40,7 @@ def test_a_reference_finds_the_delay_and_the_lag(axis: str, column: int, delay: 
     flight["outputs"][:, column] = demand
     late = np.concatenate([np.zeros(delay), Lag(tau_s).feed(demand)])[: len(demand)]
     flight["yaw_rate" if axis == "steering" else "roll_rate"] = 2.0 * late
-    tracker = EffectivenessTracker(FORMS[axis], STANDARDS[axis], AxisLimits())
+    tracker = EffectivenessTracker(FORMS[axis], AxisLimits())
     tracker.feed(rows(flight))
     assert present(tracker.reference).shape == Shape(delay, tau_s)
     assert present(tracker.reference).gain == pytest.approx(2.0)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from mavhums.actuator.telemetry import tier_named
 from mavhums.health.axis.findings import AxisFindings
-from mavhums.health.axis.reference import STANDARDS
+from mavhums.health.axis.thresholds import EXPLAINED, GAIN_ERROR
 from mavhums.health.verdict.axis import (
     _candidates,
     named_by_telemetry,
@@ -166,7 +166,6 @@ def findings(axis: str = "roll", **changes: Any) -> AxisFindings:
             best=None,
             usable_s=300,
             spacing_s=0.1,
-            needs=STANDARDS[axis],
             limits=AxisLimits(),
         ),
         **changes,
@@ -213,8 +212,7 @@ SHORT: dict[str, Any] = {"usable_s": 44}
         # Streams that are too slow or absent.
         ("roll", {}, KNOWN, {"rates": {"outputs": 2.0, "rates": 1.5}}, "stream_too_slow", True),
         ("roll", {"spacing_s": 0.5}, KNOWN, {"rates": {}}, "stream_too_slow", True),
-        ("pitch", {}, KNOWN, SLOW, "stream_too_slow", True),
-        ("roll", {}, KNOWN, SLOW, "stream_too_slow", False),
+        ("pitch", {}, KNOWN, SLOW, "stream_too_slow", False),
         ("pitch", {}, KNOWN, NO_FORCE, "lacks", True),
         ("yaw", {}, KNOWN, NO_FORCE, "lacks", True),
         ("roll", {}, KNOWN, NO_FORCE, "lacks", False),
@@ -249,22 +247,23 @@ def test_the_binding_reason_stands_first_with_its_figures() -> None:
 @example(short=0.05)
 def test_the_numbers_of_a_reason_show_that_it_is_one(short: float) -> None:
     """What is missed by little is not rounded to what is needed, and what is reached is not called short."""
-    needs = replace(STANDARDS["roll"], explained=0.75, error=0.55)
 
     def of_reference(axis: str, explained: float, error: float) -> str:
-        one = findings(axis, best=reference(explained, error), needs=needs)
+        one = findings(axis, best=reference(explained, error))
         return "; ".join(each.text for each in undecided(one, STEERS if axis == "steering" else KNOWN))
 
     driven = {**DRIVES, "flown_s": 0}
     too_little = [
         why(**STOOD, fastest=8.0 * (1 - short))[0].text,
         why(**driven, fastest=0.5 * (1 - short))[0].text,
-        *(of_reference(axis, 0.75 * (1 - short), 0.1) for axis in ("roll", "yaw", "steering")),
+        *(of_reference(axis, EXPLAINED * (1 - short), 0.05) for axis in ("roll", "yaw", "steering")),
     ]
     for reason in too_little:
         had, needed = map(float, re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?= m/s, | %|\.?\d* are)", reason)[-2:])
         assert had < needed, reason
-    had, needed = map(float, re.findall(r"([\d.]+) %", of_reference("roll", 0.75, 0.55 * (1 + short))))
+    had, needed = map(
+        float, re.findall(r"([\d.]+) %", of_reference("roll", EXPLAINED, GAIN_ERROR * (1 + short)))
+    )
     assert had > needed
     fast = {**driven, "lasted": {"fast": 3 * short}, "fastest": 0.5 + 4.3 * short}
     [above, fastest] = map(float, re.findall(r"([\d.]+) m/s", why(**fast)[0].text))
@@ -274,19 +273,18 @@ def test_the_numbers_of_a_reason_show_that_it_is_one(short: float) -> None:
 @pytest.mark.parametrize(
     ("axis", "explained", "error", "expected", "remedy"),
     [
-        ("roll", 0.75, 0.55, [], ""),
-        ("roll", 0.7, 0.1, ["unexplained"], "fly more turns and climbs in the first three minutes"),
-        ("pitch", 0.7, 0.6, ["unexplained", "effect_uncertain"], "fly more turns and climbs"),
-        ("roll", 0.75, 0.6, ["effect_uncertain"], "fly more turns and climbs"),
-        ("yaw", 0.7, 0.6, ["rudder_unexplained", "effect_uncertain"], "pulse the rudder alone"),
-        ("steering", 0.7, 0.1, ["steering_unexplained"], "check on the ground that the steering"),
+        ("roll", EXPLAINED, GAIN_ERROR, [], ""),
+        ("roll", 0.25, 0.05, ["unexplained"], "fly more turns and climbs in the first three minutes"),
+        ("pitch", 0.25, 0.15, ["unexplained", "effect_uncertain"], "fly more turns and climbs"),
+        ("roll", EXPLAINED, 0.15, ["effect_uncertain"], "fly more turns and climbs"),
+        ("yaw", 0.25, 0.15, ["rudder_unexplained", "effect_uncertain"], "pulse the rudder alone"),
+        ("steering", 0.25, 0.05, ["steering_unexplained"], "check on the ground that the steering"),
     ],
 )
 def test_seconds_that_make_no_reference(
     axis: str, explained: float, error: float, expected: list[str], remedy: str
 ) -> None:
-    needs = replace(STANDARDS["roll"], explained=0.75, error=0.55)
-    one = findings(axis, best=reference(explained, error), needs=needs)
+    one = findings(axis, best=reference(explained, error))
     found = undecided(one, STEERS if axis == "steering" else KNOWN)
     assert codes(*found) == expected
     assert all(each.remedy.startswith(remedy) for each in found)

@@ -48,6 +48,7 @@ def test_a_run_that_was_cut_off_is_continued(
             {"roll": "degraded"},
             {"roll": 90},
             250,
+            {"roll": 14.1},
         )
 
     monkeypatch.setattr(kept, "_fly", fly)
