@@ -264,7 +264,7 @@ def test_of_motors(name: str) -> None:
     found, state = monitor.findings(), monitor._state
     parts = ("loss", "several", "flown_s", "judged_s", "tipped", "bound", "trims")
     shown = {part: dumped(getattr(found, part)) for part in parts}
-    sums = {part: getattr(state, part).tolist() for part in ("noise", "weight", "bound", "recent", "payload")}
+    sums = {part: getattr(state, part).tolist() for part in ("noise", "weight", "bound", "recent", "values")}
     hold(f"motors {name}", {"found": shown, "state": dumped(sums), "events": condensed(events)})
 
 

@@ -17,6 +17,7 @@ from mavhums.engine.options import EngineOptions
 from mavhums.health.axis.regressions import Lag
 from mavhums.health.axis.residuals import AttitudeResponse
 from mavhums.health.motor.evidence import COLUMNS, follow, new_state, rules_for
+from mavhums.health.motor.hypotheses import hypotheses_of
 from mavhums.learn import packaged_models
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.stamping import Piece, Stamper
@@ -64,8 +65,8 @@ def compile_rare_loops() -> None:
     Freshness(1.0).reasons()
     motors, still = np.zeros((1, 4)), np.zeros(1, dtype=bool)
     follow(
-        motors, np.zeros((1, 3)), np.ones(1), np.ones(1), still, still,
-        np.zeros((4, 3)), rules_for(4), new_state(4), np.zeros((1, COLUMNS)),
+        motors, np.zeros((1, 3)), np.ones(1), np.ones(1), still, np.ones(1),
+        np.zeros((4, 3)), rules_for(1.0), hypotheses_of(4), new_state(4), np.zeros((1, COLUMNS)),
     )  # fmt: skip
 
 

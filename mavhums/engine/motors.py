@@ -8,6 +8,7 @@ from math import inf
 from typing import TYPE_CHECKING, Final
 
 from mavhums.health.decision.events import ConditionChanged
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.verdict.obstacles import unjudged
 from mavhums.results.reasons import Reason
@@ -35,6 +36,8 @@ class VehicleMotors:
     ----------
     vehicle
         System id.
+    false_alarms
+        Accepted number of false alarms in 100 hours.
 
     Attributes
     ----------
@@ -44,8 +47,8 @@ class VehicleMotors:
         The speeds that its ESCs report.
     """
 
-    def __init__(self, vehicle: int) -> None:
-        self._vehicle = vehicle
+    def __init__(self, vehicle: int, false_alarms: float = FALSE_ALARMS) -> None:
+        self._vehicle, self._false_alarms = vehicle, false_alarms
         self.by_parameters: Rotors | Reason | None = None
         self.speeds = EscSpeeds()
         self._monitor: MotorMonitor | None = None
@@ -64,7 +67,7 @@ class VehicleMotors:
         if isinstance(rotors, Rotors) and (self._monitor is None or rotors != self._monitor.rotors):
             from mavhums.health.motor.monitor import MotorMonitor  # most vehicles have wings
 
-            self._monitor = MotorMonitor(self._vehicle, rotors, self.speeds)
+            self._monitor = MotorMonitor(self._vehicle, rotors, self.speeds, self._false_alarms)
             again = Phases()  # with the thrust, which was not known
             for earlier in self._early:
                 yield from self._monitor.feed(earlier, again.feed(earlier, rotors))

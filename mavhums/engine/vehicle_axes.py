@@ -98,7 +98,7 @@ class VehicleAxes:
         self.flight = Flight(self.surfaces)
         self.usage = Usage()
         self.grid = Grid(start_us)
-        self.motors = VehicleMotors(vehicle)
+        self.motors = VehicleMotors(vehicle, false_alarms)
         self._events = events or VehicleEvents(vehicle)
         self._setup = self.setups.last
         self._answers: dict[str, str] = {}

@@ -19,10 +19,40 @@ from typing import Final
 
 import numpy as np
 
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array, Integers
+from mavhums.core.kernels import kernel
 
 _PER_100_H: Final = 360_000.0  # seconds
 _MOST: Final = 200.0  # logarithm: what is certain needs no larger number
+
+
+def threshold(false_alarms: float) -> float:
+    """Return the evidence of an alarm for a number of false alarms in 360,000 units."""
+    return log(_PER_100_H / false_alarms)
+
+
+@kernel
+def accumulate(at: int, ratios: Array, values: Array, sums: Array, since: Integers) -> None:
+    """Add a unit's logarithms of likelihood ratios to the statistics of the hypotheses, all of one shape.
+
+    Parameters
+    ----------
+    at
+        Its time.
+    ratios
+        Of each hypothesis against health.
+    values
+        Logarithms of the statistics of Shiryaev and Roberts; −∞ before the first unit.
+    sums, since
+        Sums of the ratios since the fault begins, by each hypothesis, and the time of that.
+    """
+    for k in np.ndindex(ratios.shape):
+        # A fault begins where the sum that makes it likely begins.
+        if sums[k] <= 0.0:
+            sums[k], since[k] = 0.0, at
+        sums[k] += ratios[k]
+        values[k] = max(values[k], 0.0) + np.log1p(np.exp(-abs(values[k]))) + ratios[k]
+    values -= max(values.max() - _MOST, 0.0)
 
 
 class SequentialTest:
@@ -57,7 +87,7 @@ class SequentialTest:
 
     def __init__(self, weights: Array, false_alarms: float) -> None:
         self._weights: Array = np.log(weights / weights.sum())
-        self.threshold = log(_PER_100_H / false_alarms)
+        self.threshold = threshold(false_alarms)
         self.alarm = False
         self._clear()
 
@@ -80,12 +110,7 @@ class SequentialTest:
         back
             The same of the likeliest hypothesis (:attr:`likeliest`) against perfect health.
         """
-        # A fault begins where the sum that makes it likely begins.
-        begins = self._sums <= 0.0
-        self._since = np.where(begins, at, self._since)
-        self._sums = np.maximum(self._sums, 0.0) + ratios
-        self._values = np.logaddexp(0.0, self._values) + ratios
-        self._values -= max(self._values.max() - _MOST, 0.0)
+        accumulate(at, ratios, self._values, self._sums, self._since)
         if not self.alarm:
             self.alarm, self._back = self.evidence >= self.threshold, -inf
             return self.alarm

@@ -227,8 +227,6 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
     "pulses_implausible": (
         "the range of its motors' outputs ({motors}PWM_MIN, {motors}PWM_MAX) is not plausible", _PARAMETERS),
     "unjudged_frame": ("{frames} are not judged", "only quad, hexa and octa frames are judged"),
-    "two_motors": ("two motors ({motors}) stood out at once, as after a contact, and nothing is judged then",
-        "read the log by hand: a collision and a fault look alike there"),
     "leaned": (
         "it leaned more than {most_deg:.0f}° before any motor stood out, and nothing is judged then",
         "read the log by hand: a fall, a flip and a fault look alike there"),

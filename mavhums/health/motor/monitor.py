@@ -13,7 +13,9 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.decision.events import ConditionChanged
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.motor import evidence
+from mavhums.health.motor.hypotheses import hypotheses_of
 from mavhums.health.motor.speeds import EscSpeeds, SpeedCause, SpeedsBesideThrust
 from mavhums.health.motor.thresholds import (
     BETWEEN_FLIGHTS,
@@ -22,9 +24,7 @@ from mavhums.health.motor.thresholds import (
     LEAST_TRIM_BLOCKS,
     NEEDED_FLIGHTS,
     REFUTING_BLOCKS,
-    SLOW_HZ,
     TRIM_BLOCK_S,
-    WINDOWS_S,
 )
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
@@ -41,11 +41,10 @@ TRIM_YAW: Final = "trim_yaw"
 
 _ANOTHER_S: Final = 10.0
 """A second motor named within this time of the first: more than one lost thrust, or neither is certain."""
-_ANOTHER_WINDOW_S: Final = 0.8  # in shorter windows the rebound points at the opposite motor
 _TURNS, _LEANS = 0.1, 0.5
 """Mean thrust by full thrust, and cosine of the bank, above which speeds are compared: it flies upright."""
-_REFINED_S: Final = 30.0
-"""After an alarm the share lost is refined for as long: the first windows hold the moment before, too."""
+_REFINED_S: Final = 3.0
+"""After an alarm the share lost is refined for as long: the trim learns what lasts longer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +56,7 @@ class Loss:
     motor
         From 1, in the autopilot's order.
     odds
-        Log Bayes factor against every other cause.
+        Evidence, the logarithm of the sequential test's statistic.
     """
 
     motor: int
@@ -78,8 +77,7 @@ class MotorFindings:
     loss
         The motor that lost thrust; None if none did.
     several
-        Motors between which the evidence does not decide; empty without doubt. With them ``loss`` is that of
-        the first motor, if one was named before.
+        Motors between which the evidence does not decide; empty without doubt. ``loss`` is that of the first.
     flown_s, judged_s
         Seconds in the air, and those that were judged.
     tipped
@@ -194,11 +192,19 @@ class MotorMonitor:
         Its motors.
     speeds
         The speeds that its ESCs report.
+    false_alarms
+        Accepted number of false alarms in 100 hours.
     """
 
-    def __init__(self, vehicle: int, rotors: Rotors, speeds: EscSpeeds | None = None) -> None:
+    def __init__(
+        self,
+        vehicle: int,
+        rotors: Rotors,
+        speeds: EscSpeeds | None = None,
+        false_alarms: float = FALSE_ALARMS,
+    ) -> None:
         self._vehicle, self.rotors = vehicle, rotors
-        self._rules = evidence.rules_for(len(rotors.servos))
+        self._rules, self._hypotheses = evidence.rules_for(false_alarms), hypotheses_of(len(rotors.servos))
         self._state = evidence.new_state(len(rotors.servos))
         self._trims = Trims(rotors.columns)
         self._speeds = SpeedsBesideThrust(speeds or EscSpeeds(), rotors.servos)
@@ -226,9 +232,10 @@ class MotorMonitor:
             upright,
             phases.hover,
             ~judged,
-            np.asarray(spacing > 1.0 / SLOW_HZ),
+            spacing * RATE_HZ,
             self.rotors.columns,
             self._rules,
+            self._hypotheses,
             self._state,
             found,
         )
@@ -237,7 +244,7 @@ class MotorMonitor:
         for row in range(0, len(thrusts), RATE_HZ):
             rows = slice(row, row + RATE_HZ)
             second = first + row // RATE_HZ
-            self._trims.add(thrusts[rows], np.asarray(found[rows, 7] > 0.0))
+            self._trims.add(thrusts[rows], np.asarray(found[rows, 6] > 0.0))
             yield from self._withdraw(second + 1.0)
             for at in (row + np.flatnonzero(found[rows, 0])).tolist():
                 yield from self._alarm(first + at / RATE_HZ, float(spacing[at]), found[at])
@@ -259,29 +266,25 @@ class MotorMonitor:
         )
 
     def _alarm(self, row_s: float, spacing_s: float, found: Array) -> Iterator[ConditionChanged]:
-        """Take a window in which a motor stands out."""
-        motor, window = int(found[0]), WINDOWS_S[int(found[1])]
+        """Take a row at which a motor stands out."""
+        motor, onset_s = int(found[0]), max(row_s - found[1] / RATE_HZ, 0.0)
         # A row lies between two samples: it is known when the later one has come.
         time_s = row_s + min(spacing_s, 1.0)
         share = Interval(estimate=float(found[3]), low=float(found[4]), high=float(found[5]))
-        new = Loss(motor, time_s, max(row_s - window, 0.0), share, float(found[2]))
+        new = Loss(motor, time_s, float(onset_s), share, float(found[2]))
         loss = self._loss
         if self._several:
             return
         if loss is None:
-            if found[6]:
-                self._several = tuple(sorted((motor, int(found[6]))))
-                return
             self._loss = new
             self._trims.suspect()
             yield self._changed(new)
-        elif found[6] or motor != loss.motor:
-            if time_s - loss.time_s > _ANOTHER_S or window < _ANOTHER_WINDOW_S:
-                return
-            self._several = tuple(sorted({loss.motor, motor, int(found[6]) or motor}))
-            yield self._doubted(loss, time_s)
-        elif time_s - loss.time_s < _REFINED_S and new.odds > loss.odds:
-            since_s = min(loss.since_s, new.since_s) if window <= 1.4 else loss.since_s
+        elif motor != loss.motor:
+            if time_s - loss.time_s <= _ANOTHER_S:
+                self._several = tuple(sorted((loss.motor, motor)))
+                yield self._doubted(loss, time_s)
+        elif time_s - loss.time_s < _REFINED_S and share.estimate > loss.share.estimate:
+            since_s = min(loss.since_s, new.since_s)
             self._loss = Loss(motor, loss.time_s, since_s, share, new.odds)
             if SEVERITY[condition_of(share)] > SEVERITY[self._reported]:
                 yield self._changed(self._loss, time_s)

@@ -10,73 +10,46 @@ from typing import Final
 
 import numpy as np
 
-from mavhums.core.arrays import Array, Integers
+from mavhums.core.arrays import Array
 
-WINDOWS_S: Final = (0.2, 0.4, 0.8, 1.4, 3.0, 8.0, 25.0)
-"""Windows over which effort is compared: short ones see a motor that stops, long ones a worn one."""
+LEAST_LOSS_QUAD: Final = 0.25
+LEAST_LOSS_MORE: Final = 0.4
+"""Least share of thrust lost that is looked for, of four rotors and of more: of more, a shifted payload looks
+like a small loss."""
 
-ODDS_QUAD: Final[Array] = np.array([4.0, 4.0, 6.0, 5.5, 5.0, 3.0, 2.5])
-ODDS_MORE: Final[Array] = np.array([12.0, 10.0, 8.0, 7.5, 5.5, 3.0, 2.5])
-"""Log Bayes factor by which a motor must beat the other causes, for four rotors and for more, by window."""
+NAMED: Final = 0.9
+"""Probability from which a motor is named: less names the opposite motor in the rebound."""
 
-SLOW_HZ: Final = 8.0
-"""Outputs that are slower show no window below 0.75 s, and less up to 1.6 s."""
-SLOW_ODDS_QUAD: Final = 4.0
-SLOW_ODDS_MORE: Final = 9.0
-
-RIVAL_ODDS: Final = 4.0
-"""Log Bayes factor by which a motor must beat the next one: less names the opposite motor in the rebound."""
-
-LEAST_LOSS_QUAD: Final[Array] = np.array([0.30, 0.30, 0.25, 0.20, 0.12, 0.09, 0.07])
-LEAST_LOSS_MORE: Final[Array] = np.array([0.30, 0.30, 0.30, 0.30, 0.28, 0.25, 0.25])
-"""Share of thrust above which the 2.5 % quantile of the loss must lie, by window, for four rotors and
-more: of more, a shifted payload looks like a small loss, and less than 50 % is not claimed."""
-
-PAIR_ODDS: Final = 7.0
-"""Log Bayes factor by which two motors together must beat every other cause: then neither is named alone."""
-PAIR_BESIDE_ONE: Final = 6.0
-"""The same against one motor alone."""
-
-PAYLOAD_ODDS: Final = 5.0
-"""Log Bayes factor by which a payload or the air must beat noise, in the window of 8 s, to be learned."""
-PAYLOAD_BESIDE_MOTOR: Final = 3.0
-"""The same against each motor: less learns a motor's loss as a payload."""
-
-HELD_S: Final[Array] = np.array([0.1, 0.1, 0.2, 0.2, 0.5, 1.5, 5.0])
-"""How long this must hold, by window: one sample alone takes the rebound for a fault."""
-
-NOISE_SD: Final[Array] = np.array(
-    [
-        [0.080, 0.080, 0.030],
-        [0.070, 0.070, 0.027],
-        [0.060, 0.060, 0.024],
-        [0.050, 0.050, 0.022],
-        [0.040, 0.040, 0.020],
-        [0.030, 0.030, 0.018],
-        [0.025, 0.025, 0.015],
-    ]
-)
-"""Effort about roll, pitch and yaw that a healthy flight shows, by window, before its own is known."""
-
+SPAN_S: Final = 0.1
+"""Rows over which the effort is a mean, and the motion a difference."""
+CORRELATED_S: Final = 0.25
+"""Rows that gusts correlate, which say as much as one."""
+NOISE_SD: Final[Array] = np.array([0.07, 0.07, 0.027])
+"""Effort about roll, pitch and yaw that a healthy flight shows over such rows, before its own is known."""
 NOISE_WORTH: Final = 3.0
-"""Windows that this is worth beside the flight's own."""
+"""Blocks of rows that this is worth beside the flight's own."""
 NOISE_FLOOR: Final = 0.25
 """Least share of this variance, however calm the flight was so far."""
 NOISE_MOST: Final = 40.0
-"""Most windows that the flight's own noise counts: later wind replaces the calm before."""
+"""Most blocks that the flight's own noise counts: later wind replaces the calm before."""
 
 AIR: Final[Array] = np.array([[0.12, 0.12, 0.02], [0.25, 0.25, 0.05], [0.05, 0.05, 0.15]])
 """SD of the effort that a payload or moving air asks for: usual, rare, and in yaw alone, as at a touch-down
 or where the craft is turned."""
-AIR_SLOW: Final[Array] = np.array([0.012, 0.012, 0.035])
-"""The same that comes beside it in windows of 3 s and more."""
 AIR_RARITY: Final[Array] = np.array([1.0, 55.0, 20.0])
 """How many times less likely each is than the first."""
+AIR_LEVELS: Final = ((0.0, 0.1, 0.2, 0.3), (0.0, 0.1, 0.2, 0.3), (0.0, 0.03, 0.06, 0.12))
+AIR_YAWS: Final = (0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
+"""Grid of these efforts about roll, pitch and yaw, and about yaw alone."""
+AIR_CHANGES_S: Final = 20.0
+"""Mean time from one of them to the next; less explains a motor's loss as air."""
+STILL: Final = 0.5
+"""Probability that the next one is none."""
+
 AIR_BESIDE: Final[Array] = np.array([0.03, 0.03, 0.008])
 """SD of the effort by air beside a motor's loss."""
-
-MODEL_ERROR: Final[Array] = np.array([0.15, 0.15, 0.4])
-"""Error of a motor's column, as a share of the loss: geometry, thrust curve, and torque by thrust."""
+MODEL_ERROR: Final = 0.15
+"""Error of a motor's column, as a share of the loss: geometry, thrust curve."""
 
 LEAST_GAIN: Final[Array] = np.array([60.0, 60.0, 7.0])
 MOST_GAIN: Final[Array] = np.array([500.0, 500.0, 50.0])
@@ -90,9 +63,6 @@ TURN: Final = 0.1
 QUIET_TURN: Final = 0.3
 """Yaw rate, rad/s, or its change, above which a window bounds no loss: yaw is the witness, and it is busy."""
 
-FALLS: Final = 0.2
-"""Rate, rad/s, at which the aircraft must fall towards the motor in windows below 1 s."""
-
 REFERENCE_S: Final = 40.0
 """Memory of the trim before; a fault that grows more slowly is learned."""
 REFERENCE_GAP_S: Final = 0.5
@@ -103,7 +73,7 @@ LEAST_THRUST: Final = 0.7
 AIRBORNE_S: Final = 4.0
 """In the air before anything is judged; the take-off is no trim."""
 SETTLED_S: Final = 15.0
-"""In the air before windows of 0.8 s and more are judged."""
+"""In the air before a loss is excluded, and a trim compared with earlier flights."""
 MOST_BANK_DEG: Final = 60.0
 BANK_GRACE_S: Final = 0.3
 """After 60° of bank a quad without a motor still shows which one: it passes 60° after 0.26 to 0.32 s."""
@@ -114,6 +84,8 @@ LANDED_S: Final = 1.5
 
 JUDGED_S: Final = 30.0
 """Seconds that must be judged before a flight without a fault says anything."""
+BOUND_S: Final = 1.4
+"""Seconds over which a loss is excluded."""
 BOUND_SHARE: Final = 0.8
 """Share of the judged seconds over which a loss is excluded: one gust spoils no flight."""
 MOST_EXCLUDED: Final = 0.7
@@ -121,9 +93,6 @@ MOST_EXCLUDED: Final = 0.7
 
 EMERGENCY_LOSS: Final = 0.5
 """Share lost from which a motor is an emergency: a quad has no control left to spare."""
-
-WINDOWS: Final[Integers] = np.array([4, 8, 16, 28, 60, 160, 500], dtype=np.int64)
-"""The windows in rows of 0.05 s."""
 
 BETWEEN_FLIGHTS: Final[Array] = np.array([0.03, 0.05, 0.012])
 """Standard deviation between a quad's flights of its effort about roll, pitch and yaw, by the thrust of one

@@ -76,8 +76,6 @@ def verdicts_of_motors(
         why = without(missing, flight, received)
     elif findings.loss is not None:
         yield _lost(vehicle, findings, findings.loss, start_utc)
-    elif findings.several:
-        why = (Reason("two_motors", motors=" and ".join(map(str, findings.several))),)
     elif findings.tipped:
         why = (Reason("leaned", most_deg=MOST_BANK_DEG),)
     elif findings.judged_s < JUDGED_S:

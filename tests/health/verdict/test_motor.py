@@ -53,7 +53,6 @@ def verdicts(findings: MotorFindings | None, rotors: Any = QUAD, *, lacks: str =
         ({}, "outputs", "lacks"),
         ({}, "attitude", "lacks"),
         ({}, "rates", "lacks"),
-        ({"several": (1, 3)}, "", "two_motors"),
         ({"tipped": True}, "", "leaned"),
         ({"judged_s": 29.9}, "", "hover_too_short"),
     ],
