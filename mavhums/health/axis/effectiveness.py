@@ -36,6 +36,7 @@ from mavhums.health.axis.thresholds import (
     MEAN_ROWS,
     REFERENCE_RETRY_S,
     REFERENCE_S,
+    SCORE_SCATTER,
     SHIFT_S,
     SLOW_PART_S,
     SLOW_STREAM_S,
@@ -187,6 +188,8 @@ class EffectivenessTracker:
         gain = float(cross.sum()) / total
         variance = float(((cross - gain * drive2) ** 2).sum()) / total
         error = float(np.sqrt(variance / total)) / abs(gain or np.nan)
+        # The reference may lie in quiet air, and the rest of the flight in rough air.
+        variance = max(variance, SCORE_SCATTER * gain**2)
         first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1
         deviation = float(np.sqrt(left))
         return Reference(basis, shape, gain, beta[1:], variance, error, explained, deviation, first, last)

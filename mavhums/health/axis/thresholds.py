@@ -204,6 +204,10 @@ EXPLAINED: Final = 0.3
 # later (benchmarks/control.py), at 0.06 fewer axes are judged.
 GAIN_ERROR: Final = 0.08
 
+# Least variance of a second's score, relative to the gain's square: quiet air does not last. Development:
+# less judges more of the flight in roll and calls a healthy axis in calm air a loss.
+SCORE_SCATTER: Final = 0.002
+
 # Share of the reference speed below which an aircraft may be stalling: there the gain of ailerons falls to
 # 0.2–0.5 in flights with failed engines. Development.
 LEAST_SPEED_SHARE: Final = 0.85
