@@ -22,6 +22,9 @@ import numpy as np
 from mavhums.core.arrays import Array, Integers
 from mavhums.core.kernels import kernel
 
+EXCLUDING: Final = log(20.0)
+"""Evidence against a fault with 95 %."""
+
 _PER_100_H: Final = 360_000.0  # seconds
 _MOST: Final = 200.0  # logarithm: what is certain needs no larger number
 
@@ -66,6 +69,9 @@ class SequentialTest:
         Accepted number of false alarms in 360,000 units, seconds of 100 hours, of health, and of false ends
         in as many units of a fault. Ten times as many find a fault sooner by the seconds that make an
         evidence of ln 10.
+    sizes
+        Number of consecutive hypotheses between which a fault may change, as seldom as there are false
+        alarms; 1 if it keeps its size.
 
     Attributes
     ----------
@@ -85,9 +91,10 @@ class SequentialTest:
     [6, 7, 8, 9, 10, 11]
     """
 
-    def __init__(self, weights: Array, false_alarms: float) -> None:
+    def __init__(self, weights: Array, false_alarms: float, sizes: int = 1) -> None:
         self._weights: Array = np.log(weights / weights.sum())
         self.threshold = threshold(false_alarms)
+        self._sizes = sizes
         self.alarm = False
         self._clear()
 
@@ -110,6 +117,10 @@ class SequentialTest:
         back
             The same of the likeliest hypothesis (:attr:`likeliest`) against perfect health.
         """
+        if self._sizes > 1:
+            of_sizes = self._values.reshape(-1, self._sizes)
+            changed = np.logaddexp.reduce(of_sizes, axis=1, keepdims=True) - log(self._sizes) - self.threshold
+            self._values = np.logaddexp(of_sizes, changed).ravel()
         accumulate(at, ratios, self._values, self._sums, self._since)
         if not self.alarm:
             self.alarm, self._back = self.evidence >= self.threshold, -inf
