@@ -14,7 +14,7 @@ J. Shin, A. Ramdas and A. Rinaldo (2024), New England J. of Statistics in Data S
 
 from __future__ import annotations
 
-from math import inf, log
+from math import inf, log, log1p
 from typing import Final
 
 import numpy as np
@@ -26,6 +26,7 @@ EXCLUDING: Final = log(20.0)
 """Evidence against a fault with 95 %."""
 
 _PER_100_H: Final = 360_000.0  # seconds
+_CHANGES: Final = 1e-4  # a fault changes its size once in as many units
 _MOST: Final = 200.0  # logarithm: what is certain needs no larger number
 
 
@@ -70,8 +71,8 @@ class SequentialTest:
         in as many units of a fault. Ten times as many find a fault sooner by the seconds that make an
         evidence of ln 10.
     sizes
-        Number of consecutive hypotheses between which a fault may change, as seldom as there are false
-        alarms; 1 if it keeps its size.
+        Number of consecutive hypotheses between which a fault may change, once in 10,000 units; 1 if it keeps
+        its size.
 
     Attributes
     ----------
@@ -119,8 +120,8 @@ class SequentialTest:
         """
         if self._sizes > 1:
             of_sizes = self._values.reshape(-1, self._sizes)
-            changed = np.logaddexp.reduce(of_sizes, axis=1, keepdims=True) - log(self._sizes) - self.threshold
-            self._values = np.logaddexp(of_sizes, changed).ravel()
+            mean = np.logaddexp.reduce(of_sizes, axis=1, keepdims=True) - log(self._sizes)
+            self._values = np.logaddexp(of_sizes + log1p(-_CHANGES), mean + log(_CHANGES)).ravel()
         accumulate(at, ratios, self._values, self._sums, self._since)
         if not self.alarm:
             self.alarm, self._back = self.evidence >= self.threshold, -inf

@@ -210,8 +210,9 @@ class PooledErrors:
         if not shown.size:
             return estimates
         squares = np.where(shown, estimates.error**2, 0.0)
-        # The running sums go on from the block before.
-        total, count = self._sum + squares.cumsum(), self._count + shown.cumsum()
+        # The running sums go on from the block before, in the same order of additions.
+        running = np.append(self._sum, squares).cumsum()
+        total, count = running[1:], self._count + shown.cumsum()
         self._sum, self._count = float(total[-1]), int(count[-1])
         freedom, error = estimates.freedom, estimates.error
         # Windows slide by a slot: only each tenth one is independent.
