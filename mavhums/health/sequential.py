@@ -100,7 +100,7 @@ class SequentialTest:
         self._clear()
 
     def _clear(self) -> None:
-        self._values = np.full(self._weights.shape, -inf)
+        self._values: Array = np.full(self._weights.shape, -inf)
         self._sums = np.zeros(self._weights.shape)
         self._since = np.full(self._weights.shape, -1)
         self._back = -inf

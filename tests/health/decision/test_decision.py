@@ -70,7 +70,7 @@ def test_the_ratios_are_those_of_students_distribution() -> None:
     ratios = LimitTest(Levels(0.375), 1.0).ratios(estimates(values, 0.1, 9.0))
     fine = np.linspace(0.375, 0.375 * 1.05, 2001)
     for value, ratio in zip(values, ratios[:, 0], strict=True):
-        mean = stats.t.pdf(value, 9.0, fine, 0.1).mean()
+        mean = np.mean(stats.t.pdf(value, 9.0, fine, 0.1))
         assert ratio == pytest.approx(
             np.log(mean / stats.t.pdf(value, 9.0, min(value, 0.375), 0.1)), abs=1e-3
         )
