@@ -5,8 +5,6 @@ from __future__ import annotations
 from math import pi, sqrt
 from typing import Any, Final, TypeVar, cast, overload
 
-import numpy as np
-
 from mavhums.core.arrays import Array
 
 NORMAL_95: Final = 1.96
@@ -89,20 +87,6 @@ def t_probability(freedom: float | Array, value: float | Array) -> float | Array
     from scipy.special import stdtr
 
     return _plain(stdtr(freedom, value))
-
-
-def t_log_density(freedom: Array, value: Array) -> Array:
-    """Return the logarithm of the density of Student's t with these degrees of freedom.
-
-    Examples
-    --------
-    >>> t_log_density(np.array([1.0]), np.array([0.0])).round(4).tolist()
-    [-1.1447]
-    """
-    from scipy.special import gammaln
-
-    scale = gammaln((freedom + 1.0) / 2.0) - gammaln(freedom / 2.0) - np.log(pi * freedom) / 2.0
-    return np.asarray(scale - (freedom + 1.0) / 2.0 * np.log1p(value**2 / freedom))
 
 
 def _plain(found: Any) -> float | Array:

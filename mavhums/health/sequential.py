@@ -14,7 +14,7 @@ J. Shin, A. Ramdas and A. Rinaldo (2024), New England J. of Statistics in Data S
 
 from __future__ import annotations
 
-from math import inf, log, log1p
+from math import inf, log
 from typing import Final
 
 import numpy as np
@@ -22,11 +22,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Integers
 from mavhums.core.kernels import kernel
 
-EXCLUDING: Final = log(20.0)
-"""Evidence against a fault with 95 %."""
-
 _PER_100_H: Final = 360_000.0  # seconds
-_CHANGES: Final = 1e-4  # a fault changes its size once in as many units
 _MOST: Final = 200.0  # logarithm: what is certain needs no larger number
 
 
@@ -70,9 +66,6 @@ class SequentialTest:
         Accepted number of false alarms in 360,000 units, seconds of 100 hours, of health, and of false ends
         in as many units of a fault. Ten times as many find a fault sooner by the seconds that make an
         evidence of ln 10.
-    sizes
-        Number of consecutive hypotheses between which a fault may change, once in 10,000 units; 1 if it keeps
-        its size.
 
     Attributes
     ----------
@@ -92,15 +85,14 @@ class SequentialTest:
     [6, 7, 8, 9, 10, 11]
     """
 
-    def __init__(self, weights: Array, false_alarms: float, sizes: int = 1) -> None:
+    def __init__(self, weights: Array, false_alarms: float) -> None:
         self._weights: Array = np.log(weights / weights.sum())
         self.threshold = threshold(false_alarms)
-        self._sizes = sizes
         self.alarm = False
         self._clear()
 
     def _clear(self) -> None:
-        self._values: Array = np.full(self._weights.shape, -inf)
+        self._values = np.full(self._weights.shape, -inf)
         self._sums = np.zeros(self._weights.shape)
         self._since = np.full(self._weights.shape, -1)
         self._back = -inf
@@ -118,10 +110,6 @@ class SequentialTest:
         back
             The same of the likeliest hypothesis (:attr:`likeliest`) against perfect health.
         """
-        if self._sizes > 1:
-            of_sizes = self._values.reshape(-1, self._sizes)
-            mean = np.logaddexp.reduce(of_sizes, axis=1, keepdims=True) - log(self._sizes)
-            self._values = np.logaddexp(of_sizes + log1p(-_CHANGES), mean + log(_CHANGES)).ravel()
         accumulate(at, ratios, self._values, self._sums, self._since)
         if not self.alarm:
             self.alarm, self._back = self.evidence >= self.threshold, -inf

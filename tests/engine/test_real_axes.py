@@ -54,7 +54,7 @@ HEALTHY = {
     "Jordinaa-supervisor__mav.tlog": {},
     "UAVLogViewer__vtol.tlog": {},  # a tiltrotor that flies forward for a minute
     "sitl/plane_hirate.link1.tlog": {"roll": "normal", "pitch": "normal"},
-    "sitl/plane_normal.mavproxy.tlog": {"roll": "normal", "pitch": "undecided"},
+    "sitl/plane_normal.mavproxy.tlog": {"roll": "normal", "pitch": "normal"},
     "sitl/plane_signed.link1.tlog": {},
 }
 NO_VEHICLE = {"Fugaintegrum__2020-02-05-flight3.tlog"}

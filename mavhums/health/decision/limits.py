@@ -1,37 +1,34 @@
-"""A quantity against its limits, by the sequential test.
+"""The sequential decision: converts a quantity's windows to its condition.
 
-Health is any value up to the normal limit, the one that a window makes most likely. Faults are values in
-intervals above it, whose distance from the limit doubles from one to the next; the emergency limit is a
-border between two. A window's likelihood is Student's, with its error and freedom. Of the windows, which
-slide by a slot, each tenth shares no sample with the last: they are ten series, and each series and interval
-is one hypothesis.
-
-A fault is an emergency unless the probability of a value below the emergency limit is 97.5 % or more, and no
-longer one when that is as certain as an alarm. A flight is normal once its windows make health 20 times
-likelier than a fault.
+A window indicates *normal* unless its whole interval lies above the normal limit, *emergency* if the interval
+reaches the emergency limit, and *degraded* in between; if the interval contains both limits, the window is
+inconclusive. α is the allowed false-alarm probability of a 10 s window; the interval has the tail probability
+√α on either side. The condition changes when consecutive windows agree: over the length of two windows that
+share no sample, or five windows if even the interval with tail probability α agrees. Inconclusive windows
+change nothing. A fault that one window proves through all of it (a jam) needs no second window to begin, only
+to end.
 """
 
 from __future__ import annotations
 
-from math import exp, inf, log
-from typing import Final, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import TAIL_95, t_log_density, t_probability, t_quantile
+from mavhums.core.statistics import TAIL_95, t_quantile
 from mavhums.health.decision.thresholds import (
-    EXCESSES,
-    MOST_FLIGHT_TAIL,
+    CONFIRM_WINDOWS,
+    LASTING_WINDOWS,
     MOST_POOLED_FREEDOM,
     WINDOWS_PER_100_H,
 )
-from mavhums.health.estimation.thresholds import WINDOW_S, WINDOW_SLOTS
-from mavhums.health.sequential import EXCLUDING, SequentialTest
+from mavhums.health.estimation.thresholds import WINDOW_SLOTS
+from mavhums.results.standing import Interval
 
-_SMALLEST: Final = 1e-300  # probability whose logarithm is finite
-_LEAST_ERROR: Final = 1e-9  # share of the limit: a value without an error lies on one side of it
+_CONDITIONS: dict[int, Condition] = {-1: "undecided", 0: "normal", 1: "degraded", 2: "emergency"}
 
 
 class Estimates(NamedTuple):
@@ -54,8 +51,8 @@ class Estimates(NamedTuple):
         """Return estimates that are NaN where they are not shown."""
         return cls(np.where(shown, value, np.nan), error, freedom)
 
-    def at(self, which: Flags | Integers) -> Estimates:
-        """Return a subset of the windows."""
+    def at(self, which: Flags | int) -> Estimates:
+        """Return a subset of the windows, or one quantity of estimates of shape (d, k)."""
         return Estimates(*(array[which] for array in self))
 
 
@@ -64,12 +61,99 @@ def tail_of(false_alarms: float) -> float:
     return false_alarms / WINDOWS_PER_100_H
 
 
-def half_width(estimates: Estimates, *, tail: float) -> Array:
+def half_width(estimates: Estimates, *, tail: float | Array) -> Array:
     """Return half the width of intervals with this tail probability on either side, shape (k,).
 
-    Few degrees of freedom make heavy tails.
+    Few degrees of freedom make heavy tails. Several tails, shape (t, 1), give a row of widths each. The
+    windows of a flight share some fifty degrees of freedom, so that each quantile is computed once.
     """
-    return np.asarray(t_quantile(estimates.freedom, 1.0 - tail) * estimates.error)
+    distinct, place = np.unique(estimates.freedom, return_inverse=True)
+    quantiles = t_quantile(distinct, 1.0 - tail)
+    width: Array = quantiles[..., place.reshape(estimates.freedom.shape)] * estimates.error
+    return width
+
+
+def bounds(levels: Levels) -> tuple[float, float]:
+    """Return the limits as numbers: NaN for no normal limit, infinity for no emergency limit."""
+    normal, emergency = levels
+    return np.nan if normal is None else normal, np.inf if emergency is None else emergency
+
+
+def shown_by(low: Array, high: Array, normal: float | Array, emergency: float | Array) -> Integers:
+    """Return the severity that intervals show, -1 for nothing, in the shape of the intervals.
+
+    Examples
+    --------
+    >>> shown_by(np.array([0.36, 0.40, 0.80, 0.30]), np.array([0.44, 0.48, 0.90, 0.95]), 0.375, 0.875)
+    array([ 0,  1,  2, -1])
+    """
+    # An interval over both limits says nothing: -1.
+    reached = high >= emergency
+    severity = np.where(low > normal, np.where(reached, 2, 1), np.where(reached, -1, 0))
+    return np.where(np.isnan(low) | np.isnan(normal), -1, severity)
+
+
+class Decision:
+    """Tracks the condition of one quantity of one actuator through the flight.
+
+    Parameters
+    ----------
+    levels
+        Limits of the quantity.
+    proven
+        Whether one window proves a fault, and that it lasted through all of it.
+
+    Attributes
+    ----------
+    condition
+        The current condition.
+    since_s
+        Flight time of its onset: the middle of the first window that indicated it; for the first
+        condition of a flight, that window's start.
+    """
+
+    def __init__(self, levels: Levels, *, proven: bool = False) -> None:
+        self._proven = proven
+        self.condition: Condition = "undecided"
+        self.since_s: float | None = None
+        self.levels = levels
+        self._candidate = -1
+        self._run = self._sure = 0
+        self._first_s = 0.0
+
+    def settle(self, shown: int, start_s: float) -> bool:
+        """Process the severity of the whole flight; return whether it decides the condition.
+
+        It decides if no run of windows did, or if it is a fault and the windows were normal.
+        """
+        # The whole flight mends silence and finds faults; it never ends one.
+        if shown < 0 or SEVERITY[self.condition] > 0 or _CONDITIONS[shown] == self.condition:
+            return False
+        self.condition, self.since_s = _CONDITIONS[shown], start_s
+        return True
+
+    def feed(self, shown: int, start_s: float, end_s: float, *, sure: bool = True) -> bool:
+        """Process the severity of one window, and return whether it changes the condition.
+
+        ``sure`` is True if the wider interval gives the same severity.
+        """
+        if shown < 0:
+            return False
+        if shown != self._candidate:
+            self._candidate, self._run, self._sure = shown, 0, 0
+            # The first condition of a flight holds from the window's start; a change lies somewhere within
+            # it.
+            throughout = self.condition == "undecided" or (self._proven and shown > 0)
+            self._first_s = start_s if throughout else (start_s + end_s) / 2
+        self._run += 1
+        self._sure = self._sure + 1 if sure else 0
+        after = _CONDITIONS[shown]
+        # A window that a fault lasted through needs no second one to begin, only to end.
+        confirm = 1 if self._proven and shown > SEVERITY[self.condition] else CONFIRM_WINDOWS
+        if after == self.condition or (self._sure < confirm and self._run < LASTING_WINDOWS):
+            return False
+        self.condition, self.since_s = after, self._first_s
+        return True
 
 
 class Levels(NamedTuple):
@@ -79,141 +163,93 @@ class Levels(NamedTuple):
     emergency: float | None = None
 
 
-class LimitTest:
-    """Decides the condition of one quantity of one actuator through the flight.
+class WindowEvaluation(NamedTuple):
+    """Evaluation of one quantity in k windows; arrays of shape (k,).
+
+    Attributes
+    ----------
+    own, steadied
+        The estimates, with each window's own error, and with the error pooled over earlier windows.
+    half
+        Half the width of each window's own 95 % interval.
+    severity, sure
+        Severity by the interval with tail probability √α, -1 if inconclusive; and whether the interval
+        with tail probability α agrees.
+    """
+
+    own: Estimates
+    steadied: Estimates
+    half: Array
+    severity: Integers
+    sure: Flags
+
+    def intervals(self) -> dict[int, Interval]:
+        """Return the 95 % intervals of the windows with evidence, by window."""
+        value, half = self.own.value, self.half
+        return {
+            k: Interval(estimate=float(value[k]), low=float((value - half)[k]), high=float((value + half)[k]))
+            for k in np.flatnonzero(np.isfinite(value)).tolist()
+        }
+
+
+class Panel:
+    """Compares the windows of several quantities with their limits.
 
     Parameters
     ----------
     levels
-        Limits of the quantity.
+        Limits of the quantities.
+    two_sided
+        Whether each is normal near zero, and not below a value.
     false_alarms
-        Accepted number of false alarms in 100 hours.
-    span_s
-        Time through which a fault lasts that one window proves; None if no window proves one.
-
-    Attributes
-    ----------
-    condition
-        The current condition.
-    since_s
-        Flight time of its onset: the middle of the first window that speaks for it; for the first condition
-        of a flight, and for a fault that one window proves, that window's start.
+        Alarms per 100 hours.
     """
 
-    def __init__(self, levels: Levels, false_alarms: float, span_s: float | None = None) -> None:
-        self.condition: Condition = "undecided"
-        self.since_s: float | None = None
-        self._span_s = span_s
-        self._normal, emergency = (np.nan if level is None else level for level in levels)
-        edges = np.append(self._normal * (1.0 + np.array(EXCESSES)), (emergency, 10.0 * emergency))
-        self._edges: Array = np.unique(edges[np.isfinite(edges)])
-        self._grave: Flags = self._edges[:-1] >= emergency
-        cells = max(self._grave.size, 1)
-        self._test = SequentialTest(np.ones(WINDOW_SLOTS * cells), false_alarms, cells)
-        self._health, self._latest, self._last_s = 0.0, 0.0, -inf
-        self._speaks_s = -inf  # end of the first window since which all speak for the same
+    def __init__(self, levels: Sequence[Levels], two_sided: Sequence[bool], false_alarms: float) -> None:
+        self._two_sided = np.array(two_sided)[:, None]
+        limits = np.array([bounds(each) for each in levels])
+        self._normal, self._emergency = limits[:, :1], limits[:, 1:]
+        self._tails = tail_of(false_alarms) ** np.array([0.5, 1.0])[:, None]
+        self._errors = PooledErrors()
 
-    def ratios(self, estimates: Estimates) -> Array:
-        """Return the logarithms of the likelihood ratios of g intervals to health, shape (k, g)."""
-        value, error, freedom = (column[:, None] for column in estimates)
-        error = np.maximum(error, _LEAST_ERROR * self._normal)
-        borders = (self._edges - value) / error
-        low, high = borders[:, :-1], borders[:, 1:]
-        # By tails: differences of numbers near one lose their digits.
-        tails = t_probability(freedom, -np.abs(borders))
-        around = (low < 0.0) & (high > 0.0)
-        within = np.where(around, 1.0 - tails[:, :-1] - tails[:, 1:], np.abs(np.diff(tails)))
-        healthy = t_log_density(freedom, np.maximum(value - self._normal, 0.0) / error)
-        return np.asarray(np.log(np.maximum(within, _SMALLEST) / (high - low)) - healthy)
-
-    def feed(self, end_s: float, ratios: Array) -> bool:
-        """Take the ratios of the window that ends then, shape (g,); return whether the condition changes."""
-        if not ratios.size:
-            return False
-        series = np.zeros((WINDOW_SLOTS, ratios.size))
-        series[int(end_s) % WINDOW_SLOTS] = ratios
-        faulty, after = self._test.alarm, self.condition
-        back = float(ratios[self._test.likeliest % ratios.size]) / WINDOW_SLOTS
-        self._add_health(end_s, -mean_ratio(ratios))
-        if self._test.feed(int(end_s), series.ravel(), back):
-            shares = self._test.shares().reshape(series.shape).sum(axis=0)
-            after = self._fault(float(shares[self._grave].sum()))
-        elif faulty or (after == "undecided" and self._health >= EXCLUDING):
-            after = "normal"
-        # Conditions follow each other in time.
-        return self._change(after, max(self._onset(after, end_s), self.since_s or 0.0))
-
-    def settle(self, ratios: Array, start_s: float, seconds: float) -> bool:
-        """Take the ratios of the whole flight, shape (g,); return whether they decide the condition.
-
-        They find a fault that the windows did not show, as one that may have begun in each of its seconds,
-        and never end one. The flight is normal if they exclude an emergency.
-        """
-        if SEVERITY[self.condition] > 0 or not ratios.size:
-            return False
-        after, alarms = self.condition, min(exp(-self._test.threshold) * seconds, MOST_FLIGHT_TAIL)
-        if mean_ratio(ratios) >= -log(alarms):
-            shares = np.exp(ratios - ratios.max())
-            after = self._fault(float(shares[self._grave].sum() / shares.sum()))
-        elif mean_ratio(ratios[self._grave]) <= -EXCLUDING:
-            after = "normal"
-        return self._change(after, start_s)
-
-    def _change(self, after: Condition, since_s: float) -> bool:
-        if after == self.condition:
-            return False
-        self.condition, self.since_s = after, since_s
-        return True
-
-    def surely_grave(self, ratios: Array) -> bool:
-        """Return whether the ratios of a whole flight, shape (g,), show an emergency and nothing else."""
-        other = max(mean_ratio(ratios[~self._grave]), 0.0)
-        return mean_ratio(ratios[self._grave]) - other >= self._test.threshold
-
-    def _add_health(self, end_s: float, ratio: float) -> None:
-        """Add what a window says for health, by the share of its slots that the one before did not have."""
-        if (ratio > 0.0) != (self._latest > 0.0) or self._last_s < 0.0:
-            self._speaks_s = end_s
-        share = min((end_s - self._last_s) / WINDOW_S, 1.0)
-        self._health = max(self._health, 0.0) + share * ratio
-        self._latest, self._last_s = ratio, end_s
-
-    def _fault(self, grave: float) -> Condition:
-        """Return the condition of a fault that is grave with this probability."""
-        least = exp(-self._test.threshold) if self.condition == "emergency" else TAIL_95
-        return "emergency" if grave >= least else "degraded"
-
-    def _onset(self, after: Condition, end_s: float) -> float:
-        """Return since when a condition holds that begins with the window that ends then."""
-        if after == "normal":
-            end_s = self._speaks_s
-        elif SEVERITY[self.condition] <= SEVERITY["normal"]:
-            end_s = min(self._speaks_s, self._test.since or end_s)
-        throughout = self.condition == "undecided" or (self._span_s and after != "normal")
-        return end_s - (self._span_s or WINDOW_S) * (1.0 if throughout else 0.5)
-
-
-def mean_ratio(ratios: Array) -> float:
-    """Return the logarithm of the mean of likelihood ratios; minus infinity without any."""
-    return float(np.logaddexp.reduce(ratios)) - log(max(ratios.size, 1))
+    def feed(self, estimates: Sequence[Estimates], windows: Flags) -> list[WindowEvaluation]:
+        """Evaluate each detector's estimates in the selected windows, shape (k,)."""
+        own = Estimates(*(np.array(arrays)[:, windows] for arrays in zip(*estimates, strict=True)))
+        steadied = self._errors.feed(own)
+        size = np.where(self._two_sided, np.abs(own.value), own.value)
+        half = half_width(steadied, tail=self._tails)
+        severity, surely = shown_by(size - half, size + half, self._normal, self._emergency)
+        # Normal claims nothing that the wide interval could deny.
+        sure = (severity == SEVERITY["normal"]) | (surely > 0)
+        printed = half_width(own, tail=TAIL_95)
+        return [
+            WindowEvaluation(own.at(k), steadied.at(k), printed[k], severity[k], sure[k])
+            for k in range(len(estimates))
+        ]
 
 
 class PooledErrors:
-    """Pools the errors of a quantity's windows incrementally."""
+    """Pools the errors of each quantity's windows incrementally."""
 
     def __init__(self) -> None:
-        self._sum, self._count = 0.0, 0
+        self._sum: Array = np.zeros(1)
+        self._count: Integers = np.zeros(1, dtype=np.int64)
 
     def feed(self, estimates: Estimates) -> Estimates:
-        """Return the estimates, shape (k,), with pooled errors and the resulting degrees of freedom."""
+        """Return the estimates with pooled errors and the resulting degrees of freedom.
+
+        Estimates of several quantities have the shape (d, k).
+        """
         shown = np.isfinite(estimates.value)
         if not shown.size:
             return estimates
         squares = np.where(shown, estimates.error**2, 0.0)
-        # The running sums go on from the block before, in the same order of additions.
-        running = np.append(self._sum, squares).cumsum()
-        total, count = running[1:], self._count + shown.cumsum()
-        self._sum, self._count = float(total[-1]), int(count[-1])
+        total = squares.copy()
+        # The running sums go on from the block before.
+        total[..., :1] += self._sum
+        total = total.cumsum(axis=-1)
+        count = self._count + shown.cumsum(axis=-1)
+        self._sum, self._count = total[..., -1:], count[..., -1:]
         freedom, error = estimates.freedom, estimates.error
         # Windows slide by a slot: only each tenth one is independent.
         before = np.minimum(freedom * (count // WINDOW_SLOTS), MOST_POOLED_FREEDOM)

@@ -14,9 +14,13 @@ FALSE_ALARMS: Final = 1.0
 # Windows of 10 s that share no sample in 100 hours: turns the rate into a probability of one window.
 WINDOWS_PER_100_H: Final = 36_000.0
 
-# Borders of the intervals in which a value above its limit is sought, as excess over the limit: more of them
-# find each value later, fewer leave wide ones that a small fault does not fill. By hand.
-EXCESSES: Final = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 25.6)
+# Windows in a row that change a condition if even the wide interval agrees: a glitch lasts less. By
+# hand.
+CONFIRM_WINDOWS: Final = 5
+
+# Windows in a row that change a condition by the narrow interval: two windows that share no sample, each
+# with the square root of the allowed probability.
+LASTING_WINDOWS: Final = 20
 
 # Degrees of freedom that earlier windows may add to an error, those of four windows: more would make the
 # error deaf to rougher air. By hand.
