@@ -69,7 +69,7 @@ class AxisInput:
     def shift_deviations(self, axis: str, second: Second, error: float = 0.0) -> float:
         """Return the shift of an axis's trim, in deviations of the reference; NaN if it is not known.
 
-        ``error`` is that of the shift itself, rad/s.
+        What ``error`` explains, rad/s, does not count.
         """
         reference = self.trackers[axis].reference
         if reference is None or second.shift is None:

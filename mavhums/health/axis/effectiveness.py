@@ -280,7 +280,7 @@ class EffectivenessTracker:
         )
 
     def _shifted(self, gain_error: float) -> tuple[float | None, float]:
-        """Return the unexplained mean response, and what of it the error of the reference's gain makes."""
+        """Return the unexplained mean response, and what of it a relative error of the gain may make."""
         count = sum(rows for _, rows in self._left)
         if count < SHIFT_S * LEAST_ROWS_PER_S:
             return None, 0.0

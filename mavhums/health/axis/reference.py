@@ -98,7 +98,8 @@ class Second:
         The fault that the test suspects; None without one.
     shift, shift_error
         Mean of the unexplained response over the last three seconds, at the additional lag of the suspected
-        fault, and its error by that of the reference's gain; None if it is not known.
+        fault, and what of it the error of the gain and a manoeuvre may make with 95 %; None if it is not
+        known.
     excluded
         Number of seconds over which a loss of 40 % is excluded by now, and was not before.
     mixed

@@ -32,6 +32,7 @@ whether it flew upright, for longer than its take-off."""
 
 _RING: Final = 64  # rows; more than the longest window with its reference
 _COUNT, ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED, FLOWN, TIPPED, _BLOCK = range(10)
+_FASTEST: Final = 100.0  # rad/s; no gyro measures more, and the noise of a turn stays invertible
 _LEAST_ASKED: Final = 0.3  # thrust by hover thrust of which a share shows
 _LATER: Final = 5 * RATE_HZ  # rows in the air that must follow: at touch-down the effort winds up
 
@@ -174,11 +175,11 @@ def follow(
     """
     motors = columns.shape[0]
     for row in range(thrust.shape[0]):
-        good = np.isfinite(upright[row])
+        good = np.isfinite(upright[row]) and np.isfinite(spacing[row])
         for i in range(motors):
             good = good and np.isfinite(thrust[row, i]) and np.isfinite(s.now[4 + i])
         for a in range(3):
-            good = good and np.isfinite(rates[row, a])
+            good = good and abs(rates[row, a]) < _FASTEST  # false of NaN
         if good:
             _take(rates[row], upright[row], hover[row], grounded[row], columns, rules, s)
             settled = s.counts[ALOFT] > rules.settled and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0

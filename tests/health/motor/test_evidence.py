@@ -209,3 +209,14 @@ def test_a_log_that_ends_in_the_air_has_no_touch_down_to_be_left_out() -> None:
     monitor._speeds = SimpleNamespace(cause=lambda *asked: asked)
     monitor._loss = Loss(2, 41.0, 40.0, Interval.around(0.5, 0.1), 9.0)
     assert monitor.findings().cause == (1, 40.0)
+
+
+@pytest.mark.parametrize("how", [{"rates": np.full(3, 3e38)}, {"spacing": np.nan}, {"spacing": np.inf}])
+def test_a_row_that_nothing_measures_is_not_judged(how: dict[str, Any]) -> None:
+    """The largest number of a message is no body rate; the test goes on after it."""
+    craft = flown(SETTLED)
+    judged = craft.count(e.JUDGED)
+    assert not craft.fly(2, **how).any()
+    craft.fly(SETTLED)
+    assert np.isfinite(craft.state.values).all()
+    assert craft.count(e.JUDGED) > judged
