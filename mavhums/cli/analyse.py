@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mavhums.app.settings import Options
     from mavhums.results.assessment import Assessment
     from mavhums.show.answer import Line
+    from mavhums.show.blocks import Block
 
 
 class _OutcomePrinter(ABC):
@@ -82,26 +83,30 @@ class _TablePrinter(_OutcomePrinter):
         self._lines: list[Line] = []
 
     def _judged(self, log: Path, assessment: Assessment) -> None:
-        from rich.console import Console
-
-        from mavhums.show import render
-        from mavhums.show.answer import line_of, not_normal
-        from mavhums.show.terminal import draw
-        from mavhums.show.viewer import viewer_command
+        from mavhums.show.answer import blocks, line_of, not_normal
 
         self._lines.append(line_of(log, assessment))
-        title = f"=== {assessment.log.path} ==="
-        if self._several and self._whole:
-            say(title)
-        if self._whole:
-            render(assessment, Console(), verbose=self._verbose)
-        elif found := not_normal(assessment):
-            say(title)
-            draw(found, Console())
-        recording = self._recordings.get(log)
-        if recording is not None:
-            say(f"recording: {recording}   open it with: {viewer_command()} {recording}\n")
+        shown = blocks(assessment, brief=not self._verbose) if self._whole else not_normal(assessment)
+        if shown:
+            self._draw(shown, log if self._several else None)
+        if recording := self._recordings.get(log):
+            self._announce(recording)
         sys.stdout.flush()
+
+    def _draw(self, shown: Sequence[Block], log: Path | None = None) -> None:
+        """Draw blocks, under the name of a log."""
+        from rich.console import Console
+
+        from mavhums.show.terminal import draw
+
+        if log is not None:
+            say(f"=== {log} ===")
+        draw(shown, Console())
+
+    def _announce(self, recording: Path) -> None:
+        from mavhums.show.viewer import viewer_command
+
+        say(f"recording: {recording}   open it with: {viewer_command()} {recording}\n")
 
     def _failed(self, log: Path, error: MavhumsError) -> None:
         """Print no more than the error."""
@@ -113,15 +118,37 @@ class _TablePrinter(_OutcomePrinter):
         """Print the table of several logs; after an interruption it holds what was judged."""
         if not self._several or not self._lines:
             return
-        from rich.console import Console
-
         from mavhums.show.answer import many
-        from mavhums.show.terminal import draw
 
-        draw([many(self._lines)], Console())
+        self._draw([many(self._lines)])
         if not self._whole:
             say("--verbose shows all of each log, --json every figure.")
         say(EPILOG)
+
+
+class _MarkdownPrinter(_TablePrinter):
+    """Prints the same as Markdown to publish: nothing names the sender's folders or boards."""
+
+    def _judged(self, log: Path, assessment: Assessment) -> None:
+        from mavhums.show.markdown_report import anonymous
+
+        super()._judged(log, anonymous(assessment))
+
+    def _draw(self, shown: Sequence[Block], log: Path | None = None) -> None:
+        from mavhums.show.blocks import Headline
+        from mavhums.show.markdown_report import draw
+
+        say(draw([*([Headline(log.name)] if log else []), *shown]))
+
+    def _announce(self, recording: Path) -> None:
+        pass
+
+    def _end(self) -> None:
+        self._lines = [
+            line._replace(log=Path(line.log.name), what=line.what.replace(str(line.log), line.log.name))
+            for line in self._lines
+        ]
+        super()._end()
 
 
 class _JsonPrinter(_OutcomePrinter):
@@ -215,6 +242,7 @@ def _open_recordings(recordings: Sequence[Path]) -> None:
 @STORE
 @KEEP
 @JSON
+@click.option("--markdown", is_flag=True, help="Print the answer as Markdown, for a forum or an issue.")
 @click.option(
     "--rrd",
     type=PATH,
@@ -231,6 +259,7 @@ def analyse(
     store: str | None,
     keep: bool,
     as_json: bool,
+    markdown: bool,
     rrd: Path | None,
     no_position: bool,
     jobs: int | None,
@@ -258,6 +287,8 @@ def analyse(
 
     if open_viewer and rrd is None:
         raise click.UsageError("--open needs --rrd OUT")
+    if markdown and (as_json or verbose):
+        raise click.UsageError("--markdown is the short answer: leave out --json and --verbose")
     settings = Settings.read(replace(options, store=store, keep=keep))
     recordings = _recordings_of(logs, rrd)
     batch = Batch(
@@ -267,10 +298,9 @@ def analyse(
         prepare=announce_compiling,
     )
     several = len(logs) > 1
+    kind = _MarkdownPrinter if markdown else _TablePrinter
     printer: _OutcomePrinter = (
-        _JsonPrinter(several=several)
-        if as_json
-        else _TablePrinter(recordings, several=several, verbose=verbose)
+        _JsonPrinter(several=several) if as_json else kind(recordings, several=several, verbose=verbose)
     )
     with printer:
         kept = 0

@@ -1,9 +1,10 @@
-"""Draws blocks as Markdown: the report inside a recording."""
+"""Draws blocks as Markdown: the report inside a recording, and an answer to publish."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import PurePath
 
 from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
@@ -22,6 +23,22 @@ def markdown(assessment: Assessment) -> str:
         The verdicts of one log.
     """
     return draw(blocks(assessment))
+
+
+def anonymous(assessment: Assessment) -> Assessment:
+    """Return an assessment to publish: of a path only the file's name, and no notice that names a board."""
+    log = assessment.log
+    boards = [flight.board for flight in log.flight if flight.board]
+    update = {
+        "path": _file_name(log.path),
+        "copies": tuple(copy.model_copy(update={"log": _file_name(copy.log)}) for copy in log.copies),
+        "notices": tuple(said for said in log.notices if not any(board in said for board in boards)),
+    }
+    return assessment.model_copy(update={"log": log.model_copy(update=update)})
+
+
+def _file_name(path: str | None) -> str | None:
+    return PurePath(path.replace("\\", "/")).name if path else None
 
 
 def draw(shown: Iterable[Block]) -> str:

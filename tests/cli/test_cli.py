@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -48,6 +49,24 @@ def test_analyse_json_follows_the_schema(run: Run, growing_log: Path, healthy_lo
     assert [a["log"]["path"] for a in whole["assessments"]] == [str(healthy_log), str(growing_log)]
     for assessment in whole["assessments"]:
         validator.validate(assessment)
+
+
+def test_markdown_says_what_the_text_says_and_names_no_folder(
+    run: Run, growing_log: Path, healthy_log: Path, tmp_path: Path
+) -> None:
+    one = run("analyse", growing_log, "--markdown", "--rrd", tmp_path / "flight.rrd")
+    assert one.code == ExitCode.EMERGENCY
+    assert one.out.startswith("# elevator: EMERGENCY")
+    assert "rrd" not in one.out
+    said = re.findall(r"[^\W\d_]{4,}", run("analyse", growing_log).out)
+    assert {word.lower() for word in said} <= {*re.findall(r"[^\W\d_]+", one.out.lower())}
+    missing = tmp_path / "gone" / growing_log.name
+    several = run("analyse", healthy_log, growing_log, missing, "--markdown")
+    assert several.code == ExitCode.EMERGENCY
+    assert f"# {growing_log.name}\n" in several.out
+    assert f"| {growing_log.name} | unreadable | no such file | 1 |" in several.out
+    assert not [path for path in (growing_log, healthy_log, missing) if str(path.parent) in several.out]
+    assert run("analyse", growing_log, "--markdown", "--json").code == ExitCode.USAGE
 
 
 def test_analyse_writes_recordings(run: Run, growing_log: Path, healthy_log: Path, tmp_path: Path) -> None:

@@ -9,9 +9,11 @@ from mavhums.core.conditions import Condition
 from mavhums.core.quantities import KEYS
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment
+from mavhums.results.sections import FlightCopy, FlightIdentity
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import ALL, Evidence, Indicator, Since, Suspect
 from mavhums.show import markdown
+from mavhums.show.markdown_report import anonymous
 from tests.show.conftest import new_assessment, new_verdict
 
 
@@ -179,3 +181,15 @@ def test_a_figure_has_as_many_digits_as_its_interval_supports(low: float, high: 
     shown = Indicator(fault="x", quantity="loss", unit="1", value=value, windows=9, limit=0.08)
     verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"indicators": (shown,)})
     assert f"| loss | {told} | 0.08 |" in markdown(new_assessment(verdict))
+
+
+def test_an_answer_to_publish_names_no_folder_and_no_board(assessment: Assessment) -> None:
+    update = {
+        "path": r"C:\logs of Jane\a.tlog",
+        "flight": (FlightIdentity(vehicle=1, board="0BADC0DE"),),
+        "copies": (FlightCopy(vehicle=1, log="/home/jane/b.BIN", sha256=None, counts=True),),
+        "notices": ("the board is 0BADC0DE, not 77", "not compared with earlier flights"),
+    }
+    log = anonymous(assessment.model_copy(update={"log": assessment.log.model_copy(update=update)})).log
+    assert (log.path, log.copies[0].log) == ("a.tlog", "b.BIN")
+    assert log.notices == ("not compared with earlier flights",)
