@@ -33,7 +33,7 @@ def main(path: str, recording: str, airframe: str | None = None) -> None:
         else:
             print(f"{name}: command or angle is not in the log")
     stream.disconnect()
-    print(f"open it with: rerun {recording}")
+    print(f"open it with: rerun --bind 127.0.0.1 {recording}")
 
 
 if __name__ == "__main__":

@@ -226,10 +226,10 @@ def _open_recordings(recordings: Sequence[Path]) -> None:
     """Open recordings in the Rerun viewer; warn if it cannot be started, for the verdicts stand."""
     import subprocess
 
-    from mavhums.show.viewer import viewer_program
+    from mavhums.show.viewer import viewer_call
 
     try:
-        subprocess.Popen([str(viewer_program()), *map(str, recordings)])
+        subprocess.Popen(viewer_call(*map(str, recordings)))
     except MissingExtraError as error:
         complain(error)
     except OSError as error:

@@ -25,11 +25,15 @@ WEB_FILES: Final = ("index.html", "re_viewer.js", "re_viewer_bg.wasm", "favicon.
 """The files that a browser needs to show a recording."""
 
 _HERE: Final = "127.0.0.1"
+_BIND: Final = ("--bind", _HERE)
 _START_S: Final = 30.0
 
 
-def viewer_program() -> Path:
-    """Return the viewer itself; the ``rerun`` command is a wrapper that would leave it running.
+def viewer_call(*arguments: str) -> list[str]:
+    """Return the call of the viewer itself; the ``rerun`` command is a wrapper that would leave it running.
+
+    By itself a viewer listens on all interfaces, and shows whatever is sent to it, even one that only opens a
+    file; this one listens on the loopback address.
 
     Raises
     ------
@@ -44,13 +48,14 @@ def viewer_program() -> Path:
     program = next((path for name in ("rerun", "rerun.exe") if (path := folder / name).exists()), None)
     if program is None:
         raise MissingExtraError("the 3-D viewer", "viewer")
-    return program
+    return [str(program), *_BIND, *arguments]
 
 
 def viewer_command() -> str:
     """Return what a user types to start the viewer: the command on the PATH, else that beside Python."""
     beside = Path(sys.executable).with_name("rerun")
-    return "rerun" if shutil.which("rerun") or not beside.exists() else os.path.relpath(beside)
+    program = "rerun" if shutil.which("rerun") or not beside.exists() else os.path.relpath(beside)
+    return " ".join((program, *_BIND))
 
 
 def save_web_viewer(folder: Path) -> None:
@@ -69,8 +74,7 @@ def save_web_viewer(folder: Path) -> None:
         If it does not give its files.
     """
     web, data = free_port(0), free_port(0)
-    command = [str(viewer_program()), "--serve-web", "--bind", _HERE]
-    command += ["--web-viewer-port", str(web), "--port", str(data)]
+    command = viewer_call("--serve-web", "--web-viewer-port", str(web), "--port", str(data))
     none = subprocess.DEVNULL
     process = subprocess.Popen(command, stdin=none, stdout=none, stderr=none)
     try:
@@ -250,7 +254,7 @@ class LiveViewer:
             self._start("--connect", data, *limit, "--hide-welcome-screen", own_group=True)
         elif self._viewer in ("browser", "web"):
             web = str(free_port(_WEB_PORT))
-            self._start("--serve-web", "--bind", _HERE, "--web-viewer-port", web, data)
+            self._start("--serve-web", "--web-viewer-port", web, data)
             self._exits.callback(self._stop)
             self.url = f"http://{_HERE}:{web}?url={data.replace('+', '%2B').replace(':', '%3A')}"
             if self._viewer == "browser":
@@ -263,7 +267,7 @@ class LiveViewer:
         """
         none = subprocess.DEVNULL
         self._process = subprocess.Popen(
-            [str(viewer_program()), *arguments],
+            viewer_call(*arguments),
             stdin=none,
             stdout=none,
             stderr=none,

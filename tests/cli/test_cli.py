@@ -74,7 +74,7 @@ def test_analyse_writes_recordings(run: Run, growing_log: Path, healthy_log: Pat
     outcome = run("analyse", growing_log, "--rrd", one)
     assert outcome.code == ExitCode.EMERGENCY
     assert one.read_bytes().startswith(b"RRF")
-    assert f"rerun {one}" in outcome.out
+    assert f"rerun --bind 127.0.0.1 {one}" in outcome.out
     folder = tmp_path / "recordings"
     assert run("analyse", growing_log, healthy_log, "--rrd", folder).code == ExitCode.EMERGENCY
     assert sorted(path.name for path in folder.iterdir()) == ["growing.rrd", "healthy.rrd"]
@@ -119,7 +119,8 @@ def test_open_starts_the_viewer(
     monkeypatch.setattr(subprocess, "Popen", started.append)
     recording = tmp_path / "flight.rrd"
     assert run("analyse", healthy_log, "--rrd", recording, "--open").code == ExitCode.OK
-    [[program, opened]] = started
+    [[program, *bind, opened]] = started
+    assert bind == ["--bind", "127.0.0.1"]
     assert Path(program).is_file()  # the viewer beside this Python, whatever is on the PATH
     assert opened == str(recording)
 

@@ -15,7 +15,7 @@ import pytest
 from mavhums.core.errors import MavhumsError
 from mavhums.results.assessment import Assessment
 from mavhums.show import LiveViewer
-from mavhums.show.viewer import free_port, viewer_program
+from mavhums.show.viewer import free_port, viewer_call
 
 if TYPE_CHECKING:
     from tests.show.conftest import Flight
@@ -101,7 +101,7 @@ def test_the_report_is_kept_up_to_date(
 def test_drawing_waits_for_a_viewer_that_hangs(flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mavhums.show.viewer._EVERY_S", 0.0)
     port = free_port(0)
-    command = [str(viewer_program()), "--serve-grpc", "--bind", "127.0.0.1", "--port", str(port)]
+    command = viewer_call("--serve-grpc", "--port", str(port))
     hanging = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         with LiveViewer(f"rerun+http://127.0.0.1:{port}/proxy", recording_id="flight") as viewer:
@@ -162,6 +162,14 @@ def test_the_web_viewer_is_served_and_stopped() -> None:
     host, port = address.removeprefix("http://").split(":")
     with socket.socket() as probe, pytest.raises(OSError, match="refused"):
         probe.connect((host, int(port)))
+
+
+def test_a_viewer_that_opens_a_file_listens_on_the_loopback_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    call = viewer_call("--port", "auto", "nonesuch.rrd")
+    done = subprocess.run(call, capture_output=True, text=True, check=False, timeout=120)
+    assert "connections on 127.0.0.1:" in done.stdout + done.stderr
 
 
 def test_a_viewer_that_cannot_run_is_told(monkeypatch: pytest.MonkeyPatch, flight: Flight) -> None:
