@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 __version__ = "0.2.0.dev0"
-
+REPOSITORY: Final = "https://github.com/mavhums/mavhums"
 
 NOTICE: Final = (
     "not an airworthiness decision; wear is validated in simulation and on a bench with seeded faults, "

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 from pydantic import Field
 
-from mavhums.core.about import NOTICE
+from mavhums.core.about import NOTICE, REPOSITORY
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract, Frozen
@@ -275,17 +275,20 @@ def without_record(definitions: dict[str, Any]) -> None:
     verdict["required"] = [name for name in verdict.get("required", ()) if name != "own"]
 
 
-def published_schema(schema: dict[str, Any], identifier: str) -> dict[str, Any]:
+def published_schema(schema: dict[str, Any], name: str) -> dict[str, Any]:
     """Return a generated schema as it is published: without records, and without the examples in Python."""
     without_record(schema["$defs"])
     for part in (schema, *schema["$defs"].values()):
         if "description" in part:
             part["description"] = part["description"].split("\n\nExamples")[0]
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": identifier, **schema}
+    address = f"{REPOSITORY}/raw/main/mavhums/results/schema/{name}.json"
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": address, **schema}
 
 
 def _generate_schema() -> dict[str, Any]:
-    schema = published_schema(Assessment.model_json_schema(by_alias=True, mode="serialization"), SCHEMA)
+    schema = published_schema(
+        Assessment.model_json_schema(by_alias=True, mode="serialization"), "assessment-2"
+    )
     provenance = schema["$defs"]["Verdict"]["properties"]["provenance"]
     provenance["propertyNames"] = {"enum": [*KEYS, *MEASURED]}
     return schema

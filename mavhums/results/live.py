@@ -17,8 +17,6 @@ from mavhums.results.assessment import Assessment, published_schema
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Suspect
 
-SCHEMA = "mavhums.live/1"
-
 
 class _Event(Contract):
     """``utc`` is when the line was written."""
@@ -210,7 +208,7 @@ LiveObject = Annotated[
 
 def _generate_schema() -> dict[str, Any]:
     schema = TypeAdapter(LiveObject).json_schema(by_alias=True, mode="serialization")
-    return published_schema(schema, SCHEMA)
+    return published_schema(schema, "live-1")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from pathlib import Path
@@ -9,6 +10,8 @@ from pathlib import Path
 import pytest
 
 import mavhums
+from mavhums.core.about import REPOSITORY
+from mavhums.results.assessment import json_schema
 
 yaml = pytest.importorskip("yaml", reason="YAML files are read with PyYAML")
 ROOT = Path(__file__).parents[2]
@@ -26,7 +29,13 @@ def test_version_licence_and_address_agree() -> None:
     assert mavhums.__version__.removesuffix(".dev0") == citation["version"]
     assert f"\n## {citation['version']}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert citation["license"] == PROJECT["license"]
-    assert citation["repository-code"] == PROJECT["urls"]["Homepage"]
+    assert citation["repository-code"] == PROJECT["urls"]["Homepage"] == REPOSITORY
+
+
+@pytest.mark.parametrize("name", ["assessment-2", "live-1"])
+def test_a_schema_is_identified_by_where_it_is_found(name: str) -> None:
+    path = json_schema(name)["$id"].removeprefix(f"{REPOSITORY}/raw/main/")
+    assert json.loads((ROOT / path).read_text(encoding="utf-8")) == json_schema(name)
 
 
 def test_the_workflow_calls_what_ci_runs_on_every_python() -> None:
