@@ -6,7 +6,7 @@ CORES ?= auto
 TORCH_INDEX ?=
 # Without --no-compile 400 MB of byte code are written for packages of which few modules are ever used.
 PIP := -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
-EXTRAS := arrow,fleet,serial,serve,sim,viewer,zstd
+EXTRAS := arrow,fleet,mcp,serial,serve,sim,viewer,zstd
 # Only Linux has CUDA builds; there the CPU build has a version of its own.
 TORCH := $(shell grep ^torch== constraints.txt)$(if $(filter Linux,$(shell uname -s)),+cpu)
 

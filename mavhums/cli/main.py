@@ -25,6 +25,7 @@ _HOMES: Final[Mapping[str, Mapping[str, str]]] = {
     "Judge": {"analyse": "analyse", "report": "analyse", "serve": "serve", "live": "live"},
     "Look": {"inspect": "", "check": "tools", "export": "tools"},
     "Over flights": {"trend": "trend", "fleet": "fleet"},
+    "Serve": {"mcp": "mcp"},
     "Set up": {"profile": "tools", "warm-up": "tools"},
     "Models": {"model": "tools", "train": "learn", "precedents": "learn", "study": "learn"},
 }
