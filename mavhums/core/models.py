@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 from pydantic import BaseModel, ConfigDict
 
 
@@ -19,3 +21,11 @@ class Contract(Frozen):
     """An object of a published JSON schema: every number is finite, every field is written."""
 
     model_config = ConfigDict(allow_inf_nan=False, json_schema_serialization_defaults_required=True)
+
+
+class Drawn(Contract):
+    """A result that a notebook shows as a person reads it, not as its fields."""
+
+    def _repr_html_(self) -> str:
+        # A notebook asks the object itself; what draws it lies in a room above, and loads only then.
+        return str(import_module("mavhums.show.notebook").cell(self))

@@ -16,7 +16,7 @@ from pydantic import Field
 from mavhums.core.about import NOTICE, REPOSITORY
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import ExitCode
-from mavhums.core.models import Contract, Frozen
+from mavhums.core.models import Contract, Drawn, Frozen
 from mavhums.core.quantities import KEYS
 from mavhums.log.base.decoder import Losses
 from mavhums.results.events import FlightEvent
@@ -53,7 +53,7 @@ class LogSummary(Contract):
     notices: tuple[str, ...] = ()
 
 
-class Assessment(Contract):
+class Assessment(Drawn):
     """Every verdict that a log supports.
 
     ``model`` is the richest network among those of the verdicts, ``usage`` the usage of each

@@ -12,7 +12,7 @@ from pydantic import Field
 from mavhums.core.about import NOTICE
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import ExitCode
-from mavhums.core.models import Contract
+from mavhums.core.models import Contract, Drawn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -246,7 +246,7 @@ class RepairDate(Contract):
     at_utc: str
 
 
-class TrendReport(Contract):
+class TrendReport(Drawn):
     """The trends of an aircraft, the worst first.
 
     Attributes
