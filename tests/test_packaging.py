@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tarfile
+import time
 import zipfile
 from pathlib import Path
 
 import pytest
+
+from mavhums.show.viewer import free_port
 
 ROOT = Path(__file__).parents[1]
 EXTRAS = ("torch", "sklearn", "rerun", "pyarrow", "matplotlib")
@@ -113,3 +118,35 @@ def test_a_missing_extra_is_one_line_that_names_the_command(
     assert f"pip install 'mavhums[{extra}]'" in outcome.stderr
     assert len(outcome.stderr.splitlines()) == 2
     assert list(tmp_path.iterdir()) == []
+
+
+def _of_image(instruction: str) -> list[str]:
+    """Return the words of an instruction of the Dockerfile, the last one of its name."""
+    text = (ROOT / "Dockerfile").read_text(encoding="utf-8")
+    words: list[str] = json.loads(re.findall(rf"^{instruction}\b[^\[]*(\[.*\])$", text, re.MULTILINE)[-1])
+    return words
+
+
+def test_the_image_serves_the_page_and_its_health_check_notices_its_end(tmp_path: Path) -> None:
+    pytest.importorskip("uvicorn", reason="the page needs the extra 'serve'")
+    port = str(free_port(0))
+    command = [*_of_image("ENTRYPOINT"), *_of_image("CMD"), "--port", port]
+    check = [sys.executable, *(word.replace("8080", port) for word in _of_image("HEALTHCHECK")[1:])]
+    environment = {**os.environ, "MAVHUMS_STORE": str(tmp_path / "flights.sqlite")}
+
+    def is_healthy() -> bool:
+        return subprocess.run(check, capture_output=True, check=False).returncode == 0
+
+    assert not is_healthy()
+    served = subprocess.Popen(
+        [sys.executable, "-m", *command], env=environment, cwd=tmp_path, stdout=subprocess.DEVNULL
+    )
+    try:
+        end = time.monotonic() + 60
+        while not is_healthy():
+            assert time.monotonic() < end
+            assert served.poll() is None
+    finally:
+        served.terminate()
+        served.wait(30)
+    assert not is_healthy()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-__version__ = "0.2.0.dev0"
+__version__ = "0.3.0"
 REPOSITORY: Final = "https://github.com/mavhums/mavhums"
 
 NOTICE: Final = (

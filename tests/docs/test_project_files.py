@@ -26,7 +26,7 @@ def test_every_yaml_file_can_be_read(file: Path) -> None:
 
 def test_version_licence_and_address_agree() -> None:
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    assert mavhums.__version__.removesuffix(".dev0") == citation["version"]
+    assert mavhums.__version__ == citation["version"]
     assert f"\n## {citation['version']}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert citation["license"] == PROJECT["license"]
     assert citation["repository-code"] == PROJECT["urls"]["Homepage"] == REPOSITORY
@@ -44,6 +44,15 @@ def test_the_workflow_calls_what_ci_runs_on_every_python() -> None:
     assert jobs["full"]["steps"][-1]["run"] == ".ci/run"
     for path in re.findall(r"tests/\w+", jobs["short"]["steps"][-1]["run"]):
         assert (ROOT / path).is_dir()
+
+
+def test_a_release_publishes_without_a_secret_what_was_tried() -> None:
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "release.yml").read_text(encoding="utf-8"))
+    jobs = workflow["jobs"]
+    assert "secrets." not in str(workflow)
+    assert jobs["publish"]["permissions"] == {"id-token": "write"}
+    assert (jobs["publish"]["needs"], jobs["try"]["needs"]) == ("try", "build")
+    assert "twine check --strict" in str(jobs["build"]["steps"])
 
 
 def test_every_document_that_the_code_names_exists() -> None:
