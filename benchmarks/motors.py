@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.vehicle.facts import OUTPUTS, Signal
 from mavhums.vehicle.grid import Grid
@@ -101,7 +102,7 @@ def case(task: tuple[int, str, float, float, str]) -> Case:
     settled = grid.feed([*signals(flown, rates, seed)], final=True)
     first = None
     for change in monitor.feed(settled, Phases().feed(settled, monitor.rotors)) if settled else ():
-        first = first or change
+        first = first or (change if isinstance(change, ConditionChanged) else None)
     found = monitor.findings()
     said = found.loss
     named = said.motor if said and not found.several else 0

@@ -149,13 +149,16 @@ def without_cross_products(found: Any) -> Any:
     return {key: without_cross_products(value) for key, value in found.items()}
 
 
+_OWN = ("vehicle", "actuator", "fault", "kind")
+
+
 def condensed(events: Iterable[Any]) -> dict[str, Any]:
     """Return for each number of all events of a kind: how often, mean, scatter, least and most; else what."""
     columns: dict[str, list[Any]] = {}
     for event in events:
-        whose = [getattr(event, name, "") for name in ("actuator", "fault")]
+        whose = [getattr(event, name, "") for name in _OWN[1:]]
         fields = dataclasses.fields(event) if dataclasses.is_dataclass(event) else ()
-        for field in (field for field in fields if field.name not in ("vehicle", "actuator", "fault")):
+        for field in (field for field in fields if field.name not in (*_OWN, "reference_s")):
             value = getattr(event, field.name)
             key = " ".join([type(event).__name__, *map(str, filter(None, whose)), field.name])
             columns.setdefault(key, []).append(value)

@@ -40,8 +40,8 @@ class Axes:
         Where the events of each vehicle go; None for nowhere else.
     false_alarms
         Accepted number of false alarms in 100 hours of an axis.
-    angles
-        Whether to yield the demanded and the flown angles as well, for a recording.
+    traced
+        Whether to yield what lies behind the judgement as well, for a recording.
     """
 
     def __init__(
@@ -50,9 +50,9 @@ class Axes:
         events: FlightEvents | None = None,
         *,
         false_alarms: float = FALSE_ALARMS,
-        angles: bool = False,
+        traced: bool = False,
     ) -> None:
-        self._false_alarms, self._angles = false_alarms, angles
+        self._false_alarms, self._traced = false_alarms, traced
         self._events = events or FlightEvents()
         self._airframe = airframe
         self._signals = SignalReader()
@@ -109,7 +109,7 @@ class Axes:
                     self._airframe,
                     own,
                     false_alarms=self._false_alarms,
-                    angles=self._angles,
+                    traced=self._traced,
                 )
             return self._vehicles[vehicle]
 

@@ -105,7 +105,7 @@ class Engine:
         wanted |= SIGNAL_MESSAGES
         self._events = FlightEvents()
         self._axes = Axes(
-            airframe, self._events, false_alarms=options.false_alarms, angles=options.vehicle_states
+            airframe, self._events, false_alarms=options.false_alarms, traced=options.vehicle_states
         )
         self._show_states = options.vehicle_states
         self._states = VehicleStates(modes_only=not options.vehicle_states)

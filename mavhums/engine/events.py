@@ -17,11 +17,12 @@ from mavhums.health.decision.events import (
     ConditionChanged,
     Forgotten,
     Indication,
+    Trace,
     Window,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.results.assessment import Assessment
-from mavhums.vehicle.states import Attitude, FlightMode, Followed, Position
+from mavhums.vehicle.states import Attitude, FlightMode, Position
 
 __all__ = [
     "AirframeNamed",
@@ -31,7 +32,6 @@ __all__ = [
     "ConditionChanged",
     "Event",
     "FlightMode",
-    "Followed",
     "Forgotten",
     "Indication",
     "Notice",
@@ -39,6 +39,7 @@ __all__ = [
     "Records",
     "Samples",
     "StandaloneAssessment",
+    "Trace",
     "Window",
 ]
 
@@ -61,7 +62,7 @@ Event = (
     | AirframeNamed
     | Notice
     | Attitude
-    | Followed
+    | Trace
     | Position
     | FlightMode
     | ComparisonInput

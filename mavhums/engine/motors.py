@@ -7,7 +7,7 @@ from datetime import datetime
 from math import inf
 from typing import TYPE_CHECKING, Final
 
-from mavhums.health.decision.events import ConditionChanged
+from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.verdict.obstacles import unjudged
@@ -38,6 +38,8 @@ class VehicleMotors:
         System id.
     false_alarms
         Accepted number of false alarms in 100 hours.
+    traced
+        Whether to yield what lies behind the judgement as well.
 
     Attributes
     ----------
@@ -47,8 +49,8 @@ class VehicleMotors:
         The speeds that its ESCs report.
     """
 
-    def __init__(self, vehicle: int, false_alarms: float = FALSE_ALARMS) -> None:
-        self._vehicle, self._false_alarms = vehicle, false_alarms
+    def __init__(self, vehicle: int, false_alarms: float = FALSE_ALARMS, *, traced: bool = False) -> None:
+        self._vehicle, self._false_alarms, self._traced = vehicle, false_alarms, traced
         self.by_parameters: Rotors | Reason | None = None
         self.speeds = EscSpeeds()
         self._monitor: MotorMonitor | None = None
@@ -61,13 +63,15 @@ class VehicleMotors:
         # A motor that loses its output in flight, as an override has it, is still the aircraft's.
         return self._monitor.rotors if self._monitor else self.by_parameters
 
-    def feed(self, seconds: Seconds, phases: PhaseRows) -> Iterator[ConditionChanged]:
+    def feed(self, seconds: Seconds, phases: PhaseRows) -> Iterator[ConditionChanged | Trace]:
         """Take settled seconds and the phases in them; yield the changes of condition."""
         rotors = self.by_parameters
         if isinstance(rotors, Rotors) and (self._monitor is None or rotors != self._monitor.rotors):
             from mavhums.health.motor.monitor import MotorMonitor  # most vehicles have wings
 
-            self._monitor = MotorMonitor(self._vehicle, rotors, self.speeds, self._false_alarms)
+            self._monitor = MotorMonitor(
+                self._vehicle, rotors, self.speeds, self._false_alarms, traced=self._traced
+            )
             again = Phases()  # with the thrust, which was not known
             for earlier in self._early:
                 yield from self._monitor.feed(earlier, again.feed(earlier, rotors))

@@ -16,9 +16,9 @@ from mavhums.engine.events import Notice
 from mavhums.engine.motors import VehicleMotors
 from mavhums.engine.moving_outputs import TRIED_AXES, contradiction, inferred, refutation, rests_on_outputs
 from mavhums.engine.vehicle_setup import SetupHistory, VehicleSetup
-from mavhums.health.axis.monitor import AxisMonitor
+from mavhums.health.axis.monitor import AxisChange, AxisMonitor
 from mavhums.health.axis.thresholds import REFERENCE_S
-from mavhums.health.decision.events import ConditionChanged, Indication
+from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.verdict.axis import verdicts_of_axes
 from mavhums.health.verdict.obstacles import why_not_at_all
@@ -27,16 +27,14 @@ from mavhums.results.verdict import Verdict
 from mavhums.vehicle.events import VehicleEvents
 from mavhums.vehicle.facts import ALL_OUTPUTS, Signal
 from mavhums.vehicle.flight import Flight
-from mavhums.vehicle.grid import RATE_HZ, Grid, Seconds
+from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY, Grid, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rows import Rows
-from mavhums.vehicle.states import Followed
 from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces, on_channels
 from mavhums.vehicle.usage import Usage
 
-AxisEvent = ConditionChanged | Indication | Followed | Notice
-_SHOWN_EVERY: Final = 5  # rows: four angles a second
+AxisEvent = AxisChange | Notice
 _INFER_S: Final = REFERENCE_S  # of forward flight: what a reference takes shows the surfaces, too
 _RETRY_S: Final = 10  # between tries: each fits minutes of flight anew
 _LATEST_S: Final = 600  # since there was hope: bounds the cost of a flight that allows no inference
@@ -66,8 +64,8 @@ class VehicleAxes:
         Where the events of its flight go; None for nowhere else.
     false_alarms
         Accepted number of false alarms in 100 hours of an axis.
-    angles
-        Whether to yield the demanded and the flown angles as well, for a recording.
+    traced
+        Whether to yield what lies behind the judgement as well, for a recording.
 
     Attributes
     ----------
@@ -89,23 +87,23 @@ class VehicleAxes:
         events: VehicleEvents | None = None,
         *,
         false_alarms: float = FALSE_ALARMS,
-        angles: bool = False,
+        traced: bool = False,
     ) -> None:
-        self._vehicle, self._false_alarms, self._angles = vehicle, false_alarms, angles
+        self._vehicle, self._false_alarms, self._traced = vehicle, false_alarms, traced
         self.setups = SetupHistory(airframe)
         self.surfaces = self.setups.last.surfaces
         self.monitor = self._monitor(airframe.axes if airframe else None)
         self.flight = Flight(self.surfaces)
         self.usage = Usage()
         self.grid = Grid(start_us)
-        self.motors = VehicleMotors(vehicle, false_alarms)
+        self.motors = VehicleMotors(vehicle, false_alarms, traced=traced)
         self._events = events or VehicleEvents(vehicle)
         self._setup = self.setups.last
         self._answers: dict[str, str] = {}
         self._now_s, self._tries = 0, 0
         self._inferences, self._hoped_s, self._next_try_s = 0, 0, _INFER_S
         self._reported: dict[str, Condition] = {}
-        self._shown_s: dict[str, float] = {}
+        self._shown_s: dict[tuple[str, str], float] = {}
 
     @property
     def parameters(self) -> Parameters | None:
@@ -201,8 +199,8 @@ class VehicleAxes:
 
     def _follow(self, seconds: Seconds) -> Iterator[AxisEvent]:
         for rows in self.flight.feed(seconds):
-            if self._angles:
-                yield from _followed(self._vehicle, rows)
+            if self._traced:
+                yield from _angles(self._vehicle, rows)
             self._now_s = rows.second + rows.seconds
             # Of a rover only its steering is judged: what is about roll and pitch is the ground's.
             events = [] if self._only_drives else list(self.monitor.feed(rows))
@@ -254,7 +252,7 @@ class VehicleAxes:
         """Judge the flight anew with these surfaces, as far back as it is kept."""
         before, self.surfaces = self.surfaces, surfaces
         self.monitor = self._monitor(limits or self.monitor.limits)
-        first_s, events = self._now_s, list[ConditionChanged | Indication]()
+        first_s, events = self._now_s, list[AxisChange]()
         for rows in self.flight.learn(surfaces):
             first_s = min(first_s, rows.second)
             events += [] if self._only_drives else self.monitor.feed(rows)
@@ -267,7 +265,7 @@ class VehicleAxes:
         for event in events:
             if isinstance(event, ConditionChanged):
                 last[event.actuator] = event
-            if isinstance(event, Indication) or event.actuator not in reported:
+            if not isinstance(event, ConditionChanged) or event.actuator not in reported:
                 yield from self._report(event)
         if reported:
             text = f"{why}: its axes are judged anew from {first_s} s on"
@@ -292,7 +290,7 @@ class VehicleAxes:
         told = surfaces.confirmed | surfaces.by_log
         return [axis for axis in TRIED_AXES if axis not in told and surfaces.of_axis(axis)]
 
-    def _refuted(self, events: Sequence[ConditionChanged | Indication]) -> Surfaces | None:
+    def _refuted(self, events: Sequence[AxisChange]) -> Surfaces | None:
         """Return the surfaces less the axes whose outputs the motion contradicts; None if it does of none.
 
         It is asked in the first minutes, and before an alarm is reported that rests on outputs which only a
@@ -350,15 +348,20 @@ class VehicleAxes:
             change = replace(last, time_s=now_s, before=before)
         yield from self._report(change)
 
-    def _report(self, event: ConditionChanged | Indication) -> Iterator[AxisEvent]:
-        """Yield an event, an alert with the possible surfaces, of an indication only what is new."""
+    def _report(self, event: AxisChange) -> Iterator[AxisEvent]:
+        """Yield an event, an alert with the possible surfaces, of values only what is new."""
         axis = event.actuator
-        if isinstance(event, Indication):
-            new = event.end_s > self._shown_s.get(axis, -np.inf)
+        if not isinstance(event, ConditionChanged):
+            kind, names = (
+                (event.kind, ("time_s", "values"))
+                if isinstance(event, Trace)
+                else (event.fault, ("end_s", "value", "low", "high"))
+            )
+            time_s = getattr(event, names[0])
+            new = time_s > self._shown_s.get((axis, kind), -np.inf)
             if new.any():
-                self._shown_s[axis] = float(event.end_s[-1])
-                arrays = (event.end_s, event.value, event.low, event.high)
-                yield Indication(event.vehicle, axis, event.fault, *(array[new] for array in arrays))
+                self._shown_s[axis, kind] = float(time_s[-1])
+                yield replace(event, **{name: getattr(event, name)[new] for name in names})
             return
         self._reported[axis] = event.after
         suspect = self.surfaces.brief(axis) if self.surfaces else ""
@@ -368,7 +371,7 @@ class VehicleAxes:
     def _monitor(self, limits: AxisLimits | None) -> AxisMonitor:
         """Return a new monitor of what the surfaces move."""
         axes, mixed = (self.surfaces.axes, self.surfaces.mixed) if self.surfaces else (AXES, None)
-        return AxisMonitor(self._vehicle, limits, axes, mixed, self._false_alarms)
+        return AxisMonitor(self._vehicle, limits, axes, mixed, self._false_alarms, traced=self._traced)
 
     def _infer(self) -> Iterator[AxisEvent]:
         """Try to infer the outputs from the last minutes, ever more rarely."""
@@ -385,12 +388,12 @@ class VehicleAxes:
             yield from self._adopt(surfaces, "its outputs are inferred from the flight")
 
 
-def _followed(vehicle: int, rows: Rows) -> Iterator[Followed]:
+def _angles(vehicle: int, rows: Rows) -> Iterator[Trace]:
     """Yield the angles of roll and pitch in forward flight, where they are known."""
-    time_s = rows.second + np.arange(0, len(rows), _SHOWN_EVERY) / RATE_HZ
+    time_s = rows.second + np.arange(0, len(rows), SHOWN_EVERY) / RATE_HZ
     pairs = {"roll": (rows.roll_demand, rows.roll), "pitch": (rows.pitch_demand, rows.pitch)}
     for axis, (demand, flown) in pairs.items():
-        angles = np.stack([demand, flown], axis=1)[::_SHOWN_EVERY]
-        known = np.isfinite(angles[:, 1]) & rows.flying[::_SHOWN_EVERY]
+        angles = np.stack([demand, flown], axis=1)[::SHOWN_EVERY]
+        known = np.isfinite(angles[:, 1]) & rows.flying[::SHOWN_EVERY]
         if known.any():
-            yield Followed(vehicle, axis, time_s[known], angles[known])
+            yield Trace(vehicle, axis, f"{axis}_angle", time_s[known], angles[known])

@@ -18,11 +18,11 @@ from mavhums.engine.events import (
     ConditionChanged,
     Event,
     FlightMode,
-    Followed,
     Indication,
     Notice,
     Position,
     Samples,
+    Trace,
     Window,
 )
 from mavhums.health.actuator.detectors import detectors_for
@@ -30,6 +30,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Motor, Surface, Vehicle, craft_path
 from mavhums.show._rows import send
+from mavhums.show._traces import FRAME, trace_words
 from mavhums.show._tracks import Track, path_part
 from mavhums.show.answer import listed
 from mavhums.show.blocks import Mark
@@ -65,6 +66,7 @@ class Scene:
         self._airframes: dict[int | None, tuple[Airframe, float]] = {}
         self._vehicles: dict[int | None, Vehicle] = {}
         self._tracks: dict[tuple[int | None, str], Track] = {}
+        self._frames: dict[int, Track] = {}
         self._texts: list[tuple[float, str, str]] = []
         self._report = ""
         self._state_s = 0.0
@@ -83,7 +85,11 @@ class Scene:
         """Process the engine's events, in order."""
         for event in events:
             match event:
-                case Samples() | Window() | Indication() | Followed() | Classified():
+                case Trace() if event.actuator == FRAME:
+                    if event.vehicle not in self._frames:
+                        self._frames[event.vehicle] = self._new_track(event.vehicle, FRAME)
+                    self._frames[event.vehicle].take(event)
+                case Samples() | Window() | Indication() | Trace() | Classified():
                     self._track(event.vehicle, event.actuator).take(event)
                 case ConditionChanged():
                     self._track(event.vehicle, event.actuator).changed(event)
@@ -158,6 +164,10 @@ class Scene:
             path = f"/condition/{rank}_{path_part(name(verdict, assessment))}"
             track.lane(path)
             yield self._lane(track, verdict.condition, verdict.worst)._replace(states=path)
+        judged = {(verdict.vehicle, verdict.actuator) for verdict in assessment.verdicts}
+        for key, track in self._tracks.items():
+            if track.traces and key not in judged:  # a motor beside one that failed
+                yield self._lane(track, track.condition, track.worst)
 
     def live_report(self) -> None:
         """Write the report so far; not as static data, so that a viewer may drop older ones."""
@@ -182,7 +192,7 @@ class Scene:
     def shape(self) -> object:
         """Return the data that determine the layout; if they are unchanged, so is the layout."""
         shown = [
-            (track.root, track.condition, track.present, len(track.faults), track.cause, track.angles)
+            (track.root, track.condition, track.present, len(track.faults), track.cause, len(track.traces))
             for track in self.ranked()
         ]
         return shown, self._surroundings()
@@ -196,7 +206,10 @@ class Scene:
             Fault(fault, _unit(track, fault), track.faults[fault]) for fault in sorted(track.faults)
         )
         title = self._title(track)
-        return Lane(track.root, title, condition, worst, track.present, faults, track.cause, track.angles)
+        frame = self._frames.get(track.vehicle or 0) if "thrust" in track.traces else None
+        paths = track.traces | (frame.traces if frame else {})
+        traces = {kind: (trace_words(track.actuator, kind).quantity, path) for kind, path in paths.items()}
+        return Lane(track.root, title, condition, worst, track.present, faults, track.cause, traces)
 
     def _title(self, track: Track) -> str:
         several = len({vehicle for vehicle, _ in self._tracks}) > 1
@@ -226,15 +239,13 @@ class Scene:
     def _track(self, vehicle: int | None, actuator: str) -> Track:
         key = (vehicle, actuator)
         if key not in self._tracks:
-            self._tracks[key] = Track(
-                self._stream,
-                vehicle,
-                actuator,
-                live=self._live,
-                others={track.root for track in self._tracks.values()},
-            )
+            self._tracks[key] = self._new_track(vehicle, actuator)
             self._equip(self._tracks[key])
         return self._tracks[key]
+
+    def _new_track(self, vehicle: int | None, actuator: str) -> Track:
+        others = {track.root for track in self._tracks.values()}
+        return Track(self._stream, vehicle, actuator, live=self._live, others=others)
 
     def _equip(self, track: Track) -> None:
         """Set a track's limits and its surface in the airframe from the profile."""

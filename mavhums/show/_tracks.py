@@ -12,13 +12,14 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.engine.events import Classified, ConditionChanged, Followed, Indication, Samples, Window
+from mavhums.engine.events import Classified, ConditionChanged, Indication, Samples, Trace, Window
 from mavhums.health.actuator.detector import Detector
 from mavhums.results.sections import OUTSIDE, AxisLimits
 from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Motor, Surface
 from mavhums.show._rows import Times, send
 from mavhums.show._signals import Classes, Signals
+from mavhums.show._traces import drawn, trace_words
 from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW, levels
 
 STALE_S: Final = 3.0
@@ -28,7 +29,6 @@ _EFFECTIVENESS: Final = "effectiveness"
 _FAULTY: Final[tuple[Condition, ...]] = ("degraded", "emergency")
 _COMPARED: Final[tuple[Condition, ...]] = ("unchanged", "changed", "learning")
 _STATES: Final = {**{str(name): rgb for name, rgb in COLOURS.items()}, STALE: STALE_COLOUR}
-_ANGLE_STYLE: Final = rr.SeriesLines(names=["demanded", "flown"], colors=[YELLOW, BLUE], widths=[1.5, 2.0])
 _ROWS_PER_CHUNK: Final = 4096
 _BEFORE_S, _AFTER_S = 10.0, 10.0
 _HALF_WINDOW_S: Final = 5.0
@@ -77,8 +77,8 @@ class Track:
         Detectors by fault, with quantity and limits; empty without a profile.
     axis_limits
         Limits of an axis.
-    angles
-        Entity path of an axis's demanded and flown angles; None without any.
+    traces
+        Entity paths of what lies behind the judgement, by its kind.
     known_s
         Flight time from which the profile is known.
     condition, worst
@@ -114,7 +114,7 @@ class Track:
         self.moved: list[Surface | Motor] = []
         self.detectors: Mapping[str, Detector] = {}
         self.axis_limits = AxisLimits()
-        self.angles: str | None = None
+        self.traces: dict[str, str] = {}
         self.known_s = 0.0
         self.condition: Condition = "undecided"
         self.worst: Condition = "undecided"
@@ -141,7 +141,7 @@ class Track:
         """Quantities with data, and ``friction`` and ``network`` if there are any."""
         return frozenset(self._signals.present | self._drawn | ({"network"} if self._classes.any else set()))
 
-    def take(self, event: Samples | Window | Indication | Followed | Classified) -> None:
+    def take(self, event: Samples | Window | Indication | Trace | Classified) -> None:
         """Add data of any kind."""
         match event:
             case Classified():
@@ -152,8 +152,8 @@ class Track:
                 self.window(event)
             case Indication():
                 self.indication(event)
-            case Followed():
-                self.followed(event)
+            case Trace():
+                self.trace(event)
 
     def samples(self, event: Samples) -> None:
         """Add samples."""
@@ -193,13 +193,16 @@ class Track:
             self._note_span(0.0, float(event.end_s[-1]))
         send(self._stream, self.faults[event.fault], middle, rr.Scalars.columns(scalars=rows))
 
-    def followed(self, event: Followed) -> None:
-        """Add the demanded and the flown angles of an axis, in degrees."""
-        if self.angles is None:
-            self.angles = f"{self.root}/angle"
-            self._stream.log(self.angles, _ANGLE_STYLE, static=True)
-        rows = np.degrees(event.angles_rad)
-        send(self._stream, self.angles, event.time_s, rr.Scalars.columns(scalars=rows))
+    def trace(self, event: Trace) -> None:
+        """Add what lies behind the judgement."""
+        if event.kind not in self.traces:
+            self.traces[event.kind] = f"{self.root}/{event.kind}"
+            words = trace_words(event.actuator, event.kind)
+            names, colours = [words.against, words.value], [YELLOW, BLUE]
+            style = rr.SeriesLines(names=names, colors=colours, widths=[1.5, 2.0])
+            self._stream.log(self.traces[event.kind], style, static=True)
+        self._note_span(float(event.time_s[0]), float(event.time_s[-1]))
+        send(self._stream, self.traces[event.kind], event.time_s, rr.Scalars.columns(scalars=drawn(event)))
 
     def changed(self, event: ConditionChanged) -> None:
         """Add a change of condition, drawn at its onset, not at the time of the decision."""

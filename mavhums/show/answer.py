@@ -72,8 +72,8 @@ _NAMED: Final = 3  # more names than that push the other columns of a table out 
 _VEHICLES: Final = 8
 _OPEN: Final[tuple[Condition, ...]] = ("changed", "learning", "unchanged", "normal", "undecided")
 _HOW_TO_READ: Final = (
-    "Line: estimate of a ten-second window, at its end. Shaded: its 95 % interval. Dashed: limits. Dotted: "
-    "since when."
+    "Dashed: what the line is compared with. Dotted: since when. Shaded: 95 % interval; grey: where the "
+    "reference was learned. Below: flight modes, and strokes where something happened."
 )
 _ALL: Final = "mavhums analyse --json has them all"
 

@@ -14,7 +14,8 @@ from mavhums.core.conditions import Condition
 from mavhums.core.quantities import QUANTITIES
 from mavhums.show._rows import TIMELINE
 from mavhums.show._signals import ARCHETYPE
-from mavhums.show.words import SERIES
+from mavhums.show._traces import EVIDENCE
+from mavhums.show.words import SERIES, capital
 
 _PLOTS: Final = (
     ("angle", ("V1", "V3")),
@@ -59,8 +60,8 @@ class Lane(NamedTuple):
         Indicators of other faults.
     cause
         The fault that caused the worst condition; its plot is in front.
-    angles
-        Entity path of an axis's demanded and flown angles.
+    traces
+        What lies behind the judgement, by its kind: the quantity and its entity path.
     states
         Entity path of its conditions; the root if empty.
     """
@@ -72,7 +73,7 @@ class Lane(NamedTuple):
     present: frozenset[str]
     faults: tuple[Fault, ...] = ()
     cause: str = "friction"
-    angles: str | None = None
+    traces: Mapping[str, tuple[str, str]] = {}
     states: str = ""
 
 
@@ -121,7 +122,7 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
         if live
         else _TimeRange(*[whole_flight()] * 2)
     )
-    tabs = [_actuator(lane, axes) for lane in lanes if lane.present or lane.faults or lane.angles]
+    tabs = [_actuator(lane, axes) for lane in lanes if lane.present or lane.faults or lane.traces]
     around = around or Surroundings()
     middle = _vehicle(around)
     below = rrb.Horizontal(rrb.Tabs(*tabs, active_tab=0), middle, column_shares=[5, 3]) if tabs else middle
@@ -198,22 +199,26 @@ def _tab(lane: Lane) -> str:
 
 def _actuator(lane: Lane, axes: _TimeRange) -> rrb.Container:
     root, keys = lane.root, lane.present
-    answer: list[rrb.View | rrb.Container] = list(_faults(lane, axes.evidence))
-    if len(answer) > 1:
-        answer = [rrb.Tabs(*answer, active_tab=0)]
+    faults = _faults(lane, axes.evidence)
+    answer: list[rrb.View | rrb.Container] = [rrb.Tabs(*faults, active_tab=0)] if faults[1:] else [*faults]
+    behind = {
+        kind: _plot(capital(quantity), [path], axes.evidence)
+        for kind, (quantity, path) in lane.traces.items()
+    }
+    if EVIDENCE in behind:
+        answer.insert(0, behind.pop(EVIDENCE))
     if "network" in keys:
         answer.append(_network(root, axes.evidence))
     groups = [(subject, [key for key in members if key in keys]) for subject, members in _PLOTS]
     signals = [_signals(root, subject, found, axes.signals) for subject, found in groups if found]
-    if lane.angles:
-        signals.append(_plot("Angle, °: demanded and flown", [lane.angles], axes.evidence))
+    signals += behind.values()
     rows: list[rrb.Container] = []
     if answer:
-        rows.append(rrb.Horizontal(*answer, column_shares=[2, 1][: len(answer)]))
+        rows.append(rrb.Horizontal(*answer, column_shares=[3, 2, 2][: len(answer)]))
     if signals:
         rows.append(rrb.Grid(*signals, grid_columns=min(3, len(signals))))
     return rrb.Vertical(
-        *rows, row_shares=[1, 1 if lane.angles else 2] if len(rows) == 2 else None, name=_tab(lane)
+        *rows, row_shares=[1, 1 if lane.traces else 2] if len(rows) == 2 else None, name=_tab(lane)
     )
 
 

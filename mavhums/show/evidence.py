@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from itertools import islice, starmap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import starmap
+from operator import itemgetter
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -15,16 +16,18 @@ from mavhums.engine.events import (
     ConditionChanged,
     Event,
     FlightMode,
-    Followed,
     Indication,
     Notice,
     Position,
+    Trace,
     Window,
 )
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import OUTSIDE, AxisLimits
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.show._rows import Thinner
+from mavhums.show._traces import EVIDENCE, drawn, trace_words
+from mavhums.show.event_words import event_words
 from mavhums.show.verdict_words import windows_by_class
 from mavhums.show.words import clock, levels, name, percent
 
@@ -59,7 +62,7 @@ class Curve(NamedTuple):
     rows
         Lower bound, value and upper bound of the 95 % interval, shape (n, 3).
     demanded
-        What the value should follow, shape (n,), NaN where it is not known; None of an indicator.
+        What the value is compared with, shape (n,), NaN where it is not known; None of an indicator.
     samples
         Times and values of single samples that the value sums up, shape (2, m); None of an indicator.
     """
@@ -94,7 +97,8 @@ class EvidenceCollector:
     def __init__(self) -> None:
         self.texts = 0
         self._thinners: dict[CurveKey, Thinner] = {}
-        self._followed: dict[tuple[int, str], Thinner] = {}
+        self._traces: dict[CurveKey, Thinner] = {}
+        self._references: dict[tuple[int, str], tuple[int, int]] = {}
         self._samples: dict[tuple[int, str], Thinner] = {}
         self._votes: dict[tuple[int, str], Thinner] = {}
         self._places: dict[int, Thinner] = {}
@@ -111,9 +115,11 @@ class EvidenceCollector:
                 known = np.isfinite(rows).all(axis=1)
                 key = CurveKey(event.vehicle, event.actuator, event.fault)
                 _add(self._thinners, key, event.end_s[known], rows[known])
-            elif isinstance(event, Followed) and event.time_s.size:
-                angles = np.degrees(event.angles_rad)
-                _add(self._followed, (event.vehicle, event.actuator), event.time_s, angles)
+            elif isinstance(event, Trace):
+                key = CurveKey(event.vehicle, event.actuator, event.kind)
+                _add(self._traces, key, event.time_s, drawn(event))
+                if event.reference_s and key in self._traces:
+                    self._references[key[:2]] = event.reference_s
             elif isinstance(event, Classified | Window):
                 self._network(event)
             elif isinstance(event, Notice):
@@ -137,14 +143,17 @@ class EvidenceCollector:
             found[key] = Curve(time_s, np.sort(rows, axis=1))
         return found
 
-    def attitudes(self) -> dict[tuple[int, str], Curve]:
-        """Return the flown and the demanded angle of each vehicle and axis, degrees."""
+    def traces(self) -> dict[CurveKey, Curve]:
+        """Return what lies behind the judgements, by its kind in place of a fault."""
         found = {}
-        for key, thinner in self._followed.items():
-            time_s, angles = thinner.rows()
-            flown = np.repeat(angles[:, 1:], 3, axis=1)
-            found[key] = Curve(time_s, flown, angles[:, 0])
+        for key, thinner in self._traces.items():
+            time_s, values = thinner.rows()
+            found[key] = Curve(time_s, np.repeat(values[:, 1:], 3, axis=1), values[:, 0])
         return found
+
+    def reference_s(self, vehicle: int, actuator: str) -> tuple[int, int] | None:
+        """Return the flight seconds from and to which an axis's reference was learned; None without one."""
+        return self._references.get((vehicle, actuator))
 
     def networks(self) -> dict[tuple[int, str], Curve]:
         """Return, by vehicle and actuator, the probability of a fault in windows, and in samples."""
@@ -225,8 +234,7 @@ def _finite(time_s: Array, values: Array) -> Array:
 
 
 _PLOTS = 24
-_ATTITUDES = {"tracking": "", "hard_over": "roll"}
-"""The axis whose demanded and flown angle show a fault; empty for the verdict's own."""
+_KINDS: Final = (EVIDENCE, "response", "thrust", "roll_angle", "pitch_angle")
 
 
 class Limit(NamedTuple):
@@ -252,6 +260,10 @@ class CaptionedCurve(NamedTuple):
         What the curve shows, for who does not see it.
     since_s
         Onset of what is wrong; None where nothing is.
+    reference_s
+        Seconds from and to which the reference was learned; None without one.
+    modes, events
+        Times and names of the flight modes of its vehicle, and of what else happened.
     """
 
     vehicle: int
@@ -260,44 +272,93 @@ class CaptionedCurve(NamedTuple):
     curve: Curve
     limits: tuple[Limit, ...] = ()
     since_s: float | None = None
+    reference_s: tuple[int, int] | None = None
+    modes: Sequence[tuple[float, str]] = ()
+    events: Sequence[tuple[float, str]] = ()
 
 
 def evidence(assessment: Assessment, gathered: EvidenceCollector) -> Iterator[CaptionedCurve]:
-    """Yield the evidence of each subject, the worst first: what raised an alarm, friction, effectiveness."""
-    return islice(_all_evidence(assessment, gathered), _PLOTS)
+    """Yield the curves: of what is faulty, the gravest first; then the evidence of the rest; then the others.
+
+    The first one of each shows what decided.
+    """
+    ranked = sorted(_ranked(assessment, gathered), key=itemgetter(0))
+    for _, curve in ranked[:_PLOTS]:
+        own = [one for one in assessment.events if one.vehicle == curve.vehicle and one.kind != "mode"]
+        events = [(one.time_s, event_words(one)) for one in own]
+        yield curve._replace(modes=gathered.modes.get(curve.vehicle, ()), events=events)
 
 
-def _all_evidence(assessment: Assessment, gathered: EvidenceCollector) -> Iterator[CaptionedCurve]:
-    curves, attitudes, networks = gathered.curves(), gathered.attitudes(), gathered.networks()
+def _ranked(assessment: Assessment, gathered: EvidenceCollector) -> Iterator[tuple[int, CaptionedCurve]]:
+    """Yield each curve with its rank."""
+    curves, traces, networks = gathered.curves(), gathered.traces(), gathered.networks()
     for verdict in assessment.ranked():
         if verdict.vehicle is None or verdict.actuator == ALL:
             continue
-        suspects = [item.fault for item in verdict.suspects]
-        for axis in dict.fromkeys(
-            _ATTITUDES[fault] or verdict.actuator for fault in suspects if fault in _ATTITUDES
-        ):
-            flown = attitudes.get((verdict.vehicle, axis))
-            if flown is not None:
-                yield _attitude(verdict, axis, flown, assessment)
-        alarms = [item.kind.removesuffix("_drift") for item in verdict.evidence]
-        for fault in dict.fromkeys((*suspects, *alarms, "friction", "effectiveness")):
-            curve = curves.get(CurveKey(verdict.vehicle, verdict.actuator, fault))
-            if curve is None or not curve.time_s.size:
-                continue
-            what, limits = _limits(verdict, fault)
-            since_s = verdict.since.flight_time_s if verdict.since and suspects else None
-            last = curve.rows[-1]
-            caption = (
-                f"{what}: {last[1]:.3g} at the end (95 % interval {last[0]:.3g} to {last[2]:.3g}), "
-                f"highest {curve.rows[:, 1].max():.3g}, lowest {curve.rows[:, 1].min():.3g}"
-            )
-            bounds = "; ".join(f"{limit.name} {limit.value:.3g}" for limit in limits)
-            title = f"{name(verdict, assessment)}: {what}"
-            caption = f"{caption}; {bounds}" if bounds else caption
-            yield CaptionedCurve(verdict.vehicle, title, caption, curve, limits, since_s)
+        rest = 2 * (not verdict.suspects)
+        since_s = verdict.since.flight_time_s if verdict.since and verdict.suspects else None
+        reference_s = gathered.reference_s(verdict.vehicle, verdict.actuator)
+        for rank, captioned in _of_verdict(verdict, curves, traces, name(verdict, assessment)):
+            yield min(rank, rest), captioned._replace(since_s=since_s, reference_s=reference_s)
         said = networks.get((verdict.vehicle, verdict.actuator))
         if said is not None:
-            yield _network(verdict, said, assessment)
+            yield rest, _network(verdict, said, assessment)
+    subjects = {(verdict.vehicle, verdict.actuator) for verdict in assessment.verdicts}
+    several = len({verdict.vehicle for verdict in assessment.verdicts}) > 1
+    for key, curve in traces.items():
+        if key[:2] not in subjects:  # the frame, motors of a flight in which none is judged
+            whose = f"{key.vehicle}: {key.actuator}" if several else key.actuator
+            yield 1 + (key.fault != EVIDENCE), _trace(whose, key, curve)
+
+
+def _of_verdict(
+    verdict: Verdict, curves: Mapping[CurveKey, Curve], traces: Mapping[CurveKey, Curve], whose: str
+) -> Iterator[tuple[int, CaptionedCurve]]:
+    """Yield the curves of one subject, that which decided first."""
+    assert verdict.vehicle is not None
+    suspects = [item.fault for item in verdict.suspects]
+    deciding = {"tracking": f"{verdict.actuator}_angle", "hard_over": "response"}
+    decided = deciding.get(suspects[0], EVIDENCE) if suspects else EVIDENCE
+    for kind in dict.fromkeys((decided, *_KINDS)):
+        key = CurveKey(verdict.vehicle, verdict.actuator, kind)
+        if key in traces:
+            yield 1 + (kind != EVIDENCE), _trace(whose, key, traces[key])
+    alarms = [item.kind.removesuffix("_drift") for item in verdict.evidence]
+    for fault in dict.fromkeys((*suspects, *alarms, "friction", "effectiveness")):
+        curve = curves.get(CurveKey(verdict.vehicle, verdict.actuator, fault))
+        if curve is None or not curve.time_s.size:
+            continue
+        what, limits = _limits(verdict, fault)
+        last = curve.rows[-1]
+        caption = (
+            f"{what}: {last[1]:.3g} at the end (95 % interval {last[0]:.3g} to {last[2]:.3g}), "
+            f"highest {curve.rows[:, 1].max():.3g}, lowest {curve.rows[:, 1].min():.3g}"
+        )
+        bounds = "; ".join(f"{limit.name} {limit.value:.3g}" for limit in limits)
+        caption = f"{caption}; {bounds}" if bounds else caption
+        yield 2, CaptionedCurve(verdict.vehicle, f"{whose}: {what}", caption, curve, limits)
+
+
+def _trace(whose: str, key: CurveKey, curve: Curve) -> CaptionedCurve:
+    """Return what lies behind a judgement, and how it is read."""
+    words, values, against = trace_words(key.actuator, key.fault), curve.rows[:, 1], curve.demanded
+    assert against is not None
+    title = f"{whose}: {words.quantity}"
+    if key.fault == EVIDENCE:
+        alarm, most = float(against[-1]), int(values.argmax())
+        over = values >= alarm
+        at = clock(float(curve.time_s[over.argmax() if over.any() else most]))
+        caption = f"at most {values[most]:.1f}, at {at}: no alarm, which takes {alarm:.1f}"
+        if over.any():
+            caption = f"an alarm takes {alarm:.1f}, reached at {at}; drawn up to twice as much"
+        limits = (Limit(alarm, "alarm above"),)
+        return CaptionedCurve(key.vehicle, title, caption, curve._replace(demanded=None), limits)
+    caption = f"solid: {words.value}; dashed: {words.against}"
+    apart = np.abs(values - against)
+    if np.isfinite(apart).any():
+        most = int(np.nanargmax(apart))
+        caption += f"; farthest apart at {clock(float(curve.time_s[most]))}, by {apart[most]:.3g}"
+    return CaptionedCurve(key.vehicle, title, caption, curve)
 
 
 def _network(verdict: Verdict, said: Curve, assessment: Assessment) -> CaptionedCurve:
@@ -312,20 +373,6 @@ def _network(verdict: Verdict, said: Curve, assessment: Assessment) -> Captioned
     assert verdict.vehicle is not None
     title = f"{name(verdict, assessment)}: {network.model.name if network else 'the network'}"
     return CaptionedCurve(verdict.vehicle, title, caption, said, (Limit(0.5, "likelier a fault above"),))
-
-
-def _attitude(verdict: Verdict, axis: str, curve: Curve, assessment: Assessment) -> CaptionedCurve:
-    """Return the demanded and the flown angle about an axis, which a tracking or hard-over alarm rests on."""
-    since_s = verdict.since.flight_time_s if verdict.since else None
-    assert verdict.vehicle is not None
-    assert curve.demanded is not None
-    apart = np.abs(curve.rows[:, 1] - curve.demanded)
-    caption = f"{axis} angle, °: solid flown, dashed demanded"
-    if np.isfinite(apart).any():
-        worst = int(np.nanargmax(apart))
-        caption += f"; farthest apart by {apart[worst]:.0f}° at {clock(float(curve.time_s[worst]))}"
-    title = f"{name(verdict, assessment)}: demanded and flown {axis} angle, °"
-    return CaptionedCurve(verdict.vehicle, title, caption, curve, since_s=since_s)
 
 
 def _limits(verdict: Verdict, fault: str) -> tuple[str, tuple[Limit, ...]]:

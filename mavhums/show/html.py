@@ -12,8 +12,8 @@ from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
 from mavhums.show.answer import blocks
 from mavhums.show.blocks import Block, Curves, Headline, Note
-from mavhums.show.evidence import CaptionedCurve, EvidenceCollector
-from mavhums.show.html_plot import Plot, flight_charts, plot
+from mavhums.show.evidence import EvidenceCollector
+from mavhums.show.html_plot import flight_charts, plot
 from mavhums.show.words import COLOURS, clock
 
 if TYPE_CHECKING:
@@ -54,13 +54,9 @@ def environment(package: str) -> Environment:
         lstrip_blocks=True,
         finalize=_plain,
     )
-    made.filters |= {"clock": clock, "plot": _plot}
+    made.filters |= {"clock": clock, "plot": plot}
     made.globals |= {"icons": ICONS, "colours": COLOURS}
     return made
-
-
-def _plot(shown: CaptionedCurve, duration_s: float) -> Plot:
-    return plot(shown.curve, shown.limits, duration_s, shown.since_s)
 
 
 def _plain(value: object) -> object:

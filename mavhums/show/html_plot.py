@@ -22,8 +22,9 @@ from mavhums.show.words import clock
 _DIGITS: Final = 4  # significant ones: more cannot be seen, and double what is sent
 _LETTERS: Final = 600
 
-WIDTH, HEIGHT = 640, 220
-_LEFT, _RIGHT, _TOP, _BOTTOM = 52, 112, 10, 26
+WIDTH, HEIGHT = 640, 240
+_LEFT, _RIGHT, _TOP, _BOTTOM = 52, 112, 10, 46
+_LETTER: Final = 8.5  # width
 _LINE: Final = 20.0  # between two labels, for the larger letters of a phone
 _GAP_S: Final = 3.0
 _TIME_STEPS: Final = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 36000)
@@ -37,6 +38,14 @@ class Tick(NamedTuple):
 
     at: float
     text: str
+
+
+class Span(NamedTuple):
+    """A part of the time axis on the drawing, and its text; none where there is no room for it."""
+
+    left: float
+    right: float
+    text: str = ""
 
 
 class Plot(NamedTuple):
@@ -55,6 +64,10 @@ class Plot(NamedTuple):
         Where the names stand: beside the curve, and apart from one another.
     since
         Place of the onset; None without one.
+    reference
+        Where the reference was learned; None without one.
+    modes, events
+        Below the curve: the flight modes, and what happened.
     """
 
     band: str
@@ -66,31 +79,26 @@ class Plot(NamedTuple):
     labels: tuple[Tick, ...] = ()
     demand: str = ""
     samples: str = ""
+    reference: Span | None = None
+    modes: tuple[Span, ...] = ()
+    events: tuple[Tick, ...] = ()
     left: int = _LEFT
     right: int = WIDTH - _RIGHT
     top: int = _TOP
     bottom: int = HEIGHT - _BOTTOM
 
 
-def plot(
-    curve: Curve,
-    limits: Sequence[Limit],
-    duration_s: float,
-    since_s: float | None = None,
-) -> Plot:
+def plot(shown: CaptionedCurve, duration_s: float) -> Plot:
     """Return the drawing of a curve.
 
     Parameters
     ----------
-    curve
-        With at least one row.
-    limits
-        All of them are inside the drawing.
+    shown
+        With at least one row; all of its limits are inside the drawing.
     duration_s
         Of the flight: the time axis shows all of it.
-    since_s
-        Onset of the condition; None without one.
     """
+    curve, limits, since_s = shown.curve, shown.limits, shown.since_s
     end_s = max(duration_s, float(curve.time_s[-1]), 1.0)
     low, high = value_range(curve, [limit.value for limit in limits])
 
@@ -101,11 +109,16 @@ def plot(
         share = (np.clip(values, low, high) - low) / (high - low)
         return np.round(HEIGHT - _BOTTOM - share * (HEIGHT - _TOP - _BOTTOM), 1)
 
+    def span(begin: float, end: float, text: str = "") -> Span:
+        left, right = x(np.array([begin, min(end, end_s)])).tolist()
+        return Span(left, right, text if len(text) * _LETTER < right - left else "")
+
     band, line, demand = [], [], []
     for part in gaps(curve.time_s):
         at, rows = x(curve.time_s[part]), y(curve.rows[part])
         outline = np.concatenate([rows[:, 0], rows[::-1, 2]])
-        band.append(_path(np.concatenate([at, at[::-1]]), outline) + "Z")
+        if (rows[:, 0] != rows[:, 2]).any():
+            band.append(_path(np.concatenate([at, at[::-1]]), outline) + "Z")
         line.append(_path(at, rows[:, 1]))
         if curve.demanded is not None:
             asked = curve.demanded[part]
@@ -122,6 +135,9 @@ def plot(
         since=None if since_s is None else float(x(min(since_s, end_s))),
         labels=tuple(_apart([Tick(float(y(limit.value)), limit.label) for limit in limits])),
         demand="".join(demand),
+        reference=shown.reference_s and span(*shown.reference_s),
+        modes=tuple(span(*mode) for mode in _spans(shown.modes, end_s)),
+        events=tuple(Tick(float(x(at_s)), text) for at_s, text in shown.events),
         samples="" if curve.samples is None else "".join(_samples(curve.samples, x, y)),
     )
 
@@ -199,6 +215,8 @@ def flight_charts(shown: Iterable[CaptionedCurve], gathered: EvidenceCollector, 
     for one in shown:
         drawn = chart(one.curve, one.limits, one.title, one.caption)
         drawn["since"] = one.since_s
+        drawn["reference"] = one.reference_s
+        drawn["events"] = one.events
         drawn["vehicle"] = one.vehicle
         charts.append(drawn)
     modes = {vehicle: _spans(several, duration_s) for vehicle, several in gathered.modes.items()}
@@ -245,7 +263,7 @@ def chart(curve: Curve, limits: Sequence[Limit], title: str, caption: str, *, wh
 def _spans(modes: Sequence[tuple[float, str]], end_s: float) -> list[tuple[float, float, str]]:
     """Return begin, end and name of each flight mode."""
     ends = [*(begin for begin, _ in modes[1:]), end_s]
-    return [(begin, end, _text(mode)) for (begin, mode), end in zip(modes, ends, strict=True)]
+    return [(begin, end, _text(mode)) for (begin, mode), end in zip(modes, ends, strict=False)]
 
 
 def _numbers(values: Array) -> list[float | None]:

@@ -25,6 +25,8 @@ from mavhums.vehicle.signals import DERIVED, CandidateStream, Choice, body_rates
 
 RATE_HZ: Final = 20
 """Rate of the grid: more costs memory and time, and streams of 10 Hz carry no more."""
+SHOWN_EVERY: Final = 5
+"""Rows: what is drawn has four values a second."""
 _HELD_S: Final = 5.0  # a state holds as long: heartbeats come once a second, some of them are lost
 _COUNTED: Final = ("outputs", "outputs_2", "attitude", "rates", "state")
 _CHOSEN: Final = ("attitude", "rates", "force", "demand", "airspeed", "receiver", "altitude")

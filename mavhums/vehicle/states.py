@@ -68,20 +68,6 @@ class Attitude:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Followed:
-    """The commanded and the flown angle about an axis: ``time_s`` of shape (n,), increasing.
-
-    ``actuator`` is the axis, ``roll`` or ``pitch``; ``angles_rad`` has shape (n, 2), the command first, NaN
-    where it is not known.
-    """
-
-    vehicle: int
-    actuator: str
-    time_s: Array
-    angles_rad: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Position:
     """The position of a vehicle: ``time_s`` of shape (n,), increasing, with coordinates and altitude.
 

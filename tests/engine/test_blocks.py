@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 import pytest
@@ -22,6 +24,7 @@ from tests.engine.test_engine import TIERS, packed
 from tests.engine.test_events import canonical, two_vehicles
 from tests.engine.test_steering import driven
 from tests.engine.wired import Wired
+from tests.health.motor.test_monitor import log
 from tests.judge import judged
 from tests.strategies import blocks, cuts
 
@@ -30,27 +33,37 @@ def simulated(**flight: Any) -> bytes:
     return b"".join(data for _, data in packed(fly(Flight(rate_hz=20.0, **flight))))
 
 
+def hovered() -> bytes:
+    with TemporaryDirectory() as folder:
+        return log(Path(folder) / "log.tlog", "quad x", 0.5, seed=4).read_bytes()
+
+
+DRAWN = {"vehicle_states": True}
 LOGS: dict[str, tuple[Callable[[], bytes], dict[str, Any]]] = {
-    "two vehicles": (two_vehicles, {"vehicle_states": True}),
+    "two vehicles": (two_vehicles, DRAWN),
     "networks": (lambda: simulated(seed=12, duration_s=15.0), {"models": packaged_models()}),
     "tiers": (
         lambda: simulated(seed=23, duration_s=25.0, friction_nm={"elevator": (1.0, 1.0)}, tiers=TIERS[2:]),
         {"models": packaged_models()},
     ),
-    "axes": (flown, {}),
+    "axes": (flown, DRAWN),
     "late": (Wired(seconds=130, told_s=97.3, texts=NAMED).tlog, {}),
     "motion": (Wired(seconds=130, parameters={}).tlog, {"airframe": PAPER}),
-    "withdrawn": (Wired(seconds=150, coordinated_s=100.0, told_s=120.4).tlog, {"airframe": SWAPPED}),
+    "withdrawn": (
+        Wired(seconds=150, coordinated_s=100.0, told_s=120.4).tlog,
+        {"airframe": SWAPPED} | DRAWN,
+    ),
     "receiver": (Wired(idle_us=0, until_s=95.3, left=0.4).tlog, {}),
-    "rover": (lambda: encoded(driven(SteeringFault(200.0, 0.5))), {}),
+    "rover": (lambda: encoded(driven(SteeringFault(200.0, 0.5))), DRAWN),
+    "quad": (hovered, DRAWN),
     **{path.name: (path.read_bytes, {}) for path in carried_logs()},
 }
 
 
 @cache
 def whole(name: str) -> tuple[bytes, Assessment, dict[Any, Any]]:
-    log, options = LOGS[name]
-    content = log()
+    made, options = LOGS[name]
+    content = made()
     assessment, events = judged([content], **options)
     return content, assessment, canonical(told(assessment, events))
 

@@ -14,7 +14,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.engine.axes import with_drops
-from mavhums.engine.events import Attitude, Event, Followed, Indication, Notice, Position, Samples
+from mavhums.engine.events import Attitude, Event, Indication, Notice, Position, Samples, Trace
 from mavhums.log.base.decoder import Losses
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
@@ -63,7 +63,7 @@ def canonical(events: Iterable[Event]) -> dict[Any, Any]:
     """
     told: dict[Any, list[Any]] = {}
     for event in events:
-        whose = tuple(getattr(event, name, None) for name in ("vehicle", "actuator", "fault"))
+        whose = tuple(getattr(event, name, None) for name in ("vehicle", "actuator", "fault", "kind"))
         told.setdefault((type(event).__name__, *whose), []).append(event)
     return {key: _joined(several) for key, several in told.items()}
 
@@ -72,7 +72,7 @@ def _joined(events: list[Any]) -> Any:
     fields = {
         Samples: ("time_s", "values"),
         Indication: ("end_s", "value", "low", "high"),
-        Followed: ("time_s", "angles_rad"),
+        Trace: ("time_s", "values"),
         Attitude: ("time_s", "roll_pitch_yaw_rad"),
         Position: ("time_s", "latitude_longitude_deg", "altitude_m"),
     }.get(type(events[0]))
@@ -92,11 +92,11 @@ def test_the_log_brings_about_every_kind_of_event() -> None:
         "Indication",
         "Notice",
         "Attitude",
-        "Followed",
+        "Trace",
         "FlightMode",
         "FlightEvent",
     }
-    assert ("AirframeNamed", 1, None, None) in whole
+    assert ("AirframeNamed", 1, None, None, None) in whole
 
 
 @pytest.mark.slow

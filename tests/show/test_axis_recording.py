@@ -64,8 +64,8 @@ def test_effectiveness_is_drawn_against_reference_and_limit(recorded: tuple[Path
 
 
 def test_the_demanded_and_the_flown_angle_are_drawn(recorded: tuple[Path, Any]) -> None:
-    times, angles = scalars(recorded[0], "/vehicle_1/roll/angle")
-    assert static(recorded[0], "/vehicle_1/roll/angle")["SeriesLines:names"] == ["demanded", "flown"]
+    times, angles = scalars(recorded[0], "/vehicle_1/roll/roll_angle")
+    assert static(recorded[0], "/vehicle_1/roll/roll_angle")["SeriesLines:names"] == ["demanded", "flown"]
     assert np.diff(times).max() == pytest.approx(0.25, abs=1e-6)
     assert angles.shape[1] == 2
     flown = angles[np.isfinite(angles[:, 1]), 1]

@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 
 from mavhums.app.analysis import analyse
 from mavhums.core.conditions import URGENCY
-from mavhums.engine.events import Followed, Indication, Notice
+from mavhums.engine.events import Indication, Notice, Trace
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Suspect, Verdict
 from mavhums.show.blocks import Mark
-from mavhums.show.evidence import Curve, CurveKey, EvidenceCollector, Limit
+from mavhums.show.evidence import CaptionedCurve, Curve, CurveKey, EvidenceCollector, Limit
 from mavhums.show.html import ICONS, page
 from mavhums.show.html_plot import plot
 from mavhums.show.outline import outline
@@ -59,7 +59,7 @@ def indication(actuator: str = "elevator", fault: str = "friction", windows: int
     return Indication(1, actuator, fault, end, value, value - 0.03, value + 0.03)
 
 
-def gathered(*events: Indication | Notice | Followed) -> EvidenceCollector:
+def gathered(*events: Indication | Notice | Trace) -> EvidenceCollector:
     kept = EvidenceCollector()
     kept.consume(events)
     return kept
@@ -228,13 +228,13 @@ def test_thinning_keeps_the_peak_and_the_order_of_the_bounds() -> None:
 def test_a_pause_is_not_bridged_and_levels_lie_where_they_belong() -> None:
     time_s = np.concatenate([np.arange(10.0, 50.0), np.arange(200.0, 240.0)])
     rows = np.tile([0.4, 0.5, 0.6], (80, 1))
-    drawn = plot(Curve(time_s, rows), [Limit(1.0, "limit")], 240.0)
+    drawn = plot(CaptionedCurve(1, "", "", Curve(time_s, rows), (Limit(1.0, "limit"),)), 240.0)
     assert drawn.line.count("M") == drawn.band.count("Z") == 2
     (level,) = drawn.limits
     value = float(drawn.line.split("L")[0].split()[1])
     zero = drawn.bottom
     assert (zero - value) / (zero - level.at) == pytest.approx(0.5, abs=0.01)
-    single = plot(Curve(np.array([5.0]), np.array([[0.0, 0.0, 0.0]])), [], 0.0)
+    single = plot(CaptionedCurve(1, "", "", Curve(np.array([5.0]), np.array([[0.0, 0.0, 0.0]]))), 0.0)
     assert single.line.count("L") == 1
 
 
@@ -258,7 +258,8 @@ def test_a_surface_has_the_condition_of_what_is_known_of_it() -> None:
 
 def test_labels_stand_beside_the_curve_and_apart() -> None:
     curve = Curve(np.arange(10.0), np.tile([0.4, 0.5, 0.6], (10, 1)))
-    drawn = plot(curve, [Limit(0.65, "emergency up to"), Limit(0.66, "degraded below")], 10.0)
+    limits = Limit(0.65, "emergency up to"), Limit(0.66, "degraded below")
+    drawn = plot(CaptionedCurve(1, "", "", curve, limits), 10.0)
     assert [label.text for label in drawn.labels] == ["degraded", "emergency"]
     upper, lower = (label.at for label in drawn.labels)
     assert lower - upper == pytest.approx(20)
@@ -324,18 +325,26 @@ def test_the_words_are_the_same_in_light_in_dark_and_on_paper(assessment: Assess
     assert "@import" not in style[1]
 
 
-@pytest.mark.parametrize(("fault", "axis"), [("tracking", "pitch"), ("hard_over", "roll")])
-def test_an_alarm_by_the_attitude_shows_demanded_against_flown(fault: str, axis: str) -> None:
+@pytest.mark.parametrize(
+    ("fault", "axis", "kind", "words"),
+    [
+        ("tracking", "pitch", "pitch_angle", "pitch angle, °"),
+        ("hard_over", "yaw", "response", "side force, m/s²"),
+    ],
+)
+def test_an_alarm_shows_what_was_asked_against_what_was_flown(
+    fault: str, axis: str, kind: str, words: str
+) -> None:
     time_s = np.arange(0.0, 34.0, 0.25)
-    demand = np.radians(np.where(time_s < 20.0, 0.0, 45.0))
+    demand = np.where(time_s < 20.0, 0.0, 45.0)
     demand[:4] = np.nan
-    subject = "yaw" if fault == "hard_over" else axis
-    followed = Followed(1, axis, time_s, np.stack([demand, np.zeros(time_s.size)], axis=1))
+    values = np.stack([demand, np.zeros(time_s.size)], axis=1)
+    trace = Trace(1, axis, kind, time_s, np.radians(values) if "°" in words else values, (3, 14))
     evidence = Evidence(kind=fault, start_s=22.0, end_s=33.0, value=9.1, limit=8.0, rule="emergency: away")
     verdict = new_verdict("elevator", "emergency", 0.2, 22.0).model_copy(
         update={
             "subject": "axis",
-            "actuator": subject,
+            "actuator": axis,
             "evidence": (evidence,),
             "suspects": (Suspect(fault=fault, confidence=0.99),),
             "coverage": Coverage(moving_fraction=0.0, windows=34, decidable=0),
@@ -343,12 +352,13 @@ def test_an_alarm_by_the_attitude_shows_demanded_against_flown(fault: str, axis:
             "network": None,
         }
     )
-    text = page(new_assessment(verdict), gathered(followed))
+    text = page(new_assessment(verdict), gathered(trace))
     told = Tags(text)
     lines = [attributes for tag, attributes in told.tags if tag == "path" and attributes["class"] == "demand"]
     assert len(lines) == 1
-    assert f"demanded and flown {axis} angle" in told.text
-    assert "farthest apart by 45°" in told.text
+    assert f"{axis} control: {words}" in told.text
+    assert "farthest apart at 20.0s, by 45" in told.text
+    assert [tag for tag, attributes in told.tags if attributes.get("class") == "reference"] == ["rect"]
     assert "0 of 34" not in told.text
     assert "9.1 times its healthy scatter, limit 8.0" in told.text
 
@@ -377,5 +387,6 @@ def test_each_alarm_of_a_real_flight_shows_its_curve(log: str, tmp_path: Path) -
     told = Tags((tmp_path / "report.html").read_text(encoding="utf-8"))
     alarmed = [one for one in assessment.verdicts if one.worst == "emergency"]
     assert alarmed
-    for verdict in alarmed:
-        assert f"{verdict.actuator} control: demanded and flown" in told.text
+    titles = re.findall(r"(\w+) control: evidence of lost or slow control", told.text)
+    assert titles[0] == assessment.ranked()[0].actuator
+    assert {verdict.actuator for verdict in alarmed} <= {*titles}

@@ -9,7 +9,7 @@ or a lag by them (:mod:`mavhums.health.axis.evidence`).
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from math import hypot
 
@@ -44,7 +44,7 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.results.sections import AxisLimits
-from mavhums.vehicle.grid import RATE_HZ
+from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES
 
@@ -54,9 +54,11 @@ def new_tracker(
     limits: AxisLimits | None = None,
     coupled: str | None = None,
     false_alarms: float = FALSE_ALARMS,
+    *,
+    traced: bool = False,
 ) -> EffectivenessTracker:
     """Return the tracker of the effectiveness of an axis; ``coupled`` is one that the same surfaces move."""
-    return EffectivenessTracker(FORMS[axis], limits or AxisLimits(), coupled, false_alarms)
+    return EffectivenessTracker(FORMS[axis], limits or AxisLimits(), coupled, false_alarms, traced=traced)
 
 
 class EffectivenessTracker:
@@ -72,6 +74,8 @@ class EffectivenessTracker:
         Another axis that the same surfaces move; None if they are not mixed.
     false_alarms
         Accepted number of false alarms in 100 hours.
+    traced
+        Whether :meth:`traces` returns what lies behind the results.
     """
 
     def __init__(
@@ -80,10 +84,13 @@ class EffectivenessTracker:
         limits: AxisLimits,
         coupled: str | None = None,
         false_alarms: float = FALSE_ALARMS,
+        *,
+        traced: bool = False,
     ) -> None:
         self._form, self._limits, self._coupled = form, limits, coupled
         self._memory_s = SLOW_PART_S[form.axis]
         self._false_alarms = false_alarms
+        self._traced: dict[str, list[Array]] | None = {"evidence": [], "response": []} if traced else None
         self._waiting: list[Rows] = []
         self._tried = 0
         self.reference: Reference | None = None
@@ -107,6 +114,13 @@ class EffectivenessTracker:
         """Process rows; return the results of their seconds, from the first second with a reference on."""
         first = self._wait(rows) if self.reference is None else 0
         return self._judge(rows.cut(first, rows.seconds)) if first < rows.seconds else []
+
+    def traces(self) -> Iterator[tuple[str, Array]]:
+        """Yield what came since the last call by kind: time, what it is compared with, value; (n, 3)."""
+        for kind, parts in self._traced.items() if self._traced else ():
+            if parts:
+                yield kind, np.concatenate(parts)
+                parts.clear()
 
     def _wait(self, rows: Rows) -> int:
         """Wait for a reference; return the number of these seconds that passed without one."""
@@ -216,7 +230,13 @@ class EffectivenessTracker:
 
     def _sums(self, rows: Rows) -> list[Sums]:
         pairs = zip(self._scores, self._chains, strict=True)
-        return [scores.feed(chain.feed(rows)) for scores, chain in pairs]
+        sums = [scores.feed(chain.feed(rows)) for scores, chain in pairs]
+        if self._traced and self.reference:
+            driven, raw, good = (row[::SHOWN_EVERY] for row in sums[0].rows)
+            time_s = rows.second + np.arange(0, len(rows), SHOWN_EVERY) / RATE_HZ
+            shown = np.column_stack([time_s, self.reference.gain * driven, raw])
+            self._traced["response"] += [shown[good]] if good.any() else []
+        return sums
 
     def _excluding(self, rows: Rows) -> dict[int, tuple[float, float]]:
         """Return, by place, the seconds that may exclude a loss: drive², and drive times response.
@@ -253,6 +273,9 @@ class EffectivenessTracker:
         if count >= LEAST_ROWS_PER_S:
             self._recent.append((end_s, sums))
             alarm = self._test.feed(end_s, sums, mixed)
+            if self._traced:
+                shown = end_s, self._test.threshold, max(self._test.evidence, 0.0)
+                self._traced["evidence"].append(np.array([shown]))
             since_s = self._test.since_s
             if since_s is not None and (alarm or self._test.suspects):
                 loss = self._loss(since_s, certain=alarm)

@@ -63,8 +63,8 @@ class LossTest:
 
     Attributes
     ----------
-    highest
-        Highest evidence so far.
+    highest, threshold
+        Highest evidence so far, and that of an alarm.
     """
 
     def __init__(self, reference: Reference, limits: AxisLimits, false_alarms: float = FALSE_ALARMS) -> None:
@@ -78,7 +78,7 @@ class LossTest:
         half = 0.5 if len(slow) else 1.0
         weights = np.where(self._lags == 0, half / LOSSES, half / max(len(slow), 1))
         self._test = SequentialTest(weights, false_alarms)
-        self.highest = -inf
+        self.highest, self.threshold = -inf, self._test.threshold
         self._doubt = NORMAL_95 * reference.error
         self._misfit = MISFIT_SHARE * (1.0 - reference.explained)
         self._noise = self._health = 0.0

@@ -26,7 +26,7 @@ from mavhums.health.axis.thresholds import (
     NORMAL_S,
     WINDOW_SECONDS,
 )
-from mavhums.health.decision.events import ConditionChanged, Indication
+from mavhums.health.decision.events import ConditionChanged, Indication, Trace
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.random_effects import RunningVariance
 from mavhums.results.sections import AxisLimits
@@ -36,6 +36,7 @@ from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES
 
+AxisChange = ConditionChanged | Indication | Trace
 _MOST_EPISODES: Final = 100  # kept for the evidence
 _LATEST_EPISODES: Final = 3  # among which an alarm finds its own
 
@@ -78,6 +79,8 @@ class AxisMonitor:
         By axis that two mixed surfaces move, the other one, if its command distinguishes them.
     false_alarms
         Accepted number of false alarms of a loss in 100 hours of an axis.
+    traced
+        Whether to yield what lies behind the judgement as well.
     """
 
     def __init__(
@@ -87,12 +90,17 @@ class AxisMonitor:
         axes: Sequence[str] = AXES,
         mixed: Mapping[str, str] | None = None,
         false_alarms: float = FALSE_ALARMS,
+        *,
+        traced: bool = False,
     ) -> None:
         self._vehicle = vehicle
         self.limits = limits or AxisLimits()
         self.axes = tuple(axes)
         coupled = mixed or {}
-        self._gains = {axis: new_tracker(axis, self.limits, coupled.get(axis), false_alarms) for axis in axes}
+        self._gains = {
+            axis: new_tracker(axis, self.limits, coupled.get(axis), false_alarms, traced=traced)
+            for axis in axes
+        }
         self._pair, self._mixed = MixedPair(), {*coupled, *coupled.values()}
         self._detectors = detectors(self.limits, axes)
         self._responses = {axis: ResponseSums(axis) for axis in axes}
@@ -101,7 +109,7 @@ class AxisMonitor:
         self._skidded_s = self._astray_s = -(1 << 30)
         self._flew, self._slowest_m_s = False, np.inf
 
-    def feed(self, rows: Rows) -> Iterator[ConditionChanged | Indication]:
+    def feed(self, rows: Rows) -> Iterator[AxisChange]:
         """Process rows; yield the effectiveness of each axis, then the changes of condition in time order."""
         self._look_for_take_off(rows)
         seconds = {axis: gain.feed(rows) for axis, gain in self._gains.items()}
@@ -112,6 +120,7 @@ class AxisMonitor:
         seen = AxisInput(rows, seconds, self._gains, sides)
         skids = {one.end_s: one for one in self._skids.feed(seen)} if sides else {}
         yield from self._indications(seconds)
+        yield from self._traces()
         shown: dict[int, list[Alarm]] = {}
         for detector in self._detectors:
             for one in detector.feed(seen):
@@ -154,6 +163,12 @@ class AxisMonitor:
                 yield Indication(
                     self._vehicle, axis, "effectiveness", end_s, value, value - half, value + half
                 )
+
+    def _traces(self) -> Iterator[Trace]:
+        for axis, gain in self._gains.items():
+            span = (gain.reference.start_s, gain.reference.end_s) if gain.reference else None
+            for kind, rows in gain.traces():
+                yield Trace(self._vehicle, axis, kind, rows[:, 0], rows[:, 1:], span)
 
     def _take(
         self, axis: str, second: Second | None, found: list[Alarm], end_s: int

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mavhums.core.arrays import Array, Integers
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.regressions import Columns, HighPass
 from mavhums.health.axis.thresholds import (
@@ -18,7 +18,7 @@ from mavhums.vehicle.grid import RATE_HZ
 
 @dataclass(frozen=True, slots=True)
 class Sums:
-    """Sums over each second, shape (seconds,)."""
+    """Sums over each second, shape (seconds,), and the ``rows`` of ``driven`` and ``raw`` that are good."""
 
     drive2: Array
     cross: Array
@@ -27,6 +27,7 @@ class Sums:
     driven: Array
     raw: Array
     count: Integers
+    rows: tuple[Array, Array, Flags]
 
 
 class Scores:
@@ -59,7 +60,7 @@ class Scores:
         summed = [np.where(good, product, 0.0).reshape(shape).sum(axis=1) for product in products]
         drive2, cross, answer2, drive_sum, total, left = summed
         counts = good.reshape(shape).sum(axis=1)
-        return Sums(drive2, cross, answer2, drive_sum, total, left, counts)
+        return Sums(drive2, cross, answer2, drive_sum, total, left, counts, (driven, raw, good))
 
 
 def measured(drive2: Array, cross: Array, reference: Reference) -> tuple[Array, Array]:

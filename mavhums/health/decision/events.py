@@ -189,6 +189,32 @@ class Indication:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Trace:
+    """What lies behind the judgement of a subject, for a recording or a report: it decides nothing.
+
+    Attributes
+    ----------
+    kind
+        ``evidence`` for a fault, beside that of an alarm; ``response`` of an axis, beside what its outputs
+        make of it in the reference, rad/s, rad/s² or m/s²; ``thrust`` asked of a motor, a share of its full
+        one, beside the mean of all motors; ``roll_angle`` and ``pitch_angle``, rad, beside those demanded.
+    time_s
+        Increasing, shape (n,).
+    values
+        What it is compared with, NaN where that is not known, and the value; shape (n, 2).
+    reference_s
+        Flight seconds from and to which the reference was learned; None without one.
+    """
+
+    vehicle: int
+    actuator: str
+    kind: str
+    time_s: Array
+    values: Array
+    reference_s: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Classified:
     """What a network says of single samples, for a recording or a report; arrays of shape (n,).
 

@@ -28,7 +28,7 @@ from mavhums.vehicle.grid import RATE_HZ
 
 COLUMNS: Final = 7
 """Of the result: motor from 1, or 0; rows since it lost thrust; evidence; share lost, its 95 % interval;
-whether it flew upright, for longer than its take-off."""
+whether it flew upright, for longer than its take-off. Each motor's part of the evidence where it has more."""
 
 _RING: Final = 64  # rows; more than the longest window with its reference
 _COUNT, ALOFT, _WHOLE, _DIP, _GRACE, _DEAD, JUDGED, FLOWN, TIPPED, _BLOCK = range(10)
@@ -168,7 +168,7 @@ def follow(
     s: State,
     found: Array,
 ) -> None:
-    """Take rows, shape (n, …); write what they show to ``found``, shape (n, COLUMNS), 0 where nothing.
+    """Take rows, shape (n, …); write what they show to ``found``, shape (n, COLUMNS …), 0 where nothing.
 
     ``upright`` is the cosine of the bank, ``hover`` the mean thrust of a hover, ``grounded`` tells where
     it is not in free flight, ``spacing`` how many rows an output lasts.
@@ -282,6 +282,8 @@ def _conclude(correlated: float, columns: Array, rules: Rules, s: State, found: 
     most = s.values.max()
     shares = np.exp(s.values - most)
     evidence = float(most + np.log(shares.mean()))
+    for i in range(found.size - COLUMNS):
+        found[COLUMNS + i] = max(most + np.log(shares[i].sum() / shares.size), 0.0)
     if evidence < rules.threshold:
         return evidence
     motor = np.argmax(shares.sum(axis=1))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,7 +12,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import NORMAL_95
-from mavhums.health.decision.events import ConditionChanged
+from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.motor import evidence
 from mavhums.health.motor.hypotheses import hypotheses_of
@@ -28,7 +28,7 @@ from mavhums.health.motor.thresholds import (
 )
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
-from mavhums.vehicle.grid import RATE_HZ, Seconds
+from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY, Seconds
 from mavhums.vehicle.phases import PhaseRows
 from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.signals import DERIVED
@@ -194,6 +194,8 @@ class MotorMonitor:
         The speeds that its ESCs report.
     false_alarms
         Accepted number of false alarms in 100 hours.
+    traced
+        Whether to yield what lies behind the judgement as well.
     """
 
     def __init__(
@@ -202,7 +204,10 @@ class MotorMonitor:
         rotors: Rotors,
         speeds: EscSpeeds | None = None,
         false_alarms: float = FALSE_ALARMS,
+        *,
+        traced: bool = False,
     ) -> None:
+        self._traced = traced
         self._vehicle, self.rotors = vehicle, rotors
         self._rules, self._hypotheses = evidence.rules_for(false_alarms), hypotheses_of(len(rotors.servos))
         self._state = evidence.new_state(len(rotors.servos))
@@ -213,7 +218,7 @@ class MotorMonitor:
         self._several: tuple[int, ...] = ()
         self._reported: Condition = "undecided"
 
-    def feed(self, seconds: Seconds, phases: PhaseRows) -> Iterator[ConditionChanged]:
+    def feed(self, seconds: Seconds, phases: PhaseRows) -> Iterator[ConditionChanged | Trace]:
         """Take settled seconds that follow each other and the phases in them; yield changes of condition."""
         first, flat, thrusts = int(seconds.index[0]), seconds.rows, phases.thrusts
         # The change of the attitude comes too late and too smooth for what a motor does within 0.5 s.
@@ -225,7 +230,8 @@ class MotorMonitor:
         # Beside a hover a quadplane's surfaces and its forward motor answer for what its lift motors do.
         judged = phases.airborne & ~phases.knocked
         judged &= hovers(flat) if self.rotors.lift else True
-        found = np.zeros((len(thrusts), evidence.COLUMNS))
+        found = np.zeros((len(thrusts), evidence.COLUMNS + thrusts.shape[1] * self._traced))
+        found[:, evidence.COLUMNS :] = np.nan
         evidence.follow(
             thrusts,
             flat["rates"],
@@ -239,6 +245,8 @@ class MotorMonitor:
             self._state,
             found,
         )
+        if self._traced:
+            yield from self._traces(first, flat, phases, found[:, evidence.COLUMNS :])
         flown = (thrusts.mean(axis=1) > _TURNS) & (upright > _LEANS)
         # Second by second, so that what follows an alarm does not depend on how the log was cut.
         for row in range(0, len(thrusts), RATE_HZ):
@@ -250,6 +258,32 @@ class MotorMonitor:
                 yield from self._alarm(first + at / RATE_HZ, float(spacing[at]), found[at])
             since_s = self._loss.time_s if self._loss else None
             self._speeds.add(second, thrusts[rows], flown[rows], since_s)
+
+    def _traces(
+        self, first: int, flat: Mapping[str, Array], phases: PhaseRows, shown: Array
+    ) -> Iterator[Trace]:
+        """Yield each motor's evidence and thrust, and the angles of the frame."""
+        thrusts = phases.thrusts[::SHOWN_EVERY]
+        time_s = first + np.arange(0, len(shown), SHOWN_EVERY) / RATE_HZ
+        highest = np.fmax.reduce(shown.reshape(-1, SHOWN_EVERY, shown.shape[1]), axis=1)
+        traces = {
+            (f"motor {i + 1}", kind): (against, values[:, i])
+            for kind, against, values in (
+                ("evidence", np.full(len(time_s), self._rules.threshold), highest),
+                ("thrust", thrusts.mean(axis=1), thrusts),
+            )
+            for i in range(shown.shape[1])
+        }
+        for i, axis in enumerate(("roll", "pitch")):
+            traces["frame", f"{axis}_angle"] = (
+                flat["demand"][::SHOWN_EVERY, i],
+                flat["attitude"][::SHOWN_EVERY, i],
+            )
+        for (name, kind), pair in traces.items():
+            rows = np.column_stack(pair)
+            known = np.isfinite(rows[:, 1]) & phases.airborne[::SHOWN_EVERY]
+            if known.any():
+                yield Trace(self._vehicle, name, kind, time_s[known], rows[known])
 
     def _withdraw(self, time_s: float) -> Iterator[ConditionChanged]:
         """Withdraw a loss that the flight after it refutes: a climb at full thrust, a strong gust."""

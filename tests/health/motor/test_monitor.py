@@ -11,7 +11,7 @@ from mavhums.app.inspection import inspect_log
 from mavhums.core.arrays import Array
 from mavhums.engine.engine import Engine
 from mavhums.engine.motors import VehicleMotors
-from mavhums.health.decision.events import ConditionChanged
+from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.results.verdict import Verdict
 from mavhums.show.answer import blocks
@@ -207,7 +207,8 @@ def judged(monitor: MotorMonitor, seconds: Seconds, size: int = 1000) -> list[Co
     """Return what a monitor says of seconds that come in blocks of a size."""
     count, phases = len(seconds.index), Phases()
     parts = (seconds.part(k, min(k + size, count)) for k in range(0, count, size))
-    return [one for part in parts for one in monitor.feed(part, phases.feed(part, monitor.rotors))]
+    told = (one for part in parts for one in monitor.feed(part, phases.feed(part, monitor.rotors)))
+    return [one for one in told if isinstance(one, ConditionChanged)]
 
 
 def test_the_lift_motors_of_a_quadplane_are_judged_in_a_hover() -> None:
@@ -259,9 +260,9 @@ def test_parameters_that_come_late_find_the_same_seconds_however_blocks_end() ->
     seconds = settled(fly(draw_craft(rng, "quad x"), plan, 8), 25.0, 8)
     late = 40  # by then only some of the first seconds are kept
 
-    def told(size: int) -> list[ConditionChanged]:
+    def told(size: int) -> list[ConditionChanged | Trace]:
         motors, phases = VehicleMotors(1), Phases()
-        found: list[ConditionChanged] = []
+        found: list[ConditionChanged | Trace] = []
         for first, last in ((0, late), (late, len(seconds.index))):
             for k in range(first, last, size):
                 part = seconds.part(k, min(k + size, last))
