@@ -61,9 +61,9 @@ def _of_the_flight(assessment: Assessment, without_wings: Sequence[str]) -> str:
     if SEVERITY[word] <= SEVERITY["normal"] and any(verdict.subject != "actuator" for verdict in ranked):
         return _what_was_judged(assessment)
     if word == "unmonitored":
-        well = [verdict for verdict in ranked if verdict.gravest == "normal"]
-        none = f"{_count(ranked, ranked)} unmonitored: {ranked[0].reason}"
-        return f"{_count(well, ranked)} normal, the others unmonitored" if well else none
+        return f"{_count(ranked, ranked)} unmonitored: {ranked[0].reason}"
+    if word == "normal" and ranked[-1].gravest == "unmonitored":
+        return f"{_count(worst, ranked)} normal, the others unmonitored"
     if SEVERITY[word] <= SEVERITY["normal"] or word == "learning":
         explained = worst if word in ("learning", "undecided") else []
         why = list(dict.fromkeys(verdict.reason or "" for verdict in explained))
