@@ -32,4 +32,4 @@ URGENCY: Final[dict[Condition, int]] = {
     "degraded": 6,
     "emergency": 7,
 }
-"""Order in which a maintainer acts: where something was judged, a subject that nothing monitors is the last."""
+"""Order in which a maintainer acts; a subject that nothing monitors comes after what was judged."""

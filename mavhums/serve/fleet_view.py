@@ -137,7 +137,10 @@ def trends_shown(report: TrendReport, addresses: Mapping[str, str]) -> list[Actu
         marks[shown.actuator] = mark_of(standing) if standing else Mark(one.condition)
     several_shown = []
     for name, trends in found.items():
-        first, others = [one for one in trends if one.first], [one for one in trends if not one.first]
+        first = [one for one in trends if one.first]
+        if not first and SEVERITY[marks[name].condition] > 0:
+            first = trends  # whoever reads that something is wrong sees what there is
+        others = [one for one in trends if one not in first]
         curves = _curves(first, addresses), _curves(others, addresses)
         several_shown.append(ActuatorView(name, marks[name], first, others, *curves))
     return several_shown

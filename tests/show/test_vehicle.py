@@ -142,7 +142,7 @@ def test_every_kind_of_surface_has_a_place_of_its_own() -> None:
     by_name = dict(zip(names, places, strict=True))
     assert min(by_name["aileron_left"].span) > 0 > max(by_name["aileron_right"].span)
     assert min(by_name["flap_l"].span) > 0 > max(by_name["flap_r"].span)
-    assert by_name["aileron"].mirrored and by_name["aileron_b"].mirrored, "no name says which is left"
+    assert all(by_name[name].mirrored for name in ("aileron", "aileron_b")), "no name says which is left"
     assert not by_name["aileron_left"].mirrored
     assert sum(by_name["elevator"].span) == 0
     assert by_name["rudder"].roll == 90
