@@ -167,7 +167,7 @@ function list(place, markup) {
   if (below.beside && !document.getElementById(`log-${below.beside}`)) beside("");
   if (next) {
     Object.assign(below, { next: "", chosen: true });
-    show(next.dataset.log, "answer").then(look);
+    show(next.dataset.log, "answer", false, false).then(look);
   }
   else if (below.log && !document.getElementById(`log-${below.log}`)) show("", "");
   else if (!below.chosen && worst && worst !== below.log) show(worst, "answer");
@@ -192,7 +192,7 @@ function merge(place, fresh) {
   if (items.length !== logs.children.length || items.some((item, at) => item !== logs.children[at])) logs.replaceChildren(...items);
 }
 
-async function show(log, part, again = false) {
+async function show(log, part, again = false, moves = below.chosen) {
   if (log !== below.log || part !== below.part) beside("");
   const address = new URLSearchParams(location.hash.slice(1));
   if (log && log !== address.get("log")) history.replaceState(null, "", `#log=${log}`);
@@ -213,7 +213,7 @@ async function show(log, part, again = false) {
   below.waits = markup.includes("data-waits");
   if (again && below.waits) return;
   place.innerHTML = markup;
-  if (!below.chosen || again) return;
+  if (!moves || again) return;
   const here = place.querySelector("h2"); // a long list of logs is above it
   here.scrollIntoView();
   here.focus({ preventScroll: true });
