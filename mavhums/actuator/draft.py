@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mavhums.actuator.profile import Airframe
+from mavhums.actuator.profile import Airframe, packaged_airframes, packaged_text
 from mavhums.actuator.telemetry import TIERS
 from mavhums.core.arrays import Flags, Integers
 from mavhums.core.errors import MavhumsError
@@ -33,6 +33,7 @@ from mavhums.vehicle.parameters import (
     control_surfaces,
     read_parameters,
 )
+from mavhums.vehicle.states import texts
 
 DRAFTED: Final = "drafted"
 """Name of a profile that nobody has named: the same for every flight, so that these can be compared."""
@@ -59,6 +60,11 @@ _HEAD = """\
 # fill in. What is marked GUESS follows from a name in the log: check it.
 name = {name}
 """
+_NAMED = """\
+# {log} names the profile {profile}. This is that profile, with its constants and limits: change what
+# differs on your aircraft.
+"""
+_NAME: Final = re.compile("^name = .*$", re.MULTILINE)
 _ACTUATOR = """
 [[actuators]]
 name = {name}
@@ -90,6 +96,9 @@ def draft_profile(
 ) -> str:
     """Return the text of a profile (TOML) for the control surfaces that a log's parameters name.
 
+    Where the log itself names a packaged profile, that one is returned: a draft has neither its constants nor
+    its limits.
+
     Parameters
     ----------
     path
@@ -97,7 +106,7 @@ def draft_profile(
     vehicle
         System id; may be None where only one vehicle's parameters are in the log.
     name
-        Name of the airframe; if None, the name of the log's file.
+        Name of the airframe; if None, that of the profile in the log, else the name of the log's file.
     progress
         Called with the number of bytes read after each block.
 
@@ -115,7 +124,11 @@ def draft_profile(
         by_hand = "if a servo moves a surface after all, write its profile by hand: see docs/guide/profile.md"
         raise MavhumsError(f"{path}: {_no_surface(parameters)}", by_hand)
     named: set[str] = set()
-    for tables, _, _ in decode_blocks(path, Decoder(messages_of("script value"))):
+    for tables, _, _ in decode_blocks(path, Decoder(messages_of("script value", "text"))):
+        for said in announcements(tables):
+            if said.known and said.vehicle == parameters.vehicle:
+                own = _NAMED.format(profile=said.name, log=_plain(path.name)) + packaged_text(said.name)
+                return own if name is None else _NAME.sub(lambda _: f"name = {_text(name)}", own, count=1)
         for report in reports(tables, "script value"):
             if len(named) < _MOST_NAMES:
                 named.update(report.select(report.table.system == parameters.vehicle).texts)
@@ -209,6 +222,39 @@ def guesses_for(servo: int, names: Collection[str]) -> Iterator[QuantityGuess]:
     for suffix, (key, scale, taken_for) in _MEANINGS.items():
         if suffix in own:
             yield QuantityGuess(key, own[suffix], scale, taken_for)
+
+
+_TEXT: Final = re.compile(r"mavhums airframe=([A-Za-z0-9_.-]{1,40})")
+
+
+class Announcement(NamedTuple):
+    """A text ``mavhums airframe=NAME``.
+
+    Attributes
+    ----------
+    frame
+        Position of the message in the log.
+    name
+        The profile; a log may only name one that ships with mavhums, never a file.
+    known
+        Whether there is such a profile.
+    """
+
+    frame: int
+    time_us: int
+    vehicle: int
+    name: str
+    known: bool
+
+
+def announcements(tables: Mapping[str, Table]) -> Iterator[Announcement]:
+    """Yield the profile names in the log, in the order of the log."""
+    known: list[str] | None = None
+    for said in texts(tables):
+        match = _TEXT.fullmatch(said.text.strip())
+        if match:
+            known = packaged_airframes() if known is None else known
+            yield Announcement(said.frame, said.time_us, said.vehicle, match[1], match[1] in known)
 
 
 Places = tuple[Integers, Integers]

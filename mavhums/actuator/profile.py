@@ -338,6 +338,12 @@ def packaged_airframes() -> list[str]:
     )
 
 
+def packaged_text(name: str) -> str:
+    """Return the text of a packaged profile."""
+    packaged = resources.files("mavhums.actuator").joinpath(f"airframes/{name}.toml")
+    return packaged.read_text(encoding="utf-8")
+
+
 def load_airframe(name_or_path: Airframe | str | Path) -> Airframe:
     """Load a packaged profile by name, or a user's profile by path; a profile is returned as it is.
 
@@ -355,8 +361,7 @@ def load_airframe(name_or_path: Airframe | str | Path) -> Airframe:
         return name_or_path
     path = Path(name_or_path)
     if str(name_or_path) in packaged_airframes():
-        packaged = resources.files("mavhums.actuator").joinpath(f"airframes/{name_or_path}.toml")
-        text = packaged.read_text(encoding="utf-8")
+        text = packaged_text(str(name_or_path))
     else:
         try:
             text = path.read_text(encoding="utf-8")

@@ -2,56 +2,22 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mavhums.actuator.draft import Draft, Drafts
+from mavhums.actuator.draft import Announcement, Draft, Drafts, announcements
 from mavhums.actuator.mapping import MappedSamples, Mapper
-from mavhums.actuator.profile import Airframe, ProfileError, load_airframe, packaged_airframes
+from mavhums.actuator.profile import Airframe, ProfileError, load_airframe
 from mavhums.actuator.telemetry import Tier, best_tier, tiers_by_content
 from mavhums.core.quantities import KEYS
 from mavhums.log import Log, Table
 from mavhums.vehicle.clocks import on_clocks
-from mavhums.vehicle.states import texts
 
 if TYPE_CHECKING:
     import pandas as pd
-
-_TEXT: Final = re.compile(r"mavhums airframe=([A-Za-z0-9_.-]{1,40})")
-
-
-class Announcement(NamedTuple):
-    """A text ``mavhums airframe=NAME``.
-
-    Attributes
-    ----------
-    frame
-        Position of the message in the log.
-    name
-        The profile; a log may only name one that ships with mavhums, never a file.
-    known
-        Whether there is such a profile.
-    """
-
-    frame: int
-    time_us: int
-    vehicle: int
-    name: str
-    known: bool
-
-
-def announcements(tables: Mapping[str, Table]) -> Iterator[Announcement]:
-    """Yield the profile names in the log, in the order of the log."""
-    known: list[str] | None = None
-    for said in texts(tables):
-        match = _TEXT.fullmatch(said.text.strip())
-        if match:
-            known = packaged_airframes() if known is None else known
-            yield Announcement(said.frame, said.time_us, said.vehicle, match[1], match[1] in known)
 
 
 class VehicleMappers:

@@ -160,7 +160,8 @@ def new_profile(log: Path, output: Path | None, vehicle: int | None, name: str |
         with written_whole(output) as temporary:
             temporary.write_text(text, encoding="utf-8")
         say(f"{output}: drafted {text.count('[[actuators]]')} actuators")
-        say(f"  fill in: {_TO_FILL_IN}")
+        filled = "nothing: it is the profile that the log names"
+        say(f"  fill in: {_TO_FILL_IN if 'FILL IN' in text else filled}")
 
 
 @profile.command("identify", short_help="Identify each actuator's motor from logs.")

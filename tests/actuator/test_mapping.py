@@ -10,9 +10,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.actuator import Mapper, actuators, load_airframe
+from mavhums.actuator.draft import announcements
 from mavhums.actuator.profile import ProfileError
 from mavhums.actuator.telemetry import best_tier, tiers_by_content
-from mavhums.actuator.vehicle_mappers import announcements
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Decoder, Log, Table
 from mavhums.results.reasons import Reason
