@@ -117,8 +117,11 @@ class Assessment(Drawn):
         return pd.DataFrame(rows)
 
     def summary(self) -> str:
-        """Return one line per actuator, in descending order of severity."""
-        return "\n".join(_line(verdict) for verdict in self.ranked())
+        """Return a line for each actuator, in descending order of severity; like ones share a line."""
+        lines: dict[str, list[str]] = {}
+        for verdict in self.ranked():
+            lines.setdefault(_line(verdict), []).append(verdict.actuator)
+        return "\n".join(f"{', '.join(names)}: {line}" for line, names in lines.items())
 
     def ranked(self) -> list[Verdict]:
         """Return the verdicts in descending order of severity."""
@@ -147,7 +150,9 @@ def exit_code_of(found: Iterable[Condition]) -> ExitCode:
     >>> exit_code_of(["normal", "changed", "unmonitored"]).name, exit_code_of(["unmonitored"]).name
     ('DEGRADED', 'UNDECIDED')
     """
-    return _EXIT_CODES[max(found, key=URGENCY.__getitem__, default="normal")]
+    several = [*found]
+    counted = [condition for condition in several if condition != "unmonitored"] or several
+    return _EXIT_CODES[max(counted, key=URGENCY.__getitem__, default="normal")]
 
 
 _EXIT_CODES: dict[Condition, ExitCode] = {
@@ -163,7 +168,7 @@ _EXIT_CODES: dict[Condition, ExitCode] = {
 
 
 def _line(verdict: Verdict) -> str:
-    text = f"{verdict.actuator}: {verdict.condition}"
+    text: str = verdict.condition
     if verdict.worst != verdict.condition:
         text += f" (worst {verdict.worst})"
     if verdict.effectiveness:

@@ -63,6 +63,7 @@ class Coverage(Contract):
     ``excluded`` counts, for an axis, the seconds over which a loss of 40 % or more is excluded with 95 %, and
     ``excluded_until_s`` is the flight second of the last one after the reference. ``judged_from_s`` is the
     flight second from which on an axis is judged whose reference came after three minutes of forward flight.
+    ``excluded_loss`` is, of a motor without a finding, the smallest loss of thrust that is excluded.
     ``late`` counts samples that came too late to be judged, ``implausible`` by quantity the values that no
     such actuator can have, which count as not measured.
     """
@@ -73,6 +74,7 @@ class Coverage(Contract):
     excluded: int = Field(default=0, ge=0)
     excluded_until_s: float | None = None
     judged_from_s: float | None = None
+    excluded_loss: float | None = Field(default=None, ge=0)
     late: int = Field(default=0, ge=0)
     implausible: dict[str, int] = {}
 

@@ -7,7 +7,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 from urllib.parse import urlencode
 
 from fastapi import FastAPI
@@ -108,10 +108,10 @@ def _add_logs(app: FastAPI, sessions: Sessions, fleet: Fleet | None, log_of: Log
     """Add the parts of the first page that change: the list of logs, and the answer or the view of one."""
 
     @app.get("/logs")
-    def logs(request: Request, log: str = "", shown: str = "", beside: str = "") -> Response:
+    def logs(request: Request, log: str = "", shown: str = "") -> Response:
         session = _session(sessions, request)
         session.touch()
-        return HTMLResponse(log_list(session, Below(log, shown, beside), keeps=fleet is not None))
+        return HTMLResponse(log_list(session, (log, shown), keeps=fleet is not None))
 
     @app.get("/logs/{log_id}/answer")
     def answer(request: Request, log_id: str) -> Response:
@@ -141,15 +141,7 @@ def _add_logs(app: FastAPI, sessions: Sessions, fleet: Fleet | None, log_of: Log
             return Response(status_code=204)
 
 
-class Below(NamedTuple):
-    """What is shown below the list: a log, its part (``answer`` or ``view``), and the log beside it."""
-
-    log: str = ""
-    part: str = ""
-    beside: str = ""
-
-
-def log_list(session: UserSession, shown: Below, *, keeps: bool) -> str:
+def log_list(session: UserSession, shown: tuple[str, str], *, keeps: bool) -> str:
     """Return a session's logs as a list, the worst first, with what can be done with each.
 
     Parameters
@@ -157,7 +149,7 @@ def log_list(session: UserSession, shown: Below, *, keeps: bool) -> str:
     session
         The session.
     shown
-        What is shown below the list.
+        The log whose part is shown below, and which part: ``answer`` or ``view``.
     keeps
         Whether there is a store to keep a log in.
     """
@@ -173,9 +165,8 @@ def log_list(session: UserSession, shown: Below, *, keeps: bool) -> str:
         trends=len(done) >= FEWEST_FLIGHTS,
         few=_FEW,
         every_ms=_BUSY_MS if any(log.is_busy for log in logs) else _QUIET_MS,
-        shown_id=shown.log,
-        shown=shown.part,
-        beside=shown.beside,
+        shown_id=shown[0],
+        shown=shown[1],
         keeps=keeps,
     )
 

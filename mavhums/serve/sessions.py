@@ -45,6 +45,7 @@ class Dropped:
     size: int = 0
     read: int = 0
     condition: Condition = "undecided"
+    word: str = ""
     headline: str = ""
     todo: str = ""
     problem: str = ""
@@ -261,7 +262,7 @@ class Sessions:
         if session.logs.get(log.id) is not log:
             return
         if "brief" in answer:
-            log.condition, log.headline, log.todo = (answer["brief"][key] for key in _BRIEF)
+            log.condition, log.word, log.headline, log.todo = (answer["brief"][key] for key in _BRIEF)
             log.state = "done"
         else:
             log.problem, log.remedy, log.state = answer["problem"], answer["remedy"], "failed"
@@ -325,4 +326,4 @@ def _judging(log: Dropped) -> Job:
 
 _NAMED = 10
 _OPEN_S = 10.0  # an open page asks at least once a second
-_BRIEF = ("condition", "text", "todo")
+_BRIEF = ("condition", "word", "text", "todo")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from itertools import zip_longest
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -34,7 +34,7 @@ from mavhums.show.blocks import (
     table,
 )
 from mavhums.show.event_words import event_lines, foremost
-from mavhums.show.headline import headline, headline_of, judged_vehicles, over_flights
+from mavhums.show.headline import gravest_first, headline_of, judged_vehicles, over_flights
 from mavhums.show.outline import FIXED_WING, multirotor, outline
 from mavhums.show.tables import indicators, provenance, reserve, usage
 from mavhums.show.verdict_words import (
@@ -53,22 +53,27 @@ from mavhums.show.words import (
     clock,
     flight_notes,
     friction,
+    grave_losses,
     join,
     losses,
     moment,
     name,
+    names,
     percent,
 )
 
 if TYPE_CHECKING:
     from mavhums.show.evidence import EvidenceCollector
 
-_LATEST: Final = 3  # findings of a short answer: with headline and table they fit a screen of 24 lines
+_LATEST: Final = (
+    2,
+    1,
+)  # findings of a short answer, of the gravest subject and of others: a screen has 24 lines
 _FIRST, _LAST = 20, 20  # findings of a full one
 _ROWS: Final = 200
 _LIKE: Final = 6
+_TOKEN: Final = re.compile(r'"[^"]*"|[\w.]*\w|\W')
 _PROOF: Final = 2  # curves of what is wrong that come before the tables
-_NAMED: Final = 3  # more names than that push the other columns of a table out of sight
 _VEHICLES: Final = 8
 _OPEN: Final[tuple[Condition, ...]] = ("changed", "learning", "unchanged", "normal", "undecided")
 _HOW_TO_READ: Final = (
@@ -95,31 +100,44 @@ def blocks(
         without them.
     """
     rest, without_wings = judged_vehicles(assessment)
-    notes = [f"{note}." for note in flight_notes(assessment)]
-    first = [note for note in notes if note.startswith(capital(NOT_COMPARED))]
     # Where no vehicle is judged, the headline has the lines on them.
-    first += [f"{line}." for line in without_wings] if rest.verdicts else []
+    first = [f"{line}." for line in without_wings] if rest.verdicts else []
     faulty = [verdict for verdict in rest.ranked() if verdict.worst in ("degraded", "emergency")]
     # What another finding explains comes after it.
     faulty.sort(key=lambda verdict: verdict.consequence_of is not None)
     head = headline_block(assessment)
     found = [
-        *(_faulty(verdict, rest, brief=brief) for verdict in faulty[:_ROWS]),
+        *(_faulty(one, rest, _LATEST[one is not faulty[0]] if brief else None) for one in faulty[:_ROWS]),
         *(one for condition in _OPEN for one in _by_reason(rest, condition, brief=brief)),
         *(Finding(f"{name(v, rest)}: values in doubt", None, [odd]) for v, odd in _doubtful(rest)),
     ]
+    if faulty:
+        found = [one._replace(todo="" if one.todo in head.todo else one.todo) for one in found]
+    if brief:
+        # A remedy comes once, after all that it is for.
+        later = [{other.todo for other in found[k + 1 :]} for k in range(len(found))]
+        found = [
+            one._replace(todo="" if one.todo in those else one.todo)
+            for one, those in zip(found, later, strict=True)
+        ]
     over = [
         *_listing("Over the flights", over_flights(rest)),
         *_listing("Physics and network", _network(rest)),
     ]
     if brief:
-        last = _end_of_brief(assessment, rest, notes=[one for one in notes if one not in first])
-        return [head, *_notes(first), *_verdicts(rest, brief=True), *found, *over, *last]
+        middle = [*_notes([*first, *_happened(assessment)]), *_verdicts(rest, brief=True)]
+        return [*_headed(head, middle, found), *over, *_end_of_brief(assessment)]
+    notes = [f"{note}." for note in flight_notes(assessment)]
     proof, more = _curves(rest, gathered, faulty=bool(faulty))
     well = [one for one in rest.ranked() if one not in faulty and one.coverage.windows][:_ROWS]
     return [
         head._replace(about=_about(assessment)),
-        *_notes(first),
+        *_notes(
+            [
+                *(f"{capital(said)}." for said in assessment.log.notices if said.startswith(NOT_COMPARED)),
+                *first,
+            ]
+        ),
         *proof,
         *_verdicts(rest, brief=False),
         *found,
@@ -163,15 +181,35 @@ def headline_block(assessment: Assessment) -> Headline:
     'emergency'
     """
     rest, without_wings = judged_vehicles(assessment)
-    text, ranked = headline_of(rest, without_wings), assessment.ranked()
-    if not ranked:
-        return Headline(text, "undecided")
-    like = [verdict for verdict in rest.ranked() if verdict.gravest == ranked[0].gravest]
-    like = [verdict for verdict in like if not verdict.consequence_of] or like
-    return Headline(text, ranked[0].gravest, "; ".join(dict.fromkeys(map(_todo, like[:_LIKE]))))
+    (mark, text), ranked = headline_of(rest, without_wings), rest.ranked()
+    worst = gravest_first(ranked)
+    like = [verdict for verdict in worst if verdict.subject == worst[0].subject]
+    todo = "; ".join(dict.fromkeys(map(_todo, like[:_LIKE])))
+    return Headline(text, mark.condition, todo, word=mark.word)
+
+
+def _headed(head: Headline, middle: Sequence[Block], found: Sequence[Finding]) -> Iterator[Block]:
+    """Yield a short answer from its headline to its findings; what the headline says is not said again."""
+    said = [one for one in found if one.why and one.why[0] in head.text]
+    faulty = head.condition is not None and SEVERITY[head.condition] > SEVERITY["normal"] and not head.word
+    yield head._replace(todo=head.todo if faulty else said[0].todo if said else "")
+    yield from middle
+    yield from (one for one in found if one not in said)
+
+
+def _happened(assessment: Assessment) -> list[str]:
+    """Return what happened and is not ordinary, in one sentence."""
+    lines = foremost(assessment)
+    return [f"Events: {'; '.join(lines)}."] if lines else []
 
 
 def _todo(verdict: Verdict) -> str:
+    """Return what to do: about a fault, whatever has become unknown since, else about what is missing."""
+    faulty = SEVERITY[verdict.gravest] > SEVERITY["normal"]
+    return advice(verdict) if faulty else _remedy(verdict)
+
+
+def _remedy(verdict: Verdict) -> str:
     return (verdict.remedy or advice(verdict)).rstrip(".")
 
 
@@ -202,26 +240,23 @@ def _texts(gathered: EvidenceCollector | None) -> list[Block]:
     return _listing(f"Texts from the vehicle{left_out}", lines)
 
 
-def _end_of_brief(assessment: Assessment, rest: Assessment, notes: Sequence[str]) -> Iterator[Block]:
-    """Yield the end of a short answer: what happened, whose flight it is, losses, and what is left out."""
-    yield from _notes([*(f"{line}." for line in foremost(assessment)), *notes])
-    hidden = []
-    several = [v for v in rest.verdicts if v.condition in _OPEN and "; " in (v.reason or "")]
-    hidden += ["the other reasons"] if several else []
-    found = [v for v in rest.verdicts if v.worst in ("degraded", "emergency") and len(v.evidence) > _LATEST]
-    hidden += ["all findings"] if found else []
-    hidden += ["servo usage"] if [*_tables(rest)] else []
-    hidden += ["unmonitored servos"] if any(v.condition == "unmonitored" for v in rest.verdicts) else []
-    end = f"Log losses: {losses(assessment.log.losses)}. {capital(assessment.notice)}."
-    yield Note([end + (f" --verbose adds {join(hidden)}." if hidden else "")], quiet=True)
+def _end_of_brief(assessment: Assessment) -> Iterator[Block]:
+    """Yield the end of a short answer: whose flight it is, and losses that matter."""
+    notes = flight_notes(assessment)
+    yield from (Note([f"{note.partition('; ')[0]}."], quiet=True) for note in notes)
+    if lost := grave_losses(assessment.log.losses):
+        yield Note([f"Log losses: {join(lost)}."], quiet=True)
+    yield Note([f"{capital(assessment.notice.partition(';')[0])}. --verbose shows all."], quiet=True)
 
 
 def not_normal(assessment: Assessment) -> list[Block]:
-    """Return of a short answer what is not normal: the findings, and what is so over the flights."""
+    """Return of a short answer what is not normal: headline and findings, and what is so over the flights."""
     return [one for one in blocks(assessment, brief=True) if _is_not_normal(one)]
 
 
 def _is_not_normal(block: Block) -> bool:
+    if isinstance(block, Headline):
+        return block.condition not in ("normal", "unchanged", "unmonitored")
     return isinstance(block, Finding) or (isinstance(block, Listing) and block.title == "Over the flights")
 
 
@@ -238,12 +273,11 @@ _COLUMNS: Final = (
 
 
 def _verdicts(assessment: Assessment, *, brief: bool) -> Iterator[Block]:
-    """Yield the table of the verdicts; the short one is without servos on which nothing reports."""
+    """Yield the table of the verdicts; the short one has those that say something."""
     groups = [*_together(listed(assessment))]
     if brief:
-        seen = [alike for alike in groups if alike[0].gravest != "unmonitored"]
-        some = any(alike[0].gravest != "undecided" or alike[0].coverage.windows for alike in seen)
-        groups = seen if some else []
+        open_ = [alike for alike in groups if alike[0].gravest in ("unmonitored", "undecided", "learning")]
+        groups = [*_alike((alike for alike in groups if alike not in open_), assessment)]
     if not groups:
         return
     kinds = {alike[0].subject for alike in groups}
@@ -275,6 +309,15 @@ def _row(alike: Sequence[Verdict], assessment: Assessment) -> list[Cell]:
     ]
 
 
+def _alike(groups: Iterable[list[Verdict]], assessment: Assessment) -> Iterator[list[Verdict]]:
+    """Yield the verdicts, as one those on like subjects whose rows differ in nothing but the name."""
+    rows: dict[str, list[Verdict]] = {}
+    for own in groups:
+        key = repr((own[0].subject, own[0].vehicle, _row(own, assessment)[1:]))
+        rows.setdefault(key, []).extend(own)
+    yield from rows.values()
+
+
 def listed(assessment: Assessment) -> list[Verdict]:
     """Return the verdicts worst first, axes before servos; where nothing is wrong, what is well comes first.
 
@@ -299,23 +342,23 @@ def _together(verdicts: Sequence[Verdict]) -> Iterator[list[Verdict]]:
 
 def _title(alike: Sequence[Verdict], assessment: Assessment) -> str:
     """Return the subject of verdicts in one row: of a servo without telemetry it is the wear alone."""
-    many = len(alike) > _NAMED
-    names = f"{len(alike)} servos" if many else join(name(verdict, assessment) for verdict in alike)
     unseen = alike[0].gravest == "unmonitored" and alike[0].actuator != ALL
-    return f"wear of {names}" if unseen else names
+    return f"wear of {names(alike, assessment)}" if unseen else names(alike, assessment)
 
 
-def _faulty(verdict: Verdict, assessment: Assessment, *, brief: bool) -> Finding:
-    """Return what is or was wrong with a subject."""
+def _faulty(verdict: Verdict, assessment: Assessment, latest: int | None) -> Finding:
+    """Return what is or was wrong with a subject; in short with so many of the ``latest`` findings."""
     why = [finding(item) for item in verdict.evidence]
-    if brief and len(why) > _LATEST:
+    if latest and len(why) > latest:
         # The latest findings say what is so now, and why.
-        why[:-_LATEST] = [f"{len(why) - _LATEST} earlier findings (--verbose has them)"]
+        why[:-latest] = [f"… {len(why) - latest} earlier"][: latest - 1]
     elif len(why) > _FIRST + _LAST + 1:
         why[_FIRST:-_LAST] = [f"… {len(why) - _FIRST - _LAST} more findings ({_ALL})"]
     explained = explanation(verdict)
     title, todo = name(verdict, assessment), advice(verdict)
-    if brief:
+    if latest and verdict.consequence_of and explained:
+        return Finding(title, verdict.worst, [explained])
+    if latest:
         return Finding(title, verdict.worst, [*why, *([explained] if explained else [])], todo)
     since = verdict.since
     when = f"{clock(since.flight_time_s)} into the log ({moment(since.utc)})" if since else ""
@@ -334,27 +377,44 @@ def _faulty(verdict: Verdict, assessment: Assessment, *, brief: bool) -> Finding
     return Finding(title, verdict.worst, why, todo, shown, indicators(verdict.indicators))
 
 
-def _by_reason(assessment: Assessment, condition: Condition, *, brief: bool) -> list[Finding]:
-    """Return the verdicts of a condition by reason and remedy, so that neither is said twice.
+def _by_reason(assessment: Assessment, condition: Condition, *, brief: bool) -> Iterator[Finding]:
+    """Yield the verdicts of a condition by reason and remedy, so that neither is said twice.
 
     A short answer has of several reasons the first one, which binds, and its remedy once for all that follow.
     """
-    groups: dict[tuple[str, str], list[Verdict]] = {}
+    groups: dict[tuple[object, ...], list[tuple[Verdict, str, str]]] = {}
     for verdict in assessment.verdicts:
+        if brief and condition == "normal" and verdict.coverage.excluded_loss is not None:
+            continue  # the headline has the bound
+        if brief and SEVERITY[verdict.gravest] > SEVERITY["normal"]:
+            continue  # what is wrong with it comes first, what is unknown by now with all else
         if verdict.condition == condition and (verdict.reason or condition != "normal"):
-            why, todo = (verdict.reason or "no reason was given").rstrip("."), _todo(verdict)
+            why, todo = (verdict.reason or "no reason was given").rstrip("."), _remedy(verdict)
             if brief:
                 why, todo = why.partition("; ")[0], todo.partition("; ")[0]
-            groups.setdefault((why, todo), []).append(verdict)
-    found = []
-    for ((why, todo), alike), following in zip_longest(groups.items(), [*groups][1:]):
-        reasons = {reason for verdict in alike for reason in (verdict.reason or why).rstrip(".").split("; ")}
-        more = f" (and {len(reasons) - 1} more: --verbose)" if brief and len(reasons) > 1 else ""
-        last = following is None or following[1] != todo or not brief
+                todo = "" if condition == "normal" else todo
+            alike = (verdict.reason_codes[:1] if brief else verdict.reason_codes) or why
+            key = (alike, *(len(_TOKEN.findall(text)) for text in (why, todo)))
+            groups.setdefault(key, []).append((verdict, why, todo))
+    for own in groups.values():
+        verdicts, whys, todos = zip(*own, strict=True)
+        why, todo = _merged(whys), _merged(todos)
+        reasons = {one for each in verdicts for one in (each.reason or why).rstrip(".").split("; ")[1:]}
+        more = f" (and {len(reasons)} more: --verbose)" if brief and reasons else ""
         where = " (mavhums inspect LOG shows how)" if todo == TO_BE_JUDGED else ""
-        names = join(name(verdict, assessment) for verdict in alike)
-        found.append(Finding(names, condition, [f"{why}{more}"], f"{todo}{where}" if last else ""))
-    return found
+        yield Finding(names(verdicts, assessment), condition, [f"{why}{more}"], f"{todo}{where}")
+
+
+def _merged(texts: Sequence[str]) -> str:
+    """Return like texts as one, in which the words that differ are joined.
+
+    Examples
+    --------
+    >>> _merged(["12 % of roll, 30 % are needed", "4 % of yaw, 30 % are needed"])
+    '12 and 4 % of roll and yaw, 30 % are needed'
+    """
+    columns = zip(*map(_TOKEN.findall, texts), strict=True)
+    return "".join(join(dict.fromkeys(column)) for column in columns)
 
 
 def _network(assessment: Assessment) -> list[str]:
@@ -426,10 +486,10 @@ def _log(assessment: Assessment, notes: Sequence[str]) -> Facts:
 
 
 class Line(NamedTuple):
-    """One log: its worst condition (None if it cannot be read), what was found, and its exit code."""
+    """One log: its mark (None if it cannot be read), what was found, and its exit code."""
 
     log: Path
-    worst: Condition | None
+    worst: Mark | None
     what: str
     code: ExitCode
 
@@ -438,9 +498,8 @@ def line_of(log: Path, outcome: Assessment | MavhumsError) -> Line:
     """Return the line on a log that was judged, or on one that could not be read."""
     if isinstance(outcome, MavhumsError):
         return Line(log, None, outcome.problem.removeprefix(f"{log}: "), ExitCode.ERROR)
-    ranked = outcome.ranked()
-    worst: Condition = ranked[0].gravest if ranked else "undecided"
-    return Line(log, worst, headline(outcome), outcome.exit_code)
+    brief = headline_block(outcome)
+    return Line(log, brief.mark, brief.text, outcome.exit_code)
 
 
 def many(lines: Sequence[Line]) -> Table:
@@ -449,7 +508,7 @@ def many(lines: Sequence[Line]) -> Table:
     rows: list[list[Cell]] = [
         [
             line.log.name if names.count(line.log.name) == 1 else str(line.log),
-            "unreadable" if line.worst is None else [Mark(line.worst)],
+            "unreadable" if line.worst is None else [line.worst],
             line.what,
             str(int(line.code)),
         ]
@@ -460,4 +519,4 @@ def many(lines: Sequence[Line]) -> Table:
 
 
 def _place(line: Line) -> tuple[int, int]:
-    return GRAVEST_FIRST.index(line.code), -URGENCY[line.worst or "undecided"]
+    return GRAVEST_FIRST.index(line.code), -URGENCY[line.worst.condition if line.worst else "undecided"]

@@ -62,6 +62,12 @@ class Headline(NamedTuple):
     condition: Condition | None = None
     todo: str = ""
     about: str = ""
+    word: str = ""
+
+    @property
+    def mark(self) -> Mark | None:
+        """The condition, or what is so beside every condition, as a crash."""
+        return Mark(self.condition, self.word) if self.condition else None
 
 
 class Note(NamedTuple):
@@ -119,12 +125,6 @@ class Craft(NamedTuple):
     title: str
     parts: Sequence[DrawnSurface]
     body: Sequence[str]
-
-    @property
-    def note(self) -> str:
-        """What the drawing does not know; empty where each part has its place."""
-        sides = any(len(part.points) > 1 for part in self.parts)
-        return "An output that is drawn on both sides moves both, or the log does not name its side." * sides
 
 
 Block: TypeAlias = Headline | Note | Table | Finding | Listing | Facts | Curves | Craft

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
+from mavhums.core.conditions import Condition
 from mavhums.results.assessment import Assessment
 from mavhums.results.events import IMPORTANCE, EventKind, FlightEvent
 from mavhums.show.words import capital, clock
@@ -26,6 +27,13 @@ _WORDS: Final[Mapping[EventKind, str]] = {
     "disarmed": "disarmed",
     "mode": "flight mode {said}",
 }
+_GRAVE: Final[Mapping[EventKind, tuple[Condition, str, str]]] = {
+    "crash": ("emergency", "crash", "crash reported at {at}"),
+    "contact": ("degraded", "contact", "probably hit something at {at}"),
+    "altitude_loss": ("degraded", "altitude loss", "sank {value:.0f} m below its demand from {at} on"),
+}
+"""Kinds that a headline names, whatever could be judged."""
+
 _ORDINARY: Final = IMPORTANCE.index("take_off")  # from here on: every flight has them
 _LINES: Final = 3
 
@@ -41,6 +49,16 @@ def event_words(event: FlightEvent) -> str:
     return _WORDS[event.kind].format(
         said=(event.said or "").strip(), subject=event.subject, value=event.value
     )
+
+
+def gravest_event(assessment: Assessment) -> tuple[Condition, str, str] | None:
+    """Return how grave the event is that a headline must have, its name and its words; None without one."""
+    for kind, (condition, called, words) in _GRAVE.items():
+        for event in assessment.events:
+            if event.kind == kind:
+                text = words.format(at=clock(event.time_s), value=event.value)
+                return condition, called, f"{_whose(event, assessment)}{text}"
+    return None
 
 
 def event_lines(assessment: Assessment) -> list[str]:
@@ -63,5 +81,8 @@ def foremost(assessment: Assessment) -> list[str]:
 
 
 def _line(event: FlightEvent, assessment: Assessment) -> str:
-    whose = f"vehicle {event.vehicle}, " if len(assessment.log.vehicles) > 1 else ""
-    return f"{capital(whose)}{clock(event.time_s)}: {event_words(event)}"
+    return f"{capital(_whose(event, assessment))}{clock(event.time_s)}: {event_words(event)}"
+
+
+def _whose(event: FlightEvent, assessment: Assessment) -> str:
+    return f"vehicle {event.vehicle}, " if len(assessment.log.vehicles) > 1 else ""

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from typing import Final
 
 from mavhums.actuator.telemetry import TO_BE_JUDGED
-from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.results.assessment import Assessment, Judgeable
 from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
-from mavhums.results.verdict import ALL, Verdict
-from mavhums.show.standing import sentences, since_words, soonest_words
-from mavhums.show.verdict_words import course, culprits
-from mavhums.show.words import capital, clock, condition_word, join, name
+from mavhums.results.standing import Standing
+from mavhums.results.verdict import Evidence, Verdict
+from mavhums.show.blocks import Mark
+from mavhums.show.event_words import gravest_event
+from mavhums.show.standing import mark_of, sentences, since_words, soonest_words
+from mavhums.show.verdict_words import LOSS, course, culprits, is_reliable, kept_percent
+from mavhums.show.words import capital, clock, name, names, place_of
 
 NOT_JUDGED: Final = (
     "not judged (mavhums judges fixed wings, multirotors, steering, and servos with telemetry)"
@@ -21,7 +25,11 @@ NOT_JUDGED: Final = (
 
 _SILENT: Final = (PROPELLERS_ONLY, TO_BE_JUDGED)
 """Remedies for servos on which nothing reports."""
-_SHORT: Final = 60  # a longer reason is given below the headline, with its remedy
+_SHORT: Final = 80  # a longer reason is given below the headline
+_MOST: Final = 2  # faults of a headline; the others are counted
+_UNNAMED: Final = re.compile(r"servo \d+")
+_FIRST: Final = re.compile(r"(motor \d+) first")
+_SIDE: Final = re.compile(r"\b(left|right)\b")
 
 
 def headline(assessment: Assessment) -> str:
@@ -29,7 +37,7 @@ def headline(assessment: Assessment) -> str:
 
     Of what is well in this flight it has whether it is so over the flights, too.
     """
-    return headline_of(*judged_vehicles(assessment))
+    return headline_of(*judged_vehicles(assessment))[1]
 
 
 def over_flights(assessment: Assessment) -> Iterator[str]:
@@ -39,81 +47,180 @@ def over_flights(assessment: Assessment) -> Iterator[str]:
             yield f"{name(standing, assessment)}: {said}"
 
 
-def headline_of(assessment: Assessment, without_wings: Sequence[str]) -> str:
-    """Return the headline on the vehicles that are judged, from a line for each of the others."""
-    text = _of_the_flight(assessment, without_wings)
+def headline_of(assessment: Assessment, without_wings: Sequence[str]) -> tuple[Mark, str]:
+    """Return mark and headline on the vehicles that are judged, from a line for each of the others."""
+    mark, text = _of_the_flight(assessment, without_wings)
+    if event := gravest_event(assessment):
+        condition, called, what = event
+        faulty = SEVERITY[mark.condition] > SEVERITY["normal"]
+        mark, text = (mark, f"{text}; {what}") if faulty else (Mark(condition, called), f"{what}; {text}")
     shown = {(one.vehicle, one.actuator): one.gravest for one in assessment.verdicts}
+    over, said = list[Standing](), list[str]()
     for one in assessment.standings:
         alone = shown.get((one.vehicle, one.actuator), "normal")
         if SEVERITY[one.condition] > max(SEVERITY[alone], 0):
-            text += f"; {name(one, assessment)} {one.condition} {since_words(one)}".rstrip()
+            over.append(one)
+            said.append(f"{name(one, assessment)} {one.condition} {since_words(one)}".rstrip())
         if one.growth is not None:
-            text += f"; {name(one, assessment)} grows: {soonest_words(one.growth)}"
-    return text
+            over.append(one)
+            said.append(f"{name(one, assessment)} grows: {soonest_words(one.growth)}")
+    if over and SEVERITY[mark.condition] <= SEVERITY["normal"]:
+        return mark_of(min(over, key=lambda one: one.rank)), "; ".join([*said, text])
+    return mark, "; ".join([text, *said])
 
 
-def _of_the_flight(assessment: Assessment, without_wings: Sequence[str]) -> str:
+def gravest_first(ranked: Sequence[Verdict]) -> list[Verdict]:
+    """Return the gravest verdicts without those that another one explains, actuators before axes.
+
+    Telemetry names the part, an axis only what it does to the aircraft.
+    """
+    worst = [verdict for verdict in ranked if verdict.gravest == ranked[0].gravest]
+    worst = [verdict for verdict in worst if not verdict.consequence_of] or worst
+    return sorted(worst, key=lambda verdict: verdict.subject == "axis")
+
+
+def _of_the_flight(assessment: Assessment, without_wings: Sequence[str]) -> tuple[Mark, str]:
     ranked = assessment.ranked()
     if not ranked:
-        return "; ".join(without_wings) or "No actuator was found in this log"
+        return Mark("undecided"), "; ".join(without_wings) or "no actuator was found in this log"
     word = ranked[0].gravest
-    worst = [verdict for verdict in ranked if verdict.gravest == word]
-    if SEVERITY[word] <= SEVERITY["normal"] and any(verdict.subject != "actuator" for verdict in ranked):
+    if SEVERITY[word] <= SEVERITY["normal"]:
         return _what_was_judged(assessment)
-    if word == "unmonitored":
-        return f"{_count(ranked, ranked)} unmonitored: {ranked[0].reason}"
-    if word == "normal" and ranked[-1].gravest == "unmonitored":
-        return f"{_count(worst, ranked)} normal, the others unmonitored"
-    if SEVERITY[word] <= SEVERITY["normal"] or word == "learning":
-        explained = worst if word in ("learning", "undecided") else []
-        why = list(dict.fromkeys(verdict.reason or "" for verdict in explained))
-        if ranked[0].actuator == ALL and word == "undecided":
-            return f"Undecided: {why[0].rstrip('.')}"
-        return f"{_count(worst, ranked)} {word}" + (
-            f": {why[0].rstrip('.')}" if len(why) == 1 and why[0] else ""
-        )
-    # One fault is one finding: what another one explains does not head the answer.
-    worst = [verdict for verdict in worst if not verdict.consequence_of] or worst
-    text = f"{join(name(verdict, assessment) for verdict in worst)}: {word.upper()}"
-    if len(worst) > 1:
-        return text
-    past = course(worst[0])
+    worst = gravest_first(ranked)
+    named = worst[0].subject == "actuator"
+    shown = [_fault(verdict, assessment, by_axis=named) for verdict in worst[:_MOST]]
+    more = [f"{len(worst) - _MOST} more"] if len(worst) > _MOST else []
+    return Mark(word), "; ".join([*shown, *more])
+
+
+def _fault(verdict: Verdict, assessment: Assessment, *, by_axis: bool) -> str:
+    """Return what has failed, in which way, and since when; of an axis which part, unless ``by_axis``."""
+    text = f"{_who(verdict, assessment, by_axis=by_axis)}{_what(verdict)}"
+    text = text.replace(
+        f"{verdict.actuator} control: {verdict.actuator} control", f"{verdict.actuator} control"
+    )
+    past, since = course(verdict), verdict.since
     if past is not None:
-        text = f"{text} {past[1]}, then {worst[0].condition}"
-    if suspected := culprits(worst[0]):
-        text = f"{text}, {' or '.join(suspected)}"
-    since = worst[0].since if past is None else None
-    if since and not since.flight_time_s and word == "degraded":
+        return f"{text}, {past[1]}, then {verdict.condition}"
+    if since and not since.flight_time_s and verdict.condition == "degraded":
         # A fault that is there from the first second began in an earlier flight, where one shows it.
         for one in assessment.standings:
-            known = (one.vehicle, one.actuator) == (worst[0].vehicle, worst[0].actuator)
+            known = (one.vehicle, one.actuator) == (verdict.vehicle, verdict.actuator)
             if known and one.since_flight and one.since_flight < one.flights:
                 return f"{text} {since_words(one)}"
     return f"{text} since {clock(since.flight_time_s)}" if since else text
 
 
-def _what_was_judged(assessment: Assessment) -> str:
+def _who(verdict: Verdict, assessment: Assessment, *, by_axis: bool) -> str:
+    """Return the part that failed as its owner names it; of an axis those that may have."""
+    own = name(verdict, assessment)
+    if verdict.subject == "axis":
+        parts = culprits(verdict)
+        if not parts or by_axis:
+            return f"{own}:"
+        vehicle = own.partition(": ")[0] + ": " if ": " in own else ""
+        inferred = verdict.candidates and (verdict.candidates[0].probability or 0.0) > 0.0
+        return f"{vehicle}{_either(parts, verdict.actuator)}{', probably' if inferred else ''}:"
+    outputs = [
+        output for used in assessment.usage if used.vehicle == verdict.vehicle for output in used.outputs
+    ]
+    for output in outputs:
+        if output.name == verdict.actuator:
+            bearing = output.bearing_deg
+            return f"{own} ({f'servo {output.servo}' if bearing is None else place_of(bearing)})"
+    return own
+
+
+def _either(parts: Sequence[str], axis: str) -> str:
+    """Return parts of which at least one failed; what they are is said once.
+
+    Examples
+    --------
+    >>> _either(["aileron (servo 1)", "aileron (servo 9)"], "roll"), _either(["servo 5"], "roll")
+    ('aileron (servo 1, servo 9 or both)', 'servo 5 (moves with roll)')
+    """
+    kinds = {part.partition(" (")[0] for part in parts}
+    alike = len(parts) > 1 and len(kinds) == 1
+    numbers = [part.partition(" (")[2].rstrip(")") for part in parts] if alike else parts
+    text = ", ".join(numbers) + {1: "", 2: " or both"}.get(len(parts), " or several")
+    if alike:
+        return f"{kinds.pop()} ({text})"
+    unnamed = all(_UNNAMED.fullmatch(part) for part in parts)
+    return f"{text} ({'moves' if len(parts) == 1 else 'they move'} with {axis})" if unnamed else text
+
+
+def _what(verdict: Verdict) -> str:
+    """Return in which way a part failed, as the evidence has it."""
+    kinds = {item.kind: item for item in verdict.evidence if item.condition in ("degraded", "emergency")}
+    kinds = kinds or {item.kind: item for item in verdict.evidence}
+    if verdict.subject == "motor" and (thrust := kinds.get("thrust")):
+        first = _FIRST.search(thrust.rule)
+        which = f" failed, {first[1]} first: it" if first else ""
+        return f"{which} lost {100 - kept_percent(verdict, thrust)} % of its thrust"
+    if verdict.subject == "actuator":
+        return _of_actuator(verdict, kinds)
+    axis, left = verdict.actuator, kinds.get("effectiveness")
+    said = []
+    if "hard_over" in kinds:
+        side = _SIDE.search(kinds["hard_over"].rule)
+        said.append(f"deflected or stuck{f', pulls {side[1]}' if side else ''}")
+    if "slow" in kinds:
+        said.append(f"slow, {kinds['slow'].value:.2g} s late")
+    if left is not None and (course(verdict) or is_reliable(verdict)):
+        said.append(f"{axis} control down to {max(kept_percent(verdict, left), 0)} %")
+    if "tracking" in kinds and not said:
+        said.append(kinds["tracking"].rule.partition(": ")[2])
+    return f" {', '.join(said) or verdict.gravest}"
+
+
+def _of_actuator(verdict: Verdict, kinds: dict[str, Evidence]) -> str:
+    if any(kind.startswith("jam") for kind in kinds):
+        return " stuck"
+    if not kinds:
+        return f" {verdict.gravest}"
+    kind, item = [*kinds.items()][-1]
+    units = {shown.fault: shown.unit for shown in verdict.indicators} | {"friction": "N·m"}
+    if kind == "friction" and verdict.friction_nm:
+        item = item.model_copy(update={"value": verdict.friction_nm.estimate})
+    unit = f" {units[kind]}" if units.get(kind, "1") != "1" else ""
+    limit = f" (limit {item.limit:.3g})" if item.limit is not None else ""
+    return f": {kind.replace('_', ' ')} {item.value:#.3g}{unit}{limit}"
+
+
+def _what_was_judged(assessment: Assessment) -> tuple[Mark, str]:
     """Return what was judged and found well, then what was not judged and why, then what nothing monitors."""
-    open_ = [v for v in assessment.verdicts if v.gravest == "undecided"]
-    unmonitored = sum(v.gravest == "unmonitored" for v in assessment.verdicts)
-    well: tuple[Condition, ...] = ("normal", "unchanged")
-    alike = {word: [name(v, assessment) for v in assessment.verdicts if v.gravest == word] for word in well}
-    parts = [f"{join(names)} {condition_word(word)}" for word, names in alike.items() if names]
-    if open_:
-        reasons = list(dict.fromkeys(v.reason or "" for v in open_))
-        alone = len(reasons) == 1 and not parts and len(reasons[0]) <= _SHORT
-        parts.append(
-            f"{join(name(v, assessment) for v in open_)} not judged{f' ({reasons[0]})' if alone else ''}"
-        )
-    if unmonitored:
-        parts.append("servos unmonitored" if unmonitored > 1 else "the servos are unmonitored")
-    return capital("; ".join(parts))
+    by: dict[Condition, list[Verdict]] = {}
+    for verdict in assessment.verdicts:
+        by.setdefault(verdict.gravest, []).append(verdict)
+    parts = [*_well(by.get("normal", ()), assessment)]
+    for word in ("unchanged", "learning"):
+        parts += [f"{names(by[word], assessment)} {word}"] if word in by else []
+    if open_ := by.get("undecided"):
+        reasons = list(dict.fromkeys((v.reason or "").rstrip(".").partition("; ")[0] for v in open_))
+        alone = len(reasons) == 1 and len(by.keys() - {"unmonitored"}) == 1 and len(reasons[0]) <= _SHORT
+        parts.append(f"{names(open_, assessment)} not judged{f': {reasons[0]}' if alone else ''}")
+    if unseen := by.get("unmonitored"):
+        alone = len(by) == 1
+        why = f": {unseen[0].reason}" if alone and unseen[0].reason else ""
+        parts.append(f"{names(unseen, assessment)} unmonitored{why}" if alone else "servos unmonitored")
+    counted = by.keys() - {"unmonitored"} or by.keys()
+    gravest = max(counted, key=URGENCY.__getitem__)
+    partly = gravest in ("undecided", "learning") and counted & {"normal", "unchanged"}
+    return Mark(gravest, "partly judged" if partly else ""), "; ".join(parts)
 
 
-def _count(part: Sequence[Verdict], whole: Sequence[Verdict]) -> str:
-    if len(part) < len(whole):
-        return f"{len(part)} of {len(whole)} actuators"
-    return "The only actuator is" if len(whole) == 1 else f"All {len(whole)} actuators"
+def _well(normal: Sequence[Verdict], assessment: Assessment) -> Iterator[str]:
+    """Yield what is normal, with the loss that was excluded: a smaller one may be there."""
+    for subject in ("axis", "motor", "actuator"):
+        own = [verdict for verdict in normal if verdict.subject == subject]
+        losses = [verdict.coverage.excluded_loss for verdict in own]
+        known = [loss for loss in losses if loss is not None]
+        if subject == "axis" and own and all(verdict.coverage.excluded for verdict in own):
+            yield f"{names(own, assessment)}: no loss of {LOSS} or more"
+        elif own and known:
+            yield f"{names(own, assessment)}: none lost {100 * max(known):.0f} % or more of its thrust"
+        elif own:
+            yield f"{names(own, assessment)} within {'their' if len(own) > 1 else 'its'} limits"
 
 
 def judged_vehicles(assessment: Assessment) -> tuple[Assessment, list[str]]:

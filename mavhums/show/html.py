@@ -7,31 +7,18 @@ from functools import cache
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, Final
 
-from mavhums.core.conditions import Condition
 from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
 from mavhums.show.answer import blocks
 from mavhums.show.blocks import Block, Curves, Headline, Note
 from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.html_plot import flight_charts, plot
-from mavhums.show.words import COLOURS, clock
+from mavhums.show.words import COLOURS, SIGNS, clock
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 _LETTERS: Final = 600
-
-ICONS: Final[dict[Condition, str]] = {
-    "normal": "✓",
-    "unchanged": "=",
-    "changed": "≠",
-    "degraded": "▲",
-    "emergency": "✖",
-    "learning": "…",
-    "undecided": "?",
-    "unmonitored": "○",
-}
-"""A sign per condition, so that no reader depends on its colour."""
 
 
 @cache
@@ -55,7 +42,7 @@ def environment(package: str) -> Environment:
         finalize=_plain,
     )
     made.filters |= {"clock": clock, "plot": plot}
-    made.globals |= {"icons": ICONS, "colours": COLOURS}
+    made.globals |= {"icons": SIGNS, "colours": COLOURS}
     return made
 
 
@@ -91,7 +78,8 @@ def document(shown: Iterable[Block]) -> str:
 
     kept = [*shown]
     headline = next(block for block in kept if isinstance(block, Headline))
-    title = " · ".join(filter(None, (headline.text, headline.about.partition(" · ")[0])))
+    text = f"{headline.mark.text}: {headline.text}" if headline.mark else headline.text
+    title = " · ".join(filter(None, (text, headline.about.partition(" · ")[0])))
     template = environment("mavhums.show").get_template("report.html")
     return template.render(title=title, content=Markup(draw(kept)))
 

@@ -48,8 +48,10 @@ def draw(shown: Iterable[Block]) -> str:
 
 def _parts(block: Block) -> Iterator[str]:
     match block:
-        case Headline(text, about=about):
-            yield f"# {_literal(text)}"
+        case Headline(text, about=about, todo=todo):
+            yield f"# {_literal(f'{block.mark.text}: {text}' if block.mark else text)}"
+            if todo:
+                yield f"**What to do:** {_literal(todo)}."
             if about:
                 yield f"*{_literal(about)}*"
         case Note(lines, quiet):

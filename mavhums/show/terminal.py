@@ -16,7 +16,7 @@ from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
 from mavhums.show.answer import blocks
 from mavhums.show.blocks import Block, Cell, Facts, Finding, Headline, Link, Listing, Mark, Note, Table
-from mavhums.show.words import COLOURS
+from mavhums.show.words import COLOURS, sign
 
 _GAP = 2
 _WIDE = 1_000_000
@@ -46,17 +46,19 @@ def plain(shown: Iterable[Block]) -> str:
 
 def draw(shown: Iterable[Block], console: Console) -> None:
     """Print blocks, each in its way; curves and outlines are not for a terminal."""
-    for part in parts(shown, console.width):
+    for part in parts(shown, console.width, console.encoding):
         # A path, a hash or a command is to be copied whole.
         console.print(part, soft_wrap=isinstance(part, Text) and part.no_wrap)
 
 
-def parts(shown: Iterable[Block], width: int) -> Iterator[RenderableType]:
-    """Yield what rich prints of blocks on a terminal of a width."""
+def parts(shown: Iterable[Block], width: int, encoding: str = "utf-8") -> Iterator[RenderableType]:
+    """Yield what rich prints of blocks on a terminal of a width, whose encoding may lack some signs."""
     for block in shown:
         match block:
-            case Headline(text, about=about):
-                yield Text(printable(text), style="bold")
+            case Headline(text, about=about, todo=todo):
+                head = Text(printable(text), style="bold")
+                yield Text.assemble(_mark(block.mark, encoding), ": ", head) if block.mark else head
+                yield from (Text(printable(f"What to do: {line}.")) for line in (todo,) if line)
                 yield from (Text(printable(line), style="dim") for line in (about,) if line)
             case Note(lines, quiet):
                 yield from (Text(printable(line), style="dim" if quiet else "") for line in lines)
@@ -69,9 +71,9 @@ def parts(shown: Iterable[Block], width: int) -> Iterator[RenderableType]:
                     line = f"  {name:<{longest}}  {value}"
                     yield Text(printable(line), no_wrap=True, overflow="ignore")
             case Finding():
-                yield from _finding(block, width)
+                yield from _finding(block, width, encoding)
             case Table():
-                yield from _table(block, width)
+                yield from _table(block, width, encoding)
 
 
 def _titled(title: str, lines: Iterable[str]) -> Iterator[RenderableType]:
@@ -79,7 +81,7 @@ def _titled(title: str, lines: Iterable[str]) -> Iterator[RenderableType]:
     yield from map(_indented, lines)
 
 
-def _finding(found: Finding, width: int) -> Iterator[RenderableType]:
+def _finding(found: Finding, width: int, encoding: str) -> Iterator[RenderableType]:
     head = f"{found.title}: {found.condition}" if found.condition else found.title
     why = [*found.why]
     # When a fault was seen, one by one; a single reason why nothing is known fits behind the name.
@@ -89,7 +91,7 @@ def _finding(found: Finding, width: int) -> Iterator[RenderableType]:
     facts = [f"{name}: {value}" for name, value in found.facts]
     yield from map(_indented, (*why, *facts, *([f"what to do: {found.todo}"] if found.todo else [])))
     if found.table:
-        yield from _table(found.table, width)
+        yield from _table(found.table, width, encoding)
 
 
 def _indented(line: str) -> Padding:
@@ -98,13 +100,13 @@ def _indented(line: str) -> Padding:
     return Padding(Text(printable(text)), (0, 0, 0, 2 + len(line) - len(text)), expand=False)
 
 
-def _table(shown: Table, width: int) -> Iterator[RenderableType]:
+def _table(shown: Table, width: int, encoding: str) -> Iterator[RenderableType]:
     """Yield a table with as many columns as the terminal is wide, those of the lowest rank."""
     if shown.title:
         yield Text(printable(shown.title), style="bold")
     if not shown.rows:
         return
-    rows = [[_text(cell) for cell in row] for row in shown.rows]
+    rows = [[_text(cell, encoding) for cell in row] for row in shown.rows]
     widths = [
         max(*map(len, column.title.splitlines()), *(len(row[k]) for row in rows)) + _GAP
         for k, column in enumerate(shown.columns)
@@ -115,7 +117,7 @@ def _table(shown: Table, width: int) -> Iterator[RenderableType]:
             kept.append(k)
             used += widths[k]
     some_stay = any(column.kind != "text" for column in shown.columns)  # and would leave a name no room
-    grid = Grid(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    grid = Grid(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
     for k in sorted(kept):
         column = shown.columns[k]
         grid.add_column(
@@ -127,14 +129,19 @@ def _table(shown: Table, width: int) -> Iterator[RenderableType]:
         )
     for row in rows:
         grid.add_row(*(row[k] for k in sorted(kept)))
-    yield grid
+    yield Padding(grid, (0, 0, 0, 1), expand=False)
 
 
-def _text(cell: Cell) -> Text:
+def _mark(mark: Mark, encoding: str) -> tuple[str, str]:
+    style = "bold rgb({},{},{})".format(*COLOURS[mark.condition])
+    return f"{sign(mark.condition, encoding)} {mark.text}", style
+
+
+def _text(cell: Cell, encoding: str) -> Text:
     if isinstance(cell, str):
         return Text(printable(cell))
     parts = [
-        (part.text, "bold rgb({},{},{})".format(*COLOURS[part.condition]))
+        _mark(part, encoding)
         if isinstance(part, Mark)
         else printable(part.text if isinstance(part, Link) else part)
         for part in cell

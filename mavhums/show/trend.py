@@ -23,7 +23,7 @@ from mavhums.show.blocks import Block, Cell, Column, Headline, Mark, Note, Table
 from mavhums.show.evidence import Curve, Limit
 from mavhums.show.html_plot import Chart, chart
 from mavhums.show.standing import growth_words, left_words, sentences, since_words, soonest_words, step_words
-from mavhums.show.words import capital, join, levels, subject_of
+from mavhums.show.words import capital, group_name, join, levels, subject_of
 
 _BARS = "▁▂▃▄▅▆▇█"
 _CELLS = 8
@@ -167,8 +167,15 @@ def _reasons(report: TrendReport) -> list[str]:
     for other in report.others:
         why = f": {other.reason}" if other.reason else ""
         lines.append(f"{_name(other, report)}: {other.condition} in the last flight{why}.")
-    if report.unshown:
-        lines.append(f"{join(report.unshown)}: no flight carries an indicator; `mavhums analyse` says why.")
+    shown = {_subject(one) for one in report.trends} | {_subject(one) for one in report.others}
+    silent: dict[tuple[str, str], list[Standing]] = {}
+    for standing in report.standings:
+        if _subject(standing) not in shown and standing.condition != "unmonitored":
+            why = f"{standing.condition}: {standing.reason or 'no reason was given'}"
+            silent.setdefault((standing.subject, why), []).append(standing)
+    for (subject, why), alike in silent.items():
+        whose = group_name(subject, [subject_of(subject, standing.actuator) for standing in alike])
+        lines.append(f"{whose}: no indicator in any flight; in the last one {why}.")
     return lines
 
 

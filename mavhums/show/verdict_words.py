@@ -10,6 +10,9 @@ from mavhums.results.sections import ABSTAINED, OUTSIDE, NetworkAnswer, fault_of
 from mavhums.results.verdict import Candidate, Evidence, Verdict
 from mavhums.show.words import clock, effectiveness, friction, join, percent
 
+LOSS: Final = percent(1.0 - NORMAL_EFFECTIVENESS)
+"""Of the control effectiveness, which a normal axis excludes."""
+
 _WIDEST: Final = 1.0
 """A 95 % interval wider than the whole control effectiveness says nothing about it."""
 
@@ -39,7 +42,7 @@ def control_left(verdict: Verdict) -> str | None:
         return None
     if condition == "undecided" and coverage.decidable < NORMAL_S:
         return f"not reliable: {coverage.decidable} of {NORMAL_S} s judged"
-    if not _is_reliable(verdict):
+    if not is_reliable(verdict):
         return "not reliable"
     if SEVERITY[condition] == SEVERITY["normal"] and left.high >= 1.0:
         return "no loss"
@@ -49,11 +52,25 @@ def control_left(verdict: Verdict) -> str | None:
     return effectiveness(left)
 
 
-def _is_reliable(verdict: Verdict) -> bool:
+def is_reliable(verdict: Verdict) -> bool:
     """Return whether what an axis keeps of its control was judged for long enough, and is known well."""
     left, few = verdict.effectiveness, verdict.coverage.decidable < NORMAL_S
     brief = verdict.subject == "axis" and verdict.condition == "undecided" and few
     return left is not None and not brief and left.high - left.low <= _WIDEST
+
+
+def kept_percent(verdict: Verdict, item: Evidence) -> int:
+    """Return what is left by a finding, in per cent: by the verdict's own estimate, where it is of now.
+
+    Examples
+    --------
+    >>> item = Evidence(kind="thrust", start_s=38, end_s=68, value=0.66, rule="emergency")
+    >>> kept_percent(Verdict(vehicle=1, actuator="motor 1", condition="normal", worst="emergency"), item)
+    34
+    """
+    if verdict.effectiveness is not None and verdict.condition == verdict.worst:
+        return round(100 * verdict.effectiveness.estimate)
+    return round(100 * (1.0 - item.value if item.kind == "thrust" else item.value))
 
 
 def course(verdict: Verdict) -> tuple[Condition, str] | None:
@@ -146,6 +163,8 @@ def culprits(verdict: Verdict) -> list[str]:
 
 
 def _output(one: Candidate) -> str:
+    if one.surface.startswith("moves with "):
+        return f"servo {one.servo}"
     return one.surface if "servo" in one.surface else f"{one.surface} (servo {one.servo})"
 
 
@@ -158,7 +177,7 @@ def certainty(verdict: Verdict) -> str:
     '0 of 0 windows are decidable'
     """
     sure = []
-    if verdict.effectiveness and _is_reliable(verdict):
+    if verdict.effectiveness and is_reliable(verdict):
         left = effectiveness(verdict.effectiveness)
         what = "its thrust" if verdict.subject == "motor" else "the reference's control effectiveness"
         sure.append(f"{left} of {what} with its 95 % interval")
@@ -192,8 +211,7 @@ def _how_much(verdict: Verdict, *, alarmed: bool) -> str:
     if not coverage.excluded:
         return judged
     until = "" if coverage.excluded_until_s is None else f", the last at {clock(coverage.excluded_until_s)}"
-    loss = percent(1.0 - NORMAL_EFFECTIVENESS)
-    return f"{judged}; a loss of {loss} or more is excluded over {coverage.excluded} s{until}"
+    return f"{judged}; a loss of {LOSS} or more is excluded over {coverage.excluded} s{until}"
 
 
 def network_cell(verdict: Verdict) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import cos, radians, sin
 from typing import Final
 
@@ -10,6 +10,7 @@ from mavhums.core.conditions import Condition
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment
 from mavhums.results.live import LinkStatus
+from mavhums.results.sections import NOT_COMPARED
 from mavhums.results.standing import Interval, Standing
 from mavhums.results.verdict import ALL, Verdict
 
@@ -25,6 +26,27 @@ COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
 }
 """One colour per condition, from Okabe and Ito's palette for colour-blind readers."""
 
+SIGNS: Final[dict[Condition, str]] = {
+    "normal": "✓",
+    "unchanged": "=",
+    "changed": "≠",
+    "degraded": "▲",
+    "emergency": "✖",
+    "learning": "…",
+    "undecided": "?",
+    "unmonitored": "○",
+}
+"""A sign per condition, so that no reader depends on its colour."""
+
+_ASCII: Final[dict[Condition, str]] = {
+    "normal": "+",
+    "changed": "~",
+    "degraded": "!",
+    "emergency": "X",
+    "learning": ".",
+    "unmonitored": "o",
+}
+
 STALE: Final = "stale"
 STALE_COLOUR: Final = (60, 60, 66)
 BLUE: Final = (86, 180, 233)
@@ -32,12 +54,29 @@ PALE_BLUE: Final = (60, 110, 145)
 YELLOW: Final = (240, 228, 66)
 SERIES: Final = (BLUE, YELLOW, (204, 121, 167), (0, 158, 115))
 
+_ORDER: Final = ("axis", "motor", "actuator")
+_NAMED: Final = 4  # more names than that are counted
 _TO_ACT_ON: Final[tuple[Condition, ...]] = ("changed", "degraded", "emergency")
 
 
 def condition_word(condition: Condition) -> str:
     """Return a condition as a table shows it: what must be acted on in capitals."""
     return condition.upper() if condition in _TO_ACT_ON else condition
+
+
+def sign(condition: Condition, encoding: str = "utf-8") -> str:
+    """Return the sign of a condition, as far as an encoding has it.
+
+    Examples
+    --------
+    >>> sign("emergency"), sign("emergency", "ascii")
+    ('✖', 'X')
+    """
+    try:
+        SIGNS[condition].encode(encoding)
+    except (UnicodeEncodeError, LookupError):
+        return _ASCII[condition]
+    return SIGNS[condition]
 
 
 def capital(text: str) -> str:
@@ -76,6 +115,45 @@ def name(of: Verdict | Standing, assessment: Assessment) -> str:
     return own if len({other.vehicle for other in assessment.verdicts}) < 2 else f"{of.vehicle}: {own}"
 
 
+def names(of: Sequence[Verdict], assessment: Assessment) -> str:
+    """Return whose verdicts they are; motors and axes are named as a group.
+
+    Examples
+    --------
+    >>> from mavhums.results.assessment import Assessment, LogSummary
+    >>> kinds = {"axis": ("roll", "yaw"), "motor": ("motor 1", "motor 2", "motor 3")}
+    >>> whole = Assessment(airframe=None, model=None, log=LogSummary(path=None, sha256=None, start_utc=None,
+    ...     duration_s=1, vehicles=(1,), losses=Losses()), verdicts=[Verdict(subject=subject, vehicle=1,
+    ...     actuator=one, condition="normal", worst="normal") for subject in kinds for one in kinds[subject]])
+    >>> names(whole.verdicts[:2], whole), names(whole.verdicts[2:], whole)
+    ('roll and yaw control', 'motors 1 to 3')
+    """
+    groups: dict[tuple[str, str], list[str]] = {}
+    for verdict in sorted(of, key=lambda verdict: _ORDER.index(verdict.subject)):
+        vehicle, _, own = name(verdict, assessment).rpartition(": ")
+        groups.setdefault((vehicle, verdict.subject), []).append(own)
+    return join(
+        f"{vehicle}: {group_name(subject, several)}" if vehicle else group_name(subject, several)
+        for (vehicle, subject), several in groups.items()
+    )
+
+
+def group_name(subject: str, several: Sequence[str]) -> str:
+    """Return the names of subjects of one kind.
+
+    Examples
+    --------
+    >>> group_name("motor", ["motor 1", "motor 2", "motor 3"]), group_name("axis", ["roll control"])
+    ('motors 1 to 3', 'roll control')
+    """
+    if subject == "axis":
+        return f"{join(one.removesuffix(' control') for one in several)} control"
+    numbers = [int(one[6:]) for one in several if subject == "motor" and one[6:].isdecimal()]
+    if len(numbers) > 1 and numbers == [*range(numbers[0], numbers[-1] + 1)]:
+        return f"motors {numbers[0]} to {numbers[-1]}"
+    return f"{len(several)} actuators" if len(several) > _NAMED else join(several)
+
+
 def levels(
     degraded: float | None, emergency: float | None, *, falls: bool = False
 ) -> list[tuple[float, str]]:
@@ -100,7 +178,7 @@ def clock(seconds: float) -> str:
     ('53.2s', '12m03s', '1h02m03s')
     """
     if round(seconds, 1) < 60:
-        return f"{round(seconds, 1) + 0.0:.1f}s"  # a record just before the first frame is at no -0.0s
+        return f"{seconds:.1f}s"
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}h{minutes:02d}m{rest:02d}s" if hours else f"{minutes}m{rest:02d}s"
@@ -178,6 +256,10 @@ def flight_notes(assessment: Assessment) -> list[str]:
     if earlier:
         flights = "1 earlier flight" if earlier == 1 else f"{earlier:,} earlier flights"
         said.append(f"Compared with {flights} of this aircraft")
+    elif earlier is not None:
+        said.append("Compared with no earlier flight: the store has none of this aircraft")
+    elif not any(notice.startswith(NOT_COMPARED) for notice in log.notices):
+        said.append(f"{capital(NOT_COMPARED)}: no store is read (--keep makes one)")
     said += [capital(notice) for notice in log.notices]
     if log.copies:
         others = join(sorted({copy.log or "a live link" for copy in log.copies}))
@@ -231,6 +313,25 @@ def losses(lost: Losses) -> str:
     return f"{join(parts) if parts else 'file intact'}; {missing}"
 
 
+_MUCH: Final = 0.05  # lost on the link: the rates of its messages fall by as much
+
+
+def grave_losses(lost: Losses) -> list[str]:
+    """Return the losses that may bear on a verdict: a part of the flight is missing, or forged.
+
+    A late sample, or a byte between frames, changes nothing.
+
+    Examples
+    --------
+    >>> grave_losses(Losses(damaged_regions=3, bytes_skipped=40)), grave_losses(Losses(bytes_skipped=40))
+    (['3 damaged regions'], [])
+    """
+    grave = ("damaged_regions", "logger_dropped", "replayed_frames", "bad_signatures")
+    kept = counted(Losses(**{field: getattr(lost, field) for field in grave}))
+    missing = link_loss(lost)
+    return [*kept, missing] if missing and _share_missing(lost) >= _MUCH else kept
+
+
 def link_loss(lost: Losses) -> str | None:
     """Return the loss on the link, according to sequence numbers; None if nothing is missing.
 
@@ -240,8 +341,10 @@ def link_loss(lost: Losses) -> str | None:
     >>> link_loss(Losses(sequence=[dict(system=1, component=1, frames=952, missing=48, **sender)]))
     'the radio link lost 4.8 %'
     """
+    share = _share_missing(lost)
+    return f"the radio link lost {max(100 * share, 0.1):.1f} %" if share else None
+
+
+def _share_missing(lost: Losses) -> float:
     missing = sum(sender.missing for sender in lost.sequence)
-    if not missing:
-        return None
-    sent = missing + sum(sender.frames for sender in lost.sequence)
-    return f"the radio link lost {max(100 * missing / sent, 0.1):.1f} %"
+    return missing / (missing + sum(sender.frames for sender in lost.sequence)) if missing else 0.0

@@ -56,7 +56,7 @@ def test_markdown_says_what_the_text_says_and_names_no_folder(
 ) -> None:
     one = run("analyse", growing_log, "--markdown", "--rrd", tmp_path / "flight.rrd")
     assert one.code == ExitCode.EMERGENCY
-    assert one.out.startswith("# elevator: EMERGENCY")
+    assert one.out.startswith("# EMERGENCY: elevator (servo 3): friction ")
     assert "rrd" not in one.out
     said = re.findall(r"[^\W\d_]{4,}", run("analyse", growing_log).out)
     assert {word.lower() for word in said} <= {*re.findall(r"[^\W\d_]+", one.out.lower())}

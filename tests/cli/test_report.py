@@ -22,7 +22,7 @@ def test_a_growing_fault_is_told_with_its_curve(run: Run, growing_log: Path, tmp
     assert code == ExitCode.EMERGENCY
     assert f"report: {page}" in out
     text = page.read_text(encoding="utf-8")
-    assert "elevator: EMERGENCY" in text
+    assert "EMERGENCY: elevator (servo 3): friction " in text
     assert text.count("<svg") == 1 + 2 * 4  # the aircraft; friction and network of each actuator
     assert "emergency from" in text
     assert len(text.encode()) < 3_000_000

@@ -181,7 +181,7 @@ def test_a_flight_and_its_history_never_contradict_each_other() -> None:
 
 
 @pytest.mark.parametrize(
-    ("since_s", "said"), [(0.0, "DEGRADED since flight 3 of 5 (2026-03-03)"), (60.0, "DEGRADED since 1m00s")]
+    ("since_s", "said"), [(0.0, "degraded since flight 3 of 5 (2026-03-03)"), (60.0, "degraded since 1m00s")]
 )
 def test_a_fault_of_an_earlier_flight_is_not_dated_to_this_one(since_s: float, said: str) -> None:
     *before, last = history([0.2, 0.2, 0.5, 0.5, 0.5])

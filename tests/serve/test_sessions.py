@@ -15,7 +15,7 @@ from mavhums.serve.options import Quotas
 from mavhums.serve.sessions import Sessions, UserSession
 from mavhums.serve.workers import Job, Progress, Workers
 
-BRIEF = {"condition": "normal", "text": "All normal", "todo": "nothing"}
+BRIEF = {"condition": "normal", "word": "", "text": "All normal", "todo": "nothing"}
 
 
 class Judged(Workers):

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import Literal
 
@@ -10,8 +12,11 @@ from rich.console import Console
 
 import mavhums
 from mavhums.core.about import NOTICE
+from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment
 from mavhums.show import render
+from mavhums.show.words import sign
 from tests.show.conftest import new_assessment, new_verdict
 
 FLIGHTS = Path(__file__).parents[1] / "data"
@@ -36,12 +41,12 @@ def flat(text: str) -> str:
 
 def test_the_answer_first_then_the_worst_actuator_first(assessment: Assessment) -> None:
     lines = rendered(assessment).splitlines()
-    assert lines[0] == "elevator: EMERGENCY since 1m12s"
+    assert lines[0] == "✖ EMERGENCY: elevator: friction 1.00 N·m (limit 0.875) since 1m12s"
     rows = [line.split()[0] for line in lines if " of 91 s" in line]
-    assert rows == ["elevator", "rudder", "aileron_left", "aileron_right"]
+    assert rows == ["elevator", "aileron_left", "aileron_right"]
     elevator = next(line for line in lines if "91 of 91 s" in line)
     assert elevator.split() == [
-        *("elevator", "EMERGENCY", "1.003", "(0.973–1.033)", "emergency", "1m12s", "91", "of", "91", "s")
+        *("elevator", "✖", "EMERGENCY", "1.003", "(0.973–1.033)", "emergency", "1m12s", "91", "of", "91", "s")
     ]
 
 
@@ -55,7 +60,7 @@ def test_it_fits_80_columns_and_no_name_is_cut(assessment: Assessment) -> None:
 def test_the_figures_stay_whole_at_other_widths(width: int, assessment: Assessment) -> None:
     text = flat(rendered(assessment, width=width))
     assert "1.003 (0.973–1.033)" in text
-    assert NOTICE[1:] in text
+    assert NOTICE[1:].partition(";")[0] in text
 
 
 def test_no_colour_codes_where_it_is_not_a_terminal(assessment: Assessment) -> None:
@@ -64,7 +69,7 @@ def test_no_colour_codes_where_it_is_not_a_terminal(assessment: Assessment) -> N
 
 def test_colours_on_a_terminal_and_words_too(assessment: Assessment) -> None:
     text = rendered(assessment, terminal=True)
-    codes = [re.search(rf"\x1b\[1;(3[0-9;]+)m{word}", text) for word in ("EMERGENCY", "normal")]
+    codes = [re.search(rf"\x1b\[1;(3[0-9;]+)m. {word}", text) for word in ("EMERGENCY", "normal")]
     assert all(codes), "rich keeps a style's codes as the first terminal had them, so any colours will do"
     assert len({code[1] for code in codes if code}) == 2
 
@@ -73,15 +78,15 @@ def test_equal_reasons_are_said_once() -> None:
     names = ("aileron_left", "aileron_right", "elevator", "rudder")
     text = flat(rendered(new_assessment(*(new_verdict(name, "undecided", 0.0, None) for name in names))))
     assert text.count("record a flight") == 1
-    assert "aileron_left, aileron_right, elevator and rudder: undecided:" in text
+    assert "aileron_left, aileron_right, elevator and rudder not judged:" in text
 
 
 def test_a_long_list_of_findings_is_cut_and_says_so() -> None:
     verdict = new_verdict("elevator", "emergency", 1.0, 5.0)
     many = verdict.model_copy(update={"evidence": verdict.evidence * 4})
     text = rendered(new_assessment(many))
-    assert "5 earlier findings (--verbose has them)" in text
-    assert text.count("(highest") == 3
+    assert "… 6 earlier" in text
+    assert text.count("(highest") == 2
 
 
 def test_markup_and_control_codes_from_outside_are_inert() -> None:
@@ -90,25 +95,64 @@ def test_markup_and_control_codes_from_outside_are_inert() -> None:
     text = rendered(new_assessment(verdict))
     assert "\x1b" not in text
     assert "\x07" not in text
-    assert "[red]x�[2J�: undecided" in text
+    assert "[red]x�[2J� not judged" in text
 
 
 def test_a_log_without_actuators() -> None:
     text = rendered(new_assessment())
-    assert text.startswith("No actuator was found in this log\nLog losses: none.")
+    assert text.startswith("? undecided: no actuator was found in this log\n")
 
 
 SCREEN = 24
 
 
-def test_the_answer_on_an_ordinary_flight_fits_one_screen() -> None:
-    """Headline, what is wrong, why not judged in one line each, what to do; the rest is for --verbose."""
-    for log in sorted(FLIGHTS.glob("*.tlog")):
-        assessment = mavhums.analyse(log)
-        if any(verdict.worst in ("degraded", "emergency") for verdict in assessment.verdicts):
-            continue
-        lines = rendered(assessment).splitlines()
-        assert len(lines) <= SCREEN, f"{log.name}: {len(lines)} lines"
+def sentences(assessment: Assessment) -> list[str]:
+    """Return what a short answer says outside its table, sentence by sentence."""
+    lines = rendered(assessment, width=1000).splitlines()
+    text = "\n".join(line for line in lines if not line.startswith(" ") or line.startswith("  "))
+    return [one.strip() for one in re.split(r"[.;] |\n|: ", text) if len(one.split()) > 4]
+
+
+def assessments() -> Iterator[Assessment]:
+    """Yield assessments of flights, and of every pair of conditions that an actuator and axes may have."""
+    yield from map(mavhums.analyse, sorted(FLIGHTS.glob("*.tlog")))
+    states: tuple[Condition, ...] = ("normal", "undecided", "degraded", "emergency", "changed", "learning")
+    for one, other in product(states, states):
+        elevator = new_verdict("elevator", one, 0.9, 5.0)
+        axes = [
+            elevator.model_copy(
+                update={
+                    **new_verdict("rudder", other, 0.9, 5.0).model_dump(
+                        include={"condition", "worst", "reason"}
+                    ),
+                    **{"subject": "axis", "actuator": axis, "friction_nm": None, "evidence": ()},
+                }
+            )
+            for axis in ("roll", "pitch", "yaw")
+        ]
+        yield new_assessment(elevator, *axes, losses=Losses(bytes_skipped=9, damaged_regions=2))
+
+
+def test_a_short_answer_is_read_in_ten_seconds() -> None:
+    for assessment in assessments():
+        text = rendered(assessment, width=100)
+        lines, worst = text.splitlines(), assessment.ranked()[0]
+        assert len(lines) <= SCREEN, text
+        if all(SEVERITY[verdict.gravest] == 0 for verdict in assessment.verdicts):
+            assert len(lines) <= SCREEN // 2, text
+        assert len(sentences(assessment)) == len(set(sentences(assessment))), text
+        head = flat(text).partition("What to do")[0]
+        assert not re.search("lost [0-9.]+ %|damaged|skipped|airworthiness", lines[0]), text
+        if SEVERITY[worst.gravest] > 0:
+            assert worst.gravest.upper() in lines[0], text
+            assert worst.actuator in head or any(one.surface in head for one in worst.candidates), text
+
+
+def test_signs_tell_conditions_apart_where_an_encoding_has_few() -> None:
+    for encoding in ("utf-8", "ascii", "latin-1"):
+        signs = {sign(condition, encoding) for condition in URGENCY}
+        assert len(signs) == len(URGENCY)
+        assert all(one.encode(encoding) for one in signs)
 
 
 def test_of_several_reasons_the_binding_one_is_shown() -> None:

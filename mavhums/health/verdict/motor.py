@@ -166,7 +166,7 @@ def _healthy(vehicle: int, findings: MotorFindings) -> Iterator[Verdict]:
             condition=condition,
             worst=worst,
             evidence=evidence,
-            coverage=_coverage(findings),
+            coverage=_coverage(findings).model_copy(update={"excluded_loss": percent / 100}),
             provenance=_origin(findings, number),
             indicators=findings.trims[number - 1],
             **said(reason),

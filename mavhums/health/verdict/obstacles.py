@@ -293,7 +293,7 @@ def _unmeasured(findings: AxisFindings, flight: Flight, received: Mapping[str, R
         record, streams = to_record("motion", flight, received), " and ".join(slow)
         yield Reason("stream_too_slow", streams=streams, needed_hz=NEEDED_HZ, axis=axis, record=record)
     if axis in _ACCELEROMETER and "force" not in flight.heard:
-        signals = f"the accelerometer, which {axis} needs"
+        signals = f"the accelerometer (needed for {axis})"
         yield Reason("lacks", signals=signals, record=to_record("force", flight, received))
 
 

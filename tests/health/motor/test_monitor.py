@@ -125,9 +125,12 @@ def test_a_healthy_flight_is_told_what_it_excludes(tmp_path: Path) -> None:
     assert found[0].reason_codes == ("motors_normal",)
     assessment = mavhums.analyse(path)
     assert assessment.exit_code.name in ("OK", "READ_WITH_LOSSES")
-    assert headline(assessment) == "Motor 1, motor 2, motor 3 and motor 4 normal"
-    findings = [block for block in blocks(assessment, brief=True) if isinstance(block, Finding)]
-    assert len(findings) == 1  # said once for all motors
+    bound = found[0].coverage.excluded_loss
+    assert bound is not None
+    assert f"no motor lost {100 * bound:.0f} % or more" in (found[0].reason or "")
+    assert headline(assessment) == f"motors 1 to 4: none lost {100 * bound:.0f} % or more of its thrust"
+    findings = [block for block in blocks(assessment) if isinstance(block, Finding)]
+    assert len(findings) == 1  # said once for all motors, and in short by the headline
 
 
 @pytest.mark.slow
