@@ -1,6 +1,6 @@
 # The page; behind it any other command:
 #   docker build -t mavhums .
-#   docker run -p 127.0.0.1:8080:8080 -v mavhums:/data mavhums    # then open the address that it prints
+#   docker run -p 127.0.0.1:8080:8080 -v mavhums:/data mavhums    # then open http://127.0.0.1:8080/?token=…
 #   docker run -v mavhums:/data -v "$PWD/logs:/logs:ro" --no-healthcheck mavhums fleet watch /logs
 FROM python:3.12-slim AS build
 WORKDIR /source
@@ -26,4 +26,4 @@ EXPOSE 8080
 # Without its token the page answers 401: it lives.
 HEALTHCHECK --interval=30s --timeout=5s --start-period=30s CMD ["python", "-c", "import http.client as h; c = h.HTTPConnection('127.0.0.1', 8080, timeout=4); c.request('GET', '/api/version'); raise SystemExit(c.getresponse().status != 401)"]
 ENTRYPOINT ["mavhums"]
-CMD ["serve", "--host", "0.0.0.0"]
+CMD ["serve", "--host", "0.0.0.0", "--store", "/data/flights.sqlite"]

@@ -23,13 +23,13 @@ SEVERITY: Final[dict[Condition, int]] = {
 """Order of what evidence shows: any evidence outranks none. A detector's state only grows in this order."""
 
 URGENCY: Final[dict[Condition, int]] = {
-    "normal": 0,
-    "unchanged": 1,
-    "unmonitored": 2,
+    "unmonitored": 0,
+    "normal": 1,
+    "unchanged": 2,
     "learning": 3,
     "undecided": 4,
     "changed": 5,
     "degraded": 6,
     "emergency": 7,
 }
-"""Order in which a maintainer acts: a subject without evidence comes before one that is normal."""
+"""Order in which a maintainer acts; a subject that nothing monitors comes after what was judged."""

@@ -150,9 +150,7 @@ def exit_code_of(found: Iterable[Condition]) -> ExitCode:
     >>> exit_code_of(["normal", "changed", "unmonitored"]).name, exit_code_of(["unmonitored"]).name
     ('DEGRADED', 'UNDECIDED')
     """
-    several = [*found]
-    counted = [condition for condition in several if condition != "unmonitored"] or several
-    return _EXIT_CODES[max(counted, key=URGENCY.__getitem__, default="normal")]
+    return _EXIT_CODES[max(found, key=URGENCY.__getitem__, default="normal")]
 
 
 _EXIT_CODES: dict[Condition, ExitCode] = {

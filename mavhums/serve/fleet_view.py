@@ -50,8 +50,14 @@ def aircraft_table(rows: Iterable[LastVerdict]) -> Table:
     groups: dict[tuple[str, str], list[LastVerdict]] = {}
     for row in rows:
         groups.setdefault((row.aircraft, "" if row.aircraft else row.path), []).append(row)
-    titles = ("aircraft", "condition", "worst finding", "actuators and axes", "last flight")
-    return Table("", [Column(title) for title in titles], [_aircraft(several) for several in groups.values()])
+    columns = [
+        Column("aircraft"),
+        Column("condition", "word"),
+        Column("worst finding"),
+        Column("actuators and axes"),
+        Column("last flight", "word"),
+    ]
+    return Table("", columns, [_aircraft(several) for several in groups.values()])
 
 
 def _aircraft(rows: Sequence[LastVerdict]) -> list[Cell]:
@@ -95,7 +101,8 @@ def flight_pages(aircraft: str, flights: Iterable[Assessment]) -> dict[str, str]
 def flight_table(aircraft: str, flights: Sequence[Assessment]) -> Table:
     """Return a row per flight, the latest first."""
     rows = [_flight(aircraft, one) for one in reversed(flights)]
-    return Table("Flights", [Column(title) for title in ("flight", "condition", "finding", "log")], rows)
+    columns = [Column("flight"), Column("condition", "word"), Column("finding"), Column("log")]
+    return Table("Flights", columns, rows)
 
 
 def _flight(aircraft: str, flight: Assessment) -> list[Cell]:
@@ -130,7 +137,10 @@ def trends_shown(report: TrendReport, addresses: Mapping[str, str]) -> list[Actu
         marks[shown.actuator] = mark_of(standing) if standing else Mark(one.condition)
     several_shown = []
     for name, trends in found.items():
-        first, others = [one for one in trends if one.first], [one for one in trends if not one.first]
+        first = [one for one in trends if one.first]
+        if not first and SEVERITY[marks[name].condition] > 0:
+            first = trends  # whoever reads that something is wrong sees what there is
+        others = [one for one in trends if one not in first]
         curves = _curves(first, addresses), _curves(others, addresses)
         several_shown.append(ActuatorView(name, marks[name], first, others, *curves))
     return several_shown

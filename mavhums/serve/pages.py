@@ -7,7 +7,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 from urllib.parse import urlencode
 
 from fastapi import FastAPI
@@ -108,10 +108,10 @@ def _add_logs(app: FastAPI, sessions: Sessions, fleet: Fleet | None, log_of: Log
     """Add the parts of the first page that change: the list of logs, and the answer or the view of one."""
 
     @app.get("/logs")
-    def logs(request: Request, log: str = "", shown: str = "") -> Response:
+    def logs(request: Request, log: str = "", shown: str = "", beside: str = "") -> Response:
         session = _session(sessions, request)
         session.touch()
-        return HTMLResponse(log_list(session, (log, shown), keeps=fleet is not None))
+        return HTMLResponse(log_list(session, Below(log, shown, beside), keeps=fleet is not None))
 
     @app.get("/logs/{log_id}/answer")
     def answer(request: Request, log_id: str) -> Response:
@@ -141,7 +141,15 @@ def _add_logs(app: FastAPI, sessions: Sessions, fleet: Fleet | None, log_of: Log
             return Response(status_code=204)
 
 
-def log_list(session: UserSession, shown: tuple[str, str], *, keeps: bool) -> str:
+class Below(NamedTuple):
+    """What is shown below the list: a log, its part (``answer`` or ``view``), and the log beside it."""
+
+    log: str = ""
+    part: str = ""
+    beside: str = ""
+
+
+def log_list(session: UserSession, shown: Below, *, keeps: bool) -> str:
     """Return a session's logs as a list, the worst first, with what can be done with each.
 
     Parameters
@@ -149,7 +157,7 @@ def log_list(session: UserSession, shown: tuple[str, str], *, keeps: bool) -> st
     session
         The session.
     shown
-        The log whose part is shown below, and which part: ``answer`` or ``view``.
+        What is shown below the list.
     keeps
         Whether there is a store to keep a log in.
     """
@@ -165,8 +173,9 @@ def log_list(session: UserSession, shown: tuple[str, str], *, keeps: bool) -> st
         trends=len(done) >= FEWEST_FLIGHTS,
         few=_FEW,
         every_ms=_BUSY_MS if any(log.is_busy for log in logs) else _QUIET_MS,
-        shown_id=shown[0],
-        shown=shown[1],
+        shown_id=shown.log,
+        shown=shown.part,
+        beside=shown.beside,
         keeps=keeps,
     )
 

@@ -47,12 +47,13 @@ class Surface:
         self._stream, self._path = stream, path
         self._tick = -1.0
         begin, end = place.span
+        sides = (1, -1) if place.mirrored else (1,)
         hinge = rr.Transform3D(
             translation=(place.x, 0, place.z),
             rotation_axis_angle=rr.RotationAxisAngle((1, 0, 0), degrees=place.roll),
         )
         box = rr.Boxes3D(
-            centers=[(-place.chord / 2, (begin + end) / 2, 0)],
+            centers=[(-place.chord / 2, side * (begin + end) / 2, 0) for side in sides],
             half_sizes=[(place.chord / 2, abs(end - begin) / 2 - 0.006, _THICK)],
             fill_mode="solid",
             labels=[actuator.name],

@@ -126,6 +126,12 @@ class Craft(NamedTuple):
     parts: Sequence[DrawnSurface]
     body: Sequence[str]
 
+    @property
+    def note(self) -> str:
+        """What the drawing does not know; empty where each part has its place."""
+        sides = any(len(part.points) > 1 for part in self.parts)
+        return "An output that is drawn on both sides moves both, or the log does not name its side." * sides
+
 
 Block: TypeAlias = Headline | Note | Table | Finding | Listing | Facts | Curves | Craft
 

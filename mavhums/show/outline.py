@@ -26,6 +26,8 @@ class Place(NamedTuple):
         Length behind the hinge line.
     roll
         Rotation of the hinge line about x, degrees; 90 for a fin.
+    mirrored
+        Whether it is on the other side, too: no text names a side, or one output moves both.
     """
 
     x: float
@@ -33,6 +35,7 @@ class Place(NamedTuple):
     span: tuple[float, float]
     chord: float
     roll: float = 0.0
+    mirrored: bool = False
 
 
 V_TAIL: Final = "ruddervator|v.?tail"
@@ -60,32 +63,33 @@ def kind(text: str) -> str:
 
 
 def places(texts: Sequence[str]) -> list[Place]:
-    """Assign a hinge position to each text that names a surface; like ones share the span."""
-    slots: list[tuple[str, int]] = []
-    sideless: list[str] = []
+    """Assign a hinge position to each text that names a surface; like ones share the span.
+
+    A text that names no side is on both: which output is the left one is not a matter of its number.
+    """
+    slots = []
     for text in map(str.lower, texts):
-        what = kind(text)
         side = 1 if _LEFT.search(text) else -1 if _RIGHT.search(text) else 0
-        if side == 0 and what in _SIDED:
-            side = -1 if sideless.count(what) % 2 else 1
-            sideless.append(what)
-        slots.append((what, side))
-    return [
-        _slot(what, side, slots[:k].count((what, side)), slots.count((what, side)))
-        for k, (what, side) in enumerate(slots)
-    ]
+        slots.append((kind(text), side))
+    return [_slot(what, side, slots[:k].count((what, side)), slots) for k, (what, side) in enumerate(slots)]
 
 
-def _slot(what: str, side: int, number: int, of: int) -> Place:
+def _slot(what: str, side: int, number: int, slots: Sequence[tuple[str, int]]) -> Place:
     """Return the part of a hinge position for one of several actuators that share it."""
     place = dict(_PLACES).get(what, _ELSEWHERE)
     begin, end = place.span
-    if side == 0 and what in _WHOLE:
-        begin = -end
-    sign = -1 if side < 0 and what in {*_SIDED, *_WHOLE} else 1
+    sideless, sided = slots.count((what, 0)), max(slots.count((what, 1)), slots.count((what, -1)))
+    if what not in {*_SIDED, *_WHOLE}:
+        side, sideless, sided = 1, 0, sideless + slots.count((what, 1)) + slots.count((what, -1))
+    elif side == 0 and what in _WHOLE and sideless == 1 and not sided:
+        return place._replace(span=(-end, end))
+    of = sideless + sided if sideless else slots.count((what, side)) or sided
+    number += sided if side == 0 else 0
+    sign = -1 if side < 0 else 1
     step = (end - begin) / of
     span = (sign * (begin + number * step), sign * (begin + (number + 1) * step))
-    return place._replace(span=span, roll=sign * place.roll if what == V_TAIL else place.roll)
+    roll = (sign * place.roll if side else 0.0) if what == V_TAIL else place.roll
+    return place._replace(span=span, roll=roll, mirrored=side == 0)
 
 
 _SCALE: Final = 150.0
@@ -106,7 +110,6 @@ FIXED_WING: Final = (
 )
 """Fuselage, wings and tailplane, each by its corners."""
 _USUAL: Final = {"roll": "aileron", "pitch": "elevator", "yaw": "rudder"}
-_SIDE: Final = re.compile("left|right|port|starboard|[_ -][lr]$")
 
 
 class DrawnSurface(NamedTuple):
@@ -152,12 +155,9 @@ def outline(verdicts: Iterable[Verdict]) -> list[DrawnSurface]:
                 one = verdict.gravest, by
                 found[name] = max(found.get(name, one), one, key=lambda condition: _weight(condition[0]))
     shown = list(found)[:_MOST]
-    kinds = [kind(name) for name in shown]
     return [
-        _part(
-            name, *found[name], place, both=kinds.count(what) == 1 and not _SIDE.search(name.lower())
-        )._replace(name=titles.get(name, name))
-        for name, what, place in zip(shown, kinds, places(shown), strict=True)
+        _part(name, *found[name], place)._replace(name=titles.get(name, name))
+        for name, place in zip(shown, places(shown), strict=True)
     ]
 
 
@@ -197,13 +197,13 @@ def _weight(condition: Condition) -> int:
     return -1 if condition in ("unmonitored", "undecided") else URGENCY[condition]
 
 
-def _part(name: str, condition: Condition, by: str, place: Place, *, both: bool) -> DrawnSurface:
-    """Return the drawing of a surface; one output that moves ``both`` sides is drawn on both."""
+def _part(name: str, condition: Condition, by: str, place: Place) -> DrawnSurface:
+    """Return the drawing of a surface."""
     corners = _corners(place, fin="rudder" in kind(name) and kind(name) != V_TAIL)
     drawn = [(_MIDDLE[0] - _SCALE * y, _MIDDLE[1] - _SCALE * x) for x, y in corners]
     middle = [sum(axis) / len(drawn) for axis in zip(*drawn, strict=True)]
     mirrored = [(2 * _MIDDLE[0] - x, y) for x, y in drawn]
-    sides = [drawn, mirrored] if both and place.span[0] > 0 and place.roll == 0 else [drawn]
+    sides = [drawn, mirrored] if place.mirrored else [drawn]
     points = tuple(" ".join(f"{x:.1f},{y:.1f}" for x, y in side) for side in sides)
     return DrawnSurface(name, condition, by, points, round(middle[0], 1), round(middle[1], 1))
 

@@ -178,7 +178,7 @@ def clock(seconds: float) -> str:
     ('53.2s', '12m03s', '1h02m03s')
     """
     if round(seconds, 1) < 60:
-        return f"{seconds:.1f}s"
+        return f"{round(seconds, 1) + 0.0:.1f}s"  # a record just before the first frame is at no -0.0s
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}h{minutes:02d}m{rest:02d}s" if hours else f"{minutes}m{rest:02d}s"

@@ -172,6 +172,38 @@ def test_several_logs_progress_and_what_is_refused(
     browser.wait("document.querySelectorAll('.log').length == 2")
 
 
+def test_two_answers_side_by_side_and_a_link_to_a_moment(
+    page: Served, browser: Browser, growing_log: Path, healthy_log: Path
+) -> None:
+    browser.size(1920)
+    browser.open(page.url)
+    heading = "document.querySelector('[data-shown] h2')?.innerText"
+    browser.choose([growing_log])
+    browser.wait(f"{heading} == 'The answer for growing.tlog'")
+    browser.choose([healthy_log])  # the log that came alone is shown next, though the other one is worse
+    browser.wait(f"{heading} == 'The answer for healthy.tlog'")
+    compare = "[...document.querySelectorAll('[data-do=beside]')].find(b => b.innerText.includes('growing'))"
+    browser.wait(compare)
+    browser.js(f"{compare}.click()")
+    other = "document.querySelector('[data-beside] h2')"
+    assert browser.wait(f"{other}?.innerText") == "The answer for growing.tlog"
+    tops = "['shown', 'beside'].map(one => document.querySelector(`[data-${one}] h2`).offsetTop)"
+    assert len(set(browser.js(tops))) == 1
+    assert violations(browser) == []
+    for width in (1200, 390):
+        browser.size(width)
+        browser.wait(f"document.documentElement.scrollWidth <= {width}")
+    browser.js(f"{compare}.click()")
+    browser.wait(f"!{other}")
+
+    browser.press("Show the answer")
+    address = browser.wait("location.hash.includes('log=') && location.href")
+    browser.open("about:blank")
+    browser.open(f"{address}&t=0m25s")
+    browser.wait(f"{CHARTS}.length && {CHARTS}[0].textContent.includes('at 25s')")
+    assert browser.wait(f"{heading}") in ("The answer for growing.tlog", "The answer for healthy.tlog")
+
+
 def test_hostile_names_and_texts_stay_texts(page: Served, browser: Browser, tmp_path: Path) -> None:
     log = tmp_path / f"{MARKUP.replace('/', '∕')}.tlog"  # a name cannot have a slash
     text = v2.MAVLink_statustext_message(6, b"<img src=x onerror=top.alarmed=1>")

@@ -20,7 +20,7 @@ from mavhums.engine.events import Indication, Notice, Trace
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Suspect, Verdict
-from mavhums.show.blocks import Mark
+from mavhums.show.blocks import Craft, Mark
 from mavhums.show.evidence import CaptionedCurve, Curve, CurveKey, EvidenceCollector, Limit
 from mavhums.show.html import page
 from mavhums.show.html_plot import plot
@@ -306,7 +306,7 @@ def test_a_browser_opens_it_from_disk_without_a_network(assessment: Assessment, 
             uploadThroughput=0,
         )
         for file in (usual, odd):
-            for width in (1200, 390):
+            for width in (1200, 900, 800, 390):
                 found = measure(browser, file, width)
                 assert found["wide"] <= width, f"{file.name} scrolls sideways at {width}"
                 assert "EMERGENCY" in found["heading"]
@@ -391,3 +391,16 @@ def test_each_alarm_of_a_real_flight_shows_its_curve(log: str, tmp_path: Path) -
     titles = re.findall(r"(\w+) control: evidence of lost or slow control", told.text)
     assert titles[0] == assessment.ranked()[0].actuator
     assert {verdict.actuator for verdict in alarmed} <= {*titles}
+
+
+def test_no_side_is_drawn_that_the_log_does_not_name() -> None:
+    roll = Verdict(subject="axis", vehicle=1, actuator="roll", condition="emergency", worst="emergency")
+    unnamed = roll.model_copy(update={"surfaces": ("aileron (servo 1)", "aileron (servo 9)")})
+    parts = outline([unnamed])
+    assert [len(part.points) for part in parts] == [2, 2]
+    assert len({corners for part in parts for corners in part.points}) == 4, "none hides another"
+    assert "does not name its side" in Craft("", parts, ()).note
+    named = roll.model_copy(update={"surfaces": ("aileron left (servo 1)", "aileron right (servo 2)")})
+    left, right = outline([named])
+    assert left.x < right.x
+    assert not Craft("", [left, right], ()).note

@@ -142,7 +142,8 @@ def test_every_kind_of_surface_has_a_place_of_its_own() -> None:
     by_name = dict(zip(names, places, strict=True))
     assert min(by_name["aileron_left"].span) > 0 > max(by_name["aileron_right"].span)
     assert min(by_name["flap_l"].span) > 0 > max(by_name["flap_r"].span)
-    assert min(by_name["aileron"].span) > 0 > max(by_name["aileron_b"].span)
+    assert all(by_name[name].mirrored for name in ("aileron", "aileron_b")), "no name says which is left"
+    assert not by_name["aileron_left"].mirrored
     assert sum(by_name["elevator"].span) == 0
     assert by_name["rudder"].roll == 90
     assert by_name["ruddervator_left"].roll == -by_name["ruddervator_right"].roll

@@ -31,6 +31,24 @@ function clock(seconds) {
   return hours ? `${hours}h${String(minutes).padStart(2, "0")}m` : `${minutes}m${rest}`;
 }
 
+// A moment of the flight in the address, as #t=285 or #t=4m45s: the page opens there, and a click names another.
+function moment() {
+  const parts = /^(?:(\d+)h)?(?:(\d+)m)?(?:([\d.]+)s?)?$/.exec(new URLSearchParams(location.hash.slice(1)).get("t") ?? "-");
+  return parts ? 3600 * (parts[1] ?? 0) + 60 * (parts[2] ?? 0) + Number(parts[3] ?? 0) : undefined;
+}
+
+const AROUND_S = 60;
+const openedAt = moment();
+// The part of the flight that is shown first.
+const span = (duration) => (openedAt <= duration ? [Math.max(openedAt - AROUND_S, 0), Math.min(openedAt + AROUND_S, duration)] : [0, duration]);
+
+function name(time) {
+  const address = new URLSearchParams(location.hash.slice(1));
+  address.set("t", String(Math.round(time * 10) / 10));
+  history.replaceState(null, "", `#${address}`);
+  for (const again of drawn.values()) again();
+}
+
 const day = (ms) => new Date(ms).toISOString().slice(0, 10);
 const short = (value) => (value === null || value === undefined ? "–" : String(Number(value.toPrecision(3))));
 
@@ -47,7 +65,7 @@ function look() {
 function layout(tones, more) {
   return {
     font: { family: "system-ui, sans-serif", color: tones.text, size: 12 },
-    paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, dragmode: "zoom",
+    paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, dragmode: "zoom", uirevision: "zoom",
     hoverlabel: { bgcolor: tones.ground, bordercolor: tones.rule, font: { color: tones.strong } },
     modebar: { color: tones.text, activecolor: tones.strong, bgcolor: "rgba(0,0,0,0)" }, ...more,
   };
@@ -89,6 +107,7 @@ function curve(chart, whole) {
   const along = (at) => ({ type: "line", yref: "paper", y0: 0, y1: 1, x0: at, x1: at, line: { color: tones.strong, width: 1, dash: "dot" } });
   const marks = [
     ...(chart.since ? [{ at: chart.since, text: `since ${clock(chart.since)}` }] : []),
+    ...(trend || moment() === undefined ? [] : [{ at: moment(), text: `at ${clock(moment())}` }]),
     ...(chart.marks ?? []).map((mark) => ({ at: new Date(mark.at), text: mark.text })),
   ];
   const [low, high] = chart.range;
@@ -107,7 +126,7 @@ function curve(chart, whole) {
       margin: { l: 52, r: chart.limits.length ? 92 : 16, t: 50, b: 28 }, hovermode: "x",
       xaxis: {
         gridcolor: "rgba(0,0,0,0)", linecolor: tones.rule, zeroline: false, showspikes: true, spikemode: "across", spikecolor: tones.strong, spikethickness: 1, spikedash: "solid",
-        ...(trend ? { type: "date", tickformat: "%Y-%m-%d", nticks: 5, minallowed: new Date(chart.time[0] - 400 * DAY_MS) } : { range: [0, whole.duration], ...ticks(whole.duration) }),
+        ...(trend ? { type: "date", tickformat: "%Y-%m-%d", nticks: 5, minallowed: new Date(chart.time[0] - 400 * DAY_MS) } : { range: span(whole.duration), ...ticks(whole.duration) }),
       },
       yaxis: { range: [low, high], gridcolor: tones.rule, zeroline: false, fixedrange: true },
       shapes: [...chart.limits.map((limit) => across(limit.value)), ...marks.map((mark) => along(mark.at)), ...stretches],
@@ -148,7 +167,7 @@ function map(track) {
 
 // The other buttons are of no use here, and one shares the curve with a server.
 const CONFIG = { displaylogo: false, responsive: true, displayModeBar: true, modeBarButtons: [["resetScale2d"]] };
-const drawn = new Set(); // curves over time: cursor and zoom of one are those of all
+const drawn = new Map(); // curves over time, and how each is drawn again: cursor and zoom of one are those of all
 let following = false;
 
 async function draw(box, described, figured, clicked) {
@@ -163,14 +182,14 @@ async function draw(box, described, figured, clicked) {
     else dark.removeEventListener("change", again);
   };
   dark.addEventListener("change", again);
-  if (clicked) box.on("plotly_click", (event) => clicked(event.points[0].pointIndex));
+  if (clicked) box.on("plotly_click", (event) => clicked(event.points[0].pointIndex, event.points[0].x));
   if (layout.hovermode !== "x") return;
-  drawn.add(box);
+  drawn.set(box, again);
   let leads = false;
   box.on("plotly_hover", (event) => {
     if (!event.event) return; // one that another curve caused
     leads = true;
-    for (const other of drawn) {
+    for (const other of drawn.keys()) {
       if (!other.isConnected) drawn.delete(other);
       else if (other !== box) Plotly.Fx.hover(other, { xval: event.xvals[0] });
     }
@@ -179,13 +198,13 @@ async function draw(box, described, figured, clicked) {
     const range = change["xaxis.range"] ?? [change["xaxis.range[0]"], change["xaxis.range[1]"]];
     if (following || range[0] === undefined) return;
     following = true;
-    await Promise.all([...drawn].filter((other) => other !== box && other.isConnected).map((other) => Plotly.relayout(other, { "xaxis.range": range })));
+    await Promise.all([...drawn.keys()].filter((other) => other !== box && other.isConnected).map((other) => Plotly.relayout(other, { "xaxis.range": range })));
     following = false;
   });
   box.on("plotly_unhover", () => {
     if (!leads) return;
     leads = false;
-    for (const other of drawn) if (other !== box && other.isConnected) Plotly.Fx.unhover(other);
+    for (const other of drawn.keys()) if (other !== box && other.isConnected) Plotly.Fx.unhover(other);
   });
 }
 
@@ -195,7 +214,7 @@ function figure(chart, whole, parent) {
   if (chart.life) made("p", chart.life, place);
   const box = made("div", "", place, "chart");
   made("figcaption", chart.caption, place);
-  const opened = chart.links && ((at) => chart.links[at] && location.assign(chart.links[at]));
+  const opened = chart.links ? (at) => chart.links[at] && location.assign(chart.links[at]) : (_, time) => name(time);
   draw(box, `${chart.title}: ${chart.caption}`, () => curve(chart, whole), opened);
 }
 
@@ -247,3 +266,4 @@ async function begin(place) {
 new MutationObserver(() => document.querySelectorAll(".curves:not([data-begun])").forEach(begin)).observe(document, { childList: true, subtree: true });
 document.querySelectorAll(".curves:not([data-begun])").forEach(begin);
 window.addEventListener("load", () => setTimeout(library, 200));
+window.addEventListener("hashchange", () => drawn.forEach((again) => again()));

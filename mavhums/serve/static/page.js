@@ -41,10 +41,11 @@ function refuse(shown, name, problem, remedy) {
 
 function add(files) {
   const limit = Number(document.querySelector("[data-drop]").dataset.limit);
+  if (files.length > 1) below.chosen = false; // of several the worst is shown
   for (const file of files) {
     const shown = line(file.name);
     if (file.size > limit) refuse(shown, file.name, `larger than ${Math.floor(limit / 1e6)} MB, the limit of this page`, "judge it with mavhums analyse");
-    else waiting.push({ file, shown });
+    else waiting.push({ file, shown, alone: files.length === 1 });
   }
   next();
 }
@@ -53,7 +54,7 @@ function next() {
   while (running < AT_ONCE && waiting.length) send(waiting.shift());
 }
 
-function send({ file, shown }) {
+function send({ file, shown, alone }) {
   running += 1;
   const request = new XMLHttpRequest();
   const end = () => {
@@ -69,6 +70,7 @@ function send({ file, shown }) {
   request.addEventListener("load", () => {
     if (request.status === 200) {
       shown.item.remove();
+      if (alone) below.next = JSON.parse(request.responseText).id;
       look();
     }
     else {
@@ -131,7 +133,8 @@ document.addEventListener("input", (event) => {
 });
 
 // What is shown below the list: a log and its part, "answer" or "view"; chosen once the user has said which.
-const below = { log: "", part: "", chosen: false, waits: false };
+// A log that came alone is shown next. The address has the log, so that the page opens again where it was.
+const below = { log: "", part: "", beside: "", next: new URLSearchParams(location.hash.slice(1)).get("log") ?? "", chosen: false, waits: false };
 let known = ""; // the list as it came last
 let timer;
 
@@ -141,7 +144,7 @@ async function look() {
   clearTimeout(timer);
   let every = 1000;
   try {
-    const answer = await fetch(`/logs?log=${below.log}&shown=${below.part}`);
+    const answer = await fetch(`/logs?log=${below.log}&shown=${below.part}&beside=${below.beside}`);
     if (answer.ok) every = list(place, await answer.text());
   } catch {
     // the server has ended, or the link broke: the next look may find it
@@ -160,7 +163,13 @@ function list(place, markup) {
     known = markup;
   }
   const { worst, every } = place.querySelector("[data-worst]").dataset;
-  if (below.log && !document.getElementById(`log-${below.log}`)) show("", "");
+  const next = document.querySelector(`#log-${CSS.escape(below.next)} [data-do=answer]`);
+  if (below.beside && !document.getElementById(`log-${below.beside}`)) beside("");
+  if (next) {
+    Object.assign(below, { next: "", chosen: true });
+    show(next.dataset.log, "answer", false, false).then(look);
+  }
+  else if (below.log && !document.getElementById(`log-${below.log}`)) show("", "");
   else if (!below.chosen && worst && worst !== below.log) show(worst, "answer");
   else if (below.waits) show(below.log, below.part, true);
   return Number(every);
@@ -183,7 +192,10 @@ function merge(place, fresh) {
   if (items.length !== logs.children.length || items.some((item, at) => item !== logs.children[at])) logs.replaceChildren(...items);
 }
 
-async function show(log, part, again = false) {
+async function show(log, part, again = false, moves = below.chosen) {
+  if (log !== below.log || part !== below.part) beside("");
+  const address = new URLSearchParams(location.hash.slice(1));
+  if (log && log !== address.get("log")) history.replaceState(null, "", `#log=${log}`);
   Object.assign(below, { log, part });
   const place = document.querySelector("[data-shown]");
   if (!log) {
@@ -201,10 +213,20 @@ async function show(log, part, again = false) {
   below.waits = markup.includes("data-waits");
   if (again && below.waits) return;
   place.innerHTML = markup;
-  if (!below.chosen || again) return;
+  if (!moves || again) return;
   const here = place.querySelector("h2"); // a long list of logs is above it
   here.scrollIntoView();
   here.focus({ preventScroll: true });
+}
+
+// Two answers side by side: the one below the list, and another log's.
+async function beside(log) {
+  below.beside = log;
+  const place = document.querySelector("[data-beside]");
+  const answer = log && (await fetch(`/logs/${log}/answer`));
+  if (below.beside !== log) return;
+  place.innerHTML = answer && answer.ok ? await answer.text() : "";
+  place.querySelector("h2")?.scrollIntoView();
 }
 
 function ask(log, what) {
@@ -217,6 +239,7 @@ document.addEventListener("click", (event) => {
   if (!button) return;
   const { log, do: what } = button.dataset;
   if (what === "keep" || what === "remove") ask(log, what);
+  else if (what === "beside") beside([below.log, below.beside].includes(log) ? "" : log).then(look);
   else {
     below.chosen = true;
     show(log, what).then(look);
