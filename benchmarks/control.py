@@ -1,15 +1,16 @@
 """Control effectiveness on closed-loop flights: false alarms on healthy flights, and detections by fault.
 
     python benchmarks/control.py [--healthy-hours H] [--share S] [--seed N] [--jobs J] [--keep FILE [--kept]]
-                                 [--false-alarms N]
+                                 [--false-alarms N] [--plot PNG]
 
 Flights of JSBSim's aircraft under the simulator's autopilots (``benchmarks/_closed_loop.py``), from their
 bytes alone: the detectors know nothing of that model. Seeds below 100 are for development, seeds from 1000 on
 for a test. ``--share S`` uses every S-th faulty flight, none with 0. ``--keep FILE`` writes each flight's
 result to a file as it comes, and takes from it what a former run with the same seed has done; ``--kept``
 flies nothing more and prints what the file holds. ``--false-alarms N`` accepts N in 100 h of an axis on
-healthy flights, to compare many that are promised with those that come. The rate of false alarms is given
-with its 95 % upper bound (Poisson), the share of flights with one with that of Clopper and Pearson.
+healthy flights, to compare many that are promised with those that come; ``--plot PNG`` draws both for every
+rate, from the highest evidence of each axis in each flight. The rate of false alarms is given with its 95 %
+upper bound (Poisson), the share of flights with one with that of Clopper and Pearson.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from math import log
 from pathlib import Path
 from statistics import median
 
+import numpy as np
 from scipy.stats import beta, chi2
 
 from benchmarks._closed_loop import confounders, healthy, jams, losses, others
@@ -67,6 +69,26 @@ def _promised(rows: Sequence[Result]) -> None:
         threshold = log(360_000 / accepted)
         count = sum(value >= threshold for value in evidence)
         print(f"| {accepted} | {threshold:.1f} | {100 * count / hours:.1f} |" if hours else "| – | – | – |")
+
+
+def plot(rows: Sequence[Result], path: Path) -> None:
+    """Draw how many axes of flights reach the evidence of an accepted rate, with their 95 % interval."""
+    from matplotlib.figure import Figure
+
+    hours = sum(sum(row.judged.values()) for row in rows) / 3600
+    evidence = np.sort([value for row in rows for value in row.evidence.values()])
+    accepted = np.geomspace(0.1, 10_000, 200)
+    counts = evidence.size - np.searchsorted(evidence, np.log(360_000 / accepted))
+    low, high = (chi2.ppf(p, 2 * (counts + k)) / 2 for p, k in ((0.025, 0), (0.975, 1)))
+    figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+    axes = figure.add_subplot(xscale="log", yscale="log", xlim=(0.1, 10_000), ylim=(0.1, 10_000))
+    axes.plot(accepted, accepted, "k--", label="promised: at most as many as are accepted")
+    axes.fill_between(accepted, 100 * np.nan_to_num(low) / hours, 100 * high / hours, alpha=0.3)
+    axes.step(accepted, 100 * counts / hours, label=f"{len(rows)} healthy flights, {hours:.0f} judged hours")
+    axes.set_xlabel("false alarms accepted in 100 h (--false-alarms)")
+    axes.set_ylabel("axes of flights that alarm, in 100 h")
+    axes.legend(loc="upper left")
+    figure.savefig(path, dpi=100)
 
 
 def _judged(rows: Sequence[Result]) -> None:
@@ -125,6 +147,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, default=None, help="file of the results so far")
     parser.add_argument("--false-alarms", type=float, default=1.0, help="accepted in 100 h of an axis")
     parser.add_argument("--kept", action="store_true", help="fly nothing, print what FILE holds")
+    parser.add_argument("--plot", type=Path, metavar="PNG", help="draw what is promised and what comes")
     arguments = parser.parse_args()
     columns = ("surface", "surface+value", "surface+streams_hz", "turb", "phase")
     with ProcessPoolExecutor(arguments.jobs) as pool:
@@ -142,7 +165,10 @@ def main() -> None:
         if arguments.healthy_hours:
             flights = healthy(arguments.healthy_hours, arguments.seed)
             accepted = (replace(flight, false_alarms=arguments.false_alarms) for flight in flights)
-            false_alarms([*fly(accepted)])
+            rows = [*fly(accepted)]
+            false_alarms(rows)
+            if arguments.plot:
+                plot(rows, arguments.plot)
 
 
 if __name__ == "__main__":
