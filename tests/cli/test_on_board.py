@@ -59,10 +59,12 @@ def test_export_writes_quantities_and_records(run: Run, log: Path, tmp_path: Pat
     assert {"TimeUS", "DesRoll", "Yaw"} <= set(pd.read_csv(records).columns)
 
 
-def test_a_profile_is_drafted_from_its_parameters(run: Run, log: Path) -> None:
+def test_the_profile_that_it_names_is_drafted(run: Run, log: Path) -> None:
     drafted = run("profile", "new", log)
     assert drafted.code == 0
-    assert 'surface = "elevator"\nservo = 3  # SERVO3_FUNCTION = 19' in drafted.out
+    assert "flight.BIN names the profile paper" in drafted.out
+    assert 'surface = "elevator"' in drafted.out
+    assert "[limits]" in drafted.out
 
 
 @pytest.mark.slow
