@@ -64,7 +64,7 @@ def test_the_profile_that_it_names_is_drafted(run: Run, log: Path) -> None:
     assert drafted.code == 0
     assert "flight.BIN names the profile paper" in drafted.out
     assert 'surface = "elevator"' in drafted.out
-    assert "[limits]" in drafted.out
+    assert "normal = 0.375" in drafted.out
 
 
 @pytest.mark.slow
