@@ -126,7 +126,7 @@ def blocks(
     ]
     if brief:
         middle = [*_notes([*first, *_happened(assessment)]), *_verdicts(rest, brief=True)]
-        return [*_headed(head, middle, found), *over, *_end_of_brief(assessment)]
+        return [*_headed(head, middle, found), *over, _end_of_brief(assessment)]
     notes = [f"{note}." for note in flight_notes(assessment)]
     proof, more = _curves(rest, gathered, faulty=bool(faulty))
     well = [one for one in rest.ranked() if one not in faulty and one.coverage.windows][:_ROWS]
@@ -240,13 +240,13 @@ def _texts(gathered: EvidenceCollector | None) -> list[Block]:
     return _listing(f"Texts from the vehicle{left_out}", lines)
 
 
-def _end_of_brief(assessment: Assessment) -> Iterator[Block]:
-    """Yield the end of a short answer: whose flight it is, and losses that matter."""
-    notes = flight_notes(assessment)
-    yield from (Note([f"{note.partition('; ')[0]}."], quiet=True) for note in notes)
-    if lost := grave_losses(assessment.log.losses):
-        yield Note([f"Log losses: {join(lost)}."], quiet=True)
-    yield Note([f"{capital(assessment.notice.partition(';')[0])}. --verbose shows all."], quiet=True)
+def _end_of_brief(assessment: Assessment) -> Note:
+    """Return the end of a short answer: whose flight it is, and losses that matter."""
+    lost = grave_losses(assessment.log.losses)
+    said = [note.partition("; ")[0] for note in flight_notes(assessment)]
+    said += [f"Log losses: {join(lost)}"] if lost else []
+    said += [capital(assessment.notice.partition(";")[0]), "--verbose shows all."]
+    return Note([". ".join(said)], quiet=True)
 
 
 def not_normal(assessment: Assessment) -> list[Block]:

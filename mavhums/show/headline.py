@@ -95,10 +95,11 @@ def _of_the_flight(assessment: Assessment, without_wings: Sequence[str]) -> tupl
 
 def _fault(verdict: Verdict, assessment: Assessment, *, by_axis: bool) -> str:
     """Return what has failed, in which way, and since when; of an axis which part, unless ``by_axis``."""
-    text = f"{_who(verdict, assessment, by_axis=by_axis)}{_what(verdict)}"
-    text = text.replace(
-        f"{verdict.actuator} control: {verdict.actuator} control", f"{verdict.actuator} control"
-    )
+    who, what = _who(verdict, assessment, by_axis=by_axis), _what(verdict)
+    if who.endswith(f"{verdict.actuator} control:"):
+        what = what.replace(f"{verdict.actuator} control down", "down")
+        who = who.rstrip(":") if what.startswith((" down", f" {verdict.gravest}")) else who
+    text = f"{who}{what}"
     past, since = course(verdict), verdict.since
     if past is not None:
         return f"{text}, {past[1]}, then {verdict.condition}"
@@ -167,7 +168,7 @@ def _what(verdict: Verdict) -> str:
     if "slow" in kinds:
         said.append(f"slow, {kinds['slow'].value:.2g} s late")
     if left is not None and (course(verdict) or is_reliable(verdict)):
-        said.append(f"{axis} control down to {max(kept_percent(verdict, left), 0)} %")
+        said.append(f"{axis} control down to {kept_percent(verdict, left)} %")
     if "tracking" in kinds and not said:
         said.append(kinds["tracking"].rule.partition(": ")[2])
     return f" {', '.join(said) or verdict.gravest}"

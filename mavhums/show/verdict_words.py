@@ -69,8 +69,8 @@ def kept_percent(verdict: Verdict, item: Evidence) -> int:
     34
     """
     if verdict.effectiveness is not None and verdict.condition == verdict.worst:
-        return round(100 * verdict.effectiveness.estimate)
-    return round(100 * (1.0 - item.value if item.kind == "thrust" else item.value))
+        return round(100 * max(verdict.effectiveness.estimate, 0.0))
+    return round(100 * max(1.0 - item.value if item.kind == "thrust" else item.value, 0.0))
 
 
 def course(verdict: Verdict) -> tuple[Condition, str] | None:

@@ -85,14 +85,14 @@ def capital(text: str) -> str:
 
 
 def effectiveness(interval: Interval) -> str:
-    """Return what is left of the control effectiveness, with its interval.
+    """Return what is left of the control effectiveness, with its interval; less than nothing is nothing.
 
     Examples
     --------
     >>> effectiveness(Interval(estimate=0.52, low=0.31, high=0.73))
     '52 % (31–73)'
     """
-    return f"{100 * interval.estimate:.0f} % ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
+    return f"{100 * max(interval.estimate, 0.0):.0f} % ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
 
 
 def subject_of(subject: str, actuator: str) -> str:

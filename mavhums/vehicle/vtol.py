@@ -27,6 +27,15 @@ _FIXED_WING: Final = "fixed wing"
 _TRICOPTER: Final = 7  # Q_FRAME_CLASS, whose motor 7 is the servo that tilts the tail
 _TAIL_SERVO: Final = 6
 _TAILSITTER: Final = 10  # Q_FRAME_CLASS
+_FRAME_CLASSES: Final[dict[float, str]] = {
+    1: "quadrotor",
+    2: "hexarotor",
+    3: "octorotor",
+    4: "octorotor",
+    5: "hexarotor",
+    7: "tricopter",
+}
+"""Kinds by ArduCopter's FRAME_CLASS, as its heartbeats name them."""
 _HELICOPTERS: Final = {6: 3, 11: 6, 13: 8}  # FRAME_CLASS: number of servos that move the main rotors
 _TAIL_ROTOR: Final = 3  # motor number, of the helicopter with one rotor
 
@@ -181,7 +190,12 @@ def refined_identity(identity: Identity, values: Mapping[str, float]) -> Identit
     --------
     >>> refined_identity(Identity(1, "fixed wing"), {"Q_ENABLE": 1.0, "Q_TILT_MASK": 5.0}).kind
     'tiltrotor'
+    >>> refined_identity(Identity(1, "multirotor", multirotor=True), {"FRAME_CLASS": 2.0}).kind
+    'hexarotor'
     """
+    # An on-board log has the firmware's name alone, which serves all numbers of rotors.
+    if identity.kind == "multirotor" and (kind := _FRAME_CLASSES.get(values.get("FRAME_CLASS", 0.0))):
+        return replace(identity, kind=kind)
     if values.get("FRAME_CLASS") in _HELICOPTERS and (identity.multirotor or identity.kind is None):
         return replace(identity, kind="helicopter", multirotor=False)
     if identity.kind != _FIXED_WING or not values.get("Q_ENABLE", 0.0) > 0.0:

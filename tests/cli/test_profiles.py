@@ -191,23 +191,35 @@ def test_of_several_vehicles_one_is_chosen(run: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_draft_keeps_what_the_log_names(run: Run, growing_log: Path, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    assert "the profile that the log names" in run("profile", "new", growing_log, "-o", mine).out
+    before, after = (mavhums.analyse(growing_log, airframe=one).verdicts for one in (None, mine))
+    assert [verdict.condition for verdict in before] == [verdict.condition for verdict in after]
+    assert load_airframe(mine).name == "paper"
+    assert 'name = "my plane"' in draft_profile(growing_log, name="my plane")
+
+
 def test_a_draft_shows_the_quantities_and_compares_with_the_own_past_alone(
     run: Run, growing_log: Path, tmp_path: Path
 ) -> None:
+    # The text that names a profile is damaged on the way.
+    log = tmp_path / "unnamed.tlog"
+    log.write_bytes(growing_log.read_bytes().replace(b"airframe=paper", b"airframe=other"))
     mine = tmp_path / "mine.toml"
-    assert run("profile", "new", growing_log, "-o", mine).code == 0
-    assessment = mavhums.analyse(growing_log, mavhums.Options(airframe=mine))
+    assert run("profile", "new", log, "-o", mine).code == 0
+    assessment = mavhums.analyse(log, mavhums.Options(airframe=mine))
     actuators = [verdict for verdict in assessment.verdicts if verdict.subject == "actuator"]
     assert len(actuators) == 4
     for verdict in actuators:
         assert verdict.condition == verdict.worst == "learning"
         assert verdict.reason_codes == ("own_learning",)
         assert len(verdict.provenance) == 12
-    outcome = run("analyse", growing_log, "--airframe", mine, "--rrd", tmp_path / "draft.rrd")
+    outcome = run("analyse", log, "--airframe", mine, "--rrd", tmp_path / "draft.rrd")
     assert outcome.code == ExitCode.UNDECIDED
     assert "flight 1 of the 10" in outcome.out
     assert (tmp_path / "draft.rrd").exists()
-    inspected = json.loads(run("inspect", growing_log, "--airframe", mine, "--json").out)
+    inspected = json.loads(run("inspect", log, "--airframe", mine, "--json").out)
     assert inspected["vehicles"][0]["actuators"][0]["missing"] == []
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 import re
+from typing import Any
 
 import pytest
 from rich.console import Console
 
 from mavhums.results.assessment import Assessment
+from mavhums.results.events import FlightEvent
 from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Verdict
@@ -162,7 +164,7 @@ def test_a_copter_is_one_line() -> None:
     line = f"A quadrotor: {NOT_JUDGED}"
     text = shown(assessment).splitlines()
     assert text[0] == f"? undecided: {line}"
-    assert len(text) == 3  # the headline, that earlier flights are unknown, the notice
+    assert len(text) == 2  # the headline; earlier flights and the notice
     assert "remedy" not in shown(assessment)
     for told in (markdown(assessment), page(assessment, EvidenceCollector())):
         assert line in told
@@ -177,3 +179,57 @@ def test_a_rover_whose_servo_reports_keeps_its_remedy() -> None:
         vehicle=1, actuator="all", condition="undecided", worst="undecided", reason="r", remedy="draft one"
     )
     assert "What to do: draft one" in shown(new_assessment(axes, every))
+
+
+def test_a_headline_names_the_part_and_the_kind_of_fault() -> None:
+    trim = Evidence(kind="hard_over", start_s=90, end_s=95, value=9, rule="emergency: rolls left 67°/s more")
+    less = Evidence(kind="effectiveness", start_s=90, end_s=95, value=0.5, rule="emergency: 50 % is left")
+    left_, right = ({"surface": f"{side} elevon", "servo": k} for k, side in ((2, "left"), (1, "right")))
+    since = {"flight_time_s": 149.0, "utc": "2026-01-01T09:02:29Z"}
+    lost: dict[str, Any] = {"since": since, "effectiveness": left(0.5, 0.4, 0.6)}
+    because = {"probability": 0.99, "because": "the demand about one axis moves the aircraft about the other"}
+    servos = [{"surface": "moves with roll", "servo": k} for k in (4, 5)]
+    for candidates, evidence, told in (
+        (
+            (left_ | because, right),
+            (trim, less),
+            "left elevon (servo 2), probably: deflected or stuck, pulls left",
+        ),
+        (
+            (left_, right),
+            (less,),
+            "left elevon (servo 2), right elevon (servo 1) or both: roll control down to 50 %",
+        ),
+        (servos, (less,), "servo 4, servo 5 or both (they move with roll): roll control down to 50 %"),
+        ((), (less,), "roll control down to 50 %"),
+    ):
+        verdict = axis("roll", "emergency", **lost, candidates=candidates, evidence=evidence)
+        text = headline_block(new_assessment(verdict)).text
+        assert text.startswith(told)
+        assert text.endswith("since 2m29s")
+
+
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [("crash", "crash: crash reported at 1m20s"), ("contact", "contact: probably hit something")],
+)
+def test_a_crash_is_not_a_plain_undecided(kind: str, told: str) -> None:
+    event = FlightEvent.model_validate(
+        {"kind": kind, "vehicle": 1, "time_s": 80.0, "said": "Crash: Disarming"}
+    )
+    unknown = new_assessment(axis(condition="undecided", reason="too short", remedy="fly longer"))
+    assessment = unknown.model_copy(update={"events": (event,)})
+    first = shown(assessment).splitlines()[0]
+    assert told in first
+    assert "roll control not judged" in first
+    assert assessment.exit_code == unknown.exit_code
+    assert headline_block(assessment).condition in ("emergency", "degraded")
+
+
+def test_a_summary_says_once_what_is_so_of_several() -> None:
+    motors = [axis(f"motor {k}", subject="motor", reason="quad X: no motor lost 42 %") for k in range(1, 5)]
+    text = new_assessment(*motors, axis("roll")).summary()
+    assert text.splitlines() == [
+        "motor 1, motor 2, motor 3, motor 4: normal: quad X: no motor lost 42 %",
+        "roll: normal",
+    ]

@@ -144,7 +144,8 @@ class EffectivenessDetector:
             rule = _slow(second, loss.lag_s, self._axis)
         else:
             fault, value, limit = "effectiveness", loss.kept, limits.effectiveness_degraded
-            rule = f"{100 * max(loss.kept, 0.0):.0f} % of the control effectiveness of the reference is left"
+            left = max(round(loss.kept, 3), 0.0)  # rounded as the verdict's own figure
+            rule = f"{100 * left:.0f} % of the control effectiveness of the reference is left"
             if loss.kept <= limits.effectiveness_emergency and loss.grave >= GRAVE_PROBABILITY:
                 condition, limit = "emergency", limits.effectiveness_emergency
         rule = f"{condition}: {rule}"

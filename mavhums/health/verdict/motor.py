@@ -91,13 +91,12 @@ def _lost(vehicle: int, findings: MotorFindings, loss: Loss, start_utc: datetime
     several, share = findings.several, loss.share
     condition = "emergency" if several else condition_of(share)
     which = f"motor {loss.motor} first " if several else ""
-    rule = (
-        f"{condition}: {which}lost {100 * share.estimate:.0f} % of its thrust "
-        f"({100 * share.low:.0f} to {100 * share.high:.0f} %)"
-    )
     kept = Interval(
         estimate=round(1 - share.estimate, 3), low=round(1 - share.high, 3), high=round(1 - share.low, 3)
     )
+    # In whole per cent, what is lost and what is left make a hundred.
+    lost, low, high = (100 - round(100 * left) for left in (kept.estimate, kept.high, kept.low))
+    rule = f"{condition}: {which}lost {lost} % of its thrust ({low} to {high} %)"
     return Verdict(
         subject="motor",
         vehicle=vehicle,
