@@ -164,13 +164,13 @@ def _what(verdict: Verdict) -> str:
     said = []
     if "hard_over" in kinds:
         side = _SIDE.search(kinds["hard_over"].rule)
-        said.append(f"deflected or stuck{f', pulls {side[1]}' if side else ''}")
+        said.append(f"seems deflected or stuck{f', pulls {side[1]}' if side else ''}")
     if "slow" in kinds:
         said.append(f"slow, {kinds['slow'].value:.2g} s late")
     if left is not None and (course(verdict) or is_reliable(verdict)):
         said.append(f"{axis} control down to {kept_percent(verdict, left)} %")
     if "tracking" in kinds and not said:
-        said.append(kinds["tracking"].rule.partition(": ")[2])
+        said.append(kinds["tracking"].rule.partition(": ")[2].partition(" for ")[0])
     return f" {', '.join(said) or verdict.gravest}"
 
 

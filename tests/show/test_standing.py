@@ -193,7 +193,7 @@ def test_a_headline_names_the_part_and_the_kind_of_fault() -> None:
         (
             (left_ | because, right),
             (trim, less),
-            "left elevon (servo 2), probably: deflected or stuck, pulls left",
+            "left elevon (servo 2), probably: seems deflected or stuck, pulls left",
         ),
         (
             (left_, right),
