@@ -1,4 +1,4 @@
-"""Writes tables from a log, as Parquet or CSV: V1–V12 of each actuator, or messages."""
+"""Writes tables from a log, as Parquet or CSV: V1–V12 of each actuator, messages, or curves."""
 
 from __future__ import annotations
 
@@ -227,6 +227,50 @@ def _write(
         if asked:
             asked.hold(fleet.airframes)
     return decoder, fleet, table.rows
+
+
+def export_curves(
+    path: str | os.PathLike[str],
+    output: str | os.PathLike[str],
+    *,
+    airframe: Airframe | str | Path | None = None,
+    progress: Progress = None,
+) -> dict[Path, int]:
+    """Write the curves behind a log's verdicts as the report draws them, thinned to their extremes.
+
+    The columns are ``curve``, its title; ``time_s`` in flight time; ``low``, ``value`` and ``high`` of its
+    95 % interval; ``demanded``, what the value is compared with, and ``limits``, in words.
+
+    Parameters
+    ----------
+    path, output, airframe, progress
+        As in :func:`export_quantities`.
+
+    Returns
+    -------
+    dict
+        Number of rows by written file.
+
+    Raises
+    ------
+    UnreadableLogError, ProfileError, MissingExtraError
+        As in :func:`export_quantities`.
+    MavhumsError
+        If nothing of the log was judged, or the file cannot be written.
+    """
+    from mavhums.show.evidence import EvidenceCollector, evidence
+    from mavhums.show.html_plot import curve_table, flight_charts
+
+    output, gathered = Path(output), EvidenceCollector()
+    with written_whole(output) as temporary, writer_for(output)(temporary) as table:
+        events = Events(gathered.consume, draws=True)
+        assessment = analyse(path, Options(airframe=airframe), sinks=[events], progress=progress)
+        shown = evidence(assessment, gathered)
+        drawn = flight_charts(shown, gathered, assessment.log.duration_s)["charts"]
+        if not drawn:
+            raise MavhumsError(f"{path}: no curves: nothing in it is judged", f"see: mavhums analyse {path}")
+        table.write(curve_table(drawn))
+    return {output: table.rows}
 
 
 class _EmptyError(Exception):

@@ -43,7 +43,7 @@ def check(log: Path, airframe: str | None, dialect: Path | None, as_json: bool) 
     raise SystemExit(ExitCode.DEGRADED if any(sweep.faults for sweep in sweeps) else ExitCode.OK)
 
 
-@click.command(short_help="Write a log as a table: V1–V12, or messages.")
+@click.command(short_help="Write a log as a table: V1–V12, messages, or curves.")
 @LOG
 @click.option(
     "-o",
@@ -58,6 +58,7 @@ def check(log: Path, airframe: str | None, dialect: Path | None, as_json: bool) 
     metavar="NAME,...",
     help="Write these messages instead of V1–V12; `mavhums inspect` lists them.",
 )
+@click.option("--curves", is_flag=True, help="Write the curves behind the verdicts, as the report has them.")
 @AIRFRAME
 @click.option(
     "--classify",
@@ -67,23 +68,33 @@ def check(log: Path, airframe: str | None, dialect: Path | None, as_json: bool) 
 )
 @MODEL
 def export(
-    log: Path, output: Path, messages: str | None, airframe: str | None, classify: bool, model: str | None
+    log: Path,
+    output: Path,
+    messages: str | None,
+    curves: bool,
+    airframe: str | None,
+    classify: bool,
+    model: str | None,
 ) -> None:
-    """Write V1–V12 of every actuator of LOG, or its messages, as a table.
+    """Write V1–V12 of every actuator of LOG, its messages, or the curves behind its verdicts, as a table.
 
     V1–V12 are one row per sample: vehicle, actuator, time (UTC), flight_time_s, V1 to V12; rows of one
     actuator are in the order of time. Without a profile the second column is output: an ESC may drive a
     propeller. Parquet needs the extra mavhums[arrow].
     """
-    from mavhums.app.export import export_messages, export_quantities
+    from mavhums.app.export import export_curves, export_messages, export_quantities
 
     if messages is not None and (airframe is not None or classify):
         given = "--classify" if classify else "--airframe"
         raise click.UsageError(f"{given} is for V1–V12; messages are written as they are")
     if model is not None and not classify:
         raise click.UsageError("--model is for --classify")
+    if curves and (messages is not None or classify):
+        raise click.UsageError("--curves writes curves alone, not --messages nor --classify")
     with reading(log) as progress:
-        if messages is None:
+        if curves:
+            written = export_curves(log, output, airframe=airframe, progress=progress)
+        elif messages is None:
             written = export_quantities(
                 log, output, airframe=airframe, classify=classify, model=model, progress=progress
             )

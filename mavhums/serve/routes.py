@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import csv
-import io
 import json
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
@@ -28,6 +26,7 @@ from mavhums.results.store import LastFlightOf, StoreStatus
 from mavhums.serve.guard import SESSION, UPLOADS
 from mavhums.serve.options import Fleet
 from mavhums.serve.sessions import Dropped, Sessions
+from mavhums.show.html_plot import curve_table
 from mavhums.show.viewer import WEB_FILES, save_web_viewer
 
 if TYPE_CHECKING:
@@ -116,7 +115,8 @@ def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> LogOf:
         content = json.loads(await asyncio.to_thread(log.shown.read_bytes))["curves"]
         if save:
             headers = _saved_as(f"{Path(log.name).stem}-curves.csv")
-            return Response(_csv(content), media_type="text/csv", headers=headers)
+            text = await asyncio.to_thread(lambda: curve_table(content["charts"]).to_csv(index=False))
+            return Response(text, media_type="text/csv", headers=headers)
         return JSONResponse(content)
 
     @app.get("/logs/{log_id}/flight.rrd")
@@ -164,20 +164,6 @@ def _add_stored(app: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
             return PlainTextResponse(str(error), status_code=404)
         text = await asyncio.to_thread(lambda: report.to_frame().to_csv(index=False))
         return Response(text, media_type="text/csv", headers=_saved_as(f"{aircraft}-trend.csv"))
-
-
-def _csv(curves: dict[str, Any]) -> str:
-    """Return curves as a table with a row per time."""
-    text = io.StringIO()
-    table = csv.writer(text)
-    names = ("low", "value", "high", "demanded")
-    table.writerow(("curve", "time_s", *names))
-    for curve in curves["charts"]:
-        columns = [curve.get(name) or [None] * len(curve["time"]) for name in names]
-        for row in zip(curve["time"], *columns, strict=True):
-            if row[2] is not None:  # no gap
-                table.writerow((curve["title"], *row))
-    return text.getvalue()
 
 
 def _saved_as(name: str) -> dict[str, str]:

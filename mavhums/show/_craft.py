@@ -11,7 +11,6 @@ from typing import Final
 import numpy as np
 import rerun as rr
 
-from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import Attitude, FlightMode, Position
@@ -41,9 +40,7 @@ def craft_path(vehicle: int | None) -> str:
 class Surface:
     """One control surface, or another part that a servo moves."""
 
-    def __init__(
-        self, stream: rr.RecordingStream, path: str, actuator: Actuator, place: Place, *, named: bool
-    ):
+    def __init__(self, stream: rr.RecordingStream, path: str, name: str, place: Place, *, named: bool):
         self._stream, self._path = stream, path
         self._tick = -1.0
         begin, end = place.span
@@ -56,7 +53,7 @@ class Surface:
             centers=[(-place.chord / 2, side * (begin + end) / 2, 0) for side in sides],
             half_sizes=[(place.chord / 2, abs(end - begin) / 2 - 0.006, _THICK)],
             fill_mode="solid",
-            labels=[actuator.name],
+            labels=[name],
             show_labels=named,
         )
         stream.log(path.rsplit("/", 1)[0], hinge, static=True)
@@ -127,25 +124,23 @@ class Craft:
         self.surfaces: dict[str, Surface | Motor] = {}
         self._stream = stream
 
-    def fit(self, actuators: Sequence[Actuator]) -> None:
-        """Draw the airframe with a surface for each of a profile's actuators."""
+    def fit(self, surfaces: Mapping[str, str]) -> None:
+        """Draw the airframe with surfaces by their names; a text names the place of each."""
         parts: dict[str, _Box] = {
             "fuselage": ((-0.12, 0, 0), (0.75, 0.06, 0.06), _GREY),
             "nose": ((0.66, 0, -0.01), (0.07, 0.035, 0.035), _DARK),
             "wing": ((0, 0, 0.03), (0.16, 1.0, 0.016), _GREY),
         }
-        kinds = [kind(words(actuator)) for actuator in actuators]
+        kinds = [*map(kind, surfaces.values())]
         if "rudder" in kinds or V_TAIL not in kinds:
             parts["fin"] = ((-0.77, 0, 0.2), (0.09, 0.012, 0.18), _GREY)
         if V_TAIL not in kinds:
             parts["tailplane"] = ((-0.77, 0, 0.03), (0.09, 0.4, 0.012), _GREY)
         self._draw_boxes(parts)
-        for actuator, place in zip(
-            actuators, places([words(actuator) for actuator in actuators]), strict=True
-        ):
-            path = self.root + rr.new_entity_path(["body", "at", actuator.name, "surface"])
-            named = len(actuators) <= _LABELLED
-            self.surfaces[actuator.name] = Surface(self._stream, path, actuator, place, named=named)
+        for name, place in zip(surfaces, places([*surfaces.values()]), strict=True):
+            path = self.root + rr.new_entity_path(["body", "at", name, "surface"])
+            named = len(surfaces) <= _LABELLED
+            self.surfaces[name] = Surface(self._stream, path, name, place, named=named)
 
     def fit_motors(self, bearings_deg: Mapping[str, float]) -> None:
         """Draw a multirotor with motors by their names and where they sit, clockwise from the nose."""
@@ -176,11 +171,6 @@ class Craft:
             axis=1,
         )
         send(self._stream, f"{self.root}/body", time_s, rr.Transform3D.columns(quaternion=turns))
-
-
-def words(actuator: Actuator) -> str:
-    """Return what places an actuator on the airframe: its surface and its name."""
-    return f"{actuator.surface} {actuator.name}"
 
 
 class Vehicle:

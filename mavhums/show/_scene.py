@@ -39,6 +39,7 @@ from mavhums.show.event_words import event_words
 from mavhums.show.headline import judged_vehicles
 from mavhums.show.markdown_report import draw, markdown
 from mavhums.show.now import report_blocks
+from mavhums.show.outline import USUAL, kind
 from mavhums.show.verdict_words import class_words
 from mavhums.show.words import clock, name
 
@@ -122,6 +123,7 @@ class Scene:
         for verdict in assessment.verdicts:
             self._track(verdict.vehicle, verdict.actuator)
         self._fit_motors(assessment)
+        self._fit_surfaces(assessment)
         for track in self._tracks.values():
             track.now(assessment.log.duration_s)
         for verdict in assessment.verdicts:
@@ -151,6 +153,19 @@ class Scene:
                 for name, motor in craft.surfaces.items():
                     if (used.vehicle, name) in self._tracks:
                         self._tracks[used.vehicle, name].surface = motor
+
+    def _fit_surfaces(self, assessment: Assessment) -> None:
+        """Draw the wings of vehicles without a profile, each surface where its name or its axis says."""
+        named: dict[int, dict[str, str]] = {}
+        for verdict in assessment.verdicts:
+            if verdict.actuator in USUAL and verdict.vehicle is not None:
+                usual = USUAL[verdict.actuator]
+                own = {text: text if kind(text) else f"{usual} {text}" for text in verdict.surfaces}
+                named.setdefault(verdict.vehicle, {}).update(own)
+        for vehicle, surfaces in named.items():
+            craft = self._vehicle(vehicle).craft
+            if surfaces and not craft.surfaces:
+                craft.fit(surfaces)
 
     def _lanes(self, assessment: Assessment) -> Iterator[Lane]:
         """Yield the lanes in the order of the report; none for what nothing reports on.
@@ -263,17 +278,19 @@ class Scene:
         track.known_s = known[1]
         craft = self._vehicle(track.vehicle).craft
         if not craft.surfaces:
-            craft.fit(known[0].actuators)
+            craft.fit({one.name: f"{one.surface} {one.name}" for one in known[0].actuators})
         track.surface = craft.surfaces.get(track.actuator)
 
     def _moved(self, verdict: Verdict) -> Iterator[Surface | Motor]:
         """Yield the surfaces of an axis that no telemetry of their own tells of."""
         known = self._airframes.get(verdict.vehicle) or self._airframes.get(None)
         servos = {int(servo) for text in verdict.surfaces for servo in re.findall(r"servo (\d+)", text)}
-        for actuator in known[0].actuators if known else ():
-            track = self._tracks.get((verdict.vehicle, actuator.name))
-            if actuator.servo in servos and track and track.surface and track.condition == "unmonitored":
-                yield track.surface
+        actuators = known[0].actuators if known else ()
+        surfaces = self._vehicle(verdict.vehicle).craft.surfaces
+        for part in (*verdict.surfaces, *(one.name for one in actuators if one.servo in servos)):
+            track = self._tracks.get((verdict.vehicle, part))
+            if part in surfaces and (track is None or track.condition == "unmonitored"):
+                yield surfaces[part]
 
     def _log_text(self, time_s: float, level: str, text: str) -> None:
         self._texts.append((time_s, level, text))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from mavhums.engine.events import Trace
 
 EVIDENCE: Final = "evidence"
 FRAME: Final = "frame"
+_ORDER: Final = (EVIDENCE, "response", "thrust", "roll_angle", "pitch_angle")
 _ABOVE_ALARM: Final = 2.0  # what is certain grows without end, and would hide how near an alarm was
 
 
@@ -49,6 +51,18 @@ def trace_words(actuator: str, kind: str) -> TraceWords:
     if kind == "response":
         return TraceWords(_RESPONSES[actuator], "what the aircraft does", "what its outputs asked for")
     return _WORDS[kind]
+
+
+def in_order(kinds: Iterable[str], fault: str) -> list[str]:
+    """Return kinds of traces in the order in which they are shown: what decided about a fault comes first.
+
+    Examples
+    --------
+    >>> in_order(["roll_angle", "response", "evidence"], "hard_over")
+    ['response', 'evidence', 'roll_angle']
+    """
+    decided = {"tracking": "_angle", "hard_over": "response"}.get(fault, EVIDENCE)
+    return sorted(kinds, key=lambda kind: (not kind.endswith(decided), _ORDER.index(kind)))
 
 
 def drawn(trace: Trace) -> Array:

@@ -14,7 +14,7 @@ from mavhums.core.conditions import Condition
 from mavhums.core.quantities import QUANTITIES
 from mavhums.show._rows import TIMELINE
 from mavhums.show._signals import ARCHETYPE
-from mavhums.show._traces import EVIDENCE
+from mavhums.show._traces import in_order
 from mavhums.show.words import SERIES, capital
 
 _PLOTS: Final = (
@@ -201,17 +201,14 @@ def _actuator(lane: Lane, axes: _TimeRange) -> rrb.Container:
     root, keys = lane.root, lane.present
     faults = _faults(lane, axes.evidence)
     answer: list[rrb.View | rrb.Container] = [rrb.Tabs(*faults, active_tab=0)] if faults[1:] else [*faults]
-    behind = {
-        kind: _plot(capital(quantity), [path], axes.evidence)
-        for kind, (quantity, path) in lane.traces.items()
-    }
-    if EVIDENCE in behind:
-        answer.insert(0, behind.pop(EVIDENCE))
+    traces = (lane.traces[kind] for kind in in_order(lane.traces, lane.cause))
+    behind = [_plot(capital(quantity), [path], axes.evidence) for quantity, path in traces]
+    answer[:0] = behind[:1]
     if "network" in keys:
         answer.append(_network(root, axes.evidence))
     groups = [(subject, [key for key in members if key in keys]) for subject, members in _PLOTS]
     signals = [_signals(root, subject, found, axes.signals) for subject, found in groups if found]
-    signals += behind.values()
+    signals += behind[1:]
     rows: list[rrb.Container] = []
     if answer:
         rows.append(rrb.Horizontal(*answer, column_shares=[3, 2, 2][: len(answer)]))

@@ -26,7 +26,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.sections import OUTSIDE, AxisLimits
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.show._rows import Thinner
-from mavhums.show._traces import EVIDENCE, drawn, trace_words
+from mavhums.show._traces import EVIDENCE, drawn, in_order, trace_words
 from mavhums.show.event_words import event_words
 from mavhums.show.verdict_words import windows_by_class
 from mavhums.show.words import clock, levels, name, percent
@@ -234,7 +234,6 @@ def _finite(time_s: Array, values: Array) -> Array:
 
 
 _PLOTS = 24
-_KINDS: Final = (EVIDENCE, "response", "thrust", "roll_angle", "pitch_angle")
 
 
 class Limit(NamedTuple):
@@ -317,12 +316,11 @@ def _of_verdict(
     """Yield the curves of one subject, that which decided first."""
     assert verdict.vehicle is not None
     suspects = [item.fault for item in verdict.suspects]
-    deciding = {"tracking": f"{verdict.actuator}_angle", "hard_over": "response"}
-    decided = deciding.get(suspects[0], EVIDENCE) if suspects else EVIDENCE
-    for kind in dict.fromkeys((decided, *_KINDS)):
+    since_s = verdict.since.flight_time_s if verdict.since and suspects else np.inf
+    kinds = (key.fault for key in traces if key[:2] == (verdict.vehicle, verdict.actuator))
+    for kind in in_order(kinds, suspects[0] if suspects else ""):
         key = CurveKey(verdict.vehicle, verdict.actuator, kind)
-        if key in traces:
-            yield 1 + (kind != EVIDENCE), _trace(whose, key, traces[key])
+        yield 1 + (kind != EVIDENCE), _trace(whose, key, traces[key], since_s)
     alarms = [item.kind.removesuffix("_drift") for item in verdict.evidence]
     for fault in dict.fromkeys((*suspects, *alarms, "friction", "effectiveness")):
         curve = curves.get(CurveKey(verdict.vehicle, verdict.actuator, fault))
@@ -339,7 +337,7 @@ def _of_verdict(
         yield 2, CaptionedCurve(verdict.vehicle, f"{whose}: {what}", caption, curve, limits)
 
 
-def _trace(whose: str, key: CurveKey, curve: Curve) -> CaptionedCurve:
+def _trace(whose: str, key: CurveKey, curve: Curve, since_s: float = np.inf) -> CaptionedCurve:
     """Return what lies behind a judgement, and how it is read."""
     words, values, against = trace_words(key.actuator, key.fault), curve.rows[:, 1], curve.demanded
     assert against is not None
@@ -354,7 +352,7 @@ def _trace(whose: str, key: CurveKey, curve: Curve) -> CaptionedCurve:
         limits = (Limit(alarm, "alarm above"),)
         return CaptionedCurve(key.vehicle, title, caption, curve._replace(demanded=None), limits)
     caption = f"solid: {words.value}; dashed: {words.against}"
-    apart = np.abs(values - against)
+    apart = np.where(curve.time_s >= since_s, np.abs(values - against), np.nan)
     if np.isfinite(apart).any():
         most = int(np.nanargmax(apart))
         caption += f"; farthest apart at {clock(float(curve.time_s[most]))}, by {apart[most]:.3g}"

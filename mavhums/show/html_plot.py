@@ -9,15 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import pairwise
 from math import ceil, floor, log10
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
-from mavhums.core.output import printable
+from mavhums.core.output import no_formula, printable
 from mavhums.show.evidence import CaptionedCurve, Curve, EvidenceCollector, Limit
 from mavhums.show.words import clock
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _DIGITS: Final = 4  # significant ones: more cannot be seen, and double what is sent
 _LETTERS: Final = 600
@@ -200,7 +203,7 @@ def _path(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
 
 
 def flight_charts(shown: Iterable[CaptionedCurve], gathered: EvidenceCollector, duration_s: float) -> Chart:
-    """Return a flight's curves, its modes by vehicle, and its track.
+    """Return a flight's curves, its modes, events and track by vehicle.
 
     Parameters
     ----------
@@ -211,16 +214,17 @@ def flight_charts(shown: Iterable[CaptionedCurve], gathered: EvidenceCollector, 
     duration_s
         Of the flight.
     """
-    charts = []
+    charts, events = [], {}
     for one in shown:
+        events[one.vehicle] = [(at_s, _text(text)) for at_s, text in one.events]
         drawn = chart(one.curve, one.limits, one.title, one.caption)
         drawn["since"] = one.since_s
         drawn["reference"] = one.reference_s
-        drawn["events"] = one.events
         drawn["vehicle"] = one.vehicle
         charts.append(drawn)
     modes = {vehicle: _spans(several, duration_s) for vehicle, several in gathered.modes.items()}
-    return {"duration": duration_s, "charts": charts, "modes": modes, "tracks": gathered.tracks()}
+    known = {"modes": modes, "events": events, "tracks": gathered.tracks()}
+    return {"duration": duration_s, "charts": charts} | known
 
 
 def chart(curve: Curve, limits: Sequence[Limit], title: str, caption: str, *, whole: bool = False) -> Chart:
@@ -258,6 +262,21 @@ def chart(curve: Curve, limits: Sequence[Limit], title: str, caption: str, *, wh
             "value": _numbers(np.insert(values, apart, np.nan)),
         }
     return drawn
+
+
+def curve_table(charts: Iterable[Chart]) -> pd.DataFrame:
+    """Return curves as a table: a row for each time and curve, with its title and its levels in words."""
+    import pandas as pd
+
+    parts = []
+    for one in charts:
+        names = [name for name in ("time", "low", "value", "high", "demanded") if name in one]
+        rows = pd.DataFrame({name: one[name] for name in names}).dropna(subset="value")
+        levels = "; ".join(f"{limit['name']} {limit['value']:.4g}" for limit in one["limits"])
+        parts.append(rows.assign(curve=no_formula(one["title"]), limits=levels))
+    columns = ["curve", "time", "low", "value", "high", "demanded", "limits"]
+    whole = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+    return whole.reindex(columns=columns).rename(columns={"time": "time_s"})
 
 
 def _spans(modes: Sequence[tuple[float, str]], end_s: float) -> list[tuple[float, float, str]]:

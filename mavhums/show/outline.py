@@ -109,7 +109,8 @@ FIXED_WING: Final = (
     "220,238 166,232 166,260 220,260",
 )
 """Fuselage, wings and tailplane, each by its corners."""
-_USUAL: Final = {"roll": "aileron", "pitch": "elevator", "yaw": "rudder"}
+USUAL: Final = {"roll": "aileron", "pitch": "elevator", "yaw": "rudder"}
+"""The surface that moves an axis where no name says which."""
 
 
 class DrawnSurface(NamedTuple):
@@ -145,8 +146,8 @@ def outline(verdicts: Iterable[Verdict]) -> list[DrawnSurface]:
         moved = verdict.surfaces if verdict.subject == "axis" else (verdict.actuator,)
         by = f"{verdict.actuator} control" if verdict.subject == "axis" else ""
         fails = SEVERITY[verdict.gravest] > SEVERITY["normal"]
-        if by and not any(map(kind, moved)) and (moved or fails) and verdict.actuator in _USUAL:
-            usual = _USUAL[verdict.actuator]
+        if by and not any(map(kind, moved)) and (moved or fails) and verdict.actuator in USUAL:
+            usual = USUAL[verdict.actuator]
             own = [name.removesuffix(f" (moves with {verdict.actuator})") for name in moved]
             titles.setdefault(usual, join(own or ["outputs not known"]))
             moved = (usual,)

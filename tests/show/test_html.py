@@ -358,7 +358,7 @@ def test_an_alarm_shows_what_was_asked_against_what_was_flown(
     lines = [attributes for tag, attributes in told.tags if tag == "path" and attributes["class"] == "demand"]
     assert len(lines) == 1
     assert f"{axis} control: {words}" in told.text
-    assert "farthest apart at 20.0s, by 45" in told.text
+    assert "farthest apart at 22.0s, by 45" in told.text
     assert [tag for tag, attributes in told.tags if attributes.get("class") == "reference"] == ["rect"]
     assert "0 of 34" not in told.text
     assert "9.1 times its healthy scatter, limit 8.0" in told.text

@@ -79,18 +79,21 @@ function ticks(duration) {
 }
 
 // What the cursor shows of a time.
-function told(chart, modes, at) {
+function told(chart, modes, events, at) {
   const time = chart.time[at];
   const mode = modes.find(([begin, end]) => begin <= time && time < end)?.[2];
   const title = chart.flights ? `flight ${chart.flights[at]}, ${day(time)}` : clock(time) + (mode ? `, ${mode}` : "");
+  const happened = events.filter((one) => Math.abs(one[0] - time) < events.near).map((one) => `<br>${clock(one[0])}: ${text(one[1])}`);
   const value = chart.value[at] === null ? "" : `<br>${short(chart.value[at])}${chart.low[at] === chart.high[at] ? "" : ` (${short(chart.low[at])} to ${short(chart.high[at])})`}`;
-  return `<b>${text(title)}</b>${value}${chart.demanded ? `<br>demanded ${short(chart.demanded[at])}` : ""}`;
+  return `<b>${text(title)}</b>${value}${chart.demanded ? `<br>dashed ${short(chart.demanded[at])}` : ""}${happened.join("")}`;
 }
 
 function curve(chart, whole) {
   const tones = look();
   const trend = Boolean(chart.flights);
   const modes = (!trend && whole.modes?.[chart.vehicle]) || [];
+  const events = (!trend && whole.events?.[chart.vehicle]) || [];
+  events.near = whole.duration / 100;
   const x = trend ? chart.time.map((ms) => new Date(ms)) : chart.time;
   const line = (y, style) => ({ type: "scatter", mode: "lines", x, y, hoverinfo: "skip", connectgaps: false, ...style });
   const data = [
@@ -100,7 +103,7 @@ function curve(chart, whole) {
     ...(chart.demanded ? [line(chart.demanded, { line: { color: tones.strong, width: 1.5, dash: "dash" } })] : []),
     line(chart.value, {
       mode: trend ? "lines+markers" : "lines", line: { color: tones.blue, width: 2 }, marker: { color: tones.blue, size: 8 },
-      text: chart.time.map((_, at) => told(chart, modes, at)), hoverinfo: "text",
+      text: chart.time.map((_, at) => told(chart, modes, events, at)), hoverinfo: "text",
     }),
   ];
   const across = (at) => ({ type: "line", xref: "paper", x0: 0, x1: 1, y0: at, y1: at, line: { color: tones.limit, width: 1.5, dash: "dash" } });
@@ -110,6 +113,8 @@ function curve(chart, whole) {
     ...(trend || moment() === undefined ? [] : [{ at: moment(), text: `at ${clock(moment())}` }]),
     ...(chart.marks ?? []).map((mark) => ({ at: new Date(mark.at), text: mark.text })),
   ];
+  const happened = events.map(([at]) => ({ type: "line", yref: "paper", y0: 1, y1: 1.06, x0: at, x1: at, line: { color: tones.limit, width: 2 } }));
+  const reference = (chart.reference ? [chart.reference] : []).map(([begin, end]) => ({ type: "rect", yref: "paper", y0: 0, y1: 1, x0: begin, x1: end, layer: "below", line: { width: 0 }, fillcolor: tones.rule, opacity: 0.45 }));
   const [low, high] = chart.range;
   // labels of limits: each at its level, or as near below it as the one above leaves room
   const plotPx = 190;
@@ -129,7 +134,7 @@ function curve(chart, whole) {
         ...(trend ? { type: "date", tickformat: "%Y-%m-%d", nticks: 5, minallowed: new Date(chart.time[0] - 400 * DAY_MS) } : { range: span(whole.duration), ...ticks(whole.duration) }),
       },
       yaxis: { range: [low, high], gridcolor: tones.rule, zeroline: false, fixedrange: true },
-      shapes: [...chart.limits.map((limit) => across(limit.value)), ...marks.map((mark) => along(mark.at)), ...stretches],
+      shapes: [...chart.limits.map((limit) => across(limit.value)), ...marks.map((mark) => along(mark.at)), ...stretches, ...happened, ...reference],
       annotations: [
         ...levels, ...named,
         ...marks.map((mark) => ({ yref: "paper", y: modes.length ? 1.11 : 1, yanchor: "bottom", x: mark.at, text: text(mark.text), showarrow: false })),
