@@ -60,6 +60,7 @@ def test_the_wheel_holds_both_packages_and_their_data(built: Path) -> None:
     (wheel,) = built.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
+        [metadata] = [archive.read(name) for name in names if name.endswith("/METADATA")]
     for name in (
         "mavhums/py.typed",
         "mavhums/results/schema/assessment-2.json",
@@ -69,6 +70,8 @@ def test_the_wheel_holds_both_packages_and_their_data(built: Path) -> None:
         "mavhums_sim/cli.py",
     ):
         assert name in names
+    relative = re.findall(r"\]\((?!https://)[^)]*\)", metadata.decode())
+    assert relative == [], "the package index shows the README away from its folder"
     assert not [name for name in names if name.startswith(("tests/", "sim/", "benchmarks/"))]
     assert wheel.stat().st_size < 1_400_000
 
