@@ -72,6 +72,8 @@ _LATEST: Final = (
 _FIRST, _LAST = 20, 20  # findings of a full one
 _ROWS: Final = 200
 _LIKE: Final = 6
+_UNSAID: Final = ("unmonitored", "undecided", "learning")  # a row has nothing to say of these
+_LINE: Final = 100  # letters of a note that a short answer has whole
 _TOKEN: Final = re.compile(r'"[^"]*"|[\w.]*\w|\W')
 _PROOF: Final = 2  # curves of what is wrong that come before the tables
 _VEHICLES: Final = 8
@@ -243,7 +245,8 @@ def _texts(gathered: EvidenceCollector | None) -> list[Block]:
 def _end_of_brief(assessment: Assessment) -> Note:
     """Return the end of a short answer: whose flight it is, and losses that matter."""
     lost = grave_losses(assessment.log.losses)
-    said = [note.partition("; ")[0] for note in flight_notes(assessment)]
+    notes = flight_notes(assessment)
+    said = [note if len(note) <= _LINE else note.partition("; ")[0] for note in notes]
     said += [f"Log losses: {join(lost)}"] if lost else []
     said += [capital(assessment.notice.partition(";")[0]), "--verbose shows all."]
     return Note([". ".join(said)], quiet=True)
@@ -274,10 +277,8 @@ _COLUMNS: Final = (
 
 def _verdicts(assessment: Assessment, *, brief: bool) -> Iterator[Block]:
     """Yield the table of the verdicts; the short one has those that say something."""
-    groups = [*_together(listed(assessment))]
-    if brief:
-        open_ = [alike for alike in groups if alike[0].gravest in ("unmonitored", "undecided", "learning")]
-        groups = [*_alike((alike for alike in groups if alike not in open_), assessment)]
+    shown = [one for one in listed(assessment) if not (brief and one.gravest in _UNSAID)]
+    groups = [*_alike(shown, assessment)]
     if not groups:
         return
     kinds = {alike[0].subject for alike in groups}
@@ -309,12 +310,12 @@ def _row(alike: Sequence[Verdict], assessment: Assessment) -> list[Cell]:
     ]
 
 
-def _alike(groups: Iterable[list[Verdict]], assessment: Assessment) -> Iterator[list[Verdict]]:
+def _alike(verdicts: Iterable[Verdict], assessment: Assessment) -> Iterator[list[Verdict]]:
     """Yield the verdicts, as one those on like subjects whose rows differ in nothing but the name."""
     rows: dict[str, list[Verdict]] = {}
-    for own in groups:
-        key = repr((own[0].subject, own[0].vehicle, _row(own, assessment)[1:]))
-        rows.setdefault(key, []).extend(own)
+    for verdict in verdicts:
+        key = repr((verdict.subject, verdict.vehicle, _row([verdict], assessment)[1:]))
+        rows.setdefault(key, []).append(verdict)
     yield from rows.values()
 
 
@@ -328,16 +329,6 @@ def listed(assessment: Assessment) -> list[Verdict]:
     wrong = any(SEVERITY[verdict.gravest] > SEVERITY["normal"] for verdict in ranked)
     order = URGENCY if wrong else SEVERITY
     return sorted(ranked, key=lambda verdict: -order[verdict.gravest])
-
-
-def _together(verdicts: Sequence[Verdict]) -> Iterator[list[Verdict]]:
-    """Yield the verdicts, those on servos without telemetry as one: they differ in nothing but the name."""
-    groups: dict[object, list[Verdict]] = {}
-    for place, verdict in enumerate(verdicts):
-        alike = verdict.condition == verdict.worst == "unmonitored"
-        key = (verdict.vehicle, verdict.reason, verdict.remedy) if alike else place
-        groups.setdefault(key, []).append(verdict)
-    yield from groups.values()
 
 
 def _title(alike: Sequence[Verdict], assessment: Assessment) -> str:

@@ -257,7 +257,7 @@ def flight_notes(assessment: Assessment) -> list[str]:
         flights = "1 earlier flight" if earlier == 1 else f"{earlier:,} earlier flights"
         said.append(f"Compared with {flights} of this aircraft")
     elif earlier is not None:
-        said.append("Compared with no earlier flight: the store has none of this aircraft")
+        said.append("Compared with no earlier flight of this aircraft: the store has none")
     elif not any(notice.startswith(NOT_COMPARED) for notice in log.notices):
         said.append(f"{capital(NOT_COMPARED)}: no store is read (--keep makes one)")
     said += [capital(notice) for notice in log.notices]

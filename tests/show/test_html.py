@@ -203,7 +203,8 @@ def test_every_condition_has_a_sign_and_a_word() -> None:
 def test_long_flights_and_crowds_stay_small() -> None:
     names = [f"elevator_{k}" for k in range(300)]
     verdicts = [
-        new_verdict("elevator", "emergency", 1.0, 5.0).model_copy(update={"actuator": name}) for name in names
+        new_verdict("elevator", "emergency", 1.0 + k / 100, 5.0).model_copy(update={"actuator": name})
+        for k, name in enumerate(names)
     ]
     kept = EvidenceCollector()
     for name in names[:40]:

@@ -124,7 +124,7 @@ def test_where_all_is_well_the_good_news_comes_first() -> None:
     assert rows == ["roll"], "and pitch: both rows say the same"
     html = page(assessment, EvidenceCollector())
     table = html[html.index("<tbody") :]
-    assert table.index("roll control") < table.index("yaw control") < table.index("wear of")
+    assert table.index("roll and pitch control") < table.index("yaw control") < table.index("wear of")
     alarmed = shown(new_assessment(axis("pitch"), open_, axis("roll", "degraded")))
     assert alarmed.index("DEGRADED") < alarmed.rindex("normal") < alarmed.index("undecided")
     assert headline_block(assessment).condition == "undecided", "as the exit code is"
