@@ -199,7 +199,7 @@ class VehicleAxes:
 
     def _follow(self, seconds: Seconds) -> Iterator[AxisEvent]:
         for rows in self.flight.feed(seconds):
-            if self._traced:
+            if self._traced and not self.flight.on_ground:
                 yield from _angles(self._vehicle, rows)
             self._now_s = rows.second + rows.seconds
             # Of a rover only its steering is judged: what is about roll and pitch is the ground's.

@@ -18,7 +18,7 @@ _WIDEST: Final = 1.0
 
 _WITHOUT_EFFECTIVENESS: Final = {
     "tracking": "the flown attitude left the demanded one by",
-    "hard_over": "the roll that no output explains reached",
+    "hard_over": "the motion that no output explains reached",
 }
 """Alarms that rest on no estimate of the control effectiveness, and what raised them."""
 
