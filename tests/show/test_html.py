@@ -88,7 +88,7 @@ def test_the_answer_comes_first_and_answers_the_five_questions(assessment: Asses
     text = Tags(page(with_limits(assessment), gathered(indication()))).text
     answer = text[: text.index("Evidence")]
     for part in (
-        "EMERGENCY elevator: friction 1.00 N·m (limit 0.875) since 1m12s",
+        "EMERGENCY: elevator: friction 1.00 N·m (limit 0.875) since 1m12s",
         "What to do: do not fly; inspect gearbox, bearings and hinge line",
         "2025-06-01.tlog",
         "not an airworthiness decision",
