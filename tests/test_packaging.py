@@ -90,7 +90,7 @@ def test_what_is_installed_judges_a_log(site: Path, growing_log: Path, tmp_path:
     outcome = python("-c", script, "analyse", str(growing_log), cwd=tmp_path, path=site)
     assert outcome.returncode == 11, outcome.stderr
     assert outcome.stdout.splitlines()[0] == str(site / "mavhums" / "__init__.py")
-    assert "elevator: EMERGENCY" in outcome.stdout
+    assert "EMERGENCY: elevator" in outcome.stdout
 
 
 def without_extras(*arguments: str) -> list[str]:

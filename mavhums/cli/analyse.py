@@ -138,7 +138,12 @@ class _MarkdownPrinter(_TablePrinter):
         from mavhums.show.blocks import Headline
         from mavhums.show.markdown_report import draw
 
-        say(draw([*([Headline(log.name)] if log else []), *shown]))
+        match shown, log:
+            case [Headline() as first, *rest], Path(name=name):
+                shown = [first._replace(about=name), *rest]
+            case _, Path(name=name):
+                shown = [Headline(name), *shown]
+        say(draw(shown))
 
     def _announce(self, recording: Path) -> None:
         pass

@@ -63,7 +63,7 @@ def test_markdown_says_what_the_text_says_and_names_no_folder(
     missing = tmp_path / "gone" / growing_log.name
     several = run("analyse", healthy_log, growing_log, missing, "--markdown")
     assert several.code == ExitCode.EMERGENCY
-    assert f"# {growing_log.name}\n" in several.out
+    assert f"\n\n*{growing_log.name}*\n" in several.out
     assert f"| {growing_log.name} | unreadable | no such file | 1 |" in several.out
     assert not [path for path in (growing_log, healthy_log, missing) if str(path.parent) in several.out]
     assert run("analyse", growing_log, "--markdown", "--json").code == ExitCode.USAGE
