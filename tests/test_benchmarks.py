@@ -74,7 +74,6 @@ RUNS: dict[str, list[Small]] = {
         Small(
             "friction --scale 0.067 --workers 1",
             slow=True,
-            compares={"| mode | all but T_c": Cells(of=20, factor=3.0)},
         ),
         Small("flights --scale 0.016 --workers 1", slow=True),
         Small("jams --scale 0.1 --workers 1", {"_against_limits.MODES": ("takeoff",)}, slow=True),
