@@ -138,6 +138,11 @@ class Scene:
             if happened.kind not in _LOGGED:
                 text = f"vehicle {happened.vehicle}: {event_words(happened)}"
                 self._log_text(happened.time_s, "INFO", text)
+        for track in self._tracks.values():
+            if track.reference_s:
+                begin, end = map(clock, track.reference_s)
+                text = f"{track.actuator}: its reference is learned from {begin} to {end}"
+                self._log_text(track.reference_s[1], "INFO", f"{text} (vehicle {track.vehicle})")
         self._flush_texts()
         report = rr.TextDocument(markdown(assessment), media_type=rr.MediaType.MARKDOWN)
         self._stream.log("/report", report, static=True)

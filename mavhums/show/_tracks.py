@@ -79,6 +79,8 @@ class Track:
         Limits of an axis.
     traces
         Entity paths of what lies behind the judgement, by its kind.
+    reference_s
+        Flight seconds from and to which an axis's reference was learned; None without one.
     known_s
         Flight time from which the profile is known.
     condition, worst
@@ -115,6 +117,7 @@ class Track:
         self.detectors: Mapping[str, Detector] = {}
         self.axis_limits = AxisLimits()
         self.traces: dict[str, str] = {}
+        self.reference_s: tuple[int, int] | None = None
         self.known_s = 0.0
         self.condition: Condition = "undecided"
         self.worst: Condition = "undecided"
@@ -201,6 +204,7 @@ class Track:
             names, colours = [words.against, words.value], [YELLOW, BLUE]
             style = rr.SeriesLines(names=names, colors=colours, widths=[1.5, 2.0])
             self._stream.log(self.traces[event.kind], style, static=True)
+        self.reference_s = event.reference_s or self.reference_s
         self._note_span(float(event.time_s[0]), float(event.time_s[-1]))
         send(self._stream, self.traces[event.kind], event.time_s, rr.Scalars.columns(scalars=drawn(event)))
 

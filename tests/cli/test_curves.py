@@ -14,7 +14,7 @@ from tests.engine.test_steering import driven
 from tests.engine.wired import Wired
 from tests.health.motor.test_monitor import log as hovered
 from tests.logs import heartbeat, write_log
-from tests.show.test_recording import entities
+from tests.show.test_recording import entities, rows
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +64,8 @@ def test_a_wing_without_a_profile_is_drawn_by_its_parameters(
 ) -> None:
     pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
     run("analyse", logs["wing"], "--rrd", tmp_path / "flight.rrd")
+    _, texts = rows(tmp_path / "flight.rrd", "/events", "TextLog:text")
+    assert [said for [said] in texts if said.startswith("roll: its reference is learned from ")]
     drawn = [path for path in entities(tmp_path / "flight.rrd") if path.endswith("/surface")]
     assert [path.split("/")[-2] for path in sorted(drawn)] == [
         r"aileron\ \(servo\ 1\)",
