@@ -53,7 +53,7 @@ def test_a_dropped_log_becomes_the_answer_with_its_plots(
     browser.open(page.url)
     assert violations(browser) == [], "the empty page"
     browser.drop([growing_log])
-    assert "elevator: EMERGENCY" in browser.wait(HEADLINE)
+    assert "emergency elevator (servo 3)" in browser.wait(HEADLINE)
     browser.wait(f"{CHARTS}.length == 4")
     browser.wait(f"{CHARTS}[0].getBoundingClientRect().top < 900")  # before every table
     answer = browser.js(f"{ANSWER}.innerText")
@@ -106,7 +106,7 @@ def test_the_report_itself_is_accessible(page: Served, browser: Browser, growing
     browser.wait(HEADLINE)
     browser.open(browser.wait(REPORT))
     browser.wait("document.querySelector('main h1')")
-    assert browser.js("document.querySelectorAll('svg[data-plot] path.line').length") == 8
+    assert browser.js("document.querySelectorAll('svg[data-plot] path.line').length") == 10
     for scheme in ("light", "dark"):
         browser.size(1200, scheme=scheme)
         assert violations(browser) == []
@@ -141,7 +141,7 @@ def test_the_3d_view_opens_in_the_same_page(page: Served, browser: Browser, grow
 def test_the_first_page_has_an_example(page: Served, browser: Browser) -> None:
     browser.open(page.url)
     browser.js("document.querySelector('[data-example]').click()")
-    assert "elevator: EMERGENCY" in browser.wait(HEADLINE)
+    assert "emergency elevator (servo 3)" in browser.wait(HEADLINE)
 
 
 def test_several_logs_progress_and_what_is_refused(
@@ -235,7 +235,7 @@ def test_two_users_see_only_their_own(
         for one, log in ((browser, growing_log), (other, healthy_log)):
             one.open(page.url)
             one.drop([log])
-        assert "EMERGENCY" in browser.wait(HEADLINE)
+        assert "emergency" in browser.wait(HEADLINE)
         assert "normal" in other.wait(HEADLINE)
         for one in (browser, other):
             assert one.js("document.querySelectorAll('.log').length") == 1
@@ -245,10 +245,10 @@ def test_two_users_see_only_their_own(
             assert other.js(f"fetch('{address}').then(answer => answer.status)") == 404
             assert browser.js(f"fetch('{address}').then(answer => answer.status)") == 200
         table = browser.js(f"fetch('{addresses[2]}').then(answer => answer.text())").splitlines()
-        assert table[0] == "curve,time_s,low,value,high,demanded"
+        assert table[0] == "curve,time_s,low,value,high,demanded,limits"
         assert table[1].split(",")[0].startswith('"elevator: Coulomb friction')
     browser.open(page.url)
-    assert "EMERGENCY" in browser.wait(HEADLINE), "a reload keeps the session"
+    assert "emergency" in browser.wait(HEADLINE), "a reload keeps the session"
 
 
 def test_everything_can_be_reached_with_the_keyboard(
