@@ -19,6 +19,7 @@ ARDUPILOT: Final = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
 NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station
 PX4: Final = 12  # MAV_AUTOPILOT_PX4
 ON_GROUND, IN_AIR = 1, 2  # MAV_LANDED_STATE
+FIXED_WING: Final = 1  # MAV_TYPE
 
 OUTPUTS: Final = 16
 """Servo outputs of the first message, whose use is followed."""

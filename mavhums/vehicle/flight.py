@@ -16,7 +16,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import STANDARD_GRAVITY
 from mavhums.vehicle.airspeed import Speed
-from mavhums.vehicle.facts import ALL_OUTPUTS, ARDUPILOT, ON_GROUND, PULSES
+from mavhums.vehicle.facts import ALL_OUTPUTS, ARDUPILOT, FIXED_WING, ON_GROUND, PULSES
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rows import PastRows, Rows
 from mavhums.vehicle.signals import all_outputs
@@ -24,7 +24,6 @@ from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces
 from mavhums.vehicle.usage import BAND_US
 from mavhums.vehicle.vtol import HOVERING_MODES, LEAST_SPEED, NO_LIFT
 
-_FIXED_WING: Final = 1
 _ROVER, _BOAT = 10, 11
 GROUND: Final = frozenset({_ROVER, _BOAT})
 _VTOL: Final = range(19, 26)
@@ -233,8 +232,8 @@ class Flight:
         self.autopilots |= {int(k) for k in np.unique(autopilot[np.isfinite(autopilot)])}
         forward = flat["vtol"][:, 0] == _VTOL_FORWARD
         # A quadplane reports a fixed wing: the VTOL state then decides, where it is reported.
-        wing = driven | forward & np.isin(kind, (_FIXED_WING, *_VTOL))
-        wing |= (kind == _FIXED_WING) & ~(flat["vtol"][:, 0] > 0)
+        wing = driven | forward & np.isin(kind, (FIXED_WING, *_VTOL))
+        wing |= (kind == FIXED_WING) & ~(flat["vtol"][:, 0] > 0)
         hovering = ~driven & (autopilot == ARDUPILOT) & np.isin(mode, HOVERING_MODES)
         landed = ~driven & (flat["landed"][:, 0] == ON_GROUND)
         slow = ~driven & (flat["groundspeed"][:, 0] <= _LEAST_GROUND_SPEED_M_S)

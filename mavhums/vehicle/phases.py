@@ -16,7 +16,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.results.reasons import Reason
-from mavhums.vehicle.facts import IN_AIR, ON_GROUND
+from mavhums.vehicle.facts import FIXED_WING, IN_AIR, ON_GROUND
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.rotors import Rotors, mean_thrust
 from mavhums.vehicle.signals import DERIVED, all_outputs
@@ -148,7 +148,7 @@ class Phases:
             thrusts = rotors.thrusts(all_outputs(flat), flat["mixer"])
             thrust = mean_thrust(thrusts, flat["mixer"])
         asked = _means(thrust.reshape(-1, RATE_HZ))
-        measured = _Measured.of(seconds)
+        measured = _Measured.of(seconds, hovers=rotors is not None)
         airborne, level = np.zeros((2, len(asked)), dtype=bool)
         hover = np.full(len(asked), np.nan)
         events = []
@@ -197,12 +197,15 @@ class Phases:
         height = abs(self._altitude_m - self._ground_m)
         known = self._hovered > 0
         share = asked / self._hover
+        speed = float(measured.speed[k])
+        # What only flies forward and does not move stands, also where it landed higher than it took off.
+        stands = measured.wing[k] and speed < _SPEED_M_S
         found = [
             _DISARMED if measured.armed[k] == 0.0 else np.nan,
             _REPORTED.get(float(measured.landed[k]), np.nan),
-            _beyond(height, _HEIGHT_M),
+            np.nan if stands else _beyond(height, _HEIGHT_M),
             max(_beyond(climb, _CLIMB_M_S), 0.0),
-            max(_beyond(float(measured.speed[k]), _SPEED_M_S), 0.0),
+            max(_beyond(speed, _SPEED_M_S), -_NOTHING if stands else 0.0),
             np.interp(share, (_STANDS, _FLIES, _LIFTS, 2 * _LIFTS), _CARRIES if known else _MAY_CARRY),
         ]
         before = self._odds
@@ -259,19 +262,24 @@ class _Measured:
     source: Integers
     climb: Array
     speed: Array
+    wing: Flags
     upright: Array
 
     @classmethod
-    def of(cls, seconds: Seconds) -> _Measured:
+    def of(cls, seconds: Seconds, *, hovers: bool) -> _Measured:
+        """Return what phases need; ``hovers`` is whether rotors may carry the vehicle."""
         signals = seconds.signals
         roll, pitch = (signals["attitude"][:, :, axis] for axis in range(2))
+        over_ground, airspeed = (_means(signals[name][:, :, 0]) for name in ("groundspeed", "airspeed"))
+        wing = (signals["state"][:, -1, 0] == FIXED_WING) & ~(signals["vtol"][:, -1, 0] > 0) & (not hovers)
         return cls(
             signals["state"][:, -1, 2],
             signals["landed"][:, -1, 0],
             _means(signals["altitude"][:, :, 0]),
             seconds.ranks["altitude"],
             _means(signals["velocity"][:, :, 2]),
-            _means(signals["groundspeed"][:, :, 0]),
+            np.where(wing, np.fmax(over_ground, airspeed), over_ground),
+            wing,
             _means(np.cos(roll) * np.cos(pitch)),
         )
 

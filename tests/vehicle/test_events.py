@@ -61,6 +61,21 @@ def test_where_the_log_begins_and_ends(
 
 
 @pytest.mark.parametrize(
+    ("kind", "airspeed", "ends"),
+    [(1, 0.5, "landing"), (1, 14.0, "ends_in_air"), (2, 0.5, "ends_in_air")],
+    ids=["wing", "against the wind", "copter"],
+)
+def test_a_wing_that_does_not_move_has_landed_however_high(kind: float, airspeed: float, ends: str) -> None:
+    """It lands 20 m above its take-off and stands for ten seconds; a copter would hover there."""
+    speed = np.r_[np.zeros(10), np.full(50, 15.0), np.full(10, 0.5)]
+    through_air = np.where(np.arange(70) < 60, speed, airspeed)
+    altitude = np.r_[FLIGHT, np.full(10, 20.0)]
+    events = flown(altitude, kind, groundspeed=speed, airspeed=through_air)
+    events.finish()
+    assert kinds(events) == ["take_off", ends]
+
+
+@pytest.mark.parametrize(
     ("text", "is_one"),
     [
         ("Throttle failsafe on", True),

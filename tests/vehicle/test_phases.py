@@ -24,7 +24,7 @@ def seconds(**signals: Any) -> Seconds:
     for name, width in {
         "state": 4, "landed": 1, "altitude": 1, "altitude error": 1, "velocity": 3, "groundspeed": 1,
         "attitude": 3, "demand": 2, "rates": 3, "mixer": 4, "outputs": 1, "outputs_2": ALL_OUTPUTS,
-        "outputs_3": ALL_OUTPUTS,
+        "outputs_3": ALL_OUTPUTS, "airspeed": 1, "vtol": 1,
     }.items():  # fmt: skip
         found[name] = np.full((count, RATE_HZ, width), 0.0 if name in ("attitude", "rates") else NAN)
     for name, values in signals.items():
