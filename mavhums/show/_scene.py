@@ -116,6 +116,8 @@ class Scene:
         """Write buffered data, so that a viewer shows them."""
         for track in self._tracks.values():
             track.flush()
+        for frame in self._frames.values():
+            frame.flush_traces()
         self._flush_texts()
 
     def finish(self, assessment: Assessment) -> rrb.Blueprint:
@@ -132,6 +134,8 @@ class Scene:
                 self._track(verdict.vehicle, verdict.actuator).moved = list(self._moved(verdict))
         for track in sorted(self._tracks.values(), key=lambda track: bool(track.moved)):
             track.finish()  # an axis after the actuators whose surfaces it colours
+        for frame in self._frames.values():
+            frame.flush_traces()
         for vehicle in self._vehicles.values():
             vehicle.finish()
         for happened in assessment.events:

@@ -118,6 +118,7 @@ class Track:
         self.axis_limits = AxisLimits()
         self.traces: dict[str, str] = {}
         self.reference_s: tuple[int, int] | None = None
+        self._behind: dict[str, list[NDArray[np.float64]]] = {}
         self.known_s = 0.0
         self.condition: Condition = "undecided"
         self.worst: Condition = "undecided"
@@ -206,7 +207,17 @@ class Track:
             self._stream.log(self.traces[event.kind], style, static=True)
         self.reference_s = event.reference_s or self.reference_s
         self._note_span(float(event.time_s[0]), float(event.time_s[-1]))
-        send(self._stream, self.traces[event.kind], event.time_s, rr.Scalars.columns(scalars=drawn(event)))
+        rows = np.column_stack([event.time_s, drawn(event)])
+        self._behind.setdefault(event.kind, []).append(rows)
+        if sum(map(len, self._behind[event.kind])) >= _ROWS_PER_CHUNK:
+            self.flush_traces()
+
+    def flush_traces(self) -> None:
+        """Write buffered traces: they may come second by second, and a chunk costs more than its rows."""
+        while self._behind:
+            kind, parts = self._behind.popitem()
+            rows = np.concatenate(parts)
+            send(self._stream, self.traces[kind], rows[:, 0], rr.Scalars.columns(scalars=rows[:, 1:]))
 
     def changed(self, event: ConditionChanged) -> None:
         """Add a change of condition, drawn at its onset, not at the time of the decision."""
@@ -257,6 +268,7 @@ class Track:
         if self._state_s is None and self._first_s < np.inf:
             self._state(self._first_s, self.condition)
         self._signals.flush()
+        self.flush_traces()
         self._classes.flush()
         self._flush_windows()
         self._flush_states()
