@@ -190,7 +190,6 @@ def test_of_several_vehicles_one_is_chosen(run: Run, tmp_path: Path) -> None:
     assert "no parameters of vehicle 3" in run("profile", "new", log, "--vehicle", "3").err
 
 
-@pytest.mark.slow
 def test_a_draft_keeps_what_the_log_names(run: Run, growing_log: Path, tmp_path: Path) -> None:
     mine = tmp_path / "mine.toml"
     assert "the profile that the log names" in run("profile", "new", growing_log, "-o", mine).out
@@ -200,6 +199,7 @@ def test_a_draft_keeps_what_the_log_names(run: Run, growing_log: Path, tmp_path:
     assert 'name = "my plane"' in draft_profile(growing_log, name="my plane")
 
 
+@pytest.mark.slow
 def test_a_draft_shows_the_quantities_and_compares_with_the_own_past_alone(
     run: Run, growing_log: Path, tmp_path: Path
 ) -> None:
