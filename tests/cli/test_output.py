@@ -72,7 +72,7 @@ def test_a_full_output_is_one_line(short_log: Path) -> None:
 @pytest.mark.parametrize(
     ("command", "code"),
     [
-        ("analyse {} | head -c 1", ExitCode.EMERGENCY),
+        ("analyse {} | head -c 3", ExitCode.EMERGENCY),
         ("analyse {} > /dev/full", ExitCode.EMERGENCY),
         ("analyse {} <&- >&- 2>&-", ExitCode.EMERGENCY),
         ("inspect - <&-", ExitCode.ERROR),
