@@ -197,15 +197,14 @@ class Phases:
         height = abs(self._altitude_m - self._ground_m)
         known = self._hovered > 0
         share = asked / self._hover
-        speed = float(measured.speed[k])
         # What only flies forward and does not move stands, also where it landed higher than it took off.
-        stands = measured.wing[k] and speed < _SPEED_M_S
+        stands = bool(measured.still_wing[k])
         found = [
             _DISARMED if measured.armed[k] == 0.0 else np.nan,
             _REPORTED.get(float(measured.landed[k]), np.nan),
             np.nan if stands else _beyond(height, _HEIGHT_M),
             max(_beyond(climb, _CLIMB_M_S), 0.0),
-            max(_beyond(speed, _SPEED_M_S), -_NOTHING if stands else 0.0),
+            max(_beyond(float(measured.speed[k]), _SPEED_M_S), -_NOTHING if stands else 0.0),
             np.interp(share, (_STANDS, _FLIES, _LIFTS, 2 * _LIFTS), _CARRIES if known else _MAY_CARRY),
         ]
         before = self._odds
@@ -262,7 +261,7 @@ class _Measured:
     source: Integers
     climb: Array
     speed: Array
-    wing: Flags
+    still_wing: Flags
     upright: Array
 
     @classmethod
@@ -278,8 +277,8 @@ class _Measured:
             _means(signals["altitude"][:, :, 0]),
             seconds.ranks["altitude"],
             _means(signals["velocity"][:, :, 2]),
-            np.where(wing, np.fmax(over_ground, airspeed), over_ground),
-            wing,
+            over_ground,
+            wing & (over_ground < _SPEED_M_S) & ~(airspeed >= _SPEED_M_S),  # against the wind it may fly
             _means(np.cos(roll) * np.cos(pitch)),
         )
 
