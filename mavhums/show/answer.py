@@ -69,6 +69,7 @@ _LATEST: Final = (
     2,
     1,
 )  # findings of a short answer, of the gravest subject and of others: a screen has 24 lines
+_UNKNOWN: Final = 2  # reasons of a short answer why something is not judged; none beside what is wrong
 _FIRST, _LAST = 20, 20  # findings of a full one
 _ROWS: Final = 200
 _LIKE: Final = 6
@@ -128,7 +129,13 @@ def blocks(
     ]
     if brief:
         middle = [*_notes([*first, *_happened(assessment)]), *_verdicts(rest, brief=True)]
-        return [*_headed(head, middle, found), *over, _end_of_brief(assessment)]
+        unknown = [one for one in found if one.condition in ("undecided", "learning")]
+        unsaid = unknown[0 if faulty else _UNKNOWN :]
+        found = [one for one in found if one not in unsaid]
+        left = (
+            [f"Without an answer: {join(one.title for one in unsaid)} (--verbose has why)."] if unsaid else []
+        )
+        return [*_headed(head, middle, found), *_notes(left), *over, _end_of_brief(assessment)]
     notes = [f"{note}." for note in flight_notes(assessment)]
     proof, more = _curves(rest, gathered, faulty=bool(faulty))
     well = [one for one in rest.ranked() if one not in faulty and one.coverage.windows][:_ROWS]
