@@ -7,8 +7,11 @@ import re
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from rich.console import Console
 
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.results.assessment import Assessment
 from mavhums.results.events import FlightEvent
 from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
@@ -235,3 +238,53 @@ def test_a_summary_says_once_what_is_so_of_several() -> None:
         "motor 1, motor 2, motor 3, motor 4: normal: quad X: no motor lost 42 %",
         "roll: normal",
     ]
+
+
+REASONS = (
+    "too few pulses",
+    "its surfaces explain 4 % of how it moves, 30 % are needed; no airspeed",
+    "x " * 90,
+)
+CONDITIONS: tuple[Condition, ...] = (
+    "normal",
+    "unchanged",
+    "learning",
+    "undecided",
+    "changed",
+    "degraded",
+    "emergency",
+)
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(CONDITIONS), st.sampled_from(CONDITIONS), st.sampled_from(REASONS)),
+        min_size=1,
+        max_size=9,
+    )
+)
+def test_a_short_answer_fits_a_screen_and_leaves_nobody_out(
+    states: list[tuple[Condition, Condition, str]],
+) -> None:
+    """The gravest subject comes first, and each one somewhere."""
+    names = ["roll", "pitch", "yaw", *(f"flap_{place}" for place in "abcdef")]
+    alarm = Evidence(kind="effectiveness", start_s=90, end_s=127, value=0.2, rule="")
+    verdicts = []
+    for k, (name, (one, other, reason)) in enumerate(zip(names, states, strict=False)):
+        condition, worst = sorted((one, other), key=SEVERITY.__getitem__)
+        verdict = axis(name, condition, worst=worst, reason=reason, remedy=f"see to {reason[:20]}")
+        faulty = {"degraded", "emergency"} & {worst, condition}
+        evidence = (
+            (alarm.model_copy(update={"condition": worst, "rule": f"{k} % is left"}),) if faulty else ()
+        )
+        subject = "axis" if name in names[:3] else "actuator"
+        verdicts.append(verdict.model_copy(update={"subject": subject, "evidence": evidence}))
+    assessment = new_assessment(*verdicts)
+    text = shown(assessment, 100)
+    lines = [line for line in text.splitlines() if line.strip()]
+    named = {name: re.search(rf"\b{name}\b", text) for name in names[: len(states)]}
+    alike = re.search(r"\d actuators", text)
+    assert all(place or alike for place in named.values())
+    gravest = [one for one in verdicts if one.gravest == assessment.ranked()[0].gravest]
+    assert any(one.actuator in " ".join(lines[:3]) for one in gravest) or alike
+    assert len(lines) <= 24 + 3 * sum(bool(one.evidence) for one in verdicts[3:])
