@@ -8,6 +8,7 @@ leaves the logs, truth.json, verdicts.json and flight.rrd in the folder.
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from pathlib import Path
@@ -113,6 +114,8 @@ def _write(path: Path, assessments: dict[str, Assessment]) -> None:
 
 if __name__ == "__main__":
     try:
-        sys.exit(main(Path(sys.argv[1] if len(sys.argv) > 1 else "demo")))
+        parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+        parser.add_argument("folder", type=Path, nargs="?", default=Path("demo"))
+        sys.exit(main(parser.parse_args().folder))
     except MavhumsError as error:
         sys.exit(str(error))

@@ -55,7 +55,7 @@ def aircraft_table(rows: Iterable[LastVerdict]) -> Table:
         Column("condition", "word"),
         Column("worst finding"),
         Column("actuators and axes"),
-        Column("last flight", "word"),
+        Column("last flight", "figure"),
     ]
     return Table("", columns, [_aircraft(several) for several in groups.values()])
 
