@@ -59,7 +59,7 @@ class LogAssistant:
     >>> assistant.analyse(["flight.tlog"])["assessments"][0]["airframe"]
     'paper'
     >>> print(assistant.explain("flight.tlog", "elevator")[:21])
-    # elevator: EMERGENCY
+    # EMERGENCY: elevator
     """
 
     def __init__(self, reach: Reach, options: Options | None = None) -> None:

@@ -10,6 +10,7 @@ from mavhums.core.models import Contract
 
 EventKind = Literal[
     "crash",
+    "impact",
     "altitude_loss",
     "failsafe",
     "reboot",
@@ -36,7 +37,8 @@ class FlightEvent(Contract):
     the vehicle: an actuator, an ESC. ``said`` is what the vehicle itself named: its mode, its text.
     ``value`` is the number that decided, in the unit that the kind has: of ``supply`` the voltage below
     which it fell, of ``telemetry_ends`` the seconds for which it was missing in the air, of
-    ``altitude_loss`` the metres that it sank below the altitude that its autopilot demanded.
+    ``altitude_loss`` the metres that it sank below the altitude that its autopilot demanded, of ``impact``
+    those that a wing sank in the last four seconds before it came to rest.
     """
 
     kind: EventKind

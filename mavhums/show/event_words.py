@@ -12,6 +12,8 @@ from mavhums.show.words import capital, clock
 
 _WORDS: Final[Mapping[EventKind, str]] = {
     "crash": 'crash: the vehicle reports "{said}"',
+    "impact": "the aircraft sinks {value:.0f} m in the 4 s before it comes to rest: it hit the ground, or "
+    "landed by parachute or stall",
     "altitude_loss": "the aircraft sinks {value:.0f} m while the autopilot holds its altitude demand: "
     "probably a loss of thrust or control",
     "failsafe": 'failsafe: the vehicle reports "{said}"',
@@ -29,6 +31,7 @@ _WORDS: Final[Mapping[EventKind, str]] = {
 }
 _GRAVE: Final[Mapping[EventKind, tuple[Condition, str, str]]] = {
     "crash": ("emergency", "crash", "crash reported at {at}"),
+    "impact": ("degraded", "impact", "probably hit the ground at {at}"),
     "contact": ("degraded", "contact", "probably hit something at {at}"),
     "altitude_loss": ("degraded", "altitude loss", "sank {value:.0f} m below its demand from {at} on"),
 }

@@ -9,6 +9,7 @@ second is decided by what came up to its end: the result depends neither on bloc
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -45,6 +46,10 @@ _HIGH_M, _FAST_M_S, _CARRIED_S = 5.0, 5.0, 10
 """A flight that was as high, as fast or carried by its motors for as many seconds is certain: vehicles that
 stand, with a drifting barometer, show 2 m for 20 s."""
 
+STOPS_S: Final = 4
+"""Seconds in which a wing that lands rolls or slides: in 45 landings it sank by less than 1 m in them."""
+_RECALLED_S: Final = 30
+
 _LEAP_M: Final = 30.0  # in a second: an altitude from another origin, not a climb
 _GROUND_SHARE: Final = 0.2  # of a second in the mean altitude of the ground: slower than a lift-off
 _LEVEL_M_S: Final = 0.5
@@ -70,11 +75,13 @@ class PhaseEvent(NamedTuple):
     """A take-off, a landing, or a knock by a contact: its kind and its flight time, s.
 
     ``certain`` is whether the flight that a landing ends left no doubt: a drifting altitude looks like one.
+    ``sank_m`` is how far a wing sank in the last :data:`STOPS_S` before it came to rest.
     """
 
     kind: str
     time_s: float
     certain: bool = True
+    sank_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,6 +130,7 @@ class Phases:
         self._since_s: float | None = None
         self._ground_m, self._altitude_m = np.nan, np.nan
         self._source = -1
+        self._heights: deque[tuple[int, float]] = deque(maxlen=_RECALLED_S)
         self._hover, self._hovered = _USUAL_HOVER, 0
         self._rates = np.full((1, 3), np.nan)
         self._next, self._pressed = 0, 0
@@ -154,9 +162,12 @@ class Phases:
         events = []
         for k, second in enumerate(seconds.index.tolist()):
             climb = self._climb(measured, k)
+            self._heights.append((second, float(measured.altitude[k])))
             if self._step(second, climb, measured, k, float(asked[k])):
                 kind = TAKE_OFF if self.airborne else LANDING
-                events.append(PhaseEvent(kind, self._since_s or 0.0, self.airborne or self.certain))
+                began_s = self._since_s or 0.0
+                sank_m = self._sunk(began_s) if measured.still_wing[k] else 0.0
+                events.append(PhaseEvent(kind, began_s, self.airborne or self.certain, sank_m))
                 self._since_s = None  # what spoke for this state does not speak for the next one
             airborne[k] = self.airborne
             height, speed = abs(self._altitude_m - self._ground_m), float(measured.speed[k])
@@ -180,6 +191,12 @@ class Phases:
             tuple(sorted([*events, *contacts], key=lambda event: event.time_s)),
         )
 
+    def _sunk(self, second: float) -> float:
+        """Return how far it sank up to a second, m; zero where that is not known."""
+        heights = dict(self._heights)
+        sunk = heights.get(int(second) - STOPS_S, np.nan) - heights.get(int(second), np.nan)
+        return max(sunk, 0.0) if np.isfinite(sunk) else 0.0
+
     def _climb(self, measured: _Measured, k: int) -> float:
         """Return the vertical speed of a second, m/s; NaN if unknown. Follow the origin of the altitude."""
         altitude, source = float(measured.altitude[k]), int(measured.source[k])
@@ -188,6 +205,7 @@ class Phases:
             if source != self._source or abs(change) > _LEAP_M:
                 self._ground_m += change
                 change = np.nan
+                self._heights.clear()
             self._altitude_m, self._source = altitude, source
         climb = float(measured.climb[k])
         return abs(climb if np.isfinite(climb) else change)

@@ -75,6 +75,18 @@ def test_a_wing_that_does_not_move_has_landed_however_high(kind: float, airspeed
     assert kinds(events) == ["take_off", ends]
 
 
+@pytest.mark.parametrize(("kind", "sinks_m_s", "hits"), [(1, 1.5, True), (1, 0.5, False), (2, 1.5, False)])
+def test_a_wing_that_sinks_until_it_is_at_rest_hits_the_ground(
+    kind: float, sinks_m_s: float, hits: bool
+) -> None:
+    speed = np.r_[np.zeros(10), np.full(50, 15.0), np.full(15, 0.5)]
+    altitude = np.r_[FLIGHT, np.full(15, 0.0)]
+    altitude[40:60] = sinks_m_s * np.arange(20, 0, -1)
+    events = flown(altitude, kind, groundspeed=speed)
+    impacts = [one for one in events.events(rotors=False) if one.kind == "impact"]
+    assert [(one.time_s, one.value) for one in impacts] == ([(61.0, 3 * sinks_m_s)] if hits else [])
+
+
 @pytest.mark.parametrize(
     ("text", "is_one"),
     [
