@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from mavhums.app.analysis import Failed, Judged
     from mavhums.app.settings import Options
     from mavhums.results.assessment import Assessment
-    from mavhums.show.answer import Line
     from mavhums.show.blocks import Block
+    from mavhums.show.many import Line
 
 
 class _OutcomePrinter(ABC):
@@ -83,7 +83,8 @@ class _TablePrinter(_OutcomePrinter):
         self._lines: list[Line] = []
 
     def _judged(self, log: Path, assessment: Assessment) -> None:
-        from mavhums.show.answer import blocks, line_of, not_normal
+        from mavhums.show.answer import blocks, not_normal
+        from mavhums.show.many import line_of
 
         self._lines.append(line_of(log, assessment))
         shown = blocks(assessment, brief=not self._verbose) if self._whole else not_normal(assessment)
@@ -110,7 +111,7 @@ class _TablePrinter(_OutcomePrinter):
 
     def _failed(self, log: Path, error: MavhumsError) -> None:
         """Print no more than the error."""
-        from mavhums.show.answer import line_of
+        from mavhums.show.many import line_of
 
         self._lines.append(line_of(log, error))
 
@@ -118,7 +119,7 @@ class _TablePrinter(_OutcomePrinter):
         """Print the table of several logs; after an interruption it holds what was judged."""
         if not self._several or not self._lines:
             return
-        from mavhums.show.answer import many
+        from mavhums.show.many import many
 
         self._draw([many(self._lines)])
         if not self._whole:

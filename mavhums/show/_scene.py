@@ -32,7 +32,6 @@ from mavhums.show._craft import Motor, Surface, Vehicle, craft_path
 from mavhums.show._rows import send
 from mavhums.show._traces import FRAME, trace_words
 from mavhums.show._tracks import Track, path_part
-from mavhums.show.answer import listed
 from mavhums.show.blocks import Mark
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
 from mavhums.show.event_words import event_words
@@ -40,6 +39,7 @@ from mavhums.show.headline import judged_vehicles
 from mavhums.show.markdown_report import draw, markdown
 from mavhums.show.now import report_blocks
 from mavhums.show.outline import USUAL, kind
+from mavhums.show.verdict_table import listed
 from mavhums.show.verdict_words import class_words
 from mavhums.show.words import clock, name
 

@@ -5,54 +5,27 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Final, NamedTuple
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Final
 
 from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.about import __version__
-from mavhums.core.conditions import SEVERITY, URGENCY, Condition
-from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.verdict import with_advice
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import NOT_COMPARED
-from mavhums.results.verdict import ALL, Verdict
-from mavhums.show.blocks import (
-    NOTHING,
-    Block,
-    Cell,
-    Column,
-    Craft,
-    Curves,
-    Facts,
-    Finding,
-    Headline,
-    Listing,
-    Mark,
-    Note,
-    Part,
-    Table,
-    table,
-)
+from mavhums.results.verdict import Verdict
+from mavhums.show.blocks import Block, Craft, Curves, Facts, Finding, Headline, Listing, Note, Table
 from mavhums.show.event_words import event_lines, foremost
 from mavhums.show.headline import gravest_first, headline_of, judged_vehicles, over_flights
 from mavhums.show.outline import FIXED_WING, multirotor, outline
 from mavhums.show.tables import indicators, provenance, reserve, usage
-from mavhums.show.verdict_words import (
-    certainty,
-    control_left,
-    course,
-    explanation,
-    finding,
-    implausible,
-    judged,
-    network_cell,
-    network_sentence,
-)
+from mavhums.show.verdict_table import ALL_ROWS, ROWS, verdict_table
+from mavhums.show.verdict_words import certainty, explanation, finding, implausible, network_sentence
 from mavhums.show.words import (
     capital,
     clock,
     flight_notes,
-    friction,
     grave_losses,
     join,
     losses,
@@ -65,15 +38,10 @@ from mavhums.show.words import (
 if TYPE_CHECKING:
     from mavhums.show.evidence import EvidenceCollector
 
-_LATEST: Final = (
-    2,
-    1,
-)  # findings of a short answer, of the gravest subject and of others: a screen has 24 lines
+_LATEST: Final = (2, 1)  # findings of a short answer: of the gravest subject, of each other one
 _UNKNOWN: Final = 2  # reasons of a short answer why something is not judged; none beside what is wrong
 _FIRST, _LAST = 20, 20  # findings of a full one
-_ROWS: Final = 200
 _LIKE: Final = 6
-_UNSAID: Final = ("unmonitored", "undecided", "learning")  # a row has nothing to say of these
 _LINE: Final = 100  # letters of a note that a short answer has whole
 _TOKEN: Final = re.compile(r'"[^"]*"|[\w.]*\w|\W')
 _PROOF: Final = 2  # curves of what is wrong that come before the tables
@@ -83,7 +51,6 @@ _HOW_TO_READ: Final = (
     "Dashed: what the line is compared with. Dotted: since when. Shaded: 95 % interval; grey: where the "
     "reference was learned. Below: flight modes, and strokes where something happened."
 )
-_ALL: Final = "mavhums analyse --json has them all"
 
 
 def blocks(
@@ -110,7 +77,7 @@ def blocks(
     faulty.sort(key=lambda verdict: verdict.consequence_of is not None)
     head = headline_block(assessment)
     found = [
-        *(_faulty(one, rest, _LATEST[one is not faulty[0]] if brief else None) for one in faulty[:_ROWS]),
+        *(_faulty(one, rest, _LATEST[one is not faulty[0]] if brief else None) for one in faulty[:ROWS]),
         *(one for condition in _OPEN for one in _by_reason(rest, condition, brief=brief)),
         *(Finding(f"{name(v, rest)}: values in doubt", None, [odd]) for v, odd in _doubtful(rest)),
     ]
@@ -128,7 +95,7 @@ def blocks(
         *_listing("Physics and network", _network(rest)),
     ]
     if brief:
-        middle = [*_notes([*first, *_happened(assessment)]), *_verdicts(rest, brief=True)]
+        middle = [*_notes([*first, *_happened(assessment)]), *verdict_table(rest, brief=True)]
         unknown = [one for one in found if one.condition in ("undecided", "learning")]
         unsaid = unknown[0 if faulty else _UNKNOWN :]
         found = [one for one in found if one not in unsaid]
@@ -138,7 +105,7 @@ def blocks(
         return [*_headed(head, middle, found), *_notes(left), *over, _end_of_brief(assessment)]
     notes = [f"{note}." for note in flight_notes(assessment)]
     proof, more = _curves(rest, gathered, faulty=bool(faulty))
-    well = [one for one in rest.ranked() if one not in faulty and one.coverage.windows][:_ROWS]
+    well = [one for one in rest.ranked() if one not in faulty and one.coverage.windows][:ROWS]
     return [
         head._replace(about=_about(assessment)),
         *_notes(
@@ -148,7 +115,7 @@ def blocks(
             ]
         ),
         *proof,
-        *_verdicts(rest, brief=False),
+        *verdict_table(rest, brief=False),
         *found,
         *_by_reason(rest, "unmonitored", brief=False),
         *over,
@@ -270,80 +237,6 @@ def _is_not_normal(block: Block) -> bool:
     return isinstance(block, Finding) or (isinstance(block, Listing) and block.title == "Over the flights")
 
 
-_COLUMNS: Final = (
-    Column("condition", "word"),
-    Column("control left", "word", 1),
-    Column("friction, N·m", "word", 2),
-    Column("network", "figure", 5),
-    Column("since", "figure", 3),
-    Column("moving", "figure", 6),
-    Column("judged", "figure", 4),
-    Column("moved by", "text", 7),
-)
-
-
-def _verdicts(assessment: Assessment, *, brief: bool) -> Iterator[Block]:
-    """Yield the table of the verdicts; the short one has those that say something."""
-    shown = [one for one in listed(assessment) if not (brief and one.gravest in _UNSAID)]
-    groups = [*_alike(shown, assessment)]
-    if not groups:
-        return
-    kinds = {alike[0].subject for alike in groups}
-    columns = [Column(kinds.pop() if len(kinds) == 1 else "subject"), *_COLUMNS]
-    if columns[0].title == "motor":
-        columns[2] = columns[2]._replace(title="thrust left")
-    yield table("" if brief else "Verdicts", columns, [_row(alike, assessment) for alike in groups[:_ROWS]])
-    if len(groups) > _ROWS:
-        yield Note([f"{len(groups) - _ROWS} more, less grave: {_ALL}."])
-
-
-def _row(alike: Sequence[Verdict], assessment: Assessment) -> list[Cell]:
-    verdict, past = alike[0], course(alike[0])
-    moving = verdict.coverage.moving_fraction if "V7" in verdict.provenance else None
-    before: list[Part] = [Mark(past[0]), f" {past[1]}".rstrip(), ", then "] if past else []
-    cells = (
-        control_left(verdict),
-        friction(verdict.friction_nm) if verdict.friction_nm else None,
-        network_cell(verdict),
-        clock(verdict.since.flight_time_s) if verdict.since else None,
-        None if moving is None else percent(moving),
-        judged(verdict),
-        ", ".join(verdict.surfaces),
-    )
-    return [
-        _title(alike, assessment),
-        [*before, Mark(verdict.condition)],
-        *(cell or NOTHING for cell in cells),
-    ]
-
-
-def _alike(verdicts: Iterable[Verdict], assessment: Assessment) -> Iterator[list[Verdict]]:
-    """Yield the verdicts, as one those on like subjects whose rows differ in nothing but the name."""
-    rows: dict[str, list[Verdict]] = {}
-    for verdict in verdicts:
-        key = repr((verdict.subject, verdict.vehicle, _row([verdict], assessment)[1:]))
-        rows.setdefault(key, []).append(verdict)
-    yield from rows.values()
-
-
-def listed(assessment: Assessment) -> list[Verdict]:
-    """Return the verdicts worst first, axes before servos; where nothing is wrong, what is well comes first.
-
-    A verdict that something is wrong must not be overlooked; among others, what could not be judged would
-    hide that all that could be judged is well.
-    """
-    ranked = sorted(assessment.ranked(), key=lambda verdict: verdict.subject != "axis")
-    wrong = any(SEVERITY[verdict.gravest] > SEVERITY["normal"] for verdict in ranked)
-    order = URGENCY if wrong else SEVERITY
-    return sorted(ranked, key=lambda verdict: -order[verdict.gravest])
-
-
-def _title(alike: Sequence[Verdict], assessment: Assessment) -> str:
-    """Return the subject of verdicts in one row: of a servo without telemetry it is the wear alone."""
-    unseen = alike[0].gravest == "unmonitored" and alike[0].actuator != ALL
-    return f"wear of {names(alike, assessment)}" if unseen else names(alike, assessment)
-
-
 def _faulty(verdict: Verdict, assessment: Assessment, latest: int | None) -> Finding:
     """Return what is or was wrong with a subject; in short with so many of the ``latest`` findings."""
     why = [finding(item) for item in verdict.evidence]
@@ -351,7 +244,7 @@ def _faulty(verdict: Verdict, assessment: Assessment, latest: int | None) -> Fin
         # The latest findings say what is so now, and why.
         why[:-latest] = [f"… {len(why) - latest} earlier"][: latest - 1]
     elif len(why) > _FIRST + _LAST + 1:
-        why[_FIRST:-_LAST] = [f"… {len(why) - _FIRST - _LAST} more findings ({_ALL})"]
+        why[_FIRST:-_LAST] = [f"… {len(why) - _FIRST - _LAST} more findings ({ALL_ROWS})"]
     explained = explanation(verdict)
     title, todo = name(verdict, assessment), advice(verdict)
     if latest and verdict.consequence_of and explained:
@@ -481,40 +374,3 @@ def _log(assessment: Assessment, notes: Sequence[str]) -> Facts:
         ("SHA-256", log.sha256 or "not known"),
     ]
     return Facts("The log", pairs)
-
-
-class Line(NamedTuple):
-    """One log: its mark (None if it cannot be read), what was found, and its exit code."""
-
-    log: Path
-    worst: Mark | None
-    what: str
-    code: ExitCode
-
-
-def line_of(log: Path, outcome: Assessment | MavhumsError) -> Line:
-    """Return the line on a log that was judged, or on one that could not be read."""
-    if isinstance(outcome, MavhumsError):
-        return Line(log, None, outcome.problem.removeprefix(f"{log}: "), ExitCode.ERROR)
-    brief = headline_block(outcome)
-    return Line(log, brief.mark, brief.text, outcome.exit_code)
-
-
-def many(lines: Sequence[Line]) -> Table:
-    """Return a table of many logs, worst first, in which logs of like gravity keep their order."""
-    names = [line.log.name for line in lines]
-    rows: list[list[Cell]] = [
-        [
-            line.log.name if names.count(line.log.name) == 1 else str(line.log),
-            "unreadable" if line.worst is None else [line.worst],
-            line.what,
-            str(int(line.code)),
-        ]
-        for line in sorted(lines, key=_place)
-    ]
-    columns = (Column("log"), Column("worst", "word"), Column("what"), Column("exit", "figure"))
-    return Table("", columns, rows)
-
-
-def _place(line: Line) -> tuple[int, int]:
-    return GRAVEST_FIRST.index(line.code), -URGENCY[line.worst.condition if line.worst else "undecided"]
