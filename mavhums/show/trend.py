@@ -93,7 +93,7 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
     states = {_subject(one): one for one in report.standings}
     rows: list[list[Cell]] = []
     for one in trends:
-        state = _state(states.get(_subject(one)), one)
+        state = _by_indicator(_state(states.get(_subject(one)), one), one)
         grows = one.growth is not None and SEVERITY[state] <= 0
         values = [point.value.estimate for point in one.points]
         rows.append(
@@ -110,6 +110,13 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
     figures = ("since\nbaseline", "per\nflight", "flights to\nnext limit")
     columns += [Column(title, "figure") for title in figures]
     return Table(f"{trends[0].quantity}, {trends[0].unit}", columns, rows)
+
+
+def _by_indicator(state: Condition, one: ActuatorTrend) -> Condition:
+    """Return the state of a subject as far as this indicator gives it: another one is within its limit."""
+    last = one.points[-1]
+    passed = _beyond(one) or (last.highest is not None and one.limit is not None and last.highest > one.limit)
+    return "normal" if one.limit is not None and not passed and SEVERITY[state] > 0 else state
 
 
 def _peak(one: ActuatorTrend, report: TrendReport) -> str | None:

@@ -479,3 +479,12 @@ def test_an_emergency_is_listed_with_its_highest_value_and_its_end(run: Run, tmp
     assert frame[["estimate", "highest", "end"]].iloc[0].tolist() == [0.56, 0.951, 0.93]
     [stood] = mavhums.trend(tmp_path / "store").standings
     assert sentence(stood).endswith("friction up to 0.951 N·m (limit 0.875 N·m)")
+
+
+def test_a_fault_is_not_shown_of_an_indicator_within_its_limit(run: Run, tmp_path: Path) -> None:
+    worn = verdict(shown(0.95), shown(0.1, fault="backlash"), condition="emergency", suspect="friction")
+    write_store(tmp_path / "store", {"D-A": [flown(worn)]})
+    outcome = run("trend", "--store", tmp_path / "store", "--fault", "all")
+    assert outcome.code == ExitCode.EMERGENCY
+    rows = [line for line in outcome.out.splitlines() if line.startswith(" elevator")]
+    assert ["EMERGENCY" in row for row in rows] == [True, False]
