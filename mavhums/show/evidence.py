@@ -317,7 +317,11 @@ def _of_verdict(
     assert verdict.vehicle is not None
     suspects = [item.fault for item in verdict.suspects]
     since_s = verdict.since.flight_time_s if verdict.since and suspects else np.inf
-    kinds = (key.fault for key in traces if key[:2] == (verdict.vehicle, verdict.actuator))
+    kinds = [key.fault for key in traces if key[:2] == (verdict.vehicle, verdict.actuator)]
+    banked = CurveKey(verdict.vehicle, "roll", "roll_angle")
+    if suspects and not kinds and banked in traces:
+        # What no output explains is judged without a reference, and the bank shows it.
+        yield 1, _trace(whose, banked, traces[banked], since_s)
     for kind in in_order(kinds, suspects[0] if suspects else ""):
         key = CurveKey(verdict.vehicle, verdict.actuator, kind)
         yield 1 + (kind != EVIDENCE), _trace(whose, key, traces[key], since_s)

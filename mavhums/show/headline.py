@@ -218,7 +218,7 @@ def _well(normal: Sequence[Verdict], assessment: Assessment) -> Iterator[str]:
         known = [loss for loss in losses if loss is not None]
         if subject == "axis" and own and all(verdict.coverage.excluded for verdict in own):
             yield f"{names(own, assessment)}: no loss of {LOSS} or more"
-        elif own and known:
+        elif own and len(known) == len(own):
             yield f"{names(own, assessment)}: none lost {100 * max(known):.0f} % or more of its thrust"
         elif own:
             yield f"{names(own, assessment)} within {'their' if len(own) > 1 else 'its'} limits"

@@ -203,7 +203,7 @@ def test_a_flight_of_two_stations_and_the_card_counts_once(run: Run, tmp_path: P
         last = run("analyse", log, "--store", store, "--keep", "--airframe", "paper")
         assert last.code != ExitCode.ERROR
     assert "also recorded" not in last.out
-    told = run("analyse", logs[1], "--store", store, "--airframe", "paper")
+    told = run("analyse", logs[1], "--store", store, "--airframe", "paper", "--verbose")
     unwrapped = "".join(told.out.split())
     assert f"alsorecordedin{logs[2]}and{logs[0]};{logs[0]}counts" in unwrapped
     [trend] = mavhums.trend(store, actuators=["elevator"], faults=["friction"]).trends
