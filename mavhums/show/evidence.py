@@ -319,7 +319,7 @@ def _of_verdict(
     since_s = verdict.since.flight_time_s if verdict.since and suspects else np.inf
     kinds = [key.fault for key in traces if key[:2] == (verdict.vehicle, verdict.actuator)]
     banked = CurveKey(verdict.vehicle, "roll", "roll_angle")
-    if suspects and not kinds and banked in traces:
+    if "hard_over" in suspects and not kinds and banked in traces:
         # What no output explains is judged without a reference, and the bank shows it.
         yield 1, _trace(whose, banked, traces[banked], since_s)
     for kind in in_order(kinds, suspects[0] if suspects else ""):
