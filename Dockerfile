@@ -10,12 +10,12 @@ COPY sim sim
 RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheel .
 
 FROM python:3.12-slim
-COPY constraints.txt /tmp/
-COPY --from=build /wheel /tmp/wheel
-RUN for wheel in /tmp/wheel/*.whl; do \
-        pip install --no-cache-dir --no-compile -c /tmp/constraints.txt "$wheel[fleet,serve,viewer,zstd]" || exit 1; \
+COPY constraints.txt /install/
+COPY --from=build /wheel /install
+RUN for wheel in /install/*.whl; do \
+        pip install --no-cache-dir --no-compile -c /install/constraints.txt "$wheel[fleet,serve,viewer,zstd]" || exit 1; \
     done && \
-    rm -r /tmp/wheel /tmp/constraints.txt && \
+    rm -r /install && \
     useradd --create-home --uid 1000 mavhums && install -d -o mavhums /data
 USER mavhums
 WORKDIR /data

@@ -18,7 +18,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mavhums.actuator.profile import Airframe, packaged_airframes, packaged_text
+from mavhums.actuator.announcements import announcements
+from mavhums.actuator.profile import Airframe, packaged_text
 from mavhums.actuator.telemetry import TIERS
 from mavhums.core.arrays import Flags, Integers
 from mavhums.core.errors import MavhumsError
@@ -33,7 +34,6 @@ from mavhums.vehicle.parameters import (
     control_surfaces,
     read_parameters,
 )
-from mavhums.vehicle.states import texts
 
 DRAFTED: Final = "drafted"
 """Name of a profile that nobody has named: the same for every flight, so that these can be compared."""
@@ -222,39 +222,6 @@ def guesses_for(servo: int, names: Collection[str]) -> Iterator[QuantityGuess]:
     for suffix, (key, scale, taken_for) in _MEANINGS.items():
         if suffix in own:
             yield QuantityGuess(key, own[suffix], scale, taken_for)
-
-
-_TEXT: Final = re.compile(r"mavhums airframe=([A-Za-z0-9_.-]{1,40})")
-
-
-class Announcement(NamedTuple):
-    """A text ``mavhums airframe=NAME``.
-
-    Attributes
-    ----------
-    frame
-        Position of the message in the log.
-    name
-        The profile; a log may only name one that ships with mavhums, never a file.
-    known
-        Whether there is such a profile.
-    """
-
-    frame: int
-    time_us: int
-    vehicle: int
-    name: str
-    known: bool
-
-
-def announcements(tables: Mapping[str, Table]) -> Iterator[Announcement]:
-    """Yield the profile names in the log, in the order of the log."""
-    known: list[str] | None = None
-    for said in texts(tables):
-        match = _TEXT.fullmatch(said.text.strip())
-        if match:
-            known = packaged_airframes() if known is None else known
-            yield Announcement(said.frame, said.time_us, said.vehicle, match[1], match[1] in known)
 
 
 Places = tuple[Integers, Integers]

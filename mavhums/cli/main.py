@@ -22,10 +22,9 @@ from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.startup import collect_seldom
 
 _HOMES: Final[Mapping[str, Mapping[str, str]]] = {
-    "Judge": {"analyse": "analyse", "report": "analyse", "serve": "serve", "live": "live"},
+    "Judge": {"analyse": "analyse", "report": "analyse", "serve": "serve", "live": "live", "mcp": "mcp"},
     "Look": {"inspect": "", "check": "tools", "export": "tools"},
     "Over flights": {"trend": "trend", "fleet": "fleet"},
-    "Serve": {"mcp": "mcp"},
     "Set up": {"profile": "tools", "warm-up": "tools"},
     "Models": {"model": "tools", "train": "learn", "precedents": "learn", "study": "learn"},
 }

@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.actuator import Mapper, actuators, load_airframe
-from mavhums.actuator.draft import announcements
+from mavhums.actuator.announcements import announcements
 from mavhums.actuator.profile import ProfileError
 from mavhums.actuator.telemetry import best_tier, tiers_by_content
 from mavhums.core.quantities import KEYS, column

@@ -75,7 +75,7 @@ def test_a_wing_that_does_not_move_has_landed_however_high(kind: float, airspeed
     assert kinds(events) == ["take_off", ends]
 
 
-@pytest.mark.parametrize(("kind", "sinks_m_s", "hits"), [(1, 1.5, True), (1, 0.5, False), (2, 1.5, False)])
+@pytest.mark.parametrize(("kind", "sinks_m_s", "hits"), [(1, 2.5, True), (1, 1.5, False), (2, 2.5, False)])
 def test_a_wing_that_sinks_until_it_is_at_rest_hits_the_ground(
     kind: float, sinks_m_s: float, hits: bool
 ) -> None:

@@ -42,7 +42,7 @@ const openedAt = moment();
 // The part of the flight that is shown first.
 const span = (duration) => (openedAt <= duration ? [Math.max(openedAt - AROUND_S, 0), Math.min(openedAt + AROUND_S, duration)] : [0, duration]);
 
-function name(time) {
+function setMoment(time) {
   const address = new URLSearchParams(location.hash.slice(1));
   address.set("t", String(Math.round(time * 10) / 10));
   history.replaceState(null, "", `#${address}`);
@@ -219,7 +219,7 @@ function figure(chart, whole, parent) {
   if (chart.life) made("p", chart.life, place);
   const box = made("div", "", place, "chart");
   made("figcaption", chart.caption, place);
-  const opened = chart.links ? (at) => chart.links[at] && location.assign(chart.links[at]) : (_, time) => name(time);
+  const opened = chart.links ? (at) => chart.links[at] && location.assign(chart.links[at]) : (_, time) => setMoment(time);
   draw(box, `${chart.title}: ${chart.caption}`, () => curve(chart, whole), opened);
 }
 
