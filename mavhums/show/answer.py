@@ -99,8 +99,7 @@ def blocks(
         unknown = [one for one in found if one.condition in ("undecided", "learning")]
         unsaid = unknown[0 if faulty else _UNKNOWN :]
         found = [one for one in found if one not in unsaid]
-        others = join(one.title for one in unsaid)
-        left = [f"Not judged: {others} (--verbose gives the reasons)."] if unsaid else []
+        left = [f"Not judged: {join(one.title for one in unsaid)} (--verbose has why)."] if unsaid else []
         return [*_headed(head, middle, found), *_notes(left), *over, _end_of_brief(assessment)]
     notes = [f"{note}." for note in flight_notes(assessment)]
     proof, more = _curves(rest, gathered, faulty=bool(faulty))
