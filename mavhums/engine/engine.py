@@ -47,6 +47,7 @@ from mavhums.vehicle.dates import date_of_file, date_shift_us
 from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import FLIGHT_MESSAGES, IDENTITY_MESSAGES, Identities, Identity, RecordedFlights
+from mavhums.vehicle.reported import FAULT_MESSAGES
 from mavhums.vehicle.servo_rail import RAIL_MESSAGES, SAGS_SHARE, ServoRails
 from mavhums.vehicle.signals import SIGNAL_MESSAGES
 from mavhums.vehicle.states import (
@@ -100,7 +101,7 @@ class Engine:
         telemetry = messages_for(airframe.actuators if airframe else ())
         self._vehicle_limit = VehicleLimit(telemetry - TEXT_MESSAGES)
         wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | FLIGHT_MESSAGES
-        wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES | RAIL_MESSAGES
+        wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES | RAIL_MESSAGES | FAULT_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else MODE_MESSAGES
         wanted |= SIGNAL_MESSAGES
         self._events = FlightEvents()
@@ -267,6 +268,7 @@ class Engine:
         yield from self._listen(tables)
         self._airspeeds.feed(tables)
         self._temperatures.feed(tables)
+        self._events.feed(tables, self._decoder.first_time_us or 0, self._vehicle_limit.admits)
         for vehicle, sag in self._rails.feed(tables):
             text = f"the servo rail falls below {SAGS_SHARE * sag.usual_v:.1f} V: it feeds every surface"
             yield Notice(self._flight_time(sag.start_us), vehicle, text)

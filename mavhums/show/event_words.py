@@ -16,11 +16,13 @@ _WORDS: Final[Mapping[EventKind, str]] = {
     "landed by parachute or stall",
     "altitude_loss": "the aircraft sinks {value:.0f} m while the autopilot holds its altitude demand: "
     "probably a loss of thrust or control",
+    "fault": "{subject} reports {said}{times}",
     "failsafe": 'failsafe: the vehicle reports "{said}"',
     "reboot": "the autopilot's clock jumps in flight: a reboot, or its time was set",
     "supply": "the servo rail falls below {value:.1f} V",
     "telemetry_ends": "telemetry of {subject} ends {value:.0f} s before the end of the flight",
     "contact": "angular acceleration beyond what motors can produce, then a descent: probably a contact",
+    "errors": "the error count of {subject} grows by {value:.0f}",
     "begins_in_air": "the log begins in flight",
     "ends_in_air": "the log ends in flight",
     "take_off": "take-off",
@@ -49,8 +51,9 @@ def event_words(event: FlightEvent) -> str:
     >>> event_words(FlightEvent(kind="mode", vehicle=1, time_s=3.0, said="AUTO"))
     'flight mode AUTO'
     """
+    times = f", {event.value:.0f} times" if (event.value or 0) > 1 else ""
     return _WORDS[event.kind].format(
-        said=(event.said or "").strip(), subject=event.subject, value=event.value
+        said=(event.said or "").strip(), subject=event.subject, value=event.value, times=times
     )
 
 

@@ -9,17 +9,20 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Container, Iterator, Sequence, Set
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence, Set
 from typing import Final
 
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags
+from mavhums.log import Table
 from mavhums.results.events import EventKind, FlightEvent
 from mavhums.results.reasons import Reason
 from mavhums.vehicle.facts import ARDUPILOT, ON_GROUND
+from mavhums.vehicle.formats import each, reports
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.phases import CONTACT, LANDING, TAKE_OFF, PhaseRows, Phases
+from mavhums.vehicle.reported import FAULT_FACTS, Reported
 from mavhums.vehicle.rotors import Rotors
 
 _MOST: Final = 100  # of a kind and vehicle: what comes later is counted, as memory is bounded
@@ -58,6 +61,11 @@ class VehicleEvents:
     ----------
     vehicle
         System id.
+
+    Attributes
+    ----------
+    reported
+        What its devices report of their own faults.
     """
 
     def __init__(self, vehicle: int) -> None:
@@ -72,6 +80,7 @@ class VehicleEvents:
         self._last_s = 0.0
         self._sources: dict[str, tuple[float, float, int]] = {}
         self._ended = False
+        self.reported = Reported()
         self._course: deque[tuple[float, ...]] = deque(maxlen=_HELD_S + _SINKS_S)
         self._sank_s = -np.inf
         self.left_out = 0
@@ -86,6 +95,7 @@ class VehicleEvents:
 
     def hear_text(self, time_s: float, text: str) -> None:
         """Take a text of the vehicle."""
+        self.reported.hear_text(time_s, text)
         if _CRASH.match(text):
             self.add("crash", time_s, said=text)
         if _FAILSAFE.search(text) and not _NO_FAILSAFE.search(text):
@@ -170,6 +180,7 @@ class VehicleEvents:
             Whether it is carried by rotors alone: only of these a contact is told from ordinary flight.
         """
         found = [event for kept in self._kept.values() for event in kept]
+        found += [self._event(kind, time_s, **about) for kind, time_s, about in self.reported.faults()]
         flies = self._phases.certain and self._kind not in _NEVER_AIRBORNE
         found += [self._event(*self._begun)] if flies else []
         flights = [*self._flights(found)]
@@ -228,6 +239,14 @@ class FlightEvents:
     def of(self, vehicle: int) -> VehicleEvents:
         """Return the events of a vehicle."""
         return self._vehicles.setdefault(vehicle, VehicleEvents(vehicle))
+
+    def feed(self, tables: Mapping[str, Table], start_us: int, admits: Callable[[int], bool]) -> None:
+        """Take the faults that devices report in these messages, of the vehicles that are admitted."""
+        for report in reports(tables, *FAULT_FACTS):
+            for vehicle, rows in each(report.table.system):
+                if admits(vehicle):
+                    own = report if isinstance(rows, slice) else report.select(rows)
+                    self.of(vehicle).reported.hear(own, (own.table.time_us - start_us) / 1e6)
 
     def finish(self) -> None:
         """End the input."""

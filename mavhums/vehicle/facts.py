@@ -75,11 +75,87 @@ REPORTS: Final[Mapping[str, str]] = {
     "position": "latitude and longitude, degrees, and altitude above sea level, m; (n, 3)",
     "sensed airspeed": "airspeed of the sensor, not validated by the autopilot, m/s; (n, 1)",
     "ESC temperature": "°C, a column for each ESC from the source's ``first`` on; (n, k)",
+    "ESC errors": "errors that an ESC counts, a column for each ESC from ``first`` on; (n, k)",
+    "ESC faults": "bits of ``FAULTS``, a column for each ESC from ``first`` on; (n, k)",
+    "ESC telemetry": "the same",
+    "ESC links": "the same",
+    "servo flags": "the same, a column for each servo",
+    "motor faults": "the same, a column for each motor",
+    "supply faults": "bits of ``FAULTS``; (n, 1)",
+    "autopilot faults": "the same",
     "servo rail": "voltage of the rail that feeds the servos, V; (n, 1)",
     "named value": "name of a value that a script or the autopilot sends; text (n,)",
     "script value": "name of a number that a script sends and a profile can map; text (n,)",
 }
 """Facts that are no signals, with the meaning and the shape of their values."""
+
+
+class Faults(NamedTuple):
+    """How the bits of a fact that a device reports about itself are named.
+
+    Attributes
+    ----------
+    subject
+        Who reports; ``{n}`` is its number, from 1.
+    words
+        What is reported, by bit.
+    from_start
+        Whether a bit counts that is set from the first reading on. One that means another state, or is wired
+        to nothing on some boards, counts where it rises.
+    """
+
+    subject: str
+    words: tuple[str, ...]
+    from_start: bool = True
+
+
+FAULTS: Final[Mapping[str, Faults]] = {
+    "ESC faults": Faults(
+        "ESC {n}",
+        (
+            "over-current",
+            "over-voltage",
+            "over-temperature",
+            "excess speed",
+            "a command out of bounds",
+            "a stuck motor",
+            "a fault",
+            "a warning of motor temperature",
+            "a warning of ESC temperature",
+            "ESC over-temperature",
+            "an alert (demagnetisation)",
+            "a warning (desynchronisation)",
+            "an error (stall)",
+        ),
+    ),
+    "ESC telemetry": Faults("the autopilot", ("errors in most of ESC {n}'s telemetry",), from_start=False),
+    "ESC links": Faults("the autopilot", ("ESC {n} offline",), from_start=False),
+    "servo flags": Faults(
+        "servo {n}", tuple(f"error flag 0x{1 << k:02X}" for k in range(8)), from_start=False
+    ),
+    "motor faults": Faults("the autopilot", ("a failure of motor {n}",)),
+    "supply faults": Faults(
+        "the autopilot",
+        (
+            "loss of its main supply",
+            "loss of the servo rail's supply",
+            "over-current of its peripherals",
+            "over-current of its high-power peripherals",
+        ),
+        from_start=False,
+    ),
+    "autopilot faults": Faults(
+        "the autopilot",
+        (
+            "motor outputs that are not healthy",
+            "a propulsion that is not healthy",
+            "ESCs that do not arm",
+            "an unbalanced propeller",
+            "a motor failure",
+        ),
+    ),
+}
+"""Faults that devices report; a source's row translates its format's bits into these."""
 
 RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "rates": (-1e4, 1e4),
@@ -107,6 +183,7 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "parameter": (-(2**32), 2**32),
     "ESC temperature": (0, 255),
     "ESC speed": (-1e7, 1e7),
+    "ESC errors": (0, 2**32),
 }
 """Least and greatest value of a fact, in its unit; beyond, it is damage or forged.
 

@@ -231,7 +231,7 @@ class EscTemperatures:
             for vehicle, rows in each(report.table.system):
                 for k, degrees in enumerate(values[rows].T):
                     counts = np.bincount(degrees, minlength=_DEGREES)
-                    key = vehicle, report.source.first + k
+                    key = vehicle, int(report.first[0]) + k
                     self._counts[key] = self._counts.get(key, np.zeros(_DEGREES, dtype=np.int64)) + counts
 
     def median(self, vehicle: int, esc: int | None) -> float | None:

@@ -44,6 +44,9 @@ PLACE = {"lat": 515000000, "lon": -1234567, "alt": 120500, "relative_alt": 2500}
 GPS = {"I": 0, "Status": 3, "Spd": 20.0, "GCrs": 90.0, "VZ": -2.0}
 COMMANDED = {"q": [np.sqrt(0.75), 0.0, 0.5, 0.0], "type_mask": 0b0000_0111}
 ONE = (b"N", 0x3F800000, 9)  # 1.0 as IEEE 754
+HEALTH = {"onboard_control_sensors_enabled": 1 << 15 | 1 << 26 | 1 << 4}
+DETECTOR = "failure_detector_status"
+DETECTED = {"fd_arm_escs": 1, "fd_imbalanced_prop": 1, "fd_motor": 1, "motor_failure_mask": 0}
 INT32 = {"name": b"N", "type": b"int32_t", "value": 7.0}
 
 FACTS: tuple[tuple[str, dict[str, Any], str, Any], ...] = (
@@ -122,6 +125,28 @@ FACTS: tuple[tuple[str, dict[str, Any], str, Any], ...] = (
     ("MSG", {"TimeUS": 1500}, "uptime", 1500),
     ("PARM", {"TimeUS": 1500}, "uptime", 1500),
     ("PARM", {"Name": b"N", "Value": 1.0}, "parameter", ONE),
+    # flags of faults: ESC_FAILURE_FLAGS, MAV_POWER_STATUS, MAV_SYS_STATUS_SENSOR, EDT2's status, PX4's topics
+    ("ESC_INFO", {"error_count": [0, 1, 2, 3], "index": 4}, "ESC errors", [0, 1, 2, 3]),
+    ("ESC_INFO", {"failure_flags": [0, 32, 0, 1], "index": 4}, "ESC faults", [0, 32, 0, 1]),
+    ("POWER_STATUS", {"flags": 0b111}, "supply faults", [0]),
+    ("POWER_STATUS", {"flags": 0b11001}, "supply faults", [0b1110]),
+    ("POWR", {"Flags": 0b1010}, "supply faults", [0b0101]),
+    ("SYS_STATUS", HEALTH | {"onboard_control_sensors_health": 3}, "autopilot faults", [0b11]),
+    ("SYS_STATUS", HEALTH | {"onboard_control_sensors_health": 1 << 26}, "autopilot faults", [0b01]),
+    ("ESC", {"Instance": 2, "Err": 50.0}, "ESC telemetry", [0]),
+    ("ESC", {"Instance": 2, "Err": 51.0}, "ESC telemetry", [1]),
+    ("EDT2", {"Instance": 2, "Status": 0b01010}, "ESC faults", [1 << 11]),
+    ("CESC", {"Id": 2, "ECnt": 7}, "ESC errors", [7]),
+    ("CSRV", {"Id": 2, "Err": 5}, "servo flags", [5]),
+    ("esc_status", {"esc[1].esc_errorcount": 7}, "ESC errors", [0, 7, *[0] * 10]),
+    ("esc_status", {"esc[1].failures": 32}, "ESC faults", [0, 32, *[0] * 10]),
+    ("esc_status", {"esc_count": 4, "esc_online_flags": 0b1011}, "ESC links", [0, 0, 1, *[0] * 9]),
+    (DETECTOR, DETECTED, "motor faults", [0] * 12),
+    (DETECTOR, DETECTED | {"motor_failure_mask": 0b100}, "motor faults", [0, 0, 1, *[0] * 9]),
+    (DETECTOR, DETECTED, "autopilot faults", [0b11100]),
+    (DETECTOR, DETECTED | {"motor_failure_mask": 0b100}, "autopilot faults", [0b01100]),
+    ("system_power", {"brick_valid": 0, "servo_valid": 1, "periph_5v_oc": 1}, "supply faults", [0b101]),
+    ("system_power", {"hipower_5V_OC": 1}, "supply faults", [0b1000]),
     # PX4's topics: SI units; angles as quaternions, z down
     ("vehicle_attitude", {"q": [HALF, HALF, 0.0, 0.0]}, "attitude", [QUARTER, 0, 0]),
     ("vehicle_attitude", {"q": [HALF, 0.0, 0.0, HALF]}, "attitude", [0, 0, QUARTER]),

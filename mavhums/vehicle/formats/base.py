@@ -54,7 +54,8 @@ class Source(NamedTuple):
     all_components
         Whether every component of a vehicle that sends it counts, not only the first one.
     first
-        Of a fact with a column for each ESC: the ESC of the first column.
+        Of a fact with a column for each ESC, servo or motor: the number of the first column, from 0, or what
+        returns it row for row.
     """
 
     fact: str
@@ -63,7 +64,7 @@ class Source(NamedTuple):
     values: Callable[[Table], NDArray[Any]]
     rows: Callable[[Table], Flags] | None = None
     all_components: bool = False
-    first: int = 0
+    first: int | Callable[[Table], Integers] = 0
 
 
 class ServoPart(NamedTuple):
@@ -163,6 +164,13 @@ class Report(NamedTuple):
         return self.select(within)
 
     @property
+    def first(self) -> Integers:
+        """The number of the first column, row for row."""
+        first = self.source.first
+        with np.errstate(all="ignore"):
+            return np.full(len(self.table), first) if isinstance(first, int) else first(self.table)
+
+    @property
     def rank(self) -> int:
         """Place of the source among those of the same fact in its format, the preferred one first."""
         return [one for one in self.format.SOURCES if one.fact == self.source.fact].index(self.source)
@@ -206,6 +214,30 @@ def plain(
     """Return the source of a fact whose columns are scalar fields times ``scale``."""
     widths = dict.fromkeys(fields, 1)
     return Source(fact, message, widths, lambda table: columns(table, *fields, scale=scale), rows)
+
+
+def bits_of(*flags: NDArray[Any]) -> Integers:
+    """Return flags, each (n,), as bits of one column, the first one the lowest; shape (n, 1).
+
+    Examples
+    --------
+    >>> bits_of(np.array([False, True]), np.array([True, True])).tolist()
+    [[2], [3]]
+    """
+    return np.asarray(sum((flag != 0).astype(np.int64) << k for k, flag in enumerate(flags)))[:, None]
+
+
+def whole(field: str, *, column: bool = False) -> Callable[[Table], Integers]:
+    """Return what reads a field as whole numbers: (n,), or one ``column``, (n, 1).
+
+    A self-describing log may define it as any numbers.
+    """
+    return lambda table: table[field].astype(np.int64)[:, None] if column else table[field].astype(np.int64)
+
+
+def supply_faults(flags: Integers) -> Integers:
+    """Return the bits of the fact ``supply faults`` of MAV_POWER_STATUS flags, (n,); shape (n, 1)."""
+    return bits_of(flags & 1 == 0, flags & 2 == 0, flags & 8, flags & 16)
 
 
 def pulses(values: Array) -> Array:

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.core.arrays import Array, Flags
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.log import Table
 from mavhums.vehicle.facts import ALL_OUTPUTS, ARDUPILOT, IN_AIR, ON_GROUND, OUTPUTS, ServoIds
 from mavhums.vehicle.formats.base import (
@@ -25,12 +25,15 @@ from mavhums.vehicle.formats.base import (
     ServoSource,
     Source,
     Split,
+    bits_of,
     columns,
     holds,
     named,
     plain,
     pulses,
     records_of_parameters,
+    supply_faults,
+    whole,
 )
 
 _FIX: Final = 3  # GPS_STATUS of a three-dimensional fix: before it, speed and course are noise
@@ -120,8 +123,19 @@ def _parameters(table: Table) -> NDArray[Any]:
 _LANDINGS: Final = {18: ON_GROUND, 28: IN_AIR}  # of events: landed, not landed
 
 
+def _csrv_place(table: Table) -> Integers:
+    """Return the outputs, from 0, of servo records, shape (n,): see ``_csrv``."""
+    return (table.numbers("Id") + np.isfinite(table.numbers("PosCmd"))).astype(np.int64) - 1
+
+
 def _landing(table: Table) -> Array:
     return np.array([float(_LANDINGS[number]) for number in table["Id"].tolist()])[:, None]
+
+
+_INSTANCE: Final = whole("Instance")
+_STATUS: Final = whole("Status")
+_FIRST_STATUS: Final = 10
+"""Of the faults of an ESC: DShot's extended telemetry has alert, warning and error in bits 2 to 4."""
 
 
 _STAT: Final = {"Armed": 1, "isFlying": 1}
@@ -159,6 +173,20 @@ SOURCES: Final = (
     Source("parameter", "PARM", {"Name": TEXT, "Value": 1}, _parameters),
     plain("position", "POS", "Lat", "Lng", "Alt"),
     plain("sensed airspeed", "ARSP", "Airspeed", rows=_first_sensor),
+    Source(
+        "ESC telemetry", "ESC", {"Instance": 1, "Err": 1}, lambda t: bits_of(t["Err"] > 50.0), first=_INSTANCE
+    ),
+    Source(
+        "ESC faults",
+        "EDT2",
+        {"Instance": 1, "Status": 1},
+        lambda t: ((_STATUS(t) >> 2 & 7) << _FIRST_STATUS)[:, None],
+        lambda t: _STATUS(t) & 2 > 0,  # it is up to date
+        first=_INSTANCE,
+    ),
+    Source("ESC errors", "CESC", {"Id": 1, "ECnt": 1}, whole("ECnt", column=True), first=whole("Id")),
+    Source("servo flags", "CSRV", {"Id": 1, "Err": 1}, whole("Err", column=True), first=_csrv_place),
+    Source("supply faults", "POWR", {"Flags": 1}, lambda t: supply_faults(whole("Flags")(t))),
     plain("servo rail", "POWR", "VServo"),
     Source("named value", "NVF", {"Name": TEXT}, lambda t: t["Name"]),
 )
@@ -191,8 +219,7 @@ def _csrv(table: Table, servos: Sequence[ServoIds]) -> Split:
     fields = {field: gives[field] for field in gives if table.holds({field: 1})}
     if not fields:
         return
-    number = table.numbers("Id")
-    servo = number + np.isfinite(table.numbers("PosCmd"))
+    number, servo = table.numbers("Id"), _csrv_place(table) + 1
     values = np.stack([table.numbers(field) * scale for field, (_, scale) in fields.items()], axis=1)
     values[~np.isfinite(values)] = np.nan
     named = [ids.record for ids in servos if ids.record is not None]

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.core.arrays import Array, Flags
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.statistics import STANDARD_GRAVITY
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
@@ -27,12 +27,15 @@ from mavhums.vehicle.formats.base import (
     Source,
     Split,
     angles_of,
+    bits_of,
     columns,
     instrumented,
     named,
     plain,
     pulses,
     records_of_parameters,
+    supply_faults,
+    whole,
     wide,
 )
 
@@ -139,6 +142,16 @@ def _parameters(table: Table) -> NDArray[Any]:
     return records_of_parameters(table["param_id"], bits, table["param_type"])
 
 
+_BATCH: Final = 4  # ESCs in a message
+_HEALTH: Final = ("onboard_control_sensors_enabled", "onboard_control_sensors_health")
+_OUTPUTS, _PROPULSION = 1 << 15, 1 << 26  # MAV_SYS_STATUS_SENSOR
+
+
+def _unhealthy(table: Table) -> Integers:
+    enabled, healthy = (whole(field)(table) for field in _HEALTH)
+    return bits_of(*(enabled & ~healthy & part for part in (_OUTPUTS, _PROPULSION)))
+
+
 _MILLI_RATES: Final = ("xgyro", "ygyro", "zgyro")
 _MILLI_FORCE: Final = ("xacc", "yacc", "zacc")
 _ESC_BATCHES: Final = {f"ESC_TELEMETRY_{k + 1}_TO_{k + 4}": k for k in range(0, 32, 4)}
@@ -204,13 +217,18 @@ SOURCES: Final = (
         Source("named value", name, {"name": TEXT}, lambda t: t["name"])
         for name in ("NAMED_VALUE_FLOAT", "NAMED_VALUE_INT", "DEBUG_VECT", "DEBUG_FLOAT_ARRAY")
     ),
+    *(
+        Source(fact, "ESC_INFO", {field: _BATCH, "index": 1}, whole(field), first=whole("index"))
+        for fact, field in (("ESC errors", "error_count"), ("ESC faults", "failure_flags"))
+    ),
+    Source("supply faults", "POWER_STATUS", {"flags": 1}, lambda t: supply_faults(whole("flags")(t))),
+    Source("autopilot faults", "SYS_STATUS", dict.fromkeys(_HEALTH, 1), _unhealthy),
     plain("servo rail", "POWER_STATUS", "Vservo", scale=1e-3),
     Source("script value", "NAMED_VALUE_FLOAT", {"name": TEXT, "value": 1}, lambda t: t["name"]),
 )
 
 # Servo telemetry
 
-_BATCH: Final = 4
 _STATUS_FIELDS: Final = {"V4": "voltage", "V5": "current", "V7": "rpm"}
 _TELEMETRY_UNITS: Final = (0.01, 0.01, 1.0)  # 10 mV, 10 mA, 1 rev/min
 _PER_STATUS: Final = 32

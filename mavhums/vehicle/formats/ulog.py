@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.core.arrays import Array, Flags
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.log import Table
 from mavhums.vehicle.facts import IN_AIR, ON_GROUND, OUTPUTS, PX4, ServoIds
 from mavhums.vehicle.formats.base import (
@@ -19,12 +19,14 @@ from mavhums.vehicle.formats.base import (
     Source,
     Split,
     angles_of,
+    bits_of,
     columns,
     instrumented,
     named,
     plain,
     pulses,
     records_of_parameters,
+    whole,
     wide,
 )
 
@@ -32,6 +34,9 @@ _ARMED: Final = 2  # vehicle_status.ARMING_STATE_ARMED
 _INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
 _VERSION_DIGITS: Final = 10  # of 2³²: a longer text is no version
 _MAIN, _AUX = 0, 1  # places of actuator_outputs, see px4_buses
+_ESCS: Final = 12  # in a record, and motors in a mask, at most
+_DETECTOR: Final = "failure_detector_status"
+_DETECTED: Final = ("fd_arm_escs", "fd_imbalanced_prop", "fd_motor", "motor_failure_mask")
 _CHANNELS: Final = 18  # of input_rc
 _INFO: Final = {"name": TEXT, "value": TEXT}
 
@@ -134,6 +139,37 @@ def _parameters(table: Table) -> NDArray[Any]:
     return records_of_parameters(table["name"], bits, np.where(integer, _INT32, _REAL32))
 
 
+def _per_esc(field: str) -> Any:
+    """Return what reads a field of each ESC in one record; 0 of those that it lacks."""
+
+    def read(table: Table) -> Integers:
+        reports = [np.nan_to_num(table.numbers(f"esc[{k}].{field}")) for k in range(_ESCS)]
+        return np.stack(reports, axis=1).astype(np.int64)
+
+    return read
+
+
+def _members(mask: Integers) -> Integers:
+    """Return the bits of a mask as columns, shape (n, 12)."""
+    return mask[:, None] >> np.arange(_ESCS) & 1
+
+
+def _detected(table: Table) -> Integers:
+    escs, propeller, motor, which = (table[field] for field in _DETECTED)
+    none = np.zeros(len(table))
+    return bits_of(none, none, escs, propeller, (motor != 0) & (which == 0))
+
+
+def _supply(table: Table) -> Integers:
+    """Return faults of the supply; the names of two fields changed their case."""
+    lost = [table.numbers(f"{part}_valid") == 0 for part in ("brick", "servo")]
+    over = [
+        (table.numbers(f"{part}_5v_oc") > 0) | (table.numbers(f"{part}_5V_OC") > 0)
+        for part in ("periph", "hipower")
+    ]
+    return bits_of(*lost, *over)
+
+
 def _esc(table: Table, servos: Sequence[ServoIds]) -> Split:
     """Yield what up to eight ESCs in one record report."""
     for ids in servos:
@@ -204,6 +240,26 @@ SOURCES: Final = (
     Source("text", "logged_string", {"text": TEXT}, lambda t: t["text"]),
     Source("parameter", "parameter", {"name": TEXT, "type": TEXT, "value": 1}, _parameters),
     plain("position", "vehicle_global_position", "lat", "lon", "alt"),
+    *(
+        Source(fact, "esc_status", {}, _per_esc(field))
+        for fact, field in (("ESC errors", "esc_errorcount"), ("ESC faults", "failures"))
+    ),
+    Source(
+        "ESC links",
+        "esc_status",
+        {"esc_count": 1, "esc_online_flags": 1},
+        lambda t: (
+            _members(~whole("esc_online_flags")(t)) * (np.arange(_ESCS) < whole("esc_count", column=True)(t))
+        ),
+    ),
+    Source(
+        "motor faults",
+        _DETECTOR,
+        {"motor_failure_mask": 1},
+        lambda t: _members(whole("motor_failure_mask")(t)),
+    ),
+    Source("autopilot faults", _DETECTOR, dict.fromkeys(_DETECTED, 1), _detected),
+    Source("supply faults", "system_power", {}, _supply),
     plain("sensed airspeed", "airspeed", "indicated_airspeed_m_s"),
     Source("named value", "debug_key_value", {"key": TEXT}, lambda t: t["key"]),
     Source("named value", "debug_vect", {"name": TEXT}, lambda t: t["name"]),

@@ -1,0 +1,99 @@
+"""Faults that ESCs, servos, supplies and the autopilot report themselves: flags, counts of errors, texts.
+
+Of three readings the middle one counts, as one may be damaged. What is kept is when a fault was reported
+first, and how often.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+
+from mavhums.core.arrays import Array, Integers
+from mavhums.results.events import EventKind
+from mavhums.vehicle.facts import FAULTS
+from mavhums.vehicle.formats import each, messages_of
+from mavhums.vehicle.formats.base import Report
+
+_ERRORS: Final = "ESC errors"  # a count; the others are bits
+FAULT_FACTS: Final = (_ERRORS, *FAULTS)
+FAULT_MESSAGES: Final = messages_of(*FAULT_FACTS)
+
+_MOST: Final = 128  # devices that are followed, and faults that are kept
+_NUMBERS: Final = 32  # a device's number beyond is damage
+_TEXT: Final = re.compile(
+    r"thrust loss|\b(motor|esc|servo)s? ?#?\d*\b.*\b(fail|fault|error|lost|offline|stuck|stall|desync|over)",
+    re.IGNORECASE,
+)
+_NO_TEXT: Final = re.compile(r"arming|\b(pre|dis)?-?arm|preflight|calibrat|init|param", re.IGNORECASE)
+"""Of texts that name a fault of a motor, an ESC or a servo: what refuses to arm, starts or sets one up."""
+
+
+class Reported:
+    """Follows what the devices of one vehicle report, block by block, in bounded memory."""
+
+    def __init__(self) -> None:
+        # By fact, message, component and number: the last two readings, their times, the last settled one.
+        self._devices: dict[tuple[str, str, int, int], tuple[Array, Integers, int | None]] = {}
+        self._known: dict[tuple[EventKind, str, str | None], tuple[float, int]] = {}
+
+    def hear_text(self, time_s: float, text: str) -> None:
+        """Take a text of the vehicle."""
+        if _TEXT.search(text) and not _NO_TEXT.search(text):
+            self._note("fault", "the autopilot", f'"{text.strip()}"', np.array([time_s]), np.array([1]))
+
+    def hear(self, report: Report, time_s: Array) -> None:
+        """Take one of ``FAULT_FACTS``, rows of this vehicle alone, and their flight times, s, shape (n,)."""
+        table, values, first = report.table, report.values, report.first
+        devices = table.component.astype(np.int64) * _NUMBERS + first
+        for device, rows in each(devices, (first >= 0) & (first < _NUMBERS)):
+            component, number = divmod(device, _NUMBERS)
+            for k, readings in enumerate(values[rows].T):
+                key = report.source.fact, table.name, component, number + k
+                if number + k < _NUMBERS and (key in self._devices or len(self._devices) < _MOST):
+                    self._take(key, time_s[rows], readings)
+
+    def _take(self, key: tuple[str, str, int, int], time_s: Array, readings: Integers) -> None:
+        """Take the next readings of one device."""
+        fact, _, _, number = key
+        last = None
+        if key in self._devices:
+            time_before, before, last = self._devices[key]
+            time_s, readings = np.append(time_before, time_s), np.append(before, readings)
+        if readings.size > 2:
+            a, b, c = readings[:-2], readings[1:-1], readings[2:]
+            middle = np.sort([a, b, c], axis=0)[1] if fact == _ERRORS else a & b | b & c | a & c
+            if last is None:
+                last = int(middle[0]) if fact == _ERRORS else 0 if FAULTS[fact].from_start else -1
+            self._compare(fact, number + 1, time_s[1:-1], np.append(last, middle))
+            last = int(middle[-1])
+        self._devices[key] = time_s[-2:], readings[-2:], last
+
+    def _compare(self, fact: str, number: int, time_s: Array, settled: Integers) -> None:
+        """Note how each of the settled readings, (n + 1,), differs from the one before it."""
+        before, after = settled[:-1], settled[1:]
+        if (before == after).all():
+            return
+        if fact == _ERRORS:
+            # A count that falls began anew: what it shows was counted since.
+            more = np.where(after >= before, after - before, after)
+            self._note("errors", f"ESC {number}", None, time_s, more)
+            return
+        subject, words, _ = FAULTS[fact]
+        for bit, said in enumerate(words):
+            risen = (after & ~before) >> bit & 1
+            self._note("fault", subject.format(n=number), said.format(n=number), time_s, risen)
+
+    def _note(self, kind: EventKind, subject: str, said: str | None, time_s: Array, more: Integers) -> None:
+        key = kind, subject, said
+        if more.any() and (key in self._known or len(self._known) < _MOST):
+            first_s, count = self._known.get(key, (np.inf, 0))
+            self._known[key] = min(first_s, float(time_s[more > 0].min())), count + int(more.sum())
+
+    def faults(self) -> Iterator[tuple[EventKind, float, dict[str, Any]]]:
+        """Yield what was reported so far: kind of event, flight time of the first report, other fields."""
+        for (kind, subject, said), (time_s, count) in self._known.items():
+            yield kind, time_s, {"subject": subject, "said": said, "value": float(count)}

@@ -1,0 +1,171 @@
+"""Faults that devices report: what counts, what is damage, and that blocks do not matter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mavhums.log import Table
+from mavhums.results.events import FlightEvent
+from mavhums.show.event_words import event_words
+from mavhums.vehicle.events import FlightEvents
+from tests.strategies import cuts
+
+
+def table(name: str, rows: Sequence[dict[str, Any]], kinds: dict[str, str]) -> Table:
+    """Return a table of one row a second."""
+    wire = [(field, kind, np.shape(rows[0][field])) for field, kind in kinds.items()]
+    fields = np.array([tuple(row[field] for field in kinds) for row in rows], dtype=wire)
+    n = np.arange(len(rows), dtype=np.int64)
+    byte = np.ones(len(rows), dtype=np.uint8)
+    return Table(name, n, n * 1_000_000, byte, byte, byte, 0 * byte, fields)
+
+
+def said(*tables: Table, parts: Sequence[int] = ()) -> list[str]:
+    """Return the events of these tables, each cut after these rows, in words with their seconds."""
+    events = FlightEvents()
+    for one in tables:
+        for rows in np.split(np.arange(len(one)), parts):
+            events.feed({one.name: one.select(rows)}, 0, lambda _: True)
+    return [f"{event.time_s:.0f}: {event_words(event)}" for event in events.gathered(frozenset())[0]]
+
+
+def escs(errors: Sequence[int], flags: Sequence[int], index: int = 4) -> Table:
+    """Return ESC_INFO of four ESCs of which the third one has these errors and flags."""
+    rows = [
+        {"error_count": [0, 0, e, 9], "failure_flags": [0, 0, f, 0], "index": index}
+        for e, f in zip(errors, flags, strict=True)
+    ]
+    return table("ESC_INFO", rows, {"error_count": "<u4", "failure_flags": "<u2", "index": "u1"})
+
+
+@pytest.mark.parametrize(
+    ("errors", "expected"),
+    [
+        ([5, 5, 5, 5, 5, 5], []),
+        ([5, 5, 7, 7, 12, 12], ["2: the error count of ESC 7 grows by 7"]),
+        ([5, 5, 5000, 5, 5, 5], []),  # damage
+        ([5, 5, 0, 5, 5, 5], []),
+        ([9, 9, 0, 2, 2, 2], ["2: the error count of ESC 7 grows by 2"]),  # it restarted
+        ([254, 254, 255, 1, 1, 1], ["3: the error count of ESC 7 grows by 1"]),  # at least
+        ([5, 5, 5, 5, 5, 9], []),  # not confirmed
+    ],
+)
+def test_of_a_count_only_its_growth_is_said(errors: list[int], expected: list[str]) -> None:
+    assert said(escs(errors, [0] * 6)) == expected
+
+
+@pytest.mark.parametrize(
+    ("flags", "expected"),
+    [
+        ([0] * 6, []),
+        ([1, 1, 1, 1, 1, 1], ["1: ESC 7 reports over-current"]),
+        ([0, 0, 33, 33, 32, 0], ["2: ESC 7 reports over-current", "2: ESC 7 reports a stuck motor"]),
+        ([0, 1, 0, 0, 0, 0], []),  # damage
+        ([1, 1, 0, 0, 0, 1], ["1: ESC 7 reports over-current"]),
+        ([1, 1, 0, 0, 1, 1, 1], ["1: ESC 7 reports over-current, 2 times"]),
+    ],
+)
+def test_a_flag_counts_that_two_of_three_readings_have(flags: list[int], expected: list[str]) -> None:
+    assert sorted(said(escs([0] * len(flags), flags))) == sorted(expected)
+
+
+@pytest.mark.parametrize(
+    ("flags", "expected"),
+    [
+        ([7] * 6, []),
+        ([0b11001] * 6, []),  # pins that no board drives are as they are
+        ([7, 7, 5, 5, 5, 5], ["2: the autopilot reports loss of the servo rail's supply"]),
+        ([7, 7, 0, 7, 7, 7], []),
+        ([3, 3, 11, 11, 3, 3], ["2: the autopilot reports over-current of its peripherals"]),
+    ],
+)
+def test_of_a_supply_only_what_changes_in_the_log_is_said(flags: list[int], expected: list[str]) -> None:
+    for name, field in (("POWER_STATUS", "flags"), ("POWR", "Flags")):
+        assert said(table(name, [{field: flag} for flag in flags], {field: "<u2"})) == expected
+
+
+def test_servo_records_have_the_number_of_their_output() -> None:
+    rows = [{"Id": 2, "Err": 4 * (k > 2), "PosCmd": 1.0} for k in range(8)]
+    kinds = {"Id": "u1", "Err": "u1", "PosCmd": "<f4"}
+    assert said(table("CSRV", rows, kinds)) == ["3: servo 3 reports error flag 0x04"]
+    on_bus = [row | {"PosCmd": np.nan} for row in rows]
+    assert said(table("CSRV", on_bus, kinds)) == ["3: servo 2 reports error flag 0x04"]
+
+
+@pytest.mark.parametrize(
+    ("text", "counts"),
+    [
+        ("Potential Thrust Loss (2)", True),
+        ("ESC 3: over temperature", True),
+        ("Motor failure detected", True),
+        ("PreArm: Motors: ESC 3 error", False),
+        ("Arming motors", False),
+        ("Disarming motors", False),
+        ("[sensors] Accel #0 fail:  TIMEOUT!", False),
+        ("[health_and_arming_checks] Preflight Fail: Motor 1 lost", False),
+        ("Throttle failsafe off", False),
+    ],
+)
+def test_a_text_is_quoted_and_counted(text: str, counts: bool) -> None:
+    events = FlightEvents()
+    for time_s in (7.0, 9.0):
+        events.of(1).hear_text(time_s, text)
+    found = [event for event in events.gathered(frozenset())[0] if event.kind == "fault"]
+    expected = FlightEvent(
+        kind="fault", vehicle=1, time_s=7.0, subject="the autopilot", said=f'"{text}"', value=2
+    )
+    assert found == ([expected] if counts else [])
+
+
+NUMBERS = st.lists(st.integers(0, 2**16 - 1), min_size=3, max_size=40)
+
+
+@given(NUMBERS, st.data())
+def test_blocks_do_not_matter(numbers: list[int], data: st.DataObject) -> None:
+    """Any readings, in any blocks: what is said is the same, and its counts are those of a plain loop."""
+    one = escs(numbers, [n & 0x7F for n in numbers], index=0)
+    whole = said(one)
+    assert said(one, parts=data.draw(cuts(len(numbers)))) == whole
+    middle = [sorted(numbers[k : k + 3])[1] for k in range(len(numbers) - 2)]
+    grown = sum(b - a if b >= a else b for a, b in pairwise(middle))
+    assert any(line.endswith(f"of ESC 3 grows by {grown}") for line in whole) == (grown > 0)
+    votes = [
+        max(m, key=m.count)
+        for k in range(len(numbers) - 2)
+        for m in [[n >> 5 & 1 for n in numbers[k : k + 3]]]
+    ]
+    rises = sum(b > a for a, b in pairwise([0, *votes]))
+    times = f", {rises} times" if rises > 1 else ""
+    assert any(line.endswith(f"ESC 3 reports a stuck motor{times}") for line in whole) == (rises > 0)
+
+
+FIELDS = {
+    "ESC": ("Instance", "Err"),
+    "EDT2": ("Instance", "Status"),
+    "CESC": ("Id", "ECnt"),
+    "CSRV": ("Id", "Err", "PosCmd"),
+    "POWR": ("Flags",),
+    "system_power": ("brick_valid", "periph_5v_oc"),
+    "esc_status": ("esc_count", "esc_online_flags", "esc[0].failures", "esc[3].esc_errorcount"),
+    "failure_detector_status": ("fd_arm_escs", "fd_imbalanced_prop", "fd_motor", "motor_failure_mask"),
+}
+
+
+@given(
+    st.sampled_from([*FIELDS]), st.sampled_from(["u1", "<i2", "<u4", "<f4", "<f8", "<i8", "<u8"]), st.binary()
+)
+def test_any_bytes_and_any_definition_end_in_words(name: str, kind: str, noise: bytes) -> None:
+    """A self-describing log may define a field as any number, and a damaged one may hold any."""
+    wire = np.dtype([(field, kind) for field in FIELDS[name]])
+    fields = np.frombuffer(noise[: len(noise) // wire.itemsize * wire.itemsize], dtype=wire)
+    n = np.arange(len(fields), dtype=np.int64)
+    byte = np.ones(len(fields), dtype=np.uint8)
+    if len(fields):
+        said(Table(name, n, n * 1_000_000, byte, byte, byte, 0 * byte, fields))
