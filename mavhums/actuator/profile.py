@@ -6,12 +6,13 @@ import tomllib
 from importlib import resources
 from math import pi
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from mavhums.actuator.profile_checks import Place, explain_syntax, explain_values, field_mistake
+from mavhums.actuator.servo_types import with_servo_types
 from mavhums.core.errors import MavhumsError
 from mavhums.core.models import Contract, Frozen
 from mavhums.core.quantities import KEYS
@@ -176,6 +177,8 @@ class Actuator(Contract):
         Output channel, from 1.
     esc
         Index of the ESC that drives it, from 0; None if no ESC reports on it.
+    servo_type
+        Name of the type that fills in constants, speed and travel: :mod:`mavhums.actuator.servo_types`.
     csrv
         Id of its CSRV records; None if it is the servo's output, from 0, or from 1 on DroneCAN.
     esc_side
@@ -209,6 +212,7 @@ class Actuator(Contract):
     surface: str = ""
     servo: Annotated[int, Field(ge=1, le=48)]
     esc: Annotated[int, Field(ge=0, le=31)] | None = None
+    servo_type: str | None = None
     csrv: Annotated[int, Field(ge=0, le=255)] | None = None
     esc_side: Literal["motor", "bus"] = "motor"
     electronics_a: _NotNegative = 0.0
@@ -298,6 +302,11 @@ class Airframe(Contract):
     description: str = ""
     axes: AxisLimits = AxisLimits()
     actuators: Annotated[tuple[Actuator, ...], Field(min_length=1)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _typed(cls, profile: Any) -> Any:
+        return with_servo_types(profile)
 
     @model_validator(mode="after")
     def _distinct(self) -> Airframe:

@@ -197,7 +197,7 @@ def field_mistake(message: str, field: str, where: Mapping[str, str | int]) -> F
     if message not in wires:
         if _ON_BOARD.fullmatch(message):
             return None
-        return FieldMistake("message", f"no message {message}", _near(message.upper(), wires))
+        return FieldMistake("message", f"no message {message}", nearest(message.upper(), wires))
     return wire_mistake(message, field, where, wires[message])
 
 
@@ -224,7 +224,7 @@ def _field_mistake(message: str, field: str, wire: np.dtype[np.void]) -> FieldMi
     name, _, element = (field, "", "") if field in names else field.rpartition("[")
     name = name or field
     if name not in names:
-        return FieldMistake("field", f"{message} has no field {name}", _near(name, names))
+        return FieldMistake("field", f"{message} has no field {name}", nearest(name, names))
     shape = wire[name].shape
     if wire[name].base.kind == "S":
         return FieldMistake("field", f"{name} of {message} is text", "map a number")
@@ -246,7 +246,7 @@ def _condition_mistake(
     if name == MULTI_ID and name not in names and isinstance(value, int):
         return None
     if name not in names:
-        return FieldMistake("where", f"{message} has no field {name}", _near(name, names))
+        return FieldMistake("where", f"{message} has no field {name}", nearest(name, names))
     if wire[name].shape:
         return FieldMistake("where", f"{name} of {message} is an array", "choose rows by a single value")
     if (wire[name].kind == "S") != isinstance(value, str):
@@ -255,6 +255,7 @@ def _condition_mistake(
     return None
 
 
-def _near(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return the remedy for a name that is not known: the nearest names, or those that there are."""
     close = get_close_matches(name, sorted(known), n=2)
     return f"did you mean {' or '.join(close)}?" if close else f"there are: {', '.join(sorted(known)[:20])}"

@@ -9,7 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from mavhums.actuator.freshness import not_used
+from mavhums.actuator.profile import Airframe
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
@@ -122,6 +125,48 @@ def with_motors(profile: str, motors: Mapping[str, MotorIdentification]) -> str:
         return f"{_BEFORE.sub('', block[0]).rstrip()}\n\n{_section(motor)}\n"
 
     return _BLOCK.sub(filled, profile)
+
+
+def servo_type_section(name: str, motors: Mapping[str, MotorIdentification], airframe: Airframe) -> str:
+    """Return the section of a servo type (TOML) of which all identified motors are examples.
+
+    Its uncertainty covers their intervals and how they differ. Gear ratio, inertia and voltage are those of
+    the profile, if it has them.
+
+    Examples
+    --------
+    >>> from mavhums.actuator import load_airframe
+    >>> one = Interval(estimate=1.0, low=0.9, high=1.1)
+    >>> motor = MotorIdentification(Identified(one, one, one, 1), ("a.tlog",))
+    >>> print(servo_type_section("mine", {"rudder": motor}, load_airframe("paper")), end="")
+    [servo_types.mine]
+    source = ["identified from a.tlog"]
+    voltage = 27.0
+    [servo_types.mine.ema]
+    torque_constant = 1  # from the back-EMF, where V4·V5 is the electrical power
+    resistance = 1
+    torque_uncertainty = 0.1
+    gear_ratio = 300.0
+    inertia = 2.4e-07
+    """
+    found = [motor.found for motor in motors.values()]
+    emf = np.array([_numbers(motor.back_emf) for motor in found])
+    constant = float(emf[:, 0].mean())
+    logs = ", ".join(dict.fromkeys(log for motor in motors.values() for log in motor.flights))
+    actuator = next(actuator for actuator in airframe.actuators if actuator.name in motors)
+    known = {key: getattr(actuator.ema, key, None) for key in ("gear_ratio", "inertia")}
+    voltage = actuator.known_supply_v
+    lines = [
+        f"[servo_types.{name}]",
+        f"source = {json.dumps(['identified from ' + logs], ensure_ascii=False)}",
+        *([] if voltage is None else [f"voltage = {voltage}"]),
+        f"[servo_types.{name}.ema]",
+        f"torque_constant = {constant:.4g}  # from the back-EMF, where V4·V5 is the electrical power",
+        f"resistance = {np.mean([motor.resistance.estimate for motor in found]):.4g}",
+        f"torque_uncertainty = {np.abs(emf / constant - 1.0).max():.2g}",
+        *(f"# {key} =  # FILL IN" if value is None else f"{key} = {value}" for key, value in known.items()),
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def _plain(quoted: str) -> str:

@@ -179,23 +179,38 @@ def new_profile(log: Path, output: Path | None, vehicle: int | None, name: str |
 @click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=PATH)
 @click.option("--airframe", required=True, metavar="FILE", type=PATH, help="The profile, as drafted.")
 @click.option("-o", "--output", type=PATH, metavar="FILE", help="The profile filled in. Default: print it.")
-def identify_motors(logs: tuple[Path, ...], airframe: Path, output: Path | None) -> None:
+@click.option(
+    "--servo-type",
+    metavar="NAME",
+    help="Write [servo_types.NAME], of which all are examples, alone.",
+)
+def identify_motors(
+    logs: tuple[Path, ...], airframe: Path, output: Path | None, servo_type: str | None
+) -> None:
     """Identify each actuator's motor from LOGs of one aircraft: resistance, back-EMF constant, voltage drop.
 
     It takes voltage, current and rotor speed at the motor, and no data sheet. The profile gets a section
     [actuators.identified] with each value, its 95 % interval and the logs that it rests on. With
     supply_voltage in the profile, it also gets friction and the highest torque as shares of that at stall.
     """
-    from mavhums.app.identify import identify, with_motors
+    import re
+
+    from mavhums.actuator.profile import load_airframe
+    from mavhums.app.identify import identify, servo_type_section, with_motors
     from mavhums.app.settings import Options
     from mavhums.core.output import written_whole
 
     if output is not None and output.exists():
         raise MavhumsError(f"{output}: exists already", "name another file")
+    if servo_type is not None and not re.fullmatch(r"[\w-]+", servo_type, re.ASCII):
+        raise click.UsageError("--servo-type NAME: letters, digits, - and _")
     options = Options(airframe=airframe)
     with reading(logs[0]) as progress:
         motors = identify(logs, options, progress=progress)
-    filled = with_motors(airframe.read_text(encoding="utf-8"), motors)
+    if servo_type is None:
+        filled = with_motors(airframe.read_text(encoding="utf-8"), motors)
+    else:
+        filled = servo_type_section(servo_type, motors, load_airframe(airframe))
     if output is None:
         click.echo(filled, nl=False)
         return

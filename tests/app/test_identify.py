@@ -66,6 +66,23 @@ def test_the_profile_gets_what_the_motors_are(run: Run, log: Path, tmp_path: Pat
     assert again.out == text
 
 
+def test_the_motors_become_a_servo_type_of_the_profile(run: Run, log: Path, tmp_path: Path) -> None:
+    profile = tmp_path / "blank.toml"
+    profile.write_text(BLANK, encoding="utf-8")
+    told = run("profile", "identify", str(log), "--airframe", str(profile), "--servo-type", "ours")
+    assert told.code == 0, told.err
+    section = told.out.replace("# gear_ratio =", "gear_ratio = 300.0").replace(
+        "# inertia =", "inertia = 2.4e-7"
+    )
+    profile.write_text(BLANK.replace("esc =", 'servo_type = "ours"\nesc =') + section, encoding="utf-8")
+    for actuator in load_airframe(profile).actuators:
+        ema = actuator.known_ema()
+        assert ema.resistance == pytest.approx(22.6457, rel=0.01)
+        assert ema.torque_constant == pytest.approx(0.014608, rel=ema.torque_uncertainty)
+        assert ema.torque_uncertainty < 0.05
+    assert run("profile", "identify", str(log), "--airframe", str(profile), "--servo-type", "a b").code == 2
+
+
 def test_the_supplys_voltage_gives_the_shares_of_stall(run: Run, log: Path, tmp_path: Path) -> None:
     profile, filled = tmp_path / "blank.toml", tmp_path / "filled.toml"
     profile.write_text(BLANK.replace("esc =", "supply_voltage = 27\nesc ="), encoding="utf-8")
