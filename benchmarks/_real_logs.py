@@ -6,6 +6,8 @@ A folder holds ``*.parquet`` with ``*_meta.parquet`` (bus servos under a pendulu
 
 from __future__ import annotations
 
+import gzip
+import json
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -26,6 +28,7 @@ EPOCH_US = 1_750_000_000_000_000
 FLIGHT_APART_S = 3600.0
 RUN_APART_S = 1.0  # between the recordings of one flight, whose ends do not meet
 REV_MIN = 60 / (2 * np.pi)
+DUTY_STEPS = 885  # of the full supply, of a Dynamixel X
 CURRENTS = ("sensor", "sensor with V11", "sensor, magnitude", "register", "register, signed", "none")
 """How a log of the servo carries its current: a sensor's, its magnitude, the register's, none."""
 
@@ -66,7 +69,8 @@ class Friction(NamedTuple):
 
 
 class Flight(NamedTuple):
-    """One flight: time, s, and V1…V12 without the current, shapes (n,) and (n, 12)."""
+    """One flight: time, s, and V1…V12 without the current, shapes (n,) and (n, 12); the pendulum's load, N·m,
+    and inertia, kg·m²."""
 
     number: int
     case: int
@@ -75,6 +79,7 @@ class Flight(NamedTuple):
     values: Array
     register_a: Array
     true_load: Array
+    inertia: float
 
     def geared(self, ratio: float) -> Flight:
         """Return the flight of a servo whose gear has this ratio."""
@@ -93,7 +98,9 @@ def fitted(flights: Sequence[Flight]) -> Friction:
         steady = (np.abs(speed) > 0.2) & (np.abs(rate) < 15.0) & (np.abs(volts) < 0.95 * SUPPLY_V)
         steady &= np.gradient(flight.time_s) < 0.05
         load, way = flight.true_load, np.sign(speed)
-        terms = np.stack([load, rate, np.abs(load) * way, way, speed, np.ones(load.size)], axis=1)
+        terms = np.stack(
+            [load + flight.inertia * rate, rate, np.abs(load) * way, way, speed, np.ones(load.size)], axis=1
+        )
         rows.append(terms[steady])
         left.append(volts[steady])
     return Friction(*np.linalg.lstsq(np.concatenate(rows), np.concatenate(left))[0].tolist())
@@ -162,7 +169,29 @@ def servo_flights(rows: pd.DataFrame, meta: pd.DataFrame, gear_ratio: float) -> 
         yield Flight(
             int(str(number)), int(first["case"]), int(first["rep"]), time_s, values,
             whole["current"].to_numpy(dtype=np.float64), load,
+            first["mass"] * first["length"] ** 2 + first["arm_mass"] * first["length"] ** 2 / 3,
         )  # fmt: skip
+
+
+def pendulum_runs(folder: Path) -> Iterator[tuple[str, Flight]]:
+    """Yield the runs of a Dynamixel XL330-M288 under a pendulum, each with its motion and gain.
+
+    Rows with the torque off are left out. The register of the duty is a signed 16-bit number, read unsigned.
+    """
+    for number, path in enumerate(sorted(folder.glob("*.json.gz"))):
+        with gzip.open(path) as file:
+            run = json.load(file)
+        rows = pd.DataFrame(run["entries"]).query("torque_enable")
+        duty = rows["load"].to_numpy(dtype=np.int64).astype(np.int16) / DUTY_STEPS
+        values = np.full((len(rows), 12), np.nan)
+        values[:, 0] = np.degrees(rows["goal_position"])
+        values[:, 2] = np.degrees(rows["position"])
+        values[:, 3] = duty * rows["input_volts"]
+        values[:, 6] = rows["speed"] * REV_MIN * GEAR_RATIO
+        load = run["mass"] * run["length"] * GRAVITY * np.sin(rows["position"].to_numpy(dtype=np.float64))
+        time_s, none = rows["timestamp"].to_numpy(dtype=np.float64), np.full(len(rows), np.nan)
+        flight = Flight(number, 0, 0, time_s, values, none, load, run["mass"] * run["length"] ** 2)
+        yield f"{run['trajectory']}, gain {run['kp']}", flight
 
 
 def with_current(flight: Flight, kind: str, sheet: Sheet) -> Array:

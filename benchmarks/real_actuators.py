@@ -22,11 +22,13 @@ import mavhums
 from benchmarks._real_logs import (
     CURRENTS,
     GEAR_RATIO,
+    RUN_APART_S,
     SHEETS,
     Flight,
     Friction,
     Sheet,
     fitted,
+    pendulum_runs,
     profile,
     register_rates,
     servo_flights,
@@ -35,6 +37,7 @@ from benchmarks._real_logs import (
     write_log,
 )
 from mavhums.actuator.profile import Ema
+from mavhums.actuator.servo_types import packaged_servo_types
 from mavhums.app.identify import identify
 from mavhums.core.errors import MavhumsError
 from mavhums.health.decision.baseline import PastRecord
@@ -43,12 +46,33 @@ from mavhums.paper.real import rate
 from mavhums.paper.rig import HEALTHY, read_rig
 from mavhums.results.verdict import Indicator, Verdict
 
-SECTIONS = ("sheet", "own", "identify", "screw")
+SECTIONS = ("sheet", "own", "identify", "screw", "weak")
 RISES = (0.25, 0.5, 1.0)
 LEARNING, DRAWS = 20, 4
+WEAK = "dynamixel-xl330-m288"
+WEAK_LIMITS = "[actuators.limits]\nnormal = 0.04\nemergency = 0.09\n"
 FRICTIONS = {"none said": "", "0.3 ± 0.1": "load_friction = 0.3\nload_friction_uncertainty = 0.1\n"}
 SCREW = 'name = "screw"\n[[actuators]]\nname = "servo"\nservo = 1\npwm_us = [1000, 1500, 2000]\n'
 FRICTION_KEYS = "load_friction" in Ema.model_fields
+
+
+def weak_table(folder: Path, data: Path) -> Iterator[str]:
+    """Yield what is said of a healthy servo that cannot lift its pendulum, each run flown twice in a row."""
+    airframe, runs = folder / "weak.toml", [*pendulum_runs(data)]
+    airframe.write_text(
+        f'{profile(None)}servo_type = "dynamixel-xl330-m288"\n{WEAK_LIMITS}', encoding="utf-8"
+    )
+    yield "\n| motion | largest load, N·m | share of the command reached | at the end | worst | why |"
+    yield "|---|---|---|---|---|---|"
+    for name, run in runs:
+        flight = run.geared(packaged_servo_types()[WEAK]["ema"]["gear_ratio"])
+        path = folder / f"weak-{flight.number}.tlog"
+        time_s = np.concatenate([flight.time_s, flight.time_s + flight.time_s[-1] + RUN_APART_S])
+        verdict = judged(write_log(path, flight.number, time_s, np.tile(flight.values, (2, 1))), airframe)
+        reached = np.ptp(flight.values[:, 2]) / np.ptp(flight.values[:, 0])
+        why = ", ".join(suspect.fault for suspect in verdict.suspects) or verdict.reason or ""
+        load = np.abs(flight.true_load).max()
+        yield f"| {name} | {load:.2f} | {reached:.0%} | {verdict.condition} | {verdict.worst} | {why} |"
 
 
 def judged(path: Path, airframe: Path) -> Verdict:
@@ -247,6 +271,7 @@ def main() -> None:
             print(
                 f"\nOf all flights: R/k {found.volts_per_nm:.3f} V/(N·m), k {found.back_emf:.3f} V·s/rad, "
                 f"T_c {found.constant_v / found.volts_per_nm:.3f} N·m, "
+                f"J {found.inertia_v / found.volts_per_nm:.4f} kg·m², "
                 f"μ {found.by_load_v / found.volts_per_nm:.3f}; "
                 f"{'data sheet' if servo in SHEETS else 'no data sheet: limits and V5 follow from these'}"
             )
@@ -264,6 +289,10 @@ def main() -> None:
         if "screw" in sections and (args.data / "cranfield").is_dir():
             print("\n## Screw rig", flush=True)
             for line in screw_table(folder, args.data):
+                print(line, flush=True)
+        if "weak" in sections and (args.data / "xl330").is_dir():
+            print("\n## A servo too weak for its load", flush=True)
+            for line in weak_table(folder, args.data / "xl330"):
                 print(line, flush=True)
 
 

@@ -92,6 +92,14 @@ JAM_LATEST_PARTS: Final = 4
 # by the travel.
 JAM_SPAN_S: Final = 2.5
 
+# Lags of the controller by which a shaft in motion may be behind: more shows that its load holds it back. By
+# hand.
+LABOURED_LAGS: Final = 2.0
+
+# Share of a standing shaft's current that its latest motion took if the load brought it to a stand: 0.8–0.9
+# of a real one too weak for its pendulum (benchmarks/real_actuators.py, weak). Lower misses jams. By hand.
+LABOURED_SHARE: Final = 0.5
+
 # Travel of a rotor before its jammed shaft, °: of a gear of 400 N·m/rad and 0.1° of play, by 5 N·m to
 # either side.
 WOUND_UP_DEG: Final = 1.5

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import mavhums
-from mavhums.actuator.profile import Actuator
+from mavhums.actuator.profile import Actuator, Ema
 from mavhums.core.quantities import KEYS, column
 from mavhums.engine.events import Indication
 from mavhums.health.actuator.detector import Detector, DetectorInput
@@ -259,6 +259,36 @@ def test_a_rotor_that_winds_up_its_gear_moves_no_surface(flown_deg: float, jamme
     rotors, sensors = np.isin(KEYS, ["V1", "V7"]), np.isin(KEYS, ["V1", "V3", "V7"])
     found = [watch(Telemetry(time_s, values), measured=measured)[1] for measured in (rotors, sensors)]
     assert [bool(findings.suspects) for findings in found] == [jammed, False]
+
+
+_SERVO = Ema(gear_ratio=100.0, torque_constant=0.012, resistance=3.0, inertia=1e-8)
+
+
+@given(st.floats(0.3, 4.0), st.floats(0.3, 0.9), st.floats(0.0, 0.03))
+def test_a_servo_too_weak_for_its_load_is_not_jammed(gain: float, reach: float, friction: float) -> None:
+    """A P-controller without inertia under a pendulum that it cannot lift, and the same without it, jammed.
+
+    ``gain`` in supplies per radian, ``reach`` the torque at stall by that of the load at 90°, ``friction`` in
+    radians that the controller needs to overcome it.
+    """
+    bare = Actuator(name="servo", servo=1, pwm_us=(1000, 1500, 2000), ema=_SERVO)
+    found = {}
+    for jams in (False, True):
+        time_s, values, angle = np.arange(0.0, 30.0, 0.01), np.full((3000, 12), np.nan), 0.0
+        command = np.pi / 2 * np.sin(0.25 * time_s) ** 2 * (1.0 if not jams else 0.15)
+        for k, wanted in enumerate(command):
+            drive = np.clip(gain * (wanted - angle), -1.0, 1.0) - (0.0 if jams else np.sin(angle) / reach)
+            speed = 5.0 * np.sign(drive) * max(abs(drive) - gain * friction, 0.0)
+            speed *= not (jams and time_s[k] > 8.0)
+            angle += 0.01 * speed
+            volts = 6.0 * np.clip(gain * (wanted - angle), -1.0, 1.0)
+            values[k, [0, 2, 3, 6]] = (
+                *np.degrees([wanted, angle]),
+                volts,
+                speed * 100.0 * 60.0 / (2.0 * np.pi),
+            )
+        found[jams] = [one.fault for one in watch(Telemetry(time_s, values), actuator=bare)[1].suspects]
+    assert found == {False: [], True: ["jam"]}
 
 
 def test_a_jam_leaves_the_friction_undecided() -> None:

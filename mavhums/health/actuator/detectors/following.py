@@ -23,6 +23,10 @@ twice what was commanded.
 
 The current shows a jam, too, however short and however little is commanded: a shaft that stands although the
 motor pushes with most of its torque at stall, for half a second. The current's sign does not matter.
+
+A shaft that its **load** brings to a stand is not jammed: an actuator too weak or too soft is already degrees
+behind while it still moves, and then takes much of the current with which it stands. Until the command lies
+on the other side of the shaft, nothing shows whether it is jammed as well.
 """
 
 from __future__ import annotations
@@ -36,7 +40,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import column
-from mavhums.core.statistics import DEGREES_S_PER_REV_MIN
+from mavhums.core.statistics import DEGREES_S_PER_REV_MIN, RAD_S_PER_REV_MIN
 from mavhums.health.actuator.detector import Detector, DetectorInput
 from mavhums.health.actuator.thresholds import (
     FOLLOWING_ASKED_LIMITS,
@@ -48,6 +52,8 @@ from mavhums.health.actuator.thresholds import (
     JAM_PARTS_PER_SLOT,
     JAM_SHARE,
     JAM_SPAN_S,
+    LABOURED_LAGS,
+    LABOURED_SHARE,
     LONGEST_SPEED_STEP_S,
     LONGEST_UNSEEN_S,
     STALLED_SECONDS,
@@ -59,7 +65,7 @@ from mavhums.health.decision.limits import Estimates, Levels
 from mavhums.health.estimation.slots import MAGNITUDES, SENSED, SHAFT, Slots, Windows
 from mavhums.health.estimation.thresholds import GUARD_S
 
-_V1, _V5, _V7 = column("V1"), column("V5"), column("V7")
+_V1, _V4, _V5, _V7 = (column(f"V{k}") for k in (1, 4, 5, 7))
 
 
 class FollowingDetector(Detector):
@@ -169,7 +175,8 @@ class JamDetector(Detector):
         self._ratio = ema.gear_ratio if ema else np.nan
         self._stall_a = supply_v / ema.resistance if ema and supply_v else np.nan
         self._standing = actuator.moving_speed_rev_min if ema else np.nan
-        self._windows = Windows(9, max(JAM_PARTS), empty=-np.inf)
+        self._windows = Windows(10, max(JAM_PARTS), empty=-np.inf)
+        self._laboured_a = 0.0  # current of the latest motion, with its way; zero if it was easy
         self._in_vain = Windows(1, slots=2)  # half a second may lie in two
 
     def feed(self, seen: DetectorInput) -> Estimates:
@@ -185,16 +192,18 @@ class JamDetector(Detector):
         last = np.maximum.reduceat(np.where(resumes, np.arange(part.size), 0), start)
         columns[np.arange(part.size) < np.repeat(last, np.diff(start, append=part.size))] = -np.inf
         travel = np.add.reduceat(np.where(np.isneginf(columns[:, -1:]), 0.0, columns[:, -1:]), start)
-        extremes = np.hstack([np.maximum.reduceat(columns[:, :-1], start), travel])
-        windows = self._windows.feed(part[start], extremes)
+        overloaded = self._overloaded(own, start)
+        extremes = [np.maximum.reduceat(columns[:, :-1], start), travel, overloaded[:, None]]
+        windows = self._windows.feed(part[start], np.hstack(extremes))
         left_out = np.full(len(windows), np.nan)
         # The longer span is asked only where the shorter one commands too little.
         for parts in JAM_PARTS:
             share = self._left_out(windows[:, -parts:])
             left_out = np.where(np.isnan(left_out), share, left_out)
         slot = part[start] // JAM_PARTS_PER_SLOT
-        most = np.fmax.reduceat(left_out, np.flatnonzero(np.diff(slot, prepend=slot[0] - 1)))
-        most = np.where(self._stalls(seen.slots), 1.0, most)
+        first = np.flatnonzero(np.diff(slot, prepend=slot[0] - 1))
+        most = np.fmax.reduceat(left_out, first)
+        most[self._stalls(seen.slots) & ~np.logical_or.reduceat(overloaded, first)] = 1.0
         return Estimates.of(most, np.zeros_like(most), np.ones_like(most), np.isfinite(most))
 
     def _parts(self, slots: Slots) -> Integers:
@@ -206,6 +215,30 @@ class JamDetector(Detector):
         within = slots.time_s[slots.judged] + GUARD_S - slot
         part = np.clip(np.floor(within * JAM_PARTS_PER_SLOT), 0, JAM_PARTS_PER_SLOT - 1).astype(np.int64)
         return np.asarray(slot * JAM_PARTS_PER_SLOT + part)
+
+    def _overloaded(self, own: Array, start: Integers) -> Flags:
+        """Return in which parts of the judged samples its load holds the shaft, shape (k,)."""
+        ema = self.actuator.ema
+        current = np.fmax(np.abs(own[:, _V5]), own[:, MAGNITUDES][:, 1])
+        if ema:
+            volts = own[:, _V4] - ema.torque_constant * RAD_S_PER_REV_MIN * own[:, _V7]
+            current = np.where(np.isnan(current), np.abs(volts) / ema.resistance, current)
+        count = np.diff(start, append=len(own))
+        current = np.add.reduceat(current, start) / count
+        travel = own[start + count - 1, SHAFT] - own[start, SHAFT]
+        # An integrated angle does not show how far behind the shaft is.
+        missed = np.where(own[:, SENSED] > 0.0, own[:, _V1] - own[:, SHAFT], np.nan)
+        behind = np.stack([np.minimum.reduceat(missed, start), np.minimum.reduceat(-missed, start)])
+        speed, way = np.abs(travel) * JAM_PARTS_PER_SLOT, np.sign(travel)
+        ahead = np.where(way > 0.0, *behind)
+        # Where the load drives the shaft back, the motor does not move it.
+        moves = (speed >= self.actuator.moving_speed_deg_s) & (ahead > 0.0)
+        late = ahead - LABOURED_LAGS * self.actuator.response_lag_s * speed >= JAM_COMMAND_DEG
+        laboured = np.where(late, way * current, 0.0)[moves]
+        latest = np.concatenate([[self._laboured_a], laboured])[np.cumsum(moves)]
+        self._laboured_a = float(latest[-1])
+        pushes = np.where(latest > 0.0, *behind) > 0.0
+        return np.asarray(pushes & (np.abs(latest) > LABOURED_SHARE * current))
 
     def _stalls(self, slots: Slots) -> Flags:
         """Return in which pairs of slots the shaft stands while the motor pushes, shape (k,)."""
@@ -252,6 +285,7 @@ class JamDetector(Detector):
         travelled = np.where(np.isnan(angle), bound, angle) - wound_up
         enough = np.where(commanded >= JAM_COMMAND_DEG + wound_up, commanded, np.nan)
         enough[_only_approached(windows[:, :, 5:7], (1.0 - JAM_SHARE) * commanded)] = np.nan
+        enough[(windows[:, :, 9] > 0.0).any(axis=1)] = np.nan
         share: Array = 1.0 - np.maximum(travelled, 0.0) / enough
         # To and fro in the gear also integrates to a travel: the bound shows a jam, and ends one only when
         # far beyond.
