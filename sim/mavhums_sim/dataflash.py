@@ -25,7 +25,7 @@ ON_BOARD_TIERS = ("csrv", "esc-unsigned", "named", "pwm")
 """Tiers that an on-board log can carry."""
 
 _LETTERS = {"Q": "<u8", "B": "u1", "H": "<u2", "h": "<i2", "I": "<u4", "i": "<i4", "f": "<f4", "L": "<i4",
-            "e": "<i4", "n": "S4", "N": "S16", "Z": "S64", "M": "u1"}  # fmt: skip
+            "e": "<i4", "n": "S4", "N": "S16", "Z": "S64", "M": "u1", "a": "(32,)<i2"}  # fmt: skip
 _TYPES = {
     "FMT": (128, "BBnNZ", "Type,Length,Name,Format,Columns"),
     "PARM": (64, "QNff", "TimeUS,Name,Value,Default"),
@@ -41,6 +41,9 @@ _TYPES = {
     "CSRV": (74, "QBfffBfffffB", "TimeUS,Id,Pos,Force,Speed,Pow,PosCmd,V,A,MotT,PCBT,Err"),
     "DSF": (75, "QIHIIII", "TimeUS,Dp,Blk,Bytes,FMn,FMx,FAv"),
     "IMU": (76, "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
+    "ISBH": (78, "QHBBHHQf", "TimeUS,N,type,instance,mul,smp_cnt,SampleUS,smp_rate"),
+    "ISBD": (79, "QHHaaa", "TimeUS,N,seqno,x,y,z"),
+    "ACC": (80, "QBQfff", "TimeUS,I,SampleUS,AccX,AccY,AccZ"),
     "POS": (77, "QLLfff", "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt"),
 }
 _GPS_EPOCH_US = 315_964_800_000_000  # 1980-01-06

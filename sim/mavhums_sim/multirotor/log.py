@@ -15,6 +15,7 @@ from mavhums_sim.closed_loop.tables import Table, boot_ms, boot_us, text_rows, w
 from mavhums_sim.dataflash import gps, records, write_records
 from mavhums_sim.link import EPOCH_US, Link
 from mavhums_sim.multirotor.flight import LOGGED_HZ, Flown
+from mavhums_sim.multirotor.vibration import bursts, esc_records, raw_records, rotor_rpm
 
 Array = NDArray[np.float64]
 
@@ -31,7 +32,6 @@ _ARMED: Final = 128 + 1
 _LOITER: Final = 5
 FUNCTIONS: Final = {f"SERVO{k + 1}_FUNCTION": 33.0 + k for k in range(8)}
 """The parameters that put each motor on the output of its number."""
-_FULL_RPM: Final = 9000.0
 _SCALE_MG: Final = 1000 / 9.80665
 _SOFTWARE: Final = "ArduCopter V4.5.7 (simulated)"
 _ARMED_S, _STANDS_S = 5.0, 12.0
@@ -39,13 +39,15 @@ _ARMED_S, _STANDS_S = 5.0, 12.0
 
 
 class Rates(NamedTuple):
-    """Rates of the streams, Hz; 0 for none."""
+    """Rates of the streams, Hz; 0 for none: ``bursts`` and ``raw`` of the accelerometer on board."""
 
     outputs: float = 10.0
     attitude: float = 10.0
     imu: float = 10.0
     position: float = 4.0
     esc: float = 0.0
+    bursts: float = 0.0
+    raw: float = 0.0
 
 
 def pulses(command: Array) -> Array:
@@ -130,15 +132,9 @@ def report(flown: Flown, rates: Rates, seed: int) -> list[Table]:
 def _speeds(flown: Flown, rate_hz: float, seed: int) -> list[Table]:
     """Return what the ESCs report: a speed by the root of the thrust, less where not the propeller fails."""
     rng = np.random.default_rng([seed, 9])
-    craft, event = flown.craft, flown.plan.event
-    given = craft.hover * (flown.command / craft.hover) ** craft.exponent
-    keep = np.exp(-1.0 / (LOGGED_HZ * craft.lag_s))
-    for k in range(1, len(given)):
-        given[k] += keep * (given[k - 1] - given[k])
-    if not np.isnan(event.fault_s) and not event.by_propeller:
-        given[flown.time_s >= event.fault_s, event.motor] *= 1.0 - event.loss
+    rpm = rotor_rpm(flown)
     time_s, rows = sampled(rng, flown, rate_hz)
-    speeds = _FULL_RPM * np.sqrt(given[rows]) * (1.0 + rng.normal(0.0, 0.01, given[rows].shape))
+    speeds = rpm[rows] * (1.0 + rng.normal(0.0, 0.01, rpm[rows].shape))
     tables = []
     for first in range(0, speeds.shape[1], 4):
         rpm, voltage = np.zeros((2, len(rows), 4))
@@ -162,8 +158,19 @@ def write_tlog(flown: Flown, path: Path, rates: Rates | None = None, seed: int =
         temporary.write_bytes(data)
 
 
-def write_dataflash(flown: Flown, path: Path, rates: Rates | None = None, seed: int = 0) -> None:
+def write_dataflash(
+    flown: Flown,
+    path: Path,
+    rates: Rates | None = None,
+    seed: int = 0,
+    *,
+    unbalance_um: Array | None = None,
+    day: float = 0.0,
+) -> None:
     """Write a flight's ``.BIN`` atomically; the flight begins after 12 s on the ground.
+
+    ``unbalance_um`` is that of each rotor (:mod:`~mavhums_sim.multirotor.vibration`), ``day`` the day after
+    2026-01-01.
 
     Raises
     ------
@@ -179,8 +186,16 @@ def write_dataflash(flown: Flown, path: Path, rates: Rates | None = None, seed: 
         records("MSG", start, Message=_SOFTWARE.encode()),
         records("MODE", start, Mode=_LOITER, ModeNum=_LOITER, Rsn=1),
         records("STAT", seconds, isFlying=seconds >= _STANDS_S, Armed=seconds >= _ARMED_S),
-        gps(seconds, EPOCH_US),
+        gps(seconds, EPOCH_US + round(day * 86_400e6)),
     ]
+    unbalance = np.zeros(flown.craft.gains.size) if unbalance_um is None else unbalance_um
+    fast = bursts(flown, unbalance, rates.bursts, seed) if rates.bursts else []
+    fast += [raw_records(flown, unbalance, rates.raw, seed)] if rates.raw else []
+    fast += esc_records(flown, rates.esc, seed) if rates.esc else []
+    for kind in fast:
+        for field in {"TimeUS", "SampleUS"} & {*(kind.rows.dtype.names or ())}:
+            kind.rows[field] += np.uint64(round(_STANDS_S * 1e6))
+        kinds.append(kind._replace(time_s=kind.time_s + _STANDS_S))
     time_s, rows = sampled(rng, log, rates.outputs)
     sent_us = pulses(log.command[rows])
     kinds.append(records("RCOU", time_s, **{f"C{k + 1}": sent_us[:, k] for k in range(sent_us.shape[1])}))
