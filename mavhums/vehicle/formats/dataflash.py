@@ -120,6 +120,24 @@ def _parameters(table: Table) -> NDArray[Any]:
     return records_of_parameters(table["Name"], bits, _REAL32)
 
 
+def _delay_us(table: Table) -> Array:
+    """Return how long before its record a sample was taken, negative, µs."""
+    return (table["SampleUS"].astype(np.float64) - table["TimeUS"].astype(np.float64))[:, None]
+
+
+_BURST: Final = dict.fromkeys(("TimeUS", "N", "type", "instance", "mul", "SampleUS", "smp_rate"), 1)
+_PART: Final = {"N": 1, "seqno": 1, "x": 32, "y": 32, "z": 32}
+
+
+def _burst(table: Table) -> Array:
+    return np.hstack([columns(table, "N"), _delay_us(table), columns(table, "smp_rate", "mul")])
+
+
+def _part(table: Table) -> Array:
+    axes = [table[axis].astype(np.float64) for axis in "xyz"]
+    return np.hstack([columns(table, "N", "seqno"), *axes])
+
+
 _LANDINGS: Final = {18: ON_GROUND, 28: IN_AIR}  # of events: landed, not landed
 
 
@@ -189,6 +207,15 @@ SOURCES: Final = (
     Source("supply faults", "POWR", {"Flags": 1}, lambda t: supply_faults(whole("Flags")(t))),
     plain("servo rail", "POWR", "VServo"),
     Source("named value", "NVF", {"Name": TEXT}, lambda t: t["Name"]),
+    Source("burst", "ISBH", _BURST, _burst, lambda t: (t["type"] == 0) & (t["instance"] == 0)),
+    Source("burst samples", "ISBD", _PART, _part),
+    Source(
+        "fast force",
+        "ACC",
+        dict.fromkeys(("TimeUS", "SampleUS", "AccX", "AccY", "AccZ"), 1),
+        lambda t: np.hstack([_delay_us(t), columns(t, "AccX", "AccY", "AccZ")]),
+        _first_sensor,
+    ),
 )
 
 # Servo telemetry
