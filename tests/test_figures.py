@@ -265,7 +265,7 @@ def test_of_motors(name: str) -> None:
     flight = test_monitor.settled(test_monitor.fly_with(loss, frame, 6), hz, 6)
     events = test_monitor.judged(monitor, flight)
     found, state = monitor.findings(), monitor._state
-    parts = ("loss", "several", "flown_s", "judged_s", "tipped", "bound", "trims")
+    parts = ("loss", "several", "flown_s", "judged_s", "tipped", "bound", "indicators")
     shown = {part: dumped(getattr(found, part)) for part in parts}
     sums = {part: getattr(state, part).tolist() for part in ("noise", "weight", "bound", "recent", "values")}
     hold(f"motors {name}", {"found": shown, "state": dumped(sums), "events": condensed(events)})

@@ -15,6 +15,7 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.log import Table
 from mavhums.log.base.decoder import Losses
 from mavhums.log.base.tables import text_of
+from mavhums.vehicle.bursts import Bursts
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.facts import Signal
@@ -59,6 +60,7 @@ class Axes:
         self._received = ReceivedParameters()
         self._vehicles: dict[int, VehicleAxes] = {}
         self._announced: list[tuple[int, int, Airframe]] = []
+        self._bursts = Bursts()
 
     def vehicle(self, vehicle: int) -> VehicleAxes | None:
         """Return the axes of a vehicle; None if it reported nothing about its flight."""
@@ -123,9 +125,13 @@ class Axes:
         for vehicle, esc, time_us, speeds in esc_speeds(tables):
             time_s = (time_us - start_us) / 1e6
             if vehicle in self._vehicles:
-                self._vehicles[vehicle].motors.speeds.hear(esc, time_s, speeds)
+                self._vehicles[vehicle].motors.hear_speed(esc, time_s, speeds)
             if admits(vehicle):
                 self._events.of(vehicle).hear_source(f"ESC {esc + 1}", time_s)
+        for vehicle, source, time_us, force in self._bursts.feed(tables):
+            if vehicle in self._vehicles:
+                time_s = (time_us - start_us) / 1e6
+                self._vehicles[vehicle].motors.vibration.hear_force(source, time_s, force)
         for vehicle, axes in self._vehicles.items():
             yield from axes.feed(by_vehicle.get(vehicle, ()), final=final)
 

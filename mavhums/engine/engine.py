@@ -42,6 +42,7 @@ from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.sections import FlightIdentity, VehicleUsage
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
+from mavhums.vehicle.bursts import FAST_FORCE_MESSAGES
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.dates import date_of_file, date_shift_us
 from mavhums.vehicle.events import FlightEvents
@@ -103,7 +104,7 @@ class Engine:
         wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | FLIGHT_MESSAGES
         wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES | RAIL_MESSAGES | FAULT_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else MODE_MESSAGES
-        wanted |= SIGNAL_MESSAGES
+        wanted |= SIGNAL_MESSAGES | FAST_FORCE_MESSAGES
         self._events = FlightEvents()
         self._axes = Axes(
             airframe, self._events, false_alarms=options.false_alarms, traced=options.vehicle_states

@@ -7,9 +7,11 @@ from datetime import datetime
 from math import inf
 from typing import TYPE_CHECKING, Final
 
+from mavhums.core.arrays import Array
 from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.motor.speeds import EscSpeeds
+from mavhums.health.motor.vibration import RotorVibration
 from mavhums.health.verdict.obstacles import unjudged
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Verdict
@@ -47,12 +49,14 @@ class VehicleMotors:
         The motors by the parameters; why they are not known; None if it is not known to be a multirotor.
     speeds
         The speeds that its ESCs report.
+    vibration
+        How its rotors shake it.
     """
 
     def __init__(self, vehicle: int, false_alarms: float = FALSE_ALARMS, *, traced: bool = False) -> None:
         self._vehicle, self._false_alarms, self._traced = vehicle, false_alarms, traced
         self.by_parameters: Rotors | Reason | None = None
-        self.speeds = EscSpeeds()
+        self.speeds, self.vibration = EscSpeeds(), RotorVibration()
         self._monitor: MotorMonitor | None = None
         self._early: list[Seconds] = []
         self._began_s: int | None = None
@@ -63,6 +67,11 @@ class VehicleMotors:
         # A motor that loses its output in flight, as an override has it, is still the aircraft's.
         return self._monitor.rotors if self._monitor else self.by_parameters
 
+    def hear_speed(self, esc: int, time_s: Array, rpm: Array) -> None:
+        """Take the speeds of one ESC, from 0, rev/min."""
+        self.speeds.hear(esc, time_s, rpm)
+        self.vibration.hear_speed(esc, time_s, rpm)
+
     def feed(self, seconds: Seconds, phases: PhaseRows) -> Iterator[ConditionChanged | Trace]:
         """Take settled seconds and the phases in them; yield the changes of condition."""
         rotors = self.by_parameters
@@ -70,7 +79,11 @@ class VehicleMotors:
             from mavhums.health.motor.monitor import MotorMonitor  # most vehicles have wings
 
             self._monitor = MotorMonitor(
-                self._vehicle, rotors, self.speeds, self._false_alarms, traced=self._traced
+                self._vehicle,
+                rotors,
+                (self.speeds, self.vibration),
+                self._false_alarms,
+                traced=self._traced,
             )
             again = Phases()  # with the thrust, which was not known
             for earlier in self._early:
@@ -81,7 +94,9 @@ class VehicleMotors:
             return
         if self._began_s is None:
             self._began_s = int(seconds.index[0])
-        self.speeds.forget(2 * (int(seconds.index[-1]) - _EARLY_S - _LATE_S), inf)
+        first_s = int(seconds.index[-1]) - _EARLY_S - _LATE_S
+        self.speeds.forget(2 * first_s, inf)
+        self.vibration.forget(first_s)
         kept = int((seconds.index < self._began_s + _EARLY_S).sum())  # however the log is cut into blocks
         if kept:
             self._early.append(seconds.part(0, kept))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -26,6 +26,7 @@ from mavhums.health.motor.thresholds import (
     REFUTING_BLOCKS,
     TRIM_BLOCK_S,
 )
+from mavhums.health.motor.vibration import RotorVibration
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY, Seconds
@@ -85,7 +86,7 @@ class MotorFindings:
     bound
         By motor, the share of thrust that it has lost at most, with 97.5 % confidence, in 80 % of the judged
         seconds.
-    trims
+    indicators
         By motor, what later flights are compared with.
     cause
         What the speed of the motor that lost thrust says about the cause; None if nothing.
@@ -100,7 +101,7 @@ class MotorFindings:
     judged_s: float
     tipped: bool
     bound: tuple[float, ...]
-    trims: tuple[tuple[Indicator, ...], ...]
+    indicators: tuple[tuple[Indicator, ...], ...]
     cause: SpeedCause | None = None
     withdrawn: tuple[Loss, float] | None = None
 
@@ -190,8 +191,8 @@ class MotorMonitor:
         System id.
     rotors
         Its motors.
-    speeds
-        The speeds that its ESCs report.
+    heard
+        The speeds that its ESCs report, and how its rotors shake it.
     false_alarms
         Accepted number of false alarms in 100 hours.
     traced
@@ -202,7 +203,7 @@ class MotorMonitor:
         self,
         vehicle: int,
         rotors: Rotors,
-        speeds: EscSpeeds | None = None,
+        heard: tuple[EscSpeeds, RotorVibration] | None = None,
         false_alarms: float = FALSE_ALARMS,
         *,
         traced: bool = False,
@@ -212,7 +213,8 @@ class MotorMonitor:
         self._rules, self._hypotheses = evidence.rules_for(false_alarms), hypotheses_of(len(rotors.servos))
         self._state = evidence.new_state(len(rotors.servos))
         self._trims = Trims(rotors.columns)
-        self._speeds = SpeedsBesideThrust(speeds or EscSpeeds(), rotors.servos)
+        speeds, self._vibration = heard or (EscSpeeds(), RotorVibration())
+        self._speeds = SpeedsBesideThrust(speeds, rotors.servos)
         self._loss: Loss | None = None
         self._withdrawn: tuple[Loss, float] | None = None
         self._several: tuple[int, ...] = ()
@@ -252,7 +254,9 @@ class MotorMonitor:
         for row in range(0, len(thrusts), RATE_HZ):
             rows = slice(row, row + RATE_HZ)
             second = first + row // RATE_HZ
-            self._trims.add(thrusts[rows], np.asarray(found[rows, 6] > 0.0))
+            settled = np.asarray(found[rows, 6] > 0.0)
+            self._trims.add(thrusts[rows], settled)
+            self._vibration.add(second, settled)
             yield from self._withdraw(second + 1.0)
             for at in (row + np.flatnonzero(found[rows, 0])).tolist():
                 yield from self._alarm(first + at / RATE_HZ, float(spacing[at]), found[at])
@@ -373,8 +377,14 @@ class MotorMonitor:
             bound=tuple(bound.tolist()),
             cause=self._speeds.cause(self._loss.motor - 1, self._loss.since_s) if self._loss else None,
             withdrawn=self._withdrawn,
-            trims=tuple(self._trims.of_motor(motor) for motor in range(len(self.rotors.servos))),
+            indicators=tuple(
+                (*self._trims.of_motor(motor), *shaking) for motor, shaking in enumerate(self._shaking())
+            ),
         )
+
+    def _shaking(self) -> Sequence[tuple[Indicator, ...]]:
+        escs, how = self._speeds.escs()
+        return self._vibration.indicators(escs) if how else [()] * len(self.rotors.servos)
 
 
 def condition_of(share: Interval) -> Condition:

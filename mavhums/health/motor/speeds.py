@@ -138,7 +138,7 @@ class SpeedsBesideThrust:
             if (one + 1) * _BIN_S <= since_s:
                 sums = self._with(sums, self._ratios(one))
                 pairs = pairs + self._paired(one)
-        escs, how = self._escs(pairs)
+        escs, how = self._matched(pairs)
         count, mean, squares = sums[:, range(len(escs)), escs]
         usual = np.where(count >= _LEAST_BEFORE, mean, np.nan)
         found = [self._ratios(one)[range(len(escs)), escs] for one in after]
@@ -159,7 +159,11 @@ class SpeedsBesideThrust:
         words = f"{words} (ESC {escs[motor]}, {how})" if words else ""
         return SpeedCause(ratio, bins[0] * _BIN_S, (bins[-1] + 1) * _BIN_S, words) if words else None
 
-    def _escs(self, sums: Array) -> tuple[list[int], str]:
+    def escs(self) -> tuple[list[int], str]:
+        """Return the ESC of each motor, and how it is known; an empty text where it is not."""
+        return self._matched(sum((self._paired(one) for one in sorted(self._asked)), self._pairs))
+
+    def _matched(self, sums: Array) -> tuple[list[int], str]:
         """Return the ESC of each motor, and how it is known: by the flight, else by its number."""
         from scipy.optimize import linear_sum_assignment  # most flights lose no motor
 

@@ -10,12 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
+from functools import partial
 from math import ceil, exp
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import t_quantile
+from mavhums.core.statistics import NORMAL_95, t_quantile
 from mavhums.health.decision.baseline import Baseline, with_baselines
 from mavhums.health.decision.conditions import since
 from mavhums.health.decision.thresholds import MOST_FLIGHT_TAIL
@@ -26,12 +29,16 @@ from mavhums.health.motor.thresholds import (
     BOUND_SHARE,
     JUDGED_S,
     LEAST_TRIM_CHANGE,
+    LEAST_UNBALANCE_GROWTH,
     MOST_BANK_DEG,
     MOST_EXCLUDED,
     TRIM_SCATTER_PER_MOTOR,
     TRIM_SCATTER_WORTH,
+    UNBALANCE_SCATTER,
+    UNBALANCE_SCATTER_WORTH,
     YAW_SHIFT,
 )
+from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.obstacles import beside, unjudged, without
 from mavhums.results.reasons import Reason, said
 from mavhums.results.standing import Interval
@@ -167,7 +174,7 @@ def _healthy(vehicle: int, findings: MotorFindings) -> Iterator[Verdict]:
             evidence=evidence,
             coverage=_coverage(findings).model_copy(update={"excluded_loss": percent / 100}),
             provenance=_origin(findings, number),
-            indicators=findings.trims[number - 1],
+            indicators=findings.indicators[number - 1],
             **said(reason),
         )
 
@@ -186,10 +193,19 @@ def _origin(findings: MotorFindings, motor: int) -> dict[str, str]:
     return {"V1": f"output {rotors.servos[motor - 1]}, by the log's parameters{assumed}"}
 
 
+class _Growth(NamedTuple):
+    """A rotor's unbalance beside that of earlier flights: by their mean, with its standard error."""
+
+    value: float
+    ratio: float
+    error: float
+    freedom: float
+    flights: int
+
+
 class _TrimShift(NamedTuple):
     """A motor's trim beside that of earlier flights."""
 
-    verdict: Verdict
     value: float
     ratio: float
     freedom: float
@@ -225,15 +241,22 @@ def compare_motors(
             change = _change(compared[k], known, len(places))
             if change is not None:
                 changes[k] = change
-        if not changes:
-            continue
+        judged = partial(_judged, start_utc=start_utc, end_s=end_s)
+        tail = 1.0 - MOST_FLIGHT_TAIL / len(places)
         # A motor that carries more unloads the opposite one: the largest is the cause.
-        most = max(changes, key=lambda k: changes[k].value)
-        one = changes[most]
-        if one.value >= LEAST_TRIM_CHANGE and one.ratio > t_quantile(
-            one.freedom, 1.0 - MOST_FLIGHT_TAIL / len(places)
-        ):
-            compared[most] = _judged(one, start_utc, end_s)
+        most = max(changes, key=lambda k: changes[k].value, default=None)
+        if most is not None:
+            one = changes[most]
+            if one.value >= LEAST_TRIM_CHANGE and one.ratio > t_quantile(one.freedom, tail):
+                compared[most] = judged(compared[most], _of_trim(one))
+        growths = {k: found for k in places if (found := _growth(compared[k], baselines(compared[k])))}
+        for k, growth in growths.items():
+            others = [other.ratio for place, other in growths.items() if place != k]
+            # What shakes the sensor more than before, whichever rotor turns, is none of the rotors.
+            usual = max(float(np.median(others)), 1.0) if others else 1.0
+            more = growth.ratio / usual - 1.0
+            if more >= LEAST_UNBALANCE_GROWTH and more > growth.error * t_quantile(growth.freedom, tail):
+                compared[k] = judged(compared[k], _of_unbalance(growth, usual))
     return compared
 
 
@@ -248,13 +271,10 @@ def _change(verdict: Verdict, baselines: Mapping[str, Baseline], motors: int) ->
     variance = (TRIM_SCATTER_WORTH * usual + own * trim.spread**2) / (TRIM_SCATTER_WORTH + own) * beside
     value = shown[TRIM] - trim.mean
     turned = (shown[TRIM_YAW] - yaw.mean) / (float(BETWEEN_FLIGHTS[2]) * beside**0.5)
-    return _TrimShift(verdict, value, value / variance**0.5, TRIM_SCATTER_WORTH + own, trim.flights, turned)
+    return _TrimShift(value, value / variance**0.5, TRIM_SCATTER_WORTH + own, trim.flights, turned)
 
 
-def _judged(one: _TrimShift, start_utc: datetime, end_s: float) -> Verdict:
-    verdict = one.verdict
-    if SEVERITY[verdict.condition] > SEVERITY["normal"]:
-        return verdict  # a fault that the flight itself shows keeps its onset
+def _of_trim(one: _TrimShift) -> Evidence:
     cause = "a worn propeller or motor"
     if one.yaw < YAW_SHIFT:
         cause += ", or a weight that sits elsewhere (yaw does not tell which)"
@@ -262,6 +282,39 @@ def _judged(one: _TrimShift, start_utc: datetime, end_s: float) -> Verdict:
         f"degraded: is asked for {100 * one.value:.0f} % more thrust beside the others than in "
         f"{one.flights} earlier flights, from the start on: {cause}"
     )
+    return Evidence(
+        kind="thrust", start_s=0.0, end_s=0.0, value=round(one.value, 4), limit=LEAST_TRIM_CHANGE, rule=rule
+    )
+
+
+def _growth(verdict: Verdict, baselines: Mapping[str, Baseline]) -> _Growth | None:
+    """Return the growth of a motor's unbalance; None where this flight or the earlier ones do not show it."""
+    shown = next((one for one in verdict.indicators if one.fault == UNBALANCE), None)
+    known = baselines.get(UNBALANCE)
+    if shown is None or known is None:
+        return None
+    own, worth = known.flights - 1.0, UNBALANCE_SCATTER_WORTH
+    between = (worth * UNBALANCE_SCATTER**2 + own * (known.spread / known.mean) ** 2) / (worth + own)
+    value, error = shown.value.estimate, (shown.value.high - shown.value.low) / 2 / NORMAL_95
+    variance = between * (1.0 + 1.0 / known.flights) + (error / known.mean) ** 2
+    return _Growth(value, value / known.mean, variance**0.5, worth + own, known.flights)
+
+
+def _of_unbalance(one: _Growth, usual: float) -> Evidence:
+    beside = f", the other rotors {usual:.1f} times" if usual >= 1.05 else ""
+    rule = (
+        f"degraded: its rotor shakes the aircraft {one.ratio:.1f} times as much as in "
+        f"{one.flights} earlier flights{beside}: its propeller or its bearing"
+    )
+    limit = float(f"{one.value / one.ratio * (1.0 + LEAST_UNBALANCE_GROWTH) * usual:.4g}")
+    return Evidence(kind=UNBALANCE, start_s=0.0, end_s=0.0, value=one.value, limit=limit, rule=rule)
+
+
+def _judged(verdict: Verdict, found: Evidence, start_utc: datetime, end_s: float) -> Verdict:
+    """Return the verdict with what the earlier flights show; a loss in the flight itself keeps its onset."""
+    before = [item for item in verdict.evidence if item.limit is not None]
+    if SEVERITY[verdict.condition] > SEVERITY["normal"] and not before:
+        return verdict
     return verdict.model_copy(
         update={
             "condition": "degraded",
@@ -269,16 +322,10 @@ def _judged(one: _TrimShift, start_utc: datetime, end_s: float) -> Verdict:
             **said(),
             "since": since(0.0, start_utc),
             # What the test asks for: a Student's t of few flights claims more than they show.
-            "suspects": (Suspect(fault="thrust", confidence=1.0 - MOST_FLIGHT_TAIL),),
-            "evidence": (
-                Evidence(
-                    kind="thrust",
-                    start_s=0.0,
-                    end_s=end_s,
-                    value=round(one.value, 4),
-                    limit=LEAST_TRIM_CHANGE,
-                    rule=rule,
-                ),
+            "suspects": (
+                *verdict.suspects,
+                Suspect(fault=found.kind, confidence=1.0 - MOST_FLIGHT_TAIL),
             ),
+            "evidence": (*before, found.model_copy(update={"end_s": end_s})),
         }
     )

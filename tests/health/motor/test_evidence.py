@@ -206,7 +206,7 @@ def test_a_log_that_ends_in_the_air_has_no_touch_down_to_be_left_out() -> None:
         found = monitor.findings()
         assert found.bound == bound
         assert (found.flown_s, found.judged_s, found.tipped, found.cause) == (90.0, 60.0, True, None)
-    monitor._speeds = SimpleNamespace(cause=lambda *asked: asked)
+    monitor._speeds = SimpleNamespace(cause=lambda *asked: asked, escs=lambda: ([], ""))
     monitor._loss = Loss(2, 41.0, 40.0, Interval.around(0.5, 0.1), 9.0)
     assert monitor.findings().cause == (1, 40.0)
 

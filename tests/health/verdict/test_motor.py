@@ -111,7 +111,7 @@ def test_a_flight_without_a_loss_says_which_one_it_excludes(
     bound: float, condition: Condition, code: str
 ) -> None:
     shown = tuple((indicator(TRIM, float(k)),) for k in range(4))
-    found = verdicts(replace(FINDINGS, bound=(0.1, bound, 0.2, 0.0), trims=shown))
+    found = verdicts(replace(FINDINGS, bound=(0.1, bound, 0.2, 0.0), indicators=shown))
     assert [one.actuator for one in found] == [f"motor {k}" for k in range(1, 5)]
     assert {one.condition for one in found} == {condition}
     assert {one.reason_codes for one in found} == {(code,)}
