@@ -44,12 +44,14 @@ _TYPES = {
     "ISBH": (78, "QHBBHHQf", "TimeUS,N,type,instance,mul,smp_cnt,SampleUS,smp_rate"),
     "ISBD": (79, "QHHaaa", "TimeUS,N,seqno,x,y,z"),
     "ACC": (80, "QBQfff", "TimeUS,I,SampleUS,AccX,AccY,AccZ"),
+    "EDT2": (81, "QBBBB", "TimeUS,Instance,Stress,MaxStress,Status"),
     "POS": (77, "QLLfff", "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt"),
 }
 _GPS_EPOCH_US = 315_964_800_000_000  # 1980-01-06
 _LEAP_S = 18
 _WEEK_MS = 7 * 86_400_000
 _AUTO = 10
+_UP_TO_DATE, _STALLS = 2, 16  # of EDT2's status
 _VOLTS, _AMPERES, _SPEED = 0, 1, 2
 
 
@@ -203,10 +205,13 @@ def _actuator(record: FlightRecord, surface: str, k: int) -> Iterator[Kind]:
             "PosCmd": values[:, 0], "Pos": values[:, 2], "V": esc[:, _VOLTS], "A": esc[:, _AMPERES],
             "Speed": values[:, 9] * 6, "Force": values[:, 10], "Pow": 255, "MotT": degrees,
         }  # fmt: skip
-        yield records("CSRV", time_s, Id=k, **own)
+        yield records("CSRV", time_s, Id=k, Err=actuator.stuck(flight.parameters, time_s), **own)
     if "esc-unsigned" in flight.tiers:
         volts, amperes, speed = np.abs(esc[:, [_VOLTS, _AMPERES, _SPEED]]).T
         yield records("ESC", time_s, Instance=k, RPM=speed, Volt=volts, Curr=amperes, Temp=np.rint(degrees))
+        seconds = np.arange(0.5, flight.duration_s, 1.0, dtype=np.float64)
+        status = _UP_TO_DATE + _STALLS * actuator.stuck(flight.parameters, seconds)
+        yield records("EDT2", seconds, Instance=k, Status=status)
     if "named" in flight.tiers:
         for quantity in range(values.shape[1]):
             name = f"S{k + 1}V{quantity + 1:02d}".encode()

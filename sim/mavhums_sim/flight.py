@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mavhums_sim._arrays import Array
 from mavhums_sim.conditions import Condition, degrade
@@ -26,6 +27,7 @@ from mavhums_sim.sensors import (
 )
 
 HEALTHY_FRICTION_NM = 0.225
+_STUCK_LIMIT, _STUCK_RPM, _STUCK_S = 0.9, 20.0, 0.5  # share of the current limit; speed below; time
 _AIR_DENSITY = 1.225
 HINGE_PER_DEFLECTION = 0.016  # c_δ, m³/rad: about 2 N·m at 20° and 24 m/s
 HINGE_PER_INCIDENCE = 0.006  # c_α, m³/rad
@@ -146,6 +148,14 @@ class ActuatorRecord:
         """Return the winding's temperature at other times, °C; the parameters are the type's."""
         heated = winding_temperature(self.motion, self.individual.parameters(parameters))
         return np.interp(times, self.motion.time_s, heated)
+
+    def stuck(self, parameters: EmaParameters, times: Array) -> NDArray[np.bool_]:
+        """Return whether the ESC calls its motor stuck at other times: it has current, and stands."""
+        amperes, speed = np.abs(self.esc[:, 1:]).T
+        held = (amperes >= _STUCK_LIMIT * parameters.current_limit) & (speed < _STUCK_RPM)
+        free_s = np.maximum.accumulate(np.where(held, -np.inf, self.time_s))
+        stuck: NDArray[np.bool_] = self.time_s - free_s >= _STUCK_S
+        return stuck[np.clip(np.searchsorted(self.time_s, times, side="right") - 1, 0, None)]
 
     def truth(self, fault: str) -> dict[str, object]:
         """Return the ground truth of this actuator as plain data."""

@@ -17,7 +17,7 @@ from mavhums_sim.flight import Flight
 from mavhums_sim.link import Link
 from mavhums_sim.rates import Rates
 
-Tier = Literal["instrumented", "esc-signed", "esc-unsigned", "named", "pwm"]
+Tier = Literal["instrumented", "esc-signed", "esc-info", "esc-unsigned", "named", "pwm"]
 
 
 class _Strict(BaseModel):

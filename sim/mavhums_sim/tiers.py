@@ -4,6 +4,8 @@ instrumented
     DEBUG_FLOAT_ARRAY named EMA with V1…V12 (one message per servo).
 esc-signed
     ESC_STATUS with speed, voltage and current of four ESCs, signed.
+esc-info
+    ESC_INFO once a second: the flag of a stuck motor, a count of these, the winding's temperature.
 esc-unsigned
     ESC_TELEMETRY_1_TO_4: magnitudes in 10 mV, 10 mA and 1 rev/min, no time stamp.
 named
@@ -25,11 +27,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from mavhums_sim._arrays import Array
 from mavhums_sim.cyclogram import SURFACES
-from mavhums_sim.esc_status import EscStatus
+from mavhums_sim.esc_status import EscInfo, EscStatus
 from mavhums_sim.flight import ActuatorRecord, FlightRecord
 from mavhums_sim.link import BOOT_US
 from mavhums_sim.sensors import sample_times
 
+MOTOR_STUCK = 32  # ESC_FAILURE_FLAGS
 _PWM_TRIM, _PWM_PER_DEGREE = 1500.0, 500.0 / 60.0
 
 Message = Any
@@ -83,6 +86,20 @@ def _esc_signed(record: FlightRecord) -> list[Stream]:
     def build(k: int) -> Message:
         time_us = BOOT_US + round(float(times[k]) * 1e6)
         return EscStatus(0, time_us, speed[k].tolist(), volts[k].tolist(), amperes[k].tolist())
+
+    return [Stream(times, build)]
+
+
+def _esc_info(record: FlightRecord) -> list[Stream]:
+    times, of_type = _times(record, 12, 1.0), record.flight.parameters
+    stuck = np.stack([a.stuck(of_type, times) for a in record.actuators.values()], axis=1)
+    warmth = np.stack([a.temperature(of_type, times) for a in record.actuators.values()], axis=1)
+    flags, errors = stuck * MOTOR_STUCK, stuck.cumsum(axis=0)
+    cdegrees = np.clip(np.rint(warmth * 100), -32768, 32766).astype(int)
+
+    def build(k: int) -> Message:
+        time_us = BOOT_US + round(float(times[k]) * 1e6)
+        return EscInfo(time_us, errors[k].tolist(), flags[k].tolist(), cdegrees[k].tolist())
 
     return [Stream(times, build)]
 
@@ -165,6 +182,7 @@ def _esc(record: FlightRecord, times: Array, column: int, shape: Callable[[Array
 TIERS: dict[str, Callable[[FlightRecord], list[Stream]]] = {
     "instrumented": _instrumented,
     "esc-signed": _esc_signed,
+    "esc-info": _esc_info,
     "esc-unsigned": _esc_unsigned,
     "named": _named,
     "pwm": _pwm,

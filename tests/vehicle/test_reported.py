@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink import mavutil
 
-from mavhums.log import Table
+from mavhums.log import Table, read_log
 from mavhums.results.events import FlightEvent
 from mavhums.show.event_words import event_words
 from mavhums.vehicle.events import FlightEvents
+from mavhums.vehicle.formats import messages_of
+from tests.conftest import carried_logs, real_logs
 from tests.strategies import cuts
 
 
@@ -27,13 +31,18 @@ def table(name: str, rows: Sequence[dict[str, Any]], kinds: dict[str, str]) -> T
     return Table(name, n, n * 1_000_000, byte, byte, byte, 0 * byte, fields)
 
 
-def said(*tables: Table, parts: Sequence[int] = ()) -> list[str]:
-    """Return the events of these tables, each cut after these rows, in words with their seconds."""
+def heard(*tables: Table, parts: Sequence[int] = ()) -> tuple[FlightEvent, ...]:
+    """Return the events of these tables, each cut after these rows."""
     events = FlightEvents()
     for one in tables:
         for rows in np.split(np.arange(len(one)), parts):
             events.feed({one.name: one.select(rows)}, 0, lambda _: True)
-    return [f"{event.time_s:.0f}: {event_words(event)}" for event in events.gathered(frozenset())[0]]
+    return events.gathered(frozenset())[0]
+
+
+def said(*tables: Table, parts: Sequence[int] = ()) -> list[str]:
+    """Return the same in words with their seconds."""
+    return [f"{event.time_s:.0f}: {event_words(event)}" for event in heard(*tables, parts=parts)]
 
 
 def escs(errors: Sequence[int], flags: Sequence[int], index: int = 4) -> Table:
@@ -169,3 +178,33 @@ def test_any_bytes_and_any_definition_end_in_words(name: str, kind: str, noise: 
     byte = np.ones(len(fields), dtype=np.uint8)
     if len(fields):
         said(Table(name, n, n * 1_000_000, byte, byte, byte, 0 * byte, fields))
+
+
+LOGS = [path for path in (*carried_logs(), *real_logs()) if path.suffix in (".tlog", ".BIN")]
+
+
+@pytest.mark.parametrize("path", LOGS, ids=lambda path: path.name)
+def test_against_pymavlink_on_logs_that_others_flew(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of supplies and of motor outputs exactly what a plain loop over its messages finds."""
+    monkeypatch.setenv("MAVLINK20", "1")
+    connection = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
+    flags: dict[tuple[int, int, int], list[int]] = {}
+    while (message := connection.recv_match(type=["POWER_STATUS", "SYS_STATUS", "POWR"])) is not None:
+        kind = message.get_type()
+        who = (0, 0) if kind == "POWR" else (message.get_srcSystem(), message.get_srcComponent())
+        supply = getattr(message, "Flags" if kind == "POWR" else "flags", None)
+        if supply is None:
+            ill = message.onboard_control_sensors_enabled & ~message.onboard_control_sensors_health
+            flags.setdefault((*who, 4), []).append(ill >> 15 & 1)
+        else:
+            for bit, invert in ((0, 1), (1, 1), (3, 0), (4, 0)):
+                flags.setdefault((*who, bit - 9), []).append(supply >> bit & 1 ^ invert)
+    connection.close()
+    rises = 0
+    for (_, _, bit), values in flags.items():
+        votes = [sum(values[k : k + 3]) > 1 for k in range(len(values) - 2)]
+        first = votes[:1] if bit < 0 else [False]
+        rises += sum(b > a for a, b in pairwise([*first, *votes]))
+    facts = "supply faults", "autopilot faults"
+    tables = read_log(path, messages=sorted(messages_of(*facts))).tables
+    assert sum(event.value or 0 for event in heard(*tables.values())) == rises
