@@ -95,5 +95,6 @@ class Reported:
 
     def faults(self) -> Iterator[tuple[EventKind, float, dict[str, Any]]]:
         """Yield what was reported so far: kind of event, flight time of the first report, other fields."""
-        for (kind, subject, said), (time_s, count) in self._known.items():
+        # In an order that does not depend on the blocks, as times are rounded.
+        for (kind, subject, said), (time_s, count) in sorted(self._known.items(), key=str):
             yield kind, time_s, {"subject": subject, "said": said, "value": float(count)}
