@@ -123,6 +123,13 @@ RUNS: dict[str, list[Small]] = {
             compares={"| lost thrust": Cells(labels=2, factor=4.0)},
         )
     ],
+    "unbalance": [
+        Small(
+            "--craft 1",
+            {"HEALTHY": 1, "HISTORIES": (3,), "TIMES": (5.0,), "SOURCES": {"1 kHz": 1000.0}},
+            slow=True,
+        )
+    ],
     "networks": [
         Small(
             "--part cards",

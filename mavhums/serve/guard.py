@@ -1,4 +1,8 @@
-"""Protects the page: origin, host, token and size of a request, and the time a connection may take."""
+"""Protects the page: origin, host, token and size of a request, and the time a connection may take.
+
+Starlette's check of hosts takes no IPv6 address and no range; neither Starlette nor uvicorn limits a body, or
+ends a connection that only drips.
+"""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ changes by, by the time between them."""
 _BLOCK: Final = 5  # windows whose median counts as one value: a gust or a turn spoils some of them
 _LEAST_BLOCKS: Final = 3
 _LATE_S: Final = 40  # by which a stream may lag
-_MOST_KEPT: Final = 1 << 20  # samples: more in so short a time are damage or an attack
+_MOST_KEPT: Final = 1 << 19  # samples: more in so short a time are damage or an attack
 _METRES: Final = 1e-6
 
 
@@ -123,7 +123,8 @@ class RotorVibration:
 
     def hear_force(self, source: str, time_s: Array, force: Array) -> None:
         """Take specific force, m/s², shape (n, 3), of one source."""
-        _keep(self._force.setdefault(source, []), time_s, force)
+        known = np.isfinite(force).all(axis=1)
+        _keep(self._force.setdefault(source, []), time_s[known], force[known])
 
     def hear_speed(self, esc: int, time_s: Array, rpm: Array) -> None:
         """Take the speeds of one ESC, from 0, rev/min."""
@@ -133,8 +134,7 @@ class RotorVibration:
     def forget(self, before_s: float) -> None:
         """Forget what was heard of before a time."""
         for kept in (*self._force.values(), *self._speeds.values()):
-            while kept and kept[0][0].max() < before_s:
-                kept.pop(0)
+            kept[:] = [one for one in kept if one[0][-1] >= before_s]
 
     def add(self, first_s: int, flown: Flags) -> None:
         """Take whole seconds: in which rows it flew upright."""
@@ -161,7 +161,7 @@ class RotorVibration:
     def _window(self, start_s: float) -> Iterator[tuple[int, float, float]]:
         """Yield the squared motion by each rotor in a window, and its noise, by ESC."""
         end_s = start_s + _WINDOW_S
-        streams = (_within(kept, start_s, end_s) for kept in self._force.values())
+        streams = [_within(kept, start_s, end_s) for kept in self._force.values() if self._speeds]
         time_s, force = max(streams, key=lambda one: one[0].size, default=(np.zeros(0), np.zeros(0)))
         if not time_s.size or time_s[-1] - time_s[0] < _LEAST_S or time_s.size > _MOST_SAMPLES:
             return
@@ -188,18 +188,19 @@ class RotorVibration:
 
 def _keep(kept: list[tuple[Array, Array]], time_s: Array, values: Array) -> None:
     if time_s.size and sum(one.size for one, _ in kept) < _MOST_KEPT:
-        kept.append((time_s, values))
+        order = np.argsort(time_s, kind="stable")
+        kept.append((time_s[order], values[order]))
 
 
 def _within(kept: Sequence[tuple[Array, Array]], start_s: float, end_s: float) -> tuple[Array, Array]:
     """Return the samples from a time to before another, in order of time, each time once."""
-    parts = [(time_s, values) for time_s, values in kept if time_s.max() >= start_s and time_s.min() < end_s]
+    spans = [(*np.searchsorted(time_s, (start_s, end_s)).tolist(), time_s, values) for time_s, values in kept]
+    parts = [(time_s[a:b], values[a:b]) for a, b, time_s, values in spans if a < b]
     if not parts:
         return np.zeros(0), np.zeros((0, 1))
     time_s, values = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    rows = (time_s >= start_s) & (time_s < end_s) & np.isfinite(values).all(axis=1)
-    time_s, first = np.unique(time_s[rows], return_index=True)
-    return time_s, values[rows][first]
+    time_s, first = np.unique(time_s, return_index=True)
+    return time_s, values[first]
 
 
 def _shown(blocks: _Blocks | None) -> bool:
