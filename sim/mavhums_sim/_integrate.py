@@ -49,6 +49,7 @@ class Course(NamedTuple):
     load_offset: Array
     torque_factor: Array
     resistance_factor: Array
+    speed_factor: Array
     sag: Array
     sensor_bias: Array
     backlash: Array
@@ -102,18 +103,25 @@ def mesh(twist: float, speed: float, half: float, stiffness: float, damping: flo
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
 def control(
-    c: Constants, command: float, angle: float, speed: float, integral: float, sag: float, period: float
+    c: Constants,
+    command: float,
+    angle: float,
+    speed: float,
+    integral: float,
+    course: tuple[float, float],
+    period: float,
 ) -> tuple[float, float]:
     """Return the voltage for the next control period, and the integral after it.
 
     A position loop encloses a speed loop with back-EMF compensation; both are limited. The integral
-    stops while the voltage saturates. The controller uses only the healthy constants.
+    stops while the voltage saturates. The controller uses only the healthy constants. ``course`` is what is
+    lost of the supply's voltage, and the factor on the speed that the controller asks for.
     """
     target = min(max(command, -c.stroke), c.stroke)
-    wanted = min(max(c.position_gain * (target - angle), -c.slew_limit), c.slew_limit)
+    wanted = course[1] * min(max(c.position_gain * (target - angle), -c.slew_limit), c.slew_limit)
     back_emf = c.torque_per_ampere * speed
     demand = c.speed_gain * (wanted - speed) + back_emf + integral
-    supply = c.supply_voltage - sag
+    supply = c.supply_voltage - course[0]
     low = max(-supply, back_emf - c.resistance * c.current_limit)
     high = min(supply, back_emf + c.resistance * c.current_limit)
     voltage = min(max(demand, low), high)
@@ -162,7 +170,13 @@ def advance_one_mass(
     load = 0.0
     for k in range(span[0], span[1]):
         voltage, integral = control(
-            c, course.command[k], angle + course.sensor_bias[k], speed, integral, course.sag[k], dt * steps
+            c,
+            course.command[k],
+            angle + course.sensor_bias[k],
+            speed,
+            integral,
+            (course.sag[k], course.speed_factor[k]),
+            dt * steps,
         )
         torque_per_ampere = c.torque_per_ampere * course.torque_factor[k]
         resistance = c.resistance * course.resistance_factor[k]
@@ -203,7 +217,7 @@ def advance_two_masses(
             angle + course.sensor_bias[k],
             rotor_speed,
             integral,
-            course.sag[k],
+            (course.sag[k], course.speed_factor[k]),
             dt * steps,
         )
         torque_per_ampere = c.torque_per_ampere * course.torque_factor[k]

@@ -136,7 +136,7 @@ _OPTIONS = (
         "--tier",
         "tiers",
         multiple=True,
-        type=click.Choice(["instrumented", "esc-signed", "esc-unsigned", "named", "pwm", "csrv"]),
+        type=click.Choice(["instrumented", "esc-signed", "esc-unsigned", "named", "position", "pwm", "csrv"]),
         default=("instrumented", "esc-unsigned", "pwm"),
         help="How the actuators are reported; csrv is of a .BIN, which has it by default. Repeatable.",
     ),

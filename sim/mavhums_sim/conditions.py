@@ -39,6 +39,7 @@ FAULTS = {
     "backlash": Fault("°", "play of the gear beyond the healthy actuator's, at the output shaft", 3.0),
     "resistance": Fault("1", "winding resistance gained, as a share of R", 8.0),
     "torque_constant": Fault("1", "torque constant lost, as a share of k_t", 1.0, 1.0),
+    "slow": Fault("1", "speed lost by the controller, as a share of its gain and rate limit", 0.5, 1.0),
     "supply_sag": Fault("V", "supply voltage lost", 26.0, 26.0),
     "sensor_bias": Fault("°", "error of the output shaft's position sensor", 10.0),
     "jam": Fault("N·m", "torque that holds the output shaft; beyond the stall torque it stands", 10.0),
@@ -163,6 +164,7 @@ def degrade(
     return total.get("friction"), Degradation(
         torque_factor=torque_factor * (1.0 - np.minimum(total.get("torque_constant"), 1.0)),
         resistance_factor=1.0 + total.get("resistance"),
+        speed_factor=1.0 - np.minimum(total.get("slow"), 1.0),
         sag=total.get("supply_sag"),
         sensor_bias=radians(1.0) * total.get("sensor_bias"),
         backlash=radians(1.0) * total.get("backlash"),

@@ -24,6 +24,8 @@ class Degradation:
     ----------
     torque_factor, resistance_factor
         Factors on N·k_t (and thus on the back-EMF) and R.
+    speed_factor
+        Factor on the speed that the controller asks for: on its gain and its rate limit.
     sag
         Supply voltage lost, V.
     sensor_bias
@@ -36,6 +38,7 @@ class Degradation:
 
     torque_factor: Array
     resistance_factor: Array
+    speed_factor: Array
     sag: Array
     sensor_bias: Array
     backlash: Array
@@ -44,7 +47,7 @@ class Degradation:
     @classmethod
     def none(cls, n: int) -> Degradation:
         """Return the healthy course of ``n`` control periods."""
-        return cls(np.ones(n), np.ones(n), *(np.zeros(n) for _ in range(4)))
+        return cls(*(np.ones(n) for _ in range(3)), *(np.zeros(n) for _ in range(4)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

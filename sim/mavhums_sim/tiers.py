@@ -10,6 +10,8 @@ esc-unsigned
     ESC_TELEMETRY_1_TO_4: magnitudes in 10 mV, 10 mA and 1 rev/min, no time stamp.
 named
     NAMED_VALUE_FLOAT ``S<servo>V01`` … ``S<servo>V12``, times in milliseconds.
+position
+    Of these ``S<servo>V01`` and ``S<servo>V03`` alone, as a servo reports that measures only its angle.
 pwm
     SERVO_OUTPUT_RAW: the commanded pulses.
 
@@ -18,7 +20,7 @@ An on-board log has csrv as well (:mod:`mavhums_sim.dataflash`), which no link c
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -128,21 +130,26 @@ def _esc_unsigned(record: FlightRecord) -> list[Stream]:
 
 
 def _named(record: FlightRecord) -> list[Stream]:
-    streams = []
-    for servo, actuator in enumerate(record.actuators.values(), start=1):
-        names = [f"S{servo}V{quantity:02d}".encode() for quantity in range(1, 13)]
-        streams.append(_named_values(actuator, names))
-    return streams
+    return _named_values(record, range(1, 13))
 
 
-def _named_values(actuator: ActuatorRecord, names: list[bytes]) -> Stream:
-    count = len(names)
+def _position(record: FlightRecord) -> list[Stream]:
+    return _named_values(record, (1, 3))
+
+
+def _named_values(record: FlightRecord, quantities: Sequence[int]) -> list[Stream]:
+    return [_values_of(actuator, n, quantities) for n, actuator in enumerate(record.actuators.values(), 1)]
+
+
+def _values_of(actuator: ActuatorRecord, servo: int, quantities: Sequence[int]) -> Stream:
+    count = len(quantities)
 
     def build(k: int) -> Message:
         sample, quantity = divmod(k, count)
         time_ms = (BOOT_US + round(float(actuator.time_s[sample]) * 1e6)) // 1000
-        value = float(actuator.values[sample, quantity])
-        return mavlink.MAVLink_named_value_float_message(time_ms, names[quantity], value)
+        name = f"S{servo}V{quantities[quantity]:02d}".encode()
+        value = float(actuator.values[sample, quantities[quantity] - 1])
+        return mavlink.MAVLink_named_value_float_message(time_ms, name, value)
 
     return Stream(np.repeat(actuator.time_s, count), build, count)
 
@@ -185,5 +192,6 @@ TIERS: dict[str, Callable[[FlightRecord], list[Stream]]] = {
     "esc-info": _esc_info,
     "esc-unsigned": _esc_unsigned,
     "named": _named,
+    "position": _position,
     "pwm": _pwm,
 }

@@ -25,6 +25,7 @@ def course() -> Course:
         load_offset=rng.uniform(-2, 2, N),
         torque_factor=rng.uniform(0.9, 1, N),
         resistance_factor=rng.uniform(1, 1.2, N),
+        speed_factor=rng.uniform(0.5, 1, N),
         sag=rng.uniform(0, 5, N),
         sensor_bias=np.full(N, 0.01),
         backlash=np.full(N, 0.002),
