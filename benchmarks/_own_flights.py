@@ -13,7 +13,7 @@ import numpy as np
 import mavhums_sim.flight
 from benchmarks._fleet import ACTUATORS, MODES, added, flight
 from mavhums.core.arrays import Array
-from mavhums.health.estimation.equations import OWN_EQUATIONS
+from mavhums.health.estimation.equations import DERIVED_EQUATIONS, OWN_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.flight_sums import collector
 from mavhums.health.estimation.least_squares import packed, unpacked
@@ -31,7 +31,7 @@ BLANK = {
     surface: actuator.model_copy(update={"ema": None, "limits": None, "travel_deg": None})
     for surface, actuator in ACTUATORS.items()
 }
-_BY_NAME = {equation.name: equation for equation in OWN_EQUATIONS}
+_BY_NAME = {equation.name: equation for equation in (*OWN_EQUATIONS, *DERIVED_EQUATIONS)}
 _STEP_S = 5e-4  # of the physics: five times as fast as 0.1 ms, and the gear's wind-up still resolved
 _PULSE_DEG = 0.12
 _SUPPLY_V = 27.0
@@ -63,6 +63,8 @@ TIERS = {
     "bus, 50 Hz, braking burnt": Tier(_BY_NAME["own_power"], 2, bridge="burns"),
     "position, 50 Hz": Tier(_BY_NAME["own_tracking"], 2, command=True),
     "position, 25 Hz": Tier(_BY_NAME["own_tracking"], 4, command=True),
+    "lag, 50 Hz": Tier(_BY_NAME["own_lag"], 2, command=True),
+    "lag, 25 Hz": Tier(_BY_NAME["own_lag"], 4, command=True),
 }
 
 

@@ -47,12 +47,21 @@ SCATTERS = (0.0, 0.05, 0.10)
 FLOATS, STEPS = "floats (instrumented, named)", "esc-signed, 10 mV and 10 mA"
 IDENTIFIED, IDENTIFIED_HZ = (FLOATS, "esc-signed", STEPS), (100.0, 25.0)
 SCATTERED = ("motor, 50 Hz", "bus, 50 Hz")
-SCANNED = ("motor, 50 Hz", "motor, 25 Hz", "bus, 50 Hz", "position, 50 Hz", "position, 25 Hz")
+SCANNED = (
+    "motor, 50 Hz",
+    "motor, 25 Hz",
+    "bus, 50 Hz",
+    "position, 50 Hz",
+    "position, 25 Hz",
+    "lag, 50 Hz",
+    "lag, 25 Hz",
+)
 FRICTIONS = (0.02, 0.05, 0.1, 0.2)
 OTHERS = {
     "resistance": 0.3,
     "torque_constant": 0.15,
     "backlash": 1.5,
+    "slow": 0.2,
     "supply_sag": 10.0,
     "sensor_bias": 0.5,
 }

@@ -10,7 +10,13 @@ import pytest
 from mavhums.health.actuator import detectors
 from mavhums.health.actuator.detectors import DETECTORS
 from mavhums.health.estimation import equations
-from mavhums.health.estimation.equations import EQUATIONS, OWN_EQUATIONS, STROKE_EQUATIONS, interface
+from mavhums.health.estimation.equations import (
+    DERIVED_EQUATIONS,
+    EQUATIONS,
+    OWN_EQUATIONS,
+    STROKE_EQUATIONS,
+    interface,
+)
 
 SHARED = {"interface"}
 
@@ -34,7 +40,7 @@ def test_the_list_of_detectors_is_the_folder() -> None:
 
 
 def test_every_module_of_equations_is_in_a_list() -> None:
-    own = (*OWN_EQUATIONS, *STROKE_EQUATIONS)
+    own = (*OWN_EQUATIONS, *STROKE_EQUATIONS, *DERIVED_EQUATIONS)
     listed = {one.prior.__module__ for one in EQUATIONS} | {one.left.__module__ for one in own}
     assert {name.rsplit(".", 1)[-1] for name in listed} == modules(equations) - SHARED
 
@@ -45,5 +51,5 @@ def test_every_equation_of_a_module_is_in_a_list(module: str) -> None:
     found = [one for one in defined if isinstance(one, interface.Equation | interface.OwnEquation)]
     assert found
     listed = {one.name for one in EQUATIONS}
-    listed |= {one.name for one in (*OWN_EQUATIONS, *STROKE_EQUATIONS)}
+    listed |= {one.name for one in (*OWN_EQUATIONS, *STROKE_EQUATIONS, *DERIVED_EQUATIONS)}
     assert {one.name for one in found} <= listed

@@ -9,9 +9,9 @@ from mavhums.core.conditions import Condition
 from mavhums.core.statistics import ERRORS_95
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
+from mavhums.health.estimation.equations import DERIVED_EQUATIONS, OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
-from mavhums.health.estimation.equations.own_scale import CURRENT
+from mavhums.health.estimation.equations.own_scale import CURRENT, TRACKING
 from mavhums.health.estimation.wear import mean_load, shows
 from mavhums.health.self_baseline.comparison import Comparison, compare
 from mavhums.health.self_baseline.motor import (
@@ -51,7 +51,9 @@ def compare_with_own_flights(
     """
     compared = _by_equation(verdict, past, false_alarms)
     if compared.condition in _OPEN and compared.worst in _OPEN:
-        for equation in STROKE_EQUATIONS:
+        deciding = _deciding(verdict)
+        derived = DERIVED_EQUATIONS if deciding and deciding[0] == TRACKING else ()
+        for equation in (*STROKE_EQUATIONS, *derived):
             compared = _beside(compared, equation, past, false_alarms)
     return compared
 
@@ -59,7 +61,7 @@ def compare_with_own_flights(
 def _beside(
     verdict: Verdict, equation: OwnEquation, past: Sequence[PastRecord], false_alarms: float
 ) -> Verdict:
-    """Return the verdict with a quantity of its strokes, which can make it changed and nothing else."""
+    """Return the verdict with a further quantity, which can make it changed and nothing else."""
     record = record_of(verdict.own, equation.name)
     if record is None:
         return verdict
@@ -122,7 +124,7 @@ def _by_equation(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
 
 def without_own(verdict: Verdict) -> Verdict:
     """Return a verdict without the indicators and the evidence of own-scale equations."""
-    equations = (*OWN_EQUATIONS, *STROKE_EQUATIONS)
+    equations = (*OWN_EQUATIONS, *STROKE_EQUATIONS, *DERIVED_EQUATIONS)
     faults = {*(equation.fault for equation in equations), *_OF_THE_MOTOR}
     kinds = {_kind(equation) for equation in equations}
     return verdict.model_copy(

@@ -19,6 +19,7 @@ RISE = Interval(estimate=0.6, low=0.49, high=0.73)
 NEAR = Interval(estimate=0.02, low=-0.06, high=0.1)
 VALUE = Interval(estimate=0.123456, low=0.103456, high=0.143456)
 USUAL = Interval(estimate=0.0987654, low=0.0876543, high=0.1098765)
+NONE = Comparison("undecided", None, 0, 20)
 LEARNING = Comparison("learning", VALUE, 6, 10)
 STILL = Comparison("undecided", VALUE, 20, 10)
 LIKE = Comparison("unchanged", VALUE, 20, 10, USUAL, NEAR, 0.123456)
@@ -35,7 +36,7 @@ def compared(
     monkeypatch: pytest.MonkeyPatch, found: Mapping[str, Comparison], before: Verdict | None = None
 ) -> Verdict:
     """Return the verdict on a flight whose equations compare like this with the flights before it."""
-    monkeypatch.setattr(judged, "compare", lambda equation, *_: found[equation.name])
+    monkeypatch.setattr(judged, "compare", lambda equation, *_: found.get(equation.name, NONE))
     own = tuple(record(name, 0.5, 0.4, 0.3, 0.2) for name in found)
     before = before or Verdict(vehicle=1, actuator="rudder", condition="undecided", worst="undecided")
     return judged.compare_with_own_flights(before.model_copy(update={"own": own}), [])
