@@ -126,8 +126,9 @@ RUNS: dict[str, list[Small]] = {
     "unbalance": [
         Small(
             "--craft 1",
-            {"HEALTHY": 1, "HISTORIES": (3,), "TIMES": (5.0,), "SOURCES": {"1 kHz": 1000.0}},
+            {"HEALTHY": 1, "HISTORIES": (10,), "SOURCES": {"1 kHz": 1000.0}},
             slow=True,
+            compares={"| samples": Cells(labels=2)},
         )
     ],
     "networks": [
