@@ -2,7 +2,7 @@
 #   docker build -t mavhums .
 #   docker run -p 127.0.0.1:8080:8080 -v mavhums:/data mavhums    # then open http://127.0.0.1:8080/?token=…
 #   docker run -v mavhums:/data -v "$PWD/logs:/logs:ro" --no-healthcheck mavhums fleet watch /logs
-FROM python:3.12-slim AS build
+FROM python:3.12 AS build
 WORKDIR /source
 COPY pyproject.toml README.md LICENSE ./
 COPY mavhums mavhums
@@ -19,7 +19,6 @@ RUN for wheel in /install/*.whl; do \
     useradd --create-home --uid 1000 mavhums && install -d -o mavhums /data
 USER mavhums
 WORKDIR /data
-RUN mavhums warm-up
 ENV MAVHUMS_STORE=/data/flights.sqlite
 VOLUME /data
 EXPOSE 8080

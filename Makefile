@@ -6,6 +6,8 @@ CORES ?= auto
 TORCH_INDEX ?=
 # Without --no-compile 400 MB of byte code are written for packages of which few modules are ever used.
 PIP := -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
+# What builds the package, with a C compiler for a machine that has none.
+BUILD := editables hatchling hatch-fancy-pypi-readme numba numpy pydantic scipy setuptools $(shell command -v cc gcc clang >/dev/null || echo ziglang)
 EXTRAS := arrow,fleet,mcp,serial,serve,sim,viewer,zstd
 # Only Linux has CUDA builds; there the CPU build has a version of its own.
 TORCH := $(shell grep ^torch== constraints.txt)$(if $(filter Linux,$(shell uname -s)),+cpu)
@@ -16,7 +18,6 @@ unexport PYTHONDONTWRITEBYTECODE
 .PHONY: demo test test-slow test-all test-lowest lock lint model docs pictures clean
 
 demo: .venv/.demo
-	$(BIN)/mavhums warm-up
 	$(BIN)/python examples/demo.py demo
 
 # What a change needs before it is proposed, in minutes; on as many cores as there are.
@@ -63,22 +64,22 @@ clean:
 .venv/.demo: pyproject.toml constraints.txt
 	@echo "Setting up .venv: downloads 250 MB once, 1.2 GB on disk."
 	$(PYTHON) -m venv .venv
-	$(BIN)/python $(PIP) -e '.[viewer]'
+	$(BIN)/python $(PIP) $(BUILD)
+	$(BIN)/python $(PIP) --no-build-isolation -e '.[viewer]'
 	touch $@
 
-# The inner loops compile while PyTorch installs, once for all processes of the tests.
 .venv/.ready: pyproject.toml constraints.txt
 	@echo "Setting up .venv for the tests: downloads 700 MB once (200 MB of it PyTorch's CPU build), 2.5 GB on disk."
 	$(BIN)/python -c "" 2>/dev/null || $(PYTHON) -m venv .venv
-	$(BIN)/python $(PIP) -e '.[$(EXTRAS),dev]'
-	@$(BIN)/mavhums warm-up & $(BIN)/python $(PIP) $(TORCH) $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) || \
+	$(BIN)/python $(PIP) $(BUILD)
+	$(BIN)/python $(PIP) --no-build-isolation -e '.[$(EXTRAS),dev]'
+	@$(BIN)/python $(PIP) $(TORCH) $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) || \
 		echo "PyTorch's CPU build ($(TORCH)) is not on your package index: the tests of training are left out." \
-			"To run them: rm .venv/.ready; make test TORCH_INDEX=URL, with the CPU index that pytorch.org names."; \
-		wait
+			"To run them: rm .venv/.ready; make test TORCH_INDEX=URL, with the CPU index that pytorch.org names."
 	touch $@ .venv/.demo
 
 .venv/.lint: .venv/.ready
-	$(BIN)/python $(PIP) -e '.[lint]'
+	$(BIN)/python $(PIP) --no-build-isolation -e '.[lint]'
 	touch $@
 
 # The tests in an environment with the lowest versions that pyproject.toml allows.

@@ -71,7 +71,6 @@ def needs(path: Path) -> Callable[[Test], Test]:
 
 
 LONGEST = {  # a minute or more each: begun last, they would run alone
-    "test_nothing_is_left_to_compile_after_a_warm_up",
     "test_training_mixes_and_weighs_them",
     "test_a_model_for_less_is_trained_calibrated_and_repeatable",
     "test_over_a_real_link",

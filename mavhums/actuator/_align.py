@@ -9,25 +9,25 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.core.kernels import kernel
+from mavhums.core.arrays import Array, Array2, Flags, Flags2, Integers, Integers1, Integers2
+from mavhums.core.kernels import kernel, subroutine
 from mavhums.core.quantities import column
 
 NEVER = 2**62
 _BETWEEN = (column("V1"), column("V11"))  # the command and the load, which need no sensor at the shaft
 _ANGLES = (column("V2"), column("V3"))
 
-Rows = tuple[Integers, Integers, Array]
+Rows = tuple[Integers1, Integers1, Array2]
 
 
-@kernel
+@subroutine
 def _first(values: Integers, start: int, end: int, least: int) -> int:
     """Return the first index from ``start`` on whose value is at least ``least``, else ``end``."""
     return start + int(np.searchsorted(values[start:end], least))
 
 
 @kernel
-def _near(values: Integers, start: int, end: int, least: int, guess: int) -> int:
+def _near(values: Integers1, start: int, end: int, least: int, guess: int) -> int:
     """Return what :func:`_first` returns, at once if it is the guess or the index after the guess."""
     for index in range(max(guess, start), min(guess + 2, end)):
         if values[index] >= least and (index == start or values[index - 1] < least):
@@ -35,7 +35,7 @@ def _near(values: Integers, start: int, end: int, least: int, guess: int) -> int
     return _first(values, start, end, least)
 
 
-@kernel
+@subroutine
 def _merge(
     rows: Rows,
     bounds: Integers,
@@ -87,7 +87,7 @@ def _merge(
     return (out_time, out_frame, out_values), out_bounds, taken
 
 
-@kernel
+@subroutine
 def _enlist(
     due: Integers,
     clock: int,
@@ -114,13 +114,13 @@ def _enlist(
 @kernel
 def take(
     rows: Rows,
-    bounds: Integers,
-    due: Integers,
+    bounds: Integers1,
+    due: Integers2,
     new: Rows,
-    new_bounds: Integers,
-    reigns: Integers,
-    latest_us: Integers,
-    late: Integers,
+    new_bounds: Integers1,
+    reigns: Integers2,
+    latest_us: Integers1,
+    late: Integers1,
     latest_due_us: int,
     reach_us: int,
     keep_us: int,
@@ -148,12 +148,12 @@ def take(
 
 @kernel
 def limits(
-    due: Integers,
+    due: Integers2,
     rows: Rows,
-    bounds: Integers,
-    first_frame: Integers,
-    rank: Integers,
-    gives: Flags,
+    bounds: Integers1,
+    first_frame: Integers1,
+    rank: Integers1,
+    gives: Flags2,
     horizon_us: int,
     known_from_us: int,
     final: bool,
@@ -203,11 +203,11 @@ def limits(
 
 @kernel
 def combine(
-    at_us: Integers,
-    limit: Integers,
-    order: Integers,
+    at_us: Integers1,
+    limit: Integers1,
+    order: Integers1,
     rows: Rows,
-    bounds: Integers,
+    bounds: Integers1,
     keep_us: int,
     spans_us: tuple[int, int],
 ) -> tuple[Array, NDArray[np.int8]]:

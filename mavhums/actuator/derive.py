@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.profile import Actuator, Ema
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array, Array1, Array2, Integers1
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
 from mavhums.core.statistics import DEGREES_S_PER_REV_MIN, RAD_S_PER_REV_MIN
@@ -144,7 +144,7 @@ class Deriver:
 
 
 @kernel
-def _integrate(utc_us: NDArray[np.int64], values: Array, ratio: float, turned: Array) -> bool:
+def _integrate(utc_us: Integers1, values: Array2, ratio: float, turned: Array1) -> bool:
     """Fill in V2 from the first known V7 on, and return whether anything was filled in.
 
     It continues from the latest V2, measured or not, but not over a gap, which hides a motion. It starts,
@@ -238,11 +238,11 @@ class CurrentSigns:
             Magnitude of V7, shape (n,).
         """
         constants = self._ema.resistance, self._ema.torque_constant, self._moving
-        _decide(utc_us, values, rev_min, constants, self._standing, self._motion)
+        _decide(utc_us, values, np.ascontiguousarray(rev_min), constants, self._standing, self._motion)
 
 
 @kernel
-def _winding(standing: Array, nominal: float) -> tuple[float, float]:
+def _winding(standing: Array1, nominal: float) -> tuple[float, float]:
     """Return resistance, Ω, and variance of |U| − R·|I|, V², from samples at standstill.
 
     The line through the origin has errors in both variables (W. E. Deming, "Statistical Adjustment of
@@ -270,12 +270,12 @@ def _winding(standing: Array, nominal: float) -> tuple[float, float]:
 
 @kernel
 def _decide(
-    utc_us: NDArray[np.int64],
-    values: Array,
-    rev_min: Array,
+    utc_us: Integers1,
+    values: Array2,
+    rev_min: Array1,
     constants: tuple[float, float, float],
-    standing: Array,
-    motion: Array,
+    standing: Array1,
+    motion: Array1,
 ) -> None:
     """Set the signs sample by sample; ``standing`` and ``motion`` are kept between blocks.
 

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.core.arrays import Array, Flags
+from mavhums.core.arrays import Array, Array1, Array2, Flags, Flags2
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
 
@@ -109,7 +109,7 @@ def _repeats(moving_s: float, samples: float, changes: float, min_rate_hz: float
 
 @kernel
 def _count(
-    time_s: Array, values: Array, last: Array, counts: Array, min_rate_hz: float, refused: Flags
+    time_s: Array1, values: Array2, last: Array1, counts: Array2, min_rate_hz: float, refused: Flags2
 ) -> None:
     for i in range(time_s.size):
         step_s = time_s[i] - last[-1]
@@ -144,7 +144,7 @@ def _is_unsigned(contradictions: float, negative: float) -> bool:
 
 
 @kernel
-def _unsigned(values: Array, signs: Array, refused: Flags) -> None:
+def _unsigned(values: Array2, signs: Array1, refused: Flags2) -> None:
     for i in range(len(values)):
         volts, amperes, speed = values[i, _V4], values[i, _V5], values[i, _V7]
         if np.isnan(speed):

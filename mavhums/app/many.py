@@ -33,14 +33,11 @@ class Batch:
         What a log is to leave beside its verdicts, by log.
     progress
         Returns a context for a log, in which one process reports the number of bytes read.
-    prepare
-        Called in each process before its first log.
     """
 
     jobs: int | None = None
     sinks: Mapping[Path, Sequence[Sink]] = field(default_factory=dict)
     progress: Progress = lambda _: nullcontext()
-    prepare: Callable[[], None] | None = None
 
 
 def analyse_many(
@@ -109,7 +106,7 @@ def _by_processes(
     from mavhums.core.process_pool import LostItem, in_processes  # one log needs no pool
 
     alone = partial(_without_cause, settings.alone())
-    flights = in_processes(alone, logs, jobs, prepare=batch.prepare, preload=["mavhums.app.many"])
+    flights = in_processes(alone, logs, jobs, preload=["mavhums.app.many"])
     with closing(flights):
         for log, judged in zip(logs, flights, strict=True):
             yield Failed.crashed(log) if isinstance(judged, LostItem) else judged

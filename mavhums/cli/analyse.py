@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Self
 import click
 
 from mavhums.cli.options import JOBS, JSON, KEEP, LOG, LOGS, PATH, STORE, judging
-from mavhums.cli.output import announce_compiling, complain, reading, say, say_json
+from mavhums.cli.output import complain, reading, say, say_json
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError, MissingExtraError
 
@@ -301,7 +301,6 @@ def analyse(
         jobs=jobs,
         sinks={log: [Recording(path, position=not no_position)] for log, path in recordings.items()},
         progress=reading,
-        prepare=announce_compiling,
     )
     several = len(logs) > 1
     kind = _MarkdownPrinter if markdown else _TablePrinter

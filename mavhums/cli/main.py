@@ -16,7 +16,7 @@ import click
 
 from mavhums.cli.ending import signal_received
 from mavhums.cli.options import AIRFRAME, DIALECT, JSON, LOG
-from mavhums.cli.output import announce_compiling, complain, reading, say, say_json, sound_output
+from mavhums.cli.output import complain, reading, say, say_json, sound_output
 from mavhums.core.about import __version__
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.startup import collect_seldom
@@ -25,7 +25,7 @@ _HOMES: Final[Mapping[str, Mapping[str, str]]] = {
     "Judge": {"analyse": "analyse", "report": "analyse", "serve": "serve", "live": "live", "mcp": "mcp"},
     "Look": {"inspect": "", "check": "tools", "export": "tools"},
     "Over flights": {"trend": "trend", "fleet": "fleet"},
-    "Set up": {"profile": "tools", "warm-up": "tools"},
+    "Set up": {"profile": "tools"},
     "Models": {"model": "tools", "train": "learn", "precedents": "learn", "study": "learn"},
 }
 """The module of each command, by the heading of the help; without one it stands below."""
@@ -118,7 +118,6 @@ def main() -> None:
     os.umask(os.umask(0o077) | 0o077)  # stores, recordings and reports hold positions
     _end_on_signals()
     collect_seldom()
-    announce_compiling()
     with sound_output():
         try:
             cli.main(prog_name="mavhums", standalone_mode=False)

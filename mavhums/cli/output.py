@@ -14,7 +14,6 @@ from typing import Any
 import click
 
 from mavhums.cli.ending import open_closed_streams
-from mavhums.core import startup
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.output import printable
 
@@ -161,19 +160,3 @@ def steps(title: str) -> Iterator[Callable[[int, int], None] | None]:
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
-def announce_compiling() -> None:
-    """Print on standard error why the first call takes longer; on a terminal with a count."""
-    count = 0
-
-    def tell() -> None:
-        nonlocal count
-        count += 1
-        if count == 1:
-            text = "mavhums: compiling its inner loops for this machine, once; it takes some twenty seconds"
-            say(f"{text} (ahead of time: mavhums warm-up)", err=True)
-        if sys.stderr.isatty():
-            click.echo(f"\r  {count} loops", nl=False, err=True)
-
-    startup.on_compile(tell)

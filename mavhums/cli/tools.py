@@ -1,8 +1,7 @@
-"""The commands ``check``, ``export``, ``model``, ``profile`` and ``warm-up``."""
+"""The commands ``check``, ``export``, ``model`` and ``profile``."""
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import click
@@ -217,19 +216,3 @@ def identify_motors(
     with written_whole(output) as temporary:
         temporary.write_text(filled, encoding="utf-8")
     click.echo(f"{output}: identified {', '.join(motors)}")
-
-
-@click.command("warm-up", short_help="Compile the inner loops now, not at the first log.")
-def warm_up() -> None:
-    """Compile the inner loops now, so that the first log of any format need not wait for it.
-
-    That happens once after an installation or an update, and takes some twenty seconds. The result is kept
-    beside the installation, or in the user's cache where that cannot be written; where neither can, set
-    NUMBA_CACHE_DIR to a folder that can.
-    """
-    from mavhums.app.warm_up import warm_up as compile_all
-
-    begin = time.monotonic()
-    compiled = compile_all()
-    took = f"{time.monotonic() - begin:.0f} s"
-    say(f"ready: {compiled} loops compiled in {took}" if compiled else "ready: already compiled")

@@ -38,15 +38,13 @@ def in_processes(
     items: Iterable[Item],
     jobs: int,
     *,
-    prepare: Callable[[], None] | None = None,
     preload: Sequence[str] = (),
     item_s: float | None = None,
 ) -> Generator[Result | LostItem]:
     """Yield the function's result for each item, in order; only a few items are worked on ahead.
 
-    The first item runs alone, because its process may compile the kernels for all others. An item on which a
-    process dies is tried once more: the cause may have been another program that took all memory. The
-    processes end when the iteration ends, even early, and when this process dies.
+    An item on which a process dies is tried once more: the cause may have been another program that took all
+    memory. The processes end when the iteration ends, even early, and when this process dies.
 
     Parameters
     ----------
@@ -56,8 +54,6 @@ def in_processes(
         Arguments of the function.
     jobs
         Number of processes.
-    prepare
-        Called in each process before its first item.
     preload
         Modules that the processes share, so that each need not import them again.
     item_s
@@ -65,12 +61,12 @@ def in_processes(
     """
     from pebble import ProcessExpired
 
-    waiting, most = iter(items), 1
-    pool = _Pool(function, jobs, prepare, preload, item_s)
+    waiting = iter(items)
+    pool = _Pool(function, jobs, preload, item_s)
     ahead: deque[tuple[Item, Future[Result]]] = deque()
     try:
         while True:
-            ahead.extend((item, pool.submit(item)) for item in islice(waiting, most - len(ahead)))
+            ahead.extend((item, pool.submit(item)) for item in islice(waiting, jobs * _AHEAD - len(ahead)))
             if not ahead:
                 return
             item, future = ahead.popleft()
@@ -83,7 +79,6 @@ def in_processes(
                 yield LostItem()
             except TimeoutError:
                 yield LostItem(hung=True)
-            most = jobs * _AHEAD
     finally:
         pool.end()
 
@@ -101,7 +96,6 @@ class _Pool:
         self,
         function: Callable[[Any], Any],
         jobs: int,
-        prepare: Callable[[], None] | None,
         preload: Sequence[str],
         item_s: float | None,
     ) -> None:
@@ -121,7 +115,7 @@ class _Pool:
 
         context.RLock = kept_lock
         self._item_s = item_s
-        self._pool = ProcessPool(jobs, initializer=_begin, initargs=(function, prepare), context=context)
+        self._pool = ProcessPool(jobs, initializer=_begin, initargs=(function,), context=context)
 
     def submit(self, item: Any) -> Future[Any]:
         with _interrupts_wait():
@@ -174,15 +168,13 @@ def _blocked_in_children() -> Generator[None]:
 _function: Callable[[Any], Any]
 
 
-def _begin(function: Callable[[Any], Any], prepare: Callable[[], None] | None) -> None:
+def _begin(function: Callable[[Any], Any]) -> None:
     """Prepare a new process: Ctrl-C is the caller's to handle, and the process ends with the caller."""
     global _function  # noqa: PLW0603 — the only way that a pool offers to send data once to a process
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # a handler would wait for the end of a compiled loop
     Thread(target=_end_with_caller, daemon=True).start()
     _function = function
-    if prepare is not None:
-        prepare()
 
 
 def _end_with_caller() -> None:

@@ -1,4 +1,4 @@
-"""What makes the program start fast: lazy exports, few garbage collections, notice of a compilation.
+"""What makes the program start fast: lazy exports and few garbage collections.
 
 This module imports nothing heavy, so that the command line can register before it loads anything.
 """
@@ -14,20 +14,6 @@ from importlib import import_module
 from typing import Any
 
 from mavhums.core.errors import MissingExtraError
-
-_listeners: list[Callable[[], None]] = []
-
-
-def on_compile(listener: Callable[[], None]) -> None:
-    """Register a listener that is called when the compilation of an uncached kernel begins."""
-    _listeners.append(listener)
-
-
-def notify_of_compilation() -> None:
-    """Notify the listeners that a compilation begins."""
-    for listener in _listeners:
-        listener()
-
 
 _AT_START = 200_000
 

@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from mavhums.core.arrays import Array, Integers
+from mavhums.core.arrays import Array, Array1, Integers1
 from mavhums.core.kernels import kernel
 
 _PER_100_H: Final = 360_000.0  # seconds
@@ -32,7 +32,7 @@ def threshold(false_alarms: float) -> float:
 
 
 @kernel
-def accumulate(at: int, ratios: Array, values: Array, sums: Array, since: Integers) -> None:
+def accumulate(at: int, ratios: Array1, values: Array1, sums: Array1, since: Integers1) -> None:
     """Add a unit's logarithms of likelihood ratios to the statistics of the hypotheses, all of one shape.
 
     Parameters

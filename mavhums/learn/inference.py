@@ -10,7 +10,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.arrays import Array, Array1, Array2, Flags, Integers, Integers1
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, WINDOW_KEYS
 
@@ -339,13 +339,13 @@ ABSTAINS = -1
 
 @kernel
 def vote(
-    values: Array,
-    columns: Integers,
-    low: Array,
-    high: Array,
-    weights: Array,
-    biases: Array,
-    difference: Array,
+    values: Array2,
+    columns: Integers1,
+    low: Array1,
+    high: Array1,
+    weights: Array2,
+    biases: Array1,
+    difference: Array1,
     threshold: float,
 ) -> NDArray[np.int8]:
     """Return 1 for an emergency, 0 for none, -1 for a sample outside ``low`` … ``high``, shape (n,).

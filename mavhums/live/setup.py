@@ -12,19 +12,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
-from mavhums.actuator.profile import load_airframe
 from mavhums.app.settings import Options, Settings
-from mavhums.app.warm_up import compile_rare_loops
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import written_whole
-from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import AircraftResolver
 from mavhums.flights.compare import FlightComparison
-from mavhums.health.actuator.monitor import Monitor
 from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.live.alerts import COMPONENT, Alerts, Signer
 from mavhums.live.links import Address, Link, ReceiveClock, UdpLink
@@ -34,7 +28,7 @@ from mavhums.live.status import Peers, Reception
 from mavhums.live.streams import SerialLink, TcpLink
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
-from mavhums.log.mavlink.stamping import Piece, Stamper
+from mavhums.log.mavlink.stamping import Stamper
 
 if TYPE_CHECKING:
     from mavhums.flights.store import Store
@@ -42,7 +36,6 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 _HEADERS = 28  # bytes of a datagram's IPv4 and UDP headers
-_SERVO_OUTPUT_RAW = bytes.fromhex("fe150001012401000000dc05dc05dc05dc050000000000000000007188")
 
 _LINKS: Final[dict[str, Callable[[Address, ReceiveClock], Link]]] = {
     "udpin": UdpLink,
@@ -109,7 +102,6 @@ def prepare(options: LiveOptions, sinks: Sequence[Sink] = (), *, vehicle_states:
     seen = SeenSignatures(Path(file)) if isinstance(file, str | os.PathLike) else None
     guard = SignatureGuard(key, before=seen.load() if seen else None) if key else None
     engine = replace(settings.engine, key=None, vehicle_states=vehicle_states)
-    _warm_up(engine)
     judging = Engine(engine)
     flown = None if settings.store is None else _LinkFlights(settings.store, judging, settings.resolver)
     recorder = TlogRecorder(options.record) if options.record else None
@@ -193,21 +185,6 @@ def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: boo
 
 def _dialect(options: EngineOptions) -> Path | None:
     return None if options.dialect is None else Path(options.dialect)
-
-
-def _warm_up(options: EngineOptions) -> None:
-    """Compile the loops before the session, so that no data are lost during compilation."""
-    dialect = _dialect(options)
-    stamper, airframe = Stamper(load_dialect(dialect)), load_airframe("paper")
-    records = stamper.feed([Piece(None, 0, _SERVO_OUTPUT_RAW)])
-    engine = Engine(EngineOptions(airframe, options.models, dialect=dialect))
-    engine.feed(records)
-    engine.finish()
-    samples = np.arange(0.0, 20.0, 0.1)
-    list(Monitor(0, airframe.actuators[0]).feed(samples, np.zeros((samples.size, len(KEYS)))))
-    for model in options.models:
-        model.votes(np.zeros((1, len(KEYS))))
-    compile_rare_loops()
 
 
 class SeenSignatures:

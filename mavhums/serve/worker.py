@@ -12,13 +12,13 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
 from mavhums.app.analysis import Failed, judge
 from mavhums.app.settings import Options, Settings
 from mavhums.app.sinks import Recording, Report, Sink
-from mavhums.app.warm_up import warm_up
 from mavhums.core.packed import ArchiveError
 from mavhums.serve.uploads import take_logs
 from mavhums.show.answer import headline_block
@@ -42,7 +42,7 @@ def main(memory_bytes: int) -> None:
         output.write(json.dumps(content) + "\n")
         output.flush()
 
-    warm_up()  # loads and compiles what the first log needs
+    import_module("mavhums.engine.engine")  # so that the first log need not wait for it
     tell({"ready": True})
     while True:
         tell(_done(jobs.get(), tell))

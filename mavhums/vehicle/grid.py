@@ -18,8 +18,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.core.kernels import kernel
+from mavhums.core.arrays import Array, Array1, Flags, Flags2, Integers, Integers1, Integers2
+from mavhums.core.kernels import kernel, subroutine
 from mavhums.vehicle.facts import CONTINUOUS, STEPPED, Signal
 from mavhums.vehicle.signals import DERIVED, CandidateStream, Choice, body_rates
 
@@ -113,13 +113,13 @@ class Order:
 
 @kernel
 def _follow(
-    stream: Integers,
-    time_s: Array,
-    kinds: Flags,
-    newest: Array,
-    heard: Array,
-    counts: Integers,
-    state: Array,
+    stream: Integers1,
+    time_s: Array1,
+    kinds: Flags2,
+    newest: Array1,
+    heard: Array1,
+    counts: Integers2,
+    state: Array1,
 ) -> Flags:
     kept = np.zeros(stream.size, dtype=np.bool_)
     for row in range(stream.size):
@@ -146,7 +146,7 @@ def _follow(
     return kept
 
 
-@kernel
+@subroutine
 def _reach(kinds: Flags, newest: Array, heard: Array, state: Array) -> float:
     """Return the time that every stream has passed."""
     reach, waiting = np.inf, False

@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mavhums.core.arrays import Integers
-from mavhums.core.kernels import kernel
+from mavhums.core.arrays import Integers, Integers1, Integers2, Integers3
+from mavhums.core.kernels import kernel, subroutine
 
 UNSTAMPED: Final = -1
 BOOT: Final = 0
@@ -118,16 +118,16 @@ class VehicleClock:
 
 @kernel
 def _follow(
-    component: Integers,
-    counter: Integers,
-    stamp_us: Integers,
-    received_us: Integers,
-    senders: Integers,
-    pairs: Integers,
-    main: Integers,
-    time_us: Integers,
-    worth: Integers,
-    segment: Integers,
+    component: Integers1,
+    counter: Integers1,
+    stamp_us: Integers1,
+    received_us: Integers1,
+    senders: Integers2,
+    pairs: Integers3,
+    main: Integers1,
+    time_us: Integers1,
+    worth: Integers1,
+    segment: Integers1,
 ) -> None:
     for row in range(component.size):
         which, kind, received = component[row], counter[row], received_us[row]
@@ -153,7 +153,7 @@ def _follow(
             segment[row] = sender[_SEGMENT]
 
 
-@kernel
+@subroutine
 def _stamped(sender: Integers, pairs: Integers, kind: int, stamp: int, received: int) -> bool:
     """Take a stamp; return whether it is sound. It is then the sender's last one."""
     if sender[_SEGMENT] == 0:
@@ -197,7 +197,7 @@ def _stamped(sender: Integers, pairs: Integers, kind: int, stamp: int, received:
     return True
 
 
-@kernel
+@subroutine
 def _begin(sender: Integers, kind: int, stamp: int, received: int, offset: int) -> None:
     """Begin a segment at this stamp; what was known of the counters' offset was of the segment before."""
     number = sender[_SEGMENT] + 1
@@ -208,7 +208,7 @@ def _begin(sender: Integers, kind: int, stamp: int, received: int, offset: int) 
     sender[_KNOWN + kind], sender[_STAMP + kind], sender[_AT + kind] = 1, stamp, received
 
 
-@kernel
+@subroutine
 def _compare(sender: Integers, pairs: Integers, kind: int, stamp: int, received: int) -> None:
     """Learn the offset between the counters from neighbours in the order of arrival, once.
 

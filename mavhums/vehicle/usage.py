@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mavhums.core.arrays import Flags, Integers
+from mavhums.core.arrays import Flags, Flags1, Integers, Integers1, Integers2
 from mavhums.core.kernels import kernel
 from mavhums.log import Table
 from mavhums.log.base.tables import text_of
@@ -162,16 +162,16 @@ class Usage:
 
 @kernel
 def _followed(
-    pulses: Integers,
-    time_us: Integers,
-    counts: Flags,
-    held: Integers,
-    travelled: Integers,
-    reversals: Integers,
-    turn: Integers,
-    direction: Integers,
-    last: Integers,
-    last_time: Integers,
+    pulses: Integers2,
+    time_us: Integers1,
+    counts: Flags1,
+    held: Integers2,
+    travelled: Integers1,
+    reversals: Integers1,
+    turn: Integers1,
+    direction: Integers1,
+    last: Integers1,
+    last_time: Integers1,
 ) -> None:
     """Add samples to the sums: pulses of shape (n, outputs), -1 where an output is off."""
     for k in range(pulses.shape[0]):

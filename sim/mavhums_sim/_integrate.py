@@ -9,10 +9,10 @@ from __future__ import annotations
 from math import copysign
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from mavhums_sim._arrays import Array
+from mavhums_sim._compiled import kernel
 
 
 class Constants(NamedTuple):
@@ -68,7 +68,7 @@ class State(NamedTuple):
     load: Array
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def rub(
     speed: float, torque: float, kinetic: float, breakaway: float, inertia: float, dt: float, band: float
 ) -> float:
@@ -91,7 +91,7 @@ def rub(
     return speed + dt * (torque - copysign(breakaway, torque)) / inertia
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def mesh(twist: float, speed: float, half: float, stiffness: float, damping: float) -> float:
     """Return the torque of the teeth: zero inside the backlash ±``half``; teeth push and never pull."""
     if twist > half:
@@ -101,7 +101,7 @@ def mesh(twist: float, speed: float, half: float, stiffness: float, damping: flo
     return 0.0
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def control(
     c: Constants,
     command: float,
@@ -130,7 +130,7 @@ def control(
     return voltage, integral
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def integrate_one_mass(dt: float, steps: int, c: Constants, course: Course) -> State:
     """Simulate a rigid actuator over a course, with ``steps`` of ``dt`` seconds per control period."""
     n = course.command.size
@@ -139,7 +139,7 @@ def integrate_one_mass(dt: float, steps: int, c: Constants, course: Course) -> S
     return State(out[0], out[1], out[0], out[1], out[4], out[5], out[6])
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def integrate_two_masses(dt: float, steps: int, c: Constants, course: Course) -> State:
     """Simulate rotor and output shaft, coupled by a gear with play, over a course.
 
@@ -151,7 +151,7 @@ def integrate_two_masses(dt: float, steps: int, c: Constants, course: Course) ->
     return State(out[0], out[1], out[2], out[3], out[4], out[5], out[6])
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def advance_one_mass(
     dt: float, steps: int, c: Constants, course: Course, span: tuple[int, int], memory: Array, out: Array
 ) -> None:
@@ -203,7 +203,7 @@ def advance_one_mass(
     _remember(memory, (angle, speed, angle, speed, current, integral))
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def advance_two_masses(
     dt: float, steps: int, c: Constants, course: Course, span: tuple[int, int], memory: Array, out: Array
 ) -> None:
@@ -261,11 +261,11 @@ def advance_two_masses(
     _remember(memory, (angle, speed, rotor, rotor_speed, current, integral))
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _note(out: Array, k: int, values: tuple[float, float, float, float, float, float, float]) -> None:
     out[0, k], out[1, k], out[2, k], out[3, k], out[4, k], out[5, k], out[6, k] = values
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _remember(memory: Array, values: tuple[float, float, float, float, float, float]) -> None:
     memory[0], memory[1], memory[2], memory[3], memory[4], memory[5] = values

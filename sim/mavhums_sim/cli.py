@@ -77,7 +77,7 @@ def flight(output: Path, force: bool, **options: Any) -> None:
         from mavhums_sim.closed_loop.log import write_loop
         from mavhums_sim.closed_loop.truth import truth as loop_truth
 
-        flown = _need_jsbsim(lambda: fly_closed_loop(loop[0]))
+        flown = fly_closed_loop(loop[0])
         counts, known = write_loop(flown, output, loop[1], planned.link), loop_truth(flown)
     truth = write_truth(
         [{"log": output.name, **known, "messages": counts}], output.with_suffix(".truth.json")
@@ -85,13 +85,6 @@ def flight(output: Path, force: bool, **options: Any) -> None:
     click.echo(
         f"{output}: {sum(counts.values()):,} messages, {output.stat().st_size / 1e6:.1f} MB; truth in {truth}"
     )
-
-
-def _need_jsbsim(call: Callable[[], Flown]) -> Flown:
-    try:
-        return call()
-    except ModuleNotFoundError as error:
-        raise click.ClickException(str(error)) from error
 
 
 def _fly(planned: Planned) -> FlightRecord:
@@ -233,6 +226,9 @@ def main() -> None:
     except click.ClickException as error:
         error.show()
         sys.exit(2)
+    except ModuleNotFoundError as error:
+        click.echo(f"mavhums-sim: {error}", err=True)
+        sys.exit(1)
     except OSError as error:
         click.echo(f"mavhums-sim: {error.filename or 'link'}: {error.strerror or error}", err=True)
         sys.exit(1)

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums_sim._compiled import kernel
 from mavhums_sim._files import written_whole
 from mavhums_sim.closed_loop.encode import encode
 from mavhums_sim.closed_loop.tables import Table, boot_ms, boot_us, text_rows, whole
@@ -152,7 +152,7 @@ def drive(rover: Rover, duration_s: float, seed: int, fault: SteeringFault | Non
     )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _drive(settings: Array, rng: np.random.Generator, rows: Array) -> None:
     gain, characteristic, lag, servo_lag, servo_rate, trim, play, rough, cruise = settings[0:9]
     drift_n, drift_e, tuning, fault_s, left, frozen, reach, memory_s = settings[9:17]

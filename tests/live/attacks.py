@@ -184,11 +184,6 @@ ATTACKS: Final[dict[str, Attack]] = {
 }
 
 
-def warm_up() -> None:
-    """Compile: that takes more memory than what is measured here."""
-    subprocess.run(mavhums("warm-up"), check=True, capture_output=True, env=ENVIRONMENT)
-
-
 def endure(attack: Attack, folder: Path, *, every: int = 1, quiet_s: float = _QUIET_S) -> Cost:
     """Attack a program that listens on the loopback, and return what that cost it."""
     port = free_port()
@@ -271,7 +266,6 @@ def _peak_mb(pid: int) -> float:
 
 
 def main(names: list[str]) -> None:
-    warm_up()
     print(f"{'attack':45} {'memory, MB':>10} {'CPU after':>10} {'shutdown, s':>12} {'of CPU':>8}")
     for name, attack in ATTACKS.items():
         if not names or name in names:

@@ -16,7 +16,7 @@ from mavhums.engine.engine import Engine
 from mavhums.log.mavlink.decoder import MavlinkDecoder
 from mavhums.log.mavlink.stamping import Piece
 from mavhums_sim.link import EPOCH_US
-from tests.live.attacks import ATTACKS, attitude, endure, flown, heartbeat, named, warm_up
+from tests.live.attacks import ATTACKS, attitude, endure, flown, heartbeat, named
 from tests.live.conftest import RIGHT, Rig, conditions
 
 
@@ -136,13 +136,7 @@ HARDEST = (
 )
 
 
-@pytest.fixture(scope="module")
-def compiled() -> None:
-    warm_up()
-
-
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize("name", HARDEST)
 def test_an_attack_costs_little(
     name: str, tmp_path: Path, record_property: Callable[[str, object], None]

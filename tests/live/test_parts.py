@@ -8,7 +8,6 @@ import os
 import re
 import shutil
 import socket
-import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -333,33 +332,3 @@ def test_a_viewer_that_fails_ends_nothing(
     flown(rig, worn_pieces)
     rig.end()
     assert caplog.text.count("drawing has ended: the viewer is gone") == 1
-
-
-COMPILED = """
-import gc, sys
-from pathlib import Path
-from numba.core.dispatcher import Dispatcher
-from mavhums.app.settings import Options
-from mavhums.live.setup import LiveOptions, prepare
-from mavhums.log.mavlink.stamping import Piece
-
-def compiled():
-    kernels = [kernel for kernel in gc.get_objects() if isinstance(kernel, Dispatcher)]
-    return {str(kernel.py_func): len(kernel.signatures) for kernel in kernels}
-
-session = prepare(LiveOptions(urls=["udpin:0"], judging=Options(airframe="paper")))
-before = compiled()
-session.take([Piece(None, session.clock.now_us(), Path(sys.argv[1]).read_bytes())])
-session.tick()
-assert session.status.link(session.close(), 1).frames > 1000
-print([kernel for kernel, count in compiled().items() if count != before.get(kernel)])
-"""
-
-
-@pytest.mark.slow
-def test_nothing_is_compiled_once_it_listens(tmp_path: Path, worn_pieces: list[Piece]) -> None:
-    """What is compiled takes seconds, in which datagrams would be missed."""
-    (tmp_path / "frames").write_bytes(b"".join(piece.data for piece in worn_pieces))
-    command = [sys.executable, "-c", COMPILED, str(tmp_path / "frames")]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mavhums.core.arrays import Array, Flags
+from mavhums.core.arrays import Array, Array1, Flags
 from mavhums.core.kernels import kernel
 from mavhums.health.axis.thresholds import (
     LEAST_SPEED_SHARE,
@@ -37,7 +37,7 @@ def hold_last(values: Array, before: float) -> Array:
 
 
 @kernel
-def _smoothed(values: Array, share: float, before: float) -> Array:
+def _smoothed(values: Array1, share: float, before: float) -> Array:
     """Return ``y[k] = y[k-1] + share · (values[k] - y[k-1])``, whose ``y[-1]`` is ``before``."""
     out = np.empty_like(values)
     for k in range(values.size):

@@ -8,7 +8,7 @@ from typing import Final, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from mavhums.core.arrays import Array, Flags
+from mavhums.core.arrays import Array, Array1, Flags
 from mavhums.core.kernels import kernel
 from mavhums.health.axis.regressions import STEP_S, Tail, hold_last
 from mavhums.health.axis.thresholds import (
@@ -39,7 +39,7 @@ _NOSE_LOW_RAD: Final = float(np.radians(NOSE_LOW_DEG))
 
 
 @kernel
-def _followed(values: Array, coefficients: Array, state: Array) -> Array:
+def _followed(values: Array1, coefficients: Array1, state: Array1) -> Array:
     """Return the second-order recursion b1, b2, a1, a2 over values; the state is updated."""
     b1, b2, a1, a2 = coefficients
     out = np.empty_like(values)
@@ -52,7 +52,7 @@ def _followed(values: Array, coefficients: Array, state: Array) -> Array:
 
 
 @kernel
-def _slewed(values: Array, step: float, before: float) -> Array:
+def _slewed(values: Array1, step: float, before: float) -> Array:
     """Return values that change by at most ``step`` from one to the next, after ``before``."""
     out = np.empty_like(values)
     for k in range(values.size):

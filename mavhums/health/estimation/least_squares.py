@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.core.kernels import kernel
+from mavhums.core.arrays import Array, Array1, Array2, Array3, Flags, Flags1, Integers, Integers1
+from mavhums.core.kernels import kernel, subroutine
 from mavhums.core.statistics import uniform_deviation
 from mavhums.health.estimation.thresholds import LEAST_FILLED_SLOTS, WINDOW_SLOTS
 
@@ -37,7 +37,7 @@ def row_length(p: int) -> int:
 
 
 @kernel
-def sums_of_slots(X: Array, y: Array, usable: Flags, start: Integers) -> Array:
+def sums_of_slots(X: Array2, y: Array1, usable: Flags1, start: Integers1) -> Array:
     """Return the sums of each slot's usable samples, shape (k, m).
 
     Parameters
@@ -69,7 +69,7 @@ def sums_of_slots(X: Array, y: Array, usable: Flags, start: Integers) -> Array:
 
 
 @kernel
-def solve(sums: Array, mean: Array, deviation: Array) -> tuple[Array, Array, Array, Array]:
+def solve(sums: Array3, mean: Array1, deviation: Array1) -> tuple[Array, Array, Array, Array]:
     """Fit windows, each of S slots.
 
     Parameters
@@ -125,7 +125,7 @@ def solve(sums: Array, mean: Array, deviation: Array) -> tuple[Array, Array, Arr
     return coefficients, errors, variance, inverse
 
 
-@kernel
+@subroutine
 def _posterior(total: Array, weights: Array, mean: Array, factor: Array, out: Array) -> None:
     """Write the coefficients of a row of sums, each drawn to its prior mean by its weight."""
     p = len(mean)
@@ -150,7 +150,7 @@ def _posterior(total: Array, weights: Array, mean: Array, factor: Array, out: Ar
     _substitute(factor, out)
 
 
-@kernel
+@subroutine
 def _substitute(factor: Array, out: Array) -> None:
     """Replace one right side by its solution, given a matrix's lower Cholesky factor."""
     p = len(out)

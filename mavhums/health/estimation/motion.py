@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mavhums.actuator.profile import Actuator
-from mavhums.core.arrays import Array, Flags
+from mavhums.core.arrays import Array, Array1, Flags
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column, products
 from mavhums.core.statistics import DEGREES_S_PER_REV_MIN, RAD_S_PER_REV_MIN
@@ -133,7 +133,7 @@ def lasting(time_s: Array, speed: Array, moving_speed: float, longest_gap_s: flo
 
 
 @kernel
-def angle_speed(time_s: Array, angle: Array, half_s: float) -> Array:
+def angle_speed(time_s: Array1, angle: Array1, half_s: float) -> Array:
     """Return the speed from an angle: the slope of a line over ``half_s`` either way, shape (n,).
 
     At least the neighbours are taken; NaN without them. A line and a parabola have the same slope there.

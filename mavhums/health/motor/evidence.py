@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.core.kernels import kernel
+from mavhums.core.arrays import Array, Array1, Array2, Flags1, Integers1, Integers2
+from mavhums.core.kernels import kernel, subroutine
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.motor import thresholds as t
 from mavhums.health.motor.hypotheses import (
@@ -45,16 +45,16 @@ class Rules(NamedTuple):
 
     threshold: float
     named: float
-    noise: Array
+    noise: Array1
     noise_worth: float
     noise_floor: float
     noise_most: float
-    air: Array
+    air: Array1
     air_change: float
-    beside: Array
+    beside: Array1
     model_error: float
-    low_gain: Array
-    high_gain: Array
+    low_gain: Array1
+    high_gain: Array1
     yaw_damping: float
     yaw_damping_sd: float
     turn: float
@@ -76,23 +76,23 @@ class Rules(NamedTuple):
 class State(NamedTuple):
     """What is carried from row to row."""
 
-    counts: Integers
-    effort: Array
-    thrust: Array
-    rates: Array
-    trim: Array
-    hover: Array
-    now: Array
-    noise: Array
-    weight: Array
-    block: Array
-    air: Array
-    values: Array
-    sums: Array
-    since: Integers
-    recent: Array
-    bound: Integers
-    turned: Array
+    counts: Integers1
+    effort: Array2
+    thrust: Array2
+    rates: Array2
+    trim: Array2
+    hover: Array1
+    now: Array1
+    noise: Array2
+    weight: Array1
+    block: Array2
+    air: Array1
+    values: Array2
+    sums: Array2
+    since: Integers2
+    recent: Array2
+    bound: Integers2
+    turned: Array1
 
 
 def rules_for(false_alarms: float) -> Rules:
@@ -156,17 +156,17 @@ def new_state(motors: int) -> State:
 
 @kernel
 def follow(
-    thrust: Array,
-    rates: Array,
-    upright: Array,
-    hover: Array,
-    grounded: Flags,
-    spacing: Array,
-    columns: Array,
+    thrust: Array2,
+    rates: Array2,
+    upright: Array1,
+    hover: Array1,
+    grounded: Flags1,
+    spacing: Array1,
+    columns: Array2,
     rules: Rules,
     hypotheses: Hypotheses,
     s: State,
-    found: Array,
+    found: Array2,
 ) -> None:
     """Take rows, shape (n, …); write what they show to ``found``, shape (n, COLUMNS …), 0 where nothing.
 
@@ -195,7 +195,7 @@ def follow(
             s.now[4 + i] = thrust[row, i]
 
 
-@kernel
+@subroutine
 def _take(
     rates: Array, upright: float, hover: float, grounded: bool, columns: Array, rules: Rules, s: State
 ) -> None:
@@ -255,7 +255,7 @@ def _take(
     s.hover[at] = s.now[3]
 
 
-@kernel
+@subroutine
 def _test(spacing: float, columns: Array, rules: Rules, h: Hypotheses, s: State, found: Array) -> None:
     """Test the row."""
     c = s.counts
@@ -276,7 +276,7 @@ def _test(spacing: float, columns: Array, rules: Rules, h: Hypotheses, s: State,
         _bound(correlated, columns, rules, s)
 
 
-@kernel
+@subroutine
 def _conclude(correlated: float, columns: Array, rules: Rules, s: State, found: Array) -> float:
     """Return the evidence; write which motor lost how much, where it is enough and the motor is certain."""
     most = s.values.max()
@@ -303,7 +303,7 @@ def _conclude(correlated: float, columns: Array, rules: Rules, s: State, found: 
     return evidence
 
 
-@kernel
+@subroutine
 def _bound(correlated: float, columns: Array, rules: Rules, s: State) -> None:
     """Bound what the motors may have lost, over a longer window."""
     c = s.counts
@@ -327,14 +327,14 @@ def _bound(correlated: float, columns: Array, rules: Rules, s: State) -> None:
         s.recent[0] = 0.0
 
 
-@kernel
+@subroutine
 def _mean_turn(span: int, s: State) -> float:
     """Return the mean yaw rate over the last rows, rad/s."""
     count = s.counts[_COUNT]
     return float((s.turned[count % _RING] - s.turned[(count - span) % _RING]) / span)
 
 
-@kernel
+@subroutine
 def _residual(span: int, rules: Rules, s: State, e: Array, asked: Array, swing: Array) -> bool:
     """Compute the effort of a window that neither trim nor motion explains; False where the trim is new."""
     count = s.counts[_COUNT]
@@ -359,7 +359,7 @@ def _residual(span: int, rules: Rules, s: State, e: Array, asked: Array, swing: 
     return True
 
 
-@kernel
+@subroutine
 def _noise(span: int, share: float, rules: Rules, s: State) -> Array:
     """Return a share of the covariance of a block's effort, and that of the yaw damping, shape (3, 3).
 
@@ -375,7 +375,7 @@ def _noise(span: int, share: float, rules: Rules, s: State) -> Array:
     return noise
 
 
-@kernel
+@subroutine
 def _learn(e: Array, rules: Rules, s: State) -> None:
     """Add a row to the flight's own noise, block by block, and not the last block."""
     s.block[0] += e / rules.block

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array1, Array2
 from mavhums.core.kernels import kernel
 from mavhums.health.motor import thresholds as t
 
@@ -33,9 +33,9 @@ class Hypotheses(NamedTuple):
         Their probabilities where the air has just changed, shape (m,).
     """
 
-    losses: Array
-    air: Array
-    air_weights: Array
+    losses: Array1
+    air: Array2
+    air_weights: Array1
 
 
 def hypotheses_of(motors: int) -> Hypotheses:
@@ -52,7 +52,7 @@ def hypotheses_of(motors: int) -> Hypotheses:
 
 
 @kernel
-def of_health(e: Array, precision: Array, change: float, h: Hypotheses, air: Array) -> float:
+def of_health(e: Array1, precision: Array2, change: float, h: Hypotheses, air: Array1) -> float:
     """Return the logarithm of the likelihood of an effort in health, against no effort at all.
 
     ``air`` holds the probabilities of the efforts of the air, shape (m,), and takes this one in;
@@ -72,7 +72,9 @@ def of_health(e: Array, precision: Array, change: float, h: Hypotheses, air: Arr
 
 
 @kernel
-def of_losses(e: Array, asked: Array, precision: Array, columns: Array, h: Hypotheses, ratios: Array) -> None:
+def of_losses(
+    e: Array1, asked: Array1, precision: Array2, columns: Array2, h: Hypotheses, ratios: Array2
+) -> None:
     """Fill the logarithms of the likelihoods of an effort by each loss of each motor, against no effort."""
     toward = precision @ e
     for i in range(columns.shape[0]):
@@ -83,7 +85,7 @@ def of_losses(e: Array, asked: Array, precision: Array, columns: Array, h: Hypot
 
 
 @kernel
-def regression(e: Array, asked: float, noise: Array, column: Array) -> tuple[float, float]:
+def regression(e: Array1, asked: float, noise: Array2, column: Array1) -> tuple[float, float]:
     """Return the share that a motor lost, by the effort along its column, and its standard deviation."""
     toward = np.linalg.solve(noise, column * asked)
     information = toward @ column * asked

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mavhums.core.arrays import Bytes, Flags, Integers, Records
-from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.scanner import GUARD, SPARE, RecordBatch, load_word, store_word
+from mavhums.core.arrays import Bytes, Bytes1, Bytes2, Flags, Flags1, Integers, Integers1
+from mavhums.core.kernels import inlined, kernel, load_word, store_word
+from mavhums.log.base.scanner import GUARD, SPARE, RecordBatch, Rows
 from mavhums.log.base.tables import Table
 
 
@@ -145,7 +145,7 @@ def _merged(first: Table, second: Table) -> Table:
 
 
 @kernel
-def _count(rows: Records, places: int) -> Integers:
+def _count(rows: Rows, places: int) -> Integers:
     """Return the number of rows of each definition, shape (places,); the last is of no definition (-1)."""
     counts = np.zeros(places, dtype=np.int64)
     for k in range(rows.size):
@@ -177,19 +177,19 @@ def _copy(data: Bytes, source: int, kept: int, out: Bytes, place: int, size: int
 
 @kernel
 def _gather(
-    data: Bytes,
+    data: Bytes1,
     base: int,
-    rows: Records,
+    rows: Rows,
     ordinal: int,
     shift_us: int,
-    sizes: Integers,
-    known: Flags,
-    row_of: Integers,
-    byte_of: Integers,
-    frame: Integers,
-    time_us: Integers,
-    header: Bytes,
-    payloads: Bytes,
+    sizes: Integers1,
+    known: Flags1,
+    row_of: Integers1,
+    byte_of: Integers1,
+    frame: Integers1,
+    time_us: Integers1,
+    header: Bytes2,
+    payloads: Bytes1,
 ) -> None:
     """Copy the wanted rows to columns, and restore the zeros that MAVLink's senders trim.
 

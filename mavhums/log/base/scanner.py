@@ -3,38 +3,43 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
-from llvmlite import ir
-from numba import config, types
-from numba.extending import intrinsic
 
-from mavhums.core.arrays import Bytes, Integers, Records
-from mavhums.core.kernels import inlined
+from mavhums.core.arrays import Block, Bytes, Integers, Records
 from mavhums.log.base.decoder import Losses, Region
 
 YES, NO, WAIT = 1, 0, -1
 """A kernel's answers; ``WAIT`` means that it lies in bytes to come."""
 
-RECORD: Final = [
-    ("offset", "i8"),
-    ("time_us", "i8"),
-    ("definition", "i4"),
-    ("length", "u2"),
-    ("start", "u1"),
-    ("system", "u1"),
-    ("component", "u1"),
-    ("sequence", "u1"),
-    ("flags", "u1"),
-]
-"""The fields of every format's row, one row per record.
+ROW: Final = np.dtype(
+    [
+        ("offset", "i8"),
+        ("time_us", "i8"),
+        ("definition", "i4"),
+        ("number", "i4"),
+        ("length", "u2"),
+        ("crc", "u2"),
+        ("start", "u1"),
+        ("system", "u1"),
+        ("component", "u1"),
+        ("sequence", "u1"),
+        ("flags", "u1"),
+    ],
+    align=True,
+)
+"""One record of any format.
 
 ``offset`` of the record in the stream; ``definition`` its number in the `DefinitionTable`, -1 if it has none;
 ``start`` the bytes before its payload, and ``length`` those of the payload; ``flags`` those of a table.
+``number`` is the id of a MAVLink message, the boot of a DataFlash record (how many logs began before it in
+the stream), the kind of a ULog message; ``crc`` is of MAVLink alone.
 """
 
+Rows = Annotated[Records, Block(ROW)]
 REGION: Final = np.dtype([("offset", "i8"), ("size", "i8")])
+Regions = Annotated[Records, Block(REGION)]
 _FILLER_BYTES = 16
 """Equal bytes at the end of a log that count as filler rather than as a cut record."""
 
@@ -45,7 +50,7 @@ _COUNTS = ("odd_times", "jumps", "rewinds", "padded", "trials", "old_records", "
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordBatch:
-    """The records that a block completed, with fields `RECORD`, and the scanned buffer.
+    """The records that a block completed, with fields `ROW`, and the scanned buffer.
 
     Attributes
     ----------
@@ -103,8 +108,8 @@ class BlockScanner:
 
     Parameters
     ----------
-    row, state
-        Types of a row, with the fields `RECORD`, and of the kernel's state. The state has ``base``, the
+    state
+        Type of the kernel's state. It has ``base``, the
         stream offset of the next byte to scan; ``position``, where in the buffer the kernel stopped;
         ``skipped``, the bytes since the last record; and ``filler``, the equal bytes at their end.
     shortest
@@ -116,10 +121,10 @@ class BlockScanner:
         Offset and size of the first thousand damaged regions.
     """
 
-    def __init__(self, row: np.dtype[np.void], state: np.dtype[np.void], *, shortest: int) -> None:
+    def __init__(self, state: np.dtype[np.void], *, shortest: int) -> None:
         self.regions: list[tuple[int, int]] = []
         self._carried: Records = np.zeros(1, dtype=state)
-        self._rows: Records = np.empty(0, dtype=row)
+        self._rows: Records = np.empty(0, dtype=ROW)
         self._damaged: Records = np.empty(0, dtype=REGION)
         self._shortest = shortest
         self._rest = bytes(GUARD)
@@ -163,7 +168,7 @@ class BlockScanner:
         joined = b"".join((self._rest, block, bytes(SPARE)))
         most = (len(joined) - GUARD - SPARE) // self._shortest + 1
         if self._rows.size < most:
-            self._rows = np.empty(most, dtype=self._rows.dtype)
+            self._rows = np.empty(most, dtype=ROW)
             self._damaged = np.empty(most + 1, dtype=REGION)
         return joined
 
@@ -196,51 +201,3 @@ GUARD = 32
 
 SPARE = 8
 """Bytes after a buffer's last record that may be read or written with it: a word."""
-
-
-def _load_word(typing_context: Any, data: Any, index: Any) -> Any:
-    """Load the eight bytes at ``index`` of a contiguous uint8 array, little endian."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        place = builder.gep(array.data, [arguments[1]])
-        word = builder.load(builder.bitcast(place, ir.IntType(64).as_pointer()))
-        word.align = 1
-        return word
-
-    return types.uint64(data, types.int64), generate
-
-
-def _store_word(typing_context: Any, data: Any, index: Any, word: Any) -> Any:
-    """Store eight bytes at ``index`` of a contiguous uint8 array, little endian."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        place = builder.gep(array.data, [arguments[1]])
-        store = builder.store(arguments[2], builder.bitcast(place, ir.IntType(64).as_pointer()))
-        store.align = 1
-        return context.get_dummy_value()
-
-    return types.void(data, types.int64, types.uint64), generate
-
-
-def _load_bytes(data: Bytes, index: int) -> Any:
-    if index < 0:
-        raise IndexError
-    word = np.uint64(0)
-    for k in range(8):
-        word |= np.uint64(data[index + k]) << np.uint64(8 * k)
-    return word
-
-
-def _store_bytes(data: Bytes, index: int, word: Any) -> None:
-    if index < 0:
-        raise IndexError
-    for k in range(8):
-        data[index + k] = (word >> np.uint64(8 * k)) & np.uint64(0xFF)
-
-
-# With NUMBA_BOUNDSCHECK=1 every access of the kernels is checked, including these.
-_CHECKED = bool(getattr(config, "BOUNDSCHECK", False))
-load_word: Any = inlined(_load_bytes) if _CHECKED else intrinsic(_load_word)
-store_word: Any = inlined(_store_bytes) if _CHECKED else intrinsic(_store_word)

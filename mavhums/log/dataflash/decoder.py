@@ -252,14 +252,14 @@ class DataFlashDecoder:
 
 def _boot_of(part: RecordBatch) -> int:
     """Return the log of the stream to which a part of a batch belongs."""
-    return int(part.rows["boot"][0])
+    return int(part.rows["number"][0])
 
 
 def _by_boot(batch: RecordBatch) -> Iterator[RecordBatch]:
     """Yield the parts of a batch that belong to one log each."""
     if not batch.rows.size:
         return
-    boots = batch.rows["boot"]
+    boots = batch.rows["number"]
     first, last = int(boots[0]), int(boots[-1])
     for rows in np.split(batch.rows, np.searchsorted(boots, np.arange(first + 1, last + 1))):
         if rows.size:

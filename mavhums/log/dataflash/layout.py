@@ -15,9 +15,9 @@ from functools import lru_cache
 import numpy as np
 
 from mavhums.core.arrays import Bytes, Records
-from mavhums.core.kernels import inlined, kernel
+from mavhums.core.kernels import inlined, load_word, subroutine
 from mavhums.log.base.records import Definition, DefinitionTable
-from mavhums.log.base.scanner import WAIT, load_word
+from mavhums.log.base.scanner import WAIT
 from mavhums.log.base.times import plausible
 
 MAGIC_1, MAGIC_2 = 0xA3, 0x95
@@ -58,7 +58,7 @@ def begins(data: Bytes, place: int) -> bool:
     return bool(data[place] == MAGIC_1 and data[place + 1] == MAGIC_2)
 
 
-@kernel
+@subroutine
 def _is_text(data: Bytes, start: int, end: int) -> bool:
     """Return whether these bytes are printable text, with zeros only at its end."""
     length = 0
@@ -72,7 +72,7 @@ def _is_text(data: Bytes, start: int, end: int) -> bool:
     return length > 0
 
 
-@kernel
+@subroutine
 def _size_told(data: Bytes, start: int, end: int) -> int:
     """Return the size of a record with these fields, bytes; 0 if a field type does not exist."""
     size = HEAD
@@ -89,7 +89,7 @@ def _size_told(data: Bytes, start: int, end: int) -> int:
     return size
 
 
-@kernel
+@subroutine
 def _is_timed(data: Bytes, position: int) -> bool:
     if data[position + _FORMAT] != ord("Q"):
         return False
@@ -100,7 +100,7 @@ def _is_timed(data: Bytes, position: int) -> bool:
     return bool(after == 0) or bool(after == ord(","))
 
 
-@kernel
+@subroutine
 def define(data: Bytes, position: int, epoch: int, types: Records, bodies: Bytes, known: int) -> int:
     """Process a FMT record, and return the number of definitions, or -1 if it is damaged.
 
@@ -156,7 +156,7 @@ def time_at(data: Bytes, position: int) -> int:
     return int(np.int64(load_word(data, position + HEAD)))
 
 
-@kernel
+@subroutine
 def _confirm(data: Bytes, place: int, time_us: int, last: int, types: Records, final: bool) -> int:
     """Judge a time by the times of the records from ``place`` on."""
     before, agreed = time_us, 0

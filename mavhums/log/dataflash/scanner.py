@@ -17,13 +17,13 @@ A record has no checksum. The rules, in the order in which they are applied at e
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from mavhums.core.arrays import Bytes, Records
-from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.scanner import GUARD, NO, RECORD, SPARE, WAIT, YES, BlockScanner, RecordBatch
+from mavhums.core.arrays import Block, Bytes, Bytes1, Bytes2, Records
+from mavhums.core.kernels import inlined, kernel, subroutine
+from mavhums.log.base.scanner import GUARD, NO, SPARE, WAIT, YES, BlockScanner, RecordBatch, Regions, Rows
 from mavhums.log.base.tables import ODD_TIME
 from mavhums.log.dataflash.layout import (
     BACK,
@@ -45,9 +45,6 @@ from mavhums.log.dataflash.layout import (
     judge_time,
     time_at,
 )
-
-ROW = np.dtype([*RECORD, ("boot", "i4")], align=True)
-"""One record: ``time_us`` since boot, -1 before the first time; ``boot`` counts the logs in the stream."""
 
 STATE = np.dtype(
     [
@@ -78,7 +75,7 @@ Record = Any
 """An element of a structured array, within compiled code."""
 
 
-@kernel
+@subroutine
 def _ends_before(data: Bytes, end: int, offset: int, in_step: bool, final: bool) -> int:
     """Return whether a record ending at ``end`` (``offset`` in the stream) counts with no magic after it."""
     if end == data.size:
@@ -133,7 +130,7 @@ def _counts(data: Bytes, end: int, state: Record, final: bool) -> int:
     return _ends_before(data, end, state.base + (end - GUARD), state.lost_step == 0, final)
 
 
-@kernel
+@subroutine
 def _out_of_order(state: Record, how: int, time_us: int, offset: int) -> bool:
     """Process a time step, and return whether its record counts."""
     if how == BACK and not state.marked:
@@ -169,7 +166,7 @@ def _take_time(
     return YES, 0
 
 
-@kernel
+@subroutine
 def _take_definition(data: Bytes, position: int, state: Record, types: Records, bodies: Bytes) -> int:
     """Return whether a FMT record counts; store its definition."""
     if data[position + HEAD] == FMT and state.time_us >= 0:
@@ -195,7 +192,7 @@ def _end_region(state: Record, region: Record, offset: int) -> int:
     return 1
 
 
-@kernel
+@subroutine
 def _run_in_step(data: Bytes, state: Record, types: Records, rows: Records, found: int) -> int:
     """Take records from ``state.position`` on while each is in step and in order; return the number found.
 
@@ -217,7 +214,7 @@ def _run_in_step(data: Bytes, state: Record, types: Records, rows: Records, foun
         row = rows[found]
         row.offset = ahead + position
         row.time_us = time_us
-        row.boot = boot
+        row.number = boot
         row.definition = kind.definition
         row.start = HEAD
         row.length = kind.length - HEAD
@@ -230,13 +227,13 @@ def _run_in_step(data: Bytes, state: Record, types: Records, rows: Records, foun
 
 @kernel
 def scan(
-    data: Bytes,
+    data: Bytes1,
     final: bool,
-    carried: Records,
-    types: Records,
-    bodies: Bytes,
-    rows: Records,
-    regions: Records,
+    carried: Annotated[Records, Block(STATE)],
+    types: Annotated[Records, Block(TYPE)],
+    bodies: Bytes2,
+    rows: Rows,
+    regions: Regions,
 ) -> tuple[int, int]:
     """Find the records of a buffer.
 
@@ -293,7 +290,7 @@ def scan(
         row = rows[found]
         row.offset = offset
         row.time_us = state.time_us
-        row.boot = state.boot
+        row.number = state.boot
         row.definition = types[kind].definition
         row.start = HEAD
         row.length = types[kind].length - HEAD
@@ -313,7 +310,7 @@ class RecordScanner(BlockScanner):
     """Incremental scanner of blocks of any size."""
 
     def __init__(self) -> None:
-        super().__init__(ROW, STATE, shortest=_SHORTEST_RECORD)
+        super().__init__(STATE, shortest=_SHORTEST_RECORD)
         self._types = np.zeros(256, dtype=TYPE)
         self._types[FMT] = (FMT_SIZE, 0, 0, 0)
         self._bodies = np.zeros((DEFINITIONS, BODY), dtype=np.uint8)

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Bytes
-from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.scanner import NO, WAIT, YES, load_word
+from mavhums.core.kernels import inlined, load_word, subroutine
+from mavhums.log.base.scanner import NO, WAIT, YES
 from mavhums.log.base.tables import MAVLINK1, SIGNED
 from mavhums.log.base.times import plausible
 
@@ -86,7 +86,7 @@ def stamp_at(data: Bytes, place: int) -> int:
     return int(np.int64(out))
 
 
-@kernel
+@subroutine
 def _is_detour(last: int, time_us: int, following: int) -> bool:
     if following < 0:
         return abs(time_us - last) > DAY_US
@@ -94,7 +94,7 @@ def _is_detour(last: int, time_us: int, following: int) -> bool:
     return way - abs(following - last) > 2 * _STEP_US
 
 
-@kernel
+@subroutine
 def _judge_first_time(data: Bytes, time_us: int, following: int, end: int, final: bool) -> tuple[int, int]:
     """Return whether the first frame's time is valid, and the time to use.
 
@@ -124,7 +124,7 @@ def _judge_first_time(data: Bytes, time_us: int, following: int, end: int, final
     return NO, following
 
 
-@kernel
+@subroutine
 def time_without_stamp(data: Bytes, end: int, last: int, final: bool) -> tuple[int, int]:
     """Return that the stamp of a frame was cut off, and the time to use: the last one, else the next one."""
     if last >= 0:
@@ -226,7 +226,7 @@ def finish_crc(crc: Any, crc_extra: int) -> Any:
     return (crc >> np.uint64(8)) ^ np.uint64(_T0[(crc ^ np.uint64(crc_extra)) & _BYTE])
 
 
-@kernel
+@subroutine
 def seed_of(crc: Any, received: Any) -> int:
     """Return the crc_extra that turns ``crc`` into ``received``, or -1 if none does.
 

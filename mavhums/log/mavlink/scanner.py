@@ -22,14 +22,14 @@ in which they are applied at each position:
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.core.arrays import Bytes, Integers, Records
-from mavhums.core.kernels import inlined, kernel
-from mavhums.log.base.scanner import GUARD, NO, RECORD, SPARE, WAIT, YES, BlockScanner, RecordBatch
+from mavhums.core.arrays import Block, Bytes, Bytes1, Integers1, Records
+from mavhums.core.kernels import inlined, kernel, subroutine
+from mavhums.log.base.scanner import GUARD, NO, SPARE, WAIT, YES, BlockScanner, RecordBatch, Regions, Rows
 from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
 from mavhums.log.base.times import plausible
 from mavhums.log.mavlink.dialect import Dialect
@@ -48,9 +48,6 @@ from mavhums.log.mavlink.frames import (
     stamp_at,
     time_without_stamp,
 )
-
-ROW = np.dtype([*RECORD, ("id", "i4"), ("crc", "u2")], align=True)
-"""One frame: ``id`` of its message, and its ``crc``; the definition of an unknown message is -1."""
 
 STATE = np.dtype(
     [
@@ -87,14 +84,14 @@ class _Messages(NamedTuple):
     the largest payload in bytes, and ``bad_crc`` counts bad CRCs. ``scratch`` is space for a padded frame.
     """
 
-    ids: NDArray[np.int16]
-    seeds: Bytes
-    largest: NDArray[np.int32]
-    bad_crc: Integers
-    scratch: Bytes
+    ids: Annotated[NDArray[np.int16], Block(np.int16)]
+    seeds: Bytes1
+    largest: Annotated[NDArray[np.int32], Block(np.int32)]
+    bad_crc: Integers1
+    scratch: Bytes1
 
 
-@kernel
+@subroutine
 def _tries_until_crc_fits(
     data: Bytes, start: int, length: int, largest: int, seed: int, scratch: Bytes
 ) -> int:
@@ -229,13 +226,13 @@ def _note_time(state: Record, sound: bool, time_us: int) -> None:
 
 @kernel
 def scan(
-    data: Bytes,
+    data: Bytes1,
     stamp: int,
     final: bool,
-    carried: Records,
+    carried: Annotated[Records, Block(STATE)],
     messages: _Messages,
-    rows: Records,
-    regions: Records,
+    rows: Rows,
+    regions: Regions,
 ) -> tuple[int, int]:
     """Find the frames of a buffer.
 
@@ -297,7 +294,7 @@ def scan(
         row = rows[found]
         row.offset = offset
         row.time_us = time_us
-        row.id = number
+        row.number = number
         row.crc = np.int64(data[place]) | np.int64(data[place + 1]) << 8
         row.definition = message
         row.start = stamp + (HEAD_V1 if flags & MAVLINK1 else HEAD_V2)
@@ -334,7 +331,7 @@ class FrameScanner(BlockScanner):
     """
 
     def __init__(self, dialect: Dialect, *, stamp: int = 8, mend: bool = True) -> None:
-        super().__init__(ROW, STATE, shortest=8 + stamp)
+        super().__init__(STATE, shortest=8 + stamp)
         ids, seeds, largest = _by_row(dialect)
         self.bad_crc = np.zeros(seeds.size, dtype=np.int64)
         scratch = np.zeros(GUARD + 265, dtype=np.uint8)

@@ -11,14 +11,15 @@ overtaken by up to 127 others, is no longer counted as missing.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.core.arrays import Integers, Records
-from mavhums.core.kernels import inlined, kernel
+from mavhums.core.arrays import Block, Integers1, Integers2, Records
+from mavhums.core.kernels import inlined, kernel, subroutine
 from mavhums.log.base.decoder import SequenceLoss
+from mavhums.log.base.scanner import Rows
 from mavhums.log.mavlink.dialect import Dialect
 
 _LINKS = 4
@@ -65,7 +66,7 @@ _SENDER = np.dtype(
 its latest frame among all."""
 
 
-@kernel
+@subroutine
 def _step(link: Any, sequence: int) -> int:
     step: int = (sequence - link.high) & 0xFF
     return step - 256 if step >= 128 else step
@@ -96,7 +97,7 @@ def _advance(link: Any, step: int) -> None:
     link.age += step
 
 
-@kernel
+@subroutine
 def _belongs(link: Any, sequence: int, crc: int) -> bool:
     if link.used == 0:
         return False
@@ -108,7 +109,7 @@ def _belongs(link: Any, sequence: int, crc: int) -> bool:
     return bool(not _came(link, -step) or link.crc[sequence & 127] == crc)
 
 
-@kernel
+@subroutine
 def _choose(sender: Any, sequence: int, crc: int) -> int:
     """Return the frame's counter: the matching one with the smallest step; -1 if none matches."""
     best, least = -1, 1000
@@ -121,7 +122,7 @@ def _choose(sender: Any, sequence: int, crc: int) -> int:
     return best
 
 
-@kernel
+@subroutine
 def _open(sender: Any, sequence: int) -> int:
     oldest = 0
     for k in range(1, _LINKS):
@@ -136,7 +137,7 @@ def _open(sender: Any, sequence: int) -> int:
     return oldest
 
 
-@kernel
+@subroutine
 def _classify_counter(sender: Any, link: Any) -> None:
     """Decide whether a new counter continues one that stopped, or runs in parallel."""
     before = sender.links[link.before]
@@ -151,7 +152,7 @@ def _classify_counter(sender: Any, link: Any) -> None:
     link.before = -1
 
 
-@kernel
+@subroutine
 def _follow(sender: Any, sequence: int, crc: int) -> None:
     chosen = _choose(sender, sequence, crc)
     if chosen < 0:
@@ -188,13 +189,13 @@ def _goes_on(sender: Any, link: Any, sequence: int, crc: int) -> bool:
 
 @kernel
 def _account(
-    rows: Records,
+    rows: Rows,
     first: int,
-    places: NDArray[np.int32],
+    places: Annotated[NDArray[np.int32], Block(np.int32)],
     known: int,
-    senders: Records,
-    counts: Integers,
-    totals: Integers,
+    senders: Annotated[Records, Block(_SENDER)],
+    counts: Integers2,
+    totals: Integers1,
 ) -> tuple[int, int]:
     """Process the frames ``rows[first:]``, until there is no room for a new sender.
 
@@ -279,7 +280,7 @@ class StreamStats:
                 self._senders = np.concatenate([self._senders, np.zeros_like(self._senders)])
                 self._counts = np.concatenate([self._counts, np.zeros_like(self._counts)])
         if self.frames - before < rows.size:
-            numbers = rows["id"][rows["definition"] < 0]
+            numbers = rows["number"][rows["definition"] < 0]
             for number, count in zip(*np.unique(numbers, return_counts=True), strict=True):
                 key = int(number) if number in self.unknown or len(self.unknown) < _IDS_KEPT else -1
                 self.unknown[key] = self.unknown.get(key, 0) + int(count)

@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from mavhums.core.arrays import Bytes, Integers, Records
+from mavhums.core.arrays import Bytes, Bytes1, Integers, Integers1, Records
 from mavhums.core.kernels import kernel
 from mavhums.log.base.scanner import GUARD, RecordBatch
 from mavhums.log.base.tables import MAVLINK1
@@ -256,11 +256,11 @@ def _add_losses(counts: Counts, stream: _SenderStream) -> None:
 
 @kernel
 def _pack(
-    data: Bytes,
-    starts: Integers,
-    sizes: Integers,
-    time_us: Integers,
-    out: Bytes,
+    data: Bytes1,
+    starts: Integers1,
+    sizes: Integers1,
+    time_us: Integers1,
+    out: Bytes1,
 ) -> None:
     """Write records to ``out``: the time, eight bytes big-endian, then a frame of ``data``."""
     place = 0

@@ -204,8 +204,8 @@ class UlogDecoder:
     def _other_tables(self, batch: RecordBatch) -> Iterator[Table]:
         """Yield parameters, texts, information and dropouts."""
         found: dict[str, list[tuple[int, Fields]]] = {}
-        for k in np.flatnonzero(batch.rows["kind"] != _DATA).tolist():
-            parser = _PARSERS.get(int(batch.rows["kind"][k]))
+        for k in np.flatnonzero(batch.rows["number"] != _DATA).tolist():
+            parser = _PARSERS.get(int(batch.rows["number"][k]))
             if parser is None:
                 continue
             self._others[parser.table] += 1
@@ -231,7 +231,7 @@ class UlogDecoder:
         places = records["definition"].astype(np.int64) * _INSTANCES + records["component"]
         self._counts += np.bincount(places, minlength=self._counts.size).reshape(self._counts.shape)
         if self._first_us is None:
-            data = np.flatnonzero((batch.rows["kind"] == _DATA) & (batch.rows["flags"] == 0))
+            data = np.flatnonzero((batch.rows["number"] == _DATA) & (batch.rows["flags"] == 0))
             self._first_us = int(batch.rows["time_us"][data[0]]) if data.size else None
         if self._first_us is not None and batch.rows.size:
             latest_us = int(batch.rows["time_us"].max())
@@ -241,8 +241,8 @@ class UlogDecoder:
         """Process the vehicle's id before its first data, and the first fix in the first megabyte."""
         rows = batch.rows
         if self._first_us is None:
-            before_data = np.cumsum(rows["kind"] == _DATA) == 0
-            for row in rows[before_data & (rows["kind"] == _PARAMETER)]:
+            before_data = np.cumsum(rows["number"] == _DATA) == 0
+            for row in rows[before_data & (rows["number"] == _PARAMETER)]:
                 parsed = _parameter(batch.payload(row))
                 if parsed is not None and parsed[:2] == (_VEHICLE, b"int32_t"):
                     self._vehicle = int(parsed[2]) & 0xFF

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from mavhums.core.arrays import Bytes, Records
-from mavhums.core.kernels import inlined, kernel
+from mavhums.core.kernels import inlined, subroutine
 from mavhums.log.base.scanner import NO, WAIT, YES
 
 UNUSED, UNKNOWN = -1, -2
@@ -68,7 +68,7 @@ def _cut(final: bool) -> int:
     return YES if final else WAIT
 
 
-@kernel
+@subroutine
 def header_fits(data: Bytes, place: int, final: bool, topics: Records) -> int:
     """Return whether a message of a known kind with a valid size begins at ``place``."""
     if place + BODY > data.size:
@@ -144,7 +144,7 @@ def _is_text(data: Bytes, begin: int, end: int) -> bool:
     return sound
 
 
-@kernel
+@subroutine
 def looks_sound(data: Bytes, place: int) -> bool:
     """Return whether the text parts of the complete message at ``place`` are text.
 
@@ -174,7 +174,7 @@ def _sound_at(data: Bytes, place: int, final: bool, topics: Records) -> int:
     return header_fits(data, place, final, topics)
 
 
-@kernel
+@subroutine
 def landing(data: Bytes, place: int, final: bool, topics: Records) -> tuple[int, int]:
     """Return whether a message with a damaged header begins at ``place``, and its end.
 
@@ -200,7 +200,7 @@ def landing(data: Bytes, place: int, final: bool, topics: Records) -> tuple[int,
     return (_sound_at(data, end, final, topics) if kind == _D else NO), end
 
 
-@kernel
+@subroutine
 def follows(data: Bytes, start: int, final: bool, topics: Records, strict: bool) -> int:
     """Return whether a message follows the one at ``start``.
 

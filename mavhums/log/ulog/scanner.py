@@ -12,28 +12,29 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from mavhums.core.arrays import Bytes, Records
-from mavhums.core.kernels import inlined, kernel
+from mavhums.core.arrays import Block, Bytes, Bytes1, Records
+from mavhums.core.kernels import inlined, kernel, load_word, subroutine
 from mavhums.log.base.scanner import (
     GUARD,
     NO,
-    RECORD,
     REGION,
     SPARE,
     WAIT,
     YES,
     BlockScanner,
     RecordBatch,
-    load_word,
+    Regions,
+    Rows,
 )
 from mavhums.log.base.tables import ODD_TIME
 from mavhums.log.base.times import plausible
 from mavhums.log.ulog.headers import (
     BODY,
+    TOPIC,
     UNKNOWN,
     UNUSED,
     follows,
@@ -45,10 +46,6 @@ from mavhums.log.ulog.headers import (
     topic_of,
 )
 from mavhums.log.ulog.layouts import Topics
-
-ROW = np.dtype([*RECORD, ("kind", "u1")], align=True)
-"""One message: ``offset`` of its header in the stream, ``definition`` of its layout, -1 if it is no data, and
-its ``kind``. The payload of data begins after the message id; ``component`` is the multi id."""
 
 STATE = np.dtype(
     [
@@ -117,10 +114,10 @@ def _note_row(state: Record, row: Record, data: Bytes, position: int, topics: Re
     row.offset = state.base + position
     row.start = BODY
     row.length = size_of(data, position)
-    row.kind = kind_of(data, position)
+    row.number = kind_of(data, position)
     row.definition = -1
     row.component = row.sequence = row.flags = 0
-    if row.kind == _D:
+    if row.number == _D:
         row.start += 2
         row.length -= 2
         topic = topics[topic_of(data, position)]
@@ -145,7 +142,7 @@ def _is_data(data: Bytes, place: int, topics: Records) -> bool:
     return bool(kind_of(data, place) == _D and topic.least <= size <= topic.most and topic.definition >= 0)
 
 
-@kernel
+@subroutine
 def _run_of_data(data: Bytes, position: int, state: Record, topics: Records, rows: Records) -> int:
     """Write rows for regular records in step; return the position of the first irregularity.
 
@@ -173,7 +170,7 @@ def _run_of_data(data: Bytes, position: int, state: Record, topics: Records, row
         row.definition = topic.definition
         row.start = BODY + 2
         row.length = size - 2
-        row.kind = _D
+        row.number = _D
         row.component = topic.instance
         row.sequence = row.flags = 0
         found += 1
@@ -205,7 +202,7 @@ def _pass_damaged(
         state.unknown += 1
 
 
-@kernel
+@subroutine
 def _judge(data: Bytes, position: int, final: bool, state: Record, topics: Records) -> tuple[int, int]:
     """Return whether a message that counts begins at ``position``, and its end.
 
@@ -232,12 +229,12 @@ def _judge(data: Bytes, position: int, final: bool, state: Record, topics: Recor
 
 @kernel
 def scan(
-    data: Bytes,
+    data: Bytes1,
     final: bool,
-    carried: Records,
-    topics: Records,
-    rows: Records,
-    regions: Records,
+    carried: Annotated[Records, Block(STATE)],
+    topics: Annotated[Records, Block(TOPIC)],
+    rows: Rows,
+    regions: Regions,
 ) -> bool:
     """Find the messages of a buffer, from ``carried[0].position`` on.
 
@@ -329,7 +326,7 @@ class UlogScanner(BlockScanner):
     """
 
     def __init__(self) -> None:
-        super().__init__(ROW, STATE, shortest=BODY)
+        super().__init__(STATE, shortest=BODY)
         self.topics = Topics()
         self._boundaries: list[int] = []
         self._open = False
@@ -390,8 +387,8 @@ class UlogScanner(BlockScanner):
                 scan(data[begin:end], final, self._carried, self.topics.ids, self._rows, self._damaged)
             )
             found = int(state["found"])
-            for row in self._rows[handled:found][_DEFINING[self._rows["kind"][handled:found]]]:
-                self.topics.observe(int(row["kind"]), batch.payload(row))
+            for row in self._rows[handled:found][_DEFINING[self._rows["number"][handled:found]]]:
+                self.topics.observe(int(row["number"]), batch.payload(row))
             handled = found
         self._add_damage(self._damaged[: int(state["ended"])])
         state["base"] += state["position"]

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 from math import atan, atan2, cos, hypot, pi, sin, tan
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums_sim._arrays import Array
+from mavhums_sim._compiled import kernel
 
 CLIMB, TRACK, LOITER, HEADING, STICKS = range(5)
 GRAVITY = 9.80665
@@ -89,13 +89,13 @@ class Autopilot:
         return np.array([tuple(getattr(self, name) for name in self.__slots__)], dtype=kind)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def wrap(angle: float) -> float:
     """Return the angle wrapped to ±π."""
     return (angle + pi) % (2.0 * pi) - pi
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def course_of(leg: Any, north: float, east: float) -> tuple[float, float, float]:
     """Return the course to fly for a leg, rad, and the bank of its turn as tan φ·g, m/s²."""
     if leg.kind == LOITER:
@@ -111,7 +111,7 @@ def course_of(leg: Any, north: float, east: float) -> tuple[float, float, float]
     return leg.heading, 0.0, 1.0
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def guide(leg: Any, a: Any, m: Any, x: tuple[float, ...], stick: Array) -> None:
     """Set the demands of roll, pitch and throttle in the memory ``m`` from the estimated state ``x``.
 
@@ -160,7 +160,7 @@ def guide(leg: Any, a: Any, m: Any, x: tuple[float, ...], stick: Array) -> None:
     m.throttle += min(max(target - m.throttle, -PERIOD_S), PERIOD_S)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def attitude(a: Any, m: Any, x: tuple[float, ...]) -> None:
     """Set the demands of aileron, elevator and rudder in ``m``.
 

@@ -5,11 +5,11 @@ This serves hours of flight; :func:`mavhums_sim.link.transmit` sends messages on
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from mavhums_sim._compiled import kernel
 from mavhums_sim.closed_loop.tables import Table
 from mavhums_sim.link import Link
 
@@ -51,7 +51,7 @@ def encode(tables: list[Table], seed: int, link: Link | None = None) -> bytes:
     return out[:used].tobytes()
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _frames(
     stream: NDArray[np.uint8],
     starts: NDArray[np.int64],
@@ -87,7 +87,7 @@ def _frames(
     return at
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _accumulate(crc: int, byte: int) -> int:
     """Return the X.25 checksum after one more byte."""
     mixed = (byte ^ crc) & 0xFF

@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import atan2, cos, hypot, pi, sin, sqrt
 from typing import Any
 
-import numba
 import numpy as np
 
 from mavhums_sim._arrays import Array
+from mavhums_sim._compiled import kernel
 from mavhums_sim.closed_loop.aircraft import FRAME_S, STATES
 from mavhums_sim.closed_loop.autopilot import CLIMB, STICKS, TRACK, attitude, guide
 from mavhums_sim.closed_loop.surfaces import fail, follow, play
@@ -72,7 +72,7 @@ _POUND, _POUND_FOOT = 4.4482216152605, 1.3558179483314
 _ENGINE_LAG_S = 0.2
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def propel(throttle: float, airspeed: float) -> tuple[float, float]:
     """Return thrust, N, and torque, N·m, of motor and propeller (Beard and McLain's supplement)."""
     volts = throttle * _SUPPLY_V
@@ -94,7 +94,7 @@ def propel(throttle: float, airspeed: float) -> tuple[float, float]:
     return max(thrust, -3.0), torque
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _next_leg(legs: Any, m: Any, t: float, x: Array) -> None:
     """Begin the next leg when this one ends: by time, by passing its point, or at its height."""
     leg = legs[m.leg]
@@ -110,7 +110,7 @@ def _next_leg(legs: Any, m: Any, t: float, x: Array) -> None:
         m.leg_since = t
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _command(
     t: float, x: Array, error: Array, vehicle: Any, a: Any, legs: Any, stick: Array, m: Any
 ) -> float:
@@ -132,7 +132,7 @@ def _command(
     return float(measured)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def advance(
     raw: Array,
     shafts: Array,
@@ -206,7 +206,7 @@ def advance(
     return float(x[_HEIGHT])
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _actuate(t: float, x: Array, first: int, before: Array, shafts: Array, servos: Any, faults: Any) -> None:
     """Move servos and surfaces: columns demand, angle and servo from ``first`` on, n each."""
     n = servos.size
@@ -227,7 +227,7 @@ def _actuate(t: float, x: Array, first: int, before: Array, shafts: Array, servo
         x[first + n + s] = angle
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _note(x: Array, m: Any, legs: Any) -> None:
     j = _STATES
     x[j], x[j + 1], x[j + 2], x[j + 3], x[j + 4] = m.north, m.east, m.nav_roll, m.nav_pitch, m.throttle

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from math import exp, inf, isfinite, nan, radians
 from typing import Any
 
-import numba
 import numpy as np
 
 from mavhums_sim._arrays import Array
+from mavhums_sim._compiled import kernel
 
 FREEZE, FLOAT, GAIN, SLOW, RATE, BIAS, BACKLASH = range(1, 8)
 KINDS = {
@@ -150,13 +150,13 @@ class SurfaceFault:
         return KINDS[self.kind], radians(self.value) if angular else self.value, self.at_s, self.until_s
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def play(position: float, target: float, half: float) -> float:
     """Return the position of a linkage with play when its servo is at ``target``."""
     return min(max(position, target - half), target + half)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def follow(servo: Any, shaft: float, command: float, dt: float) -> float:
     """Return the servo's angle after ``dt``: lag, then rate limit."""
     step: float = (command - shaft) * (1.0 - exp(-dt / servo.lag))
@@ -164,12 +164,12 @@ def follow(servo: Any, shaft: float, command: float, dt: float) -> float:
     return shaft + min(max(step, -most), most)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _towards(angle: float, target: float, most: float) -> float:
     return angle + min(max(target - angle, -most), most)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def fail(fault: Any, angle: float, healthy: float, stream: float, dt: float) -> float:
     """Return the surface's angle after ``dt`` with an active fault.
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums_sim._compiled import kernel
 from mavhums_sim.multirotor.craft import Craft, Plan
 
 Array = NDArray[np.float64]
@@ -93,7 +93,7 @@ def fly(craft: Craft, plan: Plan, seed: int) -> Flown:
     )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _fly(
     settings: Array,
     factors: Array,
@@ -244,7 +244,7 @@ def _fly(
     return len(rows)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator, unused-ignore]
+@kernel
 def _mix(lift: float, command: Array, factors: Array, asked: Array) -> None:
     """Share commands out to motors, within 0 and 1: roll and pitch first, then yaw, then height."""
     motors = asked.size

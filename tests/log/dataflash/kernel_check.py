@@ -28,7 +28,7 @@ def scan(data: bytes, places: Iterable[int] = ()) -> tuple[list[Record], RecordS
             name = b"FMT" if row["definition"] == 0 else body
             odd = bool(row["flags"] & ODD_TIME)
             found.append(
-                Record(int(row["offset"]), name, payload, int(row["time_us"]), int(row["boot"]), odd)
+                Record(int(row["offset"]), name, payload, int(row["time_us"]), int(row["number"]), odd)
             )
     return found, scanner
 

@@ -21,7 +21,7 @@ def frames_of(batch: RecordBatch) -> list[Frame]:
         begin = int(row["offset"]) - batch.base + GUARD + batch.stamp + head
         payload = batch.data[begin : begin + int(row["length"])].tobytes()
         offset, time_us, number, system, component, sequence = (
-            int(row[name]) for name in ("offset", "time_us", "id", "system", "component", "sequence")
+            int(row[name]) for name in ("offset", "time_us", "number", "system", "component", "sequence")
         )
         signed, padded, odd = (bool(flags & flag) for flag in (SIGNED, PADDED, ODD_TIME))
         version = 1 if flags & MAVLINK1 else 2

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mavhums.log.base.decoder import SequenceLoss
+from mavhums.log.base.scanner import ROW
 from mavhums.log.mavlink.dialect import load_dialect
-from mavhums.log.mavlink.scanner import ROW
 from mavhums.log.mavlink.sequence import StreamStats
 
 
@@ -111,7 +111,7 @@ def test_senders_do_not_disturb_each_other() -> None:
 
 def test_any_number_of_unknown_ids_fills_no_memory() -> None:
     rows = np.zeros(5000, dtype=ROW)
-    rows["definition"], rows["id"] = -1, np.arange(5000) + 60_000
+    rows["definition"], rows["number"] = -1, np.arange(5000) + 60_000
     stats = StreamStats(load_dialect())
     for part in np.split(rows, 10):
         stats.add(part)

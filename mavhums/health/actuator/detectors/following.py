@@ -37,7 +37,7 @@ from typing import ClassVar
 import numpy as np
 
 from mavhums.actuator.profile import Actuator
-from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.arrays import Array, Array1, Flags, Integers
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import column
 from mavhums.core.statistics import DEGREES_S_PER_REV_MIN, RAD_S_PER_REV_MIN
@@ -103,7 +103,8 @@ class FollowingDetector(Detector):
         sensed = np.maximum.reduceat(own[:, SENSED], slots.start) > 0
         # Of two sources in one second only the sensor counts: from one to the other the angle jumps.
         shaft = np.where(np.repeat(sensed, slots.count()) > own[:, SENSED], np.nan, own[:, SHAFT])
-        error = _errors(slots.time_s[slots.judged], own[:, _V1], shaft, self._model, self._state)
+        command = np.ascontiguousarray(own[:, _V1])
+        error = _errors(slots.time_s[slots.judged], command, shaft, self._model, self._state)
         known = np.isfinite(error)
         steps = np.where(known, error, 0.0)
         count, total, squares = slots.sums(np.stack([known, steps, steps**2], axis=1)).T
@@ -126,7 +127,7 @@ class FollowingDetector(Detector):
 
 
 @kernel
-def _errors(time_s: Array, command: Array, shaft: Array, model: Array, state: Array) -> Array:
+def _errors(time_s: Array1, command: Array1, shaft: Array1, model: Array1, state: Array1) -> Array:
     """Return the shaft's angle minus the model's, NaN where the model starts anew, shape (n,).
 
     ``model`` holds lag, slew rate and stroke, ``state`` time, command and the model's angle between blocks.

@@ -1,0 +1,93 @@
+"""Compiles the kernels when the package is built, by numba and the C compiler: the hook of its wheel.
+
+Where the machine has no C compiler, the one of the package ``ziglang`` serves.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+_ROOT: Final = Path(__file__).parents[2]
+_GENERIC: Final = {"x86_64": "x86-64-v2", "amd64": "x86-64-v2"}
+"""Processors that a build for others may count on; of other machines the plainest."""
+
+
+class KernelHook(BuildHookInterface[Any]):
+    """Builds ``mavhums/_kernels`` in the source tree and takes it into the wheel."""
+
+    PLUGIN_NAME = "custom"
+
+    def dependencies(self) -> list[str]:
+        """Return what the build needs beside its fixed requirements."""
+        return [] if _has_compiler() else ["ziglang"]
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Compile, and mark the wheel as one for this platform and Python."""
+        sys.path.insert(0, str(_ROOT))
+        build()
+        build_data["artifacts"] += ["mavhums/_kernels.*"]
+        build_data["pure_python"] = False
+        build_data["infer_tag"] = True
+
+
+def build() -> None:
+    """Compile the kernels into the source tree, unless those of the same sources are there."""
+    from mavhums.core import kernels
+
+    if kernels.is_built():
+        return
+    numba: Any = import_module("numba")
+    pycc: Any = import_module("numba.pycc")
+    compile_extra: Any = pycc.compiler.compile_extra
+
+    def compile_alone(*arguments: Any, **more: Any) -> Any:
+        """Compile with flags of its own, as the compiler changes them, and without the GIL."""
+        *others, flags = arguments
+        own = flags.copy()
+        own.release_gil = True
+        return compile_extra(*others, own, **more)
+
+    pycc.compiler.compile_extra = compile_alone
+    package = kernels.PACKAGE
+    for path in sorted(package.rglob("*.py")):
+        if "from mavhums.core.kernels import" in path.read_text(encoding="utf-8"):
+            import_module(".".join(path.relative_to(package.parent).with_suffix("").parts))
+    extension = pycc.CC("_kernels")
+    extension.output_dir = str(package)
+    extension.target_cpu = _GENERIC.get(platform.machine().lower(), "")
+    for symbol, function in kernels.KERNELS.items():
+        kinds = kernels.kinds_of(function).parts
+        extension.export(symbol, tuple(numba.typeof(_sample(kind)) for kind in kinds))(function)
+    if not _has_compiler():
+        os.environ["CC"] = f"{sys.executable} -m ziglang cc"
+    extension.compile()
+    own = (module for name, module in sys.modules.items() if name.startswith("mavhums."))
+    sources = sorted(Path(module.__file__) for module in own if module.__file__)
+    names = [path.relative_to(package).as_posix() for path in sources]
+    (package / kernels.SOURCES).write_text("\n".join([kernels.digest(sources), *names]), encoding="utf-8")
+
+
+def _sample(kind: Any) -> Any:
+    """Return a value of what a kernel takes."""
+    from mavhums.core.arrays import Block
+    from mavhums.core.kernels import Group
+
+    if isinstance(kind, Block):
+        return np.zeros((1,) * kind.ndim, kind.dtype)
+    if isinstance(kind, Group):
+        parts = [*map(_sample, kind.parts)]
+        return tuple(parts) if kind.of is tuple else kind.of(*parts)
+    return kind(1)
+
+
+def _has_compiler() -> bool:
+    return os.name == "nt" or any(map(shutil.which, ("cc", "gcc", "clang")))
