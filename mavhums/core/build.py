@@ -17,6 +17,7 @@ import numpy as np
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 _ROOT: Final = Path(__file__).parents[2]
+_ZIG: Final = {"CC": "cc", "CXX": "c++"}
 _GENERIC: Final = {"x86_64": "x86-64-v2", "amd64": "x86-64-v2"}
 """Processors that a build for others may count on; of other machines the plainest."""
 
@@ -45,6 +46,8 @@ def build() -> None:
 
     if kernels.is_built():
         return
+    if not _has_compiler():
+        os.environ |= {name: f"{sys.executable} -m ziglang {call}" for name, call in _ZIG.items()}
     numba: Any = import_module("numba")
     pycc: Any = import_module("numba.pycc")
     compile_extra: Any = pycc.compiler.compile_extra
@@ -67,8 +70,6 @@ def build() -> None:
     for symbol, function in kernels.KERNELS.items():
         kinds = kernels.kinds_of(function).parts
         extension.export(symbol, tuple(numba.typeof(_sample(kind)) for kind in kinds))(function)
-    if not _has_compiler():
-        os.environ["CC"] = f"{sys.executable} -m ziglang cc"
     extension.compile()
     own = (module for name, module in sys.modules.items() if name.startswith("mavhums."))
     sources = sorted(Path(module.__file__) for module in own if module.__file__)
