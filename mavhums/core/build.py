@@ -1,4 +1,4 @@
-"""Compiles the kernels when the package is built, by numba and the C compiler: the hook of its wheel.
+"""Compiles the kernels when the package is built, by numba and a C compiler: the hook of its wheel.
 
 Where the machine has no C compiler, the one of the package ``ziglang`` serves.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import platform
 import shutil
+import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -23,7 +24,7 @@ _GENERIC: Final = {"x86_64": "x86-64-v2", "amd64": "x86-64-v2"}
 
 
 class KernelHook(BuildHookInterface[Any]):
-    """Builds ``mavhums/_kernels`` in the source tree and takes it into the wheel."""
+    """Builds ``mavhums/_kernels_ROOM`` in the source tree and takes them into the wheel."""
 
     PLUGIN_NAME = "custom"
 
@@ -35,19 +36,50 @@ class KernelHook(BuildHookInterface[Any]):
         """Compile, and mark the wheel as one for this platform and Python."""
         sys.path.insert(0, str(_ROOT))
         build()
-        build_data["artifacts"] += ["mavhums/_kernels.*"]
+        build_data["artifacts"] += ["mavhums/_kernels*"]
         build_data["pure_python"] = False
         build_data["infer_tag"] = True
 
 
 def build() -> None:
-    """Compile the kernels into the source tree, unless those of the same sources are there."""
+    """Compile the kernels into the source tree, each room in a process, unless they are of these sources."""
     from mavhums.core import kernels
 
     if kernels.is_built():
         return
+    modules = _modules(kernels.PACKAGE)
     if not _has_compiler():
         os.environ |= {name: f"{sys.executable} -m ziglang {call}" for name, call in _ZIG.items()}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-m", "mavhums.core.build"]
+    rooms = sorted({module.split(".")[1] for module in modules})
+    processes = [subprocess.Popen([*command, room], env=environment) for room in rooms]
+    codes = [process.wait() for process in processes]
+    if any(codes):
+        raise RuntimeError("a kernel does not compile; a machine without a C compiler needs ziglang")
+    for module in modules:
+        import_module(module)
+    own = (module for name, module in sys.modules.items() if name.startswith("mavhums."))
+    sources = sorted(Path(module.__file__) for module in own if module.__file__)
+    names = [path.relative_to(kernels.PACKAGE).as_posix() for path in sources]
+    text = "\n".join([kernels.digest(sources), *names])
+    (kernels.PACKAGE / kernels.SOURCES).write_text(text, encoding="utf-8")
+
+
+def _modules(package: Path) -> list[str]:
+    """Return the modules that have kernels."""
+    paths = (path for path in sorted(package.rglob("*.py")) if path != package / "core" / "build.py")
+    return [
+        ".".join(path.relative_to(package.parent).with_suffix("").parts)
+        for path in paths
+        if "from mavhums.core.kernels import" in path.read_text(encoding="utf-8")
+    ]
+
+
+def build_room(room: str) -> None:
+    """Compile the kernels of a room into its extension module."""
+    from mavhums.core import kernels
+
     numba: Any = import_module("numba")
     pycc: Any = import_module("numba.pycc")
     compile_extra: Any = pycc.compiler.compile_extra
@@ -60,21 +92,17 @@ def build() -> None:
         return compile_extra(*others, own, **more)
 
     pycc.compiler.compile_extra = compile_alone
-    package = kernels.PACKAGE
-    for path in sorted(package.rglob("*.py")):
-        if "from mavhums.core.kernels import" in path.read_text(encoding="utf-8"):
-            import_module(".".join(path.relative_to(package.parent).with_suffix("").parts))
-    extension = pycc.CC("_kernels")
-    extension.output_dir = str(package)
+    own = [module for module in _modules(kernels.PACKAGE) if module.split(".")[1] == room]
+    for module in own:
+        import_module(module)
+    extension = pycc.CC(f"_kernels_{room}")
+    extension.output_dir = str(kernels.PACKAGE)
     extension.target_cpu = _GENERIC.get(platform.machine().lower(), "")
     for symbol, function in kernels.KERNELS.items():
-        kinds = kernels.kinds_of(function).parts
-        extension.export(symbol, tuple(numba.typeof(_sample(kind)) for kind in kinds))(function)
+        if function.__module__ in own:
+            kinds = kernels.kinds_of(function).parts
+            extension.export(symbol, tuple(numba.typeof(_sample(kind)) for kind in kinds))(function)
     extension.compile()
-    own = (module for name, module in sys.modules.items() if name.startswith("mavhums."))
-    sources = sorted(Path(module.__file__) for module in own if module.__file__)
-    names = [path.relative_to(package).as_posix() for path in sources]
-    (package / kernels.SOURCES).write_text("\n".join([kernels.digest(sources), *names]), encoding="utf-8")
 
 
 def _sample(kind: Any) -> Any:
@@ -92,3 +120,7 @@ def _sample(kind: Any) -> Any:
 
 def _has_compiler() -> bool:
     return os.name == "nt" or any(map(shutil.which, ("cc", "gcc", "clang")))
+
+
+if __name__ == "__main__":
+    build_room(sys.argv[1])

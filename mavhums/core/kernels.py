@@ -1,8 +1,8 @@
 """Kernels: the inner loops that run once per byte or per sample, compiled when the package is built.
 
 :mod:`mavhums.core.build` compiles every function with the decorator :func:`kernel`, for the types of its
-annotations, into one extension module. Where the sources changed since, numba compiles the same functions at
-their first call: who works on kernels has it installed, who uses them needs no compiler.
+annotations, into an extension module of its room. Where the sources changed since, numba compiles the same
+functions at their first call: who works on kernels has it installed, who uses them needs no compiler.
 """
 
 from __future__ import annotations
@@ -48,23 +48,24 @@ def kernel(function: Function) -> Function:
     """
     symbol = f"{function.__module__}.{function.__qualname__}".replace(".", "__")
     KERNELS[symbol] = function
-    if _compiled is None:
+    if not _BUILT:
         return cast(Function, jit.subroutine(function))
-    return cast(Function, _Compiled(function, getattr(_compiled, symbol)))
+    extension = import_module(f"mavhums._kernels_{function.__module__.split('.')[1]}")
+    return cast(Function, _Compiled(function, getattr(extension, symbol)))
 
 
 def subroutine(function: Function) -> Function:
     """Return a function that kernels alone call."""
-    return function if _compiled is not None else cast(Function, jit.subroutine(function))
+    return function if _BUILT else cast(Function, jit.subroutine(function))
 
 
 def inlined(function: Function) -> Function:
     """Inline into every kernel: for functions called once per frame, where a call would be expensive."""
-    return function if _compiled is not None else cast(Function, jit.inlined(function))
+    return function if _BUILT else cast(Function, jit.inlined(function))
 
 
 class _Compiled:
-    """A kernel of the extension module, which does not check the types of arrays itself."""
+    """A kernel of an extension module, which does not check the types of arrays itself."""
 
     def __init__(self, function: Callable[..., object], built: Callable[..., object]) -> None:
         self.__wrapped__ = function
@@ -128,7 +129,7 @@ def digest(paths: Iterable[Path]) -> str:
 
 
 def is_built() -> bool:
-    """Return whether the extension module was built from these sources.
+    """Return whether the extension modules were built from these sources.
 
     With ``NUMBA_BOUNDSCHECK`` in the environment numba compiles again, and checks every access.
     """
@@ -141,8 +142,8 @@ def is_built() -> bool:
         return False
 
 
-_compiled: Final = import_module("mavhums._kernels") if is_built() else None
-if _compiled is None:
+_BUILT: Final = is_built()
+if not _BUILT:
     try:
         from mavhums.core import jit
     except ImportError as error:
@@ -151,8 +152,8 @@ if _compiled is None:
             "install mavhums anew, or numba, which compiles them at their first call",
         ) from error
 
-load_word: Any = None if _compiled is not None else jit.load_word
+load_word: Any = None if _BUILT else jit.load_word
 """``load_word(data, place)`` in a kernel: eight bytes of an array of bytes, little endian."""
 
-store_word: Any = None if _compiled is not None else jit.store_word
+store_word: Any = None if _BUILT else jit.store_word
 """``store_word(data, place, word)`` in a kernel: stores them."""
