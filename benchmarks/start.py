@@ -1,9 +1,8 @@
 """Start-up and speed of ``mavhums analyse``: ``python benchmarks/start.py``.
 
 Processor seconds, the least of several runs: a whole command on a log of half a minute, what its imports
-alone cost, the least that a compiled loop costs, and the verdict on a 4 MB log of four actuators when
-everything is loaded. The development packages (coverage, cffi, yaml) make numba slower: an installation
-without them starts faster. Other work on the machine makes the figures larger; the load is printed.
+alone cost, and the verdict on a 4 MB log of four actuators when everything is loaded. Other work on the
+machine makes the figures larger; the load is printed.
 """
 
 from __future__ import annotations
@@ -21,18 +20,11 @@ from mavhums_sim import Flight, fly, write_tlog
 
 PARTS = {
     "numpy": "import numpy",
-    "numpy and numba": "import numba",
+    "numpy and pandas": "import numpy, pandas",
     "numpy and scipy.special": "import scipy.special",
     "pydantic": "import pydantic; pydantic.BaseModel",
     "all imports of analyse": "import mavhums.app.many, mavhums.cli.main, mavhums.engine.engine",
 }
-KERNEL = """
-import numba, numpy
-@numba.njit(cache=True, nogil=True)
-def total(values):
-    return values.sum()
-total(numpy.ones(3))
-"""
 TIMES = 7
 
 
@@ -58,9 +50,6 @@ def main() -> None:
         print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; processor seconds")
         for name, code in PARTS.items():
             print(f"{name}: {spent_s(['-c', code], bytecode):.2f}")
-        kernel = Path(folder, "kernel.py")
-        kernel.write_text(KERNEL)
-        print(f"numpy, numba and one call of a cached loop: {spent_s([str(kernel)], bytecode):.2f}")
         print(f"mavhums analyse, {short.stat().st_size / 1e6:.1f} MB: ", end="")
         print(f"{spent_s(['-m', 'mavhums', 'analyse', str(short)], bytecode):.2f}")
         analyse(long)
