@@ -51,6 +51,8 @@ def build() -> None:
     if not _has_compiler():
         os.environ |= {name: f"{sys.executable} -m ziglang {call}" for name, call in _ZIG.items()}
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    if sys.platform == "linux":
+        environment["LDFLAGS"] = f"{os.environ.get('LDFLAGS', '')} -s"  # half the size, without symbols
     command = [sys.executable, "-m", "mavhums.core.build"]
     rooms = sorted({module.split(".")[1] for module in modules})
     processes = [subprocess.Popen([*command, room], env=environment) for room in rooms]

@@ -228,7 +228,7 @@ def main() -> None:
         sys.exit(2)
     except ModuleNotFoundError as error:
         click.echo(f"mavhums-sim: {error}", err=True)
-        sys.exit(1)
+        sys.exit(2)
     except OSError as error:
         click.echo(f"mavhums-sim: {error.filename or 'link'}: {error.strerror or error}", err=True)
         sys.exit(1)
