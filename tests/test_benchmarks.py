@@ -44,6 +44,7 @@ class Small(NamedTuple):
 
 RUNS: dict[str, list[Small]] = {
     "alfa": [Small("FLIGHTS", slow=True), Small("FLIGHTS --radio 1", slow=True)],
+    "answers": [Small("FLIGHTS")],
     "bridge": [Small()],
     "conditions": [
         Small(
