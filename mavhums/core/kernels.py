@@ -129,7 +129,7 @@ def digest(paths: Iterable[Path]) -> str:
 
 
 def is_built() -> bool:
-    """Return whether the extension modules were built from these sources.
+    """Return whether the extension modules were built from these sources, which an installation's are.
 
     With ``NUMBA_BOUNDSCHECK`` in the environment numba compiles again, and checks every access.
     """
@@ -137,9 +137,10 @@ def is_built() -> bool:
         return False
     try:
         built, *names = (PACKAGE / SOURCES).read_text(encoding="utf-8").split()
-        return built == digest(PACKAGE / name for name in names)
     except OSError:
         return False
+    in_source_tree = (PACKAGE.parent / "pyproject.toml").exists()
+    return not in_source_tree or built == digest(PACKAGE / name for name in names)
 
 
 _BUILT: Final = is_built()

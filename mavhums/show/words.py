@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from math import cos, radians, sin
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from mavhums.core.conditions import Condition
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment
-from mavhums.results.live import LinkStatus
 from mavhums.results.sections import NOT_COMPARED
 from mavhums.results.standing import Interval, Standing
 from mavhums.results.verdict import ALL, Verdict
+
+if TYPE_CHECKING:
+    from mavhums.results.live import LinkStatus
 
 COLOURS: Final[dict[Condition, tuple[int, int, int]]] = {
     "normal": (0, 158, 115),

@@ -41,14 +41,18 @@ def test_another_array_is_refused(values: object) -> None:
 
 
 def test_a_changed_source_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    source = tmp_path / "one.py"
+    package = tmp_path / "package"
+    package.mkdir()
+    source = package / "one.py"
     source.write_text("x = 1")
-    monkeypatch.setattr(kernels, "PACKAGE", tmp_path)
-    (tmp_path / kernels.SOURCES).write_text(f"{digest([source])}\none.py")
+    monkeypatch.setattr(kernels, "PACKAGE", package)
+    (package / kernels.SOURCES).write_text(f"{digest([source])}\none.py")
     assert is_built()
     source.write_text("x = 2")
+    assert is_built(), "an installation has no sources that change"
+    (tmp_path / "pyproject.toml").touch()
     assert not is_built()
-    (tmp_path / kernels.SOURCES).unlink()
+    (package / kernels.SOURCES).unlink()
     assert not is_built()
 
 
