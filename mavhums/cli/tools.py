@@ -181,7 +181,7 @@ def new_profile(log: Path, output: Path | None, vehicle: int | None, name: str |
 @click.option(
     "--servo-type",
     metavar="NAME",
-    help="Write [servo_types.NAME], of which all are examples, alone.",
+    help="Write one servo type, [servo_types.NAME], from all these motors in place of the profile.",
 )
 def identify_motors(
     logs: tuple[Path, ...], airframe: Path, output: Path | None, servo_type: str | None

@@ -10,6 +10,7 @@ import platform
 import shutil
 import subprocess
 import sys
+import sysconfig
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -58,7 +59,7 @@ def build() -> None:
     processes = [subprocess.Popen([*command, room], env=environment) for room in rooms]
     codes = [process.wait() for process in processes]
     if any(codes):
-        raise RuntimeError("a kernel does not compile; a machine without a C compiler needs ziglang")
+        raise RuntimeError("the kernels do not compile, see above; without C and C++: pip install ziglang")
     for module in modules:
         import_module(module)
     own = (module for name, module in sys.modules.items() if name.startswith("mavhums."))
@@ -121,7 +122,9 @@ def _sample(kind: Any) -> Any:
 
 
 def _has_compiler() -> bool:
-    return os.name == "nt" or any(map(shutil.which, ("cc", "gcc", "clang")))
+    """Return whether the compilers that this Python names are there; numba tries the one of C++, too."""
+    named = (os.environ.get(name) or sysconfig.get_config_var(name) or "" for name in _ZIG)
+    return os.name == "nt" or all(shutil.which(command.split(" ")[0]) for command in named)
 
 
 if __name__ == "__main__":

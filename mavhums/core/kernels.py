@@ -150,7 +150,7 @@ if not _BUILT:
     except ImportError as error:
         raise MavhumsError(
             "the compiled loops of this installation are missing, or older than its sources",
-            "install mavhums anew, or numba, which compiles them at their first call",
+            "pip install --force-reinstall mavhums (from a clone: pip install -e .), or pip install numba",
         ) from error
 
 load_word: Any = None if _BUILT else jit.load_word

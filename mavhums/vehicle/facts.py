@@ -119,8 +119,8 @@ FAULTS: Final[Mapping[str, Faults]] = {
             "over-current",
             "over-voltage",
             "over-temperature",
-            "excess speed",
-            "a command out of bounds",
+            "over-speed",
+            "an inconsistent command",
             "a stuck motor",
             "a fault",
             "a warning of motor temperature",
@@ -150,8 +150,8 @@ FAULTS: Final[Mapping[str, Faults]] = {
     "autopilot faults": Faults(
         "the autopilot",
         (
-            "motor outputs that are not healthy",
-            "a propulsion that is not healthy",
+            "unhealthy motor outputs",
+            "unhealthy propulsion",
             "ESCs that do not arm",
             "an unbalanced propeller",
             "a motor failure",

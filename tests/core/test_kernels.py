@@ -60,7 +60,7 @@ def test_without_kernels_and_numba_the_remedy_is_named() -> None:
     environment = {**os.environ, "NUMBA_BOUNDSCHECK": "1"}
     command = [sys.executable, "-c", MISSING]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert "install mavhums anew, or numba" in done.stderr.splitlines()[-1]
+    assert "pip install --force-reinstall mavhums" in done.stderr.splitlines()[-1]
 
 
 @pytest.mark.slow
