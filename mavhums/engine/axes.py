@@ -23,7 +23,7 @@ from mavhums.vehicle.formats import esc_speeds, reports
 from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.parameters import OUTPUT_PARAMETERS, Parameters, ReceivedParameters
-from mavhums.vehicle.rotors import ROTOR_PARAMETERS, Rotors
+from mavhums.vehicle.rotors import ROTOR_PARAMETERS
 from mavhums.vehicle.signals import SignalReader
 from mavhums.vehicle.vtol import VTOL_PARAMETERS
 
@@ -72,8 +72,7 @@ class Axes:
 
     def by_rotors(self) -> frozenset[int]:
         """Return the vehicles that rotors alone carry."""
-        known = ((vehicle, axes.motors.rotors) for vehicle, axes in self._vehicles.items())
-        return frozenset(v for v, rotors in known if isinstance(rotors, Rotors) and not rotors.lift)
+        return frozenset(vehicle for vehicle, axes in self._vehicles.items() if axes.by_rotors)
 
     def received(self, vehicle: int) -> dict[str, Received]:
         """Return, by message, how many of a vehicle's samples were kept, came late, or came twice."""

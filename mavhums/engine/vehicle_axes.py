@@ -30,6 +30,7 @@ from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY, Grid, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces, on_channels
 from mavhums.vehicle.usage import Usage
@@ -137,8 +138,16 @@ class VehicleAxes:
         yield from self.motors.verdicts(identity, self.flight, why, start_utc, received)
 
     @property
-    def _only_drives(self) -> bool:
-        return self.flight.on_ground and STEERING not in self.monitor.axes
+    def by_rotors(self) -> bool:
+        """Whether rotors alone carry the vehicle."""
+        rotors = self.motors.rotors
+        return isinstance(rotors, Rotors) and not rotors.lift
+
+    @property
+    def _without_axes(self) -> bool:
+        if self.flight.on_ground:  # of a rover only its steering is judged
+            return STEERING not in self.monitor.axes
+        return self.by_rotors and self.surfaces is None
 
     def _eager(self) -> bool:
         """Return whether the outputs may be inferred for the first time in any second."""
@@ -202,8 +211,7 @@ class VehicleAxes:
             if self._traced and not self.flight.on_ground:
                 yield from _angles(self._vehicle, rows)
             self._now_s = rows.second + rows.seconds
-            # Of a rover only its steering is judged: what is about roll and pitch is the ground's.
-            events = [] if self._only_drives else list(self.monitor.feed(rows))
+            events = [] if self._without_axes else list(self.monitor.feed(rows))
             refuted = self._refuted(events)
             if refuted is not None:
                 yield from self._adopt(refuted, "the motion contradicts the profile")
@@ -255,7 +263,7 @@ class VehicleAxes:
         first_s, events = self._now_s, list[AxisChange]()
         for rows in self.flight.learn(surfaces):
             first_s = min(first_s, rows.second)
-            events += [] if self._only_drives else self.monitor.feed(rows)
+            events += [] if self._without_axes else self.monitor.feed(rows)
         refuted = self._refuted(events)
         if refuted is not None:  # one axis less each time
             self.surfaces = before
