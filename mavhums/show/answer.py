@@ -118,7 +118,7 @@ def blocks(
         *_by_reason(rest, "unmonitored", brief=False),
         *over,
         *(_crafts(rest) if gathered is not None else ()),
-        *_listing("How sure", (f"{name(one, rest)}: {certainty(one)}" for one in well)),
+        *_listing("How sure", (f"{name(one, rest)}: {_how_sure(one)}" for one in well)),
         *more,
         *_tables(rest),
         *_listing("Events of the flight", event_lines(assessment)),
@@ -127,6 +127,11 @@ def blocks(
         *provenance(rest),
         Note([f"mavhums {__version__}. {capital(assessment.notice)}."], quiet=True),
     ]
+
+
+def _how_sure(verdict: Verdict) -> str:
+    """Return how sure a verdict without a fault is, and what was suspected and refuted."""
+    return "; ".join((certainty(verdict), *map(finding, verdict.evidence)))
 
 
 def _about(assessment: Assessment) -> str:

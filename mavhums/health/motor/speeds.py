@@ -189,7 +189,7 @@ class SpeedsBesideThrust:
 
     def _paired(self, one: int) -> Array:
         """Return a bin's part of the sums that correlate each motor's output with each ESC's speed."""
-        root = np.sqrt(self._asked[one])
+        root = np.sqrt(np.maximum(self._asked[one], 0.0))  # an output may lie below that of no thrust
         speeds = self._heard.at(one, range(_MOST_ESCS))
         turns = np.isfinite(speeds) & (speeds > 0.0)
         if not turns.any():

@@ -155,14 +155,17 @@ def _healthy(vehicle: int, findings: MotorFindings) -> Iterator[Verdict]:
         worst, evidence = condition, tuple[Evidence]()
         if findings.withdrawn and findings.withdrawn[0].motor == number:
             loss, until_s = findings.withdrawn
-            worst = condition_of(loss.share)
-            rule = (
-                f"{worst}: lost {100 * loss.share.estimate:.0f} % of its thrust; the flight after refutes it"
-            )
-            share = round(loss.share.estimate, 3)
+            rule = f"lost {100 * loss.share.estimate:.0f} % of its thrust; the flight after refutes it"
+            # A motor that stopped may turn again; a propeller that lost a part of its thrust does not heal.
+            if condition_of(loss.share) == "emergency":
+                worst, rule = "emergency", f"emergency: {rule}"
             evidence = (
                 Evidence(
-                    kind="thrust", start_s=round(loss.since_s, 2), end_s=until_s, value=share, rule=rule
+                    kind="thrust",
+                    start_s=round(loss.since_s, 2),
+                    end_s=until_s,
+                    value=round(loss.share.estimate, 3),
+                    rule=rule,
                 ),
             )
         yield Verdict(

@@ -120,13 +120,13 @@ def test_a_flight_without_a_loss_says_which_one_it_excludes(
     assert [one.provenance["V1"][:8] for one in found] == [f"output {k}" for k in range(1, 5)]
 
 
-def test_a_loss_that_was_withdrawn_stays_the_worst_of_its_motor_with_its_end() -> None:
-    found = verdicts(replace(FINDINGS, withdrawn=(LOSS, 90.0)))
-    told = [one for one in found if one.worst != "normal"]
-    assert [(one.actuator, one.condition, one.worst) for one in told] == [
-        (f"motor {LOSS.motor}", "normal", condition_of(LOSS.share))
-    ]
-    assert [(one.start_s, one.end_s) for one in told[0].evidence] == [(round(LOSS.since_s, 2), 90.0)]
+@pytest.mark.parametrize(("lost", "worst"), [(0.4, "normal"), (0.9, "emergency")])
+def test_of_losses_that_were_withdrawn_only_a_stop_stays_the_worst(lost: float, worst: str) -> None:
+    share = Interval(estimate=lost, low=lost - 0.1, high=lost + 0.1)
+    found = verdicts(replace(FINDINGS, withdrawn=(replace(LOSS, share=share), 90.0)))
+    [refuted] = [one for one in found if one.evidence]
+    assert (refuted.actuator, refuted.condition, refuted.worst) == (f"motor {LOSS.motor}", "normal", worst)
+    assert (refuted.evidence[0].start_s, refuted.evidence[0].end_s) == (round(LOSS.since_s, 2), 90.0)
 
 
 def test_what_was_found_never_falls_where_another_motor_stands_out() -> None:
