@@ -152,11 +152,11 @@ def digest(
 ) -> None:
     """Say what changed in the store: findings that are new or gone, growth, silent aircraft, failed logs.
 
-    What stands as before is counted only: `mavhums fleet worst` has it. Where there is nothing to say, one
+    What is as before is only counted: `mavhums fleet worst` has it. Where there is nothing to say, one
     line says so, and nothing is sent. What changed goes by when logs came into the store, not by when they
     were flown.
 
-    Secrets need not stand in the command: `--notify @FILE`, or the environment variable MAVHUMS_NOTIFY with
+    Secrets need not be in the command: `--notify @FILE`, or the environment variable MAVHUMS_NOTIFY with
     URLs separated by spaces. The URLs: https://appriseit.com
 
     \b

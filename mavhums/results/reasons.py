@@ -45,7 +45,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "one clock",
         "give each aircraft a system id of its own (SYSID_THISMAV, MAV_SYSID or MAV_SYS_ID), and record "
         f"again; {_KEY}"),
-    "unknown_kind": ("nothing in the log tells what kind of vehicle this is",
+    "unknown_kind": ("the log does not record what kind of vehicle this is",
         "record the autopilot's heartbeats as well; a .BIN or .ulg from its start"),
     "no_wings": ("{who}: control effectiveness is judged for fixed-wing aircraft in forward flight only",
         NO_WINGS),
@@ -66,7 +66,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
     "no_angle": ("without travel_deg in the profile its command is no angle", ""),
     "no_profile": (_NO_PROFILE, _PROFILE),
     "no_profile_of_esc": (
-        f"{_NO_PROFILE}, and an ESC may drive a propeller: only a profile tells which drives a servo",
+        f"{_NO_PROFILE}, and an ESC may drive a propeller: only a profile names the one that drives a servo",
         _PROFILE),
     "blanks": ("the profile has no {blanks}", FILL_IN),
     "contradicts": ("the profile contradicts the log: {statements}",
@@ -103,10 +103,10 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
     "still": ("the actuator moves in {percent:.0f} % of the samples, too little to show friction", _MOVE_IT),
     "slow_motion": (
         "the actuator moves in {percent:.0f} % of the samples, too slowly to show friction: in slow motion "
-        "the magnitudes that the ESC sends do not tell a driving current from a braking one",
+        "the magnitudes that the ESC sends do not separate a driving current from a braking one",
         "analyse a flight in which the surface moves faster, or {record}"),
     "other_constant": (
-        "the back-EMF shows {percent:.0f} % of the profile's torque constant, so the current does not tell "
+        "the back-EMF shows {percent:.0f} % of the profile's torque constant, so the current does not show "
         "the torque",
         _CHECK),
     "negative_friction": ("the torque balance comes to a friction of {friction:.3g} N·m, below zero", _CHECK),
@@ -115,7 +115,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
     "load_friction": (
         "its friction of {friction:.2g} N·m may be that of the load: the profile has no load_friction",
         "fill in load_friction of [actuators.ema]"),
-    "one_way": ("the actuator moves one way only, which does not tell friction from load", _MOVE_IT),
+    "one_way": ("the actuator moves one way only, which does not separate friction from load", _MOVE_IT),
     "friction_uncertain": (
         "it moves too little both ways: its friction is known to ± {error:.2g} N·m, and its limits are "
         "{apart:.2g} N·m apart",
@@ -150,14 +150,14 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "inspect the motor's magnets, which age and suffer from heat"),
 
     # of all axes of a vehicle
-    "steering_unknown": ("{who}: which output steers it is told by nothing in the log", _PARAMETERS),
+    "steering_unknown": ("{who}: the log does not show which output steers it", _PARAMETERS),
     "skid_steering": (
         "{who}: it steers by the difference of its motors (skid steering), which is not judged", NO_WINGS),
     "steering_unnamed": (
         "{who}: its parameters name no output that steers it (SERVOn_FUNCTION 26)",
         "if one does, set its function, and record the parameters, too"),
     "never_armed": ("{stood}: it was never armed", _LONGER),
-    "no_speed": ("whether it flew forward is not known: the log tells no speed",
+    "no_speed": ("whether it flew forward is not known: the log records no speed",
         "record airspeed or GPS as well"),
     "too_slow": (
         "{stood}: its highest speed while armed was {fastest} m/s, more than {least:g} are needed", _LONGER),
@@ -180,7 +180,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "if one does, name it in an airframe file: {name}"),
     "moved_by_unknown": ("no output of this vehicle is known to move it in {axis}", _BY_NAME),
     "outputs_unknown": (
-        "which outputs move the surfaces is told neither by parameters nor by a profile, and {why}",
+        "neither parameters nor a profile name the outputs that move the surfaces, and {why}",
         _BY_NAME),
     "airspeed_doubted": (
         "for {doubted_s} s the airspeed sensor contradicts ground speed and wind, so that the rest is too "
@@ -206,7 +206,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "the commands to its steering explain {share} % of how it turns, {needed:.0f} % are needed",
         "check on the ground that the steering follows its commands, then {again}"),
     "rudder_unexplained": (
-        "rudder and aileron cannot be told apart: the rudder explains {share} % of the side force that the "
+        "rudder and aileron cannot be separated: the rudder explains {share} % of the side force that the "
         "ailerons leave, {needed:.0f} % are needed",
         "pulse the rudder alone for a few seconds early in the flight"),
     "effect_uncertain": (
@@ -248,7 +248,7 @@ class Reason:
     Examples
     --------
     >>> Reason("steering_unknown", who="a rover").text
-    'a rover: which output steers it is told by nothing in the log'
+    'a rover: the log does not show which output steers it'
     """
 
     code: str

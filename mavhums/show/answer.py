@@ -256,7 +256,7 @@ def _faulty(verdict: Verdict, assessment: Assessment, latest: int | None) -> Fin
         return Finding(title, verdict.worst, [*why, *([explained] if explained else [])], todo)
     since = verdict.since
     when = f"{clock(since.flight_time_s)} into the log ({moment(since.utc)})" if since else ""
-    now = f"{verdict.condition} {f'since {when}' if when else 'at the end'}; the earlier finding stands"
+    now = f"{verdict.condition} {f'since {when}' if when else 'at the end'}; the earlier finding holds"
     suspects = [f"{item.fault.replace('_', ' ')} ({percent(item.confidence)})" for item in verdict.suspects]
     facts = {
         "Since": when if verdict.condition == verdict.worst else "",

@@ -161,7 +161,7 @@ def digest_headline(digest: FleetDigest) -> str:
     --------
     >>> times = dict(since_utc="2026-03-01T06:00:00+00:00", until_utc="2026-03-02T06:00:00+00:00")
     >>> digest_headline(FleetDigest(**times, aircraft=20, flights=31, standing=2))
-    'Nothing new since 2026-03-01 06:00 UTC: 31 flights of 20 aircraft; 2 findings stand'
+    'Nothing new since 2026-03-01 06:00 UTC: 31 flights of 20 aircraft; 2 findings open'
     """
     counts: Counter[str] = Counter(one.kind for one in digest.changes)
     parts = [f"{counts[kind]} {word}" for kind, (_, word) in _KINDS.items() if counts[kind]]
@@ -171,7 +171,7 @@ def digest_headline(digest: FleetDigest) -> str:
     flown = f"{_count(digest.flights, 'flight')} of {digest.aircraft} aircraft"
     rest = [flown]
     if digest.standing:
-        rest.append(f"{_count(digest.standing, 'finding')} stand{'s' if digest.standing == 1 else ''}")
+        rest.append(f"{_count(digest.standing, 'finding')} open")
     rest += [f"{digest.silent_longer} silent for longer"] if digest.silent_longer else []
     return f"{', '.join(parts) or 'Nothing new'} since {since}: {'; '.join(rest)}"
 

@@ -66,7 +66,7 @@ _PAIRED: Final = "motors in pairs, one above the other, so which of a pair faile
 _UNJUDGED: Final = {
     4: f"an octa-quad has {_PAIRED}",
     5: f"a Y6 has {_PAIRED}",
-    7: "a tricopter turns by a servo, so its yaw tells of no motor: its motors",
+    7: "a tricopter turns by a servo, so its yaw shows no motor: its motors",
     12: f"a dodeca-hexa has {_PAIRED}",
 }
 """Why frames are not judged, by FRAME_CLASS."""

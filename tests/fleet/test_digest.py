@@ -69,7 +69,7 @@ def test_nothing_to_say_is_one_line(store: Path) -> None:
     assert (quiet.standing, quiet.silent_longer) == (1, 1)
     (line,) = plain(digest_blocks(quiet)).splitlines()
     assert line.startswith("Nothing new since 2026-04-11 09:00 UTC")
-    assert line.endswith("of 2 aircraft; 1 finding stands; 1 silent for longer")
+    assert line.endswith("of 2 aircraft; 1 finding open; 1 silent for longer")
 
 
 def test_the_page_holds_no_markup_of_a_store(store: Path) -> None:

@@ -221,7 +221,7 @@ class HardOverDetector:
     """
 
     inspect: ClassVar[Mapping[str, str]] = {
-        "hard_over": "for a surface that stands deflected: its servo, its linkage, its trim"
+        "hard_over": "for a surface that stays deflected: its servo, its linkage, its trim"
     }
 
     def __init__(self, limits: AxisLimits, axis: str = "roll") -> None:
@@ -252,7 +252,7 @@ class HardOverDetector:
             way = "right" if second.shift > 0 else "left"
             rule = (
                 f"emergency: {moves} {way} {degrees(abs(second.shift)):.0f}°/s more than commanded, "
-                f"as if {what} stood deflected or did not move"
+                f"as if {what} stayed deflected or did not move"
             )
             end_s, limit = second.end_s, self._limit
             alarms.append(Alarm(axis, end_s, "hard_over", "emergency", since_s, certain, limit, rule))
@@ -285,7 +285,7 @@ class Skids:
                 way = "right" if side.value > 0 else "left"
                 rule = (
                     f"emergency: a side force of {abs(side.value):.1f} m/s² to the {way} that no turn "
-                    "explains, as if a rudder stood deflected or did not move"
+                    "explains, as if a rudder stayed deflected or did not move"
                 )
                 since_s -= SHIFT_S - 1  # its mean is over as many seconds
                 alarms.append(
@@ -323,7 +323,7 @@ def to_inspect(fault: str) -> str | None:
     Examples
     --------
     >>> to_inspect("hard_over")
-    'for a surface that stands deflected: its servo, its linkage, its trim'
+    'for a surface that stays deflected: its servo, its linkage, its trim'
     """
     kinds = (EffectivenessDetector, TrackingDetector, HardOverDetector)
     return next((kind.inspect[fault] for kind in kinds if fault in kind.inspect), None)

@@ -280,7 +280,7 @@ def _change(verdict: Verdict, baselines: Mapping[str, Baseline], motors: int) ->
 def _of_trim(one: _TrimShift) -> Evidence:
     cause = "a worn propeller or motor"
     if one.yaw < YAW_SHIFT:
-        cause += ", or a weight that sits elsewhere (yaw does not tell which)"
+        cause += ", or a weight that sits elsewhere (yaw does not show which)"
     rule = (
         f"degraded: is asked for {100 * one.value:.0f} % more thrust beside the others than in "
         f"{one.flights} earlier flights, from the start on: {cause}"

@@ -125,7 +125,7 @@ def why_not_at_all(
     --------
     >>> from mavhums.vehicle.flight import Flight
     >>> why_not_at_all(Flight(None))[0].text
-    'nothing in the log tells what kind of vehicle this is'
+    'the log does not record what kind of vehicle this is'
     >>> why_not_at_all(Flight(None), "multirotor")[0].code
     'no_wings'
     """
@@ -314,7 +314,7 @@ def _unnamed(axis: str, surfaces: Surfaces | None, flight: Flight) -> Reason:
     words = {"axis": axis, "name": f'[[actuators]] with name = "{_NAMES[axis]}", its servo and its pwm_us'}
     if surfaces is not None:
         return Reason("moved_by_none" if surfaces.origin == "parameters" else "moved_by_unknown", **words)
-    why = "the flight's beginning does not tell it clearly"
+    why = "the flight's beginning does not show them clearly"
     if flight.flown_s < REFERENCE_S:
         why = f"{flight.flown_s} s of forward flight are too short to learn it"
     return Reason("outputs_unknown", why=why, **words)

@@ -109,7 +109,7 @@ def test_a_larger_skid_beside_a_roll_is_a_rudder(
     [found] = deflected(deviations, Deviation(0, value, side))
     what = "a rudder" if axis == "yaw" else "an aileron or elevon"
     assert (found.axis, found.fault, found.since_s) == (axis, "hard_over", 99)
-    assert f"as if {what} stood deflected" in found.rule
+    assert f"as if {what} stayed deflected" in found.rule
     assert found.value == pytest.approx(deviations)
 
 

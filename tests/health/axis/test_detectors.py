@@ -71,7 +71,7 @@ def test_what_leaves_the_reference_is_found_in_seconds(what: str, axis: str, fau
     assert 98 <= alarms[0].since_s <= 104
     if fault == "hard_over":
         as_if = "a rudder" if axis == "yaw" else "an aileron or elevon"
-        assert re.search(rf"rolls right \d+°/s more than commanded, as if {as_if} stood", alarms[0].rule)
+        assert re.search(rf"rolls right \d+°/s more than commanded, as if {as_if} stayed", alarms[0].rule)
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,7 @@ VOLTAGE = OwnEquation(
     quantity="friction voltage",
     unit="V",
     inspect="gearbox, bearings and hinge line",
-    cause="friction, or a warmer or worn winding: the voltage cannot tell which",
+    cause="friction, or a warmer or worn winding: the voltage does not show which",
     left=_voltage,
     speed=_rotor_speed,
 )
@@ -121,7 +121,7 @@ POWER = OwnEquation(
     quantity="friction in the supply's power",
     unit="N·m",
     inspect="gearbox, bearings, hinge line and motor",
-    cause="friction, or a weaker or warmer motor: the power cannot tell which",
+    cause="friction, or a weaker or warmer motor: the power does not show which",
     left=_power,
     speed=_bus_speed,
 )
@@ -132,7 +132,7 @@ TRACKING = OwnEquation(
     quantity="tracking error in motion",
     unit="°",
     inspect="gearbox, linkage and motor, and whether the servo's settings were changed",
-    cause="friction, play or winding: the log cannot tell which",
+    cause="friction, play or winding: the log does not show which",
     min_flights=TRACKING_FLIGHTS,
     left=_position_error,
     speed=_angle_speed,
@@ -157,7 +157,7 @@ TWO_WAYS = OwnEquation(
     quantity="current both ways over that at rest",
     unit="A",
     inspect="gearbox, bearings, screw and their lubrication",
-    cause="friction, play or motor: the magnitude of a current cannot tell which",
+    cause="friction, play or motor: the magnitude of a current does not show which",
     left=_current,
     speed=_angle_speed,
 )
@@ -168,7 +168,7 @@ ROUGHNESS = OwnEquation(
     quantity="roughness of steady motion",
     unit="°",
     inspect="gearbox, bearings, their lubrication, and the position sensor",
-    cause="the motion is rough; the log cannot tell why",
+    cause="the motion is rough; the log does not show why",
     left=_position_error,
     speed=_angle_speed,
 )
@@ -179,7 +179,7 @@ RIPPLE = OwnEquation(
     quantity="ripple of the current in steady motion",
     unit="A",
     inspect="gearbox, bearings and motor",
-    cause="the current is rough; the log cannot tell why",
+    cause="the current is rough; the log does not show why",
     left=_current,
     speed=_angle_speed,
 )
