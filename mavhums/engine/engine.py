@@ -269,19 +269,20 @@ class Engine:
         yield from self._listen(tables)
         self._airspeeds.feed(tables)
         self._temperatures.feed(tables)
-        self._events.feed(tables, self._decoder.first_time_us or 0, self._vehicle_limit.admits)
+        start_us = self._decoder.first_time_us or 0
+        for vehicle, time_s, words in self._events.feed(tables, start_us, self._vehicle_limit.admits):
+            yield Notice(time_s, vehicle, words)
         for vehicle, sag in self._rails.feed(tables):
             text = f"the servo rail falls below {SAGS_SHARE * sag.usual_v:.1f} V: it feeds every surface"
             yield Notice(self._flight_time(sag.start_us), vehicle, text)
             if self._vehicle_limit.admits(vehicle):
                 least_v = round(SAGS_SHARE * sag.usual_v, 2)
                 self._events.of(vehicle).add("supply", self._flight_time(sag.start_us), value=least_v)
-        for state in self._states.feed(tables, start_us=self._decoder.first_time_us or 0):
+        for state in self._states.feed(tables, start_us=start_us):
             if isinstance(state, FlightMode) and self._vehicle_limit.admits(state.vehicle):
                 self._events.of(state.vehicle).add("mode", state.time_s, said=state.mode)
             if self._show_states:
                 yield state
-        start_us = self._decoder.first_time_us or 0
         yield from self._axes.feed(tables, start_us, admits=self._vehicle_limit.admits, final=final)
         settled = list(self._mappers.feed(tables, final=final))
         for vehicle, time_us in self._clocks.jumps():

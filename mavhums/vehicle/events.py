@@ -240,13 +240,23 @@ class FlightEvents:
         """Return the events of a vehicle."""
         return self._vehicles.setdefault(vehicle, VehicleEvents(vehicle))
 
-    def feed(self, tables: Mapping[str, Table], start_us: int, admits: Callable[[int], bool]) -> None:
-        """Take the faults that devices report in these messages, of the vehicles that are admitted."""
+    def feed(
+        self, tables: Mapping[str, Table], start_us: int, admits: Callable[[int], bool]
+    ) -> Iterator[tuple[int, float, str]]:
+        """Take the faults that devices report in these messages, of the vehicles that are admitted.
+
+        Yields
+        ------
+        tuple
+            Of a fault that is reported for the first time: vehicle, flight time, s, and words.
+        """
         for report in reports(tables, *FAULT_FACTS):
             for vehicle, rows in each(report.table.system):
                 if admits(vehicle):
                     own = report if isinstance(rows, slice) else report.select(rows)
-                    self.of(vehicle).reported.hear(own, (own.table.time_us - start_us) / 1e6)
+                    time_s = (own.table.time_us - start_us) / 1e6
+                    for at_s, words in self.of(vehicle).reported.hear(own, time_s):
+                        yield vehicle, at_s, words
 
     def finish(self) -> None:
         """End the input."""

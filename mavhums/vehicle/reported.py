@@ -39,14 +39,21 @@ class Reported:
         # By fact, message, component and number: the last two readings, their times, the last settled one.
         self._devices: dict[tuple[str, str, int, int], tuple[Array, Integers, int | None]] = {}
         self._known: dict[tuple[EventKind, str, str | None], tuple[float, int]] = {}
+        self._new: list[tuple[float, str]] = []
 
     def hear_text(self, time_s: float, text: str) -> None:
         """Take a text of the vehicle."""
         if _TEXT.search(text) and not _NO_TEXT.search(text):
             self._note("fault", "the autopilot", f'"{text.strip()}"', np.array([time_s]), np.array([1]))
 
-    def hear(self, report: Report, time_s: Array) -> None:
-        """Take one of ``FAULT_FACTS``, rows of this vehicle alone, and their flight times, s, shape (n,)."""
+    def hear(self, report: Report, time_s: Array) -> list[tuple[float, str]]:
+        """Take one of ``FAULT_FACTS``, rows of this vehicle alone, and their flight times, s, shape (n,).
+
+        Returns
+        -------
+        list
+            What was reported for the first time: its flight time, s, and words.
+        """
         table, values, first = report.table, report.values, report.first
         devices = table.component.astype(np.int64) * _NUMBERS + first
         for device, rows in each(devices, (first >= 0) & (first < _NUMBERS)):
@@ -55,6 +62,8 @@ class Reported:
                 key = report.source.fact, table.name, component, number + k
                 if number + k < _NUMBERS and (key in self._devices or len(self._devices) < _MOST):
                     self._take(key, time_s[rows], readings)
+        new, self._new = self._new, []
+        return new
 
     def _take(self, key: tuple[str, str, int, int], time_s: Array, readings: Integers) -> None:
         """Take the next readings of one device."""
@@ -80,18 +89,24 @@ class Reported:
         if fact == _ERRORS:
             # A count that falls began anew: what it shows was counted since.
             more = np.where(after >= before, after - before, after)
-            self._note("errors", f"ESC {number}", None, time_s, more)
+            if self._note("errors", f"ESC {number}", None, time_s, more):
+                self._new.append((float(time_s[more > 0][0]), f"the error count of ESC {number} grows"))
             return
         subject, words, _ = FAULTS[fact]
         for bit, said in enumerate(words):
-            risen = (after & ~before) >> bit & 1
-            self._note("fault", subject.format(n=number), said.format(n=number), time_s, risen)
+            risen, who, what = (after & ~before) >> bit & 1, subject.format(n=number), said.format(n=number)
+            if self._note("fault", who, what, time_s, risen):
+                self._new.append((float(time_s[risen > 0][0]), f"{who} reports {what}"))
 
-    def _note(self, kind: EventKind, subject: str, said: str | None, time_s: Array, more: Integers) -> None:
+    def _note(self, kind: EventKind, subject: str, said: str | None, time_s: Array, more: Integers) -> bool:
+        """Count reports; return whether these are the first."""
         key = kind, subject, said
-        if more.any() and (key in self._known or len(self._known) < _MOST):
-            first_s, count = self._known.get(key, (np.inf, 0))
-            self._known[key] = min(first_s, float(time_s[more > 0].min())), count + int(more.sum())
+        known = key in self._known
+        if not more.any() or (not known and len(self._known) >= _MOST):
+            return False
+        first_s, count = self._known.get(key, (np.inf, 0))
+        self._known[key] = min(first_s, float(time_s[more > 0].min())), count + int(more.sum())
+        return not known
 
     def faults(self) -> Iterator[tuple[EventKind, float, dict[str, Any]]]:
         """Yield what was reported so far: kind of event, flight time of the first report, other fields."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -32,12 +33,15 @@ def table(name: str, rows: Sequence[dict[str, Any]], kinds: dict[str, str]) -> T
 
 
 def heard(*tables: Table, parts: Sequence[int] = ()) -> tuple[FlightEvent, ...]:
-    """Return the events of these tables, each cut after these rows."""
-    events = FlightEvents()
+    """Return the events of these tables, each cut after these rows; each was said once, as it came."""
+    events, news = FlightEvents(), list[tuple[int, float, str]]()
     for one in tables:
         for rows in np.split(np.arange(len(one)), parts):
-            events.feed({one.name: one.select(rows)}, 0, lambda _: True)
-    return events.gathered(frozenset())[0]
+            news += events.feed({one.name: one.select(rows)}, 0, lambda _: True)
+    found = events.gathered(frozenset())[0]
+    first = [(event.vehicle, event.time_s, event_words(event)) for event in found]
+    assert sorted(news) == sorted((who, at, re.split(" by |, ", words)[0]) for who, at, words in first)
+    return found
 
 
 def said(*tables: Table, parts: Sequence[int] = ()) -> list[str]:
