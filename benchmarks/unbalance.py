@@ -19,6 +19,7 @@ import numpy as np
 
 from benchmarks.motors import rotors, signals
 from mavhums.health.decision.baseline import Baseline
+from mavhums.health.motor.heating import EscHeating
 from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.motor.vibration import UNBALANCE, RotorVibration
@@ -57,7 +58,7 @@ def judged(craft: Craft, frame: str, radii: np.ndarray, source: str, number: int
         told = np.interp(at, flown.time_s, rpm) * (1 + rng.normal(0.0, 0.002, at.size))
         speeds.hear(esc, at, told)
         vibration.hear_speed(esc, at, told)
-    monitor, rates = MotorMonitor(1, rotors(frame), (speeds, vibration)), Rates(outputs=10.0)
+    monitor, rates = MotorMonitor(1, rotors(frame), (speeds, vibration, EscHeating())), Rates(outputs=10.0)
     seconds = Grid(0).feed([*signals(flown, rates, number)], final=True)
     if seconds is not None:
         list(monitor.feed(seconds, Phases().feed(seconds, monitor.rotors)))
@@ -83,15 +84,15 @@ def flights(task: tuple[int, str]) -> list[Flight]:
     return found
 
 
-def compared(flown: list[Verdict], history: Sequence[list[Verdict]]) -> list[int]:
-    """Return the motors, from 1, that are said to be out of balance."""
+def compared(flown: list[Verdict], history: Sequence[list[Verdict]], fault: str = UNBALANCE) -> list[int]:
+    """Return the motors, from 1, of which the indicator of a fault is said to have grown."""
     known: dict[str, dict[str, Baseline]] = {}
     for k, verdict in enumerate(flown):
-        shown = [item for one in history for item in one[k].indicators if item.fault == UNBALANCE]
+        shown = [item for one in history for item in one[k].indicators if item.fault == fault]
         baseline = Baseline.of(shown)
-        known[verdict.actuator] = {UNBALANCE: baseline} if baseline else {}
+        known[verdict.actuator] = {fault: baseline} if baseline else {}
     told = compare_motors(flown, lambda verdict: known[verdict.actuator], start_utc=_DATE, end_s=SECONDS)
-    return [k for k, one in enumerate(told, 1) if any(item.kind == UNBALANCE for item in one.evidence)]
+    return [k for k, one in enumerate(told, 1) if any(item.kind == fault for item in one.evidence)]
 
 
 def report(source: str, of: Sequence[list[Flight]]) -> None:

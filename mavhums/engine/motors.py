@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 from mavhums.core.arrays import Array
 from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums.health.decision.thresholds import FALSE_ALARMS
+from mavhums.health.motor.heating import EscHeating
 from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.motor.vibration import RotorVibration
 from mavhums.health.verdict.obstacles import unjudged
@@ -51,12 +52,14 @@ class VehicleMotors:
         The speeds that its ESCs report.
     vibration
         How its rotors shake it.
+    heating
+        The temperatures of its ESCs.
     """
 
     def __init__(self, vehicle: int, false_alarms: float = FALSE_ALARMS, *, traced: bool = False) -> None:
         self._vehicle, self._false_alarms, self._traced = vehicle, false_alarms, traced
         self.by_parameters: Rotors | Reason | None = None
-        self.speeds, self.vibration = EscSpeeds(), RotorVibration()
+        self.speeds, self.vibration, self.heating = EscSpeeds(), RotorVibration(), EscHeating()
         self._monitor: MotorMonitor | None = None
         self._early: list[Seconds] = []
         self._began_s: int | None = None
@@ -81,7 +84,7 @@ class VehicleMotors:
             self._monitor = MotorMonitor(
                 self._vehicle,
                 rotors,
-                (self.speeds, self.vibration),
+                (self.speeds, self.vibration, self.heating),
                 self._false_alarms,
                 traced=self._traced,
             )
@@ -97,6 +100,7 @@ class VehicleMotors:
         first_s = int(seconds.index[-1]) - _EARLY_S - _LATE_S
         self.speeds.forget(2 * first_s, inf)
         self.vibration.forget(first_s)
+        self.heating.forget(first_s)
         kept = int((seconds.index < self._began_s + _EARLY_S).sum())  # however the log is cut into blocks
         if kept:
             self._early.append(seconds.part(0, kept))

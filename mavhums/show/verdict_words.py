@@ -129,7 +129,16 @@ def finding(item: Evidence) -> str:
     when = f"{clock(item.start_s)} to {clock(item.end_s)}"
     if item.kind == "network":
         return f"{when}: {item.rule} (highest probability {percent(item.value)})"
-    if item.kind in ("effectiveness", "slow", "hard_over", "tracking", "thrust", "speed", "unbalance"):
+    if item.kind in (
+        "effectiveness",
+        "slow",
+        "hard_over",
+        "tracking",
+        "thrust",
+        "speed",
+        "unbalance",
+        "heating",
+    ):
         return f"{when}: {item.rule}"
     if item.kind == "friction":
         return f"{when}: {item.rule} (highest estimate {item.value:.3f} N·m)"

@@ -13,7 +13,7 @@ from mavhums.core.kernels import kernel
 from mavhums.log import Table
 from mavhums.log.base.tables import text_of
 from mavhums.vehicle.facts import OUTPUTS, Signal
-from mavhums.vehicle.formats import each, messages_of, reports
+from mavhums.vehicle.formats import each, esc_temperatures, messages_of, reports
 
 BAND_US: Final = 8
 """Movement that counts: 1 % of the usual travel of 800 µs, above the dead band of a usual servo."""
@@ -204,7 +204,6 @@ def _followed(
 ESC_TEMPERATURE_MESSAGES: Final = messages_of("ESC temperature")
 NAMED_MESSAGES: Final = messages_of("named value")
 
-_DEGREES: Final = 256  # what one byte can say
 _LEAST_READINGS: Final = 10
 """Readings of a temperature from which its median counts: of fewer, single errors move it."""
 _MOST_NAMES: Final = 1000  # of a log: a sender that makes up names cannot fill the memory
@@ -213,8 +212,6 @@ _MOST_NAMES: Final = 1000  # of a log: a sender that makes up names cannot fill 
 class EscTemperatures:
     """Counts the readings of every ESC, block by block; the median is robust to outliers.
 
-    An ESC without a sensor reports zero.
-
     Examples
     --------
     >>> EscTemperatures().median(1, 0) is None
@@ -222,28 +219,22 @@ class EscTemperatures:
     """
 
     def __init__(self) -> None:
-        self._counts: dict[tuple[int, int], Integers] = {}
+        self._counts: dict[tuple[int, int], Counter[float]] = {}
 
     def feed(self, tables: Mapping[str, Table]) -> None:
         """Take the readings in these messages."""
-        for report in reports(tables, "ESC temperature"):
-            values = report.values.astype(np.int64)
-            for vehicle, rows in each(report.table.system):
-                for k, degrees in enumerate(values[rows].T):
-                    counts = np.bincount(degrees, minlength=_DEGREES)
-                    key = vehicle, int(report.first[0]) + k
-                    self._counts[key] = self._counts.get(key, np.zeros(_DEGREES, dtype=np.int64)) + counts
+        for vehicle, esc, _, celsius in esc_temperatures(tables):
+            degrees = np.rint(celsius[np.isfinite(celsius)])
+            self._counts.setdefault((vehicle, esc), Counter()).update(degrees.tolist())
 
     def median(self, vehicle: int, esc: int | None) -> float | None:
-        """Return the median of an ESC's readings, °C; None if it has no sensor."""
+        """Return the median of an ESC's readings, whole °C; None if it has no sensor."""
         counts = None if esc is None else self._counts.get((vehicle, esc))
-        if counts is None:
+        if counts is None or counts.total() < _LEAST_READINGS:
             return None
-        measured = counts.copy()
-        measured[0] = 0
-        if measured.sum() < _LEAST_READINGS:
-            return None
-        return float(np.searchsorted(measured.cumsum(), measured.sum() / 2))
+        degrees = sorted(counts)
+        passed = np.cumsum([counts[one] for one in degrees])
+        return degrees[int(np.searchsorted(passed, counts.total() / 2))]
 
 
 class NamedValues:

@@ -22,12 +22,16 @@ from mavhums.core.statistics import NORMAL_95, t_quantile
 from mavhums.health.decision.baseline import Baseline, with_baselines
 from mavhums.health.decision.conditions import since
 from mavhums.health.decision.thresholds import MOST_FLIGHT_TAIL
+from mavhums.health.motor.heating import HEATING
 from mavhums.health.motor.monitor import TRIM, TRIM_YAW, Loss, MotorFindings, condition_of
 from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.thresholds import (
     BETWEEN_FLIGHTS,
     BOUND_SHARE,
+    GROWTH_SCATTER_WORTH,
+    HEATING_SCATTER,
     JUDGED_S,
+    LEAST_HEATING_GROWTH,
     LEAST_TRIM_CHANGE,
     LEAST_UNBALANCE_GROWTH,
     MOST_BANK_DEG,
@@ -35,7 +39,6 @@ from mavhums.health.motor.thresholds import (
     TRIM_SCATTER_PER_MOTOR,
     TRIM_SCATTER_WORTH,
     UNBALANCE_SCATTER,
-    UNBALANCE_SCATTER_WORTH,
     YAW_SHIFT,
 )
 from mavhums.health.motor.vibration import UNBALANCE
@@ -196,8 +199,36 @@ def _origin(findings: MotorFindings, motor: int) -> dict[str, str]:
     return {"V1": f"output {rotors.servos[motor - 1]}, by the log's parameters{assumed}"}
 
 
+class _Grows(NamedTuple):
+    """An indicator that a fault makes grow: its scatter between flights, the least growth, and the words."""
+
+    scatter: float
+    least: float
+    what: str
+    others: str
+    cause: str
+
+
+_GROWING: Final = {
+    UNBALANCE: _Grows(
+        UNBALANCE_SCATTER,
+        LEAST_UNBALANCE_GROWTH,
+        "its rotor shakes the aircraft",
+        "the other rotors",
+        "its propeller or its bearing",
+    ),
+    HEATING: _Grows(
+        HEATING_SCATTER,
+        LEAST_HEATING_GROWTH,
+        "for its load, its ESC warms beside the others",
+        "the others",
+        "blocked cooling, a dragging bearing or a worn contact",
+    ),
+}
+
+
 class _Growth(NamedTuple):
-    """A rotor's unbalance beside that of earlier flights: by their mean, with its standard error."""
+    """An indicator of a motor beside that of earlier flights: by their mean, with its standard error."""
 
     value: float
     ratio: float
@@ -252,14 +283,17 @@ def compare_motors(
             one = changes[most]
             if one.value >= LEAST_TRIM_CHANGE and one.ratio > t_quantile(one.freedom, tail):
                 compared[most] = judged(compared[most], _of_trim(one))
-        growths = {k: found for k in places if (found := _growth(compared[k], baselines(compared[k])))}
-        for k, growth in growths.items():
-            others = [other.ratio for place, other in growths.items() if place != k]
-            # What shakes the sensor more than before, whichever rotor turns, is none of the rotors.
-            usual = max(float(np.median(others)), 1.0) if others else 1.0
-            more = growth.ratio / usual - 1.0
-            if more >= LEAST_UNBALANCE_GROWTH and more > growth.error * t_quantile(growth.freedom, tail):
-                compared[k] = judged(compared[k], _of_unbalance(growth, usual))
+        for fault, grows in _GROWING.items():
+            growths = {
+                k: found for k in places if (found := _growth(compared[k], baselines(compared[k]), fault))
+            }
+            for k, growth in growths.items():
+                others = [other.ratio for place, other in growths.items() if place != k]
+                # What shakes the sensor more than before, whichever rotor turns, is none of the rotors.
+                usual = max(float(np.median(others)), 1.0) if others else 1.0
+                more = growth.ratio / usual - 1.0
+                if more >= grows.least and more > growth.error * t_quantile(growth.freedom, tail):
+                    compared[k] = judged(compared[k], _of_growth(fault, growth, usual))
     return compared
 
 
@@ -290,27 +324,28 @@ def _of_trim(one: _TrimShift) -> Evidence:
     )
 
 
-def _growth(verdict: Verdict, baselines: Mapping[str, Baseline]) -> _Growth | None:
-    """Return the growth of a motor's unbalance; None where this flight or the earlier ones do not show it."""
-    shown = next((one for one in verdict.indicators if one.fault == UNBALANCE), None)
-    known = baselines.get(UNBALANCE)
-    if shown is None or known is None:
+def _growth(verdict: Verdict, baselines: Mapping[str, Baseline], fault: str) -> _Growth | None:
+    """Return the growth of a motor's indicator; None where this flight or the earlier ones do not show it."""
+    shown = next((one for one in verdict.indicators if one.fault == fault), None)
+    known = baselines.get(fault)
+    if shown is None or known is None or known.mean <= 0.0:
         return None
-    own, worth = known.flights - 1.0, UNBALANCE_SCATTER_WORTH
-    between = (worth * UNBALANCE_SCATTER**2 + own * (known.spread / known.mean) ** 2) / (worth + own)
+    own, worth = known.flights - 1.0, GROWTH_SCATTER_WORTH
+    between = (worth * _GROWING[fault].scatter ** 2 + own * (known.spread / known.mean) ** 2) / (worth + own)
     value, error = shown.value.estimate, (shown.value.high - shown.value.low) / 2 / NORMAL_95
     variance = between * (1.0 + 1.0 / known.flights) + (error / known.mean) ** 2
     return _Growth(value, value / known.mean, variance**0.5, worth + own, known.flights)
 
 
-def _of_unbalance(one: _Growth, usual: float) -> Evidence:
-    beside = f", the other rotors {usual:.1f} times" if usual >= 1.05 else ""
+def _of_growth(fault: str, one: _Growth, usual: float) -> Evidence:
+    grows = _GROWING[fault]
+    beside = f", {grows.others} {usual:.1f} times" if usual >= 1.05 else ""
     rule = (
-        f"degraded: its rotor shakes the aircraft {one.ratio:.1f} times as much as in "
-        f"{one.flights} earlier flights{beside}: its propeller or its bearing"
+        f"degraded: {grows.what} {one.ratio:.1f} times as much as in "
+        f"{one.flights} earlier flights{beside}: {grows.cause}"
     )
-    limit = float(f"{one.value / one.ratio * (1.0 + LEAST_UNBALANCE_GROWTH) * usual:.4g}")
-    return Evidence(kind=UNBALANCE, start_s=0.0, end_s=0.0, value=one.value, limit=limit, rule=rule)
+    limit = float(f"{one.value / one.ratio * (1.0 + grows.least) * usual:.4g}")
+    return Evidence(kind=fault, start_s=0.0, end_s=0.0, value=one.value, limit=limit, rule=rule)
 
 
 def _judged(verdict: Verdict, found: Evidence, start_utc: datetime, end_s: float) -> Verdict:

@@ -38,6 +38,7 @@ __all__ = [
     "Rows",
     "each",
     "esc_speeds",
+    "esc_temperatures",
     "message_of",
     "messages_of",
     "remedy",
@@ -130,6 +131,16 @@ def esc_speeds(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, NDArray[
             for reading in servo_readings(source, tables, _ESCS):
                 speeds = reading.values[:, [*reading.fields].index("V7")]
                 yield reading.vehicle, reading.servo - 1, reading.time_us, bounded("ESC speed", speeds)
+
+
+def esc_temperatures(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, NDArray[np.int64], Array]]:
+    """Yield what ESCs report of their temperature: vehicle, ESC from 0, µs of UTC (n,), °C (n,)."""
+    for report in reports(tables, "ESC temperature"):
+        table, values, first = report.table, report.values, report.first
+        for vehicle, of_vehicle in each(table.system):
+            for number, rows in each(first[of_vehicle]):
+                for k, column in enumerate(values[of_vehicle][rows].T):
+                    yield vehicle, number + k, table.time_us[of_vehicle][rows], column
 
 
 def remedy(

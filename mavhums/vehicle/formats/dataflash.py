@@ -26,6 +26,7 @@ from mavhums.vehicle.formats.base import (
     Source,
     Split,
     bits_of,
+    celsius,
     columns,
     holds,
     named,
@@ -193,6 +194,13 @@ SOURCES: Final = (
     plain("sensed airspeed", "ARSP", "Airspeed", rows=_first_sensor),
     Source(
         "ESC telemetry", "ESC", {"Instance": 1, "Err": 1}, lambda t: bits_of(t["Err"] > 50.0), first=_INSTANCE
+    ),
+    Source(
+        "ESC temperature",
+        "ESC",
+        {"Instance": 1, "Temp": 1},
+        lambda t: celsius(columns(t, "Temp")),
+        first=_INSTANCE,
     ),
     Source(
         "ESC faults",

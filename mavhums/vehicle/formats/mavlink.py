@@ -28,6 +28,7 @@ from mavhums.vehicle.formats.base import (
     Split,
     angles_of,
     bits_of,
+    celsius,
     columns,
     instrumented,
     named,
@@ -210,8 +211,15 @@ SOURCES: Final = (
     Source("position", "GLOBAL_POSITION_INT", {"lat": 1, "lon": 1, "alt": 1}, _position),
     plain("sensed airspeed", "VFR_HUD", "airspeed"),
     *(
-        Source("ESC temperature", name, {"temperature": 4}, lambda t: t["temperature"], first=first)
+        Source("ESC temperature", name, {"temperature": 4}, lambda t: celsius(t["temperature"]), first=first)
         for name, first in _ESC_BATCHES.items()
+    ),
+    Source(
+        "ESC temperature",
+        "ESC_INFO",
+        {"temperature": _BATCH, "index": 1},
+        lambda t: celsius(t["temperature"], 0.01),
+        first=whole("index"),
     ),
     *(
         Source("named value", name, {"name": TEXT}, lambda t: t["name"])

@@ -20,6 +20,7 @@ from mavhums.vehicle.formats.base import (
     Split,
     angles_of,
     bits_of,
+    celsius,
     columns,
     instrumented,
     named,
@@ -139,14 +140,9 @@ def _parameters(table: Table) -> NDArray[Any]:
     return records_of_parameters(table["name"], bits, np.where(integer, _INT32, _REAL32))
 
 
-def _per_esc(field: str) -> Any:
-    """Return what reads a field of each ESC in one record; 0 of those that it lacks."""
-
-    def read(table: Table) -> Integers:
-        reports = [np.nan_to_num(table.numbers(f"esc[{k}].{field}")) for k in range(_ESCS)]
-        return np.stack(reports, axis=1).astype(np.int64)
-
-    return read
+def _per_esc(table: Table, field: str) -> Array:
+    """Return a field of each ESC in one record, shape (n, 12); 0 of those that it lacks."""
+    return np.stack([np.nan_to_num(table.numbers(f"esc[{k}].{field}")) for k in range(_ESCS)], axis=1)
 
 
 def _members(mask: Integers) -> Integers:
@@ -246,10 +242,9 @@ SOURCES: Final = (
     Source("text", "logged_string", {"text": TEXT}, lambda t: t["text"]),
     Source("parameter", "parameter", {"name": TEXT, "type": TEXT, "value": 1}, _parameters),
     plain("position", "vehicle_global_position", "lat", "lon", "alt"),
-    *(
-        Source(fact, "esc_status", {}, _per_esc(field))
-        for fact, field in (("ESC errors", "esc_errorcount"), ("ESC faults", "failures"))
-    ),
+    Source("ESC errors", "esc_status", {}, lambda t: _per_esc(t, "esc_errorcount").astype(np.int64)),
+    Source("ESC faults", "esc_status", {}, lambda t: _per_esc(t, "failures").astype(np.int64)),
+    Source("ESC temperature", "esc_status", {}, lambda t: celsius(_per_esc(t, "esc_temperature"))),
     Source(
         "ESC links",
         "esc_status",
