@@ -95,6 +95,13 @@ RUNS: dict[str, list[Small]] = {
             compares={"| condition, clear severity": Cells(of="of")},
         ),
     ],
+    "heating": [
+        Small(
+            "--craft 1",
+            {"EACH": 1, "HISTORIES": (10,)},
+            slow=True,
+        )
+    ],
     "holes": [Small("--every 100 LOG")],
     "house": [Small(slow=True)],
     "links": [Small("LINKS", slow=True, needs=LINKS)],
