@@ -187,12 +187,12 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "little",
         "inspect the pitot tube, then fly again"),
     "uncertain_loss": (
-        "{known}control left {kept:.0f} % ({low}–{high:.0f}) is neither certainly above {least:.0f} % nor "
+        "control left {kept:.0f} % ({low}–{high:.0f}) is neither certainly above {least:.0f} % nor "
         "certainly a loss",
         "choose a longer log, or one with more {manoeuvres}"),
     "unexcited": (
-        "{known}{decidable} of {windows} seconds since the reference were excited enough, {normal_s} are "
-        "needed",
+        "{since}a loss of {loss:.0f} % or more is excluded over {decidable} of the {windows} s since the "
+        "reference, {normal_s} are needed",
         "choose a longer log, or one with more {manoeuvres}"),
     "steering_still": ("in no {reference_s} s of two minutes of driving forward its steering moved",
         "drive turns in the first three minutes"),

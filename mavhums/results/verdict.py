@@ -59,7 +59,8 @@ class Since(Contract):
 class Coverage(Contract):
     """How much of the flight could be judged: windows of 10 s, one each second.
 
-    ``decidable`` counts those on which a condition can rest, because they show the friction or a fault.
+    ``decidable`` counts those on which a condition can rest, because they show the friction or a fault; of an
+    axis the seconds since its reference over which a loss of 40 % or more is excluded or measured.
     ``excluded`` counts, for an axis, the seconds over which a loss of 40 % or more is excluded with 95 %, and
     ``excluded_until_s`` is the flight second of the last one after the reference. ``judged_from_s`` is the
     flight second from which on an axis is judged whose reference came after three minutes of forward flight.

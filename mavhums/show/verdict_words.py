@@ -39,7 +39,7 @@ def control_left(verdict: Verdict) -> str | None:
     if condition == "undecided" and coverage.decidable < NORMAL_S and coverage.excluded:
         return f"above 60 % for {coverage.excluded} s"
     if left is None:
-        return None
+        return "no loss" if verdict.subject == "axis" and condition in ("normal", "unchanged") else None
     if condition == "undecided" and coverage.decidable < NORMAL_S:
         return f"not reliable: {coverage.decidable} of {NORMAL_S} s judged"
     if not is_reliable(verdict):

@@ -66,7 +66,8 @@ def shown(assessment: Assessment, width: int = 200, *, verbose: bool = False) ->
 @pytest.mark.parametrize(
     ("verdict", "told"),
     [
-        (axis(), None),
+        (axis(), "no loss"),
+        (axis(condition="undecided"), None),
         (axis(effectiveness=left(1.19, 1.1, 1.28)), "no loss"),
         (axis(effectiveness=left(0.9, 0.85, 0.95)), "90 % (85–95)"),
         (axis(condition="degraded", effectiveness=left(1.02, 0.9, 1.1)), "102 % (90–110)"),

@@ -22,7 +22,6 @@ from mavhums.health.axis.thresholds import (
     JUDGED_ERROR,
     LATEST_REFERENCE_S,
     MASKED_S,
-    NORMAL_EFFECTIVENESS,
     NORMAL_S,
     WINDOW_SECONDS,
 )
@@ -64,8 +63,8 @@ class _AxisState:
 class AxisMonitor:
     """Judges roll, pitch and yaw of one vehicle, or its steering.
 
-    An axis is normal when thirty judged seconds show no loss and the effectiveness over the last ten is
-    certainly above 60 %; it is normal again after a fault when it exceeds 80 % for twenty in a row.
+    An axis is normal when the test excludes a loss of 40 % over thirty seconds after the reference; it is
+    normal again after a fault when its effectiveness exceeds 80 % for twenty seconds in a row.
 
     Parameters
     ----------
@@ -273,12 +272,7 @@ class AxisMonitor:
         if SEVERITY[state.condition] > SEVERITY["normal"]:
             # An axis is well again only when the gain itself is back, not when evidence runs out.
             return state.full >= FULL_S
-        return (
-            state.judged >= NORMAL_S
-            and state.doubt is None
-            and state.value is not None
-            and state.value.low > NORMAL_EFFECTIVENESS
-        )
+        return state.excluded_s >= NORMAL_S and state.doubt is None
 
     def _extend(self, state: _AxisState, one: Alarm) -> None:
         """Add the alarm to its episode, or begin one; if there are too many, the middle ones are dropped."""
@@ -309,7 +303,8 @@ class AxisMonitor:
         suspects: dict[str, float] = {}
         for episode in state.episodes:
             suspects[episode.fault] = max(suspects.get(episode.fault, 0.0), episode.confidence)
-        fraction = state.judged / state.seconds if state.seconds else 0.0
+        judged = min(max(state.judged, state.excluded_s), state.seconds)
+        fraction = judged / state.seconds if state.seconds else 0.0
         return AxisFindings(
             axis=axis,
             condition=state.condition,
@@ -318,7 +313,7 @@ class AxisMonitor:
             coverage=Coverage(
                 moving_fraction=fraction,
                 windows=state.seconds,
-                decidable=state.judged,
+                decidable=judged,
                 excluded=gain.excluded_s + state.excluded_s,
                 excluded_until_s=state.excluded_until_s,
                 judged_from_s=_late_s(gain),

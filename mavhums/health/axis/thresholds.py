@@ -37,10 +37,10 @@ LEAST_ROWS_PER_S: Final = 14
 # autopilot's answer to gusts, with another gain. By hand: 0.015 and 0.026 find the same.
 LEAST_DRIVE: Final = 0.02
 
-# Judged seconds without a loss that make an axis normal: three windows that share no row. Development.
+# Seconds after the reference over which a loss is excluded that make an axis normal. Development.
 NORMAL_S: Final = 30
 
-# Effectiveness that the 95 % interval of a normal axis must exceed: a loss of 40 % is what the test is for.
+# Effectiveness that a normal axis has at least: a loss of 40 % is what the test is for.
 NORMAL_EFFECTIVENESS: Final = 0.6
 
 # Seconds in a row at full effectiveness that end a fault: two windows that share no row. By hand.

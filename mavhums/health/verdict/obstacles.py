@@ -323,16 +323,14 @@ def _unnamed(axis: str, surfaces: Surfaces | None, flight: Flight) -> Reason:
 def _unclear(findings: AxisFindings) -> Reason:
     """Return why an axis with a reference is neither normal nor faulty."""
     coverage, found = findings.coverage, findings.doubt or findings.effectiveness
-    words, least, known = _MOTIONS[findings.axis == STEERING], 100 * NORMAL_EFFECTIVENESS, ""
-    if coverage.excluded:
-        loss = f"a loss of {100 - least:.0f} % or more is excluded"
-        known = f"{loss} over {coverage.excluded} s of {words['motion']}, but "
+    words, least = _MOTIONS[findings.axis == STEERING], 100 * NORMAL_EFFECTIVENESS
     if coverage.decidable >= NORMAL_S and found is not None:
         kept, low, high = 100 * found.estimate, beside(100 * found.low, least), 100 * found.high
-        return Reason("uncertain_loss", known=known, kept=kept, low=low, high=high, least=least, **words)
-    if coverage.judged_from_s is not None:
-        known += f"its reference ends {coverage.judged_from_s:.0f} s into the log, and "
-    return Reason("unexcited", known=known, decidable=coverage.decidable, windows=coverage.windows, **words)
+        return Reason("uncertain_loss", kept=kept, low=low, high=high, least=least, **words)
+    late = coverage.judged_from_s
+    since = "" if late is None else f"its reference ends {late:.0f} s into the log, and "
+    seconds = {"decidable": coverage.decidable, "windows": coverage.windows}
+    return Reason("unexcited", since=since, loss=100 - least, **seconds, **words)
 
 
 def _no_reference(findings: AxisFindings) -> Iterator[Reason]:
