@@ -22,6 +22,9 @@ import numpy as np
 from mavhums.core.arrays import Array, Array1, Integers1
 from mavhums.core.kernels import kernel
 
+EXCLUDING: Final = log(20.0)
+"""Evidence against a fault with 95 %."""
+
 _PER_100_H: Final = 360_000.0  # seconds
 _MOST: Final = 200.0  # logarithm: what is certain needs no larger number
 

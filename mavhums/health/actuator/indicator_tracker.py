@@ -6,22 +6,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import CENTRAL_95, TAIL_95, t_quantile
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.decision.conditions import Episode, Episodes, IndicatorChange
 from mavhums.health.decision.events import DecisionChange, Estimate, FaultRecord, IndicatorStep, WindowRecord
 from mavhums.health.decision.evidence import limit_rule, suspected
-from mavhums.health.decision.limits import (
-    Decision,
-    Estimates,
-    WindowEvaluation,
-    bounds,
-    half_width,
-    shown_by,
-    tail_of,
-)
+from mavhums.health.decision.limits import Estimates, LimitTest, PooledErrors, half_width
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.random_effects import RunningVariance
@@ -70,12 +62,12 @@ class IndicatorTracker:
         recorded: bool = False,
     ) -> None:
         self.detector = detector
-        self.decision = Decision(detector.levels, proven=detector.span_s is not None)
+        self.decision = LimitTest(detector.levels, false_alarms, detector.span_s)
         self.described = FaultRecord(
             detector.fault, detector.quantity, detector.unit, detector.levels, detector.two_sided
         )
-        self._span_s = detector.span_s or WINDOW_S
         self.false_alarms = false_alarms
+        self._errors = PooledErrors()
         self.episodes = Episodes()
         self.variance = RunningVariance()
         self.next_due_s = -np.inf
@@ -90,37 +82,43 @@ class IndicatorTracker:
         """Number of windows that show the quantity and do not overlap."""
         return self.variance.count
 
-    def feed(self, look: WindowEvaluation, end_s: Array) -> dict[int, IndicatorStep]:
+    def feed(self, own: Estimates, end_s: Array) -> dict[int, IndicatorStep]:
         """Process the windows that end at ``end_s``, shape (k,); return what they say, by window."""
-        at = np.flatnonzero(np.isfinite(look.own.value))
+        at = np.flatnonzero(np.isfinite(own.value))
+        shown = self._errors.feed(own).at(at)
         if not at.size:
             return {}
         steps = {}
-        columns = (look.severity, look.sure, end_s, *look.steadied)
-        for k, said, certain, end, signed, error, freedom in zip(
-            at.tolist(), *(column[at].tolist() for column in columns), strict=True
+        sizes = self._sizes(shown)
+        evidence = self.decision.evidence(sizes, end_s[at])
+        columns = (end_s[at], sizes.value, *shown)
+        for k, row, end, here, signed, error, freedom in zip(
+            at.tolist(), evidence, *(column.tolist() for column in columns), strict=True
         ):
-            here = abs(signed) if self.detector.two_sided else signed
             # Only windows that share no sample are independent tests against the baseline.
             separate = Estimate(signed, error, freedom) if end >= self.next_due_s else None
             if separate is not None:
                 self._feed_separate(separate, end)
-            # An inconclusive window must not end a fault.
-            severity = self._shown_severity(said, here)
             change = None
-            if self.decision.feed(severity, end - self._span_s, end, sure=certain):
+            if self.decision.feed(end, row):
                 condition, since_s = self.decision.condition, self.decision.since_s or 0.0
                 if self._recorded:
                     self.decided.append(DecisionChange(end, condition, since_s))
                 self.episodes.begin_decided(condition, since_s, end, here)
                 change = IndicatorChange(condition, since_s, self.rule(condition))
             else:
-                agrees = severity == SEVERITY[self.decision.condition]
-                self.episodes.extend(here, end, agrees=agrees)
+                faulty = SEVERITY[self.decision.condition] > SEVERITY["normal"]
+                self.episodes.extend(here, end, agrees=faulty == (row[0, 0] > 0.0))
             if separate is not None or change is not None:
                 steps[k] = IndicatorStep(self.described, separate, change)
-        self.latest = Estimate(*(float(column[at[-1]]) for column in look.own))
+        self.latest = Estimate(*(float(column[at[-1]]) for column in own))
         return steps
+
+    def exceeds(self, own: Estimates) -> Flags:
+        """Return in which windows the whole 95 % interval lies above the normal limit, shape (k,)."""
+        normal = self.detector.levels.normal
+        lowest = self._sizes(own).value - half_width(own, tail=TAIL_95)
+        return np.asarray(lowest > (np.inf if normal is None else normal))
 
     @property
     def faulty_windows(self) -> int:
@@ -133,12 +131,10 @@ class IndicatorTracker:
 
         A shaft that friction hardly lets move gives no window enough samples; the flight may still be clear.
         """
-        judged, (_, emergency) = self.detector.conclusion(flight), bounds(self.detector.levels)
-        # The interval of a two-sided quantity has two ends, of which neither is surely grave.
-        if judged is None or self.detector.two_sided:
+        judged = self.detector.conclusion(flight)
+        if judged is None or not np.isfinite(judged.value[0]):
             return False
-        low = judged.value - half_width(judged, tail=tail_of(self.false_alarms))
-        return bool(low[0] > emergency)
+        return self.decision.surely_grave(self._sizes(judged))
 
     def conclude(self, flight: Mapping[str, Fit], start_s: float, end_s: float) -> IndicatorStep:
         """Judge by the whole flight, which may have evidence that no run of windows has.
@@ -161,25 +157,20 @@ class IndicatorTracker:
     def _conclude_limits(self, judged: Estimates | None, start_s: float, end_s: float) -> bool:
         if judged is None or not np.isfinite(judged.value[0]):
             return False
-        size = np.abs(judged.value) if self.detector.two_sided else judged.value
-        half = half_width(judged, tail=tail_of(self.false_alarms))
-        shown = int(shown_by(size - half, size + half, *bounds(self.detector.levels))[0])
+        size = self._sizes(judged)
         # The whole flight adds what no run of windows showed; it ends nothing.
-        if not self.decision.settle(shown, start_s):
+        if not self.decision.settle(size, start_s):
             return False
         value, printed = float(judged.value[0]), float(half_width(judged, tail=TAIL_95)[0])
         self.concluded = Interval.around(value, printed)
         self.latest = Estimate(value, float(judged.error[0]), float(judged.freedom[0]))
         # The whole flight began before every window: what it shows lies beside their episodes and ends none.
-        self.episodes.add(Episode(self.decision.condition, start_s, end_s, float(size[0])))
+        self.episodes.add(Episode(self.decision.condition, start_s, end_s, float(size.value[0])))
         return True
 
-    def _shown_severity(self, shown: int, value: float) -> int:
-        """Prevent a merely inconclusive window from ending a fault: its estimate must be normal, too."""
-        normal = self.detector.levels.normal
-        faulty = SEVERITY[self.decision.condition] > SEVERITY["normal"]
-        doubtful = shown == SEVERITY["normal"] and normal is not None and value > normal
-        return SEVERITY["undecided"] if faulty and doubtful else shown
+    def _sizes(self, estimates: Estimates) -> Estimates:
+        """Return the estimates without signs that the limits do not know."""
+        return estimates._replace(value=np.abs(estimates.value)) if self.detector.two_sided else estimates
 
     def _feed_separate(self, window: Estimate, end_s: float) -> None:
         """Process a window that does not overlap the previous one."""

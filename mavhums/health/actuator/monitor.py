@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags
-from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.core.conditions import Condition
 from mavhums.core.quantities import SUMS
+from mavhums.core.statistics import TAIL_95
 from mavhums.health.actuator.detector import DetectorInput
 from mavhums.health.actuator.detectors import detectors_for
 from mavhums.health.actuator.detectors.friction import why_no_friction
@@ -40,7 +41,7 @@ from mavhums.health.decision.events import (
     Window,
 )
 from mavhums.health.decision.evidence import concludes, in_order, ranked
-from mavhums.health.decision.limits import Panel, WindowEvaluation
+from mavhums.health.decision.limits import Estimates, half_width
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.equations import Fits
 from mavhums.health.estimation.equations.data_sheet import Load
@@ -132,7 +133,6 @@ class Monitor:
             for detector in detectors
         }
         self._false_alarms = false_alarms
-        self._panel = Panel([d.levels for d in detectors], [d.two_sided for d in detectors], false_alarms)
         self._fits = Fits(actuator, {name for detector in detectors for name in detector.equations})
         self._counts = Windows(2)
         self._votes = Windows(VOTE_COLUMNS)
@@ -295,22 +295,22 @@ class Monitor:
         moved = self._load.feed(slots, shown) if self._load else None
         windows, flight = self._fits.feed(slots, moved) if moved else ({}, {})
         seen = DetectorInput(slots, moved, windows, flight)
-        found = [tracker.detector.feed(seen) for tracker in self._trackers.values()]
+        found = {fault: tracker.detector.feed(seen) for fault, tracker in self._trackers.items()}
         moving, votes, sums = self._count(slots, moved or shown)
         self._first = int(slots.index[0]) if self._first is None else self._first
         # The first windows of a flight are not full, and their errors not comparable.
         whole = slots.index - self._first + 1 >= WINDOW_SLOTS
         end_s: Array = np.asarray(slots.index[whole] + 1, dtype=np.float64)
-        looks = dict(zip(self._trackers, self._panel.feed(found, whole), strict=True))
+        estimates = {fault: of_slots.at(whole) for fault, of_slots in found.items()}
         steps: dict[int, list[IndicatorStep]] = {}
         deciding = self._deciding()
-        for fault, look in looks.items():
-            yield from self._indicate(fault, look, end_s)
-            for k, step in self._trackers[fault].feed(look, end_s).items():
+        for fault, indicated in estimates.items():
+            yield from self._indicate(fault, indicated, end_s)
+            for k, step in self._trackers[fault].feed(indicated, end_s).items():
                 # Where a network decides the friction, the physics is shown and changes nothing.
                 if fault in deciding:
                     steps.setdefault(k, []).append(step)
-        friction = looks["friction"].intervals() if "friction" in looks else {}
+        friction = _intervals(estimates["friction"]) if "friction" in estimates else {}
         ballots = votes[whole].astype(np.int64)
         if self._by_window:
             voted = window_outcomes(self._networks, ballots, sums[whole])
@@ -320,9 +320,10 @@ class Monitor:
             if self._by_network:
                 steps.setdefault(k, []).append(IndicatorStep(self._tally.described, None, change))
         answered = {k for k, vote in enumerate(voted) if vote and vote.severity >= 0}
-        self._count_decidable(
-            [looks[fault] for fault in deciding], answered if self._by_network else friction.keys()
-        )
+        # A fault of any detector makes a window decidable, not only the friction.
+        faulty = np.any([tracker.exceeds(estimates[fault]) for fault, tracker in deciding.items()], axis=0)
+        shown_by = answered if self._by_network else friction.keys()
+        self._decidable += len(shown_by | set(np.flatnonzero(faulty).tolist()))
         for k, (end, fraction, vote) in enumerate(
             zip(end_s.tolist(), moving[whole].tolist(), voted, strict=True)
         ):
@@ -354,16 +355,10 @@ class Monitor:
         samples, moving = self._counts.feed(slots.index, counts).sum(axis=1).T
         return moving / samples, self._votes.feed(slots.index, ballots), self._sums.feed(slots.index, own)
 
-    def _count_decidable(self, looks: Iterable[WindowEvaluation], friction: Set[int]) -> None:
-        """Count the windows on which a condition can rest: those that show the friction, or a fault."""
-        # A fault of any detector makes a window decidable, not only the friction.
-        faulty = np.any([look.severity > SEVERITY["normal"] for look in looks], axis=0)
-        self._decidable += len(friction | set(np.flatnonzero(faulty).tolist()))
-
-    def _indicate(self, fault: str, look: WindowEvaluation, end_s: Array) -> Iterator[Indication]:
-        shown = np.isfinite(look.own.value)
+    def _indicate(self, fault: str, own: Estimates, end_s: Array) -> Iterator[Indication]:
+        shown = np.isfinite(own.value)
         if shown.any():
-            value, half = look.own.value[shown], look.half[shown]
+            value, half = own.value[shown], half_width(own, tail=TAIL_95)[shown]
             yield Indication(
                 self.vehicle, self.actuator.name, fault, end_s[shown], value, value - half, value + half
             )
@@ -384,3 +379,12 @@ class Monitor:
         start_s, name, said = end_s - WINDOW_S, self.actuator.name, self._held.condition
         answer = (vote.said, vote.probability, vote.p_fault) if vote else ()
         return Window(self.vehicle, name, start_s, end_s, moving, friction, said, *answer)
+
+
+def _intervals(own: Estimates) -> dict[int, Interval]:
+    """Return the 95 % intervals of the windows with evidence, by window."""
+    half = half_width(own, tail=TAIL_95)
+    return {
+        k: Interval.around(float(own.value[k]), float(half[k]))
+        for k in np.flatnonzero(np.isfinite(own.value)).tolist()
+    }

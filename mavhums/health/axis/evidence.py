@@ -41,11 +41,10 @@ from mavhums.health.axis.thresholds import (
     TRIM_CHANGE,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.health.sequential import SequentialTest
+from mavhums.health.sequential import EXCLUDING, SequentialTest
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 
-_EXCLUDING: Final = log(20.0)  # of 95 %
 _LAGS_S: Final = np.array((0.0, *EXTRA_LAGS_S))
 
 
@@ -141,9 +140,9 @@ class LossTest:
             np.array((1.0, NORMAL_EFFECTIVENESS * (1.0 + self._doubt))), drive2, cross, self._reference.gain
         )
         ratio = _bounded(float(healthy - lost) / self._spread(drive2))
-        self._health = min(max(self._health, 0.0) + ratio, _EXCLUDING)
+        self._health = min(max(self._health, 0.0) + ratio, EXCLUDING)
         self._waiting = min(self._waiting + 1, POOLED_S)
-        if self._health < _EXCLUDING:
+        if self._health < EXCLUDING:
             return 0
         waiting, self._waiting = self._waiting, 0
         return waiting

@@ -1,34 +1,41 @@
-"""The sequential decision: converts a quantity's windows to its condition.
+"""A quantity against its limits, by a sequential test over the starts of a fault.
 
-A window indicates *normal* unless its whole interval lies above the normal limit, *emergency* if the interval
-reaches the emergency limit, and *degraded* in between; if the interval contains both limits, the window is
-inconclusive. α is the allowed false-alarm probability of a 10 s window; the interval has the tail probability
-√α on either side. The condition changes when consecutive windows agree: over the length of two windows that
-share no sample, or five windows if even the interval with tail probability α agrees. Inconclusive windows
-change nothing. A fault that one window proves through all of it (a jam) needs no second window to begin, only
-to end.
+For each of the latest windows, a fault may have begun with it: the mean of the windows since then is compared
+with the limit by the likelihood ratio of Student's t, whose error falls with the seconds that the windows
+cover, since windows that slide share samples. The largest of these ratios is the evidence of a fault. A fault
+ends, and a flight is normal, once windows since some start make health 20 times likelier. A fault is an
+emergency unless its latest windows make a value below that limit as much likelier, and no longer one when
+that is as certain as an alarm.
+
+A quantity without an error passes a limit or does not: so many seconds that agree are certain.
+
+References
+----------
+T. L. Lai, "Information bounds and quick detection of parameter changes in stochastic systems", IEEE
+Transactions on Information Theory 44, 1998: the window-limited test of generalised likelihood ratios.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections import deque
+from math import inf
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import TAIL_95, t_quantile
+from mavhums.core.statistics import t_quantile
 from mavhums.health.decision.thresholds import (
-    CONFIRM_WINDOWS,
-    LASTING_WINDOWS,
+    AGREEING_S,
     MOST_POOLED_FREEDOM,
+    STARTS,
     WINDOWS_PER_100_H,
 )
-from mavhums.health.estimation.thresholds import WINDOW_SLOTS
-from mavhums.results.standing import Interval
+from mavhums.health.estimation.thresholds import WINDOW_S, WINDOW_SLOTS
+from mavhums.health.sequential import EXCLUDING, threshold
 
-_CONDITIONS: dict[int, Condition] = {-1: "undecided", 0: "normal", 1: "degraded", 2: "emergency"}
+_WINDOWS: Final = np.arange(1.0, STARTS + 1.0)
 
 
 class Estimates(NamedTuple):
@@ -51,8 +58,8 @@ class Estimates(NamedTuple):
         """Return estimates that are NaN where they are not shown."""
         return cls(np.where(shown, value, np.nan), error, freedom)
 
-    def at(self, which: Flags | int) -> Estimates:
-        """Return a subset of the windows, or one quantity of estimates of shape (d, k)."""
+    def at(self, which: Flags | Integers) -> Estimates:
+        """Return a subset of the windows."""
         return Estimates(*(array[which] for array in self))
 
 
@@ -61,99 +68,12 @@ def tail_of(false_alarms: float) -> float:
     return false_alarms / WINDOWS_PER_100_H
 
 
-def half_width(estimates: Estimates, *, tail: float | Array) -> Array:
+def half_width(estimates: Estimates, *, tail: float) -> Array:
     """Return half the width of intervals with this tail probability on either side, shape (k,).
 
-    Few degrees of freedom make heavy tails. Several tails, shape (t, 1), give a row of widths each. The
-    windows of a flight share some fifty degrees of freedom, so that each quantile is computed once.
+    Few degrees of freedom make heavy tails.
     """
-    distinct, place = np.unique(estimates.freedom, return_inverse=True)
-    quantiles = t_quantile(distinct, 1.0 - tail)
-    width: Array = quantiles[..., place.reshape(estimates.freedom.shape)] * estimates.error
-    return width
-
-
-def bounds(levels: Levels) -> tuple[float, float]:
-    """Return the limits as numbers: NaN for no normal limit, infinity for no emergency limit."""
-    normal, emergency = levels
-    return np.nan if normal is None else normal, np.inf if emergency is None else emergency
-
-
-def shown_by(low: Array, high: Array, normal: float | Array, emergency: float | Array) -> Integers:
-    """Return the severity that intervals show, -1 for nothing, in the shape of the intervals.
-
-    Examples
-    --------
-    >>> shown_by(np.array([0.36, 0.40, 0.80, 0.30]), np.array([0.44, 0.48, 0.90, 0.95]), 0.375, 0.875)
-    array([ 0,  1,  2, -1])
-    """
-    # An interval over both limits says nothing: -1.
-    reached = high >= emergency
-    severity = np.where(low > normal, np.where(reached, 2, 1), np.where(reached, -1, 0))
-    return np.where(np.isnan(low) | np.isnan(normal), -1, severity)
-
-
-class Decision:
-    """Tracks the condition of one quantity of one actuator through the flight.
-
-    Parameters
-    ----------
-    levels
-        Limits of the quantity.
-    proven
-        Whether one window proves a fault, and that it lasted through all of it.
-
-    Attributes
-    ----------
-    condition
-        The current condition.
-    since_s
-        Flight time of its onset: the middle of the first window that indicated it; for the first
-        condition of a flight, that window's start.
-    """
-
-    def __init__(self, levels: Levels, *, proven: bool = False) -> None:
-        self._proven = proven
-        self.condition: Condition = "undecided"
-        self.since_s: float | None = None
-        self.levels = levels
-        self._candidate = -1
-        self._run = self._sure = 0
-        self._first_s = 0.0
-
-    def settle(self, shown: int, start_s: float) -> bool:
-        """Process the severity of the whole flight; return whether it decides the condition.
-
-        It decides if no run of windows did, or if it is a fault and the windows were normal.
-        """
-        # The whole flight mends silence and finds faults; it never ends one.
-        if shown < 0 or SEVERITY[self.condition] > 0 or _CONDITIONS[shown] == self.condition:
-            return False
-        self.condition, self.since_s = _CONDITIONS[shown], start_s
-        return True
-
-    def feed(self, shown: int, start_s: float, end_s: float, *, sure: bool = True) -> bool:
-        """Process the severity of one window, and return whether it changes the condition.
-
-        ``sure`` is True if the wider interval gives the same severity.
-        """
-        if shown < 0:
-            return False
-        if shown != self._candidate:
-            self._candidate, self._run, self._sure = shown, 0, 0
-            # The first condition of a flight holds from the window's start; a change lies somewhere within
-            # it.
-            throughout = self.condition == "undecided" or (self._proven and shown > 0)
-            self._first_s = start_s if throughout else (start_s + end_s) / 2
-        self._run += 1
-        self._sure = self._sure + 1 if sure else 0
-        after = _CONDITIONS[shown]
-        # A window that a fault lasted through needs no second one to begin, only to end.
-        confirm = 1 if self._proven and shown > SEVERITY[self.condition] else CONFIRM_WINDOWS
-        if after == self.condition or (self._sure < confirm and self._run < LASTING_WINDOWS):
-            return False
-        self.condition, self.since_s = after, self._first_s
-        return True
+    return np.asarray(t_quantile(estimates.freedom, 1.0 - tail) * estimates.error)
 
 
 class Levels(NamedTuple):
@@ -163,93 +83,146 @@ class Levels(NamedTuple):
     emergency: float | None = None
 
 
-class WindowEvaluation(NamedTuple):
-    """Evaluation of one quantity in k windows; arrays of shape (k,).
-
-    Attributes
-    ----------
-    own, steadied
-        The estimates, with each window's own error, and with the error pooled over earlier windows.
-    half
-        Half the width of each window's own 95 % interval.
-    severity, sure
-        Severity by the interval with tail probability √α, -1 if inconclusive; and whether the interval
-        with tail probability α agrees.
-    """
-
-    own: Estimates
-    steadied: Estimates
-    half: Array
-    severity: Integers
-    sure: Flags
-
-    def intervals(self) -> dict[int, Interval]:
-        """Return the 95 % intervals of the windows with evidence, by window."""
-        value, half = self.own.value, self.half
-        return {
-            k: Interval(estimate=float(value[k]), low=float((value - half)[k]), high=float((value + half)[k]))
-            for k in np.flatnonzero(np.isfinite(value)).tolist()
-        }
-
-
-class Panel:
-    """Compares the windows of several quantities with their limits.
+class LimitTest:
+    """Decides the condition of one quantity of one actuator through the flight.
 
     Parameters
     ----------
     levels
-        Limits of the quantities.
-    two_sided
-        Whether each is normal near zero, and not below a value.
+        Limits of the quantity.
     false_alarms
-        Alarms per 100 hours.
+        Accepted number of false alarms in 100 hours.
+    span_s
+        Time through which a fault lasts that one window proves; None if no window proves one.
+
+    Attributes
+    ----------
+    condition
+        The current condition.
+    since_s
+        Flight time of its onset: the middle of the first window that speaks for it; for the first condition
+        of a flight, and for a fault that one window proves, that window's start.
     """
 
-    def __init__(self, levels: Sequence[Levels], two_sided: Sequence[bool], false_alarms: float) -> None:
-        self._two_sided = np.array(two_sided)[:, None]
-        limits = np.array([bounds(each) for each in levels])
-        self._normal, self._emergency = limits[:, :1], limits[:, 1:]
-        self._tails = tail_of(false_alarms) ** np.array([0.5, 1.0])[:, None]
-        self._errors = PooledErrors()
+    def __init__(self, levels: Levels, false_alarms: float, span_s: float | None = None) -> None:
+        self.condition: Condition = "undecided"
+        self.since_s: float | None = None
+        self._limits = np.array(levels, dtype=np.float64)  # NaN where there is none
+        self._tail = tail_of(false_alarms)
+        self._alarm = threshold(false_alarms)
+        self._span_s = span_s
+        # Of each window: weight, weighted excess over either limit, share of its time that the one before
+        # did not have.
+        self._before = np.zeros((STARTS - 1, 4))
+        self._last_s = -inf
+        self._latest = 0  # number of windows by which a fault is grave or not
+        self._ends_s: deque[float] = deque(maxlen=STARTS)
+        self._starts = 0  # number of the latest windows with which the present state may have begun
 
-    def feed(self, estimates: Sequence[Estimates], windows: Flags) -> list[WindowEvaluation]:
-        """Evaluate each detector's estimates in the selected windows, shape (k,)."""
-        own = Estimates(*(np.array(arrays)[:, windows] for arrays in zip(*estimates, strict=True)))
-        steadied = self._errors.feed(own)
-        size = np.where(self._two_sided, np.abs(own.value), own.value)
-        half = half_width(steadied, tail=self._tails)
-        severity, surely = shown_by(size - half, size + half, self._normal, self._emergency)
-        # Normal claims nothing that the wide interval could deny.
-        sure = (severity == SEVERITY["normal"]) | (surely > 0)
-        printed = half_width(own, tail=TAIL_95)
-        return [
-            WindowEvaluation(own.at(k), steadied.at(k), printed[k], severity[k], sure[k])
-            for k in range(len(estimates))
-        ]
+    def evidence(self, estimates: Estimates, end_s: Array) -> Array:
+        """Return how much likelier the latest n windows make values above each limit, shape (k, 2, n).
+
+        They are logarithms, negative where values below are likelier; those before the flight's first
+        window mean nothing.
+        """
+        value, error, freedom = (column[:, None] for column in estimates)
+        exact = error == 0.0
+        # Of a value without an error one glitch must not decide; the error of others averages glitches.
+        self._latest = WINDOW_SLOTS if exact.all() else WINDOW_SLOTS // 2
+        excess = value - self._limits
+        weight = np.where(exact, 1.0, error) ** -2.0
+        share = np.minimum(np.diff(end_s, prepend=self._last_s) / WINDOW_S, 1.0)[:, None]
+        windows = np.vstack(
+            [self._before, np.hstack([weight, weight * np.where(exact, np.sign(excess), excess), share])]
+        )
+        self._before, self._last_s = windows[1 - STARTS :], float(end_s[-1])
+        latest = np.lib.stride_tricks.sliding_window_view(windows, STARTS, axis=0)[:, :, ::-1]
+        sums = latest.cumsum(axis=2)
+        # The first window counts in full, each later one by what it adds.
+        covered = 1.0 + sums[:, 3:] - latest[:, 3:]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = sums[:, 1:3] / sums[:, :1]
+            squared = mean**2 * sums[:, :1] / _WINDOWS * covered
+        freedom = freedom[:, :, None] * covered
+        ratio = np.sign(mean) * (freedom + 1.0) / 2.0 * np.log1p(squared / freedom)
+        sure = np.where(mean > 0.0, self._alarm, EXCLUDING) * WINDOW_S / AGREEING_S
+        return np.asarray(np.where(exact[:, :, None], mean * covered * sure, ratio))
+
+    def feed(self, end_s: float, evidence: Array) -> bool:
+        """Take the evidence of the window that ends then, shape (2, n); return if the condition changes."""
+        self._ends_s.append(end_s)
+        self._starts = min(self._starts + 1, STARTS)
+        above, grave = evidence[:, : self._starts]
+        begins, ends = int(np.argmax(above)), int(np.argmin(above))
+        after, first = self.condition, 0
+        faulty = SEVERITY[after] > SEVERITY["normal"]
+        if faulty and above[ends] <= -EXCLUDING:
+            after, first, self._starts = "normal", ends, ends + 1
+        elif faulty:
+            after = self._fault(grave)
+            first = int(np.argmax(grave if after == "emergency" else -grave))
+        elif above[begins] >= self._alarm or (self._span_s and above[0] > 0.0):
+            self._starts = begins + 1
+            after, first = self._fault(grave), begins
+        elif after == "undecided" and above[ends] <= -EXCLUDING:
+            after, first = "normal", ends
+        throughout = self.condition == "undecided" or (self._span_s and after != "normal")
+        since_s = self._ends_s[-1 - first] - (self._span_s or WINDOW_S) * (1.0 if throughout else 0.5)
+        # Conditions follow each other in time.
+        return self._change(after, max(since_s, self.since_s or 0.0))
+
+    def settle(self, flight: Estimates, start_s: float) -> bool:
+        """Take the estimate of the whole flight, shape (1,); return whether it decides the condition.
+
+        It counts as one more window that finds a fault, or shows the first health, and never ends a fault.
+        """
+        low, high = self._interval(flight)
+        normal, emergency = self._limits
+        after = self.condition
+        if SEVERITY[after] > SEVERITY["normal"]:
+            return False
+        if low > normal:
+            after = "emergency" if high >= emergency else "degraded"
+        elif low <= normal and not high >= emergency:
+            after = "normal"
+        return self._change(after, start_s)
+
+    def surely_grave(self, flight: Estimates) -> bool:
+        """Return whether the whole interval of the flight, shape (1,), lies beyond the emergency limit."""
+        return self._interval(flight)[0] > float(self._limits[1])
+
+    def _interval(self, flight: Estimates) -> tuple[float, float]:
+        value, half = float(flight.value[0]), float(half_width(flight, tail=self._tail)[0])
+        return value - half, value + half
+
+    def _fault(self, grave: Array) -> Condition:
+        """Return the condition of a fault, given the evidence of an emergency by its starts."""
+        least = self._alarm if self.condition == "emergency" else EXCLUDING
+        return "emergency" if grave[: self._starts][: self._latest][-1] > -least else "degraded"
+
+    def _change(self, after: Condition, since_s: float) -> bool:
+        if after == self.condition:
+            return False
+        self.condition, self.since_s = after, since_s
+        return True
 
 
 class PooledErrors:
-    """Pools the errors of each quantity's windows incrementally."""
+    """Pools the errors of a quantity's windows incrementally."""
 
     def __init__(self) -> None:
-        self._sum: Array = np.zeros(1)
-        self._count: Integers = np.zeros(1, dtype=np.int64)
+        self._sum, self._count = 0.0, 0
 
     def feed(self, estimates: Estimates) -> Estimates:
-        """Return the estimates with pooled errors and the resulting degrees of freedom.
-
-        Estimates of several quantities have the shape (d, k).
-        """
+        """Return the estimates, shape (k,), with pooled errors and the resulting degrees of freedom."""
         shown = np.isfinite(estimates.value)
         if not shown.size:
             return estimates
         squares = np.where(shown, estimates.error**2, 0.0)
-        total = squares.copy()
-        # The running sums go on from the block before.
-        total[..., :1] += self._sum
-        total = total.cumsum(axis=-1)
-        count = self._count + shown.cumsum(axis=-1)
-        self._sum, self._count = total[..., -1:], count[..., -1:]
+        # The running sums go on from the block before, in the same order of additions.
+        running = np.append(self._sum, squares).cumsum()
+        total, count = running[1:], self._count + shown.cumsum()
+        self._sum, self._count = float(total[-1]), int(count[-1])
         freedom, error = estimates.freedom, estimates.error
         # Windows slide by a slot: only each tenth one is independent.
         before = np.minimum(freedom * (count // WINDOW_SLOTS), MOST_POOLED_FREEDOM)

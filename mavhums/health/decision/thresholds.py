@@ -14,13 +14,12 @@ FALSE_ALARMS: Final = 1.0
 # Windows of 10 s that share no sample in 100 hours: turns the rate into a probability of one window.
 WINDOWS_PER_100_H: Final = 36_000.0
 
-# Windows in a row that change a condition if even the wide interval agrees: a glitch lasts less. By
-# hand.
-CONFIRM_WINDOWS: Final = 5
+# The latest windows with which a fault may begin: more of them find a small fault by its long mean, and take
+# longer to compute.
+STARTS: Final = 60
 
-# Windows in a row that change a condition by the narrow interval: two windows that share no sample, each
-# with the square root of the allowed probability.
-LASTING_WINDOWS: Final = 20
+# Time through which the windows of a quantity without an error must agree: a glitch lasts less. By hand.
+AGREEING_S: Final = 13.5
 
 # Degrees of freedom that earlier windows may add to an error, those of four windows: more would make the
 # error deaf to rougher air. By hand.

@@ -1,144 +1,185 @@
-"""The sequential decision: what intervals show, and what several of them change."""
+"""A quantity against its limits: what windows show, how soon, how seldom wrongly, and how it ends."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scipy import stats
 
-from mavhums.core.conditions import Condition
-from mavhums.health.decision.limits import Decision, Estimates, Levels, bounds, half_width, shown_by, tail_of
-from mavhums.health.decision.thresholds import CONFIRM_WINDOWS, LASTING_WINDOWS
+from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.decision.limits import Estimates, Levels, LimitTest, half_width, tail_of
+from tests.strategies import cuts
 
+Array = NDArray[np.float64]
 LEVELS = Levels(0.375, 0.875)
-NOTHING, NORMAL, DEGRADED, EMERGENCY = -1, 0, 1, 2
+ERROR = 0.02
+PROVEN_S = 2.5
 
 
-def follow(shown: Sequence[int]) -> tuple[Decision, list[tuple[Condition, float | None, float]]]:
-    """The decision after all windows, and each change: to what, since when, and at which window's end."""
-    decision = Decision(LEVELS)
-    changes: list[tuple[Condition, float | None, float]] = []
-    for k, severity in enumerate(shown):
-        if decision.feed(severity, float(k), float(k + 10)):
-            changes.append((decision.condition, decision.since_s, k + 10.0))
-    return decision, changes
+def windows(truth: Array, error: float = ERROR, seed: int | None = None) -> Array:
+    """Return the estimates of sliding windows of ten slots, without noise if no seed is given."""
+    noise = 0.0 if seed is None else np.random.default_rng(seed).normal(0.0, error * 10**0.5, truth.size)
+    return np.convolve(truth + noise, np.full(10, 0.1), "valid")
+
+
+def estimates(values: Array, error: float, freedom: float) -> Estimates:
+    return Estimates(values, np.full(values.size, error), np.full(values.size, freedom))
+
+
+def follow(
+    test: LimitTest, values: Array, error: float = ERROR, freedom: float = 45.0, start_s: float = 10.0
+) -> list[tuple[float, Condition, float | None]]:
+    """Feed windows; return each change: at which window's end, to what, since when."""
+    if not values.size:
+        return []
+    end_s: Array = start_s + np.arange(values.size, dtype=np.float64)
+    rows = zip(end_s.tolist(), test.evidence(estimates(values, error, freedom), end_s), strict=True)
+    return [(end, test.condition, test.since_s) for end, row in rows if test.feed(end, row)]
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "severity"),
+    ("value", "error", "condition"),
     [
-        (0.2, 0.3, NORMAL),
-        (0.37, 0.5, NORMAL),
-        (0.375, 0.5, NORMAL),
-        (0.38, 0.87, DEGRADED),
-        (0.38, 0.875, EMERGENCY),
-        (0.3, 0.9, NOTHING),
-        (0.9, 1.1, EMERGENCY),
-        (np.nan, np.nan, NOTHING),
+        (0.2, 0.02, "normal"),
+        (0.37, 0.001, "normal"),
+        (0.42, 0.02, "undecided"),
+        (0.6, 0.02, "degraded"),
+        (0.86, 0.02, "emergency"),  # unless it is surely none
+        (1.0, 0.02, "emergency"),
+        (30.0, 0.02, "emergency"),
+        (np.nan, 0.02, "undecided"),
     ],
 )
-def test_the_rule_of_the_interval(low: float, high: float, severity: int) -> None:
-    assert shown_by(np.array([low]), np.array([high]), *bounds(LEVELS)).tolist() == [severity]
+def test_windows_show_a_condition(value: float, error: float, condition: Condition) -> None:
+    test = LimitTest(LEVELS, 1.0)
+    values = np.full(20, value)
+    follow(test, values[np.isfinite(values)], error)
+    assert test.condition == condition
+
+
+@pytest.mark.parametrize(("levels", "condition"), [(Levels(0.375), "degraded"), (Levels(), "undecided")])
+def test_a_limit_that_is_absent_is_never_passed(levels: Levels, condition: Condition) -> None:
+    test = LimitTest(levels, 1.0)
+    follow(test, np.full(30, 9.9))
+    assert test.condition == condition
+    assert not test.surely_grave(estimates(np.full(1, 9.9), ERROR, 9.0))
+
+
+def test_the_evidence_is_a_ratio_of_students_densities() -> None:
+    """Of the mean at itself and at the limit, with the error of the seconds that the windows cover."""
+    values, error = np.array([0.2, 0.5, 2.0, 0.3]), 0.1
+    end_s = np.array([10.0, 11.0, 12.0, 40.0])
+    evidence = LimitTest(Levels(0.375), 1.0).evidence(estimates(values, error, 9.0), end_s)
+    for window, windows_, covered in ((0, 1, 1.0), (1, 2, 1.1), (2, 3, 1.2), (3, 1, 1.0), (3, 2, 2.0)):
+        mean, freedom = values[window + 1 - windows_ : window + 1].mean(), 9.0 * covered
+        at, beside = (float(stats.t.logpdf(z, freedom)) for z in (0.0, (mean - 0.375) / error * covered**0.5))
+        assert abs(evidence[window, 0, windows_ - 1]) == pytest.approx(at - beside)
+        assert (evidence[window, 0, windows_ - 1] > 0.0) == (mean > 0.375)
+
+
+@given(st.lists(st.floats(0.0, 1.5), min_size=1, max_size=60), st.data())
+def test_where_blocks_end_does_not_matter(values: list[float], data: st.DataObject) -> None:
+    whole, places = np.array(values), data.draw(cuts(len(values)))
+    end_s: Array = 10.0 + np.arange(whole.size, dtype=np.float64)
+    shown = estimates(whole, ERROR, 45.0)
+    test = LimitTest(LEVELS, 1.0)
+    parts = [test.evidence(shown.at(k), end_s[k]) for k in np.split(np.arange(whole.size), places) if k.size]
+    assert np.array_equal(np.concatenate(parts), LimitTest(LEVELS, 1.0).evidence(shown, end_s))
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.0, 1.2), st.floats(0.0, 0.5)), min_size=1, max_size=60),
+    st.sampled_from([0.0, 0.02, 0.2]),
+)
+def test_larger_values_are_never_milder(values: list[tuple[float, float]], error: float) -> None:
+    worst = []
+    for size in (
+        np.array([value for value, _ in values]),
+        np.array([value + more for value, more in values]),
+    ):
+        changes = follow(LimitTest(LEVELS, 1.0), size, error)
+        worst.append(max([SEVERITY[condition] for _, condition, _ in changes], default=-1))
+    assert max(worst[0], 0) <= max(worst[1], 0)
+
+
+def test_changes_count_from_the_window_that_first_speaks_for_them() -> None:
+    """The first condition from that window's start, others from its middle."""
+    truth = np.repeat([0.2, 0.6, 1.0, 0.2], 40)
+    changes = follow(LimitTest(LEVELS, 1.0), windows(truth))
+    assert [change[1] for change in changes] == ["normal", "degraded", "emergency", "degraded", "normal"]
+    assert changes[0][2] == 0.0
+    for (end_s, _, since_s), at_s in zip(changes[1:], (40.0, 80.0, 120.0, 120.0), strict=True):
+        assert end_s - at_s <= 13.0
+        assert since_s == pytest.approx(at_s, abs=5.0)
+    assert follow(LimitTest(LEVELS, 1.0), windows(np.full(60, 1.0)))[0][1:] == ("emergency", 0.0)
+
+
+def test_power_grows_with_the_distance_from_the_limit() -> None:
+    """Delay of a fault that begins at 100 s, by its distance in standard errors."""
+    delays = []
+    for errors in (2.0, 3.0, 5.0, 10.0):
+        truth = np.repeat([0.2, 0.375 + errors * ERROR], [100, 300])
+        of_seeds = [follow(LimitTest(LEVELS, 1.0), windows(truth, seed=seed))[1:] for seed in range(10)]
+        delays.append(np.mean([changes[0][0] - 100.0 for changes in of_seeds]))
+    assert delays == sorted(delays, reverse=True)
+    assert delays[0] < 120.0
+    assert delays[-1] < 12.0
+
+
+def test_health_at_its_limit_raises_no_alarm() -> None:
+    """Ten hours at the limit itself: promised is one alarm in ten."""
+    for seed in range(10):
+        test = LimitTest(LEVELS, 10.0)
+        follow(test, windows(np.full(3600, 0.375), seed=seed))
+        assert test.condition in ("normal", "undecided")
+
+
+def test_a_doubtful_window_ends_no_fault() -> None:
+    test = LimitTest(LEVELS, 1.0)
+    follow(test, np.full(30, 0.6))
+    assert follow(test, np.full(60, 0.4), 0.1, start_s=40.0) == []
+    assert [change[1] for change in follow(test, np.full(100, 0.2), 0.1, start_s=100.0)] == ["normal"]
+
+
+def test_a_window_that_proves_a_fault_begins_it_at_once_and_at_its_start() -> None:
+    """Its value has no error. To end it takes more than one."""
+    test = LimitTest(Levels(0.8, 0.8), 1.0, PROVEN_S)
+    jammed = follow(test, np.repeat([0.1, 1.0, 0.1], [20, 1, 10]), 0.0, 1.0)
+    assert jammed[1] == (30.0, "emergency", 30.0 - PROVEN_S)
+    assert jammed[2][1] == "normal"
+    assert 31.0 < jammed[2][0] <= 36.0
 
 
 @pytest.mark.parametrize(
-    ("levels", "severities"),
-    [(Levels(0.375), [NORMAL, DEGRADED, DEGRADED]), (Levels(), [NOTHING, NOTHING, NOTHING])],
+    ("of_windows", "whole", "error", "after"),
+    [
+        (np.nan, 0.2, 0.02, "normal"),
+        (np.nan, 1.2, 0.02, "emergency"),
+        (0.2, 0.6, 0.02, "degraded"),
+        (0.2, 0.2, 0.02, None),
+        (0.6, 0.2, 0.02, None),
+        (0.6, 1.2, 0.02, None),
+        (np.nan, 0.8, 0.3, None),
+    ],
 )
-def test_a_limit_that_is_absent_is_never_passed(levels: Levels, severities: list[int]) -> None:
-    low, high = np.array([0.2, 0.5, 9.0]), np.array([0.3, 0.6, 9.9])
-    assert shown_by(low, high, *bounds(levels)).tolist() == severities
+def test_the_whole_flight_may_add_a_fault_and_never_ends_one(
+    of_windows: float, whole: float, error: float, after: Condition | None
+) -> None:
+    test = LimitTest(LEVELS, 1.0)
+    follow(test, np.full(0 if np.isnan(of_windows) else 30, of_windows))
+    before = test.condition, test.since_s
+    flight = estimates(np.full(1, whole), error, 9.0)
+    assert test.settle(flight, 3.0) == (after is not None)
+    assert (test.condition, test.since_s) == ((after, 3.0) if after else before)
+    assert test.surely_grave(flight) == (whole == 1.2)
 
 
 def test_intervals_are_as_wide_as_the_false_alarm_rate_asks() -> None:
     """Of 36,000 windows of 10 s in 100 h, as many may lie beyond the interval as alarms are allowed."""
-    estimates = Estimates(np.zeros(2), np.array([0.1, 0.1]), np.array([9.0, 45.0]))
+    of_windows = Estimates(np.zeros(2), np.array([0.1, 0.1]), np.array([9.0, 45.0]))
     for alarms in (0.1, 1.0, 10.0):
-        half = half_width(estimates, tail=tail_of(alarms))
-        beyond = stats.t.sf(half / 0.1, df=[9.0, 45.0])
-        assert beyond * 36_000 == pytest.approx([alarms, alarms], rel=1e-6)
-
-
-def test_the_first_condition_counts_from_the_first_window() -> None:
-    decision, changes = follow([EMERGENCY] * CONFIRM_WINDOWS)
-    assert changes == [("emergency", 0.0, CONFIRM_WINDOWS + 9.0)]
-    assert decision.since_s == 0.0
-
-
-def test_a_change_counts_from_the_middle_of_the_window_that_showed_it() -> None:
-    _, changes = follow([NORMAL] * 20 + [DEGRADED] * 10 + [EMERGENCY] * 10)
-    assert [change[:2] for change in changes] == [("normal", 0.0), ("degraded", 25.0), ("emergency", 35.0)]
-
-
-def test_sure_windows_count_only_in_a_row() -> None:
-    """One that is less sure between them leaves the change to those that last: two windows' worth."""
-    for sure, windows in (([True, True, True, True, False], LASTING_WINDOWS), ([True], CONFIRM_WINDOWS)):
-        decision = Decision(LEVELS)
-        shown = [decision.feed(DEGRADED, k, k + 10.0, sure=sure[k % len(sure)]) for k in range(60)]
-        assert shown.index(True) + 1 == windows
-        assert sum(shown) == 1
-
-
-def test_a_window_that_proves_a_fault_begins_it_at_once_and_at_its_start() -> None:
-    """To end it takes as many as ever; where no window proves one, all changes do."""
-    n = CONFIRM_WINDOWS
-    proven = [
-        (0, "degraded", 0.0),
-        (n, "normal", 15.0),
-        (n + 1, "degraded", 10.0 * (n + 1)),
-        (n + 2, "emergency", 10.0 * (n + 2)),
-    ]
-    for proves, expected in ((True, proven), (False, [(n, "normal", 10.0)])):
-        decision = Decision(LEVELS, proven=proves)
-        changes = [
-            (k, decision.condition, decision.since_s)
-            for k, severity in enumerate([DEGRADED, *[NORMAL] * n, DEGRADED, EMERGENCY])
-            if decision.feed(severity, 10.0 * k, 10.0 * k + 10.0)
-        ]
-        assert changes == expected
-
-
-@given(st.lists(st.integers(1, CONFIRM_WINDOWS - 1), max_size=10))
-def test_fewer_windows_than_confirm_change_nothing(runs: list[int]) -> None:
-    shown = [NORMAL] * CONFIRM_WINDOWS
-    for run in runs:
-        shown += [DEGRADED] * run + [NORMAL]
-    decision, changes = follow(shown)
-    assert len(changes) == 1
-    assert decision.condition == "normal"
-
-
-@given(st.lists(st.sampled_from([NORMAL, DEGRADED, EMERGENCY]), max_size=40), st.data())
-def test_windows_that_show_nothing_change_nothing(shown: list[int], data: st.DataObject) -> None:
-    decision, changes = follow(shown)
-    padded: list[int] = []
-    for severity in shown:
-        padded += [NOTHING] * data.draw(st.integers(0, 2)) + [severity]
-    held, held_changes = follow(padded)
-    assert held.condition == decision.condition
-    assert [change[0] for change in held_changes] == [change[0] for change in changes]
-
-
-@pytest.mark.parametrize(
-    ("windows", "flight", "after"),
-    [
-        (NOTHING, NORMAL, "normal"),
-        (NOTHING, EMERGENCY, "emergency"),
-        (NORMAL, DEGRADED, "degraded"),
-        (NORMAL, NORMAL, None),
-        (DEGRADED, NORMAL, None),
-        (DEGRADED, EMERGENCY, None),
-        (NORMAL, NOTHING, None),
-    ],
-)
-def test_the_whole_flight_may_add_a_fault_and_never_ends_one(
-    windows: int, flight: int, after: Condition | None
-) -> None:
-    decision, _ = follow([windows] * 30)
-    before = decision.condition, decision.since_s
-    assert decision.settle(flight, 3.0) == (after is not None)
-    assert (decision.condition, decision.since_s) == ((after, 3.0) if after else before)
+        half = half_width(of_windows, tail=tail_of(alarms))
+        assert stats.t.sf(half / 0.1, df=[9.0, 45.0]) * 36_000 == pytest.approx([alarms, alarms], rel=1e-6)
