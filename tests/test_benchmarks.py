@@ -100,6 +100,7 @@ RUNS: dict[str, list[Small]] = {
             "--craft 1",
             {"EACH": 1, "HISTORIES": (10,)},
             slow=True,
+            compares={"| flights before | cooling": Cells(labels=1)},
         )
     ],
     "holes": [Small("--every 100 LOG")],

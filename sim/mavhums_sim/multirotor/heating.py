@@ -43,9 +43,9 @@ class Escs(NamedTuple):
 
 
 def draw_escs(rng: np.random.Generator, motors: int) -> Escs:
-    """Return ESCs of one type, which their places cool otherwise."""
+    """Return ESCs of one type, which their places cool otherwise; in a real flight the air does most."""
     rise_k = rng.uniform(150.0, 400.0) * rng.normal(1.0, 0.08, motors)
-    exposed, offset_k = rng.uniform(0.02, 0.08, motors), rng.normal(0.0, 1.5, motors)
+    exposed, offset_k = rng.uniform(0.05, 0.2, motors), rng.normal(0.0, 1.5, motors)
     return Escs(rise_k, exposed, offset_k, rng.uniform(3.0, 20.0), rng.uniform(30.0, 200.0))
 
 
