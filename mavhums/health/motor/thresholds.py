@@ -118,10 +118,8 @@ HEATING_SCATTER: Final = 0.1
 """That of an ESC's warming beside the others. By hand: no log at hand has it; simulated ones, 0.05 to 0.2."""
 GROWTH_SCATTER_WORTH: Final = 6.0
 """Flights that these are worth beside the aircraft's own."""
-LEAST_UNBALANCE_GROWTH: Final = 0.5
-"""Least growth that is reported, beside that of the other rotors: a propeller that is put on anew sits
-otherwise. By hand."""
-LEAST_HEATING_GROWTH: Final = 0.2
-"""That of an ESC's warming: a wind from another side cools another arm. By hand."""
+LEAST_GROWTH: Final = 0.5
+"""Least growth of either that is reported, beside that of the other motors: a propeller that is put on anew
+sits otherwise, a wind from another side cools another arm. By hand."""
 YAW_SHIFT: Final = 3.0
 """Standard deviations between flights from which the effort about yaw shows that no weight moved."""

@@ -31,9 +31,8 @@ from mavhums.health.motor.thresholds import (
     GROWTH_SCATTER_WORTH,
     HEATING_SCATTER,
     JUDGED_S,
-    LEAST_HEATING_GROWTH,
+    LEAST_GROWTH,
     LEAST_TRIM_CHANGE,
-    LEAST_UNBALANCE_GROWTH,
     MOST_BANK_DEG,
     MOST_EXCLUDED,
     TRIM_SCATTER_PER_MOTOR,
@@ -200,10 +199,9 @@ def _origin(findings: MotorFindings, motor: int) -> dict[str, str]:
 
 
 class _Grows(NamedTuple):
-    """An indicator that a fault makes grow: its scatter between flights, the least growth, and the words."""
+    """An indicator that a fault makes grow: its scatter between flights, and the words."""
 
     scatter: float
-    least: float
     what: str
     others: str
     cause: str
@@ -212,14 +210,12 @@ class _Grows(NamedTuple):
 _GROWING: Final = {
     UNBALANCE: _Grows(
         UNBALANCE_SCATTER,
-        LEAST_UNBALANCE_GROWTH,
         "its rotor shakes the aircraft",
         "the other rotors",
         "its propeller or its bearing",
     ),
     HEATING: _Grows(
         HEATING_SCATTER,
-        LEAST_HEATING_GROWTH,
         "for its load, its ESC warms beside the others",
         "the others",
         "blocked cooling, a dragging bearing or a worn contact",
@@ -283,7 +279,7 @@ def compare_motors(
             one = changes[most]
             if one.value >= LEAST_TRIM_CHANGE and one.ratio > t_quantile(one.freedom, tail):
                 compared[most] = judged(compared[most], _of_trim(one))
-        for fault, grows in _GROWING.items():
+        for fault in _GROWING:
             growths = {
                 k: found for k in places if (found := _growth(compared[k], baselines(compared[k]), fault))
             }
@@ -292,7 +288,7 @@ def compare_motors(
                 # What shakes the sensor more than before, whichever rotor turns, is none of the rotors.
                 usual = max(float(np.median(others)), 1.0) if others else 1.0
                 more = growth.ratio / usual - 1.0
-                if more >= grows.least and more > growth.error * t_quantile(growth.freedom, tail):
+                if more >= LEAST_GROWTH and more > growth.error * t_quantile(growth.freedom, tail):
                     compared[k] = judged(compared[k], _of_growth(fault, growth, usual))
     return compared
 
@@ -344,7 +340,7 @@ def _of_growth(fault: str, one: _Growth, usual: float) -> Evidence:
         f"degraded: {grows.what} {one.ratio:.1f} times as much as in "
         f"{one.flights} earlier flights{beside}: {grows.cause}"
     )
-    limit = float(f"{one.value / one.ratio * (1.0 + grows.least) * usual:.4g}")
+    limit = float(f"{one.value / one.ratio * (1.0 + LEAST_GROWTH) * usual:.4g}")
     return Evidence(kind=fault, start_s=0.0, end_s=0.0, value=one.value, limit=limit, rule=rule)
 
 
