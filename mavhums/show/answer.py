@@ -130,8 +130,9 @@ def blocks(
 
 
 def _how_sure(verdict: Verdict) -> str:
-    """Return how sure a verdict without a fault is, and what was suspected and refuted."""
-    return "; ".join((certainty(verdict), *map(finding, verdict.evidence)))
+    """Return how sure a verdict without a fault is; of a motor also what was suspected and refuted."""
+    refuted = map(finding, verdict.evidence if verdict.subject == "motor" else ())
+    return "; ".join((certainty(verdict), *refuted))
 
 
 def _about(assessment: Assessment) -> str:

@@ -113,7 +113,7 @@ def test_alerts_are_not_reflected(
     hear(session)
     for _ in range(20):
         session.tick()
-    assert {frame[7] for frame in vehicle.drain()} == {0, 251}, "heartbeats and health"
+    assert {frame[7] for frame in vehicle.drain()} == {0, 251, 253}, "heartbeats, health and the alert"
     reflector.drain()
     assert reflector.got <= reflector.sent
     assert other.drain() == [], "its vehicle is not judged"

@@ -61,7 +61,7 @@ def test_a_dropped_log_becomes_the_answer_with_its_plots(
         assert part in answer
     assert browser.js("document.querySelector('.curves .chart').ariaLabel").startswith("elevator: Coulomb")
     browser.wait(f"{CHARTS}[0].textContent.includes('AUTO')")
-    for word in ("since 25s", "emergency", "degraded"):
+    for word in ("since 28s", "emergency", "degraded"):
         browser.wait(f"{CHARTS}[0].textContent.includes('{word}')")
     buttons = "[...document.querySelectorAll('.modebar-btn')].map(one => one.ariaLabel)"
     assert set(browser.js(buttons)) == {"Reset axes"}, "others lead to other servers"
