@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.motors import rotors, signals
-from benchmarks.unbalance import compared
+from benchmarks.unbalance import cells, compared, outcome
 from mavhums.health.motor.heating import HEATING, EscHeating
 from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.health.motor.speeds import EscSpeeds
@@ -110,15 +110,10 @@ def report(of: Sequence[list[Flight]]) -> None:
         for own in of:
             past = [one.verdicts for one in own[:before]]
             for one in own[HISTORIES[-1] :]:
-                named = compared(one.verdicts, past, HEATING)
-                kind = "none" if not named else "right" if named == [one.motor] else "wrong"
-                said[one.fault][kind] += 1
+                said[one.fault][outcome(compared(one.verdicts, past, HEATING), one.motor)] += 1
                 hours += one.seconds / 3600 * (one.fault in (HEALTHY, ALIKE))
         false = sum(n["right"] + n["wrong"] for n in (said.pop(HEALTHY), said.pop(ALIKE)))
-        cells = [
-            f"{n['right']} of {n.total()}" + f", {n['wrong']} wrong" * bool(n["wrong"]) for n in said.values()
-        ]
-        print(f"| {before} | {' | '.join(cells)} | {false} in {hours:.0f} h |")
+        print(f"| {before} | {cells(said.values())} | {false} in {hours:.0f} h |")
     values = [one.indicators[2:] for own in of for flight in own for one in flight.verdicts]
     print(f"{100 * np.mean([bool(shown) for shown in values]):.0f} % of the motors of a flight have a value")
     scatter = [

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
 
@@ -95,6 +95,17 @@ def compared(flown: list[Verdict], history: Sequence[list[Verdict]], fault: str 
     return [k for k, one in enumerate(told, 1) if any(item.kind == fault for item in one.evidence)]
 
 
+def outcome(named: list[int], motor: int) -> str:
+    """Return whether the right motor is named, a wrong one, or none."""
+    return "none" if not named else "right" if named == [motor] else "wrong"
+
+
+def cells(said: Iterable[Counter[str]]) -> str:
+    """Return the cells of a row: of each kind of flight how many name the right motor, and a wrong one."""
+    each = (f"{n['right']} of {n.total()}" + f", {n['wrong']} wrong" * bool(n["wrong"]) for n in said)
+    return " | ".join(each)
+
+
 def report(source: str, of: Sequence[list[Flight]]) -> None:
     """Print a row for each length of the history: what is found, and the false alarms."""
     for before in HISTORIES:
@@ -102,14 +113,10 @@ def report(source: str, of: Sequence[list[Flight]]) -> None:
         for own in of:
             past = [verdicts for _, _, verdicts in own[:before]]
             for times, motor, verdicts in own[HISTORIES[-1] :]:
-                named = compared(verdicts, past)
-                said[times]["none" if not named else "right" if named == [motor] else "wrong"] += 1
+                said[times][outcome(compared(verdicts, past), motor)] += 1
         healthy = said.pop(1.0)
         hours, false = healthy.total() * SECONDS / 3600, healthy["right"] + healthy["wrong"]
-        cells = [
-            f"{n['right']} of {n.total()}" + f", {n['wrong']} wrong" * bool(n["wrong"]) for n in said.values()
-        ]
-        print(f"| {source} | {before} | {' | '.join(cells)} | {false} in {hours:.0f} h |")
+        print(f"| {source} | {before} | {cells(said.values())} | {false} in {hours:.0f} h |")
     every = [bool(one.indicators[2:]) for own in of for _, _, verdicts in own for one in verdicts]
     print(f"{source}: {100 * np.mean(every):.0f} % of the motors of a flight have a value")
 

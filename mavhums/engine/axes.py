@@ -72,7 +72,7 @@ class Axes:
 
     def by_rotors(self) -> frozenset[int]:
         """Return the vehicles that rotors alone carry."""
-        return frozenset(vehicle for vehicle, axes in self._vehicles.items() if axes.by_rotors)
+        return frozenset(vehicle for vehicle, axes in self._vehicles.items() if axes.motors.carry_alone)
 
     def received(self, vehicle: int) -> dict[str, Received]:
         """Return, by message, how many of a vehicle's samples were kept, came late, or came twice."""

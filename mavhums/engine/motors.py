@@ -70,6 +70,11 @@ class VehicleMotors:
         # A motor that loses its output in flight, as an override has it, is still the aircraft's.
         return self._monitor.rotors if self._monitor else self.by_parameters
 
+    @property
+    def carry_alone(self) -> bool:
+        """Whether they alone carry the vehicle."""
+        return isinstance(self.rotors, Rotors) and not self.rotors.lift
+
     def hear_speed(self, esc: int, time_s: Array, rpm: Array) -> None:
         """Take the speeds of one ESC, from 0, rev/min."""
         self.speeds.hear(esc, time_s, rpm)

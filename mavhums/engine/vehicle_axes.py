@@ -30,7 +30,6 @@ from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY, Grid, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.rotors import Rotors
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces, on_channels
 from mavhums.vehicle.usage import Usage
@@ -138,16 +137,10 @@ class VehicleAxes:
         yield from self.motors.verdicts(identity, self.flight, why, start_utc, received)
 
     @property
-    def by_rotors(self) -> bool:
-        """Whether rotors alone carry the vehicle."""
-        rotors = self.motors.rotors
-        return isinstance(rotors, Rotors) and not rotors.lift
-
-    @property
     def _without_axes(self) -> bool:
         if self.flight.on_ground:  # of a rover only its steering is judged
             return STEERING not in self.monitor.axes
-        return self.by_rotors and self.surfaces is None
+        return self.motors.carry_alone and self.surfaces is None
 
     def _eager(self) -> bool:
         """Return whether the outputs may be inferred for the first time in any second."""

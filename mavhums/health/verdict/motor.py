@@ -216,7 +216,7 @@ _GROWING: Final = {
     ),
     HEATING: _Grows(
         HEATING_SCATTER,
-        "for its load, its ESC warms beside the others",
+        "relative to the others, its ESC warms",
         "the others",
         "blocked cooling, a dragging bearing or a worn contact",
     ),
