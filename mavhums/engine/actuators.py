@@ -1,20 +1,189 @@
-"""What the networks say of an actuator: its samples, and its flight."""
+"""The actuators that send telemetry: their monitors, their verdicts, and what the networks say of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from datetime import datetime
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.actuator.mapping import MappedSamples
-from mavhums.health.decision.events import Classified
+from mavhums.actuator.mapping import MappedSamples, Mapper
+from mavhums.actuator.profile import Actuator, Airframe
+from mavhums.actuator.telemetry import Tier, tier_named
+from mavhums.engine.events import Classified, ConditionChanged, Event, Forgotten
+from mavhums.engine.options import EngineOptions
+from mavhums.engine.vehicle_setup import SetupHistory
+from mavhums.health.decision.events import ActuatorRecord
+from mavhums.health.verdict.actuator import unjudged_actuator, verdict_of_actuator, with_refused
+from mavhums.health.verdict.obstacles import unjudged
+from mavhums.log import Table
 from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer, WindowsOfClass
+from mavhums.results.verdict import Verdict
+from mavhums.vehicle.airspeed import Airspeeds
+from mavhums.vehicle.usage import EscTemperatures
 
 if TYPE_CHECKING:
-    from mavhums.health.actuator.monitor import ActuatorFindings
+    from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
     from mavhums.learn import Model
+
+
+class Actuators:
+    """Follows the actuators of all vehicles.
+
+    Parameters
+    ----------
+    options
+        Models and the like.
+    setups
+        Returns the profiles and the parameters of a vehicle.
+
+    Attributes
+    ----------
+    profiles
+        Name of the profile by which each actuator is judged, by vehicle and actuator.
+    """
+
+    def __init__(self, options: EngineOptions, setups: Callable[[int], SetupHistory]) -> None:
+        self._options, self._setups = options, setups
+        self._airspeeds, self._temperatures = Airspeeds(), EscTemperatures()
+        self._monitors: dict[tuple[int, str], Monitor] = {}
+        self.profiles: dict[tuple[int, str], str] = {}
+
+    def hear(self, tables: Mapping[str, Table]) -> None:
+        """Take what bears on the actuators beside their own telemetry: airspeed, and temperature of ESCs."""
+        self._airspeeds.feed(tables)
+        self._temperatures.feed(tables)
+
+    def feed(self, airframe: Airframe, mapped: MappedSamples, time_s: NDArray[np.float64]) -> Iterator[Event]:
+        """Take samples of one actuator, and their flight times; yield the events that they cause."""
+        vehicle, actuator = mapped.vehicle, mapped.actuator
+        airspeed = self._airspeeds.at(vehicle, mapped.utc_us)
+        refused = self._setups(vehicle).refused(actuator.name, time_s)
+        edges = (np.flatnonzero(np.diff(refused)) + 1).tolist()
+        for a, b in pairwise([0, *edges, time_s.size]):
+            if refused[a]:
+                yield from self._forget(vehicle, actuator.name, float(time_s[a]))
+                continue
+            bus_v = None if mapped.bus_v is None else mapped.bus_v[a:b]
+            magnitudes = None if mapped.magnitudes is None else mapped.magnitudes[a:b]
+            monitor = self._monitor(airframe, vehicle, actuator)
+            yield from classified(mapped, time_s, slice(a, b), self._serving(airframe))
+            yield from monitor.feed(
+                time_s[a:b], mapped.values[a:b], mapped.measured[a:b], bus_v, airspeed[a:b], magnitudes
+            )
+
+    def finish(self, end_s: Callable[[int], float]) -> Iterator[Event]:
+        """End the input; ``end_s`` returns the flight time at which the log of a vehicle ends."""
+        for (vehicle, actuator), monitor in list(self._monitors.items()):
+            if self._setups(vehicle).last.against(actuator):
+                yield from self._forget(vehicle, actuator, end_s(vehicle))
+            else:
+                yield from monitor.finish()
+
+    def drop(self, vehicle: int) -> None:
+        """Drop the monitors of a vehicle: it names another profile."""
+        self._monitors = {key: monitor for key, monitor in self._monitors.items() if key[0] != vehicle}
+
+    def records(
+        self, *, whole: bool, without: Container[int | None]
+    ) -> dict[tuple[int, str], ActuatorRecord]:
+        """Return this flight's records of each actuator, but of some vehicles."""
+        known = ((key, monitor) for key, monitor in self._monitors.items() if key[0] not in without)
+        return {key: monitor.record(whole=whole) for key, monitor in known}
+
+    def verdicts(
+        self,
+        vehicle: int,
+        mapper: Mapper,
+        tier: Tier | None,
+        start_utc: datetime,
+        end_s: float,
+        *,
+        indicators: bool,
+    ) -> Iterator[Verdict]:
+        """Yield the verdicts on a vehicle's actuators.
+
+        Parameters
+        ----------
+        vehicle, mapper
+            The vehicle, and what maps its telemetry.
+        tier
+            The richest telemetry of the vehicle.
+        start_utc, end_s
+            When the log begins, and the flight time at which it ends.
+        indicators
+            Whether to evaluate the whole flight again.
+        """
+        setup = self._setups(vehicle).last
+        for actuator in mapper.airframe.actuators:
+            monitor = self._monitors.get((vehicle, actuator.name))
+            track = mapper.of(vehicle, actuator)
+            own, provenance = track.tier and tier_named(track.tier), track.provenance
+            if why := setup.against(actuator.name) or track.obstacle:
+                yield unjudged(vehicle, actuator.name, why, tier=own or tier, provenance=provenance)
+                continue
+            if monitor is None or not own or not own.judged:
+                yield unjudged_actuator(vehicle, actuator, own or tier, provenance)
+                continue
+            # What judges an actuator is loaded with the first telemetry: most logs have none.
+            from mavhums.health.self_baseline.past import comparable
+            from mavhums.health.self_baseline.verdict import compare_with_own_flights
+
+            findings = monitor.findings(
+                indicators=indicators, temperature_c=self._temperatures.median(vehicle, actuator.esc)
+            )
+            if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
+                yield unjudged_actuator(vehicle, actuator, own, provenance, findings.own_gap)
+            else:
+                verdict = verdict_of_actuator(
+                    vehicle,
+                    actuator,
+                    findings,
+                    start_utc=start_utc,
+                    end_s=end_s,
+                    late=track.late,
+                    implausible=track.implausible,
+                    provenance=provenance,
+                    tier=own,
+                    network=network_answer(findings, self._serving(mapper.airframe), self._options.decide),
+                )
+                verdict = compare_with_own_flights(verdict, (), self._options.false_alarms)
+                yield with_refused(verdict)
+
+    def _monitor(self, airframe: Airframe, vehicle: int, actuator: Actuator) -> Monitor:
+        """Return the monitor of an actuator that sends."""
+        key = vehicle, actuator.name
+        if key not in self._monitors:
+            from mavhums.health.actuator.monitor import Monitor  # most logs have no telemetry of servos
+
+            self.profiles[key] = airframe.name
+            self._monitors[key] = Monitor(
+                vehicle,
+                actuator,
+                self._serving(airframe),
+                by_network=self._options.decide == "network",
+                false_alarms=self._options.false_alarms,
+                recorded=self._options.recorded,
+            )
+        return self._monitors[key]
+
+    def _serving(self, airframe: Airframe) -> list[Model]:
+        """Return the models that are for an airframe."""
+        return [model for model in self._options.models if model.card.airframe == airframe.name]
+
+    def _forget(self, vehicle: int, actuator: str, time_s: float) -> Iterator[Event]:
+        """Forget what was judged of an actuator whose output, as the log tells now, moves something else."""
+        monitor, setups = self._monitors.pop((vehicle, actuator), None), self._setups(vehicle)
+        reason = setups.at(time_s).against(actuator) or setups.last.against(actuator)
+        if monitor is None or reason is None:
+            return
+        why = f"undecided: {reason.text}"
+        if monitor.condition != "undecided":
+            yield ConditionChanged(vehicle, actuator, time_s, time_s, monitor.condition, "undecided", why)
+        yield Forgotten(vehicle, actuator, time_s, why)
 
 
 def summary_of(model: Model) -> ModelSummary:

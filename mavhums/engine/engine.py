@@ -9,39 +9,29 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import pairwise
-from typing import TYPE_CHECKING, Final
-
-import numpy as np
+from typing import Final
 
 from mavhums.actuator.mapping import MappedSamples, Mapper, messages_for
-from mavhums.actuator.profile import Airframe, load_airframe
-from mavhums.actuator.telemetry import Tier, tier_named
+from mavhums.actuator.profile import load_airframe
+from mavhums.actuator.telemetry import Tier
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.output import as_utf8
-from mavhums.engine.actuators import classified, network_answer, summary_of
+from mavhums.engine.actuators import Actuators, summary_of
 from mavhums.engine.axes import MOST_VEHICLES, Axes, VehicleLimit, with_drops
-from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Forgotten, Notice, Samples
+from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
 from mavhums.engine.motors import beside_motors
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.usage import at_full_output, vehicle_usage
 from mavhums.engine.vehicle_setup import setup_notices
 from mavhums.health.decision.events import ActuatorRecord
 from mavhums.health.verdict import of_several_senders, with_advice, with_supply
-from mavhums.health.verdict.actuator import (
-    crowded_out,
-    unjudged_actuator,
-    unjudged_vehicle,
-    verdict_of_actuator,
-    with_refused,
-)
+from mavhums.health.verdict.actuator import crowded_out, unjudged_vehicle
 from mavhums.health.verdict.axis import named_by_telemetry
-from mavhums.health.verdict.obstacles import unjudged
 from mavhums.log import Decoder, Table
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.sections import FlightIdentity, VehicleUsage
 from mavhums.results.verdict import ALL, Verdict
-from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES, Airspeeds
+from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES
 from mavhums.vehicle.bursts import FAST_FORCE_MESSAGES
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.dates import date_of_file, date_shift_us
@@ -59,12 +49,8 @@ from mavhums.vehicle.states import (
     VehicleStates,
     texts,
 )
-from mavhums.vehicle.usage import ESC_TEMPERATURE_MESSAGES, EscTemperatures
+from mavhums.vehicle.usage import ESC_TEMPERATURE_MESSAGES
 from mavhums.vehicle.vtol import refined_identity, rotor_servos
-
-if TYPE_CHECKING:
-    from mavhums.health.actuator.monitor import Monitor
-    from mavhums.learn import Model
 
 _SILENT_LOOKS: Final = 30
 """How often a silent vehicle is shown as it was: 255 that said something once cost 4 % of a core else."""
@@ -115,13 +101,10 @@ class Engine:
         self._identities, self._recorded = Identities(), RecordedFlights()
         self._mappers = VehicleMappers(airframe)
         self._clocks = Clocks()
-        self._airspeeds = Airspeeds()
-        self._temperatures = EscTemperatures()
+        self._actuators = Actuators(options, self._axes.setups)
         self._rails = ServoRails()
         self._options = options
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
-        self._monitors: dict[tuple[int, str], Monitor] = {}
-        self._profiles: dict[tuple[int, str], str] = {}
         self._looks: dict[int | None, _VehicleReview] = {}
 
     def feed(self, block: bytes) -> list[Event]:
@@ -133,11 +116,7 @@ class Engine:
     def finish(self) -> list[Event]:
         """End the input; judge the remaining data and return the events."""
         events = [*self.feed(b""), *self._follow(self._decoder.feed(b"", final=True), final=True)]
-        for (vehicle, actuator), monitor in list(self._monitors.items()):
-            if self._axes.setups(vehicle).last.against(actuator):
-                events.extend(self._forget(vehicle, actuator, self._end_s(vehicle)))
-            else:
-                events.extend(monitor.finish())
+        events.extend(self._actuators.finish(self._end_s))
         self._events.finish()
         return events
 
@@ -210,13 +189,11 @@ class Engine:
         They have windows and decisions if the option ``recorded`` is set. Without the estimates over the
         ``whole`` flight the call costs next to nothing.
         """
-        mixed = self._clocks.mixed
-        known = ((key, monitor) for key, monitor in self._monitors.items() if key[0] not in mixed)
-        return {key: monitor.record(whole=whole) for key, monitor in known}
+        return self._actuators.records(whole=whole, without=self._clocks.mixed)
 
     def profiles(self) -> dict[tuple[int, str], str]:
         """Return the name of the profile by which each vehicle's actuators are judged."""
-        return dict(self._profiles)
+        return dict(self._actuators.profiles)
 
     def _notices(self, vehicles: tuple[int, ...]) -> Iterator[str]:
         for vehicle in vehicles:
@@ -267,8 +244,7 @@ class Engine:
         self._recorded.feed(tables)
         tables = self._clocks.feed(tables, self._vehicle_limit.admits)
         yield from self._listen(tables)
-        self._airspeeds.feed(tables)
-        self._temperatures.feed(tables)
+        self._actuators.hear(tables)
         start_us = self._decoder.first_time_us or 0
         for vehicle, time_s, words in self._events.feed(tables, start_us, self._vehicle_limit.admits):
             yield Notice(time_s, vehicle, words)
@@ -301,8 +277,7 @@ class Engine:
             time_s = self._flight_time(said.time_us)
             if airframe is not None:
                 self._axes.announce(said.vehicle, said.frame, airframe)
-                for key in [key for key in self._monitors if key[0] == said.vehicle]:
-                    del self._monitors[key]
+                self._actuators.drop(said.vehicle)
                 yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
                 yield Notice(time_s, said.vehicle, f"names the unknown airframe {said.name}")
@@ -315,57 +290,11 @@ class Engine:
                     self._events.of(spoken.vehicle).hear_text(self._flight_time(spoken.time_us), spoken.text)
 
     def _judge(self, mapper: Mapper, mapped: MappedSamples) -> Iterator[Event]:
-        actuator = mapped.actuator
+        actuator = mapped.actuator.name
         time_s = (mapped.utc_us - (self._decoder.first_time_us or 0)) / 1e6
-        yield Samples(mapped.vehicle, actuator.name, time_s, mapped.values)
-        self._events.of(mapped.vehicle).hear_source(actuator.name, time_s)
-        mapped = mapped.evidence()
-        airspeed = self._airspeeds.at(mapped.vehicle, mapped.utc_us)
-        refused = self._axes.setups(mapped.vehicle).refused(actuator.name, time_s)
-        edges = (np.flatnonzero(np.diff(refused)) + 1).tolist()
-        for a, b in pairwise([0, *edges, time_s.size]):
-            if refused[a]:
-                yield from self._forget(mapped.vehicle, actuator.name, float(time_s[a]))
-                continue
-            bus_v = None if mapped.bus_v is None else mapped.bus_v[a:b]
-            magnitudes = None if mapped.magnitudes is None else mapped.magnitudes[a:b]
-            monitor = self._monitor(mapper.airframe, mapped)
-            yield from classified(mapped, time_s, slice(a, b), self._serving(mapper.airframe))
-            yield from monitor.feed(
-                time_s[a:b], mapped.values[a:b], mapped.measured[a:b], bus_v, airspeed[a:b], magnitudes
-            )
-
-    def _monitor(self, airframe: Airframe, mapped: MappedSamples) -> Monitor:
-        """Return the monitor of an actuator that sends."""
-        key = mapped.vehicle, mapped.actuator.name
-        if key not in self._monitors:
-            from mavhums.health.actuator.monitor import Monitor  # most logs have no telemetry of servos
-
-            self._profiles[key] = airframe.name
-            self._monitors[key] = Monitor(
-                mapped.vehicle,
-                mapped.actuator,
-                self._serving(airframe),
-                by_network=self._options.decide == "network",
-                false_alarms=self._options.false_alarms,
-                recorded=self._options.recorded,
-            )
-        return self._monitors[key]
-
-    def _serving(self, airframe: Airframe) -> list[Model]:
-        """Return the models that are for an airframe."""
-        return [model for model in self._options.models if model.card.airframe == airframe.name]
-
-    def _forget(self, vehicle: int, actuator: str, time_s: float) -> Iterator[Event]:
-        """Forget what was judged of an actuator whose output, as the log tells now, moves something else."""
-        monitor, setups = self._monitors.pop((vehicle, actuator), None), self._axes.setups(vehicle)
-        reason = setups.at(time_s).against(actuator) or setups.last.against(actuator)
-        if monitor is None or reason is None:
-            return
-        why = f"undecided: {reason.text}"
-        if monitor.condition != "undecided":
-            yield ConditionChanged(vehicle, actuator, time_s, time_s, monitor.condition, "undecided", why)
-        yield Forgotten(vehicle, actuator, time_s, why)
+        yield Samples(mapped.vehicle, actuator, time_s, mapped.values)
+        self._events.of(mapped.vehicle).hear_source(actuator, time_s)
+        yield from self._actuators.feed(mapper.airframe, mapped.evidence(), time_s)
 
     def start_utc(self) -> datetime | None:
         """Return the start of the flight; None if no clock gives it."""
@@ -411,41 +340,8 @@ class Engine:
         if not self._vehicle_limit.admits(vehicle):
             yield crowded_out(vehicle, tier, MOST_VEHICLES)
             return
-        setup = self._axes.setups(vehicle).last
-        for actuator in mapper.airframe.actuators:
-            monitor = self._monitors.get((vehicle, actuator.name))
-            track = mapper.of(vehicle, actuator)
-            own, provenance = track.tier and tier_named(track.tier), track.provenance
-            if why := setup.against(actuator.name) or track.obstacle:
-                yield unjudged(vehicle, actuator.name, why, tier=own or tier, provenance=provenance)
-                continue
-            if monitor is None or not own or not own.judged:
-                yield unjudged_actuator(vehicle, actuator, own or tier, provenance)
-                continue
-            # What judges an actuator is loaded with the first telemetry: most logs have none.
-            from mavhums.health.self_baseline.past import comparable
-            from mavhums.health.self_baseline.verdict import compare_with_own_flights
-
-            findings = monitor.findings(
-                indicators=indicators, temperature_c=self._temperatures.median(vehicle, actuator.esc)
-            )
-            if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
-                yield unjudged_actuator(vehicle, actuator, own, provenance, findings.own_gap)
-            else:
-                verdict = verdict_of_actuator(
-                    vehicle,
-                    actuator,
-                    findings,
-                    start_utc=_utc(self._decoder.first_time_us or 0),
-                    end_s=self._end_s(vehicle),
-                    late=track.late,
-                    implausible=track.implausible,
-                    provenance=provenance,
-                    tier=own,
-                    network=network_answer(findings, self._serving(mapper.airframe), self._options.decide),
-                )
-                verdict = compare_with_own_flights(verdict, (), self._options.false_alarms)
-                yield with_refused(verdict)
+        start_utc, end_s = _utc(self._decoder.first_time_us or 0), self._end_s(vehicle)
+        yield from self._actuators.verdicts(vehicle, mapper, tier, start_utc, end_s, indicators=indicators)
 
     def _end_s(self, vehicle: int) -> float:
         """Return the flight time of the log's end, by the vehicle's own clock, as all its samples are."""
