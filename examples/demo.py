@@ -18,7 +18,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from mavhums import Assessment, MavhumsError, Verdict, analyse
-from mavhums.show import render
+from mavhums.show.terminal import render
 from mavhums.show.viewer import viewer_command
 from mavhums_sim.campaign import paper_campaign, run_campaign
 

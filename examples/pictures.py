@@ -24,7 +24,7 @@ from examples.picture import save
 from mavhums import Engine, EngineOptions, MavhumsError, Options, analyse
 from mavhums.learn import default_model
 from mavhums.log import read_blocks
-from mavhums.show import LiveViewer
+from mavhums.show.viewer import LiveViewer
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mavhums.app.settings import Options
     from mavhums.results.assessment import Assessment
     from mavhums.show.blocks import Block
-    from mavhums.show.many import Line
+    from mavhums.show.headline import Line
 
 
 class _OutcomePrinter(ABC):
@@ -84,7 +84,7 @@ class _TablePrinter(_OutcomePrinter):
 
     def _judged(self, log: Path, assessment: Assessment) -> None:
         from mavhums.show.answer import blocks, not_normal
-        from mavhums.show.many import line_of
+        from mavhums.show.headline import line_of
 
         self._lines.append(line_of(log, assessment))
         shown = blocks(assessment, brief=not self._verbose) if self._whole else not_normal(assessment)
@@ -111,7 +111,7 @@ class _TablePrinter(_OutcomePrinter):
 
     def _failed(self, log: Path, error: MavhumsError) -> None:
         """Print no more than the error."""
-        from mavhums.show.many import line_of
+        from mavhums.show.headline import line_of
 
         self._lines.append(line_of(log, error))
 
@@ -119,7 +119,7 @@ class _TablePrinter(_OutcomePrinter):
         """Print the table of several logs; after an interruption it holds what was judged."""
         if not self._several or not self._lines:
             return
-        from mavhums.show.many import many
+        from mavhums.show.headline import many
 
         self._draw([many(self._lines)])
         if not self._whole:

@@ -216,7 +216,8 @@ def _drawn(shows: _Outputs, exits: ExitStack) -> list[ThreadedSink]:
     """Open a viewer and a recording, if requested."""
     viewer, rrd, position = shows.viewer, shows.rrd, shows.position
     from mavhums.live.sinks import RerunSink, ThreadedSink
-    from mavhums.show import LiveViewer, Recorder
+    from mavhums.show.recording import Recorder
+    from mavhums.show.viewer import LiveViewer
 
     name = f"live-{time.time_ns():x}"
     patience_s = _RECORDING_S if rrd else _PATIENCE_S
@@ -251,7 +252,7 @@ def _show_until_end(
     session: Session, ended: Callable[[], bool], console: Console, *, watched: bool
 ) -> Assessment:
     from mavhums.live.sinks import PlainLines
-    from mavhums.show import render
+    from mavhums.show.terminal import render
 
     names = ", ".join(str(link.address) for link in session.links)
     write = partial(click.echo, file=console.file)

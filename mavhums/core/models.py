@@ -28,4 +28,4 @@ class Drawn(Contract):
 
     def _repr_html_(self) -> str:
         # A notebook asks the object itself; what draws it lies in a room above, and loads only then.
-        return str(import_module("mavhums.show.notebook").cell(self))
+        return str(import_module("mavhums.show.html").cell(self))

@@ -21,8 +21,8 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.standing import TrendReport
 from mavhums.serve.options import LastVerdict
 from mavhums.serve.sessions import Dropped
-from mavhums.show.answer import headline_block
 from mavhums.show.blocks import Cell, Column, Link, Mark, Part, Table
+from mavhums.show.headline import headline
 from mavhums.show.standing import found_in, mark_of
 from mavhums.show.trend import TrendView, trend_shown
 from mavhums.show.words import subject_of
@@ -106,7 +106,7 @@ def flight_table(aircraft: str, flights: Sequence[Assessment]) -> Table:
 
 
 def _flight(aircraft: str, flight: Assessment) -> list[Cell]:
-    brief, start = headline_block(flight), flight.log.start_utc
+    brief, start = headline(flight), flight.log.start_utc
     when = f"{start[:10]} {start[11:16]} UTC" if start else "date not known"
     mark: list[Part] = [brief.mark] if brief.mark else []
     return [[Link(when, _address(aircraft, flight))], mark, brief.text, PurePath(flight.log.path or "").name]

@@ -21,7 +21,7 @@ from mavhums.app.settings import Options, Settings
 from mavhums.app.sinks import Recording, Report, Sink
 from mavhums.core.packed import ArchiveError
 from mavhums.serve.uploads import take_logs
-from mavhums.show.answer import headline_block
+from mavhums.show.headline import headline
 
 _TOLD_S: Final = 0.1
 _FILES: Final = 256
@@ -86,7 +86,7 @@ def _done(job: Job, tell: Tell) -> Job:
         told = assessment.log.model_copy(update={"path": log.name})  # its folder is of no use to anybody
         text = assessment.model_copy(update={"log": told}).to_json()
         Path(job["assessment"]).write_text(text, encoding="utf-8", errors="replace")
-    return {"brief": headline_block(assessment)._asdict()}
+    return {"brief": headline(assessment)._asdict()}
 
 
 def _sinks(job: Job) -> list[Sink]:

@@ -19,8 +19,8 @@ from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Motor, Surface
 from mavhums.show._rows import Times, send
 from mavhums.show._signals import Classes, Signals
-from mavhums.show._traces import drawn, trace_words
-from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW, levels
+from mavhums.show.event_words import drawn, trace_words
+from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW, axis_levels, levels
 
 STALE_S: Final = 3.0
 """An actuator without data for longer than this is stale: its condition is no longer shown as current."""
@@ -235,14 +235,10 @@ class Track:
         condition = verdict.condition
         # Whether motors are sound is decided over the flight: no change of condition says so.
         if condition == "unmonitored" or (verdict.subject == "motor" and self.worst == "undecided"):
-            self.condition = self.worst = condition
-            self._states.clear()
-            self._state_s = None
+            self._forget_states(condition)
             return
         if condition in _FAULTY and SEVERITY[condition] > SEVERITY[self.worst]:
-            self._states.clear()
-            self._state_s = None
-            self.condition = self.worst = condition
+            self._forget_states(condition)
             self._state(min(self._first_s, self.last_s), condition)
         if condition in _FAULTY and verdict.since and self._states and self._states[-1][1] == condition:
             # The verdict knows the earliest evidence, the alarm only that which raised it.
@@ -258,9 +254,14 @@ class Track:
         if self._state_s is None:
             self._state(self._first_s, condition)
 
+    def _forget_states(self, condition: Condition) -> None:
+        self._states.clear()
+        self._state_s = None
+        self.condition = self.worst = condition
+
     def now(self, time_s: float) -> None:
         """Set the current flight time, so that silence is detected."""
-        if not self.stale and time_s - self._heard_s > STALE_S:
+        if time_s - self._heard_s > STALE_S:
             self._fall_silent(self._heard_s)
 
     def flush(self) -> None:
@@ -348,7 +349,7 @@ class Track:
         """Draw the limits of the indicators up to the latest data."""
         known = {fault: _limits(detector) for fault, detector in self.detectors.items()}
         if _EFFECTIVENESS in self.faults:
-            known[_EFFECTIVENESS] = _axis_limits(self.axis_limits)
+            known[_EFFECTIVENESS] = axis_levels(self.axis_limits)
         for fault, limits in known.items():
             path = self.root if fault == "friction" else self.faults.get(fault)
             if path is None or not limits:
@@ -384,12 +385,6 @@ def _interval_style(name: str) -> rr.SeriesLines:
         colors=[BLUE, PALE_BLUE, PALE_BLUE],
         widths=[2.5, 1, 1],
     )
-
-
-def _axis_limits(limits: AxisLimits) -> list[tuple[float, str]]:
-    """Return the levels that the effectiveness of an axis is compared with, and their names."""
-    bounds = levels(limits.effectiveness_degraded, limits.effectiveness_emergency, falls=True)
-    return [(1.0, "reference"), *bounds]
 
 
 def _limits(detector: Detector) -> list[tuple[float, str]]:

@@ -11,16 +11,14 @@ from typing import TYPE_CHECKING, Final
 from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.about import __version__
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.verdict import with_advice
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import NOT_COMPARED
 from mavhums.results.verdict import Verdict
 from mavhums.show.blocks import Block, Craft, Curves, Facts, Finding, Headline, Listing, Note, Table
 from mavhums.show.event_words import event_lines, foremost
-from mavhums.show.headline import gravest_first, headline_of, judged_vehicles, over_flights
+from mavhums.show.headline import advice, headline, judged_vehicles, over_flights, remedy
 from mavhums.show.outline import FIXED_WING, multirotor, outline
-from mavhums.show.tables import indicators, provenance, reserve, usage
-from mavhums.show.verdict_table import ALL_ROWS, ROWS, verdict_table
+from mavhums.show.tables import ALL_ROWS, ROWS, indicators, provenance, reserve, usage, verdict_table
 from mavhums.show.verdict_words import certainty, explanation, finding, implausible, network_sentence
 from mavhums.show.words import (
     capital,
@@ -41,7 +39,6 @@ if TYPE_CHECKING:
 _LATEST: Final = (2, 1)  # findings of a short answer: of the gravest subject, of each other one
 _UNKNOWN: Final = 2  # reasons of a short answer why something is not judged; none beside what is wrong
 _FIRST, _LAST = 20, 20  # findings of a full one
-_LIKE: Final = 6
 _LINE: Final = 100  # letters of a note that a short answer has whole
 _TOKEN: Final = re.compile(r'"[^"]*"|[\w.]*\w|\W')
 _PROOF: Final = 2  # curves of what is wrong that come before the tables
@@ -75,7 +72,7 @@ def blocks(
     faulty = [verdict for verdict in rest.ranked() if verdict.worst in ("degraded", "emergency")]
     # What another finding explains comes after it.
     faulty.sort(key=lambda verdict: verdict.consequence_of is not None)
-    head = headline_block(assessment)
+    head = headline(assessment)
     found = [
         *(_faulty(one, rest, _LATEST[one is not faulty[0]] if brief else None) for one in faulty[:ROWS]),
         *(one for condition in _OPEN for one in _by_reason(rest, condition, brief=brief)),
@@ -151,23 +148,6 @@ def _listing(title: str, lines: Iterable[str]) -> list[Block]:
     return [Listing(title, kept)] if kept else []
 
 
-def headline_block(assessment: Assessment) -> Headline:
-    """Return the assessment in a line, with what to do about the gravest findings.
-
-    Examples
-    --------
-    >>> import mavhums
-    >>> headline_block(mavhums.analyse("flight.tlog")).condition
-    'emergency'
-    """
-    rest, without_wings = judged_vehicles(assessment)
-    (mark, text), ranked = headline_of(rest, without_wings), rest.ranked()
-    worst = gravest_first(ranked)
-    like = [verdict for verdict in worst if verdict.subject == worst[0].subject]
-    todo = "; ".join(dict.fromkeys(map(_todo, like[:_LIKE])))
-    return Headline(text, mark.condition, todo, word=mark.word)
-
-
 def _headed(head: Headline, middle: Sequence[Block], found: Sequence[Finding]) -> Iterator[Block]:
     """Yield a short answer from its headline to its findings; what the headline says is not said again."""
     said = [one for one in found if one.why and one.why[0] in head.text]
@@ -181,21 +161,6 @@ def _happened(assessment: Assessment) -> list[str]:
     """Return what happened and is not ordinary, in one sentence."""
     lines = foremost(assessment)
     return [f"Events: {'; '.join(lines)}."] if lines else []
-
-
-def _todo(verdict: Verdict) -> str:
-    """Return what to do: about a fault, whatever has become unknown since, else about what is missing."""
-    faulty = SEVERITY[verdict.gravest] > SEVERITY["normal"]
-    return advice(verdict) if faulty else _remedy(verdict)
-
-
-def _remedy(verdict: Verdict) -> str:
-    return (verdict.remedy or advice(verdict)).rstrip(".")
-
-
-def advice(verdict: Verdict) -> str:
-    """Return the recommended action, also of a verdict from a file that has none."""
-    return verdict.advice or with_advice(verdict).advice or ""
 
 
 def _file(assessment: Assessment) -> str:
@@ -284,7 +249,7 @@ def _by_reason(assessment: Assessment, condition: Condition, *, brief: bool) -> 
         if brief and SEVERITY[verdict.gravest] > SEVERITY["normal"]:
             continue  # what is wrong with it comes first, what is unknown by now with all else
         if verdict.condition == condition and (verdict.reason or condition != "normal"):
-            why, todo = (verdict.reason or "no reason was given").rstrip("."), _remedy(verdict)
+            why, todo = (verdict.reason or "no reason was given").rstrip("."), remedy(verdict)
             if brief:
                 why, todo = why.partition("; ")[0], todo.partition("; ")[0]
                 todo = "" if condition == "normal" else todo

@@ -14,7 +14,7 @@ from mavhums.core.conditions import Condition
 from mavhums.core.quantities import QUANTITIES
 from mavhums.show._rows import TIMELINE
 from mavhums.show._signals import ARCHETYPE
-from mavhums.show._traces import in_order
+from mavhums.show.event_words import in_order
 from mavhums.show.words import SERIES, capital
 
 _PLOTS: Final = (

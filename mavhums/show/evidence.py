@@ -26,10 +26,9 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.sections import OUTSIDE, AxisLimits
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.show._rows import Thinner
-from mavhums.show._traces import EVIDENCE, drawn, in_order, trace_words
-from mavhums.show.event_words import event_words
+from mavhums.show.event_words import EVIDENCE, drawn, event_words, in_order, trace_words
 from mavhums.show.verdict_words import windows_by_class
-from mavhums.show.words import clock, levels, name, percent
+from mavhums.show.words import axis_levels, clock, levels, name, percent
 
 _POINTS: Final = 1200
 _CURVES: Final = 256
@@ -380,10 +379,8 @@ def _network(verdict: Verdict, said: Curve, assessment: Assessment) -> Captioned
 def _limits(verdict: Verdict, fault: str) -> tuple[str, tuple[Limit, ...]]:
     """Return what a curve shows, with its unit, and the levels that it is compared with."""
     if fault == "effectiveness":
-        known = verdict.limits or AxisLimits()
-        bounds = levels(known.effectiveness_degraded, known.effectiveness_emergency, falls=True)
         what = "control effectiveness, share of the reference"
-        return what, (Limit(1.0, "reference"), *starmap(Limit, bounds))
+        return what, tuple(starmap(Limit, axis_levels(verdict.limits or AxisLimits())))
     found = next((item for item in verdict.indicators if item.fault == fault), None)
     if found is None:
         return fault.replace("_", " "), ()

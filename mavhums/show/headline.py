@@ -1,18 +1,24 @@
-"""The headline of an assessment: what has failed and since when, or what was judged and found well."""
+"""The headline of an assessment: what has failed and since when, or what was judged and found well.
+
+Of many logs it is a line in their table.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import Final
+from pathlib import Path
+from typing import Final, NamedTuple
 
 from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError
+from mavhums.health.verdict import with_advice
 from mavhums.results.assessment import Assessment, Judgeable
 from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.standing import Standing
 from mavhums.results.verdict import Evidence, Verdict
-from mavhums.show.blocks import Mark
+from mavhums.show.blocks import Cell, Column, Headline, Mark, Table
 from mavhums.show.event_words import gravest_event
 from mavhums.show.standing import mark_of, sentences, since_words, soonest_words
 from mavhums.show.verdict_words import LOSS, course, culprits, is_reliable, kept_percent
@@ -25,6 +31,7 @@ NOT_JUDGED: Final = (
 
 _SILENT: Final = (PROPELLERS_ONLY, TO_BE_JUDGED)
 """Remedies for servos on which nothing reports."""
+_LIKE: Final = 6  # findings whose advice it has
 _SHORT: Final = 80  # a longer reason is given below the headline
 _MOST: Final = 2  # faults of a headline; the others are counted
 _UNNAMED: Final = re.compile(r"servo \d+")
@@ -32,12 +39,21 @@ _FIRST: Final = re.compile(r"(motor \d+) first")
 _SIDE: Final = re.compile(r"\b(left|right)\b")
 
 
-def headline(assessment: Assessment) -> str:
-    """Return the result in one line: what has failed and since when, or that no failure is known.
+def headline(assessment: Assessment) -> Headline:
+    """Return the assessment in a line, with what to do about the gravest findings.
 
-    Of what is well in this flight it has whether it is so over the flights, too.
+    Examples
+    --------
+    >>> import mavhums
+    >>> headline(mavhums.analyse("flight.tlog")).condition
+    'emergency'
     """
-    return headline_of(*judged_vehicles(assessment))[1]
+    rest, without_wings = judged_vehicles(assessment)
+    (mark, text), ranked = _headline_of(rest, without_wings), rest.ranked()
+    worst = _gravest_first(ranked)
+    like = [verdict for verdict in worst if verdict.subject == worst[0].subject]
+    todo = "; ".join(dict.fromkeys(map(_todo, like[:_LIKE])))
+    return Headline(text, mark.condition, todo, word=mark.word)
 
 
 def over_flights(assessment: Assessment) -> Iterator[str]:
@@ -47,7 +63,7 @@ def over_flights(assessment: Assessment) -> Iterator[str]:
             yield f"{name(standing, assessment)}: {said}"
 
 
-def headline_of(assessment: Assessment, without_wings: Sequence[str]) -> tuple[Mark, str]:
+def _headline_of(assessment: Assessment, without_wings: Sequence[str]) -> tuple[Mark, str]:
     """Return mark and headline on the vehicles that are judged, from a line for each of the others."""
     mark, text = _of_the_flight(assessment, without_wings)
     if event := gravest_event(assessment):
@@ -69,7 +85,7 @@ def headline_of(assessment: Assessment, without_wings: Sequence[str]) -> tuple[M
     return mark, "; ".join([text, *said])
 
 
-def gravest_first(ranked: Sequence[Verdict]) -> list[Verdict]:
+def _gravest_first(ranked: Sequence[Verdict]) -> list[Verdict]:
     """Return the gravest verdicts without those that another one explains, actuators before axes.
 
     Telemetry names the part, an axis only what it does to the aircraft.
@@ -79,6 +95,22 @@ def gravest_first(ranked: Sequence[Verdict]) -> list[Verdict]:
     return sorted(worst, key=lambda verdict: verdict.subject == "axis")
 
 
+def _todo(verdict: Verdict) -> str:
+    """Return what to do: about a fault, whatever has become unknown since, else about what is missing."""
+    faulty = SEVERITY[verdict.gravest] > SEVERITY["normal"]
+    return advice(verdict) if faulty else remedy(verdict)
+
+
+def remedy(verdict: Verdict) -> str:
+    """Return what to do about what is missing."""
+    return (verdict.remedy or advice(verdict)).rstrip(".")
+
+
+def advice(verdict: Verdict) -> str:
+    """Return the recommended action, also of a verdict from a file that has none."""
+    return verdict.advice or with_advice(verdict).advice or ""
+
+
 def _of_the_flight(assessment: Assessment, without_wings: Sequence[str]) -> tuple[Mark, str]:
     ranked = assessment.ranked()
     if not ranked:
@@ -86,7 +118,7 @@ def _of_the_flight(assessment: Assessment, without_wings: Sequence[str]) -> tupl
     word = ranked[0].gravest
     if SEVERITY[word] <= SEVERITY["normal"]:
         return _what_was_judged(assessment)
-    worst = gravest_first(ranked)
+    worst = _gravest_first(ranked)
     named = worst[0].subject == "actuator"
     shown = [_fault(verdict, assessment, by_axis=named) for verdict in worst[:_MOST]]
     more = [f"{len(worst) - _MOST} more"] if len(worst) > _MOST else []
@@ -255,3 +287,40 @@ def wingless(subjects: Sequence[Verdict | Judgeable]) -> str | None:
     if axes is None or any(one.remedy not in _SILENT for one in subjects if one is not axes):
         return None
     return f"{(axes.reason or '').partition(':')[0]}: {NOT_JUDGED}"
+
+
+class Line(NamedTuple):
+    """One log: its mark (None if it cannot be read), what was found, and its exit code."""
+
+    log: Path
+    worst: Mark | None
+    what: str
+    code: ExitCode
+
+
+def line_of(log: Path, outcome: Assessment | MavhumsError) -> Line:
+    """Return the line on a log that was judged, or on one that could not be read."""
+    if isinstance(outcome, MavhumsError):
+        return Line(log, None, outcome.problem.removeprefix(f"{log}: "), ExitCode.ERROR)
+    brief = headline(outcome)
+    return Line(log, brief.mark, brief.text, outcome.exit_code)
+
+
+def many(lines: Sequence[Line]) -> Table:
+    """Return a table of many logs, worst first, in which logs of like gravity keep their order."""
+    names = [line.log.name for line in lines]
+    rows: list[list[Cell]] = [
+        [
+            line.log.name if names.count(line.log.name) == 1 else str(line.log),
+            "unreadable" if line.worst is None else [line.worst],
+            line.what,
+            str(int(line.code)),
+        ]
+        for line in sorted(lines, key=_place)
+    ]
+    columns = (Column("log"), Column("worst", "word"), Column("what"), Column("exit", "figure"))
+    return Table("", columns, rows)
+
+
+def _place(line: Line) -> tuple[int, int]:
+    return GRAVEST_FIRST.index(line.code), -URGENCY[line.worst.condition if line.worst else "undecided"]

@@ -1,4 +1,4 @@
-"""Draws blocks as HTML without scripts: for a browser without a network, a phone, paper, the page."""
+"""Draws blocks as HTML without scripts: for a browser without a network, a phone, paper, a notebook."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ from mavhums.show.words import COLOURS, SIGNS, clock
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+    from mavhums.results.standing import TrendReport
+
 _LETTERS: Final = 600
+_FRAME: Final = "width: 100%; height: 32rem; border: 0; resize: vertical"
 
 
 @cache
@@ -129,3 +132,16 @@ def parts(assessment: Assessment, gathered: EvidenceCollector, heading: str = "h
         "curves": flight_charts(curves, gathered, assessment.log.duration_s),
         "rest": draw(kept[first:]),
     }
+
+
+def cell(result: Assessment | TrendReport) -> str:
+    """Return a result as markup for a notebook's cell.
+
+    The frame is sandboxed, and keeps the document's style and the notebook's apart.
+    """
+    from markupsafe import escape
+
+    from mavhums.show.trend import trend_blocks
+
+    shown = blocks(result, brief=True) if isinstance(result, Assessment) else trend_blocks(result)
+    return f'<iframe sandbox title="mavhums" style="{_FRAME}" srcdoc="{escape(document(shown))}"></iframe>'

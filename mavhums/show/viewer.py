@@ -74,9 +74,7 @@ def save_web_viewer(folder: Path) -> None:
         If it does not give its files.
     """
     web, data = free_port(0), free_port(0)
-    command = viewer_call("--serve-web", "--web-viewer-port", str(web), "--port", str(data))
-    none = subprocess.DEVNULL
-    process = subprocess.Popen(command, stdin=none, stdout=none, stderr=none)
+    process = _started("--serve-web", "--web-viewer-port", str(web), "--port", str(data))
     try:
         for name in WEB_FILES:
             content = _fetched(f"http://{_HERE}:{web}/{'' if name == 'index.html' else name}")
@@ -84,6 +82,16 @@ def save_web_viewer(folder: Path) -> None:
     finally:
         process.kill()
         process.wait()
+
+
+def _started(*arguments: str, own_group: bool = False) -> subprocess.Popen[bytes]:
+    """Start the viewer; in a group of its own a window outlives this process and its Ctrl-C.
+
+    So the user can examine the flight afterwards.
+    """
+    none = subprocess.DEVNULL
+    call = viewer_call(*arguments)
+    return subprocess.Popen(call, stdin=none, stdout=none, stderr=none, start_new_session=own_group)
 
 
 def _fetched(address: str) -> bytes:
@@ -251,28 +259,14 @@ class LiveViewer:
         self.url = data = f"rerun+http://{_HERE}:{port}/proxy"
         if self._viewer == "window":
             limit = ["--memory-limit", self._memory_limit]
-            self._start("--connect", data, *limit, "--hide-welcome-screen", own_group=True)
+            self._process = _started("--connect", data, *limit, "--hide-welcome-screen", own_group=True)
         elif self._viewer in ("browser", "web"):
             web = str(free_port(_WEB_PORT))
-            self._start("--serve-web", "--web-viewer-port", web, data)
+            self._process = _started("--serve-web", "--web-viewer-port", web, data)
             self._exits.callback(self._stop)
             self.url = f"http://{_HERE}:{web}?url={data.replace('+', '%2B').replace(':', '%3A')}"
             if self._viewer == "browser":
                 webbrowser.open(self.url)
-
-    def _start(self, *arguments: str, own_group: bool = False) -> None:
-        """Start the viewer itself, because the ``rerun`` command is a wrapper that would leave it running.
-
-        A window outlives this process and its Ctrl-C, so that the user can examine the flight afterwards.
-        """
-        none = subprocess.DEVNULL
-        self._process = subprocess.Popen(
-            viewer_call(*arguments),
-            stdin=none,
-            stdout=none,
-            stderr=none,
-            start_new_session=own_group,
-        )
 
     def _stop(self) -> None:
         if self._process:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from mavhums.core.conditions import Condition
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment
-from mavhums.results.sections import NOT_COMPARED
+from mavhums.results.sections import NOT_COMPARED, AxisLimits
 from mavhums.results.standing import Interval, Standing
 from mavhums.results.verdict import ALL, Verdict
 
@@ -169,6 +169,12 @@ def levels(
     names = ("degraded below", "emergency up to") if falls else ("degraded above", "emergency from")
     both = zip((degraded, emergency), names, strict=True)
     return [(value, name) for value, name in both if value is not None]
+
+
+def axis_levels(limits: AxisLimits) -> list[tuple[float, str]]:
+    """Return the levels that the effectiveness of an axis is compared with, and their names."""
+    bounds = levels(limits.effectiveness_degraded, limits.effectiveness_emergency, falls=True)
+    return [(1.0, "reference"), *bounds]
 
 
 def clock(seconds: float) -> str:

@@ -97,7 +97,7 @@ def test_a_network_that_takes_the_winding_for_friction(
 def test_report_and_markdown_say_it_in_one_sentence(
     run: Run, wound: Path, by_voltage: Path, tmp_path: Path
 ) -> None:
-    from mavhums.show import markdown
+    from mavhums.show.markdown_report import markdown
 
     sentence = "the network by-voltage disagrees: "
     page = tmp_path / "r.html"

@@ -149,7 +149,7 @@ def test_the_servos_of_a_helicopters_rotors_are_unmonitored() -> None:
     assert "helicopter: " in str(of(assessment, "axes").reason)
     servos = {v.actuator: v.condition for v in assessment.verdicts if v.subject == "actuator"}
     assert servos["swashplate 1 (servo 1)"] == servos["tail rotor (servo 4)"] == "unmonitored"
-    assert headline(assessment) == f"Helicopter: {NOT_JUDGED}"
+    assert headline(assessment).text == f"Helicopter: {NOT_JUDGED}"
 
 
 @pytest.mark.parametrize("parameters", [{"Q_TILT_MASK": 5.0}, {"Q_TAILSIT_ENABLE": 1.0}])

@@ -44,7 +44,10 @@ def test_a_healthy_drive_is_normal(tmp_path: Path, boat: bool) -> None:
     write_tlog(driven(boat=boat), path)
     found = steering(path)
     assert (found.actuator, found.condition) == ("steering", "normal")
-    assert headline(mavhums.analyse(path)) == "steering control: no loss of 40 % or more; servos unmonitored"
+    assert (
+        headline(mavhums.analyse(path)).text
+        == "steering control: no loss of 40 % or more; servos unmonitored"
+    )
     [used] = [one for one in mavhums.analyse(path).usage[0].outputs if one.name]
     assert (used.name, used.range_us) == ("steering", (1100, 1500, 1900))
     [gain] = [one for one in found.indicators if one.fault == "effectiveness"]

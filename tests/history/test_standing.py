@@ -189,7 +189,7 @@ def test_a_fault_of_an_earlier_flight_is_not_dated_to_this_one(since_s: float, s
     judged = judged.model_copy(update={"since": Since(flight_time_s=since_s, utc=START.isoformat())})
     now = PastFlight.of(last.assessment.model_copy(update={"verdicts": (judged,)}))
     stood = standings_after(now, before, None)
-    assert said in headline(now.assessment.model_copy(update={"standings": stood}))
+    assert said in headline(now.assessment.model_copy(update={"standings": stood})).text
 
 
 def test_the_baseline_is_the_level_before_the_growth() -> None:

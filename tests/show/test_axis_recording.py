@@ -12,9 +12,9 @@ pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
 from mavhums import analyse
 from mavhums.app.settings import Options
-from mavhums.show import markdown
 from mavhums.show._rows import open_stream
 from mavhums.show._tracks import Track
+from mavhums.show.markdown_report import markdown
 from tests.engine.test_axes import flown
 from tests.show.test_recording import entities, rows, scalars, static
 

@@ -12,8 +12,7 @@ from tests.show.conftest import new_assessment, new_verdict
 
 pytest.importorskip("rerun", reason="layouts need the extra 'viewer'")
 
-from mavhums.show import layout
-from mavhums.show.blueprint import Lane, Surroundings
+from mavhums.show.blueprint import Lane, Surroundings, layout
 
 EVENTS = "Events: click one to go there"
 ALL = frozenset({*KEYS, "friction", "network"})

@@ -14,8 +14,7 @@ import pytest
 
 from mavhums.core.errors import MavhumsError
 from mavhums.results.assessment import Assessment
-from mavhums.show import LiveViewer
-from mavhums.show.viewer import free_port, viewer_call
+from mavhums.show.viewer import LiveViewer, free_port, viewer_call
 
 if TYPE_CHECKING:
     from tests.show.conftest import Flight

@@ -67,7 +67,7 @@ def test_report_and_tables_speak_of_motors(assessment: Assessment) -> None:
     assert "10 % (0–20)" in text
     assert "thrust left" in markdown(assessment)
     assert "control left" not in markdown(assessment)
-    assert headline(assessment).startswith("motor 3 (front left) ")
+    assert headline(assessment).text.startswith("motor 3 (front left) ")
     [table] = [usage(used, several=False) for used in assessment.usage]
     assert table.rows[2] == ["motor 3 (servo 3)", "front left", "50 %", "100 %", "10 %"]
     assert not re.search("trim|surface|stops", " ".join(column.title for column in table.columns))

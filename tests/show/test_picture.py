@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from examples.picture import draw
 from mavhums.engine.events import Attitude, Event, FlightMode, Position
 from mavhums.results.assessment import Assessment
-from mavhums.show import LiveViewer, Recorder
+from mavhums.show.recording import Recorder
+from mavhums.show.viewer import LiveViewer
 from tests.show.chromium import Chromium, find
 from tests.show.conftest import Flight, new_assessment, new_verdict
 

@@ -22,7 +22,8 @@ from mavhums.core.quantities import KEYS
 from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
-from mavhums.show import Recorder, markdown
+from mavhums.show.markdown_report import markdown
+from mavhums.show.recording import Recorder
 from mavhums.show.words import COLOURS
 from tests.conftest import real_logs
 from tests.show.conftest import Flight, new_assessment, new_verdict
@@ -360,7 +361,7 @@ import numpy as np
 from mavhums.results.assessment import Assessment, LogSummary, Losses
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import Samples
-from mavhums.show import Recorder
+from mavhums.show.recording import Recorder
 
 log = LogSummary(path=None, sha256=None, start_utc=None, duration_s=0, vehicles=(), losses=Losses())
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
@@ -397,7 +398,8 @@ def test_without_rerun_the_error_names_the_extra(maker: str) -> None:
 import sys
 sys.modules["rerun"] = None
 from mavhums.core.errors import MissingExtraError
-from mavhums.show import LiveViewer, Recorder
+from mavhums.show.recording import Recorder
+from mavhums.show.viewer import LiveViewer
 try:
     {maker}, recording_id="flight")
 except MissingExtraError as error:

@@ -12,8 +12,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.sections import FlightCopy, FlightIdentity
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import ALL, Evidence, Indicator, Since, Suspect
-from mavhums.show import markdown
-from mavhums.show.markdown_report import anonymous
+from mavhums.show.markdown_report import anonymous, markdown
 from tests.show.conftest import new_assessment, new_verdict
 
 

@@ -17,11 +17,11 @@ from mavhums.results.events import FlightEvent
 from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Verdict
-from mavhums.show import markdown, render
-from mavhums.show.answer import headline_block
 from mavhums.show.evidence import EvidenceCollector
-from mavhums.show.headline import NOT_JUDGED
+from mavhums.show.headline import NOT_JUDGED, headline
 from mavhums.show.html import page
+from mavhums.show.markdown_report import markdown
+from mavhums.show.terminal import render
 from mavhums.show.verdict_words import certainty, control_left
 from tests.show.conftest import new_assessment
 
@@ -131,7 +131,7 @@ def test_where_all_is_well_the_good_news_comes_first() -> None:
     assert table.index("roll and pitch control") < table.index("yaw control") < table.index("wear of")
     alarmed = shown(new_assessment(axis("pitch"), open_, axis("roll", "degraded")))
     assert alarmed.index("DEGRADED") < alarmed.rindex("normal") < alarmed.index("Not judged: yaw control")
-    assert headline_block(assessment).condition == "undecided", "as the exit code is"
+    assert headline(assessment).condition == "undecided", "as the exit code is"
 
 
 def test_six_servos_without_telemetry_are_one_line() -> None:
@@ -208,7 +208,7 @@ def test_a_headline_names_the_part_and_the_kind_of_fault() -> None:
         ((), (less,), "roll control down to 50 %"),
     ):
         verdict = axis("roll", "emergency", **lost, candidates=candidates, evidence=evidence)
-        text = headline_block(new_assessment(verdict)).text
+        text = headline(new_assessment(verdict)).text
         assert text.startswith(told)
         assert text.endswith("since 2m29s")
 
@@ -227,7 +227,7 @@ def test_a_crash_is_not_a_plain_undecided(kind: str, told: str) -> None:
     assert told in first
     assert "roll control not judged" in first
     assert assessment.exit_code == unknown.exit_code
-    assert headline_block(assessment).condition in ("emergency", "degraded")
+    assert headline(assessment).condition in ("emergency", "degraded")
 
 
 def test_a_summary_says_once_what_is_so_of_several() -> None:

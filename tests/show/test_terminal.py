@@ -15,7 +15,7 @@ from mavhums.core.about import NOTICE
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment
-from mavhums.show import render
+from mavhums.show.terminal import render
 from mavhums.show.words import sign
 from tests.show.conftest import new_assessment, new_verdict
 

@@ -29,11 +29,11 @@ pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 import rerun as rr
 
 from mavhums.results.events import FlightEvent
-from mavhums.show import Recorder, layout
 from mavhums.show._rows import open_stream
 from mavhums.show._scene import Scene
-from mavhums.show.blueprint import Fault, Lane
+from mavhums.show.blueprint import Fault, Lane, layout
 from mavhums.show.outline import places as placed
+from mavhums.show.recording import Recorder
 from mavhums.show.words import COLOURS
 from tests.show.test_blueprint import names
 from tests.show.test_recording import entities, rows, scalars, static, write

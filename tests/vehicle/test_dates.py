@@ -13,7 +13,7 @@ from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.compare import compared
-from mavhums.show import render
+from mavhums.show.terminal import render
 from tests.fleet_logs import records
 from tests.judge import judged
 from tests.live.conftest import verdicts

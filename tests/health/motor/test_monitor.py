@@ -128,7 +128,7 @@ def test_a_healthy_flight_is_told_what_it_excludes(tmp_path: Path) -> None:
     bound = found[0].coverage.excluded_loss
     assert bound is not None
     assert f"no motor lost {100 * bound:.0f} % or more" in (found[0].reason or "")
-    assert headline(assessment) == f"motors 1 to 4: none lost {100 * bound:.0f} % or more of its thrust"
+    assert headline(assessment).text == f"motors 1 to 4: none lost {100 * bound:.0f} % or more of its thrust"
     findings = [block for block in blocks(assessment) if isinstance(block, Finding)]
     assert len(findings) == 1  # said once for all motors, and in short by the headline
 
