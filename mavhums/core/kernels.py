@@ -135,12 +135,12 @@ def is_built() -> bool:
     """
     if "NUMBA_BOUNDSCHECK" in os.environ:
         return False
+    in_source_tree = (PACKAGE.parent / "pyproject.toml").exists()
     try:
         built, *names = (PACKAGE / SOURCES).read_text(encoding="utf-8").split()
-    except OSError:
+        return not in_source_tree or built == digest(PACKAGE / name for name in names)
+    except OSError:  # nothing was built, or a source is gone since
         return False
-    in_source_tree = (PACKAGE.parent / "pyproject.toml").exists()
-    return not in_source_tree or built == digest(PACKAGE / name for name in names)
 
 
 _BUILT: Final = is_built()

@@ -78,3 +78,11 @@ def test_numba_judges_alike(tmp_path: Path, growing_log: Path) -> None:
             for environment in (dict(os.environ), checked)
         )
         assert compiled == other
+
+
+def test_a_build_whose_sources_are_gone_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "pyproject.toml").touch()
+    (tmp_path / "mavhums").mkdir()
+    (tmp_path / "mavhums" / kernels.SOURCES).write_text("0123 vehicle/gone.py")
+    monkeypatch.setattr(kernels, "PACKAGE", tmp_path / "mavhums")
+    assert not is_built()
