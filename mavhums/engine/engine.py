@@ -34,12 +34,18 @@ from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES
 from mavhums.vehicle.bursts import FAST_FORCE_MESSAGES
 from mavhums.vehicle.clocks import Clocks
-from mavhums.vehicle.dates import date_of_file, date_shift_us
 from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.grid import Received
-from mavhums.vehicle.identity import FLIGHT_MESSAGES, IDENTITY_MESSAGES, Identities, Identity, RecordedFlights
-from mavhums.vehicle.reported import FAULT_MESSAGES
-from mavhums.vehicle.servo_rail import RAIL_MESSAGES, SAGS_SHARE, ServoRails
+from mavhums.vehicle.identity import (
+    FLIGHT_MESSAGES,
+    IDENTITY_MESSAGES,
+    Identities,
+    Identity,
+    RecordedFlights,
+    date_of_file,
+    date_shift_us,
+)
+from mavhums.vehicle.reported import FAULT_MESSAGES, RAIL_MESSAGES, SAGS_SHARE, ServoRails
 from mavhums.vehicle.signals import SIGNAL_MESSAGES
 from mavhums.vehicle.states import (
     MODE_MESSAGES,

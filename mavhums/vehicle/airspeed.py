@@ -15,7 +15,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.log import Table
-from mavhums.vehicle.formats import each, messages_of, reports
+from mavhums.vehicle.formats import by_vehicle, messages_of
 from mavhums.vehicle.grid import RATE_HZ
 
 AIRSPEED_MESSAGES: Final = messages_of("sensed airspeed")
@@ -194,12 +194,13 @@ class Airspeeds:
 
     def feed(self, tables: Mapping[str, Table]) -> None:
         """Take the reports in these messages."""
-        for report in reports(tables, "sensed airspeed"):
+        for vehicle, report in by_vehicle(tables, "sensed airspeed"):
             speed = report.values[:, 0]
-            for vehicle, rows in each(report.table.system, np.isfinite(speed) & (speed >= 0.0)):
+            known = np.isfinite(speed) & (speed >= 0.0)
+            if known.any():
                 before_us, before = self._known.get(vehicle, (report.table.time_us[:0], speed[:0]))
-                time_us = np.concatenate([before_us, report.table.time_us[rows]])
-                self._known[vehicle] = np.maximum.accumulate(time_us), np.concatenate([before, speed[rows]])
+                time_us = np.concatenate([before_us, report.table.time_us[known]])
+                self._known[vehicle] = np.maximum.accumulate(time_us), np.concatenate([before, speed[known]])
 
     def at(self, vehicle: int, utc_us: Integers) -> Array:
         """Return the airspeed at increasing times, m/s, shape (n,); NaN where it is unknown."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Integers
 from mavhums.log import Table
-from mavhums.vehicle.formats import each, messages_of, reports
+from mavhums.vehicle.formats import by_vehicle, messages_of, reports
 
 FAST_FORCE_MESSAGES: Final = messages_of("burst", "burst samples", "fast force")
 """Messages of any format that carry the specific force faster than the streams do."""
@@ -56,18 +56,17 @@ class Bursts:
 
     def feed(self, tables: Mapping[str, Table]) -> Iterator[FastForce]:
         """Yield the specific force in these messages that no stream carries."""
-        for report in reports(tables, "fast force"):
+        for vehicle, report in by_vehicle(tables, "fast force"):
             delay_us, force = np.split(report.values, [1], axis=1)
             known = np.isfinite(force).all(axis=1) & (np.abs(delay_us[:, 0]) < _MOST_DELAY_US)
-            time_us = report.table.time_us + np.where(known, delay_us[:, 0], 0.0).astype(np.int64)
-            for vehicle, rows in each(report.table.system, known):
-                yield FastForce(vehicle, report.table.name, time_us[rows], force[rows])
+            if known.any():
+                time_us = report.table.time_us[known] + delay_us[known, 0].astype(np.int64)
+                yield FastForce(vehicle, report.table.name, time_us, force[known])
         for report in reports(tables, "burst"):
             self._open(report.table, report.values)
-        for report in reports(tables, "burst samples"):
-            for vehicle, rows in each(report.table.system):
-                for time_us, force in self._join(vehicle, report.table.frame[rows], report.values[rows]):
-                    yield FastForce(vehicle, report.table.name, time_us, force)
+        for vehicle, report in by_vehicle(tables, "burst samples"):
+            for time_us, force in self._join(vehicle, report.table.frame, report.values):
+                yield FastForce(vehicle, report.table.name, time_us, force)
         for vehicle, headers in self._headers.items():
             self._headers[vehicle] = headers[-_OPEN:]
 

@@ -19,7 +19,7 @@ from mavhums.log import Table
 from mavhums.results.events import EventKind, FlightEvent
 from mavhums.results.reasons import Reason
 from mavhums.vehicle.facts import ARDUPILOT, ON_GROUND
-from mavhums.vehicle.formats import each, reports
+from mavhums.vehicle.formats import by_vehicle
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.phases import CONTACT, LANDING, TAKE_OFF, PhaseRows, Phases
 from mavhums.vehicle.reported import FAULT_FACTS, Reported
@@ -250,13 +250,11 @@ class FlightEvents:
         tuple
             Of a fault that is reported for the first time: vehicle, flight time, s, and words.
         """
-        for report in reports(tables, *FAULT_FACTS):
-            for vehicle, rows in each(report.table.system):
-                if admits(vehicle):
-                    own = report if isinstance(rows, slice) else report.select(rows)
-                    time_s = (own.table.time_us - start_us) / 1e6
-                    for at_s, words in self.of(vehicle).reported.hear(own, time_s):
-                        yield vehicle, at_s, words
+        for vehicle, report in by_vehicle(tables, *FAULT_FACTS):
+            if admits(vehicle):
+                time_s = (report.table.time_us - start_us) / 1e6
+                for at_s, words in self.of(vehicle).reported.hear(report, time_s):
+                    yield vehicle, at_s, words
 
     def finish(self) -> None:
         """End the input."""

@@ -5,20 +5,26 @@ a report of its own or in a text that ArduPilot sends and logs, as the same hexa
 ArduPilot, 18 for PX4. If there is no id, the operator's serial number replaces it. ArduPilot's simulator
 (SITL) sends the id of its machine, with the number of the simulated vehicle in the first byte. The boot time
 is the difference between the log's dates and the vehicle's own clock.
+
+A flight is dated by the first source whose date can be: the times of the log (of reception, or of the
+satellites on board), with the step of a receiver's clock that was set while it recorded; then the vehicle's
+own clocks; then the log's file, which is said. A log that no file holds and no clock dates has no date.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.vehicle.dates import BootTimes
+from mavhums.log.base.times import is_date
 from mavhums.vehicle.facts import ARDUPILOT, NO_AUTOPILOT, RANGES
 from mavhums.vehicle.formats import messages_of, reports
 from mavhums.vehicle.formats.base import Report
@@ -93,6 +99,8 @@ _SIMULATED: Final = re.compile(r"(.?)([0-9a-f]{31})", re.DOTALL)
 _SERIAL: Final = b"BRD_SERIAL_NUM"
 _BOOT_COUNT: Final = b"STAT_BOOTCNT"
 _RELEASES: Final = {192: "-rc", 128: "-beta", 64: "-alpha", 0: "-dev"}
+_NAMED: Final = re.compile(r"(20\d\d)[-_.]?(\d\d)[-_.]?(\d\d)[-_.T ]+(\d\d)[-_.:]?(\d\d)[-_.:]?(\d\d)(?!\d)")
+"""A date with its time of day, as loggers and ground stations name their files."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,6 +252,13 @@ def _distinct(rows: NDArray[Any]) -> list[tuple[int, int, int]]:
     return [(int(a), int(b), int(c)) for a, b, c in rows[np.sort(first)].tolist()]
 
 
+class BootTimes(NamedTuple):
+    """A vehicle's boot by its own date, and by the log's times less its uptime, µs; None where not known."""
+
+    dated_us: int | None
+    logged_us: int | None
+
+
 class FlightIds(NamedTuple):
     """A board's unique id, and its boot in microseconds; None if the log does not contain it.
 
@@ -322,3 +337,56 @@ def _board_in(text: str) -> str | None:
 def _keep_first(known: dict[int, int], report: Report, boots: NDArray[Any]) -> None:
     for vehicle, row in zip(*np.unique(report.table.system, return_index=True), strict=True):
         known.setdefault(int(vehicle), int(boots[row]))
+
+
+def date_shift_us(first_us: int, ahead_us: int | None, boots: Iterable[BootTimes]) -> int | None:
+    """Return what must be added to a log's times for UTC, microseconds; None if nothing dates it.
+
+    Parameters
+    ----------
+    first_us
+        The log's first time.
+    ahead_us
+        By how much the clock of the log's times was set later; None if they count from boot.
+    boots
+        Of its vehicles.
+
+    Examples
+    --------
+    >>> date_shift_us(1_700_000_000_000_000, 0, ()), date_shift_us(5, 0, ()), date_shift_us(5, None, ())
+    (0, None, None)
+    >>> date_shift_us(5_000_000, 0, [BootTimes(1_700_000_000_000_000, 2_000_000)])
+    1699999998000000
+    """
+    if ahead_us is not None and is_date(first_us + ahead_us):
+        return ahead_us
+    shifts = (
+        dated - logged for dated, logged in boots if dated is not None and logged is not None
+    )  # the two clocks name one moment
+    return next((shift for shift in shifts if is_date(first_us + shift)), None)
+
+
+def date_of_file(path: str, duration_s: float) -> tuple[datetime, str] | None:
+    """Return when the log in a file began, by its name or else by its time, and that this is so.
+
+    None if there is no such file, and no date in its name.
+
+    Examples
+    --------
+    >>> began, said = date_of_file("2022-05-24_15-52-12.tlog", 60.0)
+    >>> began.isoformat(), said.partition(":")[0]
+    ('2022-05-24T15:52:12+00:00', 'dated by the name of its file')
+    """
+    said = "dated by the {} of its file: the log has no date"
+    if match := _NAMED.search(Path(path).name):
+        try:
+            return datetime(*map(int, match.groups()), tzinfo=UTC), said.format("name")  # type: ignore[misc,arg-type]
+        except ValueError:  # no such day
+            pass
+    try:
+        ended_s = Path(path).stat().st_mtime
+    except (OSError, ValueError):
+        return None
+    if not is_date((ended_s - duration_s) * 1e6):
+        return None
+    return datetime.fromtimestamp(ended_s - duration_s, UTC), f"{said.format('time')}; copying may change it"

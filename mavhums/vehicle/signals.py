@@ -20,7 +20,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Integers
 from mavhums.log import Table
 from mavhums.vehicle.facts import SIGNALS, STEPPED, Signal
-from mavhums.vehicle.formats import each, messages_of, reports
+from mavhums.vehicle.formats import by_vehicle, messages_of, reports
 from mavhums.vehicle.formats.base import Report, Source, wide
 from mavhums.vehicle.states import kind_named, texts
 
@@ -55,31 +55,26 @@ class SignalReader:
     def read(self, tables: Mapping[str, Table]) -> Iterator[Signal]:
         """Yield the signals of these tables."""
         yield from self._joined_states(tables)
-        parts = [
-            (report, vehicle, report.table if isinstance(rows, slice) else report.table.select(rows))
-            for report in reports(tables, *SIGNALS)
-            for vehicle, rows in each(report.table.system)
-        ]
+        parts = [*by_vehicle(tables, *SIGNALS)]
         self._choose(parts)
-        for report, vehicle, table in parts:
+        for vehicle, report in parts:
             first, component = self._chosen[vehicle, report.source.fact]
-            source, rank = report.source, report.rank
+            source = report.source
             if source is not first and source.fact in STEPPED:
                 continue
-            own = table if source.all_components else table.select(table.component == component)
-            if len(own):
-                values, stamped = report._replace(table=own).values, report.format.is_stamped(own)
-                times = own.frame, own.time_us
-                yield Signal(vehicle, source.fact, source.message, *times, values, stamped, rank)
+            own = report if source.all_components else report.select(report.table.component == component)
+            if len(own.table):
+                times, stamped = (own.table.frame, own.table.time_us), own.format.is_stamped(own.table)
+                yield Signal(vehicle, source.fact, source.message, *times, own.values, stamped, own.rank)
 
-    def _choose(self, parts: list[tuple[Report, int, Table]]) -> None:
+    def _choose(self, parts: list[tuple[int, Report]]) -> None:
         """Choose for each signal the message and its sender that came first, whatever block they came in."""
         firsts: dict[tuple[int, str], int] = {}
-        for report, vehicle, table in parts:
-            key, first = (vehicle, report.source.fact), int(table.frame[0])
+        for vehicle, report in parts:
+            key, first = (vehicle, report.source.fact), int(report.table.frame[0])
             if first < firsts.get(key, 1 << 62) and (key in firsts or key not in self._chosen):
                 firsts[key] = first
-                self._chosen[key] = report.source, int(table.component[0])
+                self._chosen[key] = report.source, int(report.table.component[0])
 
     def _joined_states(self, tables: Mapping[str, Table]) -> Iterator[Signal]:
         """Yield the states of a format that records kind, arming and mode apart, whenever arming comes."""
@@ -88,11 +83,7 @@ class SignalReader:
             if kind is not None:
                 self._kinds.setdefault(said.vehicle, (said.frame, float(kind)))
         modes = [*reports(tables, "mode")]
-        armed = [
-            (vehicle, report if isinstance(rows, slice) else report.select(rows))
-            for report in reports(tables, "armed")
-            for vehicle, rows in each(report.table.system)
-        ]
+        armed = [*by_vehicle(tables, "armed")]
         for vehicle, part in armed:
             self._follows.setdefault(vehicle, int(part.table.frame[0]))
         yield from self._between_armings(tables, modes)
@@ -105,22 +96,20 @@ class SignalReader:
     def _between_armings(self, tables: Mapping[str, Table], modes: list[Report]) -> Iterator[Signal]:
         """Yield the states of vehicles that record only when they arm, whenever outputs come."""
         changes = [*reports(tables, "arming")]
-        for report in reports(tables, "outputs") if changes or self._arming else ():
-            for vehicle, rows in each(report.table.system):
-                part = report if isinstance(rows, slice) else report.select(rows)
-                own = [one.select(one.table.system == vehicle) for one in changes]
-                frames = np.concatenate([[-1], *(one.table.frame for one in own)])
-                before = self._arming.get(vehicle, (np.nan, np.nan))
-                order = np.argsort(frames, kind="stable")
-                values = np.concatenate([[before], *(one.values for one in own)])[order]
-                held = values[np.searchsorted(frames[order], part.table.frame) - 1]
-                known = (part.table.frame < self._follows.get(vehicle, 1 << 62)) & np.isfinite(held[:, 0])
-                if known.any():
-                    # A first change that disarms says that the log began armed, and not since when.
-                    if vehicle not in self._began and held[known.argmax(), 1] == 0:
-                        held[known.argmax(), 1] = np.nan
-                    self._began.add(vehicle)
-                    yield self._state(vehicle, part.select(known), held[known], modes)
+        for vehicle, part in by_vehicle(tables, "outputs") if changes or self._arming else ():
+            own = [one.select(one.table.system == vehicle) for one in changes]
+            frames = np.concatenate([[-1], *(one.table.frame for one in own)])
+            before = self._arming.get(vehicle, (np.nan, np.nan))
+            order = np.argsort(frames, kind="stable")
+            values = np.concatenate([[before], *(one.values for one in own)])[order]
+            held = values[np.searchsorted(frames[order], part.table.frame) - 1]
+            known = (part.table.frame < self._follows.get(vehicle, 1 << 62)) & np.isfinite(held[:, 0])
+            if known.any():
+                # A first change that disarms says that the log began armed, and not since when.
+                if vehicle not in self._began and held[known.argmax(), 1] == 0:
+                    held[known.argmax(), 1] = np.nan
+                self._began.add(vehicle)
+                yield self._state(vehicle, part.select(known), held[known], modes)
         for report in sorted(changes, key=lambda one: int(one.table.frame[-1])):
             last = zip(report.table.system.tolist(), report.values.tolist(), strict=True)
             self._arming |= {vehicle: tuple(value) for vehicle, value in last}

@@ -14,7 +14,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Integers
 from mavhums.log import Table
-from mavhums.vehicle.formats import each, messages_of, reports
+from mavhums.vehicle.formats import by_vehicle, messages_of, reports
 from mavhums.vehicle.formats.base import FormatModule
 
 TEXT_MESSAGES: Final = messages_of("text")
@@ -113,12 +113,11 @@ def kind_named(text: str) -> int | None:
 
 def _changes(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, FormatModule, tuple[int, ...]]]:
     """Yield vehicle, microseconds of UTC, format and values of the first mode and of each other one."""
-    for report in reports(tables, "mode"):
-        for vehicle, rows in each(report.table.system):
-            values, time_us = report.values[rows], report.table.time_us[rows]
-            changed = np.append(True, (np.diff(values, axis=0) != 0).any(axis=1))
-            for row in np.flatnonzero(changed).tolist():
-                yield vehicle, int(time_us[row]), report.format, tuple(values[row].tolist())
+    for vehicle, report in by_vehicle(tables, "mode"):
+        values, time_us = report.values, report.table.time_us
+        changed = np.append(True, (np.diff(values, axis=0) != 0).any(axis=1))
+        for row in np.flatnonzero(changed).tolist():
+            yield vehicle, int(time_us[row]), report.format, tuple(values[row].tolist())
 
 
 class VehicleStates:
@@ -178,15 +177,13 @@ class VehicleStates:
 
         A viewer draws a line through them: two components, or a time that runs back, would make it jump.
         """
-        for report in reports(tables, fact):
-            time_us = report.table.time_us
-            for vehicle, whole in each(report.table.system):
-                key = (report.source.message, vehicle)
-                rows = np.arange(len(time_us))[whole]
-                component = self._components.setdefault(key, int(report.table.component[rows[0]]))
-                rows = rows[report.table.component[rows] == component]
-                before = np.maximum.accumulate(np.append(self._latest_us.get(key, -(1 << 62)), time_us[rows]))
-                self._latest_us[key] = int(before[-1])
-                rows = rows[time_us[rows] > before[:-1]]
-                if rows.size:
-                    yield vehicle, time_us[rows], report.select(rows).values
+        for vehicle, report in by_vehicle(tables, fact):
+            key = (report.source.message, vehicle)
+            component = self._components.setdefault(key, int(report.table.component[0]))
+            own = report.select(report.table.component == component)
+            time_us = own.table.time_us
+            before = np.maximum.accumulate(np.append(self._latest_us.get(key, -(1 << 62)), time_us))
+            self._latest_us[key] = int(before[-1])
+            later = own.select(time_us > before[:-1])
+            if len(later.table):
+                yield vehicle, later.table.time_us, later.values

@@ -13,7 +13,7 @@ from mavhums.core.kernels import kernel
 from mavhums.log import Table
 from mavhums.log.base.tables import text_of
 from mavhums.vehicle.facts import OUTPUTS, Signal
-from mavhums.vehicle.formats import each, esc_temperatures, messages_of, reports
+from mavhums.vehicle.formats import by_vehicle, esc_temperatures, messages_of
 
 BAND_US: Final = 8
 """Movement that counts: 1 % of the usual travel of 800 µs, above the dead band of a usual servo."""
@@ -251,11 +251,9 @@ class NamedValues:
 
     def feed(self, tables: Mapping[str, Table]) -> None:
         """Take the named values in these messages."""
-        for report in reports(tables, "named value"):
-            values = report.values
-            for system, rows in each(report.table.system):
-                names, counts = np.unique(values[rows], return_counts=True)
-                for name, count in zip(names.tolist(), counts.tolist(), strict=True):
-                    key = (system, report.source.message, text_of(name))
-                    if key in self.counts or len(self.counts) < _MOST_NAMES:
-                        self.counts[key] += int(count)
+        for vehicle, report in by_vehicle(tables, "named value"):
+            names, counts = np.unique(report.values, return_counts=True)
+            for name, count in zip(names.tolist(), counts.tolist(), strict=True):
+                key = (vehicle, report.source.message, text_of(name))
+                if key in self.counts or len(self.counts) < _MOST_NAMES:
+                    self.counts[key] += count

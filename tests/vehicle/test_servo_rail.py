@@ -8,7 +8,7 @@ import pytest
 from mavhums.health.verdict import with_advice, with_supply
 from mavhums.log import Table
 from mavhums.results.verdict import Candidate, Evidence, Verdict
-from mavhums.vehicle.servo_rail import Sag, ServoRails
+from mavhums.vehicle.reported import Sag, ServoRails
 
 TIME_US = np.arange(600, dtype=np.int64) * 100_000
 VOLTS = 5.1 + 0.1 * np.sin(TIME_US)

@@ -13,7 +13,7 @@ from mavhums.health.motor.heating import HEATING
 from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.results.reasons import Reason, said
 from mavhums.results.verdict import Candidate, Verdict
-from mavhums.vehicle.servo_rail import Sag
+from mavhums.vehicle.reported import Sag
 from mavhums.vehicle.surfaces import STEERING
 
 _BY_CONDITION: Final[dict[Condition, str]] = {

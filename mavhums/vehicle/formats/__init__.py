@@ -36,6 +36,7 @@ __all__ = [
     "FormatModule",
     "Report",
     "Rows",
+    "by_vehicle",
     "each",
     "esc_speeds",
     "esc_temperatures",
@@ -108,6 +109,13 @@ def reports(tables: Mapping[str, Table], *facts: str) -> Iterator[Report]:
             yield report
 
 
+def by_vehicle(tables: Mapping[str, Table], *facts: str) -> Iterator[tuple[int, Report]]:
+    """Yield each vehicle's rows of these tables that carry any of these facts."""
+    for report in reports(tables, *facts):
+        for vehicle, rows in each(report.table.system):
+            yield vehicle, report if isinstance(rows, slice) else report.select(rows)
+
+
 def servo_readings(
     source: ServoSource, tables: Mapping[str, Table], servos: Sequence[ServoIds]
 ) -> Iterator[ServoReading]:
@@ -135,12 +143,11 @@ def esc_speeds(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, NDArray[
 
 def esc_temperatures(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, NDArray[np.int64], Array]]:
     """Yield what ESCs report of their temperature: vehicle, ESC from 0, µs of UTC (n,), °C (n,)."""
-    for report in reports(tables, "ESC temperature"):
-        table, values, first = report.table, report.values, report.first
-        for vehicle, of_vehicle in each(table.system):
-            for number, rows in each(first[of_vehicle]):
-                for k, column in enumerate(values[of_vehicle][rows].T):
-                    yield vehicle, number + k, table.time_us[of_vehicle][rows], column
+    for vehicle, report in by_vehicle(tables, "ESC temperature"):
+        values = report.values
+        for number, rows in each(report.first):
+            for k, column in enumerate(values[rows].T):
+                yield vehicle, number + k, report.table.time_us[rows], column
 
 
 def remedy(
