@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import track
 
 from mavhums import MavhumsError, fleet
-from mavhums.flights.queries import WorstActuator
+from mavhums.results.store import LastFlightOf
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 
@@ -23,7 +23,7 @@ FLIGHTS = 11
 HEALTHY_NM, DRIFTED_NM, FAILED_NM = 0.225, 0.30, 1.1
 
 
-def main(folder: str, aircraft: int = 3) -> list[WorstActuator]:
+def main(folder: str, aircraft: int = 3) -> list[LastFlightOf]:
     """Fly, scan and print the actuators of all aircraft, the worst first."""
     logs = Path(folder, "logs")
     for number in track(range(aircraft), "flying", console=Console(stderr=True), transient=True):

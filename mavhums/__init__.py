@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mavhums.flights.aircraft import UnnamedAircraftError
     from mavhums.flights.aircraft_table import AircraftTableError
     from mavhums.flights.history import UndatedError
-    from mavhums.flights.queries import trend
+    from mavhums.flights.reports import trend
     from mavhums.learn.model import ModelError, load_model, models
     from mavhums.learn.precedents import PrecedentError
     from mavhums.live.links import AddressError
@@ -98,6 +98,6 @@ __getattr__, __dir__ = lazy_exports(
         "models": "learn.model",
         "read_log": "log",
         "record": "app.analysis",
-        "trend": "flights.queries",
+        "trend": "flights.reports",
     },
 )

@@ -100,12 +100,12 @@ class LogAssistant:
 
     def trend(self, aircraft: str | None = None) -> dict[str, Any]:
         """Return the trends of an aircraft's actuators over its kept flights."""
-        from mavhums.flights import queries
+        from mavhums.flights import reports
 
         store = self._settings.store
         if store is None:
             raise MavhumsError("no flights are kept yet", "keep a first one: mavhums analyse LOG --keep")
-        return _object(queries.trend(store.address, aircraft).to_json())
+        return _object(reports.trend(store.address, aircraft).to_json())
 
     def _found(self, log: str) -> Path:
         """Return the file of a log within the folders."""

@@ -16,7 +16,7 @@ from mavhums.cli.output import say, say_json
 if TYPE_CHECKING:
     from mavhums.fleet import Repair
     from mavhums.flights.corrections import Correction
-    from mavhums.flights.queries import WorstActuator
+    from mavhums.results.store import LastFlightOf
 
 _SHOWN = 20
 _LOGS = click.argument("logs", nargs=-1, required=True, metavar="LOG...")
@@ -43,18 +43,21 @@ def status(store: str, as_json: bool) -> None:
 
     found = status_of(store)
     if as_json:
-        say_json(found.published().model_dump_json())
+        say_json(found.model_dump_json())
         return
     named = ": scan them again with --aircraft RULE to name it" if found.unknown else ""
     say(f"{found.judged} logs of {found.aircraft} aircraft, and {found.unknown} of an unknown one{named}")
-    grows = [(f"{name} {one.actuator}", one.growth) for name, one in found.growing if one.growth]
-    _print_first([f"{what}: {growth_words(growth)}" for what, growth in grows], "actuators that grow")
+    grows = [
+        f"{one.aircraft} {one.standing.actuator}: {growth_words(one.standing.growth)}"
+        for one in found.growing
+        if one.standing.growth
+    ]
+    _print_first(grows, "actuators that grow")
     for line in odd_lines(found, store):
         say(line)
-    _print_first(
-        [f"{problem}: {remedy}" for problem, remedy in found.failures], "logs that could not be judged"
-    )
-    left_out = [f"{log}: is of the same flight as {counted}, which counts" for log, counted in found.copies]
+    failed = [f"{one.problem}: {one.remedy}" for one in found.failures]
+    _print_first(failed, "logs that could not be judged")
+    left_out = [f"{one.log}: is of the same flight as {one.counted}, which counts" for one in found.copies]
     _print_first(left_out, "logs that do not count")
 
 
@@ -90,7 +93,7 @@ def worst(store: str, most: int, as_json: bool) -> None:
 
     rows = worst_of(store, most=most)
     if as_json:
-        say_json(f"[{', '.join(row.published().to_json() for row in rows)}]")
+        say_json(f"[{', '.join(row.to_json() for row in rows)}]")
     else:
         for row in rows:
             say(_words(row))
@@ -156,25 +159,25 @@ def export(store: str, output: Path) -> None:
     say(f"{output}: {len(export_to(store, output))} verdicts")
 
 
-def _words(row: WorstActuator) -> str:
+def _words(row: LastFlightOf) -> str:
     from mavhums.show.standing import found_in, sentence
     from mavhums.show.words import condition_word
 
     verdict, standing = row.verdict, row.standing
-    name = f"{row.aircraft or f'unknown ({row.path})'} {verdict.actuator}"
+    name = f"{row.aircraft or f'unknown ({row.log})'} {verdict.actuator}"
     if standing is not None and standing.is_finding:
-        return f"{name}: {sentence(standing)}{_last(row.start_us)}"
+        return f"{name}: {sentence(standing)}{_last(row.start_utc)}"
     found = ": ".join(filter(None, (condition_word(verdict.gravest), found_in(verdict, None))))
-    return f"{name}: {found}{_last(row.start_us)}"
+    return f"{name}: {found}{_last(row.start_utc)}"
 
 
-def _last(start_us: int | None) -> str:
+def _last(start_utc: str | None) -> str:
     """Return the date of the last flight, and how long ago it was if that is long."""
-    if start_us is None:
+    if start_utc is None:
         return ""
     from mavhums.flights.reports import SILENT_DAYS
 
-    at = datetime.fromtimestamp(start_us / 1e6, tz=UTC)
+    at = datetime.fromisoformat(start_utc)
     days = (datetime.now(UTC) - at).days
     return f"; last flight {at:%Y-%m-%d}" + (f", {days} days ago" if days > SILENT_DAYS else "")
 

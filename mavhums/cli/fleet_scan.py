@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from mavhums.app.settings import Options
     from mavhums.fleet.notify import Recipient
     from mavhums.fleet.scan import ScannedFlight
-    from mavhums.flights.queries import OperatorTasks, Status
-    from mavhums.results.store import FleetDigest
+    from mavhums.flights.queries import OperatorTasks
+    from mavhums.results.store import FleetDigest, StoreStatus
 
 _UNITS: Final = {"h": "hours", "d": "days", "w": "weeks"}
 _NOTIFY = click.option(
@@ -103,7 +103,7 @@ class _Progress:
         say(f"{done} of {total} logs, {rate:.1f} a second, {(total - done) / rate:.0f} s left", err=True)
 
 
-def odd_lines(found: OperatorTasks | Status, store: str) -> Iterator[str]:
+def odd_lines(found: OperatorTasks | StoreStatus, store: str) -> Iterator[str]:
     """Yield what an operator should correct, and what was corrected."""
     for one in found.foreign_boards:
         whose, log = one.elsewhere or "AIRCRAFT", one.logs[0] if len(one.logs) == 1 else "LOG..."

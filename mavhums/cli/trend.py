@@ -57,11 +57,11 @@ def trend(
       0 none of these
     """
     from mavhums.core.output import writer_for, written_whole
-    from mavhums.flights import queries
+    from mavhums.flights import reports
 
     writer = writer_for(output) if output is not None else None
     wanted = () if "all" in faults else faults
-    report = queries.trend(store, aircraft, actuators=actuators, faults=wanted)
+    report = reports.trend(store, aircraft, actuators=actuators, faults=wanted)
     if output is not None and writer is not None:
         with written_whole(output) as temporary, writer(temporary) as table:
             table.write(report.to_frame())

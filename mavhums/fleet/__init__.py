@@ -2,8 +2,8 @@
 
 from mavhums.fleet.scan import ScanOptions, scan
 from mavhums.flights.corrections import change_repairs, journal, move, remove, rename, repairs_in, undo
-from mavhums.flights.queries import status, trend, verdicts, worst
-from mavhums.flights.reports import digest, export
+from mavhums.flights.queries import status, verdicts, worst
+from mavhums.flights.reports import digest, export, trend
 from mavhums.flights.store.dates import Repair
 
 __all__ = [

@@ -12,7 +12,7 @@ import os
 import socket
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from datetime import datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -22,7 +22,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.store import Store
 from mavhums.flights.store.dates import Repair, Repairs, check_flown, enter_repairs, repairs_of, there_are
-from mavhums.flights.store.earlier import EPOCH
+from mavhums.flights.store.earlier import time_of
 from mavhums.flights.store.logs import FLOWN, aircraft_id, give_flights, in_parts, make_due, now_us
 from mavhums.flights.store.tables import AIRCRAFT, ALIAS, BOARD, FLIGHT, JOURNAL, LOG, REPAIR
 from mavhums.flights.store.verdicts import make_verdicts
@@ -366,7 +366,7 @@ def _entered(
 
 def _correction(row: Any) -> Correction:
     logs = tuple(CorrectedLog(*log) for log in json.loads(row.logs))
-    at = EPOCH + timedelta(microseconds=row.at_us)
+    at = time_of(row.at_us)
     return Correction(row.id, row.kind, logs, row.before, row.after, row.who, row.note, at, row.undone)
 
 

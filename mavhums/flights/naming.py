@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Any, Final
 
 from sqlalchemy import Connection, delete, func, insert, select
@@ -24,7 +24,7 @@ from mavhums.flights.aircraft import (
 from mavhums.flights.aircraft_table import AircraftTable
 from mavhums.flights.store import LogFile, Row
 from mavhums.flights.store.dates import install, installed
-from mavhums.flights.store.earlier import EPOCH
+from mavhums.flights.store.earlier import time_of
 from mavhums.flights.store.logs import FLOWN, aircraft_id, former_names, give_flights, in_parts
 from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, LOG, SETTING
 from mavhums.results.assessment import Assessment
@@ -87,7 +87,7 @@ def remember(connection: Connection, given: AircraftResolver, files: Iterable[Lo
         rows += connection.execute(asked.where(FLIGHT.c.board.is_not(None))).all()
     moved: dict[str, list[int]] = defaultdict(list)
     for flight, path, board, start_us, _, known in rows:
-        start = None if start_us is None else (EPOCH + timedelta(microseconds=start_us)).isoformat()
+        start = None if start_us is None else time_of(start_us).isoformat()
         by_board = f"{BOARD_NAME}{board}" if board and given.rule == BOARD else known
         name = resolver.name(path, board, start) or resolver.renamed.get(by_board, by_board)
         if name != known:
@@ -244,4 +244,4 @@ def foreign_board_among(
 def _is_installed(table: AircraftTable, aircraft: str, board: str, start_us: int | None) -> bool:
     if start_us is None:
         return False
-    return table.aircraft_of(board, EPOCH + timedelta(microseconds=start_us)) == aircraft
+    return table.aircraft_of(board, time_of(start_us)) == aircraft

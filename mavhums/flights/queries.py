@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Sequence
-from datetime import UTC, datetime
 from typing import NamedTuple
 
 from sqlalchemy import Connection, and_, func, select
 
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.compare import unpacked
-from mavhums.flights.history import PastFlight
 from mavhums.flights.naming import foreign_boards
 from mavhums.flights.store import Store
-from mavhums.flights.store.dates import installed, repairs_of, since_of, there_are
-from mavhums.flights.store.earlier import OF_VERDICT, StoredFlights, past_flights, verdict_of
-from mavhums.flights.store.logs import FLOWN, aircraft_id, in_parts
+from mavhums.flights.store.dates import since_of
+from mavhums.flights.store.earlier import OF_VERDICT, StoredFlights, time_of, verdict_of
+from mavhums.flights.store.logs import aircraft_id, in_parts
 from mavhums.flights.store.tables import (
     AIRCRAFT,
     FLIGHT,
@@ -30,9 +26,9 @@ from mavhums.flights.store.tables import (
     STANDING,
     VERDICT,
 )
-from mavhums.flights.store.verdicts import STANDINGS, trend_of
+from mavhums.flights.store.verdicts import STANDINGS
 from mavhums.results.assessment import Assessment, exit_code_of
-from mavhums.results.standing import RepairDate, Standing, TrendReport
+from mavhums.results.standing import Standing
 from mavhums.results.store import (
     FailedLog,
     ForeignBoard,
@@ -46,80 +42,14 @@ from mavhums.results.verdict import Verdict
 Place = str | os.PathLike[str]
 
 
-class Status(NamedTuple):
-    """The contents of a store.
-
-    Attributes
-    ----------
-    judged, aircraft, unknown
-        Number of judged logs, of known aircraft, and of logs without one.
-    failures
-        Problem and remedy of each log that could not be judged.
-    copies
-        Each log whose flight another log records better, and that log, which counts.
-    foreign_boards
-        Boards that do not belong to the aircraft in whose flights they are.
-    growing
-        Actuators that grow, with their aircraft, the most urgent first.
-    removed
-        Number of logs that were removed.
-    """
-
-    judged: int
-    aircraft: int
-    unknown: int
-    failures: tuple[tuple[str, str], ...]
-    copies: tuple[tuple[str, str], ...] = ()
-    foreign_boards: tuple[ForeignBoard, ...] = ()
-    growing: tuple[tuple[str, Standing], ...] = ()
-    removed: int = 0
-
-    def published(self) -> StoreStatus:
-        """Return it as the object that is written as JSON."""
-        return StoreStatus(
-            judged=self.judged,
-            aircraft=self.aircraft,
-            unknown=self.unknown,
-            failures=tuple(FailedLog(problem=problem, remedy=remedy) for problem, remedy in self.failures),
-            copies=tuple(StoreCopy(log=log, counted=counted) for log, counted in self.copies),
-            foreign_boards=self.foreign_boards,
-            growing=tuple(StoreGrowth(aircraft=name, standing=one) for name, one in self.growing),
-            removed=self.removed,
-        )
-
-
 class OperatorTasks(NamedTuple):
-    """What an operator should look into: ``foreign_boards`` and ``removed`` of :class:`Status`."""
+    """What an operator should look into: ``foreign_boards`` and ``removed`` of a store's status."""
 
     foreign_boards: tuple[ForeignBoard, ...]
     removed: int
 
 
-class WorstActuator(NamedTuple):
-    """An actuator in its aircraft's last flight. ``aircraft`` is empty if it is unknown.
-
-    ``standing`` is how it stands over its flights; None of an unknown aircraft.
-    """
-
-    aircraft: str
-    path: str
-    start_us: int | None
-    verdict: Verdict
-    standing: Standing | None = None
-
-    def published(self) -> LastFlightOf:
-        """Return it as the object that is written as JSON."""
-        start = None if self.start_us is None else datetime.fromtimestamp(self.start_us / 1e6, tz=UTC)
-        return LastFlightOf(
-            aircraft=self.aircraft or None,
-            log=self.path,
-            start_utc=start.isoformat() if start else None,
-            verdict=self.verdict,
-            standing=self.standing,
-        )
-
-
-def status(store: Place) -> Status:
+def status(store: Place) -> StoreStatus:
     """Return the contents of a store.
 
     Raises
@@ -132,10 +62,10 @@ def status(store: Place) -> Status:
         flown = select(AIRCRAFT.c.name, func.count()).join(FLIGHT).group_by(AIRCRAFT.c.name)
         counts: dict[str, int] = dict(connection.execute(flown).all())
         failed = select(LOG.c.problem, LOG.c.remedy).where(LOG.c.problem.is_not(None), ~LOG.c.removed)
-        failures = [(problem, remedy) for problem, remedy in connection.execute(failed.order_by(LOG.c.path))]
+        failures = connection.execute(failed.order_by(LOG.c.path)).mappings().all()
         best = FLIGHT.alias()
         copies = (
-            select(FLIGHT.c.path, best.c.path)
+            select(FLIGHT.c.path.label("log"), best.c.path.label("counted"))
             .join(RECORDING, RECORDING.c.flight_id == FLIGHT.c.id)
             .join(best, best.c.id == RECORDING.c.counted_id)
             .where(RECORDING.c.counted_id.is_not(None))
@@ -146,15 +76,16 @@ def status(store: Place) -> Status:
         grows = [
             (name, one) for name, several in standings(connection).items() for one in several if one.growth
         ]
-        return Status(
-            sum(counts.values()),
-            len(counts.keys() - {UNKNOWN}),
-            counts.get(UNKNOWN, 0),
-            tuple(failures),
-            tuple((log, counted) for log, counted in connection.execute(copies)),
-            odd.foreign_boards,
-            tuple(sorted(grows, key=lambda one: one[1].rank)),
-            odd.removed,
+        grows.sort(key=lambda one: one[1].rank)
+        return StoreStatus(
+            judged=sum(counts.values()),
+            aircraft=len(counts.keys() - {UNKNOWN}),
+            unknown=counts.get(UNKNOWN, 0),
+            failures=tuple(FailedLog(**row) for row in failures),
+            copies=tuple(StoreCopy(**row) for row in connection.execute(copies).mappings()),
+            foreign_boards=odd.foreign_boards,
+            growing=tuple(StoreGrowth(aircraft=name, standing=one) for name, one in grows),
+            removed=odd.removed,
         )
 
 
@@ -181,7 +112,7 @@ class _Last(NamedTuple):
     standing: Standing | None
 
 
-def worst(store: Place, *, most: int | None = None) -> list[WorstActuator]:
+def worst(store: Place, *, most: int | None = None) -> list[LastFlightOf]:
     """Return every actuator as of its aircraft's last flight, the worst first.
 
     Parameters
@@ -208,7 +139,13 @@ def worst(store: Place, *, most: int | None = None) -> list[WorstActuator]:
             )
         }
     return [
-        WorstActuator(one.aircraft, one.path, one.start_us, verdicts[one.flight, one.place], one.standing)
+        LastFlightOf(
+            aircraft=one.aircraft or None,
+            log=one.path,
+            start_utc=None if one.start_us is None else time_of(one.start_us).isoformat(),
+            verdict=verdicts[one.flight, one.place],
+            standing=one.standing,
+        )
         for one in chosen
     ]
 
@@ -318,76 +255,6 @@ def verdicts(store: Place, aircraft: str) -> list[tuple[str, Verdict]]:
         whose = aircraft_id(connection, aircraft, creates=False)
         own = and_(VERDICT.c.aircraft_id == whose, VERDICT.c.counts)
         return [(path, verdict_of(text, own)) for path, text, own in connection.execute(asked.where(own))]
-
-
-def trend(
-    store: Place,
-    aircraft: str | None = None,
-    *,
-    actuators: Collection[str] = (),
-    faults: Collection[str] = (),
-) -> TrendReport:
-    """Return the trends of an aircraft's actuators.
-
-    Parameters
-    ----------
-    store
-        The store.
-    aircraft
-        Its name; None for the only one that there is.
-    actuators, faults
-        Names to include; all if empty.
-
-    Raises
-    ------
-    MavhumsError
-        If the store does not exist, or does not contain the aircraft, the actuators or the faults.
-
-    Examples
-    --------
-    >>> import mavhums
-    >>> _ = mavhums.analyse("flight.tlog", store="flights.sqlite", keep=True, aircraft="=D-EABC")
-    >>> mavhums.trend("flights.sqlite", faults=["friction"]).flights
-    1
-    """
-    kept = Store(store).opened()
-    with kept.reading() as connection, no_collection():
-        name = _the_only(connection, kept) if aircraft is None else aircraft
-        if name == UNKNOWN:
-            remedy = "name aircraft with --aircraft"
-            raise MavhumsError(f"{kept.place}: an unknown aircraft has no trend", remedy)
-        whose = aircraft_id(connection, name, creates=False)
-        flown = [] if whose is None else [*past_flights(connection, whose, VERDICT.c.counts)]
-        if whose is None or not flown:
-            raise MavhumsError(f"{kept.place}: no flight of the aircraft {name!r}", there_are(connection))
-        _check_shown(kept, flown, actuators, faults)
-        since, table = since_of(connection, whose), installed(connection, whose)
-        report = trend_of(flown, since, table, name, actuators=actuators, faults=faults)
-        repairs = sorted(repairs_of(connection, whose), key=lambda repair: repair.at)
-    dates = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repairs)
-    return report.model_copy(update={"repairs": dates})
-
-
-def _the_only(connection: Connection, store: Store) -> str:
-    names = {*connection.scalars(FLOWN)}
-    if len(names) != 1:
-        raise MavhumsError(f"{store.place}: of which aircraft? Name it", there_are(connection))
-    return str(names.pop())
-
-
-def _check_shown(
-    store: Store, flown: Sequence[PastFlight], actuators: Collection[str], faults: Collection[str]
-) -> None:
-    """Refuse misspelt names: those that occur in no flight."""
-    verdicts = [verdict for flight in flown for verdict in flight.assessment.verdicts]
-    shown = {indicator.fault for verdict in verdicts for indicator in verdict.indicators}
-    for what, names, there in (
-        ("actuator", actuators, {verdict.actuator for verdict in verdicts}),
-        ("fault", faults, shown | {"friction", "effectiveness"}),
-    ):
-        for name in {*names} - there:
-            remedy = f"the flights show: {', '.join(sorted(there)) or 'none'}"
-            raise MavhumsError(f"{store.place}: no flight has the {what} {name!r}", remedy)
 
 
 def flights(store: Place, aircraft: str) -> list[Assessment]:

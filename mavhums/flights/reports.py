@@ -1,4 +1,4 @@
-"""Reports from a store: what changed since a time, and all verdicts as a table.
+"""Reports from a store: an aircraft's trends, what changed since a time, and all verdicts as a table.
 
 How each aircraft stood after each change is kept beside the verdicts: what changed since yesterday is the
 difference of what a reader saw then and what there is now, whatever came late or was judged again.
@@ -7,19 +7,26 @@ difference of what a reader saw then and what there is now, whatever came late o
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import func, select
+from sqlalchemy import Connection, func, select
 
 from mavhums.core.conditions import SEVERITY
+from mavhums.core.errors import MavhumsError
+from mavhums.core.startup import no_collection
+from mavhums.flights.aircraft import UNKNOWN
+from mavhums.flights.history import PastFlight
 from mavhums.flights.queries import standings
 from mavhums.flights.store import Store
-from mavhums.flights.store.earlier import us_of
+from mavhums.flights.store.dates import installed, repairs_of, since_of, there_are
+from mavhums.flights.store.earlier import past_flights, us_of
+from mavhums.flights.store.logs import FLOWN, aircraft_id
 from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, INDICATOR, LOG, VERDICT
-from mavhums.results.standing import FlightsLeft, Growth, Standing
+from mavhums.flights.store.verdicts import trend_of
+from mavhums.results.standing import FlightsLeft, Growth, RepairDate, Standing, TrendReport
 from mavhums.results.store import Change, FailedLog, FleetDigest, SilentAircraft
 
 if TYPE_CHECKING:
@@ -125,6 +132,76 @@ def _silent(
         days = (until - last) / timedelta(days=1)
         if days > silent_days:
             yield SilentAircraft(aircraft=aircraft, last_utc=last.isoformat(), days=round(days, 1))
+
+
+def trend(
+    store: str | os.PathLike[str],
+    aircraft: str | None = None,
+    *,
+    actuators: Collection[str] = (),
+    faults: Collection[str] = (),
+) -> TrendReport:
+    """Return the trends of an aircraft's actuators.
+
+    Parameters
+    ----------
+    store
+        The store.
+    aircraft
+        Its name; None for the only one that there is.
+    actuators, faults
+        Names to include; all if empty.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist, or does not contain the aircraft, the actuators or the faults.
+
+    Examples
+    --------
+    >>> import mavhums
+    >>> _ = mavhums.analyse("flight.tlog", store="flights.sqlite", keep=True, aircraft="=D-EABC")
+    >>> mavhums.trend("flights.sqlite", faults=["friction"]).flights
+    1
+    """
+    kept = Store(store).opened()
+    with kept.reading() as connection, no_collection():
+        name = _the_only(connection, kept) if aircraft is None else aircraft
+        if name == UNKNOWN:
+            remedy = "name aircraft with --aircraft"
+            raise MavhumsError(f"{kept.place}: an unknown aircraft has no trend", remedy)
+        whose = aircraft_id(connection, name, creates=False)
+        flown = [] if whose is None else [*past_flights(connection, whose, VERDICT.c.counts)]
+        if whose is None or not flown:
+            raise MavhumsError(f"{kept.place}: no flight of the aircraft {name!r}", there_are(connection))
+        _check_shown(kept, flown, actuators, faults)
+        since, table = since_of(connection, whose), installed(connection, whose)
+        report = trend_of(flown, since, table, name, actuators=actuators, faults=faults)
+        repairs = sorted(repairs_of(connection, whose), key=lambda repair: repair.at)
+    dates = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repairs)
+    return report.model_copy(update={"repairs": dates})
+
+
+def _the_only(connection: Connection, store: Store) -> str:
+    names = {*connection.scalars(FLOWN)}
+    if len(names) != 1:
+        raise MavhumsError(f"{store.place}: of which aircraft? Name it", there_are(connection))
+    return str(names.pop())
+
+
+def _check_shown(
+    store: Store, flown: Sequence[PastFlight], actuators: Collection[str], faults: Collection[str]
+) -> None:
+    """Refuse misspelt names: those that occur in no flight."""
+    verdicts = [verdict for flight in flown for verdict in flight.assessment.verdicts]
+    shown = {indicator.fault for verdict in verdicts for indicator in verdict.indicators}
+    for what, names, there in (
+        ("actuator", actuators, {verdict.actuator for verdict in verdicts}),
+        ("fault", faults, shown | {"friction", "effectiveness"}),
+    ):
+        for name in {*names} - there:
+            remedy = f"the flights show: {', '.join(sorted(there)) or 'none'}"
+            raise MavhumsError(f"{store.place}: no flight has the {what} {name!r}", remedy)
 
 
 _OF_FLIGHT: Final = (

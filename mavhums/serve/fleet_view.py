@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import PurePath
 from typing import Final, NamedTuple
 from urllib.parse import urlencode
@@ -19,7 +18,7 @@ from mavhums.flights.history import PastFlight
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import TrendReport
-from mavhums.serve.options import LastVerdict
+from mavhums.results.store import LastFlightOf
 from mavhums.serve.sessions import Dropped
 from mavhums.show.blocks import Cell, Column, Link, Mark, Part, Table
 from mavhums.show.headline import headline
@@ -45,11 +44,11 @@ class ActuatorView(NamedTuple):
     more: Markup
 
 
-def aircraft_table(rows: Iterable[LastVerdict]) -> Table:
+def aircraft_table(rows: Iterable[LastFlightOf]) -> Table:
     """Return a row per aircraft; the verdicts come worst first, and so do the aircraft."""
-    groups: dict[tuple[str, str], list[LastVerdict]] = {}
+    groups: dict[tuple[str | None, str], list[LastFlightOf]] = {}
     for row in rows:
-        groups.setdefault((row.aircraft, "" if row.aircraft else row.path), []).append(row)
+        groups.setdefault((row.aircraft, "" if row.aircraft else row.log), []).append(row)
     columns = [
         Column("aircraft"),
         Column("condition", "word"),
@@ -60,11 +59,11 @@ def aircraft_table(rows: Iterable[LastVerdict]) -> Table:
     return Table("", columns, [_aircraft(several) for several in groups.values()])
 
 
-def _aircraft(rows: Sequence[LastVerdict]) -> list[Cell]:
+def _aircraft(rows: Sequence[LastFlightOf]) -> list[Cell]:
     first = rows[0]
     found = [_mark(row) for row in rows]
     marks = sorted(dict.fromkeys(found), key=lambda mark: URGENCY[mark.condition], reverse=True)
-    verdict, file = first.verdict, PurePath(first.path).name
+    verdict, file = first.verdict, PurePath(first.log).name
     subject = subject_of(verdict.subject, verdict.actuator)
     well = SEVERITY[found[0].condition] == SEVERITY["normal"]
     address = f"/fleet/aircraft?{urlencode({'name': first.aircraft})}" if first.aircraft else ""
@@ -73,7 +72,7 @@ def _aircraft(rows: Sequence[LastVerdict]) -> list[Cell]:
         [found[0]],
         "" if well else ": ".join(filter(None, (subject, found_in(verdict, first.standing)))),
         ", ".join(f"{found.count(mark)} {mark.word or mark.condition}" for mark in marks),
-        _date(first.start_us),
+        _date(first.start_utc),
     ]
 
 
@@ -83,14 +82,12 @@ def tally(shown: Table) -> list[tuple[Mark, int]]:
     return sorted(counts.items(), key=lambda item: -URGENCY[item[0].condition])
 
 
-def _mark(row: LastVerdict) -> Mark:
+def _mark(row: LastFlightOf) -> Mark:
     return mark_of(row.standing) if row.standing is not None else Mark(row.verdict.gravest)
 
 
-def _date(start_us: int | None) -> str:
-    if start_us is None:
-        return "date not known"
-    return datetime.fromtimestamp(start_us / 1e6, tz=UTC).strftime("%Y-%m-%d %H:%M UTC")
+def _date(start_utc: str | None) -> str:
+    return f"{start_utc[:10]} {start_utc[11:16]} UTC" if start_utc else "date not known"
 
 
 def flight_pages(aircraft: str, flights: Iterable[Assessment]) -> dict[str, str]:
@@ -106,8 +103,7 @@ def flight_table(aircraft: str, flights: Sequence[Assessment]) -> Table:
 
 
 def _flight(aircraft: str, flight: Assessment) -> list[Cell]:
-    brief, start = headline(flight), flight.log.start_utc
-    when = f"{start[:10]} {start[11:16]} UTC" if start else "date not known"
+    brief, when = headline(flight), _date(flight.log.start_utc)
     mark: list[Part] = [brief.mark] if brief.mark else []
     return [[Link(when, _address(aircraft, flight))], mark, brief.text, PurePath(flight.log.path or "").name]
 

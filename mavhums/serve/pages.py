@@ -15,6 +15,7 @@ from markupsafe import Markup
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
+from mavhums.app.settings import Options
 from mavhums.core.conditions import URGENCY
 from mavhums.core.errors import MavhumsError
 from mavhums.core.packed import ARCHIVES, COMPRESSED
@@ -30,8 +31,9 @@ from mavhums.serve.fleet_view import (
     trends_shown,
 )
 from mavhums.serve.guard import SESSION, is_loopback
+from mavhums.serve.keep import keep
 from mavhums.serve.live_file import LiveFile
-from mavhums.serve.options import Fleet, ServeOptions
+from mavhums.serve.options import ServeOptions
 from mavhums.serve.routes import LogOf
 from mavhums.serve.sessions import Dropped, Sessions, UserSession
 from mavhums.show.evidence import EvidenceCollector
@@ -67,7 +69,7 @@ def add_pages(app: FastAPI, sessions: Sessions, options: ServeOptions, log_of: L
         Returns the log of a request, of which a part was made.
     """
     pages = [("Logs", "/")]
-    pages += [("Fleet", "/fleet")] if options.fleet else []
+    pages += [("Fleet", "/fleet")] if options.store else []
     pages += [("Live", "/live")] if options.live else []
 
     def page(template: str, title: str, here: str, **values: object) -> Response:
@@ -93,9 +95,9 @@ def add_pages(app: FastAPI, sessions: Sessions, options: ServeOptions, log_of: L
         values = {"aircraft": aircraft, "others": others, "fewest": FEWEST_FLIGHTS}
         return page("dropped_trends.html", "trends over the dropped logs", "/", **values)
 
-    _add_logs(app, sessions, options.fleet, log_of)
-    if options.fleet:
-        _add_fleet(app, options.fleet, page)
+    _add_logs(app, sessions, options, log_of)
+    if options.store:
+        _add_fleet(app, options.store, page)
     if options.live:
         _add_live(app, options.live, page)
 
@@ -104,14 +106,14 @@ def _session(sessions: Sessions, request: Request) -> UserSession:
     return sessions.get(request.scope[SESSION])
 
 
-def _add_logs(app: FastAPI, sessions: Sessions, fleet: Fleet | None, log_of: LogOf) -> None:
+def _add_logs(app: FastAPI, sessions: Sessions, options: ServeOptions, log_of: LogOf) -> None:
     """Add the parts of the first page that change: the list of logs, and the answer or the view of one."""
 
     @app.get("/logs")
     def logs(request: Request, log: str = "", shown: str = "", beside: str = "") -> Response:
         session = _session(sessions, request)
         session.touch()
-        return HTMLResponse(log_list(session, Below(log, shown, beside), keeps=fleet is not None))
+        return HTMLResponse(log_list(session, Below(log, shown, beside), keeps=options.store is not None))
 
     @app.get("/logs/{log_id}/answer")
     def answer(request: Request, log_id: str) -> Response:
@@ -133,11 +135,11 @@ def _add_logs(app: FastAPI, sessions: Sessions, fleet: Fleet | None, log_of: Log
         sessions.remove(_session(sessions, request), log_of(request, log_id, "path"))
         return Response(status_code=204)
 
-    if fleet is not None:
+    if options.store is not None:
 
         @app.post("/logs/{log_id}/keep")
-        async def keep(request: Request, log_id: str, aircraft: str = "") -> Response:
-            await _keep(fleet, log_of(request, log_id, "assessment"), aircraft.strip() or None)
+        async def keep_log(request: Request, log_id: str, aircraft: str = "") -> Response:
+            await _keep(options.judging, log_of(request, log_id, "assessment"), aircraft.strip() or None)
             return Response(status_code=204)
 
 
@@ -185,11 +187,11 @@ def _rank(log: Dropped) -> int:
     return {"done": -URGENCY[log.condition], "failed": 100}.get(log.state, 101)
 
 
-async def _keep(fleet: Fleet, log: Dropped, aircraft: str | None) -> None:
+async def _keep(judging: Options, log: Dropped, aircraft: str | None) -> None:
     """Keep a log in the store; where the store cannot identify its aircraft, the list asks the user."""
     log.kept, log.asked = "being kept in the store, after any scan that runs …", None
     try:
-        log.kept = await asyncio.to_thread(fleet.keep, log.path, aircraft)
+        log.kept = await asyncio.to_thread(keep, judging, log.path, aircraft)
     except UnnamedAircraftError as error:
         log.kept, log.asked = error.problem, error.proposed
     except MavhumsError as error:
@@ -202,12 +204,14 @@ def trends(report: TrendReport, addresses: Mapping[str, str]) -> Markup:
     return Markup(render("_trends.html", said=said, trends=shown, links=bool(addresses)))
 
 
-def _add_fleet(app: FastAPI, fleet: Fleet, page: Page) -> None:
+def _add_fleet(app: FastAPI, store: str, page: Page) -> None:
+    from mavhums.flights import queries, reports
+
     @app.get("/fleet")
     def fleet_page() -> Response:
         aircraft, problem = aircraft_table(()), ""
         try:
-            aircraft = aircraft_table(fleet.worst(_SUBJECTS))
+            aircraft = aircraft_table(queries.worst(store, most=_SUBJECTS))
         except MavhumsError as error:
             problem = str(error)
         shown = aircraft._replace(rows=aircraft.rows[:_AIRCRAFT])
@@ -218,7 +222,7 @@ def _add_fleet(app: FastAPI, fleet: Fleet, page: Page) -> None:
     def aircraft_page(name: str = "") -> Response:
         values: dict[str, Any] = {"name": name, "problem": ""}
         try:
-            report, flights = fleet.trend(name), fleet.flights(name)
+            report, flights = reports.trend(store, name), queries.flights(store, name)
         except MavhumsError as error:
             values["problem"] = str(error)
         else:
@@ -234,7 +238,8 @@ def _add_fleet(app: FastAPI, fleet: Fleet, page: Page) -> None:
         query = urlencode({"aircraft": aircraft, "log": log})
         values: dict[str, Any] = {"name": aircraft, "back": urlencode({"name": aircraft}), "query": query}
         try:
-            values |= {"parts": parts(fleet.flight(aircraft, log), EvidenceCollector(), "h1"), "problem": ""}
+            flight = queries.flight(store, aircraft, log)
+            values |= {"parts": parts(flight, EvidenceCollector(), "h1"), "problem": ""}
         except MavhumsError as error:
             values["problem"] = str(error)
         return page("flight.html", "a flight", "/fleet", **values)

@@ -24,7 +24,6 @@ from mavhums.results.assessment import SCHEMA, Assessment, without_record
 from mavhums.results.standing import TrendReport
 from mavhums.results.store import LastFlightOf, StoreStatus
 from mavhums.serve.guard import SESSION, UPLOADS
-from mavhums.serve.options import Fleet
 from mavhums.serve.sessions import Dropped, Sessions
 from mavhums.show.html_plot import curve_table
 from mavhums.show.viewer import WEB_FILES, save_web_viewer
@@ -69,7 +68,7 @@ LogOf = Callable[[Request, str, str], Dropped]
 """Returns the log of a request by its id, of which a part was made: its report, say."""
 
 
-def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> LogOf:
+def add_routes(app: FastAPI, sessions: Sessions, store: str | None) -> LogOf:
     """Add the routes to an application; return how they find a log."""
     viewer = _Viewer(sessions.folder)
 
@@ -141,16 +140,18 @@ def add_routes(app: FastAPI, sessions: Sessions, fleet: Fleet | None) -> LogOf:
             raise _MissingError
         return FileResponse(_STATIC / name)
 
-    if fleet is not None:
-        _add_stored(app, sessions, fleet)
+    if store is not None:
+        _add_stored(app, sessions, store)
     return found
 
 
-def _add_stored(app: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
+def _add_stored(app: FastAPI, sessions: Sessions, store: str) -> None:
+    from mavhums.flights import queries, reports
+
     @app.get("/fleet/curves")
     async def stored_curves(request: Request, aircraft: str = "", log: str = "") -> Response:
         try:
-            flight = await asyncio.to_thread(fleet.flight, aircraft, log)
+            flight = await asyncio.to_thread(queries.flight, store, aircraft, log)
             path = Path(flight.log.path or "")
             return JSONResponse(await sessions.curves(request.scope[SESSION], path, log))
         except MavhumsError as error:
@@ -159,7 +160,7 @@ def _add_stored(app: FastAPI, sessions: Sessions, fleet: Fleet) -> None:
     @app.get("/fleet/trend.csv")
     async def trend(aircraft: str = "") -> Response:
         try:
-            report = await asyncio.to_thread(fleet.trend, aircraft)
+            report = await asyncio.to_thread(reports.trend, store, aircraft)
         except MavhumsError as error:
             return PlainTextResponse(str(error), status_code=404)
         text = await asyncio.to_thread(lambda: report.to_frame().to_csv(index=False))
@@ -212,14 +213,14 @@ class Version(Contract):
     store: bool
 
 
-def api(sessions: Sessions, fleet: Fleet | None) -> FastAPI:
+def api(sessions: Sessions, store: str | None) -> FastAPI:
     """Return the application for programs, which runs behind the page's guard.
 
     Parameters
     ----------
     sessions
         They judge logs with the processes, limits and queue of the page.
-    fleet
+    store
         The store to be queried; None without one.
     """
     app = FastAPI(
@@ -237,10 +238,10 @@ def api(sessions: Sessions, fleet: Fleet | None) -> FastAPI:
     @app.get("/version", response_model=Version)
     async def version() -> Version:
         """Say which version this is."""
-        return Version(mavhums=__version__, assessment=SCHEMA, notice=NOTICE, store=fleet is not None)
+        return Version(mavhums=__version__, assessment=SCHEMA, notice=NOTICE, store=store is not None)
 
-    if fleet is not None:
-        _add_store(app, fleet)
+    if store is not None:
+        _add_store(app, store)
     described = app.openapi
 
     def openapi() -> dict[str, Any]:
@@ -270,7 +271,9 @@ def _add_logs(app: FastAPI, sessions: Sessions) -> None:
             return Response(status_code=400)
 
 
-def _add_store(app: FastAPI, fleet: Fleet) -> None:
+def _add_store(app: FastAPI, store: str) -> None:
+    from mavhums.flights import queries, reports
+
     async def asked(question: Callable[[], Any]) -> Any:
         try:
             return await asyncio.to_thread(question)
@@ -280,23 +283,23 @@ def _add_store(app: FastAPI, fleet: Fleet) -> None:
     @app.get("/fleet/status", **_gives(StoreStatus))
     async def status() -> Response:
         """Say what the store holds, and what failed, as `mavhums fleet status --json` does."""
-        return _json((await asked(fleet.status)).model_dump_json())
+        return _json((await asked(lambda: queries.status(store))).model_dump_json())
 
     @app.get("/fleet/worst", **_gives(list[LastFlightOf]))
     async def worst(most: Annotated[int, Query(ge=1, le=_MOST)] = 20) -> Response:
         """List the actuators of all aircraft, the worst first, as `mavhums fleet worst --json` does."""
-        rows = await asked(lambda: fleet.worst(most))
-        return _json(f"[{','.join(row.published().to_json() for row in rows)}]")
+        rows = await asked(lambda: queries.worst(store, most=most))
+        return _json(f"[{','.join(row.to_json() for row in rows)}]")
 
     @app.get("/fleet/trend", **_gives(TrendReport))
     async def trend(aircraft: _Aircraft) -> Response:
         """Return an aircraft's trends, as `mavhums fleet trend --json` does."""
-        return _json((await asked(lambda: fleet.trend(aircraft))).to_json(indent=None))
+        return _json((await asked(lambda: reports.trend(store, aircraft))).to_json(indent=None))
 
     @app.get("/fleet/flights", **_gives(list[Assessment]))
     async def flights(aircraft: _Aircraft) -> Response:
         """List an aircraft's flights in time order, with their verdicts."""
-        flown = await asked(lambda: fleet.flights(aircraft))
+        flown = await asked(lambda: queries.flights(store, aircraft))
         return _json(f"[{','.join(flight.to_json(indent=None) for flight in flown)}]")
 
     @app.get("/fleet/flight", **_gives(Assessment))
@@ -305,7 +308,7 @@ def _add_store(app: FastAPI, fleet: Fleet) -> None:
         log: Annotated[str, Query(description="SHA-256 of its log, as /api/fleet/flights has it.")],
     ) -> Response:
         """Return the whole assessment of a flight."""
-        return _json((await asked(lambda: fleet.flight(aircraft, log))).to_json(indent=None))
+        return _json((await asked(lambda: queries.flight(store, aircraft, log))).to_json(indent=None))
 
 
 def _answer_problems(app: FastAPI) -> None:

@@ -144,6 +144,6 @@ def _application(options: ServeOptions, sessions: Sessions, workers: Workers) ->
             sessions.close()
 
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
-    add_pages(app, sessions, options, add_routes(app, sessions, options.fleet))
-    app.mount(API, api(sessions, options.fleet))
+    add_pages(app, sessions, options, add_routes(app, sessions, options.store))
+    app.mount(API, api(sessions, options.store))
     return app

@@ -46,7 +46,7 @@ def test_the_best_recording_counts_and_the_others_are_named(logs: Path, run: Run
             for part in (arriving[:4], arriving[4:]):
                 fleet.scan(part, store, options)
             assert fleet.scan(arriving, store, options) == (0, 0, 3 * FLIGHTS)
-            [aircraft] = {one.aircraft for one in fleet.worst(store)}
+            [aircraft] = {one.aircraft or "" for one in fleet.worst(store)}
             told.append(
                 [(log, verdict.model_dump_json()) for log, verdict in fleet.verdicts(store, aircraft)]
             )
@@ -59,7 +59,7 @@ def test_the_best_recording_counts_and_the_others_are_named(logs: Path, run: Run
     status = fleet.status(store)
     assert status.judged == 3 * FLIGHTS
     assert len(status.copies) == 2 * FLIGHTS
-    assert {log for log, _ in status.copies} == {str(log) for log in arriving} - set(counted)
+    assert {one.log for one in status.copies} == {str(log) for log in arriving} - set(counted)
     shown = run("fleet", "status", "--store", store)
     assert f"{far}: is of the same flight as {counted[0]}, which counts" in shown.out
     answer = json.loads(run("fleet", "status", "--store", store, "--json").out)

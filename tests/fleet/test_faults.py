@@ -135,7 +135,7 @@ def test_one_broken_log_of_twenty_stops_nothing(
         (folder / f"{number:02}.tlog").write_bytes(data)
     assert fleet.scan([folder], tmp_path / "store", options) == (19, 1, 0)
     assert fleet.scan([folder], tmp_path / "store", options) == (0, 0, 20)
-    assert "07.tlog" in fleet.status(tmp_path / "store").failures[0][0]
+    assert "07.tlog" in fleet.status(tmp_path / "store").failures[0].problem
     assert len(fleet.verdicts(tmp_path / "store", "D-A")) == 4 * 19
 
 

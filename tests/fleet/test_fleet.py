@@ -175,7 +175,7 @@ def test_the_board_names_an_aircraft_where_no_rule_does(
     logs: Path, options: fleet.ScanOptions, tmp_path: Path
 ) -> None:
     fleet.scan([logs / "D-A" / "00.tlog"], tmp_path / "store", fleet.ScanOptions(scheduler=options.scheduler))
-    assert fleet.worst(tmp_path / "store")[0].aircraft.startswith("board 4D4156")
+    assert str(fleet.worst(tmp_path / "store")[0].aircraft).startswith("board 4D4156")
 
 
 @pytest.mark.slow
@@ -333,7 +333,7 @@ def test_a_killed_worker_loses_and_doubles_nothing(
         done = fleet.scan([logs], tmp_path / "store", separate)
     assert done == (2 * FLIGHTS - failed, failed, 0)
     if failed:
-        assert "crashed the worker" in fleet.status(tmp_path / "store").failures[0][0]
+        assert "crashed the worker" in fleet.status(tmp_path / "store").failures[0].problem
     else:
         assert verdicts_of(tmp_path / "store") == in_order(one_by_one)
 

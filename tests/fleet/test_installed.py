@@ -58,7 +58,7 @@ def test_a_fleet_with_a_table_says_what_single_commands_say(
     plain = fleet.ScanOptions(scheduler=scheduler)
     given = fleet.ScanOptions(scheduler=scheduler, aircraft_table=table)
     fleet.scan(logs[4:9], store, plain)
-    assert {one.aircraft[:5] for one in fleet.worst(store)} == {"board"}
+    assert {(one.aircraft or "")[:5] for one in fleet.worst(store)} == {"board"}
     fleet.scan([*logs[:4], *logs[9:]], store, given)
     assert {one.aircraft for one in fleet.worst(store)} == {"D-A", "D-B"}
     assert told(store, "D-A") | told(store, "D-B") == expected

@@ -112,7 +112,8 @@ def test_several_logs_are_kept_and_a_bad_one_stops_nothing(run: Run, kept: Path,
     content = json.loads(outcome.out)
     assert [one["log"] for one in content["failures"]] == [str(bad), str(missing), str(store.parent)]
     assert told(json.dumps(content["assessments"][0])) == verdicts(kept / "scanned", log)
-    assert fleet.status(store)[:3] == (FLIGHTS + 1, 1, 0)
+    status = fleet.status(store)
+    assert (status.judged, status.aircraft, status.unknown) == (FLIGHTS + 1, 1, 0)
 
 
 @pytest.mark.slow

@@ -17,8 +17,8 @@ import pytest
 
 import mavhums
 from mavhums import fleet
-from mavhums.cli.serve import answer_to
 from mavhums.core.packed import ARCHIVES, COMPRESSED
+from mavhums.serve.keep import answer_to
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet.stores import table
@@ -156,7 +156,7 @@ def test_the_page_asks_whose_log_it_is_and_leaves_nothing_behind(flown: Path, st
 def test_the_page_is_told_problem_and_remedy_as_they_are(flown: Path, store: Path, tmp_path: Path) -> None:
     bad = tmp_path / "bad.tlog"
     bad.write_bytes(b"no log")
-    command = [sys.executable, "-m", "mavhums.cli.serve"]
+    command = [sys.executable, "-m", "mavhums.serve.keep"]
     job = json.dumps({"log": str(bad), "options": {"store": str(store), "aircraft": "=D-A"}})
     done = subprocess.run(command, input=job, capture_output=True, text=True, check=True)
     answer = json.loads(done.stdout)

@@ -115,7 +115,7 @@ def last_flights(known: dict[str, list[Assessment]]) -> list[tuple[str, str, str
 def test_worst_is_every_actuator_in_its_last_flight(made: tuple[Path, dict[str, list[Assessment]]]) -> None:
     store, known = made
     expected = last_flights(known)
-    found = [(one.aircraft, one.path, one.verdict.actuator) for one in fleet.worst(store)]
+    found = [(one.aircraft or "", one.log, one.verdict.actuator) for one in fleet.worst(store)]
     assert sorted(found) == sorted(expected)
     assert [one for one in found if not one[0]] == [one for one in expected if not one[0]]
     ranks = [one.standing.rank[:2] for one in fleet.worst(store) if one.standing]
@@ -128,7 +128,7 @@ def test_worst_is_every_actuator_in_its_last_flight(made: tuple[Path, dict[str, 
         for each in flight.verdicts
     }
     for one in fleet.worst(store):
-        assert one.verdict == verdicts[one.aircraft, one.path, one.verdict.actuator]
+        assert one.verdict == verdicts[one.aircraft or "", one.log, one.verdict.actuator]
     assert exit_code(store) in (ExitCode.EMERGENCY, ExitCode.DEGRADED)
 
 

@@ -69,7 +69,7 @@ def told(store: Path, root: str | Path) -> list[Any]:
         for aircraft in ("D-A", "D-B")
         for log, verdict in fleet.verdicts(store, aircraft)
     ]
-    failures = [problem.replace(f"{root}/", "") for problem, _ in fleet.status(store).failures]
+    failures = [one.problem.replace(f"{root}/", "") for one in fleet.status(store).failures]
     return [verdicts, failures]
 
 
@@ -119,7 +119,7 @@ def test_a_log_that_vanishes_is_a_row_and_is_tried_again(there: str, folder: Pat
             put(f"{there}/D-B/2.tlog", b"shorter")
 
     assert fleet.scan([there], tmp_path / "store", OPTIONS, progress=remove) == (4, 3, 0)
-    failures = dict(fleet.status(tmp_path / "store").failures)
+    failures = {one.problem: one.remedy for one in fleet.status(tmp_path / "store").failures}
     assert "scan again" in failures[f"{there}/D-B/1.tlog: is no longer there"]
     assert f"{there}/D-B/2.tlog: changed while it was scanned" in failures
     for name in ("D-B/1.tlog", "D-B/2.tlog"):

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from mavhums.core.conditions import Condition
-from mavhums.flights.queries import WorstActuator
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.standing import (
     ActuatorTrend,
@@ -20,6 +19,7 @@ from mavhums.results.standing import (
     Standing,
     TrendReport,
 )
+from mavhums.results.store import LastFlightOf
 from mavhums.results.verdict import Suspect, Verdict
 from mavhums.serve.fleet_view import aircraft_table, flight_pages, flight_table, tally, trends_shown
 from mavhums.serve.pages import render, trends
@@ -35,15 +35,21 @@ def verdict(actuator: str, condition: Condition, reason: str | None = None, faul
     )
 
 
+def last_flight(
+    aircraft: str | None, log: str, start_utc: str | None, verdict: Verdict, standing: Standing | None = None
+) -> LastFlightOf:
+    return LastFlightOf(aircraft=aircraft, log=log, start_utc=start_utc, verdict=verdict, standing=standing)
+
+
 def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
     rows = [
-        WorstActuator(
-            "D-B", "b.tlog", 1_767_258_000_000_000, verdict("elevator", "emergency", fault="hard_over")
+        last_flight(
+            "D-B", "b.tlog", "2026-01-01T09:00:00+00:00", verdict("elevator", "emergency", fault="hard_over")
         ),
-        WorstActuator("", "x/a.tlog", None, verdict("rudder", "undecided", "too slow")),
-        WorstActuator("", "x/c.tlog", None, verdict("rudder", "undecided", "too slow")),
-        WorstActuator("D-B", "b.tlog", 1_767_258_000_000_000, verdict("rudder", "normal")),
-        WorstActuator("D-A", "a.tlog", 0, verdict("rudder", "normal")),
+        last_flight(None, "x/a.tlog", None, verdict("rudder", "undecided", "too slow")),
+        last_flight(None, "x/c.tlog", None, verdict("rudder", "undecided", "too slow")),
+        last_flight("D-B", "b.tlog", "2026-01-01T09:00:00+00:00", verdict("rudder", "normal")),
+        last_flight("D-A", "a.tlog", "1970-01-01T00:00:00+00:00", verdict("rudder", "normal")),
     ]
     shown = aircraft_table(rows)
     first, unknown, other, well = shown.rows
@@ -73,7 +79,9 @@ def test_what_grows_is_not_called_normal() -> None:
         last_utc="2026-03-29T09:00:00+00:00",
         log=None,
     )
-    shown = aircraft_table([WorstActuator("D-A", "a.tlog", 0, verdict("rudder", "normal"), grows)])
+    shown = aircraft_table(
+        [last_flight("D-A", "a.tlog", "1970-01-01T00:00:00+00:00", verdict("rudder", "normal"), grows)]
+    )
     assert shown.rows[0][1:4] == [[Mark("changed", "grows")], f"rudder: {TOLD}", "1 grows"]
 
 
@@ -191,7 +199,7 @@ def test_repairs_are_marked_at_their_dates() -> None:
 
 
 def test_texts_of_a_store_are_never_markup() -> None:
-    aircraft = aircraft_table([WorstActuator(MARKUP, MARKUP, None, verdict(MARKUP, "undecided", MARKUP))])
+    aircraft = aircraft_table([last_flight(MARKUP, MARKUP, None, verdict(MARKUP, "undecided", MARKUP))])
     page: dict[str, Any] = {"title": "", "here": "", "pages": []}
     text = render("fleet.html", aircraft=aircraft, tally=tally(aircraft), problem="", more=False, **page)
     assert "<img" not in text

@@ -411,4 +411,4 @@ def test_a_log_that_the_store_cannot_name_is_asked_for(store: Path, browser: Bro
         assert violations(browser) == []
         browser.press("Keep as this aircraft")
         browser.wait("document.querySelector('.log').innerText.includes('kept in the store as')")
-    assert sorted({one.aircraft for one in fleet.worst(copied)}) == ["D-FAILS", "D-GROWS", "D-KEEPS"]
+    assert sorted({str(one.aircraft) for one in fleet.worst(copied)}) == ["D-FAILS", "D-GROWS", "D-KEEPS"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Final, NamedTuple
 
 from sqlalchemy import Connection, delete, insert, select
@@ -11,7 +11,7 @@ from sqlalchemy import Connection, delete, insert, select
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import latest
 from mavhums.flights.aircraft_table import AircraftTable, Installation, Since
-from mavhums.flights.store.earlier import EPOCH, us_of
+from mavhums.flights.store.earlier import time_of, us_of
 from mavhums.flights.store.logs import FLOWN, aircraft_id, make_due
 from mavhums.flights.store.tables import AIRCRAFT, BOARD, FLIGHT, REPAIR, VERDICT
 
@@ -53,10 +53,7 @@ def repairs_of(connection: Connection, aircraft: int | None = None) -> list[Repa
     )
     if aircraft is not None:
         rows = rows.where(REPAIR.c.aircraft_id.is_(None) | (REPAIR.c.aircraft_id == aircraft))
-    found = (
-        Repair(name, actuator, EPOCH + timedelta(microseconds=since))
-        for name, actuator, since in connection.execute(rows)
-    )
+    found = (Repair(name, actuator, time_of(since)) for name, actuator, since in connection.execute(rows))
     return sorted(found, key=lambda one: (one.aircraft or "", one.at, one.actuator or ""))
 
 

@@ -57,6 +57,11 @@ def us_of(moment: datetime) -> int:
     return (moment - EPOCH) // timedelta(microseconds=1)
 
 
+def time_of(us: int) -> datetime:
+    """Return the time that the tables have."""
+    return EPOCH + timedelta(microseconds=us)
+
+
 def verdict_of(text: str, own: str | None = None) -> Verdict:
     """Return a stored verdict, with its record if that is given."""
     verdict = Verdict.model_validate_json(text)
@@ -95,7 +100,7 @@ def past_flights(
     for (flight_id, path, sha256, start_us, airframe, duration_s), rows in groupby(
         found, key=lambda row: row[:6]
     ):
-        start = EPOCH + timedelta(microseconds=start_us)
+        start = time_of(start_us)
         recorded = known.get(flight_id, ())
         times = {"path": path, "sha256": sha256, "start_utc": start.isoformat(), "duration_s": duration_s}
         log = _LOG.model_copy(update=times | {"flight": tuple(identity for identity, _ in recorded)})
