@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from mavhums.core.packed import ArchiveError
     from mavhums.engine.engine import Engine
     from mavhums.engine.options import EngineOptions
-    from mavhums.flights.aircraft import UnnamedAircraftError
-    from mavhums.flights.aircraft_table import AircraftTableError
+    from mavhums.flights.aircraft import AircraftTableError, UnnamedAircraftError
     from mavhums.flights.history import UndatedError
     from mavhums.flights.reports import trend
     from mavhums.learn.model import ModelError, load_model, models
@@ -73,7 +72,7 @@ __getattr__, __dir__ = lazy_exports(
     __name__,
     {
         "AddressError": "live.links",
-        "AircraftTableError": "flights.aircraft_table",
+        "AircraftTableError": "flights.aircraft",
         "ArchiveError": "core.packed",
         "UnnamedAircraftError": "flights.aircraft",
         "Assessment": "results.assessment",

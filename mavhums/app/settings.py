@@ -14,8 +14,7 @@ from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.core.about import __version__
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.options import EngineOptions
-from mavhums.flights.aircraft import AircraftResolver, check_aircraft_rule
-from mavhums.flights.aircraft_table import AircraftTable, load_aircraft_table
+from mavhums.flights.aircraft import AircraftResolver, AircraftTable, check_aircraft_rule, load_aircraft_table
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key

@@ -15,7 +15,7 @@ from sqlalchemy import Connection, func, select
 from mavhums.app.settings import Options, Settings
 from mavhums.fleet.judging import AGAIN, Judging, connected, judge, judged_by_workers
 from mavhums.fleet.sources import logs_in
-from mavhums.flights.aircraft_table import AircraftTable
+from mavhums.flights.aircraft import AircraftTable
 from mavhums.flights.naming import remember, resolver_of_store
 from mavhums.flights.queries import standings
 from mavhums.flights.store import LogFile, Row, Store

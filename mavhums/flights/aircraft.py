@@ -1,16 +1,35 @@
-"""Identifies the aircraft of a log: by the operator's table, a rule from its path, or the board's id."""
+"""Whose log it is: by the operator's table, by a rule on its path, or by the id of its board.
+
+The table has which board and which actuators are installed in which aircraft, and when: they are swapped, so
+every line has dates. It is a CSV file with a header, or a TOML file with the same entries in tables
+``[[installed]]``::
+
+    aircraft,board,actuator,serial,from,to
+    D-EABC,4D415648554D5353494D0001,,,,2026-03-01
+    D-EXYZ,4D415648554D5353494D0001,,,2026-03-01,
+    D-EABC,,elevator,EMA-0042,2026-02-10,
+"""
 
 from __future__ import annotations
 
+import csv
+import os
 import re
-from collections.abc import Mapping
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, date, datetime, time
+from io import StringIO
+from itertools import pairwise
 from pathlib import Path
+from typing import Any, Self
+
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from mavhums.core.errors import MavhumsError
+from mavhums.core.models import Frozen
 from mavhums.core.output import as_utf8
-from mavhums.flights.aircraft_table import AircraftTable, Since
 from mavhums.results.assessment import Assessment
 
 BOARD = "board"
@@ -24,6 +43,204 @@ GIVEN = "="
 
 UNKNOWN = ""
 """Stands for an aircraft that nothing names; two such logs are never taken for one aircraft's."""
+
+Since = Mapping[str | None, datetime]
+"""Dates from which flights count, by actuator, for example after a repair; None applies to all others."""
+
+_LARGEST = 64 << 20
+_EVER = datetime.min.replace(tzinfo=UTC)
+_EXAMPLE = "write lines such as D-EABC,0A1B2C,,,2026-03-01, below aircraft,board,actuator,serial,from,to"
+
+
+class AircraftTableError(MavhumsError):
+    """An aircraft table that is unreadable or contradicts itself."""
+
+
+class Installation(Frozen):
+    """A board or an actuator in an aircraft, for some time.
+
+    Attributes
+    ----------
+    aircraft
+        Name of the aircraft, such as its registration.
+    board
+        Unique id of the autopilot's board, as the log or ``mavhums inspect`` shows it.
+    actuator, serial
+        Instead of a board: name of the actuator in the airframe profile, and its serial number.
+    begins, ends
+        Dates ``from`` and ``to`` in the file, UTC unless they have an offset; None for no bound.
+    """
+
+    aircraft: str = Field(min_length=1)
+    board: str | None = None
+    actuator: str | None = None
+    serial: str | None = None
+    begins: datetime | None = Field(default=None, alias="from")
+    ends: datetime | None = Field(default=None, alias="to")
+
+    @field_validator("aircraft", "board", "actuator", "serial", mode="before")
+    @classmethod
+    def _text(cls, value: object) -> object:
+        return (value.strip() or None) if isinstance(value, str) else value
+
+    @field_validator("begins", "ends", mode="before")
+    @classmethod
+    def _moment(cls, value: object) -> object:
+        if isinstance(value, str):
+            value = datetime.fromisoformat(value.strip()) if value.strip() else None
+        if isinstance(value, date) and not isinstance(value, datetime):
+            value = datetime.combine(value, time())
+        return value.replace(tzinfo=UTC) if isinstance(value, datetime) and value.tzinfo is None else value
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if (self.board is None) == (self.actuator is None) or (self.actuator is None) != (
+            self.serial is None
+        ):
+            raise ValueError("name a board, or an actuator with its serial number")
+        if self.begins is not None and self.ends is not None and self.begins >= self.ends:
+            raise ValueError("the date 'to' must be after the date 'from'")
+        return self
+
+    def at(self, moment: datetime) -> bool:
+        """Return whether it is installed at this time; on the date ``to`` it is not any more."""
+        return (self.begins is None or self.begins <= moment) and (self.ends is None or moment < self.ends)
+
+    def overlaps(self, other: Installation) -> bool:
+        """Return whether the two are installed at a common time."""
+        after = self.ends is not None and other.begins is not None and self.ends <= other.begins
+        before = other.ends is not None and self.begins is not None and other.ends <= self.begins
+        return not (after or before)
+
+
+class AircraftTable:
+    """What is installed where, and when.
+
+    Parameters
+    ----------
+    installed
+        The entries; they do not contradict each other.
+
+    Examples
+    --------
+    >>> given = {"aircraft": "D-EABC", "board": "0A", "to": "2026-03-01"}
+    >>> table = AircraftTable([Installation.model_validate(given)])
+    >>> [table.aircraft_of("0a", datetime(2026, month, 1, tzinfo=UTC)) for month in (2, 3)]
+    ['D-EABC', None]
+    """
+
+    def __init__(self, installed: Iterable[Installation] = ()) -> None:
+        self.installed: tuple[Installation, ...] = tuple(installed)
+        self._boards: dict[str, list[Installation]] = defaultdict(list)
+        self._actuators: dict[str, list[Installation]] = defaultdict(list)
+        for each in self.installed:
+            if each.board is not None:
+                self._boards[each.board.upper()].append(each)
+            else:
+                self._actuators[each.aircraft].append(each)
+
+    def aircraft_of(self, board: str | None, moment: datetime) -> str | None:
+        """Return the aircraft in which a board is installed at a time; None if the table does not say."""
+        several = self._boards.get((board or "").upper(), ())
+        return next((each.aircraft for each in several if each.at(moment)), None)
+
+    def since(self, aircraft: str | None, moment: datetime) -> Mapping[str | None, datetime]:
+        """Return the last time at which each actuator of an aircraft was swapped, up to a moment."""
+        dates: dict[str | None, datetime] = {}
+        for each in self._actuators.get(aircraft or "", ()):
+            for swapped in (each.begins, each.ends):
+                if swapped is not None and swapped <= moment:
+                    dates[each.actuator] = max(swapped, dates.get(each.actuator, swapped))
+        return dates
+
+    def of(self, aircraft: str) -> tuple[Installation, ...]:
+        """Return the actuators of an aircraft."""
+        return tuple(self._actuators.get(aircraft, ()))
+
+
+def load_aircraft_table(path: str | os.PathLike[str]) -> AircraftTable:
+    """Read an aircraft table, a CSV file or a TOML file.
+
+    Raises
+    ------
+    AircraftTableError
+        If it cannot be read, has an impossible entry, or contradicts itself.
+    """
+    path = Path(path)
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise AircraftTableError(f"{path}: is larger than any aircraft table", "name the right file")
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        problem = f"{path}: {(error.strerror or str(error)).lower()}"
+        raise AircraftTableError(problem, "check the path of the aircraft table") from error
+    except UnicodeDecodeError as error:
+        raise AircraftTableError(f"{path}: is not UTF-8 text", "save it as UTF-8") from error
+    entries = [*(_of_toml(path, text) if path.suffix.lower() == ".toml" else _of_csv(path, text))]
+    installed: list[tuple[str, Installation]] = []
+    for where, entry in entries:
+        try:
+            installed.append((where, Installation.model_validate(entry)))
+        except ValidationError as error:
+            first = error.errors(include_url=False, include_input=False)[0]
+            place = ".".join(str(part) for part in first["loc"])
+            mistake = first["msg"].removeprefix("Value error, ")
+            raise AircraftTableError(
+                f"{where}: {place + ': ' if place else ''}{mistake}", _EXAMPLE
+            ) from error
+    _check_consistent(installed)
+    return AircraftTable(each for _, each in installed)
+
+
+def _of_csv(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    rows = csv.DictReader(StringIO(text), strict=True)
+    known = {"aircraft", "board", "actuator", "serial", "from", "to"}
+    try:
+        names = [name.strip() for name in rows.fieldnames or ()]
+        unknown = [name for name in names if name not in known]
+        if "aircraft" not in names or unknown:
+            problem = f"unknown column {unknown[0][:40]!r}" if unknown else "has no column named aircraft"
+            raise AircraftTableError(f"{path}:1: {problem}", _EXAMPLE)
+        rows.fieldnames = names
+        for row in rows:
+            if None in row:
+                raise AircraftTableError(f"{path}:{rows.line_num}: has more fields than the header", _EXAMPLE)
+            if any(value and value.strip() for value in row.values()):
+                yield f"{path}:{rows.line_num}", {name: value for name, value in row.items() if value}
+    except csv.Error as error:
+        raise AircraftTableError(f"{path}:{rows.line_num}: is not valid CSV: {error}", _EXAMPLE) from error
+
+
+def _of_toml(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise AircraftTableError(
+            f"{path}: is not valid TOML: {error}", "write tables [[installed]]"
+        ) from error
+    several = content.get("installed")
+    if list(content) != ["installed"] or not isinstance(several, list):
+        raise AircraftTableError(
+            f"{path}: has other entries than [[installed]]", "write tables [[installed]]"
+        )
+    yield from ((f"{path}: installed[{number}]", entry) for number, entry in enumerate(several, 1))
+
+
+def _check_consistent(installed: Sequence[tuple[str, Installation]]) -> None:
+    """Refuse entries of which only one can be true."""
+    places: dict[tuple[str, ...], list[tuple[str, Installation]]] = defaultdict(list)
+    for where, each in installed:
+        if each.board is not None:
+            places["board", each.board.upper()].append((where, each))
+        else:
+            places["actuator", each.aircraft, each.actuator or ""].append((where, each))
+            places["serial number", each.serial or ""].append((where, each))
+    for (kind, *_), several in places.items():
+        several.sort(key=lambda each: each[1].begins or _EVER)
+        for (first, one), (second, other) in pairwise(several):
+            if one.overlaps(other):
+                problem = f"{second}: the {kind} is also installed by {first} at the same time"
+                raise AircraftTableError(problem, "give the dates 'to' and 'from' at which it was swapped")
 
 
 class UnnamedAircraftError(MavhumsError):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
 from mavhums.core.errors import MavhumsError
-from mavhums.flights.aircraft_table import Since
+from mavhums.flights.aircraft import Since
 from mavhums.flights.duplicates import Recording, recordings_of, superseded_recordings
 from mavhums.health.decision.baseline import Baseline, Baselines, PastRecord
 from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
@@ -84,9 +84,9 @@ class PastFlight:
         """Return what orders flights in time."""
         return self.start, self.boots[0] if self.boots else 0, self.log, self.assessment.airframe or ""
 
-    def without(self, *fields: str) -> PastFlight:
-        """Return the flight without its usage, and without some fields of its verdicts."""
-        nothing: dict[str, object] = {name: {} if name == "provenance" else () for name in fields}
+    def slim(self) -> PastFlight:
+        """Return the flight as a baseline needs it: without usage, evidence, provenance and records."""
+        nothing: dict[str, object] = {"evidence": (), "provenance": {}, "own": ()}
         verdicts = tuple(verdict.model_copy(update=nothing) for verdict in self.assessment.verdicts)
         slim = self.assessment.model_copy(update={"verdicts": verdicts, "usage": ()})
         return replace(self, assessment=slim)

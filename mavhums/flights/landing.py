@@ -18,12 +18,12 @@ from mavhums.flights.aircraft import (
     GIVEN,
     UNKNOWN,
     AircraftResolver,
+    Since,
     UnnamedAircraftError,
     aircraft_of,
     board_of,
     latest,
 )
-from mavhums.flights.aircraft_table import Since
 from mavhums.flights.compare import compared, packed
 from mavhums.flights.history import PastFlight, UndatedError, with_copies
 from mavhums.flights.naming import (

@@ -18,10 +18,10 @@ from mavhums.flights.aircraft import (
     GIVEN,
     UNKNOWN,
     AircraftResolver,
+    AircraftTable,
     UnnamedAircraftError,
     board_of,
 )
-from mavhums.flights.aircraft_table import AircraftTable
 from mavhums.flights.store import LogFile, Row
 from mavhums.flights.store.dates import install, installed
 from mavhums.flights.store.earlier import time_of

@@ -130,12 +130,12 @@ def worst(store: Place, *, most: int | None = None) -> list[LastFlightOf]:
     with Store(store).opened().reading() as connection:
         chosen = _ranked(connection)[:most]
         verdicts = {
-            (flight, place): verdict_of(text, own)
+            (flight, place): verdict_of(text)
             for part in in_parts(dict.fromkeys(one.flight for one in chosen))
-            for flight, place, text, own in connection.execute(
-                select(VERDICT.c.flight_id, VERDICT.c.place, VERDICT.c.verdict, RECORD.c.own)
-                .outerjoin(RECORD, OF_VERDICT)
-                .where(VERDICT.c.flight_id.in_(part))
+            for flight, place, text in connection.execute(
+                select(VERDICT.c.flight_id, VERDICT.c.place, VERDICT.c.verdict).where(
+                    VERDICT.c.flight_id.in_(part)
+                )
             )
         }
     return [

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.flights.aircraft_table import Since
+from mavhums.flights.aircraft import Since
 from mavhums.flights.history import PastFlight
 from mavhums.health.axis.past import LOSSES
 from mavhums.health.decision.growth import Course

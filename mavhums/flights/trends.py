@@ -14,8 +14,7 @@ from pydantic import TypeAdapter
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, URGENCY
 from mavhums.core.statistics import NORMAL_95
-from mavhums.flights.aircraft import latest
-from mavhums.flights.aircraft_table import Since
+from mavhums.flights.aircraft import Since, latest
 from mavhums.flights.history import PastFlight, baselines_of, in_order, superseded_by_profile
 from mavhums.flights.standing import Flown, growth_of, highest, mirrored, reason_of, standing_of, step_of
 from mavhums.health.axis.past import LOSSES

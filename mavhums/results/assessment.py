@@ -19,8 +19,7 @@ from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract, Drawn, Frozen
 from mavhums.core.quantities import KEYS
 from mavhums.log.base.decoder import Losses
-from mavhums.results.events import FlightEvent
-from mavhums.results.sections import FlightCopy, FlightIdentity, ModelSummary, VehicleUsage
+from mavhums.results.sections import FlightCopy, FlightEvent, FlightIdentity, ModelSummary, VehicleUsage
 from mavhums.results.standing import Standing
 from mavhums.results.verdict import MEASURED, Verdict
 

@@ -10,7 +10,7 @@ import numpy as np
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import Condition
 from mavhums.results.assessment import Assessment
-from mavhums.results.events import IMPORTANCE, EventKind, FlightEvent
+from mavhums.results.sections import IMPORTANCE, EventKind, FlightEvent
 from mavhums.show.words import capital, clock
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from mavhums import fleet
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.engine.events import StandaloneAssessment
-from mavhums.flights.aircraft_table import Since
+from mavhums.flights.aircraft import Since
 from mavhums.flights.compare import compared
 from mavhums.flights.history import PastFlight, baselines_of, records_of, superseded
 from mavhums.flights.store import Row

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.flights.aircraft_table import AircraftTableError, Installation, load_aircraft_table
+from mavhums.flights.aircraft import AircraftTableError, Installation, load_aircraft_table
 
 CSV = """\
 aircraft, board, actuator, serial, from, to

@@ -10,7 +10,7 @@ import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
-from mavhums.flights.aircraft_table import Since
+from mavhums.flights.aircraft import Since
 from mavhums.flights.history import PastFlight, baselines_of, in_order, kept_records
 from mavhums.flights.queries import earlier_flights
 from mavhums.flights.store import Store

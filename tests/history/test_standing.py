@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mavhums.core.conditions import Condition
-from mavhums.flights.aircraft_table import Since as Dates
+from mavhums.flights.aircraft import Since as Dates
 from mavhums.flights.history import PastFlight
 from mavhums.flights.reports import _kinds
 from mavhums.flights.trends import standings_after, trend_report

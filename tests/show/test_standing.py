@@ -13,8 +13,8 @@ from rich.console import Console
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.results.assessment import Assessment
-from mavhums.results.events import FlightEvent
 from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
+from mavhums.results.sections import FlightEvent
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Verdict
 from mavhums.show.evidence import EvidenceCollector

@@ -28,7 +28,7 @@ pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
 import rerun as rr
 
-from mavhums.results.events import FlightEvent
+from mavhums.results.sections import FlightEvent
 from mavhums.show._rows import open_stream
 from mavhums.show._scene import Scene
 from mavhums.show.blueprint import Fault, Lane, layout

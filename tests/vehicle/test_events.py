@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mavhums.app.analysis import analyse
-from mavhums.results.events import FlightEvent
+from mavhums.results.sections import FlightEvent
 from mavhums.vehicle.events import FlightEvents, VehicleEvents
 from tests.conftest import CARRIED
 from tests.vehicle.test_phases import seconds

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pymavlink import mavutil
 
 from mavhums.log import Table, read_log
-from mavhums.results.events import FlightEvent
+from mavhums.results.sections import FlightEvent
 from mavhums.show.event_words import event_words
 from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.formats import messages_of

@@ -9,8 +9,7 @@ from typing import Final, NamedTuple
 from sqlalchemy import Connection, delete, insert, select
 
 from mavhums.core.errors import MavhumsError
-from mavhums.flights.aircraft import latest
-from mavhums.flights.aircraft_table import AircraftTable, Installation, Since
+from mavhums.flights.aircraft import AircraftTable, Installation, Since, latest
 from mavhums.flights.store.earlier import time_of, us_of
 from mavhums.flights.store.logs import FLOWN, aircraft_id, make_due
 from mavhums.flights.store.tables import AIRCRAFT, BOARD, FLIGHT, REPAIR, VERDICT

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 from sqlalchemy import Connection, func, select
 
 from mavhums.core.startup import no_collection
-from mavhums.flights.aircraft_table import Since
+from mavhums.flights.aircraft import Since
 from mavhums.flights.duplicates import Quality, Recording
 from mavhums.flights.history import (
     PastFlight,
@@ -73,6 +73,8 @@ def past_flights(
 ) -> Iterator[PastFlight]:
     """Yield an aircraft's dated flights in time order, each with its verdicts and the times of its log.
 
+    The verdicts have no records: only own-scale equations need them.
+
     Parameters
     ----------
     connection
@@ -88,7 +90,7 @@ def past_flights(
     columns = (FLIGHT.c.id, FLIGHT.c.path, FLIGHT.c.sha256, FLIGHT.c.start_us, FLIGHT.c.airframe)
     asked = select(*columns, FLIGHT.c.duration_s).join(VERDICT, VERDICT.c.flight_id == FLIGHT.c.id)
     if records is None:
-        asked = asked.add_columns(VERDICT.c.verdict, RECORD.c.own).outerjoin(RECORD, OF_VERDICT)
+        asked = asked.add_columns(VERDICT.c.verdict)
     else:
         asked = asked.add_columns(VERDICT.c.place, *(VERDICT.c[name] for name in _SLIM))
     asked = asked.where(FLIGHT.c.aircraft_id == aircraft, FLIGHT.c.start_us.is_not(None), *where).order_by(
@@ -107,7 +109,7 @@ def past_flights(
         if records:
             verdicts = tuple(_slim_verdict(row, _Kept(kept[row.id], (row.id, row.place))) for row in rows)
         else:
-            verdicts = tuple(verdict_of(row.verdict, row.own) for row in rows)
+            verdicts = tuple(verdict_of(row.verdict) for row in rows)
         # not validated again: the verdicts are parsed, or have what is asked for alone
         assessment = Assessment.model_construct(log=log, airframe=airframe, model=None, verdicts=verdicts)
         end = start + timedelta(seconds=duration_s)
@@ -266,7 +268,7 @@ class StoredFlights:
         if not wanted and not any(each.log in logs for each in near):
             return []
         new = [flown, *(each for each in near if each.log not in logs)]
-        self._references += [each.without("evidence", "provenance", "own") for each in new]
+        self._references += [each.slim() for each in new]
         return [each.log for each in new]
 
     def near(self, flight: PastFlight) -> list[PastFlight]:
@@ -307,7 +309,7 @@ class StoredFlights:
     def _slim(self, *where: Any) -> list[PastFlight]:
         if self._before is not None:
             where = (*where, FLIGHT.c.start_us < self._before)
-        return [flight.without("evidence", "provenance") for flight in self._asked(*where)]
+        return [flight.slim() for flight in self._asked(*where)]
 
     def _asked(self, *where: Any, records: bool = False) -> list[PastFlight]:
         if self._aircraft is None:

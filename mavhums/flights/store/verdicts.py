@@ -17,8 +17,7 @@ from sqlalchemy import ColumnElement, Connection, and_, delete, false, func, ins
 
 from mavhums.core.conditions import URGENCY
 from mavhums.engine.events import StandaloneAssessment
-from mavhums.flights.aircraft import UNKNOWN
-from mavhums.flights.aircraft_table import AircraftTable, Since
+from mavhums.flights.aircraft import UNKNOWN, AircraftTable, Since
 from mavhums.flights.compare import compared, unpacked
 from mavhums.flights.duplicates import Recording, recordings_of, superseded_recordings
 from mavhums.flights.history import PastFlight, kept_records
