@@ -227,6 +227,6 @@ class VehicleLimit:
             if len(self._admitted) < MOST_VEHICLES:
                 self._admitted.add(system)
 
-    def admits(self, vehicle: int | None) -> bool:
+    def admits(self, vehicle: int) -> bool:
         """Return whether a vehicle is judged."""
         return len(self._admitted) < MOST_VEHICLES or vehicle in self._admitted

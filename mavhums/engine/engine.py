@@ -111,7 +111,7 @@ class Engine:
         self._rails = ServoRails()
         self._options = options
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
-        self._looks: dict[int | None, _VehicleReview] = {}
+        self._looks: dict[int, _VehicleReview] = {}
 
     def feed(self, block: bytes) -> list[Event]:
         """Take the next bytes and return the events that they cause."""
@@ -135,15 +135,15 @@ class Engine:
         """
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
-        counts = decoder.counts
         vehicles = decoder.vehicles or self._identities.vehicles
-        told: dict[int | None, dict[tuple[int, int, str], int]] = {vehicle: {} for vehicle in vehicles}
-        for key, count in counts.items():
+        told: dict[int, dict[tuple[int, int, str], int]] = {vehicle: {} for vehicle in vehicles}
+        for key, count in decoder.counts.items():
             told.get(key[0], {})[key] = count
         names = self._mappers.airframes
-        looks = [self._look(vehicle, told.get(vehicle, {}), indicators) for vehicle in vehicles or (None,)]
+        looks = [self._look(vehicle, sent, indicators) for vehicle, sent in told.items()]
         mixed = self._clocks.mixed
         alone = [verdict for look in looks for verdict in look.verdicts]
+        alone += [] if vehicles else unjudged_vehicle(None, None)
         verdicts = tuple(with_advice(of_several_senders(one, mixed.get(one.vehicle))) for one in alone)
         events, left_out = self._events.gathered(self._axes.by_rotors(), mixed)
         duration_s = 0.0 if first is None or last is None else (last - first) / 1e6
@@ -172,9 +172,7 @@ class Engine:
             events_left_out=left_out,
         )
 
-    def _look(
-        self, vehicle: int | None, told: dict[tuple[int, int, str], int], indicators: bool
-    ) -> _VehicleReview:
+    def _look(self, vehicle: int, told: dict[tuple[int, int, str], int], indicators: bool) -> _VehicleReview:
         """Return what is known of a vehicle; between whole assessments, of one that is silent as it was."""
         heard = sum(told.values())
         kept = self._looks.get(vehicle)
@@ -182,10 +180,8 @@ class Engine:
             kept.again -= 1
             return kept
         verdicts = tuple(self._of_vehicle(vehicle, self._mappers.tier(vehicle, told), indicators))
-        look = _VehicleReview(
-            heard, verdicts, None if vehicle is None else self._usage(vehicle), _SILENT_LOOKS
-        )
-        if vehicle is not None and not indicators:
+        look = _VehicleReview(heard, verdicts, self._usage(vehicle), _SILENT_LOOKS)
+        if not indicators:
             self._looks[vehicle] = look
         return look
 
@@ -245,36 +241,36 @@ class Engine:
     def _follow(self, tables: Mapping[str, Table], *, final: bool = False) -> Iterator[Event]:
         if not tables and not final:
             return
+        admits = self._vehicle_limit.admits
         self._vehicle_limit.observe(tables)
         self._identities.feed(tables)
         self._recorded.feed(tables)
-        tables = self._clocks.feed(tables, self._vehicle_limit.admits)
+        tables = self._clocks.feed(tables, admits)
         yield from self._listen(tables)
         self._actuators.hear(tables)
-        start_us = self._decoder.first_time_us or 0
-        for vehicle, time_s, words in self._events.feed(tables, start_us, self._vehicle_limit.admits):
+        start_us = self._start_us
+        for vehicle, time_s, words in self._events.feed(tables, start_us, admits):
             yield Notice(time_s, vehicle, words)
         for vehicle, sag in self._rails.feed(tables):
             text = f"the servo rail falls below {SAGS_SHARE * sag.usual_v:.1f} V: it feeds every surface"
-            yield Notice(self._flight_time(sag.start_us), vehicle, text)
-            if self._vehicle_limit.admits(vehicle):
-                least_v = round(SAGS_SHARE * sag.usual_v, 2)
-                self._events.of(vehicle).add("supply", self._flight_time(sag.start_us), value=least_v)
+            time_s = self._flight_time(sag.start_us)
+            yield Notice(time_s, vehicle, text)
+            if admits(vehicle):
+                self._events.of(vehicle).add("supply", time_s, value=round(SAGS_SHARE * sag.usual_v, 2))
         for state in self._states.feed(tables, start_us=start_us):
-            if isinstance(state, FlightMode) and self._vehicle_limit.admits(state.vehicle):
+            if isinstance(state, FlightMode) and admits(state.vehicle):
                 self._events.of(state.vehicle).add("mode", state.time_s, said=state.mode)
             if self._show_states:
                 yield state
-        yield from self._axes.feed(tables, start_us, admits=self._vehicle_limit.admits, final=final)
+        yield from self._axes.feed(tables, start_us, admits=admits, final=final)
         settled = list(self._mappers.feed(tables, final=final))
         for vehicle, time_us in self._clocks.jumps():
-            if not self._vehicle_limit.admits(vehicle):
-                continue
-            self._events.of(vehicle).add("reboot", self._flight_time(time_us))
-            text = "its clock jumped: it rebooted, or its time was set"
-            yield Notice(self._flight_time(time_us), vehicle, text)
+            if admits(vehicle):
+                time_s = self._flight_time(time_us)
+                self._events.of(vehicle).add("reboot", time_s)
+                yield Notice(time_s, vehicle, "its clock jumped: it rebooted, or its time was set")
         for mapper, mapped in settled:
-            if mapped.utc_us.size and self._vehicle_limit.admits(mapped.vehicle):
+            if mapped.utc_us.size and admits(mapped.vehicle):
                 yield from self._judge(mapper, mapped)
 
     def _listen(self, tables: Mapping[str, Table]) -> Iterator[Event]:
@@ -291,13 +287,14 @@ class Engine:
             yield AirframeNamed(self._flight_time(draft.time_us), draft.vehicle, draft.airframe)
         for spoken in texts(tables):
             if spoken.text and not spoken.text.startswith("mavhums airframe="):
-                yield Notice(self._flight_time(spoken.time_us), spoken.vehicle, spoken.text)
+                time_s = self._flight_time(spoken.time_us)
+                yield Notice(time_s, spoken.vehicle, spoken.text)
                 if self._vehicle_limit.admits(spoken.vehicle):
-                    self._events.of(spoken.vehicle).hear_text(self._flight_time(spoken.time_us), spoken.text)
+                    self._events.of(spoken.vehicle).hear_text(time_s, spoken.text)
 
     def _judge(self, mapper: Mapper, mapped: MappedSamples) -> Iterator[Event]:
         actuator = mapped.actuator.name
-        time_s = (mapped.utc_us - (self._decoder.first_time_us or 0)) / 1e6
+        time_s = (mapped.utc_us - self._start_us) / 1e6
         yield Samples(mapped.vehicle, actuator, time_s, mapped.values)
         self._events.of(mapped.vehicle).hear_source(actuator, time_s)
         yield from self._actuators.feed(mapper.airframe, mapped.evidence(), time_s)
@@ -311,50 +308,52 @@ class Engine:
         """Return what must be added to the log's times for UTC; None if nothing dates it."""
         decoder = self._decoder
         ahead_us = None if decoder.undated else decoder.ahead_us
-        return date_shift_us(decoder.first_time_us or 0, ahead_us, self._recorded.boots)
+        return date_shift_us(self._start_us, ahead_us, self._recorded.boots)
 
-    def _of_vehicle(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> list[Verdict]:
+    def _of_vehicle(self, vehicle: int, tier: Tier | None, indicators: bool) -> list[Verdict]:
         """Return the verdicts on a vehicle: its actuators first, then its axes."""
-        sag = None if vehicle is None else self._rails.lowest.get(vehicle)
-        first_us = self._decoder.first_time_us or 0
-        return [with_supply(one, sag, first_us) for one in self._alone(vehicle, tier, indicators)]
+        sag = self._rails.lowest.get(vehicle)
+        return [with_supply(one, sag, self._start_us) for one in self._alone(vehicle, tier, indicators)]
 
-    def _alone(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> list[Verdict]:
+    def _alone(self, vehicle: int, tier: Tier | None, indicators: bool) -> list[Verdict]:
         actuators = [*self._verdicts(vehicle, tier, indicators)]
-        setup = self._axes.setups(vehicle or 0).last
+        setup = self._axes.setups(vehicle).last
         own = any(
             v.condition != "unmonitored" and v.actuator != ALL and not setup.against(v.actuator)
             for v in actuators
         )
-        followed, axes = None if vehicle is None else self._axes.vehicle(vehicle), list[Verdict]()
-        if vehicle is not None and followed is not None and self._vehicle_limit.admits(vehicle):
-            axes += followed.verdicts(self._who(vehicle), _utc(self._decoder.first_time_us or 0))
+        followed, axes = self._axes.vehicle(vehicle), list[Verdict]()
+        if followed is not None and self._vehicle_limit.admits(vehicle):
+            axes += followed.verdicts(self._who(vehicle), _utc(self._start_us))
         if own and all(verdict.worst == "undecided" for verdict in axes):
             return actuators  # their own telemetry gives the verdicts
         axes = [*named_by_telemetry(axes, actuators, setup.airframe)]
         return [*beside_motors(actuators, axes), *axes]
 
-    def _verdicts(self, vehicle: int | None, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
+    def _verdicts(self, vehicle: int, tier: Tier | None, indicators: bool) -> Iterator[Verdict]:
         mapper = self._mappers.mapper(vehicle)
-        if vehicle is None or mapper is None:
-            identity = None if vehicle is None else self._who(vehicle)
-            followed = None if vehicle is None else self._axes.vehicle(vehicle)
+        if mapper is None:
+            followed = self._axes.vehicle(vehicle)
             surfaces = followed.surfaces if followed else None
-            rotors = {} if vehicle is None else rotor_servos(self._axes.parameters(vehicle).values)
-            yield from unjudged_vehicle(vehicle, tier, identity, surfaces=surfaces, rotors=rotors)
-            return
-        if not self._vehicle_limit.admits(vehicle):
+            rotors = rotor_servos(self._axes.parameters(vehicle).values)
+            yield from unjudged_vehicle(vehicle, tier, self._who(vehicle), surfaces=surfaces, rotors=rotors)
+        elif not self._vehicle_limit.admits(vehicle):
             yield crowded_out(vehicle, tier, MOST_VEHICLES)
-            return
-        start_utc, end_s = _utc(self._decoder.first_time_us or 0), self._end_s(vehicle)
-        yield from self._actuators.verdicts(vehicle, mapper, tier, start_utc, end_s, indicators=indicators)
+        else:
+            span = _utc(self._start_us), self._end_s(vehicle)
+            yield from self._actuators.verdicts(vehicle, mapper, tier, *span, indicators=indicators)
 
     def _end_s(self, vehicle: int) -> float:
         """Return the flight time of the log's end, by the vehicle's own clock, as all its samples are."""
         return self._flight_time(self._clocks.at_us(vehicle, self._decoder.last_time_us or 0))
 
     def _flight_time(self, time_us: int) -> float:
-        return (time_us - (self._decoder.first_time_us or 0)) / 1e6
+        return (time_us - self._start_us) / 1e6
+
+    @property
+    def _start_us(self) -> int:
+        """The first time of the log, microseconds of UTC; 0 before it."""
+        return self._decoder.first_time_us or 0
 
 
 def _utc(time_us: int) -> datetime:

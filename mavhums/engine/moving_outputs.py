@@ -59,12 +59,17 @@ _ALIKE: Final = 0.97  # correlation of outputs that move together
 _SHOWN_ROWS: Final = 10 * RATE_HZ  # before an alarm: the windows in which a loss is certain
 
 
-def _explained(rows: Rows, axis: str, demand: Array) -> float:
-    """Return how much of the motion about an axis a demand, shape (n,), explains: a share from 0 to 1."""
+def _with_demand(rows: Rows, axis: str, demand: Array) -> Rows:
+    """Return the rows with a demand, shape (n,), about one axis alone."""
     outputs = np.full_like(rows.outputs, np.nan)
     outputs[:, AXES.index(axis)] = demand
+    return replace(rows, outputs=outputs)
+
+
+def _explained(rows: Rows, axis: str, demand: Array) -> float:
+    """Return how much of the motion about an axis a demand, shape (n,), explains: a share from 0 to 1."""
     gain = new_tracker(axis)
-    gain.feed(replace(rows, outputs=outputs))
+    gain.feed(_with_demand(rows, axis, demand))
     found = gain.reference or gain.best
     return 0.0 if found is None else found.explained
 
@@ -133,10 +138,7 @@ class _DemandCheck(NamedTuple):
 
 
 def _judged(rows: Rows, axis: str, demand: Array, limits: AxisLimits) -> _DemandCheck:
-    outputs = np.full_like(rows.outputs, np.nan)
-    outputs[:, AXES.index(axis)] = demand
-    monitor = AxisMonitor(0, limits)
-    events = [*monitor.feed(replace(rows, outputs=outputs))]
+    events = [*AxisMonitor(0, limits).feed(_with_demand(rows, axis, demand))]
     shown = [e for e in events if isinstance(e, Indication) and e.actuator == axis]
     whole = bool(shown) and bool(shown[-1].low[-1] > NORMAL_EFFECTIVENESS)
     return _DemandCheck(whole, any(rests_on_outputs(event) for event in events))

@@ -568,10 +568,10 @@ def test_a_silent_vehicle_is_not_judged_again_at_each_look(monkeypatch: pytest.M
     engine = Engine()
     engine.feed(b"".join(said(system, 0) for system in range(1, 51)))
     engine.assessment(indicators=False)
-    judged: list[int | None] = []
+    judged: list[int] = []
     whole = Engine._of_vehicle
 
-    def counted(self: Engine, vehicle: int | None, *given: Any) -> list[Verdict]:
+    def counted(self: Engine, vehicle: int, *given: Any) -> list[Verdict]:
         judged.append(vehicle)
         return whole(self, vehicle, *given)
 

@@ -59,4 +59,3 @@ def test_the_first_vehicles_are_judged_in_the_order_of_the_log(size: int) -> Non
         odd = table(*part[1::2], name="B", first=2 * k + 2, step=4)
         limit.observe({**odd, **even, **table(1, name="C", first=0)})
     assert [one for one in (1, 250, *systems) if limit.admits(one)] == systems[:MOST_VEHICLES]
-    assert not limit.admits(None)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import mavhums
-from mavhums.engine.axes import MOST_VEHICLES, VehicleLimit
+from mavhums.engine.axes import MOST_VEHICLES
 from mavhums.engine.engine import Engine
 from mavhums.log.mavlink.decoder import MavlinkDecoder
 from mavhums.log.mavlink.stamping import Piece
@@ -117,13 +117,6 @@ def test_a_place_is_not_taken_by_who_says_nothing_of_actuators(tmp_path: Path) -
     log.write_bytes(b"".join(stamped))
     names = Counter(v.actuator for v in mavhums.analyse(log).verdicts if v.vehicle == 200)
     assert set(names) == {"aileron_left", "aileron_right", "elevator", "rudder"}
-
-
-def test_a_crowd_admits_everyone_while_there_is_room() -> None:
-    vehicle_limit = VehicleLimit({"DEBUG_FLOAT_ARRAY"})
-    vehicle_limit.observe({})
-    assert vehicle_limit.admits(7)
-    assert vehicle_limit.admits(None)
 
 
 HARDEST = (
