@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from mavhums.actuator.align import Aligned, Aligner
 from mavhums.actuator.derive import REPORTED, Deriver
 from mavhums.actuator.freshness import NOT_USED, Freshness
-from mavhums.actuator.one_servo import OneServo
 from mavhums.actuator.profile import Actuator, Airframe
+from mavhums.actuator.shaft import OneServo, Travel
 from mavhums.actuator.telemetry import TIERS, Reading, read
-from mavhums.actuator.travel import Travel
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Table

@@ -103,15 +103,8 @@ def _in_words(place: Place) -> str:
 
 
 def _what(mistake: ErrorDetails) -> str:
-    match mistake["type"]:
-        case "extra_forbidden":
-            return "no such key"
-        case "missing":
-            return "missing"
-        case "value_error":
-            return mistake["msg"].removeprefix("Value error, ")
-        case _:
-            return mistake["msg"]
+    known = {"extra_forbidden": "no such key", "missing": "missing"}
+    return known.get(mistake["type"], mistake["msg"].removeprefix("Value error, "))
 
 
 def _remedy(mistake: ErrorDetails, place: Place, sections: Mapping[Place, tuple[str, ...]]) -> str:
