@@ -123,18 +123,27 @@ def _begins_with_frame(head: bytes) -> bool:
     return any(len(head) > at and head[at] in _FRAME for at in _FRAME_AT)
 
 
-_FOREIGN_SIGNATURES = (
-    (b"RRF2", "a Rerun recording", None),
-    (b"\x1f\x8b", "gzip-compressed", "unpack it first"),
-    (b"PK\x03\x04", "a zip archive", "unpack it first"),
-    (b"ULogEnc", "an encrypted ULog", "decrypt it first with your key (PX4: Tools/decrypt_ulog.py)"),
-)
-_DUMP = re.compile(rb"\s*FMT, *128, *89,")
-_PROFILE = re.compile(rb"^\s*\[\[ *actuators *\]\]", re.MULTILINE)
 _RECORD = (
     "mavhums reads .tlog (a ground station's), .BIN (ArduPilot's) and .ulg (PX4's): "
     "take one of these, or record a .tlog with the ground station or with MAVProxy"
 )
+_FOREIGN = (
+    (rb"\ARRF2", "a Rerun recording, not a log", _RECORD),
+    (rb"\A\x1f\x8b", "gzip-compressed", "unpack it first"),
+    (rb"\APK\x03\x04", "a zip archive", "unpack it first"),
+    (rb"\AULogEnc", "an encrypted ULog", "decrypt it first with your key (PX4: Tools/decrypt_ulog.py)"),
+    (
+        rb"\A\s*FMT, *128, *89,",
+        "a DataFlash log dumped as text",
+        "download the .BIN itself from the autopilot",
+    ),
+    (
+        rb"(?m)^\s*\[\[ *actuators *\]\]",
+        "an airframe profile, not a log",
+        "pass it with --airframe, and name the log instead",
+    ),
+)
+"""What another file contains, what it then is, and the remedy."""
 
 
 def _of_chosen(name: str) -> Any:
@@ -254,17 +263,9 @@ def refuse_foreign(name: str, head: bytes, *, dialect: str | os.PathLike[str] | 
         return
     if _contains_frames(head, dialect):
         return
-    for signature, kind, remedy in _FOREIGN_SIGNATURES:
-        if head.startswith(signature):
-            problem = f"{name}: this is {kind}"
-            raise UnreadableLogError(problem if remedy else f"{problem}, not a log", remedy or _RECORD)
-    if _DUMP.match(head):
-        raise UnreadableLogError(
-            f"{name}: this is a DataFlash log dumped as text", "download the .BIN itself from the autopilot"
-        )
-    if _PROFILE.search(head):
-        problem = f"{name}: this is an airframe profile, not a log"
-        raise UnreadableLogError(problem, "pass it with --airframe, and name the log instead")
+    for pattern, kind, remedy in _FOREIGN:
+        if re.search(pattern, head):
+            raise UnreadableLogError(f"{name}: this is {kind}", remedy)
     if _is_text(head):
         raise UnreadableLogError(f"{name}: this is a text file, not an aircraft's log", _RECORD)
     raise UnreadableLogError(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.core.errors import UnreadableLogError
 from mavhums.core.packed import SequentialFile, opened
-from mavhums.log.base.decoder import LogDecoder, Losses
+from mavhums.log.base.decoder import LogDecoder, Losses, join_tables
 from mavhums.log.base.tables import Table
 from mavhums.log.formats import Decoder, refuse_foreign
 
@@ -213,14 +213,13 @@ def read_log(
     False
     """
     decoder = Decoder(messages, dialect=dialect)
-    batches: dict[str, list[Table]] = {}
+    parts = list[Table]()
     for decoded in decode_blocks(path, decoder, dialect=dialect):
-        for name, table in decoded.tables.items():
-            batches.setdefault(name, []).append(table)
+        parts += decoded.tables.values()
     first, last = decoder.first_time_us, decoder.last_time_us
     return Log(
         Path(path),
-        {name: Table.concatenate(parts) for name, parts in batches.items()},
+        join_tables(parts),
         decoder.counts,
         decoder.unknown,
         decoder.losses,

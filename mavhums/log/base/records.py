@@ -14,24 +14,6 @@ from mavhums.log.base.scanner import GUARD, SPARE, RecordBatch, Rows
 from mavhums.log.base.tables import Table
 
 
-class RowContext(NamedTuple):
-    """Context of a batch's rows.
-
-    Attributes
-    ----------
-    ordinal
-        Number of counted records before them.
-    shift_us
-        Offset added to their times.
-    vehicle
-        Id of the vehicle; None where the rows tell.
-    """
-
-    ordinal: int = 0
-    shift_us: int = 0
-    vehicle: int | None = None
-
-
 class GatheredTables(NamedTuple):
     """Tables by name, and the number of rows of each definition, wanted or not, shape (definitions,)."""
 
@@ -94,9 +76,25 @@ class DefinitionTable:
         return self._known
 
     def gather(
-        self, batch: RecordBatch, messages: frozenset[str] | None, context: RowContext
+        self,
+        batch: RecordBatch,
+        messages: frozenset[str] | None,
+        *,
+        ordinal: int = 0,
+        shift_us: int = 0,
+        vehicle: int | None = None,
     ) -> GatheredTables:
-        """Return the wanted messages of a batch; all if ``messages`` is None."""
+        """Return the wanted messages of a batch; all if ``messages`` is None.
+
+        Parameters
+        ----------
+        ordinal
+            Number of counted records before them.
+        shift_us
+            Offset added to their times.
+        vehicle
+            Id of the vehicle; None where the rows tell.
+        """
         sizes = self._wanted(messages)
         counts = _count(batch.rows, sizes.size)
         wanted = np.where(sizes > 0, counts, 0)
@@ -107,11 +105,11 @@ class DefinitionTable:
         header = np.empty((4, total), dtype=np.uint8)
         payloads = np.empty(int(byte_ends[-1]), dtype=np.uint8)
         _gather(
-            batch.data, batch.base, batch.rows, context.ordinal, context.shift_us, sizes, self.known,
+            batch.data, batch.base, batch.rows, ordinal, shift_us, sizes, self.known,
             begin.copy(), first_byte.copy(), frame, time_us, header, payloads,
         )  # fmt: skip
-        if context.vehicle is not None:
-            header[0] = context.vehicle
+        if vehicle is not None:
+            header[0] = vehicle
         tables: dict[str, Table] = {}
         for k in np.flatnonzero(wanted).tolist():
             definition = self._definitions[k]
@@ -198,7 +196,7 @@ def _gather(
     data, base, rows
         Those of a batch.
     ordinal, shift_us
-        See `RowContext`.
+        Those of `DefinitionTable.gather`.
     sizes, known
         By definition, last for records without one: bytes of a payload, 0 if it is not wanted; and whether
         its records count.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
@@ -162,6 +163,29 @@ class BlockScanner:
             time_rewinds=totals.rewinds,
             **other,
         )
+
+    def _scanned(
+        self, block: bytes, scan: Callable[[Bytes], tuple[int, int]], *, longest: int | None
+    ) -> RecordBatch:
+        """Return the records that a block completes.
+
+        Parameters
+        ----------
+        scan
+            Writes the rows and the damaged regions of a buffer, and returns their numbers.
+        longest
+            Bytes of the longest record that the end of the stream may cut; None before the end.
+        """
+        joined = self._joined(block)
+        data, base = np.frombuffer(joined, dtype=np.uint8), self.position
+        found, ended = scan(data[: data.size - SPARE])
+        self._add_damage(self._damaged[:ended])
+        position = int(self._carried["position"][0])
+        self._carry(joined, position)
+        self._carried["base"] += position - GUARD
+        if longest is not None:
+            self._finish(longest=longest)
+        return RecordBatch(data, base, self._rows[:found])
 
     def _joined(self, block: bytes) -> bytes:
         """Return the guard, the unfinished bytes, the block and the spare bytes; make room for their rows."""

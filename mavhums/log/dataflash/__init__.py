@@ -12,6 +12,12 @@ __all__ = ["DataFlashDecoder", "decoder", "refusal"]
 
 decoder = DataFlashDecoder
 
+_OLD = {
+    b"TimeMS": "this DataFlash log is older than TimeUS (ArduPilot of before 2015)",
+    b"StartTime": "this is a log of PX4 from before ULog (sdlog2)",
+}
+"""The name of the time in records of formats that are no more."""
+
 
 def refusal(head: bytes) -> Refusal | None:
     """Return why a log that begins with ``head`` cannot be read; None if it can."""
@@ -23,16 +29,10 @@ def refusal(head: bytes) -> Refusal | None:
         columns = [body[22:].tobytes().split(b"\0")[0].split(b",") for body in scanner.bodies[1:]]
         if any(fields[0] == b"TimeUS" for fields in columns):
             return None
-    if any(b"TimeMS" in fields for fields in columns):
-        return Refusal(
-            "this DataFlash log is older than TimeUS (ArduPilot of before 2015)",
-            "update the autopilot's firmware, or judge the telemetry log (.tlog) of the flight",
-        )
-    if any(b"StartTime" in fields for fields in columns):
-        return Refusal(
-            "this is a log of PX4 from before ULog (sdlog2)",
-            "update the autopilot's firmware, or judge the telemetry log (.tlog) of the flight",
-        )
+    for column, problem in _OLD.items():
+        if any(column in fields for fields in columns):
+            remedy = "update the autopilot's firmware, or judge the telemetry log (.tlog) of the flight"
+            return Refusal(problem, remedy)
     return Refusal(
         "this DataFlash log does not define its records (no FMT in its first megabyte)",
         "in a copy, put the first 20 kB of another log of the same firmware before it",

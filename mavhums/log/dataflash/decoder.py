@@ -12,7 +12,6 @@ import numpy as np
 
 from mavhums.core.arrays import Integers
 from mavhums.log.base.decoder import Losses, join_tables
-from mavhums.log.base.records import RowContext
 from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import ODD_TIME, Table
 from mavhums.log.base.times import is_date
@@ -201,7 +200,7 @@ class DataFlashDecoder:
         dating = self._datings[_boot_of(part)]
         if not dating.is_settled(int(part.rows["offset"][0])):
             before_end = replace(part, rows=part.rows[part.rows["offset"] < dating.end])
-            dating.observe(self._definitions.gather(before_end, DATING_MESSAGES, RowContext()).tables)
+            dating.observe(self._definitions.gather(before_end, DATING_MESSAGES).tables)
 
     def _final_tables(self, *, final: bool) -> Iterator[list[Table]]:
         """Yield the tables of the parts whose vehicle and date are final."""
@@ -217,8 +216,9 @@ class DataFlashDecoder:
         times = part.rows["time_us"]
         if times[0] < 0:  # records before the log's first time, as its definitions, have this one
             times[times < 0] = first
-        context = RowContext(self._frames, shift, vehicle)
-        found = self._definitions.gather(part, self._gathered, context)
+        found = self._definitions.gather(
+            part, self._gathered, ordinal=self._frames, shift_us=shift, vehicle=vehicle
+        )
         counts = found.counts.copy()
         before = self._counts.get(vehicle, counts[:0])
         counts[: before.size] += before

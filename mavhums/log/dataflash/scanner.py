@@ -23,7 +23,7 @@ import numpy as np
 
 from mavhums.core.arrays import Block, Bytes, Bytes1, Bytes2, Records
 from mavhums.core.kernels import inlined, kernel, subroutine
-from mavhums.log.base.scanner import GUARD, NO, SPARE, WAIT, YES, BlockScanner, RecordBatch, Regions, Rows
+from mavhums.log.base.scanner import GUARD, NO, WAIT, YES, BlockScanner, RecordBatch, Regions, Rows
 from mavhums.log.base.tables import ODD_TIME
 from mavhums.log.dataflash.layout import (
     BACK,
@@ -325,19 +325,11 @@ class RecordScanner(BlockScanner):
 
     def feed(self, block: bytes, *, final: bool = False) -> RecordBatch:
         """Return the records that ``block`` completes; ``final`` says that nothing follows."""
-        joined = self._joined(block)
-        data = np.frombuffer(joined, dtype=np.uint8)
-        base = self.position
-        scanned = data[: data.size - SPARE]
-        found, ended = scan(
-            scanned, final, self._carried, self._types, self._bodies, self._rows, self._damaged
-        )
-        self._add_damage(self._damaged[:ended])
-        position = int(self._carried["position"][0])
-        self._carry(joined, position)
-        self._carried["base"] += position - GUARD
-        if final:
-            self._finish(longest=_LONGEST_RECORD)
+
+        def find(data: Bytes) -> tuple[int, int]:
+            return scan(data, final, self._carried, self._types, self._bodies, self._rows, self._damaged)
+
+        batch = self._scanned(block, find, longest=_LONGEST_RECORD if final else None)
         # Records wait for the flight's date while the next blocks are scanned: those get other memory.
-        rows, self._rows = self._rows[:found], self._rows[:0]
-        return RecordBatch(data, base, rows)
+        self._rows = self._rows[:0]
+        return batch

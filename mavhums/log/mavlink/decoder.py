@@ -11,7 +11,7 @@ import numpy as np
 
 from mavhums.core.arrays import Records
 from mavhums.log.base.decoder import Losses
-from mavhums.log.base.records import Definition, DefinitionTable, RowContext
+from mavhums.log.base.records import Definition, DefinitionTable
 from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import Table
 from mavhums.log.base.times import YEAR_2010_US
@@ -149,9 +149,9 @@ class MavlinkDecoder:
             self._clocks.set_times(batch)
         else:
             self._received.join(batch.rows)
-        context = RowContext(ordinal=self._stats.frames)
+        before = self._stats.frames
         self._stats.add(batch.rows)
-        return self._definitions.gather(batch, self._wanted, context).tables
+        return self._definitions.gather(batch, self._wanted, ordinal=before).tables
 
 
 def vehicles_of(counts: Mapping[tuple[int, int, str], int]) -> tuple[int, ...]:

@@ -21,6 +21,7 @@ in which they are applied at each position:
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Annotated, Any, NamedTuple
 
@@ -29,7 +30,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Block, Bytes, Bytes1, Integers1, Records
 from mavhums.core.kernels import inlined, kernel, subroutine
-from mavhums.log.base.scanner import GUARD, NO, SPARE, WAIT, YES, BlockScanner, RecordBatch, Regions, Rows
+from mavhums.log.base.scanner import GUARD, NO, WAIT, YES, BlockScanner, RecordBatch, Regions, Rows
 from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
 from mavhums.log.base.times import plausible
 from mavhums.log.mavlink.dialect import Dialect
@@ -341,25 +342,12 @@ class FrameScanner(BlockScanner):
 
     def feed(self, block: bytes, *, final: bool = False) -> RecordBatch:
         """Return the frames that ``block`` completes; ``final`` marks the end of the stream."""
-        joined = self._joined(block)
-        data = np.frombuffer(joined, dtype=np.uint8)
-        base = self.position
-        found, ended = scan(
-            data[: data.size - SPARE],
-            self._stamp,
-            final,
-            self._carried,
-            self._messages,
-            self._rows,
-            self._damaged,
-        )
-        self._add_damage(self._damaged[:ended])
-        position = int(self._carried["position"][0])
-        self._carry(joined, position)
-        self._carried["base"] += position - GUARD
-        if final:
-            self._finish(longest=_LONGEST_RECORD)
-        return RecordBatch(data, base, self._rows[:found], self._stamp)
+
+        def find(data: Bytes) -> tuple[int, int]:
+            return scan(data, self._stamp, final, self._carried, self._messages, self._rows, self._damaged)
+
+        batch = self._scanned(block, find, longest=_LONGEST_RECORD if final else None)
+        return replace(batch, stamp=self._stamp)
 
 
 @cache

@@ -14,7 +14,7 @@ import numpy as np
 
 from mavhums.core.arrays import Integers
 from mavhums.log.base.decoder import Losses, join_tables
-from mavhums.log.base.records import Definition, DefinitionTable, RowContext
+from mavhums.log.base.records import Definition, DefinitionTable
 from mavhums.log.base.scanner import RecordBatch
 from mavhums.log.base.tables import Table
 from mavhums.log.base.times import is_date, plausible
@@ -197,8 +197,8 @@ class UlogDecoder:
         yield from self._other_tables(batch)
         for layout in self._scanner.topics.layouts[len(self._definitions) :]:
             self._definitions.add(Definition(layout.name, layout.wire))
-        context = RowContext(self._frames, self._offset_us, self._vehicle)
-        yield from self._definitions.gather(batch, self._wanted, context).tables.values()
+        context = {"ordinal": self._frames, "shift_us": self._offset_us, "vehicle": self._vehicle}
+        yield from self._definitions.gather(batch, self._wanted, **context).tables.values()
         self._frames += batch.rows.size
 
     def _other_tables(self, batch: RecordBatch) -> Iterator[Table]:
