@@ -17,7 +17,7 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import STANDARD_GRAVITY
 from mavhums.vehicle.airspeed import Speed
 from mavhums.vehicle.facts import ALL_OUTPUTS, ARDUPILOT, FIXED_WING, ON_GROUND, PULSES
-from mavhums.vehicle.grid import RATE_HZ, Seconds
+from mavhums.vehicle.grid import RATE_HZ, Seconds, lengths
 from mavhums.vehicle.rows import PastRows, Rows
 from mavhums.vehicle.signals import all_outputs
 from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces
@@ -251,11 +251,7 @@ class Flight:
 
     def _lasting(self, up: Flags, fresh: bool) -> Flags:
         """Return where the vehicle has flown for seconds without a break."""
-        if fresh:
-            self._run = 0
-        rows = np.arange(len(up))
-        last_down = np.maximum.accumulate(np.where(up, -1, rows))
-        run = np.where(last_down < 0, self._run + rows + 1, rows - last_down)
+        run = lengths(up, 0 if fresh else self._run)
         self._run = int(run[-1])
         return run >= _AIRBORNE_S * RATE_HZ
 

@@ -319,6 +319,20 @@ class Grid:
             self._kept[stream] = time_s[first:], values[first:]
 
 
+def lengths(rows: Flags, before: int) -> Integers:
+    """Return for how many rows it has lasted at each row, (n,), given for how many before the first one.
+
+    Examples
+    --------
+    >>> lengths(np.array([True, False, True, True]), 5).tolist()
+    [6, 0, 1, 2]
+    """
+    places = np.arange(len(rows))
+    last = np.maximum.accumulate(np.where(rows, -1, places))
+    lasted: Integers = np.where(last < 0, before + places + 1, places - last)
+    return lasted
+
+
 def _between(time_s: Array, values: Array, at: Array, *, turns: bool = False) -> Array:
     """Interpolate; return NaN where the samples on both sides are more than a gap apart.
 

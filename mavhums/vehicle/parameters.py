@@ -157,16 +157,16 @@ _ARDUPILOT = {
     87: "right split elevon 2",
     110: "airbrake",
 }
-_NO_SURFACES = {
+MOTORS = {33 + k: k for k in range(8)} | {82 + k: k + 8 for k in range(4)}
+"""The number of a motor, from 0, by SERVOn_FUNCTION."""
+_NO_SURFACES = {function: f"motor {k + 1}" for function, k in MOTORS.items()} | {
     26: "ground steering",
     27: "parachute",
     28: "gripper",
     29: "landing gear",
-    **{33 + k: f"motor {k + 1}" for k in range(8)},
     70: "throttle",
     73: "left throttle",
     74: "right throttle",
-    **{82 + k: f"motor {k + 9}" for k in range(4)},
 }
 _OLD_CHANNELS = (("ROLL", 1, 4), ("PITCH", 2, 19), ("THROTTLE", 3, 70), ("YAW", 4, 21))
 """Channels of ArduPlane before 3.8: name in RCMAP_*, usual channel, and the function that it has since."""
@@ -246,6 +246,11 @@ class Output:
     ends_by: str = ""
     direction_by: str = ""
     lacks: tuple[str, ...] = ()
+
+
+def functions_of(values: Mapping[str, float]) -> dict[int, int]:
+    """Return the SERVOn_FUNCTION of each of ArduPilot's outputs, from 1; 0 where the log has none."""
+    return {n: int(values.get(f"SERVO{n}_FUNCTION", 0.0)) for n in range(1, _CHANNELS + 1)}
 
 
 def assigned_outputs(parameters: Parameters) -> list[Output]:

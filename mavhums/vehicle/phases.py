@@ -18,7 +18,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.results.reasons import Reason
 from mavhums.vehicle.facts import FIXED_WING, IN_AIR, ON_GROUND
-from mavhums.vehicle.grid import RATE_HZ, Seconds
+from mavhums.vehicle.grid import RATE_HZ, Seconds, lengths
 from mavhums.vehicle.rotors import Rotors, mean_thrust
 from mavhums.vehicle.signals import DERIVED, all_outputs
 
@@ -259,9 +259,7 @@ class Phases:
         knocks = np.asarray((turned > most).any(axis=1) & upright)
         off = np.abs(attitude[:, :2] - seconds.signals["demand"].reshape(-1, 2)).max(axis=1)
         pressed = (off > np.radians(_PRESSED_DEG)) & (np.abs(rates).max(axis=1) < _PRESSED_RAD_S)
-        rows = np.arange(len(off))
-        last_free = np.maximum.accumulate(np.where(pressed, -1, rows))
-        run = np.where(last_free < 0, self._pressed + rows + 1, rows - last_free)
+        run = lengths(pressed, self._pressed)
         self._pressed = int(run[-1])
         knocked, self._knocked_ago, first = _lasting(knocks, self._knocked_ago)
         held, self._held_ago, _ = _lasting(run >= _PRESSED_S * RATE_HZ, self._held_ago)

@@ -14,9 +14,8 @@ import numpy as np
 
 from mavhums.core.arrays import Array
 from mavhums.results.reasons import Reason
-from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.formats.px4_buses import Bus, buses_of, uses_dshot
-from mavhums.vehicle.parameters import Parameters
+from mavhums.vehicle.parameters import MOTORS, Parameters, functions_of
 from mavhums.vehicle.vtol import turns_its_motors
 
 ROTOR_PARAMETERS: Final = (
@@ -71,7 +70,6 @@ _UNJUDGED: Final = {
 }
 """Why frames are not judged, by FRAME_CLASS."""
 
-_MOTORS: Final = {33 + k: k for k in range(8)}  # SERVOn_FUNCTION
 _PX4_FIRST_MOTOR: Final = 101  # PWM_MAIN_FUNCn
 _PX4_KINDS: Final = {2: _QUAD, 13: _HEXA, 14: _OCTA}  # MAV_TYPE
 _PX4_STANDARD_VTOL: Final = 2  # CA_AIRFRAME
@@ -210,8 +208,7 @@ def _of_ardupilot(values: Mapping[str, float]) -> Rotors | Reason | None:
     if places is None:
         why = _UNJUDGED.get(int(kind), f"frames of FRAME_CLASS {kind:.0f} and FRAME_TYPE {type_:.0f}")
         return Reason("unjudged_frame", frames=why)
-    functions = {n: int(values.get(f"SERVO{n}_FUNCTION", 0.0)) for n in range(1, ALL_OUTPUTS + 1)}
-    found = {_MOTORS[function]: n for n, function in functions.items() if function in _MOTORS}
+    found = {MOTORS[function]: n for n, function in functions_of(values).items() if function in MOTORS}
     if fixed:
         found = {k: k + 1 for k in range(len(places))}
     if set(range(len(places))) - found.keys():

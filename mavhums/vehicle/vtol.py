@@ -14,14 +14,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags
-from mavhums.vehicle.facts import ALL_OUTPUTS, ARDUPILOT
+from mavhums.vehicle.facts import ARDUPILOT
 from mavhums.vehicle.identity import Identity
-from mavhums.vehicle.parameters import lacking
+from mavhums.vehicle.parameters import MOTORS, functions_of, lacking
 
 VTOL_PARAMETERS: Final = ("Q_ENABLE", "Q_FRAME_", "Q_M_", "Q_T", "FRAME_CLASS")
 """Beginnings of the names of parameters that say what lifts."""
 
-_MOTORS: Final = {33 + k: k for k in range(8)} | {82 + k: k + 8 for k in range(4)}  # SERVOn_FUNCTION
 _TILTS: Final = (41, 45, 46, 47, 75, 76)  # SERVOn_FUNCTION of servos that tilt motors
 _FIXED_WING: Final = "fixed wing"
 _TRICOPTER: Final = 7  # Q_FRAME_CLASS, whose motor 7 is the servo that tilts the tail
@@ -153,8 +152,8 @@ def lift_of(values: Mapping[str, float]) -> Lift:
     >>> sorted(lift_of(quad).servos), sorted(lift_of(quad | {"Q_ENABLE": 0.0}).servos)
     ([5, 6], [])
     """
-    functions = {n: int(values.get(f"SERVO{n}_FUNCTION", 0.0)) for n in range(1, ALL_OUTPUTS + 1)}
-    numbers = {n: _MOTORS[function] for n, function in functions.items() if function in _MOTORS}
+    functions = functions_of(values)
+    numbers = {n: MOTORS[function] for n, function in functions.items() if function in MOTORS}
     if values.get("Q_ENABLE") == 0.0:
         return NO_LIFT
     low, high = (
@@ -219,8 +218,8 @@ def rotor_servos(values: Mapping[str, float]) -> dict[int, str]:
     """
     count = _HELICOPTERS.get(int(values.get("FRAME_CLASS", 0.0)), 0)
     found = {}
-    for n in range(1, ALL_OUTPUTS + 1):
-        number = _MOTORS.get(int(values.get(f"SERVO{n}_FUNCTION", 0.0)), count + 1)
+    for n, function in functions_of(values).items():
+        number = MOTORS.get(function, count + 1)
         if number < count:
             found[n] = f"swashplate {number + 1}"
         elif number == count == _TAIL_ROTOR:

@@ -272,6 +272,13 @@ def angles_of(q: NDArray[Any]) -> Array:
     return np.stack([roll, pitch, yaw], axis=1)
 
 
+def modes(number: NDArray[Any], autopilot: int) -> Integers:
+    """Return the values of the fact ``mode`` from numbers of modes, (n,), without the kind of vehicle."""
+    number = number.astype(np.int64)
+    rest = np.full_like(number, autopilot), np.full_like(number, -1), np.zeros_like(number)
+    return np.stack([*rest, number], axis=1)
+
+
 def records_of_parameters(names: NDArray[Any], bits: NDArray[Any], types: NDArray[Any] | int) -> NDArray[Any]:
     """Return the values of the fact ``parameter``."""
     out = np.empty(len(names), dtype=[("name", names.dtype), ("bits", "<u4"), ("type", "u1")])

@@ -29,6 +29,7 @@ from mavhums.vehicle.formats.base import (
     celsius,
     columns,
     holds,
+    modes,
     named,
     plain,
     pulses,
@@ -105,17 +106,6 @@ def _landed(table: Table) -> Array:
     return np.where(table["isFlying"] > 0, float(IN_AIR), float(ON_GROUND))[:, None]
 
 
-def _mode(table: Table) -> NDArray[Any]:
-    """Return the mode without the kind of vehicle, which a text gives."""
-    number = table["ModeNum"].astype(np.int64)
-    known = np.full_like(number, ARDUPILOT), np.full_like(number, -1), np.zeros_like(number)
-    return np.stack([*known, number], axis=1)
-
-
-def _uptime(table: Table) -> NDArray[Any]:
-    return table["TimeUS"].astype(np.int64)
-
-
 def _parameters(table: Table) -> NDArray[Any]:
     bits = np.ascontiguousarray(table["Value"].astype("<f4")).view("<u4")
     return records_of_parameters(table["Name"], bits, _REAL32)
@@ -185,10 +175,10 @@ SOURCES: Final = (
     plain("altitude", "CTUN", "Alt"),
     plain("altitude", "BARO", "Alt", rows=_first_sensor),
     Source("altitude error", "TECS", {"h": 1, "hdem": 1}, lambda t: (t["hdem"] - t["h"])[:, None]),
-    Source("mode", "MODE", {"ModeNum": 1}, _mode),
+    Source("mode", "MODE", {"ModeNum": 1}, lambda t: modes(t["ModeNum"], ARDUPILOT)),
     Source("text", "MSG", {"Message": TEXT}, lambda t: t["Message"]),
-    Source("uptime", "MSG", {"TimeUS": 1}, _uptime),
-    Source("uptime", "PARM", {"TimeUS": 1}, _uptime),
+    Source("uptime", "MSG", {"TimeUS": 1}, whole("TimeUS")),
+    Source("uptime", "PARM", {"TimeUS": 1}, whole("TimeUS")),
     Source("parameter", "PARM", {"Name": TEXT, "Value": 1}, _parameters),
     plain("position", "POS", "Lat", "Lng", "Alt"),
     plain("sensed airspeed", "ARSP", "Airspeed", rows=_first_sensor),

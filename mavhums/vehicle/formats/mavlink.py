@@ -51,6 +51,7 @@ _NO_ATTITUDE: Final = 1 << 7  # ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
 _ARDUPILOT_ID_BYTES: Final = 12  # of uid2's 18: the others are zero in ArduPilot
 
 _SERVO_FIELDS: Final = tuple(f"servo{n}_raw" for n in range(1, OUTPUTS + 1))
+_SERVOS: Final = {"port": 1, **dict.fromkeys(_SERVO_FIELDS, 1)}
 _CHANNELS: Final = tuple(f"chan{n}_raw" for n in range(1, OUTPUTS + 1))
 _OLD_CHANNELS: Final = 8  # of the message that came before
 _HEARTBEAT: Final = dict.fromkeys(("type", "autopilot", "base_mode", "custom_mode"), 1)
@@ -153,6 +154,7 @@ def _unhealthy(table: Table) -> Integers:
     return bits_of(*(enabled & ~healthy & part for part in (_OUTPUTS, _PROPULSION)))
 
 
+_MILLI_IMUS: Final = ("RAW_IMU", "SCALED_IMU", "SCALED_IMU2")  # rates in mrad/s, forces in mg
 _MILLI_RATES: Final = ("xgyro", "ygyro", "zgyro")
 _MILLI_FORCE: Final = ("xacc", "yacc", "zacc")
 _ESC_BATCHES: Final = {f"ESC_TELEMETRY_{k + 1}_TO_{k + 4}": k for k in range(0, 32, 4)}
@@ -163,14 +165,8 @@ AUTOPILOT: Final = None
 
 SOURCES: Final = (
     Source("state", "HEARTBEAT", _HEARTBEAT, _state, _has_autopilot, all_components=True),
-    Source("outputs", "SERVO_OUTPUT_RAW", {"port": 1, **dict.fromkeys(_SERVO_FIELDS, 1)}, _outputs, _port(0)),
-    Source(
-        "outputs_2",
-        "SERVO_OUTPUT_RAW",
-        {"port": 1, **dict.fromkeys(_SERVO_FIELDS, 1)},
-        lambda t: wide(_outputs(t), OUTPUTS),
-        _port(1),
-    ),
+    Source("outputs", "SERVO_OUTPUT_RAW", _SERVOS, _outputs, _port(0)),
+    Source("outputs_2", "SERVO_OUTPUT_RAW", _SERVOS, lambda t: wide(_outputs(t), OUTPUTS), _port(1)),
     Source("receiver", "RC_CHANNELS", dict.fromkeys(_CHANNELS, 1), lambda t: _channels(t, OUTPUTS)),
     Source(
         "receiver",
@@ -180,14 +176,10 @@ SOURCES: Final = (
         _port(0),
     ),
     plain("rates", "HIGHRES_IMU", *_MILLI_RATES),
-    plain("rates", "RAW_IMU", *_MILLI_RATES, scale=1e-3),
-    plain("rates", "SCALED_IMU", *_MILLI_RATES, scale=1e-3),
-    plain("rates", "SCALED_IMU2", *_MILLI_RATES, scale=1e-3),
+    *(plain("rates", name, *_MILLI_RATES, scale=1e-3) for name in _MILLI_IMUS),
     plain("rates", "ATTITUDE", "rollspeed", "pitchspeed", "yawspeed"),
     plain("force", "HIGHRES_IMU", *_MILLI_FORCE),
-    plain("force", "RAW_IMU", *_MILLI_FORCE, scale=STANDARD_GRAVITY / 1e3),
-    plain("force", "SCALED_IMU", *_MILLI_FORCE, scale=STANDARD_GRAVITY / 1e3),
-    plain("force", "SCALED_IMU2", *_MILLI_FORCE, scale=STANDARD_GRAVITY / 1e3),
+    *(plain("force", name, *_MILLI_FORCE, scale=STANDARD_GRAVITY / 1e3) for name in _MILLI_IMUS),
     plain("attitude", "ATTITUDE", "roll", "pitch", "yaw"),
     Source("demand", "ATTITUDE_TARGET", {"q": 4, "type_mask": 1}, _target),
     Source("demand", "NAV_CONTROLLER_OUTPUT", {"nav_roll": 1, "nav_pitch": 1}, _navigated),

@@ -23,6 +23,7 @@ from mavhums.vehicle.formats.base import (
     celsius,
     columns,
     instrumented,
+    modes,
     named,
     plain,
     pulses,
@@ -86,12 +87,6 @@ def _state(table: Table) -> Array:
     armed = table["arming_state"] == _ARMED
     fields = (table["system_type"], np.full(len(table), PX4), armed, table["nav_state"])
     return np.stack([np.asarray(field, dtype=np.float64) for field in fields], axis=1)
-
-
-def _mode(table: Table) -> NDArray[Any]:
-    number = table["nav_state"].astype(np.int64)
-    known = np.full_like(number, PX4), np.full_like(number, -1), np.zeros_like(number)
-    return np.stack([*known, number], axis=1)
 
 
 def _autopilot(table: Table) -> NDArray[Any]:
@@ -225,7 +220,7 @@ SOURCES: Final = (
     Source("state", "vehicle_status", {"arming_state": 1, "system_type": 1, "nav_state": 1}, _state),
     plain("vtol", "vtol_vehicle_status", "vehicle_vtol_state"),
     Source("landed", "vehicle_land_detected", {"landed": 1}, _landed),
-    Source("mode", "vehicle_status", {"nav_state": 1}, _mode),
+    Source("mode", "vehicle_status", {"nav_state": 1}, lambda t: modes(t["nav_state"], PX4)),
     Source(
         "autopilot",
         "vehicle_status",
@@ -238,7 +233,7 @@ SOURCES: Final = (
     ),
     Source("firmware", "info", _INFO, _versions, _has_version),
     Source("board", "info", _INFO, _boards, lambda t: np.asarray(t["name"] == b"sys_uuid")),
-    Source("uptime", "vehicle_status", {"timestamp": 1}, lambda t: t["timestamp"].astype(np.int64)),
+    Source("uptime", "vehicle_status", {"timestamp": 1}, whole("timestamp")),
     Source("text", "logged_string", {"text": TEXT}, lambda t: t["text"]),
     Source("parameter", "parameter", {"name": TEXT, "type": TEXT, "value": 1}, _parameters),
     plain("position", "vehicle_global_position", "lat", "lon", "alt"),
