@@ -265,11 +265,6 @@ class ActuatorMapper:
         return self._used
 
     @property
-    def late(self) -> int:
-        """Number of out-of-order or repeated values, which are ignored."""
-        return self.aligner.late
-
-    @property
     def obstacle(self) -> Reason | None:
         """The reason where the telemetry is not that of one servo which answers; else None."""
         if self.one_servo.shared:

@@ -55,9 +55,8 @@ class VehicleMappers:
             if self._given is None and (said.vehicle in self.drafts or self.mapper(said.vehicle) is None):
                 if said.known:
                     self._drafting.give_up(said.vehicle)
-                    drafted = self.drafts.pop(said.vehicle, None)
-                    if drafted is not None:
-                        self._mappers.remove(self._mapper_of(drafted))
+                    if drafted := self.drafts.pop(said.vehicle, None):
+                        self._mappers = [one for one in self._mappers if one.airframe is not drafted.airframe]
                     self._mappers.append(
                         Mapper(load_airframe(said.name), vehicle=said.vehicle, from_frame=said.frame)
                     )
@@ -73,9 +72,6 @@ class VehicleMappers:
                 self.drafts[draft.vehicle] = draft
                 self._mappers.append(Mapper(draft.airframe, vehicle=draft.vehicle, from_frame=draft.frame))
                 yield draft
-
-    def _mapper_of(self, draft: Draft) -> Mapper:
-        return next(mapper for mapper in self._mappers if mapper.airframe is draft.airframe)
 
     def feed(
         self, tables: Mapping[str, Table], *, final: bool = False

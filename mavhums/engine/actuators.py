@@ -144,7 +144,7 @@ class Actuators:
                     findings,
                     start_utc=start_utc,
                     end_s=end_s,
-                    late=track.late,
+                    late=track.aligner.late,
                     implausible=track.implausible,
                     provenance=provenance,
                     tier=own,

@@ -177,11 +177,7 @@ class Axes:
 
 def with_drops(losses: Losses, clocks: Clocks, axes: Axes) -> Losses:
     """Return the losses of a log with the samples that clocks and grids left out."""
-    late, same, copies, broken = (Counter[str]() for _ in range(4))
-    for (_, message), count in clocks.copies.items():
-        copies[message] += count
-    for (_, message), count in clocks.broken.items():
-        broken[message] += count
+    late, same = Counter[str](), Counter[str]()
     for vehicle in axes.vehicles():
         for message, received in axes.received(vehicle).items():
             late[message] += received.late
@@ -189,8 +185,8 @@ def with_drops(losses: Losses, clocks: Clocks, axes: Axes) -> Losses:
     found = {
         "late_samples": late,
         "same_time_samples": same,
-        "broken_stamps": broken,
-        "copies": copies,
+        "broken_stamps": clocks.broken,
+        "copies": clocks.copies,
     }
     return losses.model_copy(
         update={name: {key: n for key, n in sorted(counts.items()) if n} for name, counts in found.items()}

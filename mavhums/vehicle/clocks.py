@@ -44,13 +44,12 @@ class Clocks:
     Attributes
     ----------
     copies, broken
-        Messages left out, by vehicle and message: those that arrived before, as over several routes, and
-        those with a stamp that no clock explains.
+        Messages left out, by their names: those that arrived before, as over several routes, and those with
+        a stamp that no clock explains.
     """
 
     def __init__(self) -> None:
-        self.copies: Counter[tuple[int, str]] = Counter()
-        self.broken: Counter[tuple[int, str]] = Counter()
+        self.copies, self.broken = Counter[str](), Counter[str]()
         self._buses = PX4Buses()
         self._vehicles: dict[int, VehicleClock] = {}
         self._seen: dict[tuple[str, int], tuple[int, NDArray[np.uint64]]] = {}
@@ -152,8 +151,8 @@ class Clocks:
         if not (broken.any() or copied.any()):
             return table
         for rows, counts in ((broken, self.broken), (copied, self.copies)):
-            for vehicle, found in each(table.system, rows):
-                counts[vehicle, table.name] += len(table.system[found])
+            if rows.any():
+                counts[table.name] += int(rows.sum())
         return table.select(~(broken | copied))
 
     def _follow_order(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
-from mavhums.log.base.times import YEAR_2010_US, YEAR_2100_US
+from mavhums.log.base.scanner import YEAR_2010_US, YEAR_2100_US
 
 ARDUPILOT: Final = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
 NO_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID: a camera, a gimbal, a ground station

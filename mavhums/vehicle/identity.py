@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.log.base.times import is_date
+from mavhums.log.base.scanner import is_date
 from mavhums.vehicle.facts import ARDUPILOT, NO_AUTOPILOT, RANGES
 from mavhums.vehicle.formats import messages_of, reports
 from mavhums.vehicle.formats.base import Report

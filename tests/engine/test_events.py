@@ -128,10 +128,7 @@ def test_what_is_remembered_of_jumps_does_not_grow(tmp_path: Path) -> None:
 
 
 def test_what_is_left_out_is_counted_by_message_over_all_senders() -> None:
-    clocks = SimpleNamespace(
-        copies=Counter({(1, "A"): 2, (2, "A"): 3, (1, "B"): 1, (1, "C"): 0}),
-        broken=Counter({(1, "B"): 4, (3, "B"): 5}),
-    )
+    clocks = SimpleNamespace(copies=Counter(A=5, B=1, C=0), broken=Counter(B=9))
     received = {
         1: {"A": SimpleNamespace(late=2, repeated=0), "B": SimpleNamespace(late=0, repeated=7)},
         2: {"A": SimpleNamespace(late=3, repeated=0), "B": SimpleNamespace(late=1, repeated=1)},

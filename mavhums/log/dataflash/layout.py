@@ -17,8 +17,7 @@ import numpy as np
 from mavhums.core.arrays import Bytes, Records
 from mavhums.core.kernels import inlined, load_word, subroutine
 from mavhums.log.base.records import Definition, DefinitionTable
-from mavhums.log.base.scanner import WAIT
-from mavhums.log.base.times import plausible
+from mavhums.log.base.scanner import WAIT, plausible
 
 MAGIC_1, MAGIC_2 = 0xA3, 0x95
 HEAD = 3

@@ -12,9 +12,8 @@ import numpy as np
 from mavhums.core.arrays import Records
 from mavhums.log.base.decoder import Losses
 from mavhums.log.base.records import Definition, DefinitionTable
-from mavhums.log.base.scanner import RecordBatch
+from mavhums.log.base.scanner import YEAR_2010_US, RecordBatch
 from mavhums.log.base.tables import Table
-from mavhums.log.base.times import YEAR_2010_US
 from mavhums.log.mavlink.dialect import Dialect, load_dialect
 from mavhums.log.mavlink.scanner import FrameScanner
 from mavhums.log.mavlink.sequence import StreamStats

@@ -30,9 +30,8 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Block, Bytes, Bytes1, Integers1, Records
 from mavhums.core.kernels import inlined, kernel, subroutine
-from mavhums.log.base.scanner import GUARD, NO, WAIT, YES, BlockScanner, RecordBatch, Regions, Rows
+from mavhums.log.base.scanner import GUARD, NO, WAIT, YES, BlockScanner, RecordBatch, Regions, Rows, plausible
 from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
-from mavhums.log.base.times import plausible
 from mavhums.log.mavlink.dialect import Dialect
 from mavhums.log.mavlink.frames import (
     DAY_US,

@@ -49,18 +49,7 @@ _LINK = np.dtype(
 -1."""
 
 _SENDER = np.dtype(
-    [
-        ("id", "i8"),
-        ("frames", "i8"),
-        ("missing", "i8"),
-        ("gaps", "i8"),
-        ("reordered", "i8"),
-        ("duplicated", "i8"),
-        ("link", "i8"),
-        ("latest", "i8"),
-        ("links", _LINK, (_LINKS,)),
-    ],
-    align=True,
+    [*((name, "i8") for name in ("id", *_SUMS, "link", "latest")), ("links", _LINK, (_LINKS,))], align=True
 )
 """``id`` is 256 · system + component; ``link`` the counter that spoke last; ``latest`` the number of
 its latest frame among all."""
@@ -313,7 +302,7 @@ class StreamStats:
     def sequence_losses(self) -> Iterator[SequenceLoss]:
         """Yield the losses of each sender whose sequence numbers have gaps, reordering or duplicates."""
         for sender in self._senders[: self._known]:
-            found = {name: int(sender[name]) for name in ("missing", "gaps", "reordered", "duplicated")}
+            found = {name: int(sender[name]) for name in _SUMS[1:]}
             if any(found.values()):
                 system, component = divmod(int(sender["id"]), 256)
                 yield SequenceLoss(system=system, component=component, frames=int(sender["frames"]), **found)

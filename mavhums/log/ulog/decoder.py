@@ -15,9 +15,8 @@ import numpy as np
 from mavhums.core.arrays import Integers
 from mavhums.log.base.decoder import Losses, join_tables
 from mavhums.log.base.records import Definition, DefinitionTable
-from mavhums.log.base.scanner import RecordBatch
+from mavhums.log.base.scanner import RecordBatch, is_date, plausible
 from mavhums.log.base.tables import Table
-from mavhums.log.base.times import is_date, plausible
 from mavhums.log.ulog.layouts import BASIC, Layout
 from mavhums.log.ulog.scanner import UlogScanner
 

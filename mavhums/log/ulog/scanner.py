@@ -29,9 +29,9 @@ from mavhums.log.base.scanner import (
     RecordBatch,
     Regions,
     Rows,
+    plausible,
 )
 from mavhums.log.base.tables import ODD_TIME
-from mavhums.log.base.times import plausible
 from mavhums.log.ulog.headers import (
     BODY,
     TOPIC,
