@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from mavhums.vehicle.parameters import Parameters, assigned_outputs
+from mavhums.vehicle.parameters import Parameters, assigned_outputs, read_parameters
 from mavhums.vehicle.surfaces import Demands, SurfaceOutput, Surfaces, of_parameters, steers_by_wheels
+from tests.log.ulog import writer
 
 
 def outputs(values: Mapping[str, float], *, px4: bool = False) -> list[tuple[Any, ...]]:
@@ -275,3 +277,12 @@ def test_inferred_outputs_are_parted_beyond_three_microseconds() -> None:
         assert demands.parted.tolist() == parted
         expected = np.where(parted, np.nan, [0.25, 0.25, 0.256875, 0.258125])
         np.testing.assert_allclose(roll, expected, rtol=1e-12)
+
+
+def test_parameters_of_a_ulog_are_numbers_and_the_last_counts(tmp_path: Path) -> None:
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(writer.flight(3.0))
+    parameters = read_parameters(path)
+    assert parameters.is_px4
+    assert parameters.vehicle == 7
+    assert dict(parameters.values) == {"MAV_SYS_ID": 7, "PWM_MAIN_MIN1": 1050, "CA_SV0_TRQ_R": -0.5}
