@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
+from pymavlink.mavutil import mode_string_v10
 
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.facts import ServoIds
-from mavhums.vehicle.formats import FORMATS, SERVO_SOURCES, dataflash, reports, servo_readings, ulog
+from mavhums.vehicle.formats import FORMATS, SERVO_SOURCES, dataflash, mavlink, reports, servo_readings, ulog
 from mavhums.vehicle.states import kind_named
 
 NAN, QUARTER, G = np.nan, np.pi / 2, 9.80665
@@ -314,13 +316,20 @@ def test_a_batch_that_repeats_the_one_before_is_no_reading() -> None:
         assert sum(len(reading.values) for reading in found) == count
 
 
-def test_names_of_modes_and_firmwares() -> None:
-    """PX4's are of vehicle_status.msg, whose free numbers are former modes; kinds of vehicle of MAVLink."""
-    px4 = """MANUAL ALTCTL POSCTL MISSION LOITER RTL POSITION_SLOW - - - ACRO - DESCEND TERMINATION OFFBOARD
-        STABILIZED - TAKEOFF LAND FOLLOWME PRECISION_LAND ORBIT VTOL_TAKEOFF -"""
-    for number, name in enumerate(px4.split()):
-        assert ulog.mode_name(12, 1, 0, number) == (f"Mode({number})" if name == "-" else name)
+@pytest.mark.parametrize("autopilot", [v2.MAV_AUTOPILOT_ARDUPILOTMEGA, v2.MAV_AUTOPILOT_PX4])
+def test_modes_have_the_names_that_pymavlink_gives_them(autopilot: int) -> None:
+    custom = v2.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    numbers = [*range(40), *(main << 16 | sub << 24 for main in range(11) for sub in range(11))]
+    for kind, base_mode, number in product(range(50), (0, custom, custom | 64), numbers):
+        heartbeat = v2.MAVLink_heartbeat_message(kind, autopilot, base_mode, number, 4, 3)
+        assert mavlink.mode_name(autopilot, kind, base_mode, number) == mode_string_v10(heartbeat)
     assert [dataflash.mode_name(3, kind, 0, 11) for kind in (-1, 1, 2)] == [None, "RTL", "DRIFT"]
+
+
+def test_names_of_navigation_states_and_firmwares() -> None:
+    """PX4's are of vehicle_status.msg, whose free numbers are former modes; kinds of vehicle of MAVLink."""
+    states = {0: "MANUAL", 3: "MISSION", 7: "Mode(7)", 14: "OFFBOARD", 22: "VTOL_TAKEOFF", 23: "Mode(23)"}
+    assert {number: ulog.mode_name(12, 1, 0, number) for number in states} == states
     kinds = {
         v2.MAV_TYPE_FIXED_WING: "ArduPlane V4.5.7|APM:Plane V3.4.0",
         v2.MAV_TYPE_QUADROTOR: "ArduCopter V4.5.7|APM:Copter V3.4.6",

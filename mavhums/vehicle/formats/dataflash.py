@@ -8,7 +8,6 @@ text of the firmware the kind of vehicle.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from math import pi
 from typing import Any, Final
 
@@ -37,6 +36,7 @@ from mavhums.vehicle.formats.base import (
     supply_faults,
     whole,
 )
+from mavhums.vehicle.formats.modes import ardupilot_mode
 
 _FIX: Final = 3  # GPS_STATUS of a three-dimensional fix: before it, speed and course are noise
 _REAL32: Final = 9  # MAV_PARAM_TYPE
@@ -48,14 +48,9 @@ def is_stamped(table: Table) -> bool:
     return True
 
 
-@cache
 def mode_name(autopilot: int, kind: int, base_mode: int, number: int) -> str | None:
     """Return the name of a flight mode; None before a text has named the kind of vehicle."""
-    if kind < 0:
-        return None
-    from pymavlink.mavutil import mode_mapping_bynumber
-
-    return str((mode_mapping_bynumber(kind) or {}).get(number, f"Mode({number})"))
+    return ardupilot_mode(kind, number) if kind >= 0 else None
 
 
 def _first_sensor(table: Table) -> Flags:

@@ -6,8 +6,6 @@ Times are those of the senders' clocks, see :mod:`mavhums.vehicle.clocks`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
-from types import SimpleNamespace
 from typing import Any, Final
 
 import numpy as np
@@ -39,6 +37,7 @@ from mavhums.vehicle.formats.base import (
     whole,
     wide,
 )
+from mavhums.vehicle.formats.modes import ardupilot_mode, px4_mode
 
 STAMPS: Final = ("time_boot_ms", "time_usec")
 """Fields with the time of the sender's clock; the first in a message counts."""
@@ -46,6 +45,7 @@ STAMPS: Final = ("time_boot_ms", "time_usec")
 _NOT_OWN_TIME: Final = frozenset({"SYSTEM_TIME", "GPS_RAW_INT", "GPS2_RAW", "GPS_INPUT", "HIL_GPS"})
 """Messages whose stamp may be the satellites' time, or that of the last fix: they show no clock."""
 
+_CUSTOM_MODE: Final = 1  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 _ARMED: Final = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _NO_ATTITUDE: Final = 1 << 7  # ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
 _ARDUPILOT_ID_BYTES: Final = 12  # of uid2's 18: the others are zero in ArduPilot
@@ -70,15 +70,11 @@ def is_stamped(table: Table) -> bool:
     return stamp_of(table) is not None
 
 
-@cache
 def mode_name(autopilot: int, kind: int, base_mode: int, number: int) -> str:
     """Return the name of a flight mode."""
-    from pymavlink.mavutil import mode_string_v10
-
-    heartbeat = SimpleNamespace(
-        get_type=lambda: "HEARTBEAT", autopilot=autopilot, type=kind, base_mode=base_mode, custom_mode=number
-    )
-    return str(mode_string_v10(heartbeat))
+    if autopilot == PX4:
+        return px4_mode(number)
+    return ardupilot_mode(kind, number) if base_mode & _CUSTOM_MODE else f"Mode(0x{base_mode:08x})"
 
 
 def _outputs(table: Table) -> Array:

@@ -31,6 +31,7 @@ from mavhums.vehicle.formats.base import (
     whole,
     wide,
 )
+from mavhums.vehicle.formats.modes import NAVIGATION_STATES
 
 _ARMED: Final = 2  # vehicle_status.ARMING_STATE_ARMED
 _INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
@@ -42,28 +43,6 @@ _DETECTED: Final = ("fd_arm_escs", "fd_imbalanced_prop", "fd_motor", "motor_fail
 _CHANNELS: Final = 18  # of input_rc
 _INFO: Final = {"name": TEXT, "value": TEXT}
 
-_MODES: Final = {
-    0: "MANUAL",
-    1: "ALTCTL",
-    2: "POSCTL",
-    3: "MISSION",
-    4: "LOITER",
-    5: "RTL",
-    6: "POSITION_SLOW",
-    10: "ACRO",
-    12: "DESCEND",
-    13: "TERMINATION",
-    14: "OFFBOARD",
-    15: "STABILIZED",
-    17: "TAKEOFF",
-    18: "LAND",
-    19: "FOLLOWME",
-    20: "PRECISION_LAND",
-    21: "ORBIT",
-    22: "VTOL_TAKEOFF",
-}
-"""By vehicle_status.nav_state, whose numbers of modes that are no more were given to others."""
-
 
 def is_stamped(table: Table) -> bool:
     """Return True: every record has the time of the board's one clock."""
@@ -72,7 +51,7 @@ def is_stamped(table: Table) -> bool:
 
 def mode_name(autopilot: int, kind: int, base_mode: int, number: int) -> str:
     """Return the name of a flight mode."""
-    return _MODES.get(number, f"Mode({number})")
+    return NAVIGATION_STATES.get(number, f"Mode({number})")
 
 
 def _outputs(table: Table) -> Array:
