@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime
+from math import ceil
 from typing import Final
 
 import numpy as np
@@ -190,8 +191,10 @@ class VehicleAxes:
         due = self.setups.next_s(first)
         gap = np.flatnonzero(np.diff(seconds.index) > 1)[:1]
         ends = [*(seconds.index[gap] + 1).tolist(), *([] if due is None else [due])]
-        if self._eager() or self._doubtful():
+        if self._doubtful():
             ends.append(first + 1)
+        elif self._eager():  # nothing is looked for before so much was flown
+            ends.append(first + max(1, ceil(_INFER_S - self.flight.flown_s)))
         elif self.surfaces is None or self.surfaces.origin == "inferred" or self._receives:
             ends.append(first - first % _RETRY_S + _RETRY_S)
         at = int(np.searchsorted(seconds.index, min(ends))) if ends else len(seconds.index)
