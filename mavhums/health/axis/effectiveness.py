@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from math import hypot
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,19 @@ from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES
+
+
+class _Fit(NamedTuple):
+    """The regression of one shape: its columns, the rows ``at`` that it takes, and what is ``left``."""
+
+    shape: Shape
+    columns: Columns
+    at: NDArray[np.intp]
+    design: Array
+    answer: Array
+    beta: Array
+    left: float
+    explained: float
 
 
 def new_tracker(
@@ -165,36 +179,38 @@ class EffectivenessTracker:
         # A cheap look before a fit of every shape.
         if judgeable(rows, basis, self._form.least_speed_share).sum() < REFERENCE_S * LEAST_ROWS_PER_S:
             return
-        fits = [
-            fit for shape in shapes(self._form.axis) if (fit := self._fit(rows, basis, shape)) is not None
-        ]
-        # In calm air a regression can find the autopilot's feedback instead of the aircraft, with a gain of
-        # the wrong sign.
-        possible = [fit for fit in fits if self._form.possible(fit.others)]
-        found = max(possible, key=lambda fit: fit.explained, default=None)
-        if found is None:
+        fits = [fit for shape in shapes(self._form.axis) for fit in self._fit(rows, basis, shape)]
+        fit = max(fits, key=lambda fit: fit.explained, default=None)
+        found = self._referred(rows, basis, fit) if fit else None
+        if fit is None or found is None:
             return
         self.best = found if self.best is None or found.explained > self.best.explained else self.best
         if found.explained >= EXPLAINED and found.error <= GAIN_ERROR:
-            design, answer, _ = self._design(Chain(self._form, basis, found.shape).feed(rows))
-            self.reference = replace(found, constants=constants(self._form, found.speed, design, answer))
+            known = constants(self._form, found.speed, fit.design, fit.answer)
+            self.reference = replace(found, constants=known)
             self._begin(rows)
 
-    def _design(self, columns: Columns) -> tuple[Array, Array, NDArray[np.intp]]:
-        """Return the last usable rows that a reference needs: design, response and their places."""
-        at = np.flatnonzero(columns.good)[-REFERENCE_S * RATE_HZ :]
-        return np.column_stack([columns.drive, columns.others])[at], columns.answer[at], at
-
-    def _fit(self, rows: Rows, basis: Basis, shape: Shape) -> Reference | None:
+    def _fit(self, rows: Rows, basis: Basis, shape: Shape) -> Iterator[_Fit]:
+        """Yield the fit of a shape to the last usable rows that a reference needs, if it can be one."""
         columns = Chain(self._form, basis, shape).feed(rows)
-        design, answer, at = self._design(columns)
+        at = np.flatnonzero(columns.good)[-REFERENCE_S * RATE_HZ :]
+        design = np.column_stack([columns.drive, columns.others])[at]
         if at.size < REFERENCE_S * LEAST_ROWS_PER_S or design[:, 0].std() < LEAST_DRIVE:
-            return None
+            return
+        answer = columns.answer[at]
         beta, left = _least_squares(design, answer)
-        _, without = _least_squares(design[:, 1:], answer)
-        explained = 1.0 - left / without if without > 0 else 0.0
-        sums = Scores(beta[1:], self._memory_s).feed(columns)
-        inside = np.unique(at // RATE_HZ)
+        # In calm air a regression can find the autopilot's feedback instead of the aircraft, with a gain of
+        # the wrong sign.
+        if self._form.possible(beta[1:]):
+            _, without = _least_squares(design[:, 1:], answer)
+            explained = 1.0 - left / without if without > 0 else 0.0
+            yield _Fit(shape, columns, at, design, answer, beta, left, explained)
+
+    def _referred(self, rows: Rows, basis: Basis, fit: _Fit) -> Reference | None:
+        """Return the reference that a fit is, by the scores of its seconds; None if they show no drive."""
+        others = fit.beta[1:]
+        sums = Scores(others, self._memory_s).feed(fit.columns)
+        inside = np.unique(fit.at // RATE_HZ)
         drive2, cross = sums.drive2[inside], sums.cross[inside]
         total = float(drive2.sum())
         if total <= 0:
@@ -205,8 +221,10 @@ class EffectivenessTracker:
         # The reference may lie in quiet air, and the rest of the flight in rough air.
         variance = max(variance, SCORE_SCATTER * gain**2)
         first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1
-        deviation = float(np.sqrt(left))
-        return Reference(basis, shape, gain, beta[1:], variance, error, explained, deviation, first, last)
+        deviation = float(np.sqrt(fit.left))
+        return Reference(
+            basis, fit.shape, gain, others, variance, error, fit.explained, deviation, first, last
+        )
 
     def _begin(self, rows: Rows) -> None:
         reference = self.reference
@@ -348,7 +366,7 @@ def explained_by(axis: str, rows: Rows, demand: Array, others: Array) -> tuple[f
         _, without = _least_squares(nuisances, answer)
         if not left < without * (1.0 - best[0]) or not form.possible(beta[1:]):
             continue
-        _, both = _least_squares(np.column_stack([own, late[good]]), answer)
+        both = _least_squares(np.column_stack([own, late[good]]), answer)[1] if others.size else left
         best = 1.0 - left / without, 1.0 - both / left
     return best
 

@@ -137,7 +137,7 @@ class _CoupledForm(Form):
     def __init__(self, form: Form, other: str) -> None:
         self._form, self._other = form, other
         self.axis, self.nuisances, self.derivative = form.axis, form.nuisances + 1, form.derivative
-        self.trimmed = form.trimmed
+        self.trimmed, self.beside = form.trimmed, (*form.beside, other)
 
     def drive(self, demand: Array, relative: Array) -> Array:
         return self._form.drive(demand, relative)

@@ -22,7 +22,7 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
-from mavhums.vehicle.surfaces import COLUMNS, STEERING
+from mavhums.vehicle.surfaces import STEERING
 
 _ROLL_RAD: Final = np.radians(MOST_BANK_DEG)
 _PITCH_RAD: Final = np.radians(MOST_PITCH_DEG)
@@ -31,7 +31,10 @@ STEP_S: Final = 1.0 / RATE_HZ
 
 def hold_last(values: Array, before: float) -> Array:
     """Replace values that are not finite by the previous value; ``before`` precedes the first."""
-    rows = np.where(np.isfinite(values), np.arange(values.size), -1)
+    known = np.isfinite(values)
+    if known.all():
+        return np.ascontiguousarray(values)
+    rows = np.where(known, np.arange(values.size), -1)
     last = np.maximum.accumulate(rows)
     return np.where(last < 0, before, values[np.maximum(last, 0)])
 
@@ -113,6 +116,8 @@ class Form:
 
     axis: str
     nuisances: int
+    beside: tuple[str, ...] = ()
+    """Axes whose demands are among the nuisances."""
     derivative = False
     """Whether the response is the rate of change of ``answer``."""
     least_speed_share = LEAST_SPEED_SHARE
@@ -217,9 +222,9 @@ class Chain:
 
     def _reset(self) -> None:
         form, shape = self._form, self._shape
-        self._lags = {axis: Lag(shape.tau_s) for axis in ("roll", "pitch", "yaw")}
+        self._lags = {axis: Lag(shape.tau_s) for axis in (form.axis, *form.beside)}
         self._slower = Lag(self._extra)
-        self._demands = Tail(3, shape.delay_rows + 1)
+        self._demands = Tail(len(self._lags), shape.delay_rows + 1)
         self._means = Tail(2 + form.nuisances, MEAN_ROWS + 1)
 
     def feed(self, rows: Rows) -> Columns:
@@ -229,13 +234,12 @@ class Chain:
         n, form = len(rows), self._form
         relative = rows.speed / self._basis.speed
         lagged = np.stack([lag.feed(rows.demand(axis)) for axis, lag in self._lags.items()], axis=1)
-        own = COLUMNS[form.axis]
         # Only the axis's own servo is suspected to be slow.
         if self._extra:
-            lagged[:, own] = self._slower.feed(lagged[:, own])
+            lagged[:, 0] = self._slower.feed(lagged[:, 0])
         late = self._demands.feed(lagged)[1 : n + 1]
         demands = dict(zip(self._lags, late.T, strict=True))
-        drive = form.drive(late[:, own], relative)
+        drive = form.drive(demands[form.axis], relative)
         raw = np.column_stack([drive, form.others(rows, relative, demands), form.answer(rows)])
         # The filters fill gaps of the demand; a filled demand is no evidence.
         known = np.where(np.isfinite(rows.demand(form.axis)), 1.0, np.nan)
@@ -329,6 +333,7 @@ class YawForm(Form):
 
     axis = "yaw"
     nuisances = 5
+    beside = ("roll",)
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
         """Return v²·δ of the ailerons, v², v·r, v·p and sin φ."""
