@@ -74,6 +74,7 @@ def test_the_wheel_holds_both_packages_and_their_data(built: Path) -> None:
     assert relative == [], "the package index shows the README away from its folder"
     assert not [name for name in names if name.startswith(("tests/", "sim/", "benchmarks/"))]
     assert "mavhums/_kernels.txt" in names, "no sources are named that the kernels were built from"
+    assert "mavhums/_dialect.json" in names
     assert {name.split(".")[0] for name in names} >= {
         f"mavhums/_kernels_{room}" for room in ("health", "log")
     }
@@ -86,7 +87,7 @@ def test_the_source_distribution_holds_what_building_and_testing_need(built: Pat
         names = {name.split("/", 1)[1] for name in archive.getnames() if "/" in name}
     for name in ("pyproject.toml", "README.md", "LICENSE", "tests/conftest.py", "sim/mavhums_sim/ema.py"):
         assert name in names
-    assert not [name for name in names if name.startswith("mavhums/_kernels")]
+    assert not [name for name in names if name.startswith(("mavhums/_kernels", "mavhums/_dialect"))]
 
 
 @pytest.mark.slow

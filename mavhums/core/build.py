@@ -37,7 +37,8 @@ class KernelHook(BuildHookInterface[Any]):
         """Compile, and mark the wheel as one for this platform and Python."""
         sys.path.insert(0, str(_ROOT))
         build()
-        build_data["artifacts"] += ["mavhums/_kernels*"]
+        import_module("mavhums.log.mavlink.dialect").write_definitions()
+        build_data["artifacts"] += ["mavhums/_kernels*", "mavhums/_dialect.json"]
         build_data["pure_python"] = False
         build_data["infer_tag"] = True
 

@@ -2,16 +2,18 @@
 
 The shipped set consists of pymavlink's ardupilotmega, with all its includes, and development, and of
 ``messages/*.xml`` beside this module for messages that these lack. A user's XML takes precedence.
+To parse the shipped XML takes longer than to decode a short log: the build of the package writes down what it
+defines, and this is used as long as the XML is the same.
 """
 
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Iterator
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -19,9 +21,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from mavhums.core.errors import MavhumsError
+from mavhums.core.kernels import PACKAGE, digest
 from mavhums.log.base.tables import C_NUMBERS
 
 _SHIPPED = ("ardupilotmega.xml", "development.xml")
+OWN = Path(__file__).with_name("messages")
+BUILT = PACKAGE / "_dialect.json"
 # What mavparse raises of a file that is no MAVLink XML, beside its own error.
 _NOT_MAVLINK = (ElementTree.ParseError, LookupError, ValueError, AttributeError, TypeError)
 
@@ -74,6 +79,15 @@ def load_dialect(path: Path | None = None) -> Dialect:
     DialectError
         If the file is missing or is not MAVLink XML.
     """
+    definitions = _built() or shipped_definitions()
+    if path is not None:
+        for document in reversed(list(_documents(path, set()))):
+            definitions |= {message.id: _definition(message) for message in document.message}
+    return Dialect(dict(sorted(definitions.items())))
+
+
+def shipped_definitions() -> dict[int, MessageDefinition]:
+    """Return the definitions of the shipped XML."""
     definitions: dict[int, MessageDefinition] = {}
     for document in _shipped():
         for definition in map(_definition, document.message):
@@ -81,19 +95,42 @@ def load_dialect(path: Path | None = None) -> Dialect:
             # The larger of two has the newer extension fields; a shorter payload is filled with zeros.
             if known is None or definition.wire.itemsize > known.wire.itemsize:
                 definitions[definition.id] = definition
-    if path is not None:
-        for document in reversed(list(_documents(path, set()))):
-            definitions |= {message.id: _definition(message) for message in document.message}
-    return Dialect(dict(sorted(definitions.items())))
+    return definitions
+
+
+def write_definitions() -> None:
+    """Write the shipped definitions into the package, with the digest of their XML."""
+    rows = [
+        (one.id, one.name, one.crc_extra, one.base_size, one.wire.descr)
+        for one in shipped_definitions().values()
+    ]
+    BUILT.write_text(json.dumps({"xml": _digest(), "messages": rows}), encoding="utf-8")
+
+
+def _built() -> dict[int, MessageDefinition]:
+    """Return what the build wrote down; nothing where it is not of this XML."""
+    try:
+        known = json.loads(BUILT.read_bytes())
+    except OSError:
+        return {}
+    if known["xml"] != _digest():
+        return {}
+    return {
+        number: MessageDefinition(number, name, crc_extra, np.dtype([*map(tuple, columns)]), base_size)
+        for number, name, crc_extra, base_size, columns in known["messages"]
+    }
+
+
+def _digest() -> str:
+    return digest([*sorted(_pymavlink_folder().glob("*.xml")), *sorted(OWN.glob("*.xml"))])
 
 
 def _shipped() -> Iterator[Any]:
     seen: set[Path] = set()
     for name in _SHIPPED:
         yield from _documents(_pymavlink_folder() / name, seen)
-    for entry in resources.files("mavhums.log.mavlink").joinpath("messages").iterdir():
-        with resources.as_file(entry) as path:
-            yield from _documents(path, seen)
+    for path in sorted(OWN.glob("*.xml")):
+        yield from _documents(path, seen)
 
 
 def _pymavlink_folder() -> Path:

@@ -21,6 +21,7 @@ from pymavlink.generator import mavgen
 
 import mavhums.log
 from mavhums.log import Decoder, read_log
+from mavhums.log.mavlink import dialect
 from mavhums.log.mavlink.dialect import DialectError, load_dialect
 from tests.strategies import START_US, contents
 
@@ -140,3 +141,18 @@ def test_a_dialect_that_cannot_be_used_is_named(text: str | None, problem: str, 
     with pytest.raises(DialectError, match=problem) as caught:
         Decoder(dialect=xml)
     assert caught.value.remedy
+
+
+def test_what_the_build_wrote_down_is_used_only_for_the_same_xml(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dialect, "BUILT", tmp_path / "dialect.json")
+    parsed = load_dialect.__wrapped__().definitions
+    dialect.write_definitions()
+    with monkeypatch.context() as context:
+        context.delattr(dialect, "shipped_definitions")
+        assert load_dialect.__wrapped__().definitions == parsed
+    with monkeypatch.context() as context:
+        context.setattr(dialect, "OWN", tmp_path)  # without a message of ours: another set of XML
+        fewer = load_dialect.__wrapped__().definitions
+    assert parsed.keys() > fewer.keys()
