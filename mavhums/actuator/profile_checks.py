@@ -11,7 +11,6 @@ import re
 import tomllib
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from functools import reduce
 from operator import getitem
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -113,7 +112,7 @@ def _remedy(mistake: ErrorDetails, place: Place, sections: Mapping[Place, tuple[
         case "extra_forbidden":
             outer = tuple(part for part in place[:-1] if isinstance(part, str) and part not in KEYS)
             known = sections.get(outer, ())
-            close = get_close_matches(key, known, n=1)
+            close = _close(key, known, 1)
             return f"did you mean {close[0]}?" if close else f"known here: {', '.join(known)}"
         case "mapping":
             return str(mistake["ctx"]["remedy"])
@@ -250,5 +249,11 @@ def _condition_mistake(
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return the remedy for a name that is not known: the nearest names, or those that there are."""
-    close = get_close_matches(name, sorted(known), n=2)
+    close = _close(name, sorted(known), 2)
     return f"did you mean {' or '.join(close)}?" if close else f"there are: {', '.join(sorted(known)[:20])}"
+
+
+def _close(name: str, known: Iterable[str], count: int) -> list[str]:
+    from difflib import get_close_matches
+
+    return get_close_matches(name, [*known], n=count)
