@@ -120,7 +120,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "it moves too little both ways: its friction is known to ± {error:.2g} N·m, and its limits are "
         "{apart:.2g} N·m apart",
         _MOVE_IT),
-    "few_agree": ("{decidable} of {windows} windows are decidable, and none is clear enough",
+    "none_clear": ("{decidable} of {windows} windows are decidable, and none is clear enough",
         "analyse a longer flight"),
     "network_unfed": ("the network decides, and no window has enough samples in motion that carry its inputs",
         "analyse a flight in which the surface moves, or {physics}"),

@@ -17,10 +17,10 @@ from mavhums.vehicle.reported import Sag
 from mavhums.vehicle.surfaces import STEERING
 
 _BY_CONDITION: Final[dict[Condition, str]] = {
-    "normal": "nothing to do; keep the log for the trend over flights",
+    "normal": "keep the log for the trend over flights",
     "degraded": "inspect {parts} before the next flight, and watch the trend over flights",
     "emergency": "do not fly; inspect {parts}; repair or replace the actuator and test it on the ground",
-    "unchanged": "nothing to do; keep the log: later flights are compared with it",
+    "unchanged": "keep the log: later flights are compared with it",
     "changed": "inspect {parts} before the next flight, and watch the trend over flights",
     "learning": "keep the log: the baseline grows with every flight",
     "undecided": "undecided is not healthy: check it by other means, or record what is missing",

@@ -238,7 +238,7 @@ def _why_undecided(actuator: Actuator, findings: ActuatorFindings, provenance: d
     if coverage.decidable == 0 and provenance.get("V5", "").endswith(SIGNED_BY_VOLTAGE):
         record = to_record("signed currents")
         return Reason("slow_motion", percent=100 * coverage.moving_fraction, record=record)
-    return Reason("few_agree", decidable=coverage.decidable, windows=coverage.windows)
+    return Reason("none_clear", decidable=coverage.decidable, windows=coverage.windows)
 
 
 def _is_silent(last_s: float, end_s: float) -> bool:

@@ -87,7 +87,7 @@ def test_numbers_have_the_digits_that_are_known() -> None:
         ("degraded", 100.0, "degraded", ()),
         ("degraded", 101.0, "undecided", ("silent",)),
         ("normal", 100.01, "undecided", ("silent",)),
-        ("undecided", 101.0, "undecided", ("few_agree",)),
+        ("undecided", 101.0, "undecided", ("none_clear",)),
     ],
 )
 def test_silence_for_more_than_a_window_is_undecided_and_keeps_the_worst(
@@ -112,7 +112,7 @@ def test_silence_for_more_than_a_window_is_undecided_and_keeps_the_worst(
         (("V5", "V7"), {"no_friction": Reason("one_way")}, "one_way"),
         (("V5", "V7"), {"actuator": {"ema": None}}, "blanks"),
         (("V5", "V7"), {"coverage": NOTHING.model_copy(update={"windows": 9})}, "slow_motion"),
-        (("V5", "V7"), {}, "few_agree"),
+        (("V5", "V7"), {}, "none_clear"),
     ],
 )
 def test_what_binds_is_told(measured: tuple[str, ...], changes: dict[str, Any], code: str) -> None:
@@ -132,7 +132,7 @@ def test_absurd_values_are_told_before_what_else_is_missing() -> None:
     [
         ("degraded", 100.0, 3, "degraded", ()),
         ("degraded", 101.0, 12, "undecided", ("silent",)),
-        ("undecided", 101.0, 12, "undecided", ("few_agree",)),
+        ("undecided", 101.0, 12, "undecided", ("none_clear",)),
     ],
 )
 def test_its_own_baseline_replaces_what_the_flight_alone_showed(
