@@ -40,7 +40,7 @@ def main() -> None:
     faults, by_itself, by_others = sum(1 for flight in labelled if _real(flight)), Tally(), Tally()
     for k, flight in enumerate(labelled):
         others = [*alone[:k], *alone[k + 1 :]]
-        after = compared(alone[k], {}, lambda _, start: _records(alone[k], others))  # noqa: B023
+        after = compared(alone[k], lambda *_: {}, lambda _, start: _records(alone[k], others))  # noqa: B023
         before = {one.actuator: one for one in _axes(alone[k].assessment.verdicts)}
         judged = {one.actuator: one for one in _axes(after.verdicts)}
         by_itself.add(flight, before)

@@ -132,7 +132,7 @@ def test_of_a_log(name: str, tmp_path: Path) -> None:
     flight = StandaloneAssessment(
         engine.assessment(str(path)), engine.records(), engine.profiles(), options.false_alarms
     )
-    beside = compared(flight, baselines_about(flight, [0.0, 0.05, 0.5], 1e-3))
+    beside = compared(flight, lambda *_: baselines_about(flight, [0.0, 0.05, 0.5], 1e-3))
     found = {"alone": json.loads(zlib.decompress(packed(flight))), "compared": dumped(beside.verdicts)}
     found = without_cross_products(found)
     hold(name, found | {"events": condensed(events)})

@@ -73,19 +73,8 @@ def judge(file: LogFile, judging: Judging) -> Row:
 
 
 def _failed(file: LogFile, judging: Judging, problem: str, remedy: str) -> Row:
-    return Row(
-        *file,
-        settings=judging.settings,
-        sha256=None,
-        aircraft=judging.resolver.name(file.path, None, None) or UNKNOWN,
-        board=None,
-        start_us=None,
-        duration_s=None,
-        losses=False,
-        flight=None,
-        problem=problem,
-        remedy=remedy,
-    )
+    aircraft = judging.resolver.name(file.path, None, None) or UNKNOWN
+    return Row(*file, judging.settings, aircraft, problem=problem, remedy=remedy)
 
 
 @cache

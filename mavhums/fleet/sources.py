@@ -38,18 +38,8 @@ _SPARE: Final = 256 << 20
 _CHECK: Final = "check the address, the network and the credentials, and scan again"
 
 
-class UnreachedError(Exception):
-    """A log in an object store could not be downloaded: a row of the store, which a later scan tries again.
-
-    Parameters
-    ----------
-    problem, remedy
-        As of :class:`mavhums.MavhumsError`.
-    """
-
-    def __init__(self, problem: str, remedy: str) -> None:
-        super().__init__(problem)
-        self.problem, self.remedy = problem, remedy
+class UnreachedError(MavhumsError):
+    """A log in an object store could not be downloaded: a row of the store that a later scan tries again."""
 
 
 def logs_in(sources: Iterable[str | os.PathLike[str]]) -> list[LogFile]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import datetime
-from functools import cache, partial
+from functools import cache
 from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
@@ -22,7 +22,6 @@ from mavhums.engine.events import AirframeNamed, Event, StandaloneAssessment
 from mavhums.flights.actuator_comparison import ActuatorComparison, events_of
 from mavhums.health.axis.past import compare_response, compare_with_earlier_flights
 from mavhums.health.decision.baseline import (
-    Baselines,
     BaselineSource,
     PastSource,
     of_subject,
@@ -56,14 +55,14 @@ def compared(
     flight
         The flight, judged alone.
     baselines
-        Baselines from the earlier flights, or a function that returns them for an airframe and a time.
+        Function that returns the baselines from the earlier flights for an airframe and a time.
     past
         Function that returns the earlier flights for an airframe and a time; None for none.
     """
     start = _start_of(flight.assessment)
     if start is None:
         return _not_compared(flight.assessment)
-    comparisons, source = {}, cache(partial(_looked_up, baselines))
+    comparisons, source = {}, cache(baselines)
     for key, record in flight.records.items():
         own = of_subject(source(flight.profiles.get(key, ""), start), key)
         if own:
@@ -91,7 +90,7 @@ class FlightComparison:
 
     Examples
     --------
-    >>> comparison = FlightComparison(Engine(), {})
+    >>> comparison = FlightComparison(Engine(), lambda airframe, start: {})
     >>> comparison.feed(b"") + comparison.finish()
     []
     """
@@ -105,7 +104,7 @@ class FlightComparison:
     ) -> None:
         self._engine, self._false_alarms = engine, false_alarms
         self._past = _looked_up_once(past) if past else None
-        self._baselines = _looked_up_once(partial(_looked_up, baselines))
+        self._baselines = _looked_up_once(baselines)
         self._airframes: dict[int | None, str] = {}
         self._comparisons: dict[tuple[int, str], ActuatorComparison | None] = {}
 
@@ -168,7 +167,7 @@ def _with_findings(
 ) -> Assessment:
     """Return the assessment of a flight with what the comparisons found."""
     judged_by, end_s = flight.assessment.airframe, flight.assessment.log.duration_s
-    known = _looked_up(baselines, judged_by, start)
+    known = baselines(judged_by, start)
     alone = flight.assessment.verdicts
     own_scale = any(verdict.own for verdict in alone if verdict.subject == "actuator")
     profiles = set(flight.profiles.values())
@@ -222,10 +221,6 @@ def _not_compared(assessment: Assessment) -> Assessment:
 def _start_of(assessment: Assessment) -> datetime | None:
     start = assessment.log.start_utc
     return None if start is None else datetime.fromisoformat(start)
-
-
-def _looked_up(baselines: BaselineSource, airframe: str | None, start: datetime) -> Baselines:
-    return baselines(airframe, start) if callable(baselines) else baselines
 
 
 def _looked_up_once(source: Callable[..., Mapping[Any, Any]]) -> Callable[..., Any]:

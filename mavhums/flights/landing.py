@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 from sqlalchemy import Connection, select
 
@@ -212,12 +212,10 @@ def row_of(alone: StandaloneAssessment, file: LogFile, settings: str, resolver: 
         duration_s=log.duration_s,
         losses=bool(log.losses.any),
         flight=packed(alone._replace(assessment=assessment)),
-        problem=None,
-        remedy=None,
     )
 
 
-def _check_not_of_another(store: Store, file: LogFile, there: _KeptLog, given: AircraftResolver) -> None:
+def _check_not_of_another(store: Store, file: LogFile, there: Any, given: AircraftResolver) -> None:
     name = aircraft_of(file.path, given.rule)
     if name not in (UNKNOWN, there.aircraft):
         problem = f"{file.path}: {store.place} has this log as one of {there.aircraft}, not of {name}"
@@ -243,7 +241,7 @@ def _aircraft(
     log = assessment.log
     row = _judged(connection, log.sha256 or "")
     if row is not None and row.aircraft != UNKNOWN and (rule is None or row.pinned):
-        return row.aircraft
+        return str(row.aircraft)
     path = "" if log.path is None or is_stream(log.path) else as_utf8(Path(log.path).absolute())
     named = aircraft_in_store(path, assessment, resolver)
     if rule is not None or resolver.rule in (None, BOARD):
@@ -255,14 +253,7 @@ def _aircraft(
     return several[0] if len(several) == 1 else UNKNOWN
 
 
-class _KeptLog(NamedTuple):
-    path: str
-    aircraft: str
-    pinned: bool
-
-
-def _judged(connection: Connection, sha256: str) -> _KeptLog | None:
+def _judged(connection: Connection, sha256: str) -> Any:
     """Return where a store has judged a log, and its aircraft; None if it has not."""
-    asked = select(FLIGHT.c.path, AIRCRAFT.c.name, FLIGHT.c.pinned).join(AIRCRAFT)
-    row = connection.execute(asked.where(FLIGHT.c.sha256 == sha256, FLIGHT.c.format == FORMAT)).first()
-    return None if row is None else _KeptLog(*row)
+    asked = select(FLIGHT.c.path, AIRCRAFT.c.name.label("aircraft"), FLIGHT.c.pinned).join(AIRCRAFT)
+    return connection.execute(asked.where(FLIGHT.c.sha256 == sha256, FLIGHT.c.format == FORMAT)).first()

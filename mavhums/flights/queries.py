@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, and_, func, select
 
-from mavhums.core.conditions import URGENCY, Condition
+from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.compare import unpacked
@@ -27,8 +27,8 @@ from mavhums.flights.store.tables import (
     VERDICT,
 )
 from mavhums.flights.store.verdicts import STANDINGS
-from mavhums.results.assessment import Assessment, exit_code_of
-from mavhums.results.standing import Standing
+from mavhums.results.assessment import Assessment
+from mavhums.results.standing import Standing, exit_code_of
 from mavhums.results.store import (
     FailedLog,
     ForeignBoard,
@@ -100,18 +100,6 @@ def _odd(connection: Connection) -> OperatorTasks:
     return OperatorTasks(tuple(foreign_boards(connection)), connection.scalar(removed) or 0)
 
 
-class _Last(NamedTuple):
-    """An actuator in its last flight: the key of the verdict, whose it is, and how it stands."""
-
-    flight: int
-    place: int
-    aircraft: str
-    path: str
-    start_us: int | None
-    conditions: tuple[Condition, Condition]
-    standing: Standing | None
-
-
 def worst(store: Place, *, most: int | None = None) -> list[LastFlightOf]:
     """Return every actuator as of its aircraft's last flight, the worst first.
 
@@ -131,7 +119,7 @@ def worst(store: Place, *, most: int | None = None) -> list[LastFlightOf]:
         chosen = _ranked(connection)[:most]
         verdicts = {
             (flight, place): verdict_of(text)
-            for part in in_parts(dict.fromkeys(one.flight for one in chosen))
+            for part in in_parts(dict.fromkeys(one.flight_id for one, _ in chosen))
             for flight, place, text in connection.execute(
                 select(VERDICT.c.flight_id, VERDICT.c.place, VERDICT.c.verdict).where(
                     VERDICT.c.flight_id.in_(part)
@@ -143,10 +131,10 @@ def worst(store: Place, *, most: int | None = None) -> list[LastFlightOf]:
             aircraft=one.aircraft or None,
             log=one.path,
             start_utc=None if one.start_us is None else time_of(one.start_us).isoformat(),
-            verdict=verdicts[one.flight, one.place],
-            standing=one.standing,
+            verdict=verdicts[one.flight_id, one.place],
+            standing=standing,
         )
-        for one in chosen
+        for one, standing in chosen
     ]
 
 
@@ -156,8 +144,8 @@ def actuators_in(store: Place) -> int:
         return len(_ranked(connection))
 
 
-def _ranked(connection: Connection) -> list[_Last]:
-    """Return the actuators in their last flights and how they stand, the worst first."""
+def _ranked(connection: Connection) -> list[tuple[Any, Standing | None]]:
+    """Return the row of each actuator in its last flight and how it stands, the worst first."""
     stands = {
         (aircraft, one.vehicle, one.actuator): one
         for aircraft, several in standings(connection).items()
@@ -166,7 +154,7 @@ def _ranked(connection: Connection) -> list[_Last]:
     asked = (
         select(
             *(VERDICT.c[name] for name in ("flight_id", "place", "vehicle", "actuator", "start_us")),
-            *(VERDICT.c[name] for name in ("condition", "worst")),
+            *(VERDICT.c[name] for name in ("condition", "worst", "urgency")),
             AIRCRAFT.c.name.label("aircraft"),
             FLIGHT.c.path,
         )
@@ -180,26 +168,16 @@ def _ranked(connection: Connection) -> list[_Last]:
             *(AIRCRAFT.c.name, FLIGHT.c.path, VERDICT.c.vehicle.nulls_last(), VERDICT.c.actuator),
         )
     )
-    found: dict[object, _Last] = {}
+    found: dict[object, tuple[Any, Standing | None]] = {}
     for row in connection.execute(asked):
         whose = row.aircraft, row.vehicle, row.actuator
         # two flights that begin at once are one place in the list
         key = whose if row.aircraft != UNKNOWN else (row.path, *whose)
-        last = _Last(
-            row.flight_id,
-            row.place,
-            row.aircraft,
-            row.path,
-            row.start_us,
-            (row.condition, row.worst),
-            stands.get((row.aircraft, row.vehicle or 0, row.actuator)),
-        )
-        found.setdefault(key, last)
+        found.setdefault(key, (row, stands.get((row.aircraft, row.vehicle or 0, row.actuator))))
 
-    def rank(one: _Last) -> tuple[float, float]:
-        if one.standing is not None:
-            return one.standing.rank[:2]
-        return -float(max(URGENCY[each] for each in one.conditions)), float("inf")
+    def rank(one: tuple[Any, Standing | None]) -> tuple[float, float]:
+        row, standing = one
+        return (-float(row.urgency), float("inf")) if standing is None else standing.rank[:2]
 
     return sorted(found.values(), key=rank)
 
@@ -232,10 +210,10 @@ def exit_code(store: Place) -> ExitCode:
             select(LOG.c.id).where(LOG.c.problem.is_not(None), ~LOG.c.removed).limit(1)
         )
     found: list[Condition] = []
-    for one in rows:
-        found.append(max(one.conditions, key=URGENCY.__getitem__))
-        if one.standing is not None:
-            found += [one.standing.condition, "degraded" if one.standing.growth else "normal"]
+    for row, standing in rows:
+        found += [row.condition, row.worst]
+        if standing is not None:
+            found += [standing.condition, "degraded" if standing.growth else "normal"]
     code = exit_code_of(found)
     if code not in (ExitCode.EMERGENCY, ExitCode.DEGRADED) and failed:
         return ExitCode.ERROR

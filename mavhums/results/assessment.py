@@ -7,20 +7,19 @@ from these classes by ``python -m mavhums.results.assessment``.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 from pydantic import Field
 
 from mavhums.core.about import NOTICE, REPOSITORY
-from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.core.conditions import SEVERITY, URGENCY
 from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract, Drawn, Frozen
 from mavhums.core.quantities import KEYS
 from mavhums.log.base.decoder import Losses
 from mavhums.results.sections import FlightCopy, FlightEvent, FlightIdentity, ModelSummary, VehicleUsage
-from mavhums.results.standing import Standing
+from mavhums.results.standing import Standing, exit_code_of
 from mavhums.results.verdict import MEASURED, Verdict
 
 if TYPE_CHECKING:
@@ -139,29 +138,6 @@ class Assessment(Drawn):
             found.append("degraded")
         code = exit_code_of(found)
         return ExitCode.READ_WITH_LOSSES if code == ExitCode.OK and self.log.losses.any else code
-
-
-def exit_code_of(found: Iterable[Condition]) -> ExitCode:
-    """Return the exit code for the worst of these conditions; unmonitored actuators do not count.
-
-    Examples
-    --------
-    >>> exit_code_of(["normal", "changed", "unmonitored"]).name, exit_code_of(["unmonitored"]).name
-    ('DEGRADED', 'UNDECIDED')
-    """
-    return _EXIT_CODES[max(found, key=URGENCY.__getitem__, default="normal")]
-
-
-_EXIT_CODES: dict[Condition, ExitCode] = {
-    "normal": ExitCode.OK,
-    "unchanged": ExitCode.OK,
-    "unmonitored": ExitCode.UNDECIDED,
-    "learning": ExitCode.UNDECIDED,
-    "undecided": ExitCode.UNDECIDED,
-    "changed": ExitCode.DEGRADED,
-    "degraded": ExitCode.DEGRADED,
-    "emergency": ExitCode.EMERGENCY,
-}
 
 
 def _line(verdict: Verdict) -> str:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
@@ -246,6 +247,29 @@ class RepairDate(Contract):
     at_utc: str
 
 
+def exit_code_of(found: Iterable[Condition]) -> ExitCode:
+    """Return the exit code for the worst of these conditions; unmonitored actuators do not count.
+
+    Examples
+    --------
+    >>> exit_code_of(["normal", "changed", "unmonitored"]).name, exit_code_of(["unmonitored"]).name
+    ('DEGRADED', 'UNDECIDED')
+    """
+    return _EXIT_CODES[max(found, key=URGENCY.__getitem__, default="normal")]
+
+
+_EXIT_CODES: dict[Condition, ExitCode] = {
+    "normal": ExitCode.OK,
+    "unchanged": ExitCode.OK,
+    "unmonitored": ExitCode.UNDECIDED,
+    "learning": ExitCode.UNDECIDED,
+    "undecided": ExitCode.UNDECIDED,
+    "changed": ExitCode.DEGRADED,
+    "degraded": ExitCode.DEGRADED,
+    "emergency": ExitCode.EMERGENCY,
+}
+
+
 class TrendReport(Drawn):
     """The trends of an aircraft, the worst first.
 
@@ -275,20 +299,14 @@ class TrendReport(Drawn):
     @property
     def exit_code(self) -> ExitCode:
         """The exit code, as in ``mavhums analyse``, of the states over the flights; growth is degraded."""
-        conditions = {one.condition for one in self.trends} | {one.condition for one in self.others}
-        conditions |= {one.condition for one in self.standings if SEVERITY[one.condition] > 0}
-        if "emergency" in conditions:
-            return ExitCode.EMERGENCY
-        growing = any(one.growth for one in self.trends) or any(one.growth for one in self.standings)
-        if growing or conditions & {"changed", "degraded"}:
-            return ExitCode.DEGRADED
-        if (
-            self.unshown
-            or not self.trends
-            or any(shown.condition in ("undecided", "learning") for shown in self.trends)
-        ):
-            return ExitCode.UNDECIDED
-        return ExitCode.OK
+        found: list[Condition] = [one.condition for one in self.trends if one.condition != "unmonitored"]
+        found += [one.condition for one in self.others]
+        found += [one.condition for one in self.standings if SEVERITY[one.condition] > 0]
+        if any(one.growth for one in self.trends) or any(one.growth for one in self.standings):
+            found.append("degraded")
+        if self.unshown or not self.trends:
+            found.append("undecided")
+        return exit_code_of(found)
 
     def to_frame(self) -> pd.DataFrame:
         """Return a row per flight and indicator, the worst actuator first.
@@ -300,23 +318,12 @@ class TrendReport(Drawn):
         """
         import pandas as pd
 
-        rows = []
-        for one in self.trends:
-            whose = one.model_dump(include={"vehicle", "actuator", "airframe", "fault", "quantity", "unit"})
-            for point in one.points:
-                flown = point.model_dump(include={"flight", "log", "condition"})
-                limits = {"limit": one.limit, "emergency": one.emergency}
-                ends = {"highest": point.highest, "end": point.end}
-                rows.append(
-                    {
-                        **whose,
-                        **flown,
-                        **point.value.model_dump(),
-                        **limits,
-                        **ends,
-                        "start_utc": point.start_utc,
-                    }
-                )
+        fields = {"vehicle", "actuator", "airframe", "fault", "quantity", "unit", "limit", "emergency"}
+        rows = [
+            one.model_dump(include=fields) | point.model_dump(exclude={"value"}) | point.value.model_dump()
+            for one in self.trends
+            for point in one.points
+        ]
         frame = pd.DataFrame(rows, columns=[*_COLUMNS.split(), "limit", "emergency", "highest", "end"])
         frame["start_utc"] = pd.to_datetime(frame["start_utc"], utc=True, format="ISO8601")
         numbers = ("estimate", "low", "high", "limit", "emergency", "highest", "end")

@@ -35,13 +35,9 @@ def row_of(assessment: Assessment, aircraft: str, flight: StandaloneAssessment |
         settings="",
         sha256=log.sha256,
         aircraft=aircraft,
-        board=None,
         start_us=us_of(PastFlight.of(assessment).start) if log.start_utc else None,
         duration_s=log.duration_s,
-        losses=False,
         flight=packed(flight or StandaloneAssessment(assessment, {}, {})),
-        problem=None,
-        remedy=None,
     )
 
 

@@ -58,7 +58,7 @@ def undated() -> bytes:
 def test_a_log_without_a_date_says_that_it_is_not_compared() -> None:
     alone = judged(undated())[0]
     assert alone.log.start_utc is None
-    found = compared(StandaloneAssessment(alone, {}, {}, 1.0), {})
+    found = compared(StandaloneAssessment(alone, {}, {}, 1.0), lambda *_: {})
     assert "no date" in found.log.notices[-1]
     assert verdicts(found) == verdicts(alone)
     console = Console(record=True, width=200)
@@ -82,7 +82,7 @@ def test_a_log_without_a_date_is_compared_by_that_of_its_file(
     log.write_bytes(undated())
     os.utime(log, (1_700_000_000, 1_700_000_000))
     flight = analyse_alone(log, Options().resolved())
-    summary = compared(flight, {}).log
+    summary = compared(flight, lambda *_: {}).log
     ended = datetime.fromtimestamp(1_700_000_000 - summary.duration_s, UTC).isoformat()
     assert summary.start_utc == (began or ended)
     assert summary.notices[-1].startswith(f"dated by the {source} of its file: the log has no date")

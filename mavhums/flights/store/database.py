@@ -68,15 +68,15 @@ class Row(NamedTuple):
     size: int
     time_ns: int
     settings: str
-    sha256: str | None
     aircraft: str
-    board: str | None
-    start_us: int | None
-    duration_s: float | None
-    losses: bool
-    flight: bytes | None
-    problem: str | None
-    remedy: str | None
+    sha256: str | None = None
+    board: str | None = None
+    start_us: int | None = None
+    duration_s: float | None = None
+    losses: bool = False
+    flight: bytes | None = None
+    problem: str | None = None
+    remedy: str | None = None
 
 
 class Store:

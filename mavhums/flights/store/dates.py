@@ -99,14 +99,12 @@ def check_flown(connection: Connection, place: str, repairs: Repairs) -> None:
                 raise MavhumsError(f"{place}: no aircraft {repair.aircraft}", _there(aircraft))
         if repair.actuator is not None:
             several = select(VERDICT.c.actuator).distinct()
-            actuators = {*connection.scalars(several if whose is None else several.where(_of(whose)))}
+            if whose is not None:
+                several = several.where(VERDICT.c.aircraft_id == whose)
+            actuators = {*connection.scalars(several)}
             if repair.actuator not in actuators:
                 of = f" of {repair.aircraft}" if repair.aircraft else ""
                 raise MavhumsError(f"{place}: no actuator {repair.actuator}{of}", _there(actuators))
-
-
-def _of(aircraft: int):  # type: ignore[no-untyped-def]
-    return VERDICT.c.aircraft_id == aircraft
 
 
 def _there(names: set[str]) -> str:

@@ -172,7 +172,7 @@ Baselines = Mapping[tuple[int, str, str], Baseline]
 """Baselines by vehicle, actuator and fault."""
 
 
-BaselineSource = Baselines | Callable[[str | None, datetime | None], Baselines]
+BaselineSource = Callable[[str | None, datetime | None], Baselines]
 """Baselines, or a function of airframe and start of the flight (None if unknown) that returns them."""
 
 
