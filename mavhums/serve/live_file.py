@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from pathlib import Path
-from typing import IO, Final, NamedTuple
+from typing import IO, Final, Self
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -30,28 +30,62 @@ _SILENT_S: Final = 5.0
 _OBJECT: Final[TypeAdapter[LiveObject]] = TypeAdapter(LiveObject)
 
 
-class Seen(NamedTuple):
-    """A session as its file describes it.
+class LiveFile:
+    """A session's file, read on as it grows; of a long one, only the beginning and the last MiB.
+
+    Parameters
+    ----------
+    path
+        The file; it may not exist yet.
 
     Attributes
     ----------
     note
         Why the state may not be the present one; empty while the session runs.
+    start, status, end
+        The latest objects of these kinds; None before any.
     changes
         The latest changes of conditions and alerts, the newest first.
     """
 
-    name: str
-    note: str
-    start: StartObject | None
-    status: StatusObject | None
-    end: EndObject | None
-    changes: tuple[ConditionObject | AlertObject, ...]
+    def __init__(self, path: Path) -> None:
+        self.note = ""
+        self._path = path
+        self._forget()
+
+    def _forget(self) -> None:
+        self._at = 0
+        self._rest = b""
+        self._first = True
+        self.start: StartObject | None = None
+        self.status: StatusObject | None = None
+        self.end: EndObject | None = None
+        self.changes: tuple[ConditionObject | AlertObject, ...] = ()
+
+    def seen(self) -> Self:
+        """Read what was added, and return the session as it is now."""
+        self.note = ""
+        try:
+            status = self._path.stat()
+            if status.st_size < self._at:
+                self._forget()
+            with opened_file(self._path) as file:
+                self._read(file, status.st_size)
+            silent_s = time.time() - status.st_mtime
+            if self.end is None and silent_s > _SILENT_S:
+                self.note = (
+                    f"no line for {silent_s:,.0f} s: the session has stopped, or its output is not read"
+                )
+        except OSError as error:
+            self.note = f"cannot be read: {error.strerror}"
+        except UnreadableLogError as error:
+            self.note = f"{error.problem}: let the session write to a file: mavhums live --json > FILE"
+        return self
 
     def blocks(self) -> list[Block]:
         """Return what is shown of the session."""
         state = " (ended)" if self.end else " (running)" if self.status and not self.note else ""
-        title, start = f"{self.name}{state}", self.start
+        title, start = f"{self._path.name}{state}", self.start
         shown = status_blocks(self.status, title) if self.status else [Headline(title)]
         about = []
         if start:
@@ -60,48 +94,6 @@ class Seen(NamedTuple):
         notes = [Note([self.note or "No state yet."])] if self.note or not self.status else []
         changes = [Listing("Latest changes", [*map(latest_line, self.changes)])] if self.changes else []
         return [shown[0], *notes, *about, *shown[1:], *changes]
-
-
-class LiveFile:
-    """A session's file, read on as it grows; of a long one, only the beginning and the last MiB.
-
-    Parameters
-    ----------
-    path
-        The file; it may not exist yet.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._forget()
-
-    def _forget(self) -> None:
-        self._at = 0
-        self._rest = b""
-        self._first = True
-        self._start: StartObject | None = None
-        self._status: StatusObject | None = None
-        self._end: EndObject | None = None
-        self._changes: list[ConditionObject | AlertObject] = []
-
-    def seen(self) -> Seen:
-        """Read what was added, and return the state."""
-        note = ""
-        try:
-            status = self._path.stat()
-            if status.st_size < self._at:
-                self._forget()
-            with opened_file(self._path) as file:
-                self._read(file, status.st_size)
-            silent_s = time.time() - status.st_mtime
-            if self._end is None and silent_s > _SILENT_S:
-                note = f"no line for {silent_s:,.0f} s: the session has stopped, or its output is not read"
-        except OSError as error:
-            note = f"cannot be read: {error.strerror}"
-        except UnreadableLogError as error:
-            note = f"{error.problem}: let the session write to a file: mavhums live --json > FILE"
-        changes = tuple(reversed(self._changes))
-        return Seen(self._path.name, note, self._start, self._status, self._end, changes)
 
     def _read(self, file: IO[bytes], size: int) -> None:
         if self._first and size:
@@ -123,10 +115,10 @@ class LiveFile:
         except (ValidationError, ValueError, RecursionError):
             return
         if isinstance(found, StartObject):
-            self._start, self._end = found, None
+            self.start, self.end = found, None
         elif isinstance(found, StatusObject):
-            self._status = found
+            self.status = found
         elif isinstance(found, EndObject):
-            self._end = found
-        elif isinstance(found, ConditionObject | AlertObject) and found not in self._changes:
-            self._changes = [*self._changes, found][-_CHANGES:]
+            self.end = found
+        elif isinstance(found, ConditionObject | AlertObject) and found not in self.changes:
+            self.changes = (found, *self.changes)[:_CHANGES]

@@ -7,7 +7,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 from urllib.parse import urlencode
 
 from fastapi import FastAPI
@@ -113,7 +113,8 @@ def _add_logs(app: FastAPI, sessions: Sessions, options: ServeOptions, log_of: L
     def logs(request: Request, log: str = "", shown: str = "", beside: str = "") -> Response:
         session = _session(sessions, request)
         session.touch()
-        return HTMLResponse(log_list(session, Below(log, shown, beside), keeps=options.store is not None))
+        below = {"shown_id": log, "shown": shown, "beside": beside, "keeps": options.store is not None}
+        return HTMLResponse(render("logs.html", **_log_list(session), **below))
 
     @app.get("/logs/{log_id}/answer")
     def answer(request: Request, log_id: str) -> Response:
@@ -143,43 +144,20 @@ def _add_logs(app: FastAPI, sessions: Sessions, options: ServeOptions, log_of: L
             return Response(status_code=204)
 
 
-class Below(NamedTuple):
-    """What is shown below the list: a log, its part (``answer`` or ``view``), and the log beside it."""
-
-    log: str = ""
-    part: str = ""
-    beside: str = ""
-
-
-def log_list(session: UserSession, shown: Below, *, keeps: bool) -> str:
-    """Return a session's logs as a list, the worst first, with what can be done with each.
-
-    Parameters
-    ----------
-    session
-        The session.
-    shown
-        What is shown below the list.
-    keeps
-        Whether there is a store to keep a log in.
-    """
+def _log_list(session: UserSession) -> dict[str, Any]:
+    """Return what the list of a session's logs shows, the worst first."""
     logs = sorted(session.logs.values(), key=_rank)
     done = [log for log in logs if log.state == "done"]
-    several = sorted(Counter(log.condition for log in done).items(), key=lambda one: -URGENCY[one[0]])
-    return render(
-        "logs.html",
-        logs=logs,
-        worst=done[0].id if done else "",
-        tally=several,
-        rest=len(logs) - len(done),
-        trends=len(done) >= FEWEST_FLIGHTS,
-        few=_FEW,
-        every_ms=_BUSY_MS if any(log.is_busy for log in logs) else _QUIET_MS,
-        shown_id=shown.log,
-        shown=shown.part,
-        beside=shown.beside,
-        keeps=keeps,
-    )
+    several = Counter(log.condition for log in done)
+    return {
+        "logs": logs,
+        "worst": done[0].id if done else "",
+        "tally": sorted(several.items(), key=lambda one: -URGENCY[one[0]]),
+        "rest": len(logs) - len(done),
+        "trends": len(done) >= FEWEST_FLIGHTS,
+        "few": _FEW,
+        "every_ms": _BUSY_MS if any(log.is_busy for log in logs) else _QUIET_MS,
+    }
 
 
 def _rank(log: Dropped) -> int:
@@ -260,5 +238,5 @@ def _add_live(app: FastAPI, paths: Sequence[Path], page: Page) -> None:
 
     async def _seen(files: Sequence[LiveFile]) -> str:
         async with lock:
-            seen = await asyncio.to_thread(lambda: [file.seen() for file in files])
-        return "".join(draw(one.blocks(), "h2") for one in seen)
+            seen = await asyncio.to_thread(lambda: [file.seen().blocks() for file in files])
+        return "".join(draw(blocks, "h2") for blocks in seen)

@@ -37,11 +37,27 @@ def craft_path(vehicle: int | None) -> str:
     return rr.new_entity_path(["airframe", "no_vehicle" if vehicle is None else f"vehicle_{vehicle}"])
 
 
-class Surface:
+class Part:
+    """A part of an airframe that is drawn in the colour of its condition."""
+
+    _shape: type[rr.Boxes3D | rr.Ellipsoids3D] = rr.Boxes3D
+
+    def __init__(self, stream: rr.RecordingStream, path: str):
+        self._stream, self._path = stream, path
+
+    def move(self, time_s: Array, values: Array) -> None:
+        """Do nothing, unless what the part is asked for is drawn as a movement."""
+
+    def colour(self, time_s: Sequence[float], colours: Sequence[tuple[int, int, int]]) -> None:
+        """Set the colours of the part's conditions, each from a flight time on."""
+        send(self._stream, self._path, time_s, self._shape.columns(colors=list(colours)))
+
+
+class Surface(Part):
     """One control surface, or another part that a servo moves."""
 
     def __init__(self, stream: rr.RecordingStream, path: str, name: str, place: Place, *, named: bool):
-        self._stream, self._path = stream, path
+        super().__init__(stream, path)
         self._tick = -1.0
         begin, end = place.span
         sides = (1, -1) if place.mirrored else (1,)
@@ -76,16 +92,14 @@ class Surface:
             content = rr.Transform3D.columns(rotation_axis_angle=turns)
             send(self._stream, self._path, time_s[rows], content)
 
-    def colour(self, time_s: Sequence[float], colours: Sequence[tuple[int, int, int]]) -> None:
-        """Set the colours of the actuator's conditions, each from a flight time on."""
-        send(self._stream, self._path, time_s, rr.Boxes3D.columns(colors=list(colours)))
 
+class Motor(Part):
+    """One motor of a multirotor: an arm, and a disc."""
 
-class Motor:
-    """One motor of a multirotor: an arm, and a disc in the colour of its condition."""
+    _shape = rr.Ellipsoids3D
 
     def __init__(self, stream: rr.RecordingStream, path: str, name: str, bearing_deg: float, radius: float):
-        self._stream, self._path = stream, path
+        super().__init__(stream, path)
         turn = -np.radians(bearing_deg)  # the scene's third axis is up
         ahead, left = float(np.cos(turn)), float(np.sin(turn))
         turned = rr.RotationAxisAngle((0, 0, 1), radians=float(turn))
@@ -102,13 +116,6 @@ class Motor:
         # Not static: the viewer shows what is static instead of what changes with time.
         self.colour([0.0], [_GREY])
 
-    def move(self, time_s: Array, values: Array) -> None:
-        """Do nothing: what a motor is asked for is not drawn as a movement."""
-
-    def colour(self, time_s: Sequence[float], colours: Sequence[tuple[int, int, int]]) -> None:
-        """Set the colours of the motor's conditions, each from a flight time on."""
-        send(self._stream, self._path, time_s, rr.Ellipsoids3D.columns(colors=list(colours)))
-
 
 class Craft:
     """The 3-D airframe of one vehicle.
@@ -121,7 +128,7 @@ class Craft:
 
     def __init__(self, stream: rr.RecordingStream, vehicle: int | None) -> None:
         self.root = craft_path(vehicle)
-        self.surfaces: dict[str, Surface | Motor] = {}
+        self.surfaces: dict[str, Part] = {}
         self._stream = stream
 
     def fit(self, surfaces: Mapping[str, str]) -> None:

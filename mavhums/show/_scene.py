@@ -28,7 +28,7 @@ from mavhums.engine.events import (
 from mavhums.health.actuator.detectors import detectors_for
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
-from mavhums.show._craft import Motor, Surface, Vehicle, craft_path
+from mavhums.show._craft import Part, Vehicle, craft_path
 from mavhums.show._rows import send
 from mavhums.show._tracks import Track, path_part
 from mavhums.show.blocks import Mark
@@ -88,7 +88,7 @@ class Scene:
                 case Trace() if event.actuator == FRAME:
                     if event.vehicle not in self._frames:
                         self._frames[event.vehicle] = self._new_track(event.vehicle, FRAME)
-                    self._frames[event.vehicle].take(event)
+                    self._frames[event.vehicle].trace(event)
                 case Samples() | Window() | Indication() | Trace() | Classified():
                     self._track(event.vehicle, event.actuator).take(event)
                 case ConditionChanged():
@@ -273,23 +273,20 @@ class Scene:
     def _equip(self, track: Track) -> None:
         """Set a track's limits and its surface in the airframe from the profile."""
         known = self._airframes.get(track.vehicle) or self._airframes.get(None)
-        part = (
-            next((part for part in known[0].actuators if part.name == track.actuator), None)
-            if known
-            else None
-        )
-        if known is not None:
-            track.axis_limits = known[0].axes
-        if known is None or part is None:
+        if known is None:
             return
-        track.detectors = {detector.fault: detector for detector in detectors_for(part)}
-        track.known_s = known[1]
-        craft = self._vehicle(track.vehicle).craft
-        if not craft.surfaces:
-            craft.fit({one.name: f"{one.surface} {one.name}" for one in known[0].actuators})
-        track.surface = craft.surfaces.get(track.actuator)
+        airframe, known_s = known
+        track.axis_limits = airframe.axes
+        for part in airframe.actuators:
+            if part.name == track.actuator:
+                track.detectors = {detector.fault: detector for detector in detectors_for(part)}
+                track.known_s = known_s
+                craft = self._vehicle(track.vehicle).craft
+                if not craft.surfaces:
+                    craft.fit({one.name: f"{one.surface} {one.name}" for one in airframe.actuators})
+                track.surface = craft.surfaces.get(track.actuator)
 
-    def _moved(self, verdict: Verdict) -> Iterator[Surface | Motor]:
+    def _moved(self, verdict: Verdict) -> Iterator[Part]:
         """Yield the surfaces of an axis that no telemetry of their own tells of."""
         known = self._airframes.get(verdict.vehicle) or self._airframes.get(None)
         servos = {int(servo) for text in verdict.surfaces for servo in re.findall(r"servo (\d+)", text)}

@@ -16,7 +16,7 @@ from mavhums.engine.events import Classified, ConditionChanged, Indication, Samp
 from mavhums.health.actuator.detector import Detector
 from mavhums.results.sections import OUTSIDE, AxisLimits
 from mavhums.results.verdict import Verdict
-from mavhums.show._craft import Motor, Surface
+from mavhums.show._craft import Part
 from mavhums.show._rows import Times, send
 from mavhums.show._signals import Classes, Signals
 from mavhums.show.event_words import drawn, trace_words
@@ -112,8 +112,8 @@ class Track:
         self.root = actuator_path(vehicle, actuator)
         while self.root in others:
             self.root += "_"
-        self.surface: Surface | Motor | None = None
-        self.moved: list[Surface | Motor] = []
+        self.surface: Part | None = None
+        self.moved: list[Part] = []
         self.detectors: Mapping[str, Detector] = {}
         self.axis_limits = AxisLimits()
         self.traces: dict[str, str] = {}

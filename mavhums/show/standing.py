@@ -179,28 +179,23 @@ def digest_headline(digest: FleetDigest) -> str:
 def digest_blocks(digest: FleetDigest) -> list[Block]:
     """Return what is shown of a digest; where there is nothing to say, its headline."""
     notice = [] if digest.is_empty else [Note([f"{capital(digest.notice)}."], quiet=True)]
-    sections = [
-        Listing(title, [f"{name}: {'. '.join(said)}" for name, said in items])
-        for title, items in _sections(digest)
-    ]
-    return [Headline(digest_headline(digest)), *sections, *notice]
+    return [Headline(digest_headline(digest)), *_sections(digest), *notice]
 
 
-def _sections(digest: FleetDigest) -> Iterator[tuple[str, list[tuple[str, list[str]]]]]:
+def _sections(digest: FleetDigest) -> Iterator[Listing]:
     for kind, (title, _) in _KINDS.items():
         found = [one for one in digest.changes if one.kind == kind]
         if found:
-            yield title, [(_whose(one), _change_lines(one)) for one in found]
+            yield Listing(title, [f"{_whose(one)}: {'. '.join(_change_lines(one))}" for one in found])
     if digest.silent:
-        yield (
-            "Not heard of",
-            [
-                (one.aircraft, [f"last flight {one.last_utc[:10]}, {one.days:.0f} days ago"])
-                for one in digest.silent
-            ],
-        )
+        lines = [
+            f"{one.aircraft}: last flight {one.last_utc[:10]}, {one.days:.0f} days ago"
+            for one in digest.silent
+        ]
+        yield Listing("Not heard of", lines)
     if digest.failed:
-        yield "Logs that could not be judged", [(one.problem, [one.remedy]) for one in digest.failed]
+        lines = [f"{one.problem}: {one.remedy}" for one in digest.failed]
+        yield Listing("Logs that could not be judged", lines)
 
 
 def _whose(change: Change) -> str:
