@@ -153,10 +153,6 @@ class AircraftTable:
                     dates[each.actuator] = max(swapped, dates.get(each.actuator, swapped))
         return dates
 
-    def of(self, aircraft: str) -> tuple[Installation, ...]:
-        """Return the actuators of an aircraft."""
-        return tuple(self._actuators.get(aircraft, ()))
-
 
 def load_aircraft_table(path: str | os.PathLike[str]) -> AircraftTable:
     """Read an aircraft table, a CSV file or a TOML file.

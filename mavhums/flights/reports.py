@@ -26,7 +26,7 @@ from mavhums.flights.store.earlier import past_flights, us_of
 from mavhums.flights.store.logs import FLOWN, aircraft_id
 from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, INDICATOR, LOG, VERDICT
 from mavhums.flights.store.verdicts import trend_of
-from mavhums.results.standing import FlightsLeft, Growth, RepairDate, Standing, TrendReport
+from mavhums.results.standing import Growth, RepairDate, Standing, TrendReport
 from mavhums.results.store import Change, FailedLog, FleetDigest, SilentAircraft
 
 if TYPE_CHECKING:
@@ -283,13 +283,8 @@ def _of_last(stands: Standing) -> dict[str, object]:
     if growth is None:
         return told
     told |= {"grows": growth.quantity, "growth_per_flight": growth.per_flight.estimate}
-    return (
-        told | _flights_left("degraded", growth.to_degraded) | _flights_left("emergency", growth.to_emergency)
-    )
-
-
-def _flights_left(limit: str, left: FlightsLeft | None) -> dict[str, object]:
-    if left is None:
-        return {}
-    values = (left.estimate, left.low, left.high, left.expected_utc)
-    return dict(zip((name.format(limit) for name in _LEFT), values, strict=True))
+    for limit, left in (("degraded", growth.to_degraded), ("emergency", growth.to_emergency)):
+        if left is not None:
+            values = (left.estimate, left.low, left.high, left.expected_utc)
+            told |= zip((name.format(limit) for name in _LEFT), values, strict=True)
+    return told

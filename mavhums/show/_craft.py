@@ -32,9 +32,14 @@ _Box = tuple[_Point, _Point, tuple[int, int, int]]  # centre, half its size, and
 _V1, _V3 = KEYS.index("V1"), KEYS.index("V3")
 
 
+def vehicle_part(vehicle: int | None) -> str:
+    """Return a vehicle as part of an entity path."""
+    return "no_vehicle" if vehicle is None else f"vehicle_{vehicle}"
+
+
 def craft_path(vehicle: int | None) -> str:
     """Return the entity path of a vehicle's airframe; it has the heading, ``body`` the attitude."""
-    return rr.new_entity_path(["airframe", "no_vehicle" if vehicle is None else f"vehicle_{vehicle}"])
+    return rr.new_entity_path(["airframe", vehicle_part(vehicle)])
 
 
 class Part:
@@ -194,13 +199,12 @@ class Vehicle:
     """
 
     def __init__(self, stream: rr.RecordingStream, vehicle: int | None, *, live: bool) -> None:
-        name = "no_vehicle" if vehicle is None else f"vehicle_{vehicle}"
         self.craft = Craft(stream, vehicle)
         self.mode_path: str | None = None
         self.position_path: str | None = None
         self.extent_deg: float | None = None
         self.turns = False
-        self._name = name
+        self._name = vehicle_part(vehicle)
         self._stream, self._live = stream, live
         self._attitudes = Thinner(3, _CAPACITY, "first")
         self._positions = Thinner(2, _CAPACITY, "first")

@@ -16,7 +16,7 @@ from mavhums.engine.events import Classified, ConditionChanged, Indication, Samp
 from mavhums.health.actuator.detector import Detector
 from mavhums.results.sections import OUTSIDE, AxisLimits
 from mavhums.results.verdict import Verdict
-from mavhums.show._craft import Part
+from mavhums.show._craft import Part, vehicle_part
 from mavhums.show._rows import Times, send
 from mavhums.show._signals import Classes, Signals
 from mavhums.show.event_words import drawn, trace_words
@@ -33,11 +33,6 @@ _ROWS_PER_CHUNK: Final = 4096
 _BEFORE_S, _AFTER_S = 10.0, 10.0
 _HALF_WINDOW_S: Final = 5.0
 _NETWORK_STYLE: Final = rr.SeriesLines(names="of ten seconds", colors=BLUE, widths=2.5)
-
-
-def actuator_path(vehicle: int | None, actuator: str) -> str:
-    """Return the root entity path of an actuator."""
-    return f"/{'no_vehicle' if vehicle is None else f'vehicle_{vehicle}'}/{path_part(actuator)}"
 
 
 def path_part(name: str) -> str:
@@ -59,7 +54,7 @@ class Track:
     stream
         The recording.
     vehicle, actuator
-        Whose track it is; the entities lie under :func:`actuator_path`.
+        Whose track it is; the entities lie under the paths of both.
     live
         Whether a viewer follows.
     others
@@ -109,7 +104,7 @@ class Track:
         others: Container[str] = (),
     ) -> None:
         self.vehicle, self.actuator = vehicle, actuator
-        self.root = actuator_path(vehicle, actuator)
+        self.root = f"/{vehicle_part(vehicle)}/{path_part(actuator)}"
         while self.root in others:
             self.root += "_"
         self.surface: Part | None = None

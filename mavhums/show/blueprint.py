@@ -120,7 +120,7 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
     axes = (
         _TimeRange(_latest(_LIVE_SIGNALS_S), _latest(_LIVE_EVIDENCE_S))
         if live
-        else _TimeRange(*[whole_flight()] * 2)
+        else _TimeRange(*[_whole_flight()] * 2)
     )
     tabs = [_actuator(lane, axes) for lane in lanes if lane.present or lane.faults or lane.traces]
     around = around or Surroundings()
@@ -132,25 +132,19 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
         origin="/",
         contents=[*around.modes, *(lane.states or lane.root for lane in lanes)],
         name="Condition of every axis and actuator",
-        time_view=whole_flight(),
+        time_view=_whole_flight(),
     )
     report = rrb.TextDocumentView(origin="/report", name="Report")
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(conditions, below, row_shares=[share, 1 - share]), report, column_shares=[3, 1]
         ),
-        *panels(),
-        auto_views=False,
-        auto_layout=False,
-    )
-
-
-def panels(timeline: str = TIMELINE) -> tuple[rrb.BlueprintPart, ...]:
-    """Return the viewer's own panels, minimised, with the cursor at the end of the flight."""
-    return (
-        rrb.TimePanel(timeline=timeline, play_state="following", state="collapsed"),
+        # The viewer's own panels, minimised, with the cursor at the end of the flight.
+        rrb.TimePanel(timeline=TIMELINE, play_state="following", state="collapsed"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
     )
 
 
@@ -288,7 +282,7 @@ def _plot(
     )
 
 
-def whole_flight() -> rrb.TimeAxis:
+def _whole_flight() -> rrb.TimeAxis:
     """Return a separate axis for each plot: linked axes would open at 30 s around the cursor."""
     everything = rr.TimeRange(start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.infinite())
     return rrb.TimeAxis(view_range=everything)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import starmap
 from operator import itemgetter
@@ -84,6 +85,8 @@ class EvidenceCollector:
         Number of texts in the flight.
     modes
         The first 200 flight modes of each vehicle: since when, s, and the name.
+    references_s
+        Flight seconds from and to which an axis's reference was learned, by vehicle and axis.
 
     Examples
     --------
@@ -97,14 +100,14 @@ class EvidenceCollector:
         self.texts = 0
         self._thinners: dict[CurveKey, Thinner] = {}
         self._traces: dict[CurveKey, Thinner] = {}
-        self._references: dict[tuple[int, str], tuple[int, int]] = {}
+        self.references_s: dict[tuple[int, str], tuple[int, int]] = {}
         self._samples: dict[tuple[int, str], Thinner] = {}
         self._votes: dict[tuple[int, str], Thinner] = {}
         self._places: dict[int, Thinner] = {}
         self._conditions: dict[int, list[tuple[float, str, Condition]]] = {}
         self.modes: dict[int, list[tuple[float, str]]] = {}
         self._first: list[Notice] = []
-        self._last: list[Notice] = []
+        self._last: deque[Notice] = deque(maxlen=_LAST)
 
     def consume(self, events: Iterable[Event]) -> None:
         """Take what the engine reports, in its order."""
@@ -118,7 +121,7 @@ class EvidenceCollector:
                 key = CurveKey(event.vehicle, event.actuator, event.kind)
                 _add(self._traces, key, event.time_s, drawn(event))
                 if event.reference_s and key in self._traces:
-                    self._references[key[:2]] = event.reference_s
+                    self.references_s[key[:2]] = event.reference_s
             elif isinstance(event, Classified | Window):
                 self._network(event)
             elif isinstance(event, Notice):
@@ -149,10 +152,6 @@ class EvidenceCollector:
             time_s, values = thinner.rows()
             found[key] = Curve(time_s, np.repeat(values[:, 1:], 3, axis=1), values[:, 0])
         return found
-
-    def reference_s(self, vehicle: int, actuator: str) -> tuple[int, int] | None:
-        """Return the flight seconds from and to which an axis's reference was learned; None without one."""
-        return self._references.get((vehicle, actuator))
 
     def networks(self) -> dict[tuple[int, str], Curve]:
         """Return, by vehicle and actuator, the probability of a fault in windows, and in samples."""
@@ -204,10 +203,7 @@ class EvidenceCollector:
 
     def _notice(self, event: Notice) -> None:
         self.texts += 1
-        if len(self._first) < _FIRST:
-            self._first.append(event)
-        else:
-            self._last = [*self._last, event][-_LAST:]
+        (self._first if len(self._first) < _FIRST else self._last).append(event)
 
 
 def _add(kept: dict[_Name, Thinner], key: _Name, time_s: Array, rows: Array) -> None:
@@ -295,7 +291,7 @@ def _ranked(assessment: Assessment, gathered: EvidenceCollector) -> Iterator[tup
             continue
         rest = 2 * (not verdict.suspects)
         since_s = verdict.since.flight_time_s if verdict.since and verdict.suspects else None
-        reference_s = gathered.reference_s(verdict.vehicle, verdict.actuator)
+        reference_s = gathered.references_s.get((verdict.vehicle, verdict.actuator))
         for rank, captioned in _of_verdict(verdict, curves, traces, name(verdict, assessment)):
             yield min(rank, rest), captioned._replace(since_s=since_s, reference_s=reference_s)
         said = networks.get((verdict.vehicle, verdict.actuator))

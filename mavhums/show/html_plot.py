@@ -217,11 +217,8 @@ def flight_charts(shown: Iterable[CaptionedCurve], gathered: EvidenceCollector, 
     charts, events = [], {}
     for one in shown:
         events[one.vehicle] = [(at_s, _text(text)) for at_s, text in one.events]
-        drawn = chart(one.curve, one.limits, one.title, one.caption)
-        drawn["since"] = one.since_s
-        drawn["reference"] = one.reference_s
-        drawn["vehicle"] = one.vehicle
-        charts.append(drawn)
+        more = {"since": one.since_s, "reference": one.reference_s, "vehicle": one.vehicle}
+        charts.append(chart(one.curve, one.limits, one.title, one.caption) | more)
     modes = {vehicle: _spans(several, duration_s) for vehicle, several in gathered.modes.items()}
     known = {"modes": modes, "events": events, "tracks": gathered.tracks()}
     return {"duration": duration_s, "charts": charts} | known

@@ -97,15 +97,14 @@ def _table(shown: Table) -> str:
 
 def _cell(cell: Cell) -> str:
     parts: Sequence[str | Mark | Link] = [cell] if isinstance(cell, str) else cell
-    return "".join(_mark(part) if isinstance(part, Mark) else _plain(part) for part in parts)
+    return "".join(
+        _mark(part) if isinstance(part, Mark) else _literal(part if isinstance(part, str) else part.text)
+        for part in parts
+    )
 
 
 def _mark(mark: Mark) -> str:
     return mark.text if mark.condition == "normal" else f"**{mark.text}**"
-
-
-def _plain(part: str | Link) -> str:
-    return _literal(part if isinstance(part, str) else part.text)
 
 
 def _literal(text: str) -> str:

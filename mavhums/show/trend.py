@@ -239,11 +239,12 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[Repair
     title = f"{trend.quantity}{f', {unit.strip()}' if unit else ''}"
     marks = _marks(trend, repairs)
     caption = "; ".join([_trend_text(trend, unit), *(text for _, text in marks)])
-    drawn = chart(Curve(days_ms, rows), limits, title, caption, whole=True)
-    drawn["life"] = _life(trend)
-    drawn["marks"] = [{"at": _milliseconds(at_utc), "text": text} for at_utc, text in marks]
-    drawn["flights"] = [point.flight for point in trend.points]
-    drawn["starts"] = [point.start_utc for point in trend.points]
+    drawn = chart(Curve(days_ms, rows), limits, title, caption, whole=True) | {
+        "life": _life(trend),
+        "marks": [{"at": _milliseconds(at_utc), "text": text} for at_utc, text in marks],
+        "flights": [point.flight for point in trend.points],
+        "starts": [point.start_utc for point in trend.points],
+    }
     return TrendView(
         actuator=f"{prefix}{subject_of(trend.subject, trend.actuator)}",
         first=trend.fault in _MAIN or trend.growth is not None or _beyond(trend),

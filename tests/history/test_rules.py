@@ -23,7 +23,7 @@ from mavhums.flights.corrections import CorrectedLog, Correction
 from mavhums.flights.duplicates import _is_dated, recordings_of, superseded_recordings
 from mavhums.flights.history import PastFlight
 from mavhums.flights.naming import aircraft_in_store
-from mavhums.flights.reports import _flights_left, _is_soon, _kinds, _of_last, _silent
+from mavhums.flights.reports import _is_soon, _kinds, _of_last, _silent
 from mavhums.flights.standing import Flown, _finding, flights_left, highest, reason_of, standing_of, step_of
 from mavhums.flights.store.dates import Repair
 from mavhums.flights.store.verdicts import _row_of
@@ -488,4 +488,3 @@ def test_the_last_row_of_an_actuator_tells_how_it_stands() -> None:
         "flights_to_emergency_high": to.high,
         "date_emergency": "2026-04-01",
     }
-    assert _flights_left("degraded", None) == {}
