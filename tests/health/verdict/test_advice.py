@@ -48,7 +48,7 @@ def suspects(**sure: float) -> tuple[Suspect, ...]:
             (("speed", "its speed follows its output: the propeller, or"), ("thrust", "x: the ESC")),
             f"inspect the propeller of motor 2 {WATCH}",
         ),
-        ("normal", (), "nothing to do; keep the log for the trend over flights"),
+        ("normal", (), "keep the log for the trend over flights"),
     ],
 )
 def test_the_speed_of_a_motor_tells_its_propeller_from_the_rest(
