@@ -10,11 +10,10 @@ from collections.abc import Callable
 from math import exp, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.profile import Actuator, Ema
-from mavhums.core.arrays import Array, Array1, Array2, Integers1
+from mavhums.core.arrays import Array, Array1, Array2, Integers, Integers1
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
 from mavhums.core.statistics import DEGREES_S_PER_REV_MIN, RAD_S_PER_REV_MIN
@@ -132,7 +131,7 @@ class Deriver:
                 values[empty, target] = result[empty]
                 self.derived[KEYS[target]] = how
 
-    def _integrate(self, utc_us: NDArray[np.int64], values: Array) -> None:
+    def _integrate(self, utc_us: Integers, values: Array) -> None:
         """Fill V2 with the integral of V7, which drifts, and V3 with V2."""
         ratio = self._actuator.known_ema().gear_ratio
         if _integrate(utc_us, values, ratio, self._turned):
@@ -225,7 +224,7 @@ class CurrentSigns:
         """Standard deviation of |U| − R·|I|, V."""
         return sqrt(_winding(self._standing, self._ema.resistance)[1])
 
-    def complete(self, utc_us: NDArray[np.int64], values: Array, rev_min: Array) -> None:
+    def complete(self, utc_us: Integers, values: Array, rev_min: Array) -> None:
         """Set the signs of V4 and V5 in V1…V12 of shape (n, 12), in place; NaN where they stay unknown.
 
         Parameters

@@ -15,9 +15,8 @@ from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mavhums.core.arrays import Array, Array1, Array2, Flags, Flags2
+from mavhums.core.arrays import Array, Array1, Array2, Flags, Flags2, Integers
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column
 
@@ -68,7 +67,7 @@ class Freshness:
         self._counts = np.zeros((3, len(KEYS)))  # time in motion s, samples in motion, changes
         self._signs = np.zeros(4)  # highest voltage and speed, contradictions, negative currents
 
-    def feed(self, utc_us: NDArray[np.int64], values: Array) -> Flags:
+    def feed(self, utc_us: Integers, values: Array) -> Flags:
         """Return which values are no evidence; times (n,) and measured V1…V12 (n, 12), NaN else."""
         refused = np.zeros(values.shape, dtype=np.bool_)
         _count(

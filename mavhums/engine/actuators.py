@@ -8,11 +8,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mavhums.actuator.mapping import MappedSamples, Mapper
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.actuator.telemetry import Tier, tier_named
+from mavhums.core.arrays import Array
 from mavhums.engine.events import Classified, ConditionChanged, Event, Forgotten
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.vehicle_setup import SetupHistory
@@ -57,7 +57,7 @@ class Actuators:
         self._airspeeds.feed(tables)
         self._temperatures.feed(tables)
 
-    def feed(self, airframe: Airframe, mapped: MappedSamples, time_s: NDArray[np.float64]) -> Iterator[Event]:
+    def feed(self, airframe: Airframe, mapped: MappedSamples, time_s: Array) -> Iterator[Event]:
         """Take samples of one actuator, and their flight times; yield the events that they cause."""
         vehicle, actuator = mapped.vehicle, mapped.actuator
         airspeed = self._airspeeds.at(vehicle, mapped.utc_us)
@@ -220,7 +220,7 @@ def network_answer(
 
 
 def classified(
-    mapped: MappedSamples, time_s: NDArray[np.float64], rows: slice, serving: Sequence[Model]
+    mapped: MappedSamples, time_s: Array, rows: slice, serving: Sequence[Model]
 ) -> Iterator[Classified]:
     """Yield what the networks say of each of these samples, if any serves the actuator.
 

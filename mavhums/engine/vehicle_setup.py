@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mavhums.actuator.contradictions import (
     Contradiction,
@@ -16,6 +15,7 @@ from mavhums.actuator.contradictions import (
     reconciled,
 )
 from mavhums.actuator.profile import Airframe
+from mavhums.core.arrays import Array, Flags
 from mavhums.results.reasons import Reason
 from mavhums.vehicle.parameters import Parameters, assigned_outputs
 from mavhums.vehicle.rotors import TURNED, Rotors, rotors_of
@@ -121,10 +121,10 @@ class SetupHistory:
         k = bisect_right(self._times, second)
         return self._keys[k][0] if k < len(self._keys) else None
 
-    def refused(self, actuator: str, time_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def refused(self, actuator: str, time_s: Array) -> Flags:
         """Return at which flight times an actuator cannot be judged by the profile, shape (n,)."""
         against = np.array([bool(setup.against(actuator)) for setup in self._states])
-        refused: NDArray[np.bool_] = against[np.searchsorted(self._times, time_s, side="right")]
+        refused: Flags = against[np.searchsorted(self._times, time_s, side="right")]
         return refused
 
     @property

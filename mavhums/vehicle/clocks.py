@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mavhums.core.arrays import Flags, Integers
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.formats import each
@@ -53,7 +54,7 @@ class Clocks:
         self._vehicles: dict[int, VehicleClock] = {}
         self._seen: dict[tuple[str, int], tuple[int, NDArray[np.uint64]]] = {}
         self._routes: dict[int, int] = {}
-        self._echoes: dict[tuple[str, int], tuple[NDArray[np.int64], NDArray[np.uint64]]] = {}
+        self._echoes: dict[tuple[str, int], tuple[Integers, NDArray[np.uint64]]] = {}
         self._orders: dict[tuple[str, int], _Order] = {}
         self._mixed: dict[int | None, set[str]] = {}
         self._restarts: list[tuple[int, int, int, int]] = []
@@ -131,12 +132,7 @@ class Clocks:
         return {vehicle: min(names) for vehicle, names in found.items() if names}
 
     def _kept(
-        self,
-        table: Table,
-        stamp: str | None,
-        stamp_us: NDArray[np.int64],
-        time_us: NDArray[np.int64],
-        worth: NDArray[np.int64],
+        self, table: Table, stamp: str | None, stamp_us: Integers, time_us: Integers, worth: Integers
     ) -> Table:
         """Return the table with its times, without broken stamps and copies."""
         received_us = table.time_us
@@ -155,12 +151,7 @@ class Clocks:
         return table.select(~(broken | copied))
 
     def _follow_order(
-        self,
-        table: Table,
-        own: NDArray[np.bool_],
-        stamp_us: NDArray[np.int64],
-        period: NDArray[np.int64],
-        lap_us: int,
+        self, table: Table, own: Flags, stamp_us: Integers, period: Integers, lap_us: int
     ) -> None:
         """Count how often the stamps of each sender run back, in each period of reception."""
         for sender, rows in each(table.system.astype(np.int64) * 256 + table.component, own):
@@ -178,7 +169,7 @@ class Clocks:
             self._orders[table.name, sender] = order._replace(stamp_us=int(stamps[-1]))
             _forget_oldest(self._orders)
 
-    def _copied(self, table: Table, sound: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _copied(self, table: Table, sound: Flags) -> Flags:
         """Return which messages arrived before: same sender, time, sequence number and content."""
         copied = np.zeros(len(table), dtype=np.bool_)
         codes = _codes(table)
@@ -195,7 +186,7 @@ class Clocks:
             _forget_oldest(self._seen)
         return copied
 
-    def _echoed(self, table: Table) -> NDArray[np.bool_]:
+    def _echoed(self, table: Table) -> Flags:
         """Return which messages without a stamp arrived before: same sender, sequence number and content.
 
         Without a stamp, the same content and 8-bit sequence number may be a new message, too. So only senders
@@ -253,7 +244,7 @@ def _codes(table: Table, *, timed: bool = True) -> NDArray[np.uint64]:
     return words @ np.resize(_WEIGHTS, words.shape[1])
 
 
-def _repeated(codes: NDArray[np.uint64], time_us: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
+def _repeated(codes: NDArray[np.uint64], time_us: Integers | None = None) -> Flags:
     """Return which codes occurred among those remembered before them, however the log is cut.
 
     With times, only among those of the seconds before.
@@ -267,9 +258,7 @@ def _repeated(codes: NDArray[np.uint64], time_us: NDArray[np.int64] | None = Non
     return again
 
 
-def _stamps(
-    tables: Mapping[str, Table], stamps: Mapping[str, str | None]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _stamps(tables: Mapping[str, Table], stamps: Mapping[str, str | None]) -> tuple[Integers, Integers]:
     """Return the counter and the stamp of every message, table after table; a stamp of 0 is none."""
     counters, stamps_us = [], []
     for name, table in tables.items():

@@ -9,10 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array, Integers
 from mavhums.log.base.scanner import YEAR_2010_US, YEAR_2100_US
 
 ARDUPILOT: Final = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
@@ -217,8 +214,8 @@ class Signal(NamedTuple):
     vehicle: int
     name: str
     source: str
-    frame: NDArray[np.int64]
-    time_us: NDArray[np.int64]
+    frame: Integers
+    time_us: Integers
     values: Array
     stamped: bool = True
     rank: int = 0
@@ -265,7 +262,7 @@ class ServoReading(NamedTuple):
     servo: int
     source: str
     fields: Mapping[str, str]
-    frame: NDArray[np.int64]
-    time_us: NDArray[np.int64]
+    frame: Integers
+    time_us: Integers
     values: Array
     signed: bool = True

@@ -43,8 +43,17 @@ the stream), the kind of a ULog message; ``crc`` is of MAVLink alone.
 """
 
 Rows = Annotated[Records, Block(ROW)]
+Record = Any
+"""An element of a structured array, within compiled code."""
 REGION: Final = np.dtype([("offset", "i8"), ("size", "i8")])
 Regions = Annotated[Records, Block(REGION)]
+
+
+def counters(*names: str) -> np.dtype[np.void]:
+    """Return the type of what a scan carries from block to block: whole numbers of these names."""
+    return np.dtype([(name, "i8") for name in names])
+
+
 _FILLER_BYTES = 16
 """Equal bytes at the end of a log that count as filler rather than as a cut record."""
 

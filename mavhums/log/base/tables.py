@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.core.arrays import Bytes, Integers, Records
+from mavhums.core.arrays import Array, Bytes, Integers, Records
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -99,7 +99,7 @@ class Table:
                 return False
         return True
 
-    def numbers(self, field: str, width: int = 1) -> NDArray[np.float64]:
+    def numbers(self, field: str, width: int = 1) -> Array:
         """Return a numeric field, (n,), or (n, width) of an array; NaN if the log defines it otherwise.
 
         The one way to read what a definition may lack: a damaged one is a quantity that was not measured.

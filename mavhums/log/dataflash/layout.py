@@ -26,11 +26,13 @@ BODY = FMT_SIZE - HEAD
 DEFINITIONS = 1024
 """Most definitions that one log may hold; more are taken for damage."""
 
-_SIZES = {
-    "a": 64, "b": 1, "B": 1, "h": 2, "H": 2, "i": 4, "I": 4, "f": 4, "d": 8, "g": 2, "n": 4, "N": 16,
-    "Z": 64, "c": 2, "C": 2, "e": 4, "E": 4, "L": 4, "M": 1, "q": 8, "Q": 8,
+_TYPES = {
+    "a": "(32,)<i2", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4",
+    "d": "<f8", "g": "<f2", "n": "S4", "N": "S16", "Z": "S64", "c": "<i2", "C": "<u2", "e": "<i4",
+    "E": "<u4", "L": "<i4", "M": "u1", "q": "<i8", "Q": "<u8",
 }  # fmt: skip
-"""Bytes of a field by its letter."""
+"""Numpy's type of a field by its letter."""
+_DIVISORS = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}
 
 TYPE = np.dtype([("length", "i4"), ("epoch", "i4"), ("definition", "i2"), ("timed", "u1")])
 """What is known of a type: bytes of a record, 0 if unknown; since which beginning of a log; the number of
@@ -45,8 +47,8 @@ _CONFIRM = 2
 _LOOKED_AT = 16
 
 _SIZE_OF = np.zeros(256, dtype=np.uint8)
-for _letter, _size in _SIZES.items():
-    _SIZE_OF[ord(_letter)] = _size
+for _letter, _type in _TYPES.items():
+    _SIZE_OF[ord(_letter)] = np.dtype(_type).itemsize
 _TIME = np.frombuffer(b"TimeUS", dtype=np.uint8)
 _NAME, _FORMAT, _COLUMNS = HEAD + 2, HEAD + 6, HEAD + 22
 
@@ -203,13 +205,6 @@ def judge_time(data: Bytes, end: int, time_us: int, last: int, types: Records, f
         return ODD
     return _confirm(data, end, time_us, last, types, final)
 
-
-_TYPES = {
-    "a": "(32,)<i2", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4",
-    "d": "<f8", "g": "<f2", "n": "S4", "N": "S16", "Z": "S64", "c": "<i2", "C": "<u2", "e": "<i4",
-    "E": "<u4", "L": "<i4", "M": "u1", "q": "<i8", "Q": "<u8",
-}  # fmt: skip
-_DIVISORS = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}
 
 FMT_BODY = bytes([FMT, FMT_SIZE]) + b"FMT\0" + b"BBnNZ".ljust(16, b"\0")
 FMT_BODY += b"Type,Length,Name,Format,Columns".ljust(64, b"\0")

@@ -17,13 +17,24 @@ A record has no checksum. The rules, in the order in which they are applied at e
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
 from mavhums.core.arrays import Block, Bytes, Bytes1, Bytes2, Records
 from mavhums.core.kernels import inlined, kernel, subroutine
-from mavhums.log.base.scanner import GUARD, NO, WAIT, YES, BlockScanner, RecordBatch, Regions, Rows
+from mavhums.log.base.scanner import (
+    GUARD,
+    NO,
+    WAIT,
+    YES,
+    BlockScanner,
+    Record,
+    RecordBatch,
+    Regions,
+    Rows,
+    counters,
+)
 from mavhums.log.base.tables import ODD_TIME
 from mavhums.log.dataflash.layout import (
     BACK,
@@ -46,14 +57,9 @@ from mavhums.log.dataflash.layout import (
     time_at,
 )
 
-STATE = np.dtype(
-    [
-        (name, "i8")
-        for name in (
-            "base", "position", "time_us", "lost_step", "skipped", "filler", "definitions", "epoch",
-            "marked", "boot", "old_from", "old_records", "odd_times", "jumps", "rewinds",
-        )
-    ]
+STATE = counters(
+    "base", "position", "time_us", "lost_step", "skipped", "filler", "definitions", "epoch",
+    "marked", "boot", "old_from", "old_records", "odd_times", "jumps", "rewinds",
 )  # fmt: skip
 """What is carried from block to block.
 
@@ -70,9 +76,6 @@ _HELD = 1 << 12
 _CLUSTER = 1 << 16
 _SECTOR, _BLOCK = 512, 200
 _GAP = 8
-
-Record = Any
-"""An element of a structured array, within compiled code."""
 
 
 @subroutine

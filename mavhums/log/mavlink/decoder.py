@@ -15,6 +15,7 @@ from mavhums.log.base.records import Definition, DefinitionTable
 from mavhums.log.base.scanner import YEAR_2010_US, RecordBatch
 from mavhums.log.base.tables import Table
 from mavhums.log.mavlink.dialect import Dialect, load_dialect
+from mavhums.log.mavlink.frames import MAGIC_V1, MAGIC_V2, STAMP
 from mavhums.log.mavlink.scanner import FrameScanner
 from mavhums.log.mavlink.sequence import StreamStats
 from mavhums.log.mavlink.signing import SignatureGuard, frame_sizes
@@ -239,8 +240,6 @@ _HELD = 1 << 12  # bytes in which a converted log has several line feeds, an ori
 _HEAD = 1 << 10  # bytes: more than three of the longest frames
 _CAPTURE = 1 << 14  # bytes: a second of a serial line at 115,200 baud, boot text included
 _LEAST_ADJACENT = 2
-_MAGIC = (0xFD, 0xFE)
-_STAMP = 8
 
 
 class Intake:
@@ -320,7 +319,7 @@ class Intake:
         """Return the size of the time stamp before each frame, bytes; None if not yet known."""
         if not head:
             return None
-        if head[0] in _MAGIC:
+        if head[0] in (MAGIC_V1, MAGIC_V2):
             if len(head) < _HEAD and not final:
                 return None
             if self._is_back_to_back(head[:_HEAD]):
@@ -340,11 +339,11 @@ class Intake:
         rows = FrameScanner(self._dialect, stamp=0).feed(head, final=True).rows
         gaps = rows["offset"][1:] - (rows["offset"] + frame_sizes(rows))[:-1]
         adjacent = int((gaps == 0).sum())
-        return adjacent >= _LEAST_ADJACENT and adjacent > int((gaps == _STAMP).sum())
+        return adjacent >= _LEAST_ADJACENT and adjacent > int((gaps == STAMP).sum())
 
     def _is_back_to_back(self, head: bytes) -> bool:
         rows = FrameScanner(self._dialect, stamp=0).feed(head, final=True).rows
-        if rows.size == 0 or head[0] not in _MAGIC or rows["offset"][0] or rows["definition"][0] < 0:
+        if rows.size == 0 or rows["offset"][0] or rows["definition"][0] < 0:
             return False
-        size = int(rows["length"][0]) + (8 if head[0] == _MAGIC[1] else 25 if head[2] & 1 else 12)
-        return bool(size >= len(head) or head[size] in _MAGIC)
+        size = int(frame_sizes(rows)[0])
+        return size >= len(head) or head[size] in (MAGIC_V1, MAGIC_V2)

@@ -23,14 +23,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Block, Bytes, Bytes1, Integers1, Records
 from mavhums.core.kernels import inlined, kernel, subroutine
-from mavhums.log.base.scanner import GUARD, NO, WAIT, YES, BlockScanner, RecordBatch, Regions, Rows, plausible
+from mavhums.log.base.scanner import (
+    GUARD,
+    NO,
+    WAIT,
+    YES,
+    BlockScanner,
+    Record,
+    RecordBatch,
+    Regions,
+    Rows,
+    counters,
+    plausible,
+)
 from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
 from mavhums.log.mavlink.dialect import Dialect
 from mavhums.log.mavlink.frames import (
@@ -49,14 +61,9 @@ from mavhums.log.mavlink.frames import (
     time_without_stamp,
 )
 
-STATE = np.dtype(
-    [
-        (name, "i8")
-        for name in (
-            "base", "position", "time_us", "lost_step", "reserve", "sender", "sequence", "skipped", "filler",
-            "odd_times", "jumps", "rewinds", "padded", "trials",
-        )
-    ]
+STATE = counters(
+    "base", "position", "time_us", "lost_step", "reserve", "sender", "sequence", "skipped", "filler",
+    "odd_times", "jumps", "rewinds", "padded", "trials",
 )  # fmt: skip
 """State carried from block to block.
 
@@ -72,9 +79,6 @@ zero bytes at their end. ``reserve`` is the size of that frame's signature; ``se
 
 _REWIND_US = 1_000_000
 _STEP_US = 60 * 1_000_000
-
-Record = Any
-"""An element of a structured array in compiled code."""
 
 
 class _Messages(NamedTuple):

@@ -20,11 +20,11 @@ from mavhums.core.kernels import kernel
 from mavhums.log.base.scanner import GUARD, RecordBatch
 from mavhums.log.base.tables import MAVLINK1
 from mavhums.log.mavlink.dialect import Dialect
+from mavhums.log.mavlink.frames import STAMP
 from mavhums.log.mavlink.scanner import FrameScanner
 from mavhums.log.mavlink.signing import SignatureGuard, frame_sizes
 
 _SENDERS = 64
-_STAMP = 8
 
 
 class Piece(NamedTuple):
@@ -176,7 +176,7 @@ class Stamper:
         if self._hear and rows.size:
             self._report(found, rows["system"], sizes, owner, int(time_us[-1]))
         self._count(rows)
-        out = np.empty(int(sizes.sum()) + _STAMP * sizes.size, dtype=np.uint8)
+        out = np.empty(int(sizes.sum()) + STAMP * sizes.size, dtype=np.uint8)
         _pack(data, starts, sizes, time_us, out)
         return out.tobytes()
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -26,9 +26,11 @@ from mavhums.log.base.scanner import (
     WAIT,
     YES,
     BlockScanner,
+    Record,
     RecordBatch,
     Regions,
     Rows,
+    counters,
     plausible,
 )
 from mavhums.log.base.tables import ODD_TIME
@@ -47,14 +49,9 @@ from mavhums.log.ulog.headers import (
 )
 from mavhums.log.ulog.layouts import Topics
 
-STATE = np.dtype(
-    [
-        (name, "i8")
-        for name in (
-            "base", "position", "found", "ended", "lost_step", "skipped", "filler", "begun_us", "time_us",
-            "astray", "run", "odd_times", "jumps", "unknown", "pauses", "cut",
-        )
-    ]
+STATE = counters(
+    "base", "position", "found", "ended", "lost_step", "skipped", "filler", "begun_us", "time_us",
+    "astray", "run", "odd_times", "jumps", "unknown", "pauses", "cut",
 )  # fmt: skip
 """What is carried from call to call.
 
@@ -71,9 +68,6 @@ _STEP_US = 60 * 1_000_000
 _CONFIRM = 3
 _DAMAGED = 2
 _A, _D, _R = ord("A"), ord("D"), ord("R")
-
-Record = Any
-"""An element of a structured array, within compiled code."""
 
 
 @inlined

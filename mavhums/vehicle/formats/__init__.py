@@ -11,9 +11,8 @@ from functools import cache
 from typing import Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array, Integers
 from mavhums.log import Table
 from mavhums.vehicle.facts import ServoIds, ServoReading
 from mavhums.vehicle.formats import dataflash, mavlink, ulog
@@ -132,7 +131,7 @@ def servo_readings(
             yield ServoReading(vehicle, ids.servo, name, fields, *times, part.values[rows], source.signed)
 
 
-def esc_speeds(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, NDArray[np.int64], Array]]:
+def esc_speeds(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, Integers, Array]]:
     """Yield what ESCs report of their motors' speed: vehicle, ESC from 0, µs of UTC (n,), rev/min (n,)."""
     for source in SERVO_SOURCES:
         if source.tier.startswith("esc"):
@@ -141,7 +140,7 @@ def esc_speeds(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, NDArray[
                 yield reading.vehicle, reading.servo - 1, reading.time_us, bounded("ESC speed", speeds)
 
 
-def esc_temperatures(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, NDArray[np.int64], Array]]:
+def esc_temperatures(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, Integers, Array]]:
     """Yield what ESCs report of their temperature: vehicle, ESC from 0, µs of UTC (n,), °C (n,)."""
     for vehicle, report in by_vehicle(tables, "ESC temperature"):
         values = report.values

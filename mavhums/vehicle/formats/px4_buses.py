@@ -12,9 +12,8 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array, Bytes
 from mavhums.log import Table
 from mavhums.log.base.tables import text_of
 
@@ -108,7 +107,7 @@ class PX4Buses:
         fields["output"] = output
         return {**tables, _TOPIC: replace(table, component=place, fields=fields)}
 
-    def _place(self, table: Table, system: int, place: NDArray[np.uint8], output: Array) -> None:
+    def _place(self, table: Table, system: int, place: Bytes, output: Array) -> None:
         """Write the places and the pulses of one system's rows."""
         known = self._known.setdefault(system, {})
         own = table.system == system
