@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Self
 import click
 
 from mavhums.cli.options import JOBS, JSON, KEEP, LOG, LOGS, PATH, STORE, judging
-from mavhums.cli.output import complain, reading, say, say_json
+from mavhums.cli.output import complain, draw, reading, say, say_json
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError, MissingExtraError
 
@@ -96,13 +96,9 @@ class _TablePrinter(_OutcomePrinter):
 
     def _draw(self, shown: Sequence[Block], log: Path | None = None) -> None:
         """Draw blocks, under the name of a log."""
-        from rich.console import Console
-
-        from mavhums.show.terminal import draw
-
         if log is not None:
             say(f"=== {log} ===")
-        draw(shown, Console())
+        draw(shown)
 
     def _announce(self, recording: Path) -> None:
         from mavhums.show.viewer import viewer_command

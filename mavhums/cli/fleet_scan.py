@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from mavhums.cli.options import FILLED_STORE, FLEET_STORE, JSON, PATH, judging, utc
-from mavhums.cli.output import complain, output_error, say, say_json
+from mavhums.cli.output import complain, draw, output_error, say, say_json
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import ExitCode, MavhumsError
 
@@ -180,7 +180,7 @@ def digest(
     if as_json:
         say_json(found.to_json())
     elif not (quiet and found.is_empty):
-        _print(found)
+        draw(digest_blocks(found))
     if not _sent(found, recipients, always=notify_always):
         raise SystemExit(ExitCode.NOT_SENT)
     raise SystemExit(found.exit_code if fail_on_news else ExitCode.OK)
@@ -246,6 +246,7 @@ def watch(
     from mavhums.fleet import digest as digest_of
     from mavhums.fleet.notify import recipients_of
     from mavhums.fleet.scan import LogWatcher
+    from mavhums.show.standing import digest_blocks
 
     recipients = recipients_of(notify) if notify else []
     scanning = ScanOptions(
@@ -266,7 +267,7 @@ def watch(
                 complained = ""
                 if morning and (since := morning.due(datetime.now().astimezone())):
                     found = digest_of(store, since)
-                    _print(found)
+                    draw(digest_blocks(found))
                     _sent(found, recipients, always=notify_always)
             except MavhumsError as error:
                 if watching.looks == 0:
@@ -278,15 +279,6 @@ def watch(
     except KeyboardInterrupt:
         say("mavhums: stopped watching; the next start continues", err=True)
         raise SystemExit(ExitCode.OK) from None
-
-
-def _print(found: FleetDigest) -> None:
-    from rich.console import Console
-
-    from mavhums.show.standing import digest_blocks
-    from mavhums.show.terminal import draw
-
-    draw(digest_blocks(found), Console())
 
 
 class _DailyTimer:

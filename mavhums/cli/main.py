@@ -8,27 +8,25 @@ import sys
 import time
 from collections.abc import Mapping
 from importlib import import_module
-from pathlib import Path
 from types import FrameType
 from typing import Final, Never
 
 import click
 
 from mavhums.cli.ending import signal_received
-from mavhums.cli.options import AIRFRAME, DIALECT, JSON, LOG
-from mavhums.cli.output import complain, reading, say, say_json, sound_output
+from mavhums.cli.output import complain, say, sound_output
 from mavhums.core.about import __version__
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.startup import collect_seldom
 
 _HOMES: Final[Mapping[str, Mapping[str, str]]] = {
-    "Judge": {"analyse": "analyse", "report": "analyse", "serve": "serve", "live": "live", "mcp": "mcp"},
-    "Look": {"inspect": "", "check": "tools", "export": "tools"},
-    "Over flights": {"trend": "trend", "fleet": "fleet"},
+    "Judge": {"analyse": "analyse", "report": "analyse", "serve": "serve", "live": "live", "mcp": "serve"},
+    "Look": {"inspect": "tools", "check": "tools", "export": "tools"},
+    "Over flights": {"trend": "fleet", "fleet": "fleet"},
     "Set up": {"profile": "tools"},
     "Models": {"model": "tools", "train": "learn", "precedents": "learn", "study": "learn"},
 }
-"""The module of each command, by the heading of the help; without one it stands below."""
+"""The module of each command, by the heading of the help."""
 
 _LONGEST: Final = 60  # a line of 80 columns holds that beside the name
 
@@ -42,9 +40,8 @@ class _Commands(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a command; None if there is none of this name."""
-        home = next((homes[cmd_name] for homes in _HOMES.values() if cmd_name in homes), "")
-        command = home and getattr(import_module(f"mavhums.cli.{home}"), cmd_name.replace("-", "_"))
-        return command or super().get_command(ctx, cmd_name)
+        home = next((homes[cmd_name] for homes in _HOMES.values() if cmd_name in homes), None)
+        return getattr(import_module(f"mavhums.cli.{home}"), cmd_name) if home else None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the commands under their headings, the most used first."""
@@ -81,36 +78,6 @@ def cli() -> None:
       mavhums inspect flight.tlog                  what the log holds, and what is missing
       mavhums profile new flight.tlog -o mine.toml a profile of your aircraft, to be filled in
     """
-
-
-@cli.command(short_help="Tell what a log allows to judge, and what it lacks.")
-@LOG
-@AIRFRAME
-@DIALECT
-@click.option("--messages", is_flag=True, help="List the messages and named values, with their rates.")
-@JSON
-def inspect(log: Path, airframe: str | None, dialect: Path | None, messages: bool, as_json: bool) -> None:
-    """Tell what LOG allows to judge, and what it lacks.
-
-    First what can be judged, then each vehicle with its telemetry tier, what is missing and how to record
-    it, and the log's losses.
-
-    LOG may be - for the standard input.
-    """
-    from mavhums.app.inspection import inspect_log
-
-    with reading(log) as progress:
-        inspection = inspect_log(log, airframe=airframe, dialect=dialect, progress=progress)
-    if as_json:
-        say_json(inspection.to_json())
-    else:
-        from rich.console import Console
-
-        from mavhums.show.inspection import inspection_blocks
-        from mavhums.show.terminal import draw
-
-        draw(inspection_blocks(inspection, messages=messages), Console())
-    raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
 
 
 def main() -> None:

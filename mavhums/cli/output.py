@@ -6,16 +6,19 @@ import io
 import json
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from mavhums.cli.ending import open_closed_streams
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.output import printable
+
+if TYPE_CHECKING:
+    from mavhums.show.blocks import Block
 
 _BEYOND_ASCII = re.compile(r"[^\x00-\x7e]")
 _TOLD = (ExitCode.EMERGENCY, ExitCode.DEGRADED)
@@ -40,6 +43,15 @@ def say_json(content: object, *, nl: bool = True) -> None:
         return json.dumps(letter)[1:-1]
 
     click.echo(_BEYOND_ASCII.sub(escaped, text), nl=nl)
+
+
+def draw(blocks: Iterable[Block]) -> None:
+    """Draw blocks on the standard output."""
+    from rich.console import Console
+
+    from mavhums.show import terminal
+
+    terminal.draw(blocks, Console())
 
 
 def complain(error: MavhumsError) -> None:

@@ -1,4 +1,4 @@
-"""The commands ``check``, ``export``, ``model`` and ``profile``."""
+"""The commands ``inspect``, ``check``, ``export``, ``model`` and ``profile``."""
 
 from __future__ import annotations
 
@@ -7,10 +7,37 @@ from pathlib import Path
 import click
 
 from mavhums.cli.options import AIRFRAME, DIALECT, JSON, LOG, MODEL, PATH
-from mavhums.cli.output import reading, say, say_json
+from mavhums.cli.output import draw, reading, say, say_json
 from mavhums.core.errors import ExitCode, MavhumsError
 
 _TO_FILL_IN = "travel_deg, [actuators.ema] and [actuators.limits] of each actuator"
+
+
+@click.command(short_help="Tell what a log allows to judge, and what it lacks.")
+@LOG
+@AIRFRAME
+@DIALECT
+@click.option("--messages", is_flag=True, help="List the messages and named values, with their rates.")
+@JSON
+def inspect(log: Path, airframe: str | None, dialect: Path | None, messages: bool, as_json: bool) -> None:
+    """Tell what LOG allows to judge, and what it lacks.
+
+    First what can be judged, then each vehicle with its telemetry tier, what is missing and how to record
+    it, and the log's losses.
+
+    LOG may be - for the standard input.
+    """
+    from mavhums.app.inspection import inspect_log
+
+    with reading(log) as progress:
+        inspection = inspect_log(log, airframe=airframe, dialect=dialect, progress=progress)
+    if as_json:
+        say_json(inspection.to_json())
+    else:
+        from mavhums.show.inspection import inspection_blocks
+
+        draw(inspection_blocks(inspection, messages=messages))
+    raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
 
 
 @click.command(short_help="Check surfaces that are swept on the ground.")
@@ -111,7 +138,7 @@ def model() -> None:
 
 @model.command("show", short_help="Print the card of a model.")
 @click.argument("name", required=False, metavar="[NAME|FILE]")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+@JSON
 def show_model(name: str | None, as_json: bool) -> None:
     """Print the card of a packaged model, or of the one in FILE.
 
@@ -133,12 +160,9 @@ def show_model(name: str | None, as_json: bool) -> None:
         card = {"hash": network.hash, **network.card.model_dump(mode="json")}
         say_json(json.dumps(card, indent=2, ensure_ascii=False))
         return
-    from rich.console import Console
-
     from mavhums.show.card import card_blocks
-    from mavhums.show.terminal import draw
 
-    draw(card_blocks(network), Console())
+    draw(card_blocks(network))
 
 
 @click.group(short_help="Draft an airframe profile, identify its motors.")

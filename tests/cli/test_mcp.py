@@ -25,7 +25,7 @@ pytest.importorskip("mcp", reason="the server needs the extra 'mcp'")
 from mcp import Client
 from mcp.client.stdio import StdioServerParameters, stdio_client
 
-from mavhums.cli.mcp import server_of
+from mavhums.cli.serve import server_of
 
 FROZEN = "aileron_frozen.tlog"
 
