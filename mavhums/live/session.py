@@ -6,7 +6,7 @@ import logging
 import select
 import time
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, TypeVar
 
 from mavhums.engine.axes import MOST_VEHICLES
 from mavhums.engine.engine import Engine
@@ -36,24 +36,20 @@ _PENDING = 1 << 13
 _DEFAULT_VEHICLE = 1  # ArduPilot's default system id, announced to before a vehicle is heard
 
 
-class Sink(Protocol):
-    """A display or output of a session."""
+class Sink:
+    """A display or output of a session; what a kind of output does not need, it leaves out."""
 
     def consume(self, events: Sequence[Event]) -> None:
         """Take events as they come."""
-        ...
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
         """Take the state, once a second, and the actuators that stopped or resumed reporting."""
-        ...
 
     def announce(self, alerts: Sequence[AlertObject]) -> None:
         """Take the alerts that were sent to the ground station."""
-        ...
 
     def close(self, assessment: Assessment) -> None:
         """Take the verdicts of the whole session."""
-        ...
 
 
 class GroundStation(NamedTuple):

@@ -16,7 +16,6 @@ from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import written_whole
 from mavhums.engine.engine import Engine
-from mavhums.engine.options import EngineOptions
 from mavhums.flights.aircraft import AircraftResolver
 from mavhums.flights.compare import FlightComparison
 from mavhums.health.decision.baseline import Baselines, PastRecord
@@ -108,7 +107,7 @@ def prepare(options: LiveOptions, sinks: Sequence[Sink] = (), *, vehicle_states:
     clock, peers = ReceiveClock(), Peers()
     links = _open(addresses, clock, signed_only=key is not None)
     ground_links = _open(ground, clock, signed_only=key is not None) if ground else links
-    stamper = Stamper(load_dialect(_dialect(engine)), guard, hear=peers.hear)
+    stamper = Stamper(load_dialect(Path(engine.dialect) if engine.dialect else None), guard, hear=peers.hear)
     reception = Reception(stamper, links, clock, peers)
     if seen and guard:
         reception.remember = lambda: seen.save(guard.latest)
@@ -181,10 +180,6 @@ def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: boo
             link.close()
         raise
     return links
-
-
-def _dialect(options: EngineOptions) -> Path | None:
-    return None if options.dialect is None else Path(options.dialect)
 
 
 class SeenSignatures:

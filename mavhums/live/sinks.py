@@ -55,7 +55,7 @@ _LINES: Final[dict[type, type[WindowObject | ConditionObject | NoticeObject]]] =
 }
 
 
-class ThreadedSink:
+class ThreadedSink(Sink):
     """Passes everything to a sink in its own thread; drops items that wait too long.
 
     Parameters
@@ -100,8 +100,10 @@ class ThreadedSink:
         return self.outlet.close(self._patience_s - (time.monotonic() - began_s))
 
 
-class RerunSink:
+class RerunSink(Sink):
     """Passes events to a viewer or a recorder until it fails; the failure is reported once, and ends nothing.
+
+    Of alerts it draws nothing: the change was already drawn.
 
     Parameters
     ----------
@@ -124,9 +126,6 @@ class RerunSink:
             self._failed = True
             _LOG.error("%s", trouble)
 
-    def announce(self, alerts: Sequence[AlertObject]) -> None:
-        """Draw nothing: the change was already drawn."""
-
     def close(self, assessment: Assessment) -> None:
         """Draw the verdicts."""
         self._try(lambda: self._drawing.close(assessment))
@@ -140,7 +139,7 @@ class RerunSink:
                 _LOG.error("drawing has ended: %s", error, exc_info=_LOG.isEnabledFor(logging.DEBUG))
 
 
-class JsonLines:
+class JsonLines(Sink):
     """Writes each event as an object of ``mavhums/results/schema/live-1.json``.
 
     Parameters
@@ -207,8 +206,8 @@ class JsonLines:
         self._write(line.model_dump_json(by_alias=True, exclude={"assessment": RECORD}))
 
 
-class PlainLines:
-    """Writes a line when a condition changes or an actuator stops reporting."""
+class PlainLines(Sink):
+    """Writes a line when a condition changes, which contains the alert, or an actuator stops reporting."""
 
     def __init__(self, write: Callable[[str], object]) -> None:
         self._write = write
@@ -225,12 +224,6 @@ class PlainLines:
         for change in stale:
             state = f"stale, silent for {change.age_s:.1f} s" if change.stale else "received again"
             self._write(f"{status.uptime_s:8.1f} s  vehicle {change.vehicle}, {change.actuator}: {state}")
-
-    def announce(self, alerts: Sequence[AlertObject]) -> None:
-        """Write nothing: the line of the change contains the alert."""
-
-    def close(self, assessment: Assessment) -> None:
-        """Write nothing: the verdicts are printed at the end."""
 
 
 def _object(event: Event, now: str) -> LiveObject | None:
@@ -257,7 +250,7 @@ def _changes(events: Sequence[Event]) -> Iterator[tuple[ConditionChanged, str]]:
             yield event, change_line(event.actuator, event.before, event.after, fault_of(event))
 
 
-class View:
+class View(Sink):
     """Shows verdicts, rates, losses and the age of the latest data.
 
     Parameters

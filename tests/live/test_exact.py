@@ -10,9 +10,8 @@ from typing import Any
 
 import pytest
 
-from mavhums.live import Address
 from mavhums.live.alerts import Signer
-from mavhums.live.links import ReceiveClock, UdpLink
+from mavhums.live.links import Address, ReceiveClock, UdpLink
 from mavhums.live.outlet import BoundedQueue, Spool
 from mavhums.live.status import Peers
 from mavhums_sim.link import EPOCH_US

@@ -23,6 +23,7 @@ import mavhums
 from mavhums.cli.live import StopSignal
 from mavhums.engine.events import Samples
 from mavhums.live.outlet import Outlet, Spool
+from mavhums.live.session import Sink
 from mavhums.live.sinks import ThreadedSink
 from mavhums.log.mavlink.stamping import Piece
 from tests.live.conftest import Rig
@@ -146,7 +147,7 @@ def test_a_program_without_an_output_runs() -> None:
         spool.fileno()
 
 
-class Hanging:
+class Hanging(Sink):
     """A viewer that hangs in the first call."""
 
     def __init__(self) -> None:
@@ -154,12 +155,6 @@ class Hanging:
 
     def consume(self, events: object) -> None:
         self.gate.take(events)
-
-    def tick(self, status: object, stale: object) -> None: ...
-
-    def announce(self, alerts: object) -> None: ...
-
-    def close(self, assessment: object) -> None: ...
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
-from mavhums.live import LiveOptions, prepare
+from mavhums.live.setup import LiveOptions, prepare
 from mavhums.log.mavlink.stamping import Piece
 from mavhums_sim import Flight, fly
 from mavhums_sim.link import Link

@@ -13,8 +13,8 @@ import pytest
 from mavhums.core.conditions import Condition
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import ConditionChanged
-from mavhums.live import Address
 from mavhums.live.alerts import fault_of
+from mavhums.live.links import Address
 from mavhums.live.session import GroundStation, Session
 from mavhums.live.setup import _send
 from mavhums.live.status import Peers, Reception
