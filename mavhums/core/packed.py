@@ -35,10 +35,12 @@ _XZ: Final = b"\xfd7zXZ\x00"
 _BZIP2: Final = re.compile(rb"BZh[1-9](1AY&SY|\x17rE8P\x90)")
 _HEAD: Final = 10
 _XZ_MEMORY: Final = 1 << 28
+_XZ_PIECE: Final = 1 << 16
 _MOST_LAYERS: Final = 3
 _FREE: Final = 1 << 30
 _RATIO: Final = 200
 _ZSTD_WINDOW: Final = 1 << 27
+_ZSTD_PIECE: Final = 1 << 11  # small: n bytes may expand to 32,768 n
 _MEMBERS_NAMED: Final = 10
 # Descriptors that the caller has opened: <(...) of a shell is one of them.
 _HELD: Final = re.compile(r"-|/dev/stdin|/(?:dev|proc/self)/fd/(\d+)")
@@ -219,19 +221,11 @@ class _CountingReader(io.RawIOBase):
         return len(data)
 
 
-class _Frames(io.RawIOBase):
-    """Reads concatenated Zstandard frames; the library's own reader does not detect a cut frame.
+class _Pieces(io.RawIOBase):
+    """A file of pieces that come one after the other."""
 
-    The pieces are small: one of n bytes may expand to 32,768 n.
-    """
-
-    _PIECE = 1 << 11
-
-    def __init__(self, file: IO[bytes], decompressor: Any) -> None:
-        self._file = file
-        self._decompressor = decompressor
-        self._frame: Any = None
-        self._packed = b""
+    def __init__(self, pieces: Iterator[bytes]) -> None:
+        self._pieces = pieces
         self._ready = memoryview(b"")
 
     def readable(self) -> bool:
@@ -239,20 +233,47 @@ class _Frames(io.RawIOBase):
 
     def readinto(self, buffer: Any, /) -> int:
         while not self._ready:
-            packed = self._packed or self._file.read(self._PIECE)
-            self._packed = b""
-            if not packed:
-                if self._frame is not None:
-                    raise EOFError("a frame is cut")
+            piece = next(self._pieces, None)
+            if piece is None:
                 return 0
-            self._frame = self._frame or self._decompressor.decompressobj()
-            self._ready = memoryview(self._frame.decompress(packed))
-            if self._frame.eof:
-                self._packed, self._frame = self._frame.unused_data, None
+            self._ready = memoryview(piece)
         size = min(len(buffer), len(self._ready))
         buffer[:size] = self._ready[:size]
         self._ready = self._ready[size:]
         return size
+
+
+def _zstd_pieces(file: IO[bytes]) -> Iterator[bytes]:
+    """Unpack concatenated Zstandard frames; the library's own reader does not detect a cut frame."""
+    try:
+        import zstandard
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("reading .zst", "zstd") from error
+    decompressor = zstandard.ZstdDecompressor(max_window_size=_ZSTD_WINDOW)
+    frame, packed = None, b""
+    while packed := packed or file.read(_ZSTD_PIECE):
+        frame = frame or decompressor.decompressobj()
+        yield frame.decompress(packed)
+        packed = b""
+        if frame.eof:
+            packed, frame = frame.unused_data, None
+    if frame is not None:
+        raise EOFError("a frame is cut")
+
+
+def _xz_pieces(file: IO[bytes]) -> Iterator[bytes]:
+    """Unpack concatenated xz streams in bounded memory, which the library's own reader does not."""
+    packed = b""
+    while packed := (packed or file.read(_XZ_PIECE)).lstrip(b"\0"):
+        stream = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=_XZ_MEMORY)
+        while not stream.eof:
+            if stream.needs_input and not packed:
+                packed = file.read(_XZ_PIECE)
+                if not packed:
+                    raise EOFError("a stream is cut")
+            yield stream.decompress(packed, _XZ_PIECE)
+            packed = b""
+        packed = stream.unused_data
 
 
 def _located(path: Path) -> tuple[Path, str | None]:
@@ -296,49 +317,10 @@ def _unpacker(head: bytes) -> Callable[[Any], Any] | None:
     if head.startswith(_GZIP):
         return lambda file: gzip.GzipFile(fileobj=file, mode="rb")  # by default the mode is that of the file
     if head.startswith(_ZSTD):
-        return _zstd
+        return lambda file: _Pieces(_zstd_pieces(file))
     if head.startswith(_XZ):
-        return _Xz
+        return lambda file: _Pieces(_xz_pieces(file))
     return bz2.BZ2File if _BZIP2.match(head) else None
-
-
-class _Xz(io.RawIOBase):
-    """Reads concatenated xz streams in bounded memory, which the library's own reader does not."""
-
-    def __init__(self, file: IO[bytes]) -> None:
-        self._file = file
-        self._stream: lzma.LZMADecompressor | None = None
-        self._packed = b""
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Any, /) -> int:
-        while True:
-            if self._stream is None:
-                self._packed = (self._packed or self._file.read(io.DEFAULT_BUFFER_SIZE)).lstrip(b"\0")
-                if not self._packed:
-                    return 0
-                self._stream = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=_XZ_MEMORY)
-            elif self._stream.needs_input:
-                self._packed = self._file.read(io.DEFAULT_BUFFER_SIZE)
-                if not self._packed:
-                    raise EOFError("a stream is cut")
-            data = self._stream.decompress(self._packed, len(buffer))
-            self._packed = b""
-            if self._stream.eof:
-                self._packed, self._stream = self._stream.unused_data, None
-            if data:
-                buffer[: len(data)] = data
-                return len(data)
-
-
-def _zstd(file: IO[bytes]) -> Any:
-    try:
-        import zstandard
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("reading .zst", "zstd") from error
-    return _Frames(file, zstandard.ZstdDecompressor(max_window_size=_ZSTD_WINDOW))
 
 
 @contextmanager

@@ -13,9 +13,6 @@ NORMAL_95: Final = 1.96
 ERRORS_95: Final = 2.0
 """The same, rounded, of estimates with errors that are estimates themselves."""
 
-NORMAL_99: Final = 2.58
-"""The same of the central 99 % interval."""
-
 NORMAL_95_ONE_SIDED: Final = 1.645
 """What a standard normal variable exceeds with 5 % probability."""
 
