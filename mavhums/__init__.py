@@ -17,86 +17,56 @@ from mavhums.core.about import __version__ as __version__
 from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
-    from mavhums.actuator import actuators, load_airframe
-    from mavhums.actuator.profile import ProfileError
-    from mavhums.app.analysis import analyse, record
-    from mavhums.app.many import analyse_many
-    from mavhums.app.settings import Options
-    from mavhums.core.errors import MavhumsError, MissingExtraError, UnreadableLogError
-    from mavhums.core.packed import ArchiveError
-    from mavhums.engine.engine import Engine
-    from mavhums.engine.options import EngineOptions
-    from mavhums.flights.aircraft import AircraftTableError, UnnamedAircraftError
-    from mavhums.flights.history import UndatedError
-    from mavhums.flights.reports import trend
-    from mavhums.learn.model import ModelError, load_model, models
-    from mavhums.learn.precedents import PrecedentError
-    from mavhums.live.links import AddressError
-    from mavhums.log import read_log
-    from mavhums.log.mavlink.dialect import DialectError
-    from mavhums.log.mavlink.signing import KeyFileError
-    from mavhums.results.assessment import Assessment
-    from mavhums.results.verdict import Verdict
+    from mavhums.actuator import actuators as actuators
+    from mavhums.actuator import load_airframe as load_airframe
+    from mavhums.actuator.profile import ProfileError as ProfileError
+    from mavhums.app.analysis import analyse as analyse
+    from mavhums.app.analysis import record as record
+    from mavhums.app.many import analyse_many as analyse_many
+    from mavhums.app.settings import Options as Options
+    from mavhums.core.errors import MavhumsError as MavhumsError
+    from mavhums.core.errors import MissingExtraError as MissingExtraError
+    from mavhums.core.errors import UnreadableLogError as UnreadableLogError
+    from mavhums.core.packed import ArchiveError as ArchiveError
+    from mavhums.engine.engine import Engine as Engine
+    from mavhums.engine.options import EngineOptions as EngineOptions
+    from mavhums.flights.aircraft import AircraftTableError as AircraftTableError
+    from mavhums.flights.aircraft import UnnamedAircraftError as UnnamedAircraftError
+    from mavhums.flights.history import UndatedError as UndatedError
+    from mavhums.flights.reports import trend as trend
+    from mavhums.learn.model import ModelError as ModelError
+    from mavhums.learn.model import load_model as load_model
+    from mavhums.learn.model import models as models
+    from mavhums.learn.precedents import PrecedentError as PrecedentError
+    from mavhums.live.links import AddressError as AddressError
+    from mavhums.log import read_log as read_log
+    from mavhums.log.mavlink.dialect import DialectError as DialectError
+    from mavhums.log.mavlink.signing import KeyFileError as KeyFileError
+    from mavhums.results.assessment import Assessment as Assessment
+    from mavhums.results.verdict import Verdict as Verdict
 
-__all__ = [
-    "AddressError",
-    "AircraftTableError",
-    "ArchiveError",
-    "Assessment",
-    "DialectError",
-    "Engine",
-    "EngineOptions",
-    "KeyFileError",
-    "MavhumsError",
-    "MissingExtraError",
-    "ModelError",
-    "Options",
-    "PrecedentError",
-    "ProfileError",
-    "UndatedError",
-    "UnnamedAircraftError",
-    "UnreadableLogError",
-    "Verdict",
-    "actuators",
-    "analyse",
-    "analyse_many",
-    "load_airframe",
-    "load_model",
-    "models",
-    "read_log",
-    "record",
-    "trend",
-]
-
-__getattr__, __dir__ = lazy_exports(
+__getattr__, __dir__, __all__ = lazy_exports(
     __name__,
     {
-        "AddressError": "live.links",
-        "AircraftTableError": "flights.aircraft",
-        "ArchiveError": "core.packed",
-        "UnnamedAircraftError": "flights.aircraft",
-        "Assessment": "results.assessment",
-        "DialectError": "log.mavlink.dialect",
-        "Engine": "engine.engine",
-        "EngineOptions": "engine.options",
-        "KeyFileError": "log.mavlink.signing",
-        "MavhumsError": "core.errors",
-        "MissingExtraError": "core.errors",
-        "ModelError": "learn.model",
-        "Options": "app.settings",
-        "PrecedentError": "learn.precedents",
-        "ProfileError": "actuator.profile",
-        "UndatedError": "flights.history",
-        "UnreadableLogError": "core.errors",
-        "Verdict": "results.verdict",
-        "actuators": "actuator",
-        "analyse": "app.analysis",
-        "analyse_many": "app.many",
-        "load_airframe": "actuator",
-        "load_model": "learn.model",
-        "models": "learn.model",
-        "read_log": "log",
-        "record": "app.analysis",
-        "trend": "flights.reports",
+        "actuator": "actuators load_airframe",
+        "actuator.profile": "ProfileError",
+        "app.analysis": "analyse record",
+        "app.many": "analyse_many",
+        "app.settings": "Options",
+        "core.errors": "MavhumsError MissingExtraError UnreadableLogError",
+        "core.packed": "ArchiveError",
+        "engine.engine": "Engine",
+        "engine.options": "EngineOptions",
+        "flights.aircraft": "AircraftTableError UnnamedAircraftError",
+        "flights.history": "UndatedError",
+        "flights.reports": "trend",
+        "learn.model": "ModelError load_model models",
+        "learn.precedents": "PrecedentError",
+        "live.links": "AddressError",
+        "log": "read_log",
+        "log.mavlink.dialect": "DialectError",
+        "log.mavlink.signing": "KeyFileError",
+        "results.assessment": "Assessment",
+        "results.verdict": "Verdict",
     },
 )

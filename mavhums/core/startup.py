@@ -53,26 +53,27 @@ def no_collection() -> Iterator[None]:
 
 
 def lazy_exports(
-    package: str, homes: Mapping[str, str], *, missing: Mapping[str, tuple[str, str]] | None = None
-) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return ``__getattr__`` and ``__dir__`` of a package that exports names of its submodules.
+    package: str, modules: Mapping[str, str], *, missing: Mapping[str, tuple[str, str]] | None = None
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package that exports names of its submodules.
 
     Parameters
     ----------
     package
         Name of the package.
-    homes
-        Module of each name, relative to the package.
+    modules
+        The names that each module exports, by module, relative to the package.
     missing
         Feature and extra for the error message if an optional distribution is not installed, by the
         distribution's import name.
 
     Examples
     --------
-    >>> load, names = lazy_exports("mavhums", {"analyse": "app.analysis"})
-    >>> load("analyse").__name__
-    'analyse'
+    >>> load, _, names = lazy_exports("mavhums", {"app.analysis": "record analyse"})
+    >>> names, load("analyse").__name__
+    (['analyse', 'record'], 'analyse')
     """
+    homes = {name: module for module, names in modules.items() for name in names.split()}
 
     def load(name: str) -> Any:
         if name not in homes:
@@ -88,7 +89,5 @@ def lazy_exports(
         setattr(sys.modules[package], name, value)
         return value
 
-    def names() -> list[str]:
-        return sorted(homes)
-
-    return load, names
+    names = sorted(homes)
+    return load, names.copy, names

@@ -71,6 +71,4 @@ _MODULES = {
     "subsets": "SubsetSearch exhaustive_search genetic_search network_objective",
     "training": "LabelledWindows NetworkScore TrainingResult WindowResult train_network train_windows",
 }
-_HOMES = dict(sorted((name, module) for module, names in _MODULES.items() for name in names.split()))
-__all__ = list(_HOMES)
-__getattr__, __dir__ = lazy_exports(__name__, _HOMES, missing={"sklearn": ("training", "train")})
+__getattr__, __dir__, __all__ = lazy_exports(__name__, _MODULES, missing={"sklearn": ("training", "train")})

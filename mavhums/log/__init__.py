@@ -16,16 +16,12 @@ if TYPE_CHECKING:
     from mavhums.log.reader import read_log as read_log
 
 # Lazy, so that the list of formats is read without numba.
-_HOMES = {
-    "Decoder": "formats",
-    "Log": "reader",
-    "LogDecoder": "base.decoder",
-    "Table": "base.tables",
-    "decode_blocks": "reader",
-    "read_blocks": "reader",
-    "read_log": "reader",
-}
-
-__all__ = ["Decoder", "Log", "LogDecoder", "Table", "decode_blocks", "read_blocks", "read_log"]
-
-__getattr__, __dir__ = lazy_exports(__name__, _HOMES)
+__getattr__, __dir__, __all__ = lazy_exports(
+    __name__,
+    {
+        "base.decoder": "LogDecoder",
+        "base.tables": "Table",
+        "formats": "Decoder",
+        "reader": "Log decode_blocks read_blocks read_log",
+    },
+)

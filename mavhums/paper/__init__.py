@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING
 from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
-    from mavhums.paper.real import write_real_study
-    from mavhums.paper.study import write_study
-
-__all__ = ["write_real_study", "write_study"]
+    from mavhums.paper.real import write_real_study as write_real_study
+    from mavhums.paper.study import write_study as write_study
 
 _OPTIONAL = ("matplotlib", "pygad", "sklearn", "torch")
 
-__getattr__, __dir__ = lazy_exports(
+__getattr__, __dir__, __all__ = lazy_exports(
     __name__,
-    {"write_real_study": "real", "write_study": "study"},
+    {"real": "write_real_study", "study": "write_study"},
     missing=dict.fromkeys(_OPTIONAL, ("the study", "all")),
 )
