@@ -45,16 +45,16 @@ if TYPE_CHECKING:
     from mavhums.learn.redundancy import PairwiseRedundancyFilter as PairwiseRedundancyFilter
     from mavhums.learn.redundancy import RegressionRedundancyFilter as RegressionRedundancyFilter
     from mavhums.learn.regression import NonlinearRegression as NonlinearRegression
-    from mavhums.learn.subsets import SubsetSearch as SubsetSearch
-    from mavhums.learn.subsets import exhaustive_search as exhaustive_search
-    from mavhums.learn.subsets import genetic_search as genetic_search
-    from mavhums.learn.subsets import network_objective as network_objective
     from mavhums.learn.training import LabelledWindows as LabelledWindows
     from mavhums.learn.training import NetworkScore as NetworkScore
     from mavhums.learn.training import TrainingResult as TrainingResult
     from mavhums.learn.training import WindowResult as WindowResult
     from mavhums.learn.training import train_network as train_network
     from mavhums.learn.training import train_windows as train_windows
+    from mavhums.learn.wrapper import SubsetSearch as SubsetSearch
+    from mavhums.learn.wrapper import exhaustive_search as exhaustive_search
+    from mavhums.learn.wrapper import genetic_search as genetic_search
+    from mavhums.learn.wrapper import network_objective as network_objective
 
 _MODULES = {
     "card": "Calibration Card Selection WindowCard",
@@ -68,7 +68,7 @@ _MODULES = {
     "ranking": "ChiSquareRanking VectorThinning",
     "redundancy": "Dependence PairwiseRedundancyFilter RegressionRedundancyFilter",
     "regression": "NonlinearRegression",
-    "subsets": "SubsetSearch exhaustive_search genetic_search network_objective",
+    "wrapper": "SubsetSearch exhaustive_search genetic_search network_objective",
     "training": "LabelledWindows NetworkScore TrainingResult WindowResult train_network train_windows",
 }
 __getattr__, __dir__, __all__ = lazy_exports(__name__, _MODULES, missing={"sklearn": ("training", "train")})

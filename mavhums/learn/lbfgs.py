@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from typing import Literal
 
 import numpy as np
@@ -232,14 +233,15 @@ def train_batch(
     held_out = None if validation is None else data_of(validation)
     stopping_data = None if patience is None else held_out
 
-    def train_part(networks: Integers) -> tuple[list[TanhNetwork], list[list[float]]]:
+    def train_part(networks: Integers) -> list[tuple[TanhNetwork, float, int, float, float]]:
         problem = BatchLoss(batch.part(networks.tolist()), data, weight_decay)
         solution = lbfgs(problem, max_iter=max_iter, validation=stopping_data, patience=patience or max_iter)
         figures = [problem.loss(solution.weights, data), solution.iterations]
-        if held_out is not None:
-            figures += [measure(solution.weights, held_out) for measure in (problem.loss, problem.accuracy)]
-        networks_ = [each.within(minimum, maximum) for each in problem.networks(solution.weights, low, high)]
-        return networks_, [part.tolist() for part in figures]
+        for measure in (problem.loss, problem.accuracy):
+            unknown = torch.full((len(networks),), torch.nan)
+            figures.append(unknown if held_out is None else measure(solution.weights, held_out))
+        within = [each.within(minimum, maximum) for each in problem.networks(solution.weights, low, high)]
+        return list(zip(within, *(figure.tolist() for figure in figures), strict=True))
 
     order = np.argsort(np.asarray(batch.hidden), kind="stable")
     parts = np.array_split(order, -(-sum(batch.hidden) // _NEURONS_PER_PART) or 1)
@@ -247,19 +249,9 @@ def train_batch(
         parts = np.array_split(order, 2)
     with one_thread():
         done = Parallel(n_jobs=n_jobs, prefer="threads")(delayed(train_part)(part) for part in parts)
-    networks: list[TanhNetwork] = [network for found, _ in done for network in found]
-    figures = np.full((4, len(batch)), np.nan)
-    for part, (_, found) in zip(parts, done, strict=True):
-        figures[: len(found), part] = found
-    position = np.empty(len(batch), dtype=np.int64)
-    position[np.concatenate(parts)] = np.arange(len(batch))
-    return Trained(
-        networks=tuple(networks[place] for place in position),
-        loss=figures[0],
-        iterations=figures[1].astype(np.int64),
-        validation_loss=figures[2],
-        validation_accuracy=figures[3],
-    )
+    trained = [*chain.from_iterable(done)]
+    networks, *figures = zip(*(trained[place] for place in np.argsort(order)), strict=True)
+    return Trained(networks, *map(np.array, figures))
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from numbers import Integral, Real
+from numbers import Real
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from sklearn.base import clone
 
-from mavhums.core.arrays import Array
+from mavhums.core.arrays import Array, Integers
 from mavhums.learn._estimators import SupportSelector, check_positive_integers
 from mavhums.learn.inference import unit_interval
 from mavhums.learn.ranking import ChiSquareRanking
@@ -48,7 +48,27 @@ class Dependence:
     model: NonlinearRegression
 
 
-class RegressionRedundancyFilter(SupportSelector):
+class _RedundancyFilter(SupportSelector):
+    """A filter that keeps some of the features that vary, by their chi-square."""
+
+    threshold: float
+    ranking: ChiSquareRanking | None
+    groups_: tuple[tuple[int, ...], ...]
+    ranking_: ChiSquareRanking
+
+    def _ranked(self, X: ArrayLike, y: ArrayLike) -> tuple[Array, Integers]:
+        """Return the samples, shape (n, k), and the columns that vary, and rank the features."""
+        if not isinstance(self.threshold, Real) or not 0 < self.threshold <= 1:
+            raise ValueError(f"threshold must lie above 0 and not above 1, got {self.threshold!r}")
+        values, target = self._checked(X, y, ensure_min_samples=2)
+        varying = np.flatnonzero(np.ptp(values, axis=0) > 0)
+        if not varying.size:
+            raise ValueError("every feature is constant, so none distinguishes the classes")
+        self.ranking_ = clone(self.ranking or ChiSquareRanking()).fit(values, target)
+        return values, varying
+
+
+class RegressionRedundancyFilter(_RedundancyFilter):
     """Exclude features that the remaining ones explain, the least informative first.
 
     Features are visited in ascending order of chi-square. Algorithm 1 regresses each feature on
@@ -102,8 +122,6 @@ class RegressionRedundancyFilter(SupportSelector):
     """
 
     dependences_: tuple[Dependence, ...]
-    groups_: tuple[tuple[int, ...], ...]
-    ranking_: ChiSquareRanking
 
     def __init__(
         self,
@@ -134,15 +152,9 @@ class RegressionRedundancyFilter(SupportSelector):
         ValueError
             If a parameter or the data are not as described, or every feature is constant.
         """
-        if not isinstance(self.threshold, Real) or not 0 < self.threshold <= 1:
-            raise ValueError(f"threshold must lie above 0 and not above 1, got {self.threshold!r}")
-        if not isinstance(self.order, Integral) or self.order < 1:
-            raise ValueError(f"order must be an integer of at least 1, got {self.order!r}")
-        values, target = self._checked(X, y, ensure_min_samples=2)
-        varying = np.flatnonzero(np.ptp(values, axis=0) > 0).tolist()
-        if not varying:
-            raise ValueError("every feature is constant, so none distinguishes the classes")
-        self.ranking_ = clone(self.ranking or ChiSquareRanking()).fit(values, target)
+        check_positive_integers(self, "order")
+        values, columns = self._ranked(X, y)
+        varying = columns.tolist()
         functions = IDENTITY if self.functions is None else self.functions
         squares = _Squares(values, varying, functions, self.order, self.tolerance)
         staying, found = list(varying), []
@@ -222,7 +234,7 @@ def _groups(varying: list[int], dependences: tuple[Dependence, ...]) -> tuple[tu
     return tuple(tuple(np.array(varying)[labels == label].tolist()) for label in range(count))
 
 
-class PairwiseRedundancyFilter(SupportSelector):
+class PairwiseRedundancyFilter(_RedundancyFilter):
     """Keep the most informative feature of each group of features that explain one another.
 
     A polynomial regresses each feature on each other feature. Two features are linked if R² of
@@ -276,8 +288,6 @@ class PairwiseRedundancyFilter(SupportSelector):
     """
 
     r2_: Array
-    groups_: tuple[tuple[int, ...], ...]
-    ranking_: ChiSquareRanking
 
     def __init__(
         self, threshold: float = 0.9, degree: int = 2, ranking: ChiSquareRanking | None = None
@@ -301,15 +311,9 @@ class PairwiseRedundancyFilter(SupportSelector):
         ValueError
             If a parameter or the data are not as described, or every feature is constant.
         """
-        if not isinstance(self.threshold, Real) or not 0 < self.threshold <= 1:
-            raise ValueError(f"threshold must lie above 0 and not above 1, got {self.threshold!r}")
         check_positive_integers(self, "degree")
-        values, target = self._checked(X, y, ensure_min_samples=2)
+        values, varying = self._ranked(X, y)
         scaled = unit_interval(values, values.min(axis=0), values.max(axis=0))
-        varying = np.flatnonzero(scaled.any(axis=0))
-        if not varying.size:
-            raise ValueError("every feature is constant, so none distinguishes the classes")
-        self.ranking_ = clone(self.ranking or ChiSquareRanking()).fit(values, target)
         self.r2_ = np.zeros((values.shape[1], values.shape[1]))
         self.r2_[np.ix_(varying, varying)] = _pairwise_r2(scaled[:, varying], self.degree)
         count, labels = connected_components(

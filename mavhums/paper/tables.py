@@ -24,7 +24,7 @@ from mavhums.learn import (
     select_features,
 )
 from mavhums.learn.evaluation import hold_out
-from mavhums.learn.subsets import Objective
+from mavhums.learn.wrapper import Objective
 from mavhums.paper.cyclograms import (
     CHI_SQUARE,
     P_LEVELS,

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from sklearn.datasets import make_moons
 
 from mavhums.learn import exhaustive_search, genetic_search, network_objective
-from mavhums.learn.subsets import all_subsets
+from mavhums.learn.wrapper import all_subsets
 
 WORTH = np.random.default_rng(1).normal(size=10)
 
