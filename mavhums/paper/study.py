@@ -39,8 +39,7 @@ from mavhums.paper.experiment import (
     samples,
     takeoff_bound,
 )
-from mavhums.paper.report import report
-from mavhums.paper.statements import decay_table, statement_table
+from mavhums.paper.report import decay_table, report, statement_table
 from mavhums.paper.tables import (
     LOAD_FRICTION,
     TWO,
