@@ -6,10 +6,11 @@ import json
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from textwrap import indent
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import click
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class _OutcomePrinter(ABC):
-    """Prints each outcome; a context, so that the output is complete even after an interruption."""
+    """Prints each outcome; closed in any case, so that the output is complete even after an interruption."""
 
     def __init__(self) -> None:
         self._codes: set[ExitCode] = set()
@@ -46,14 +47,9 @@ class _OutcomePrinter(ABC):
         """Return the gravest of all outcomes."""
         return next((code for code in GRAVEST_FIRST if code in self._codes), ExitCode.OK)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._end()
-
     @abstractmethod
-    def _end(self) -> None: ...
+    def close(self) -> None:
+        """Print what comes after all outcomes."""
 
     @abstractmethod
     def _judged(self, log: Path, assessment: Assessment) -> None: ...
@@ -111,7 +107,7 @@ class _TablePrinter(_OutcomePrinter):
 
         self._lines.append(line_of(log, error))
 
-    def _end(self) -> None:
+    def close(self) -> None:
         """Print the table of several logs; after an interruption it holds what was judged."""
         if not self._several or not self._lines:
             return
@@ -145,12 +141,13 @@ class _MarkdownPrinter(_TablePrinter):
     def _announce(self, recording: Path) -> None:
         pass
 
-    def _end(self) -> None:
+    def close(self) -> None:
+        """Print the table with the logs' names alone."""
         self._lines = [
             line._replace(log=Path(line.log.name), what=line.what.replace(str(line.log), line.log.name))
             for line in self._lines
         ]
-        super()._end()
+        super().close()
 
 
 class _JsonPrinter(_OutcomePrinter):
@@ -184,7 +181,8 @@ class _JsonPrinter(_OutcomePrinter):
     def _failed(self, log: Path, error: MavhumsError) -> None:
         self._failures.append({"log": str(log), "problem": error.problem, "remedy": error.remedy})
 
-    def _end(self) -> None:
+    def close(self) -> None:
+        """Print the end of the object."""
         if not self._several and not self._failures:
             return
         head, tail = self._object()
@@ -303,7 +301,7 @@ def analyse(
     printer: _OutcomePrinter = (
         _JsonPrinter(several=several) if as_json else kind(recordings, several=several, verbose=verbose)
     )
-    with printer:
+    with closing(printer):
         kept = 0
         for outcome in analyse_many(logs, settings, batch):
             printer.show(outcome)

@@ -239,11 +239,10 @@ def _write_json(
 ) -> Assessment:
     from mavhums.live.sinks import JsonLines
 
-    judging = options.judging
     lines = JsonLines(partial(click.echo, file=console.file), session.clock.now_us, session.status)
     names = [str(link.address) for link in session.links]
-    airframe, key = getattr(judging, "airframe", None), getattr(judging, "key", None)
-    lines.start(names, airframe=airframe, signed_only=key is not None)
+    airframe, signed_only = options.judging.airframe, options.judging.key is not None
+    lines.start(names, airframe=None if airframe is None else str(airframe), signed_only=signed_only)
     session.sinks.append(lines)
     return session.run(ended)
 

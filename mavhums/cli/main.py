@@ -108,7 +108,8 @@ def main() -> None:
                 raise
             sys.exit(_BY_SIGNAL + number)
         finally:
-            _interrupts_end_silently()
+            # What it had to do is done, and the interpreter exits: Ctrl-C ends the program silently.
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 _BY_SIGNAL = 128
@@ -127,11 +128,6 @@ def _end_on_signals() -> None:
             signal.signal(number, _end)
     if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-def _interrupts_end_silently() -> None:
-    """Let Ctrl-C end the program silently: what it had to do is done, and the interpreter exits."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _end(number: int, _: FrameType | None) -> Never:

@@ -62,11 +62,10 @@ def in_processes(
     from pebble import ProcessExpired
 
     waiting = iter(items)
-    pool = _Pool(function, jobs, preload, item_s)
     ahead: deque[tuple[Item, Future[Result]]] = deque()
-    try:
+    with _pool(function, jobs, preload, item_s) as submit:
         while True:
-            ahead.extend((item, pool.submit(item)) for item in islice(waiting, jobs * _AHEAD - len(ahead)))
+            ahead.extend((item, submit(item)) for item in islice(waiting, jobs * _AHEAD - len(ahead)))
             if not ahead:
                 return
             item, future = ahead.popleft()
@@ -74,13 +73,11 @@ def in_processes(
                 try:
                     yield _result(future)
                 except ProcessExpired:
-                    yield _result(pool.submit(item))
+                    yield _result(submit(item))
             except ProcessExpired:
                 yield LostItem()
             except TimeoutError:
                 yield LostItem(hung=True)
-    finally:
-        pool.end()
 
 
 def _result(future: Future[Result]) -> Result:
@@ -89,44 +86,39 @@ def _result(future: Future[Result]) -> Result:
     return future.result()
 
 
-class _Pool:
-    """Processes that run one function."""
+@contextmanager
+def _pool(
+    function: Callable[[Item], Result], jobs: int, preload: Sequence[str], item_s: float | None
+) -> Generator[Callable[[Item], Future[Result]]]:
+    """Yield what passes an item to processes that run one function; at the end they end, whatever they do."""
+    from pebble import ProcessPool
 
-    def __init__(
-        self,
-        function: Callable[[Any], Any],
-        jobs: int,
-        preload: Sequence[str],
-        item_s: float | None,
-    ) -> None:
-        from pebble import ProcessPool
+    forks = "forkserver" in multiprocessing.get_all_start_methods()
+    context: Any = copy(multiprocessing.get_context("forkserver" if forks else "spawn"))
+    if forks:
+        context.set_forkserver_preload(list(preload))
+    # A pool that ends drops its locks before its processes; one that is half started needs them still.
+    locks: list[Any] = []
+    make_lock = context.RLock
 
-        forks = "forkserver" in multiprocessing.get_all_start_methods()
-        context: Any = copy(multiprocessing.get_context("forkserver" if forks else "spawn"))
-        if forks:
-            context.set_forkserver_preload(list(preload))
-        # A pool that ends drops its locks before its processes; one that is half started needs them still.
-        self._locks: list[Any] = []
-        make_lock = context.RLock
+    def kept_lock() -> Any:
+        locks.append(make_lock())
+        return locks[-1]
 
-        def kept_lock() -> Any:
-            self._locks.append(make_lock())
-            return self._locks[-1]
+    context.RLock = kept_lock
+    pool = ProcessPool(jobs, initializer=_begin, initargs=(function,), context=context)
 
-        context.RLock = kept_lock
-        self._item_s = item_s
-        self._pool = ProcessPool(jobs, initializer=_begin, initargs=(function,), context=context)
-
-    def submit(self, item: Any) -> Future[Any]:
+    def submit(item: Item) -> Future[Result]:
         with _interrupts_wait():
-            future: Future[Any] = self._pool.schedule(_run, (item,), timeout=self._item_s)
+            future: Future[Result] = pool.schedule(_run, (item,), timeout=item_s)
             return future
 
-    def end(self) -> None:
-        """End the processes, whatever they are doing."""
+    try:
+        yield submit
+    finally:
         with _interrupts_wait():
-            self._pool.stop()  # type: ignore[no-untyped-call]
-            self._pool.join()
+            pool.stop()  # type: ignore[no-untyped-call]
+            pool.join()
 
 
 @contextmanager

@@ -101,11 +101,11 @@ class TlogRecorder:
         self._failure = error.strerror or str(error)
 
     def _sync_often(self) -> None:
-        while not self._closing.wait(_SYNC_S):
+        closing = False
+        while not closing:
+            closing = self._closing.wait(_SYNC_S)
             self._sync()
             self._look()
-        self._sync()
-        self._look()
         os.close(self._file)
 
     def _look(self) -> None:

@@ -74,7 +74,7 @@ class LiveOptions:
     """
 
     urls: Sequence[str]
-    judging: Options | Settings = field(default_factory=Options)
+    judging: Options = field(default_factory=Options)
     record: Path | None = None
     alerts: bool = False
     alerts_to: str | None = None
@@ -97,7 +97,7 @@ def prepare(options: LiveOptions, sinks: Sequence[Sink] = (), *, vehicle_states:
     addresses = [Address.parse(url) for url in options.urls]
     ground = [Address.parse(options.alerts_to)] if options.alerts_to else []
     settings = Settings.read(options.judging)
-    key, file = settings.engine.key, getattr(options.judging, "key", None)
+    key, file = settings.engine.key, options.judging.key
     seen = SeenSignatures(Path(file)) if isinstance(file, str | os.PathLike) else None
     guard = SignatureGuard(key, before=seen.load() if seen else None) if key else None
     engine = replace(settings.engine, key=None, vehicle_states=vehicle_states)

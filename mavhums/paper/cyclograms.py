@@ -126,14 +126,14 @@ def _time() -> Array:
     return time
 
 
-def _pilot(amplitude_deg: float, low_hz: float, high_hz: float, seed: int) -> Array:
-    """Return a random smooth command: 24 sines with a 1/f power spectrum, scaled to a given peak, °."""
-    random = np.random.default_rng(seed)
-    frequency = np.exp(random.uniform(np.log(low_hz), np.log(high_hz), 24))
+def _pilot() -> Array:
+    """Return a random smooth command: 24 sines of 0.05 to 0.25 Hz, a 1/f power spectrum; peak ±20°."""
+    random = np.random.default_rng(_SEED)
+    frequency = np.exp(random.uniform(np.log(0.05), np.log(0.25), 24))
     shift = random.uniform(0, 2 * np.pi, 24)
     waves: Array = np.sin(2 * np.pi * frequency * _time()[:, None] + shift).sum(axis=1)
     waves *= np.clip(_time() / 2, 0, 1)
-    command: Array = amplitude_deg * waves / np.abs(waves).max()
+    command: Array = 20 * waves / np.abs(waves).max()
     return command
 
 
@@ -150,7 +150,7 @@ def _takeoff(seed: int = _SEED) -> Array:
 
 CYCLOGRAMS: dict[str, Callable[[], Array]] = {
     TAKEOFF: _takeoff,
-    PILOT: lambda: _pilot(20, 0.05, 0.25, seed=0),
+    PILOT: _pilot,
 }
 """The command of each cyclogram, °, one value per millisecond."""
 
