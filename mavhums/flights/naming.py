@@ -153,49 +153,34 @@ def foreign_boards(connection: Connection) -> list[ForeignBoard]:
     A board that the operator's table puts into the aircraft at that time belongs to it, and so does that of a
     log that the operator gave to the aircraft.
     """
-    of_named = (
-        AIRCRAFT.c.name != UNKNOWN,
-        ~AIRCRAFT.c.name.startswith(BOARD_NAME),
-        FLIGHT.c.board.is_not(None),
-    )
     several = (
-        select(FLIGHT.c.aircraft_id)
-        .join(AIRCRAFT)
-        .where(*of_named)
-        .group_by(FLIGHT.c.aircraft_id)
+        select(AIRCRAFT.c.id, AIRCRAFT.c.name)
+        .join(FLIGHT)
+        .where(AIRCRAFT.c.name != UNKNOWN, ~AIRCRAFT.c.name.startswith(BOARD_NAME))
+        .group_by(AIRCRAFT.c.id, AIRCRAFT.c.name)
         .having(func.count(FLIGHT.c.board.distinct()) > 1)
+        .order_by(AIRCRAFT.c.name)
     )
-    rows = connection.execute(
-        select(AIRCRAFT.c.name, FLIGHT.c.board, FLIGHT.c.path, FLIGHT.c.start_us, FLIGHT.c.pinned)
-        .join(AIRCRAFT)
-        .where(*of_named, FLIGHT.c.aircraft_id.in_(several))
-        .order_by(FLIGHT.c.start_us.nulls_last(), FLIGHT.c.path)
-    )
-    boards: dict[str, dict[str, list[tuple[str, int | None, bool]]]] = defaultdict(lambda: defaultdict(list))
-    for aircraft, board, path, start_us, pinned in rows:
-        boards[aircraft][board].append((path, start_us, pinned))
     table = resolver_of_store(connection, AircraftResolver(BOARD)).table
-    found = []
-    for name in sorted(boards):
-        own = boards[name]
-        usual = max(own, key=lambda one: len(own[one]))
-        for board, logs in own.items():
-            odd = tuple(
-                path
-                for path, start_us, pinned in logs
-                if not pinned and not _is_installed(table, name, board, start_us)
-            )
-            if board != usual and odd:
-                found.append(
-                    ForeignBoard(
-                        aircraft=name,
-                        board=board,
-                        logs=odd,
-                        usual=usual,
-                        flights=len(own[usual]),
-                        elsewhere=_home(connection, board, name),
-                    )
-                )
+    found: list[ForeignBoard] = []
+    for whose, name in connection.execute(several).all():
+        usual, flights = _usual(connection, whose)
+        others = (
+            select(FLIGHT.c.board, FLIGHT.c.path, FLIGHT.c.start_us, FLIGHT.c.pinned)
+            .where(FLIGHT.c.aircraft_id == whose, FLIGHT.c.board != usual)
+            .order_by(FLIGHT.c.start_us.nulls_last(), FLIGHT.c.path)
+        )
+        odd: dict[str, list[str]] = {}
+        for board, path, start_us, pinned in connection.execute(others):
+            logs = odd.setdefault(board, [])
+            if not pinned and not _is_installed(table, name, board, start_us):
+                logs.append(path)
+        of = {"aircraft": name, "usual": usual, "flights": flights}
+        found += [
+            ForeignBoard(**of, board=board, logs=tuple(logs), elsewhere=_home(connection, board, name))
+            for board, logs in odd.items()
+            if logs
+        ]
     return found
 
 
@@ -204,13 +189,13 @@ def _home(connection: Connection, board: str, other: str) -> str | None:
     for name in proposed(connection, board):
         if name != other and not name.startswith(BOARD_NAME):
             whose = aircraft_id(connection, name, creates=False)
-            if whose is not None and _usual(connection, whose)[:1] == (board,):
+            if whose is not None and _usual(connection, whose)[0] == board:
                 return name
     return None
 
 
-def _usual(connection: Connection, aircraft: int) -> tuple[str, int] | tuple[()]:
-    """Return the board that an aircraft has in most flights, and in how many."""
+def _usual(connection: Connection, aircraft: int) -> tuple[str | None, int]:
+    """Return the board that an aircraft has in most flights, and in how many; None without any."""
     row = connection.execute(
         select(FLIGHT.c.board, func.count())
         .where(FLIGHT.c.aircraft_id == aircraft, FLIGHT.c.board.is_not(None))
@@ -218,7 +203,7 @@ def _usual(connection: Connection, aircraft: int) -> tuple[str, int] | tuple[()]
         .order_by(func.count().desc(), func.min(FLIGHT.c.start_us).nulls_last(), func.min(FLIGHT.c.path))
         .limit(1)
     ).first()
-    return (row[0], row[1]) if row else ()
+    return (row[0], row[1]) if row else (None, 0)
 
 
 def foreign_board_among(
@@ -226,14 +211,13 @@ def foreign_board_among(
 ) -> str | None:
     """Return the notice on a flight whose board is not its aircraft's; None if it is."""
     whose = aircraft_id(connection, aircraft, creates=False)
-    found = () if whose is None else _usual(connection, whose)
-    if board is None or aircraft.startswith(BOARD_NAME) or not found or board == found[0]:
+    usual, count = (None, 0) if whose is None else _usual(connection, whose)
+    if board is None or usual in (None, board) or aircraft.startswith(BOARD_NAME):
         return None
     start = datetime.fromisoformat(start_utc) if start_utc else None
     table = resolver_of_store(connection, AircraftResolver(BOARD)).table
     if start is not None and table.aircraft_of(board, start) == aircraft:
         return None
-    usual, count = found
     others = f"{count} flight{'s' if count > 1 else ''} of {aircraft} with the board {usual}"
     return (
         f"compared with {others}, but this log has the board {board}: it is another aircraft's log, or the"

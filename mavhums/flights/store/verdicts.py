@@ -135,21 +135,14 @@ def _write(connection: Connection, flight: int, aircraft: int, assessment: Asses
         indicators += [at | _indicator_row(one) for one in shown.values()]
         if kept := kept_records(verdict):
             records.append(at | {"own": OWN.dump_json(kept).decode()})
-    recordings = [
-        {
-            "flight_id": flight,
-            "vehicle": each.vehicle,
-            "board": each.board,
-            "boot_us": us_of(datetime.fromisoformat(each.boot_utc or ""))
-            if each.vehicle in recorded
-            else None,
-            "identity": each.model_dump_json(),
-            "quality": QUALITY.dump_json(recorded[each.vehicle]).decode()
-            if each.vehicle in recorded
-            else None,
+    recordings = []
+    for each in log.flight:
+        quality, row = recorded.get(each.vehicle), {"flight_id": flight, "vehicle": each.vehicle}
+        known = {
+            "boot_us": us_of(datetime.fromisoformat(each.boot_utc or "")) if quality else None,
+            "quality": QUALITY.dump_json(quality).decode() if quality else None,
         }
-        for each in log.flight
-    ]
+        recordings.append(row | known | {"board": each.board, "identity": each.model_dump_json()})
     for table, rows in (
         (VERDICT, verdicts),
         (INDICATOR, indicators),
