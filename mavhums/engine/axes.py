@@ -103,12 +103,11 @@ class Axes:
 
         def axes_of(vehicle: int) -> VehicleAxes:
             if vehicle not in self._vehicles:
-                own = self._events.of(vehicle)
                 self._vehicles[vehicle] = VehicleAxes(
                     vehicle,
                     start_us,
                     self._airframe,
-                    own,
+                    self._events.of(vehicle),
                     false_alarms=self._false_alarms,
                     traced=self._traced,
                 )

@@ -24,9 +24,9 @@ _SATURATED_S: Final = 1.0
 class _OutputFacts(NamedTuple):
     """The known facts about an output: its name, the source of the name, and its calibrated range."""
 
-    name: str
-    by: str
-    range_us: tuple[int, int, int] | None
+    name: str | None = None
+    by: str | None = None
+    range_us: tuple[int, int, int] | None = None
     bearing_deg: float | None = None
 
 
@@ -51,7 +51,7 @@ def vehicle_usage(
         **dict(_facts_by_servo(parameters, airframe, axes.surfaces)),
         **dict(_motors(axes.motors.rotors)),
     }
-    used = axes.usage.outputs
+    used, none = axes.usage.outputs, _OutputFacts()
     armed_s = axes.usage.armed_s
     return VehicleUsage(
         vehicle=identity.vehicle,
@@ -59,7 +59,9 @@ def vehicle_usage(
         firmware=identity.software,
         armed_s=None if armed_s is None else round(armed_s, 3),
         forward_s=axes.flight.flown_s,
-        outputs=tuple(_output(servo, used.get(servo), known.get(servo)) for servo in sorted(used | known)),
+        outputs=tuple(
+            _output(servo, used.get(servo), known.get(servo, none)) for servo in sorted(used | known)
+        ),
     )
 
 
@@ -68,9 +70,7 @@ def _facts_by_servo(
 ) -> Iterator[tuple[int, _OutputFacts]]:
     """Yield the known facts by servo; later ones take precedence."""
     if surfaces is not None and surfaces.origin == "inferred":
-        yield from (
-            (moved.servo, _OutputFacts(surfaces.what(moved), "inferred", None)) for moved in surfaces.moved
-        )
+        yield from ((moved.servo, _OutputFacts(surfaces.what(moved), "inferred")) for moved in surfaces.moved)
     if surfaces is not None and surfaces.axes == (STEERING,):
         yield from (
             (one.servo, _OutputFacts(STEERING, surfaces.origin, one.range_us)) for one in surfaces.moved
@@ -98,18 +98,16 @@ def _motors(rotors: Rotors | Reason | None) -> Iterator[tuple[int, _OutputFacts]
                 yield servo, _OutputFacts(f"motor {number}", "parameters", (idle, idle, full), bearing)
 
 
-def _output(servo: int, use: OutputUse | None, known: _OutputFacts | None) -> OutputUsage:
-    span_us = range_us = at_low_s = at_high_s = None
-    if known is not None and known.range_us is not None:
-        range_us = known.range_us
-        span_us = range_us[2] - range_us[0]
-        if use is not None:
-            at_low_s, at_high_s = (round(time_s, 3) for time_s in use.at_stops_s(range_us[0], range_us[2]))
+def _output(servo: int, use: OutputUse | None, known: _OutputFacts) -> OutputUsage:
+    range_us, at_low_s, at_high_s = known.range_us, None, None
+    span_us = range_us[2] - range_us[0] if range_us else None
+    if use and range_us:
+        at_low_s, at_high_s = (round(time_s, 3) for time_s in use.at_stops_s(range_us[0], range_us[2]))
     mean_us = use.mean_us if use else None
     return OutputUsage(
         servo=servo,
-        name=known.name if known else None,
-        named_by=known.by if known else None,
+        name=known.name,
+        named_by=known.by,
         commanded=use is not None and use.commanded,
         range_us=range_us,
         least_us=use.least_us if use else None,
@@ -122,7 +120,7 @@ def _output(servo: int, use: OutputUse | None, known: _OutputFacts | None) -> Ou
         at_low_s=at_low_s,
         at_high_s=at_high_s,
         mean_us=None if mean_us is None else round(mean_us, 1),
-        bearing_deg=known.bearing_deg if known else None,
+        bearing_deg=known.bearing_deg,
     )
 
 

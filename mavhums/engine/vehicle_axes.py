@@ -20,7 +20,6 @@ from mavhums.engine.vehicle_setup import SetupHistory, VehicleSetup
 from mavhums.health.axis.monitor import AxisChange, AxisMonitor
 from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Trace
-from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.verdict.axis import verdicts_of_axes
 from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.results.sections import AxisLimits
@@ -62,7 +61,7 @@ class VehicleAxes:
     airframe
         A profile; None if the log is to define the surfaces.
     events
-        Where the events of its flight go; None for nowhere else.
+        Where the events of its flight go.
     false_alarms
         Accepted number of false alarms in 100 hours of an axis.
     traced
@@ -84,11 +83,11 @@ class VehicleAxes:
         self,
         vehicle: int,
         start_us: int,
-        airframe: Airframe | None = None,
-        events: VehicleEvents | None = None,
+        airframe: Airframe | None,
+        events: VehicleEvents,
         *,
-        false_alarms: float = FALSE_ALARMS,
-        traced: bool = False,
+        false_alarms: float,
+        traced: bool,
     ) -> None:
         self._vehicle, self._false_alarms, self._traced = vehicle, false_alarms, traced
         self.setups = SetupHistory(airframe)
@@ -98,7 +97,7 @@ class VehicleAxes:
         self.usage = Usage()
         self.grid = Grid(start_us)
         self.motors = VehicleMotors(vehicle, false_alarms, traced=traced)
-        self._events = events or VehicleEvents(vehicle)
+        self._events = events
         self._setup = self.setups.last
         self._answers: dict[str, str] = {}
         self._now_s, self._tries = 0, 0

@@ -99,13 +99,13 @@ class Table:
                 return False
         return True
 
-    def numbers(self, field: str, width: int = 1) -> Array:
-        """Return a numeric field, (n,), or (n, width) of an array; NaN if the log defines it otherwise.
+    def numbers(self, field: str) -> Array:
+        """Return a numeric field, (n,); NaN if the log defines it otherwise.
 
         The one way to read what a definition may lack: a damaged one is a quantity that was not measured.
         """
-        if not self.holds({field: width}):
-            return np.full((len(self), width) if width > 1 else len(self), np.nan)
+        if not self.holds({field: 1}):
+            return np.full(len(self), np.nan)
         return self[field].astype(np.float64)
 
     def holds_text(self, name: str) -> bool:
