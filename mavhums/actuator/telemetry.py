@@ -19,7 +19,8 @@ from mavhums.core.arrays import Array, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Table
 from mavhums.vehicle.facts import FIRST_UAVCAN_OUTPUT, ServoIds
-from mavhums.vehicle.formats import SERVO_SOURCES, each, remedy, servo_readings
+from mavhums.vehicle.formats import SERVO_SOURCES, remedy, servo_readings
+from mavhums.vehicle.formats.base import each
 
 TO_BE_JUDGED = remedy("servo telemetry")
 """How to record a log from which health can be judged."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mavhums.core.arrays import Flags, Integers
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
-from mavhums.vehicle.formats import each
+from mavhums.vehicle.formats.base import each
 from mavhums.vehicle.formats.mavlink import STAMPS, stamp_of
 from mavhums.vehicle.formats.px4_buses import PX4Buses
 from mavhums.vehicle.time_axis import BOOT, BROKEN, LOOSE, UNSTAMPED, USEC, VehicleClock

@@ -16,8 +16,8 @@ from mavhums.core.arrays import Array, Integers
 from mavhums.log import Table
 from mavhums.results.sections import EventKind
 from mavhums.vehicle.facts import FAULTS
-from mavhums.vehicle.formats import by_vehicle, each, messages_of
-from mavhums.vehicle.formats.base import Report
+from mavhums.vehicle.formats import by_vehicle, messages_of
+from mavhums.vehicle.formats.base import Report, each
 
 _ERRORS: Final = "ESC errors"  # a count; the others are bits
 FAULT_FACTS: Final = (_ERRORS, *FAULTS)

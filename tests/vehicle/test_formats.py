@@ -17,7 +17,7 @@ from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.vehicle import formats
 from mavhums.vehicle.facts import REPORTS, SIGNALS
 from mavhums.vehicle.formats import FORMATS, SERVO_SOURCES, messages_of
-from mavhums.vehicle.formats.base import TEXT, holds
+from mavhums.vehicle.formats.base import TEXT, FormatModule, holds
 
 ROOM = Path(formats.__file__).parents[2]
 KNOWS = (ROOM / "log", ROOM / "vehicle" / "formats")
@@ -40,7 +40,7 @@ RECORDS = {
 """Messages of on-board logs that no table here reads."""
 
 
-def messages(form: formats.FormatModule) -> set[str]:
+def messages(form: FormatModule) -> set[str]:
     return {source.message for source in form.SOURCES} | {source.message for source in form.SERVO_SOURCES}
 
 
@@ -81,7 +81,7 @@ def test_every_format_that_is_read_says_where_it_keeps_facts() -> None:
 
 
 @pytest.mark.parametrize("form", FORMATS, ids=lambda form: form.NAME)
-def test_the_tables_name_known_facts_and_tiers(form: formats.FormatModule) -> None:
+def test_the_tables_name_known_facts_and_tiers(form: FormatModule) -> None:
     assert {source.fact for source in form.SOURCES} <= {*SIGNALS, *REPORTS}
     assert {source.tier for source in form.SERVO_SOURCES} <= {tier.name for tier in TIERS}
     assert form.REMEDIES.keys() == {"motion", "force"}

@@ -21,30 +21,12 @@ from mavhums.vehicle.formats.base import (
     RATES,
     FormatModule,
     Report,
-    Rows,
     ServoSource,
     Source,
     bounded,
     each,
     holds,
 )
-
-__all__ = [
-    "FORMATS",
-    "SERVO_SOURCES",
-    "FormatModule",
-    "Report",
-    "Rows",
-    "by_vehicle",
-    "each",
-    "esc_speeds",
-    "esc_temperatures",
-    "message_of",
-    "messages_of",
-    "remedy",
-    "reports",
-    "servo_readings",
-]
 
 FORMATS: Final = tuple(cast(FormatModule, module) for module in (mavlink, dataflash, ulog))
 """The formats; a log whose messages are of none is treated as the first one."""

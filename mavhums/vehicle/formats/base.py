@@ -20,9 +20,9 @@ TEXT: Final = 0
 """The width of a field of text, in ``Source.fields``."""
 
 ANY: Final = -1
+"""Any autopilot, in ``REMEDIES``."""
 RATES: Final = "SRx_"
 """How ArduPilot's parameters of stream rates begin; from 4.7 on with ``MAVx_``."""
-"""Any autopilot, in ``REMEDIES``."""
 
 _EMA: Final = b"EMA"
 _EMA_FIELDS: Final = {key: f"data[{k}]" for k, key in enumerate(KEYS)}
