@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 import mavhums
 from mavhums.core.errors import ExitCode
-from mavhums.flights.duplicates import Quality, Recording, superseded_recordings
-from mavhums.flights.history import PastFlight, with_copies
+from mavhums.flights.history import PastFlight, Quality, Recording, superseded_recordings, with_copies
 from mavhums.flights.queries import earlier_flights
 from mavhums.flights.store import Store
 from mavhums.flights.store.earlier import StoredFlights

@@ -20,8 +20,7 @@ from mavhums.flights.aircraft import (
     check_aircraft_rule,
 )
 from mavhums.flights.corrections import CorrectedLog, Correction
-from mavhums.flights.duplicates import _is_dated, recordings_of, superseded_recordings
-from mavhums.flights.history import PastFlight
+from mavhums.flights.history import PastFlight, _is_dated, recordings_of, superseded_recordings
 from mavhums.flights.naming import aircraft_in_store
 from mavhums.flights.reports import _is_soon, _kinds, _of_last, _silent
 from mavhums.flights.standing import Flown, _finding, flights_left, highest, reason_of, standing_of, step_of

@@ -15,9 +15,10 @@ from sqlalchemy import Connection, func, select
 
 from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import Since
-from mavhums.flights.duplicates import Quality, Recording
 from mavhums.flights.history import (
     PastFlight,
+    Quality,
+    Recording,
     baselines_of,
     is_healthy,
     kept_records,

@@ -19,8 +19,7 @@ from mavhums.core.conditions import URGENCY
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.aircraft import UNKNOWN, AircraftTable, Since
 from mavhums.flights.compare import compared, unpacked
-from mavhums.flights.duplicates import Recording, recordings_of, superseded_recordings
-from mavhums.flights.history import PastFlight, kept_records
+from mavhums.flights.history import PastFlight, Recording, kept_records, recordings_of, superseded_recordings
 from mavhums.flights.store.dates import installed, since_of
 from mavhums.flights.store.earlier import OWN, QUALITY, StoredFlights, us_of
 from mavhums.flights.store.logs import in_parts, now_us
