@@ -10,10 +10,9 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.actuator import load_airframe
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
-from mavhums.actuator.profile import Actuator
+from mavhums.actuator.profile import Actuator, load_airframe
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import ConditionChanged, Window

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mavhums.actuator import load_airframe
+from mavhums.actuator.profile import load_airframe
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options
 from mavhums.core.arrays import Array

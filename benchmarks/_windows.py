@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mavhums.actuator import load_airframe
+from mavhums.actuator.profile import load_airframe
 from mavhums.core.arrays import Flags
 from mavhums.learn import Model
 from mavhums.paper.flights import TELEMETRY

@@ -29,7 +29,7 @@ from pathlib import Path
 import psutil
 
 from mavhums import Options, analyse, analyse_many, fleet
-from mavhums.actuator import Airframe, load_airframe
+from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.many import Batch
 from mavhums.engine.events import StandaloneAssessment

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from examples.picture import alike
-from mavhums.actuator import load_airframe
+from mavhums.actuator.profile import load_airframe
 from mavhums.core.conditions import Condition
 from mavhums.engine.events import AirframeNamed, Attitude, ConditionChanged, Event, Position, Samples, Window
 from mavhums.log.base.decoder import Losses

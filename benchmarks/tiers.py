@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from mavhums import analyse
-from mavhums.actuator import load_airframe
+from mavhums.actuator.profile import load_airframe
 from mavhums.app.settings import Options
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.campaign import PAPER_FRICTION_NM

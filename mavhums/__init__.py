@@ -17,9 +17,9 @@ from mavhums.core.about import __version__ as __version__
 from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
-    from mavhums.actuator import actuators as actuators
-    from mavhums.actuator import load_airframe as load_airframe
     from mavhums.actuator.profile import ProfileError as ProfileError
+    from mavhums.actuator.profile import load_airframe as load_airframe
+    from mavhums.actuator.vehicle_mappers import actuators as actuators
     from mavhums.app.analysis import analyse as analyse
     from mavhums.app.analysis import record as record
     from mavhums.app.many import analyse_many as analyse_many
@@ -48,8 +48,8 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
     {
-        "actuator": "actuators load_airframe",
-        "actuator.profile": "ProfileError",
+        "actuator.profile": "ProfileError load_airframe",
+        "actuator.vehicle_mappers": "actuators",
         "app.analysis": "analyse record",
         "app.many": "analyse_many",
         "app.settings": "Options",

@@ -126,7 +126,7 @@ def bounds(actuator: Actuator) -> Array:
 
     Examples
     --------
-    >>> from mavhums.actuator import load_airframe
+    >>> from mavhums.actuator.profile import load_airframe
     >>> of = dict(zip(KEYS, bounds(load_airframe("paper").actuators[0]).round(1).tolist(), strict=True))
     >>> of["V1"], of["V4"], of["V5"], of["V7"]
     (180.0, 81.0, 3.6, 52950.5)

@@ -135,7 +135,7 @@ def servo_type_section(name: str, motors: Mapping[str, MotorIdentification], air
 
     Examples
     --------
-    >>> from mavhums.actuator import load_airframe
+    >>> from mavhums.actuator.profile import load_airframe
     >>> one = Interval(estimate=1.0, low=0.9, high=1.1)
     >>> motor = MotorIdentification(Identified(one, one, one, 1), ("a.tlog",))
     >>> print(servo_type_section("mine", {"rudder": motor}, load_airframe("paper")), end="")

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mavhums.actuator import Actuator, load_airframe
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
+from mavhums.actuator.profile import Actuator, load_airframe
 from mavhums.core.quantities import column
 
 ACTUATOR = load_airframe("paper").actuators[2]

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mavhums.actuator import load_airframe
 from mavhums.actuator.mapping import Mapper
+from mavhums.actuator.profile import load_airframe
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.log import Table, read_log
 from mavhums.vehicle.clocks import on_clocks

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums.actuator import Mapper, actuators, load_airframe
 from mavhums.actuator.announcements import announcements
-from mavhums.actuator.profile import ProfileError
+from mavhums.actuator.mapping import Mapper
+from mavhums.actuator.profile import ProfileError, load_airframe
 from mavhums.actuator.telemetry import best_tier, tiers_by_content
+from mavhums.actuator.vehicle_mappers import actuators
 from mavhums.core.quantities import KEYS, column
 from mavhums.log import Decoder, Log, Table
 from mavhums.results.reasons import Reason

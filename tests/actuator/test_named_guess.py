@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import mavhums
-from mavhums.actuator import load_airframe
 from mavhums.actuator.draft import draft_profile, guesses_for
+from mavhums.actuator.profile import load_airframe
 from tests.conftest import REAL_LOGS, needs
 
 LUA = REAL_LOGS / "sitl" / "plane_lua_csrv.link1.tlog"

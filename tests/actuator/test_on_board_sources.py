@@ -7,8 +7,9 @@ from math import nan, pi
 import numpy as np
 import pytest
 
-from mavhums.actuator import Airframe, Mapper, load_airframe
 from mavhums.actuator.announcements import announcements
+from mavhums.actuator.mapping import Mapper
+from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.actuator.telemetry import best_tier, tiers_by_content
 from mavhums.core.quantities import column
 from mavhums.log import Decoder, Table

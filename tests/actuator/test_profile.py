@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mavhums.actuator import load_airframe, packaged_airframes
-from mavhums.actuator.profile import ProfileError
+from mavhums.actuator.profile import ProfileError, load_airframe, packaged_airframes
 from mavhums_sim.ema import EmaParameters
 
 

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.actuator import load_airframe
-from mavhums.actuator.profile import Actuator, Airframe, Ema, ProfileError
+from mavhums.actuator.profile import Actuator, Airframe, Ema, ProfileError, load_airframe
 from mavhums.actuator.servo_types import packaged_servo_types
 
 TYPES = packaged_servo_types()

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.actuator import load_airframe
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import CurrentSigns, Deriver
+from mavhums.actuator.profile import load_airframe
 from mavhums.core.quantities import column
 
 ACTUATOR = load_airframe("paper").actuators[2]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums.actuator import Airframe, Mapper, load_airframe, messages_for
-from mavhums.actuator.profile import FieldMapping
+from mavhums.actuator.mapping import Mapper, messages_for
+from mavhums.actuator.profile import Airframe, FieldMapping, load_airframe
 from mavhums.actuator.telemetry import TIERS
 from mavhums.log import Decoder, Table
 from mavhums.vehicle.clocks import Clocks

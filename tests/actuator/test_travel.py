@@ -7,9 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from mavhums.actuator import Airframe
 from mavhums.actuator.mapping import Mapper
-from mavhums.actuator.profile import Actuator
+from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.log import Table
 from mavhums.results.reasons import Reason

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mavhums.actuator import Mapper, load_airframe
-from mavhums.actuator.profile import Airframe
+from mavhums.actuator.mapping import Mapper
+from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.actuator.telemetry import best_tier, tiers_by_content
 from mavhums.log import Decoder, Table
 from tests.conftest import Run

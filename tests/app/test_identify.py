@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import mavhums
-from mavhums.actuator import load_airframe
+from mavhums.actuator.profile import load_airframe
 from mavhums.app.identify import MotorIdentification, identify, with_motors
 from mavhums.core.errors import MavhumsError
 from mavhums.health.estimation.motor_identification import Identified

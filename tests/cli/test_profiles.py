@@ -13,8 +13,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
-from mavhums.actuator import Actuator, load_airframe
 from mavhums.actuator.draft import draft_profile
+from mavhums.actuator.profile import Actuator, load_airframe
 from mavhums.app.sinks import Events
 from mavhums.core.errors import ExitCode
 from mavhums.engine.events import ConditionChanged

@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 import mavhums
-from mavhums.actuator import load_airframe
 from mavhums.actuator.draft import draft_profile
+from mavhums.actuator.profile import load_airframe
 from mavhums.app.export import export_quantities
 from mavhums.core.errors import ExitCode
 from mavhums.core.output import writer_for

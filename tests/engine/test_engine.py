@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
-from mavhums.actuator import load_airframe
+from mavhums.actuator.profile import load_airframe
 from mavhums.core.errors import ExitCode
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import AirframeNamed, Classified, ConditionChanged, Notice, Samples, Window

@@ -22,7 +22,7 @@ from hypothesis import Phase, assume, example, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums.actuator import load_airframe
+from mavhums.actuator.profile import load_airframe
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import ConditionChanged
 from mavhums.engine.options import EngineOptions

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mavhums.actuator import load_airframe
 from mavhums.actuator.contradictions import Contradiction
+from mavhums.actuator.profile import load_airframe
 from mavhums.core.conditions import Condition
 from mavhums.engine.moving_outputs import rests_on_outputs
 from mavhums.engine.vehicle_setup import SetupHistory, VehicleSetup, setup_notices

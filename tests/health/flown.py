@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.actuator import load_airframe
-from mavhums.actuator.profile import Actuator
+from mavhums.actuator.profile import Actuator, load_airframe
 from mavhums.core.quantities import column
 from mavhums.engine.events import Event
 from mavhums.flights.actuator_comparison import ActuatorComparison

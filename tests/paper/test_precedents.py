@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from mavhums.actuator import load_airframe
+from mavhums.actuator.profile import load_airframe
 from mavhums.cli.main import cli
 from mavhums.core.errors import MavhumsError
 from mavhums.learn import CommandLeakWarning, PrecedentBase, load_model

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import mavhums
-from mavhums.actuator import load_airframe
+from mavhums.actuator.profile import load_airframe
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, WINDOW_KEYS, column
 from mavhums.learn import Scheme, load_model, packaged_models, save_model

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from mavhums.actuator import load_airframe
-from mavhums.actuator.profile import ProfileError
+from mavhums.actuator.profile import ProfileError, load_airframe
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.results.sections import AxisLimits
 from tests.health.axis.flights import changes_of, rolling

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mavhums.actuator import load_airframe
-from mavhums.actuator.profile import Actuator
+from mavhums.actuator.profile import Actuator, load_airframe
 from mavhums.core.quantities import column
 from mavhums.health.estimation.equations.data_sheet import (
     GEAR,

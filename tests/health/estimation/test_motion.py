@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mavhums.actuator import load_airframe
+from mavhums.actuator.profile import load_airframe
 from mavhums.core.quantities import MOMENTS, column, products
 from mavhums.health.estimation.motion import angle_speed, central_slope, lasting, motion, window_sums
 from mavhums.health.estimation.slots import (

@@ -8,8 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.actuator import load_airframe
-from mavhums.actuator.profile import Actuator
+from mavhums.actuator.profile import Actuator, load_airframe
 from mavhums.core.quantities import column
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT

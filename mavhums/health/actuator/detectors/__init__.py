@@ -44,7 +44,7 @@ def detectors_for(actuator: Actuator) -> list[Detector]:
 
     Examples
     --------
-    >>> from mavhums.actuator import load_airframe
+    >>> from mavhums.actuator.profile import load_airframe
     >>> [detector.fault for detector in detectors_for(load_airframe("paper").actuators[0])][:3]
     ['backlash', 'following', 'friction']
     """
