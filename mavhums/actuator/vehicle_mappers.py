@@ -15,7 +15,7 @@ from mavhums.actuator.profile import Airframe, ProfileError, load_airframe
 from mavhums.actuator.telemetry import Tier, best_tier, tiers_by_content
 from mavhums.core.quantities import KEYS
 from mavhums.log import Log, Table
-from mavhums.vehicle.clocks import on_clocks
+from mavhums.vehicle.clocks import Clocks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -149,7 +149,7 @@ def actuators(
             raise ProfileError(f"{log.path}: the log names no airframe profile", remedy)
         airframe = load_airframe(name)
     mapper = Mapper(airframe)
-    mapped = mapper.feed(on_clocks(log.tables), final=True)
+    mapped = mapper.feed(Clocks().feed(log.tables), final=True)
     if vehicle is None:
         vehicle = min((part.vehicle for part in mapped), default=0)
     parts: dict[str, list[MappedSamples]] = {}

@@ -33,11 +33,6 @@ _REVERSALS_SHARE: Final = 8
 _WEIGHTS: Final = np.frombuffer(shake_128(b"weights").digest(8 * 64), np.dtype("<u8")) | np.uint64(1)
 
 
-def on_clocks(tables: Mapping[str, Table]) -> dict[str, Table]:
-    """Return the tables of a whole log with the times of their senders' clocks; see :class:`Clocks`."""
-    return Clocks().feed(tables)
-
-
 class Clocks:
     """The time axes of all vehicles of a log, block by block.
 
@@ -165,7 +160,8 @@ class Clocks:
                     if order.mixed:
                         self._mixed.setdefault(sender >> 8, set()).add(table.name)
                     order = _Order(order.stamp_us, int(periods[a]), 0, 0)
-                order = order.with_counts(b - a, int(back[a:b].sum()))
+                messages, reversals = order.messages + b - a, order.reversals + int(back[a:b].sum())
+                order = order._replace(messages=messages, reversals=reversals)
             self._orders[table.name, sender] = order._replace(stamp_us=int(stamps[-1]))
             _forget_oldest(self._orders)
 
@@ -223,9 +219,6 @@ class _Order(NamedTuple):
     def mixed(self) -> bool:
         """Whether the stamps of the period are of more than one clock."""
         return self.reversals >= max(_LEAST_REVERSALS, self.messages / _REVERSALS_SHARE)
-
-    def with_counts(self, messages: int, reversals: int) -> _Order:
-        return self._replace(messages=self.messages + messages, reversals=self.reversals + reversals)
 
 
 def _forget_oldest(streams: dict[tuple[str, int], Any]) -> None:

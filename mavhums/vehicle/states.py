@@ -28,9 +28,6 @@ MODE_MESSAGES: Final = messages_of("mode")
 
 _NO_FIX_DEG: Final = 0.01  # before the first fix autopilots send positions about 0° N 0° E
 _WAITING: Final = 100  # modes that wait for the text that names the kind of vehicle
-_KIND: Final = re.compile(
-    r"(ArduPlane|ArduCopter|ArduRover|ArduSub|Rover|Blimp|AntennaTracker|APM:(?:Plane|Copter|Rover|Sub)) V?\d"
-)
 _MAV_TYPES: Final = {
     "ArduPlane": 1,
     "ArduCopter": 2,
@@ -44,6 +41,7 @@ _MAV_TYPES: Final = {
     "APM:Rover": 10,
     "APM:Sub": 12,
 }
+_KIND: Final = re.compile(rf"({'|'.join(_MAV_TYPES)}) V?\d")
 
 
 class Text(NamedTuple):

@@ -16,7 +16,7 @@ from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.profile import load_airframe
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.log import Table, read_log
-from mavhums.vehicle.clocks import on_clocks
+from mavhums.vehicle.clocks import Clocks
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 
 PAPER = load_airframe("paper")
@@ -32,7 +32,7 @@ def healthy(tier: str, cyclogram: str, rate_hz: float, seed: int = 5) -> Mapping
     with TemporaryDirectory() as folder:
         path = Path(folder) / ("healthy.BIN" if tier == "csrv" else "healthy.tlog")
         (write_dataflash if tier == "csrv" else write_tlog)(fly(flight), path)
-        return on_clocks(read_log(path).tables)
+        return Clocks().feed(read_log(path).tables)
 
 
 def alarms(tables: Mapping[str, Table], gaps: Iterable[tuple[float, float]]) -> list[str]:

@@ -5,9 +5,9 @@ Data is converted by the layout of its topic, each other kind of message by its 
 
 from __future__ import annotations
 
-import struct
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -64,13 +64,10 @@ def _info(body: bytes) -> Fields | None:
     return name, kind, value[:_TEXT_BYTES]
 
 
-def _string(body: bytes) -> Fields:
-    return int.from_bytes(body[1:9], "little"), body[0] - 48, 0, body[9 : 9 + _TEXT_BYTES]
-
-
-def _tagged_string(body: bytes) -> Fields:
-    tag, time_us = struct.unpack("<HQ", body[1:11])
-    return time_us, body[0] - 48, tag, body[11 : 11 + _TEXT_BYTES]
+def _string(body: bytes, tag_bytes: int) -> Fields:
+    time, text = 1 + tag_bytes, 9 + tag_bytes
+    time_us, tag = (int.from_bytes(part, "little") for part in (body[time:text], body[1:time]))
+    return time_us, body[0] - 48, tag, body[text : text + _TEXT_BYTES]
 
 
 def _dropout(body: bytes) -> Fields:
@@ -87,8 +84,8 @@ def _keyed(body: bytes) -> tuple[bytes, bytes, bytes]:
 _PARSERS: Final = {
     ord("P"): _MessageParser("parameter", _PARAMETER_ROW, _parameter),
     ord("I"): _MessageParser("info", _INFO_ROW, _info),
-    ord("L"): _MessageParser("logged_string", _STRING_ROW, _string),
-    ord("C"): _MessageParser("logged_string", _STRING_ROW, _tagged_string),
+    ord("L"): _MessageParser("logged_string", _STRING_ROW, partial(_string, tag_bytes=0)),
+    ord("C"): _MessageParser("logged_string", _STRING_ROW, partial(_string, tag_bytes=2)),
     ord("O"): _MessageParser("dropout", _DROPOUT_ROW, _dropout),
 }
 """By kind. Defaults of parameters (Q), and information in many parts (M), are passed over."""
