@@ -1,4 +1,4 @@
-"""A small part of the hostile input of ``tests/log/hostile.py``."""
+"""Hostile and damaged input: a small part of ``tests/log/hostile.py``, and each undamaged frame is found."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import pytest
 
 from mavhums.log import Decoder
 from tests.log.mavlink.hostile import check
+from tests.log.mavlink.recovery import KINDS, SPACINGS, recover
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -39,3 +40,12 @@ def test_the_worst_patterns_take_no_more_than_linear_time(pattern: bytes) -> Non
     assert time.process_time() - begin < 5
     losses = decoder.losses
     assert losses.bytes_skipped + losses.cut_end_bytes + losses.trailing_zeros <= len(data)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("spacing", SPACINGS)
+def test_undamaged_frames_are_found_and_nothing_else(kind: str, spacing: int) -> None:
+    row = recover(7, 3000, kind, spacing)
+    assert row.found == row.undamaged > 0
+    assert row.false == 0
+    assert row.written_frames_found >= row.by_pymavlink > 0

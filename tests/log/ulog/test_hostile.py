@@ -1,12 +1,15 @@
-"""A few thousand mutations at every run; ``hostile.py`` does a million, with checked array bounds."""
+"""Hostile and damaged input: some of the mutations of ``hostile.py``, and what pyulog gets of damage."""
 
 from __future__ import annotations
 
 import random
 
+import pytest
+
 from tests.log.ulog import writer
 from tests.log.ulog.hostile import check
 from tests.log.ulog.peer import decode
+from tests.log.ulog.recovery import DAMAGE, ours, score, theirs
 
 
 def test_mutated_logs_are_the_same_log_however_they_are_cut() -> None:
@@ -22,3 +25,23 @@ def test_noise_behind_a_header_yields_nothing() -> None:
     assert sum(map(len, tables.values())) == 0
     assert decoder.losses.bytes_skipped + decoder.losses.cut_end_bytes == 1 << 20
     assert decoder.losses.damaged_regions <= 2
+
+
+LOG = writer.flight(60.0)
+SOUND = theirs(LOG)
+FALSE = {"200 bit flips": 190}
+"""Of flips most hit a record's values, which nothing protects; each can make one false record."""
+
+
+def test_the_sound_log_is_the_same_from_both() -> None:
+    assert ours(LOG) == SOUND
+    assert SOUND.total() > 4000
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", DAMAGE)
+def test_damage_costs_no_more_than_it_costs_pyulog(name: str, seed: int) -> None:
+    damaged = DAMAGE[name](random.Random(seed), LOG)
+    good, false = score(ours(damaged), SOUND)
+    assert good >= score(theirs(damaged), SOUND)[0]
+    assert false <= FALSE.get(name, 2)

@@ -1,4 +1,4 @@
-"""A log whose first bytes are damaged is recognised by what follows."""
+"""Damaged logs: one whose first bytes are damaged is recognised, and no command fails on any."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.damaged import default_logs, run
 from mavhums.core.errors import ExitCode
 from mavhums.log import Decoder
 from mavhums.log.formats import MAVLINK, format_of
@@ -70,3 +71,8 @@ def test_noise_has_no_format(run: Run, tmp_path: Path) -> None:
 def test_a_live_stream_does_not_wait(logs: dict[str, bytes]) -> None:
     decoder = Decoder()
     assert decoder.feed(logs["tlog"][:2000])
+
+
+@pytest.mark.slow
+def test_no_command_fails_on_a_damaged_log() -> None:
+    assert run(default_logs(), count=8, seed=7) == {}
