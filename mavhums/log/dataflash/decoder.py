@@ -40,7 +40,7 @@ _LEAP_SECONDS: Final = (
 
 
 class Dating:
-    """The vehicle and the UTC offset that one log of a stream reports.
+    """One log of a stream: the vehicle and the UTC offset that it reports, and its times.
 
     Parameters
     ----------
@@ -55,6 +55,12 @@ class Dating:
         UTC at boot, microseconds; None if the log does not report it.
     end
         Offset in the stream from which on records are ignored.
+    first_us
+        Its first time, since boot, microseconds; None before it.
+    shift_us
+        What is added to its times, microseconds; None before its first table.
+    dropped
+        Records that its logger reports as dropped.
     """
 
     def __init__(self, start: int) -> None:
@@ -62,6 +68,9 @@ class Dating:
         self.offset_us: int | None = None
         self._identified = False
         self.end = start + _HELD
+        self.first_us: int | None = None
+        self.shift_us: int | None = None
+        self.dropped = 0
 
     def observe(self, tables: Mapping[str, Table]) -> None:
         """Process the records before ``end``."""
@@ -130,10 +139,7 @@ class DataFlashDecoder:
         self._counts: dict[int, Integers] = {}
         self._frames = 0
         self._span: tuple[int, int] | None = None
-        self._firsts: dict[int, int] = {}
-        self._shift: dict[int, int] = {}
         self.undated = False
-        self._dropped: dict[int, int] = {}
 
     @property
     def counts(self) -> dict[tuple[int, int, str], int]:
@@ -174,7 +180,7 @@ class DataFlashDecoder:
     @property
     def losses(self) -> Losses:
         """Losses so far: unreadable data, and records that the logger reports as dropped."""
-        dropped = sum(self._dropped.values())
+        dropped = sum(dating.dropped for dating in self._datings.values())
         return self._scanner.losses(unknown_frames=sum(self.unknown.values()), logger_dropped=dropped)
 
     def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:
@@ -186,32 +192,28 @@ class DataFlashDecoder:
         self._held.clear()
         self._definitions.learn(self._scanner.bodies)
         for part in _by_boot(batch):
-            boot, times = _boot_of(part), part.rows["time_us"]
-            if boot not in self._datings:
-                self._datings[boot] = Dating(int(part.rows["offset"][0]))
-            if boot not in self._firsts and times[-1] >= 0:
-                self._firsts[boot] = int(times[times >= 0][0])
-            self._date(part)
+            start, times = int(part.rows["offset"][0]), part.rows["time_us"]
+            dating = self._datings.setdefault(_boot_of(part), Dating(start))
+            if dating.first_us is None and times[-1] >= 0:
+                dating.first_us = int(times[times >= 0][0])
+            if not dating.is_settled(start):
+                before_end = replace(part, rows=part.rows[part.rows["offset"] < dating.end])
+                dating.observe(self._definitions.gather(before_end, DATING_MESSAGES).tables)
             self._pending.append(part)
         return join_tables([table for tables in self._final_tables(final=final) for table in tables])
-
-    def _date(self, part: RecordBatch) -> None:
-        dating = self._datings[_boot_of(part)]
-        if not dating.is_settled(int(part.rows["offset"][0])):
-            before_end = replace(part, rows=part.rows[part.rows["offset"] < dating.end])
-            dating.observe(self._definitions.gather(before_end, DATING_MESSAGES).tables)
 
     def _final_tables(self, *, final: bool) -> Iterator[list[Table]]:
         """Yield the tables of the parts whose vehicle and date are final."""
         while self._pending:
             boot = _boot_of(self._pending[0])
+            dating = self._datings[boot]
             followed = _boot_of(self._pending[-1]) > boot  # of a log that has ended nothing more comes
-            if not (final or followed or self._datings[boot].is_settled(self._scanner.position)):
+            if not (final or followed or dating.is_settled(self._scanner.position)):
                 return
-            yield self._tables(boot, self._pending.popleft())
+            yield self._tables(dating, self._pending.popleft())
 
-    def _tables(self, boot: int, part: RecordBatch) -> list[Table]:
-        vehicle, shift, first = self._datings[boot].vehicle, self._shift_of(boot), self._firsts.get(boot, 0)
+    def _tables(self, dating: Dating, part: RecordBatch) -> list[Table]:
+        vehicle, shift, first = dating.vehicle, self._shift_of(dating), dating.first_us or 0
         times = part.rows["time_us"]
         if times[0] < 0:  # records before the log's first time, as its definitions, have this one
             times[times < 0] = first
@@ -223,30 +225,27 @@ class DataFlashDecoder:
         counts[: before.size] += before
         self._counts[vehicle] = counts
         self._frames += int(found.counts[self._definitions.known[:-1]].sum())
-        if boot in self._firsts:
+        if dating.first_us is not None:
             last = max(first, int(times.max())) + shift
             begun, ended = self._span or (first + shift, last)
             self._span = begun, max(last, ended)
-        self._note_drops(boot, found.tables.get("DSF"))
+        drops = found.tables.get("DSF")
+        if drops is not None and drops.holds({"Dp": 1}):
+            dating.dropped = max(dating.dropped, int(np.nanmax(drops.numbers("Dp"), initial=0)))
         return [t for name, t in found.tables.items() if self._messages is None or name in self._messages]
 
-    def _shift_of(self, boot: int) -> int:
+    def _shift_of(self, dating: Dating) -> int:
         """Return the time offset of a log; an undated log continues where the previous one ended."""
-        if boot not in self._shift:
-            offset = self._datings[boot].offset_us
-            if not self._shift:
+        if dating.shift_us is None:
+            offset = dating.offset_us
+            if all(other.shift_us is None for other in self._datings.values()):
                 self.undated = offset is None
-                self._shift[boot] = offset or 0
+                dating.shift_us = offset or 0
             elif offset is None or self.undated:
-                self._shift[boot] = (self._span[1] if self._span else 0) - self._firsts.get(boot, 0)
+                dating.shift_us = (self._span[1] if self._span else 0) - (dating.first_us or 0)
             else:
-                self._shift[boot] = offset
-        return self._shift[boot]
-
-    def _note_drops(self, boot: int, table: Table | None) -> None:
-        if table is not None and table.holds({"Dp": 1}):
-            most = np.nanmax(table.numbers("Dp"), initial=0)
-            self._dropped[boot] = max(self._dropped.get(boot, 0), int(most))
+                dating.shift_us = offset
+        return dating.shift_us
 
 
 def _boot_of(part: RecordBatch) -> int:
