@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -31,7 +32,11 @@ def main(folder: Path) -> int:
     flights = list(paper_campaign())
     with Progress(console=Console(stderr=True), transient=True) as bar:
         flying = bar.add_task("simulating flights", total=len(flights))
-        truth_file = run_campaign(flights, folder, lambda done, _: bar.update(flying, completed=done))
+
+        def show(done: int, _: int) -> None:
+            bar.update(flying, completed=done)
+
+        truth_file = run_campaign(flights, folder, show, workers=os.cpu_count() or 1)
         judging = bar.add_task("judging logs", total=len(flights))
         assessments: dict[str, Assessment] = {}
         for name, _ in flights:
