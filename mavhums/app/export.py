@@ -16,7 +16,7 @@ from mavhums.actuator.mapping import MappedSamples, messages_for
 from mavhums.actuator.profile import Actuator, Airframe, ProfileError, load_airframe
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.app.analysis import analyse
-from mavhums.app.settings import Options
+from mavhums.app.settings import Options, models_of
 from mavhums.app.sinks import Events
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import TableWriter, writer_for, written_whole
@@ -24,7 +24,7 @@ from mavhums.core.packed import is_stream
 from mavhums.core.quantities import KEYS
 from mavhums.engine.events import Event, Window
 from mavhums.health.actuator.votes import answer_samples
-from mavhums.learn import Model, load_model, packaged_models
+from mavhums.learn import Model
 from mavhums.log import Decoder, decode_blocks
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.formats import message_of
@@ -117,7 +117,7 @@ def export_quantities(
     writer_for(output)
     if classify and is_stream(path):
         raise MavhumsError(f"{path}: --classify needs a file that can be read twice", "save the log first")
-    asked = _SampleClassifier(path, _models(model)) if classify else None
+    asked = _SampleClassifier(path, models_of(model)) if classify else None
     decoder, fleet, rows = _write(path, output, given, asked, progress)
     if not fleet.airframes:
         if is_stream(path) or asked is not None:
@@ -194,12 +194,6 @@ class _SampleClassifier:
             f"{self._path}: no network covers it: it carries {has} of {', '.join(airframes)}, and {takes}",
             "name a model for it with --model, or export without --classify",
         )
-
-
-def _models(model: Model | str | Path | None) -> Sequence[Model]:
-    if model is None:
-        return packaged_models()
-    return (model if isinstance(model, Model) else load_model(model),)
 
 
 def _write(

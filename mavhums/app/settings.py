@@ -171,7 +171,7 @@ class Settings:
         airframe, key, table = wanted.airframe, wanted.key, wanted.aircraft_table
         engine = EngineOptions(
             airframe=None if airframe is None else load_airframe(airframe),
-            models=_models(wanted.model),
+            models=models_of(wanted.model),
             decide=wanted.decide,
             false_alarms=wanted.false_alarms,
             dialect=wanted.dialect,
@@ -211,7 +211,8 @@ class Settings:
         return replace(self, engine=replace(self.engine, vehicle_states=True))
 
 
-def _models(model: Model | Sequence[Model] | str | Path | None) -> Sequence[Model]:
+def models_of(model: Model | Sequence[Model] | str | Path | None) -> Sequence[Model]:
+    """Return the models that the option names: those that ship with mavhums if None."""
     if model is None:
         return packaged_models()
     if isinstance(model, str | Path):

@@ -197,7 +197,10 @@ def _follow(
         gc.freeze()  # objects from the start-up cost the collector 0.1 s in flight, and a second at the end
         stop.begun = True
         first_ends_in_order(begun=True)
-        ended = partial(_ended, stop, out if alone else None)
+
+        def ended() -> bool:  # what only the standard output shows ends with its reader
+            return stop() or (alone and out.outlet.gone)
+
         if shows.as_json:
             assessment = _write_json(session, options, ended, console)
         else:
@@ -205,11 +208,6 @@ def _follow(
         exits.pop_all()
     finished = [one.finish() for one in drawn]
     return assessment, all(finished)
-
-
-def _ended(stop: StopSignal, only_output: Spool | None) -> bool:
-    """Return whether to stop; a session that only its standard output shows ends with its reader."""
-    return stop() or (only_output is not None and only_output.outlet.gone)
 
 
 def _drawn(shows: _Outputs, exits: ExitStack) -> list[ThreadedSink]:
