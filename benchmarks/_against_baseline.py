@@ -21,7 +21,7 @@ from benchmarks._fleet import (
     fly_all,
     judge,
 )
-from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
+from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums_sim import FlightRecord
 from mavhums_sim.conditions import Condition
 

@@ -17,7 +17,7 @@ from typing import NamedTuple, TypeVar
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import Since
 from mavhums.health.decision.baseline import Baseline, Baselines, PastRecord
-from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
+from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import CLOCKS_APART_S, FlightCopy, FlightIdentity
 from mavhums.results.verdict import ALL, Indicator, OwnRecord, Verdict

@@ -11,14 +11,10 @@ import numpy as np
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.flights.aircraft import Since
 from mavhums.flights.history import PastFlight
-from mavhums.health.axis.past import LOSSES
+from mavhums.health.decision.baseline import LOSSES
 from mavhums.health.decision.growth import Course
-from mavhums.health.decision.thresholds import (
-    CLEAR_FLIGHTS,
-    RATE_FLIGHTS,
-    STEP_MEAN_FLIGHTS,
-    TREND_REACH_SPANS,
-)
+from mavhums.health.decision.thresholds import LASTING_FLIGHTS, TREND_REACH_SPANS
+from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.standing import ActuatorTrend, FlightsLeft, Growth, Interval, Standing, Step
 from mavhums.results.verdict import Indicator, Verdict
 
@@ -88,7 +84,7 @@ def flights_left(
     low, estimate, high = left
     if not np.isfinite(estimate):
         return None
-    recent = flown[-RATE_FLIGHTS:]
+    recent = flown[-REFERENCE_FLIGHTS:]
     flights = recent[-1].number - recent[0].number
     each = (recent[-1].flight.start - recent[0].flight.start) / flights if flights else timedelta(0)
 
@@ -111,7 +107,7 @@ def flights_left(
 def step_of(pairs: Pairs, place: int) -> Step:
     """Return the change of an indicator before the flight at an index."""
     values = np.array([one.value.estimate for _, one in pairs])
-    before, after = values[:place][-STEP_MEAN_FLIGHTS:], values[place:][:STEP_MEAN_FLIGHTS]
+    before, after = values[:place][-LASTING_FLIGHTS:], values[place:][:LASTING_FLIGHTS]
     size = float(after.mean() - before.mean())
     flown, newest = pairs[place][0], pairs[-1][1]
     return Step(
@@ -152,7 +148,7 @@ def standing_of(flown: Sequence[Flown], trends: Iterable[ActuatorTrend], counted
             condition, first, latest = _state([each for each in since if each.number >= mended])
     growing = [one.growth for one in several if one.growth]
     # A step of long ago is known, or nobody will look into it any more.
-    steps = [one.step for one in several if one.step and last.number - one.step.flight < RATE_FLIGHTS]
+    steps = [one.step for one in several if one.step and last.number - one.step.flight < REFERENCE_FLIGHTS]
     faulty = latest is not None
     finding = _finding((latest or last).verdict, condition) if faulty else {}
     return Standing(
@@ -185,7 +181,7 @@ def _state(flown: Sequence[Flown]) -> tuple[Condition, Flown | None, Flown | Non
         found = _found(each)
         if found is None:
             continue
-        recent = [*recent, (each, found)][-CLEAR_FLIGHTS:]
+        recent = [*recent, (each, found)][-LASTING_FLIGHTS:]
         if all(SEVERITY[one] <= 0 for _, one in recent):
             first = None
         elif first is None:

@@ -17,10 +17,9 @@ from mavhums.core.statistics import NORMAL_95
 from mavhums.flights.aircraft import Since, latest
 from mavhums.flights.history import PastFlight, baselines_of, in_order, superseded_by_profile
 from mavhums.flights.standing import Flown, growth_of, highest, mirrored, reason_of, standing_of, step_of
-from mavhums.health.axis.past import LOSSES
-from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.baseline import LOSSES, Baseline
 from mavhums.health.decision.growth import Course, course_of, last_step
-from mavhums.health.decision.thresholds import CLEAR_FLIGHTS, TREND_FLIGHTS
+from mavhums.health.decision.thresholds import LASTING_FLIGHTS, TREND_FLIGHTS
 from mavhums.health.decision.trend import Trend, fit_trend
 from mavhums.results.standing import (
     ActuatorTrend,
@@ -236,7 +235,7 @@ def _grew(course: Course, numbers: Array, values: Array, errors: Array, begin: i
         return False
     earlier = (
         course_of(numbers[:-back], values[:-back], errors[:-back], begin=begin)
-        for back in range(1, CLEAR_FLIGHTS)
+        for back in range(1, LASTING_FLIGHTS)
     )
     return any(one is not None and one.grows for one in earlier)
 

@@ -23,15 +23,17 @@ from mavhums.core.arrays import Array, Array1, Integers1
 from mavhums.core.kernels import kernel
 
 EXCLUDING: Final = log(20.0)
-"""Evidence against a fault with 95 %."""
+"""Evidence against a fault with 95 %, and of what else holds with 95 %."""
 
-_PER_100_H: Final = 360_000.0  # seconds
+PER_100_H: Final = 360_000.0
+"""Seconds in 100 hours."""
+
 _MOST: Final = 200.0  # logarithm: what is certain needs no larger number
 
 
 def threshold(false_alarms: float) -> float:
     """Return the evidence of an alarm for a number of false alarms in 360,000 units."""
-    return log(_PER_100_H / false_alarms)
+    return log(PER_100_H / false_alarms)
 
 
 @kernel

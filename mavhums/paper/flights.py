@@ -20,7 +20,7 @@ from mavhums.core.quantities import KEYS, column
 from mavhums.health.actuator.votes import Classifier, VoteOutcome, count_votes, outcome
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
-from mavhums.health.estimation.thresholds import WINDOW_SLOTS
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.paper.flown import FlownActuator
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
@@ -226,10 +226,10 @@ def windows(
 ) -> Iterator[tuple[VoteOutcome | None, int]]:
     """Yield the network's result and the samples of each complete, non-overlapping ten-second window."""
     moving, seconds = moving_samples(actuator, flown)
-    count = int(flown.time_s[-1] + 0.5) // WINDOW_SLOTS * WINDOW_SLOTS
+    count = int(flown.time_s[-1] + 0.5) // WINDOW_S * WINDOW_S
     bounds = np.searchsorted(seconds, np.arange(count + 1))
     ratio = actuator.ema.gear_ratio if actuator.ema else None
     counts = count_votes(networks, moving, bounds, ratio)
-    for start in range(0, count, WINDOW_SLOTS):
-        window = counts[start : start + WINDOW_SLOTS]
-        yield outcome(networks, window), int(bounds[start + WINDOW_SLOTS] - bounds[start])
+    for start in range(0, count, WINDOW_S):
+        window = counts[start : start + WINDOW_S]
+        yield outcome(networks, window), int(bounds[start + WINDOW_S] - bounds[start])

@@ -22,7 +22,7 @@ from mavhums.core.quantities import (
 )
 from mavhums.health.estimation.motion import motion, window_sums
 from mavhums.health.estimation.slots import SlotCutter, Windows, with_extra_columns
-from mavhums.health.estimation.thresholds import WINDOW_SLOTS
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.learn import (
     LabelledWindows,
     Scheme,
@@ -240,7 +240,7 @@ def _sums_of(actuator: Actuator, time_s: Array, values: Array, measured: Flags) 
     for slots in (cutter.feed(time_s, with_extra_columns(values, measured)), cutter.finish()):
         if slots is not None:
             found = of_window(window.feed(slots.index, window_sums(actuator, slots, motion(actuator, slots))))
-            last = (slots.index + 1) % WINDOW_SLOTS == 0
+            last = (slots.index + 1) % WINDOW_S == 0
             sums.append(found[last])
             ends.append(slots.index[last] + 1)
     return np.concatenate(sums), np.concatenate(ends)
@@ -249,7 +249,7 @@ def _sums_of(actuator: Actuator, time_s: Array, values: Array, measured: Flags) 
 def _limited(record: ActuatorRecord, ends: Integers, actuator: Actuator, sag_v: float) -> Flags:
     limit = parameters_of(actuator).supply_voltage - sag_v - _NEAR_V
     at_limit = np.abs(record.values[:, 3]) >= limit
-    bounds = np.searchsorted(record.time_s, [ends - WINDOW_SLOTS, ends])
+    bounds = np.searchsorted(record.time_s, [ends - WINDOW_S, ends])
     shares = [at_limit[start:stop].mean() if stop > start else 0.0 for start, stop in bounds.T.tolist()]
     return np.array(shares, dtype=np.float64) >= _LIMITED
 

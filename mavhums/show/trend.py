@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
-from mavhums.health.axis.past import LOSSES
+from mavhums.health.decision.baseline import LOSSES
 from mavhums.results.standing import (
     ActuatorTrend,
     Growth,

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS, NORMAL_S
+from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS
+from mavhums.health.decision.thresholds import NORMAL_S
 from mavhums.results.sections import ABSTAINED, OUTSIDE, NetworkAnswer, fault_of
 from mavhums.results.verdict import Candidate, Evidence, Verdict
 from mavhums.show.words import clock, effectiveness, friction, join, percent

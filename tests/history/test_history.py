@@ -15,7 +15,7 @@ from mavhums.flights.history import PastFlight, baselines_of, in_order, kept_rec
 from mavhums.flights.queries import earlier_flights
 from mavhums.flights.store import Store
 from mavhums.health.decision.baseline import Baseline, Baselines
-from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
+from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import OwnRecord
 from tests.fleet.stores import write_store

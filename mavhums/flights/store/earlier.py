@@ -28,7 +28,7 @@ from mavhums.flights.history import (
 from mavhums.flights.store.logs import in_parts
 from mavhums.flights.store.tables import FLIGHT, RECORD, RECORDING, VERDICT
 from mavhums.health.decision.baseline import Baselines, PastRecord
-from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS
+from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity

@@ -48,7 +48,7 @@ from mavhums.health.estimation.equations.data_sheet import Load
 from mavhums.health.estimation.motion import Motion, motion, window_sums
 from mavhums.health.estimation.slots import SlotCutter, Slots, Windows, with_extra_columns
 from mavhums.health.estimation.strokes import collectors
-from mavhums.health.estimation.thresholds import WINDOW_S, WINDOW_SLOTS
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.reasons import Reason
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Indicator, OwnRecord, Suspect
@@ -299,7 +299,7 @@ class Monitor:
         moving, votes, sums = self._count(slots, moved or shown)
         self._first = int(slots.index[0]) if self._first is None else self._first
         # The first windows of a flight are not full, and their errors not comparable.
-        whole = slots.index - self._first + 1 >= WINDOW_SLOTS
+        whole = slots.index - self._first + 1 >= WINDOW_S
         end_s: Array = np.asarray(slots.index[whole] + 1, dtype=np.float64)
         estimates = {fault: of_slots.at(whole) for fault, of_slots in found.items()}
         steps: dict[int, list[IndicatorStep]] = {}

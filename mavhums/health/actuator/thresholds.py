@@ -8,9 +8,6 @@ from __future__ import annotations
 
 from typing import Final
 
-# Slots with load on either flank of the gear; fewer give no reliable error of the play. By hand.
-LEAST_FLANK_SLOTS: Final = 3
-
 # Largest standard error of play and bias that count, °: a third of the clear play of benchmarks/health.py.
 # By hand.
 WIDEST_GEAR_ERROR_DEG: Final = 0.05
@@ -36,9 +33,6 @@ LEAST_TURNING_CONSTANT_SHARE: Final = 0.05
 # Error of an ESC's voltage that no number of samples averages out, V. By hand.
 SUPPLY_SENSOR_V: Final = 0.1
 
-# Samples in motion that a friction rests on: fewer than two a slot. By hand.
-FRICTION_SAMPLES: Final = 20
-
 # Standard errors below zero from which a friction contradicts the torque balance: 0.1 % of healthy
 # estimates.
 FRICTION_CONTRADICTION_ERRORS: Final = 3.0
@@ -55,13 +49,6 @@ PER_SAMPLE_ERROR_SHARE: Final = 0.05
 # By hand.
 MODEL_ERROR_LIMIT_SHARE: Final = 0.02
 
-# Seconds of ten in which an error of following must show: one glitch of a sensor is no fault. By hand.
-FOLLOWING_SECONDS: Final = 3
-
-# A longer gap between samples starts what compares the shaft with its command anew, s: what was asked
-# meanwhile, and how the shaft moved, is not known.
-LONGEST_UNSEEN_S: Final = 0.5
-
 # A shaft that travels less of its error within a second stands, which is for the detector of jams. By
 # hand.
 FOLLOWING_STANDS_SHARE: Final = 0.1
@@ -70,8 +57,9 @@ FOLLOWING_STANDS_SHARE: Final = 0.1
 # none. With it healthy individuals reach 0.8° (docs/method/verdicts.md).
 FOLLOWING_ASKED_LIMITS: Final = 5.0
 
-# Share of the commanded travel that a jam leaves out: of healthy actuators none leaves out more than 0.15,
-# of 1.5 N·m of friction 0.4.
+# Share of the commanded travel that a jam leaves out, and share of the current at stall that a jammed shaft
+# takes while it stands: of healthy actuators at most 0.15 and 0.3, with 1.0 to 1.5 N·m of friction 0.4 and
+# 0.66 (docs/method/verdicts.md).
 JAM_SHARE: Final = 0.8
 
 # Commanded travel that shows a jam, °: several times what an actuator of 1.0 N·m of friction leaves out
@@ -84,9 +72,6 @@ JAM_PARTS_PER_SLOT: Final = 4
 # Parts that a jam is sought over, the shorter first: 2.75 s and 10 s. The shorter finds jams that are soon
 # over.
 JAM_PARTS: Final = (11, 40)
-
-# Last parts whose command does not count, a second: the shaft may not have followed yet.
-JAM_LATEST_PARTS: Final = 4
 
 # Time before the end of the first window that shows a jam at which it begins, s: 1 to 2 by the stall, 3 to 4
 # by the travel.
@@ -111,19 +96,9 @@ LONGEST_SPEED_STEP_S: Final = 0.15
 # Integral of an unsigned speed over the commanded travel that ends a jam; a held rotor's reaches 1.6.
 SURELY_FOLLOWS_SHARE: Final = 2.0
 
-# Share of the current at stall with which a standing shaft is jammed: healthy ones take up to 0.3, with 1.0
-# N·m of friction 0.66 (docs/method/verdicts.md).
-STALLED_SHARE: Final = 0.8
-
 # Seconds of two that a motor must push in vain: none of healthy actuators, 0.1 with 2.0 N·m of friction
 # (docs/evidence/actuators.md, short jams).
 STALLED_SECONDS: Final = 0.5
-
-# A window says emergency above this probability: the network's own boundary between its two classes.
-EVEN_PROBABILITY: Final = 0.5
-
-# Samples that a network's vote on a window rests on. By hand.
-LEAST_VOTERS: Final = 20
 
 # Samples that vote in either direction: an unknown load helps in one as much as it hinders in the other. By
 # hand.
@@ -136,3 +111,7 @@ IMPLAUSIBLE_SHARE: Final = 0.1
 # Standard errors by which a friction must stay below the emergency limit to be told where that of the load is
 # not known: as wide as the intervals that decide on an emergency with few degrees of freedom.
 LOAD_EMERGENCY_ERRORS: Final = 4.0
+
+# Seconds of ten that must show a gear's load on either flank, or an error of following: fewer give no
+# reliable error, and one glitch of a sensor is no fault. By hand.
+LEAST_SLOTS: Final = 3

@@ -19,11 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import WINDOW_KEYS, column, of_window, shows_something, window_features
-from mavhums.health.actuator.thresholds import (
-    EVEN_PROBABILITY,
-    LEAST_VOTERS,
-    LEAST_VOTERS_PER_DIRECTION,
-)
+from mavhums.health.actuator.thresholds import LEAST_VOTERS_PER_DIRECTION
+from mavhums.health.estimation.thresholds import LEAST_SAMPLES
 from mavhums.learn import Model
 from mavhums.learn.model import FRICTION_EMERGENCY
 from mavhums.results.sections import ABSTAINED, OUTSIDE
@@ -111,7 +108,7 @@ class VoteOutcome(NamedTuple):
 
 def by_votes(p_emergency: float, network: int) -> VoteOutcome:
     """Return what a network of samples says of a window: it knows two classes."""
-    if p_emergency > EVEN_PROBABILITY:
+    if p_emergency > 0.5:
         return VoteOutcome(network, FRICTION_EMERGENCY, FRICTION_EMERGENCY, 2, 2, p_emergency, p_emergency)
     return VoteOutcome(network, "normal", "normal", 0, 0, 1.0 - p_emergency, p_emergency)
 
@@ -212,7 +209,7 @@ def _of_window(network: Classifier, number: int, probabilities: Array, inside: b
     severity = -1 if not inside else surely[0] if surely else healthy
     decides = probabilities[most] >= network.window_level
     said = OUTSIDE if not inside else classes[most] if decides else ABSTAINED
-    leaning = max(least for least in range(3) if reached[least] >= EVEN_PROBABILITY)
+    leaning = max(least for least in range(3) if reached[least] >= 0.5)
     return VoteOutcome(number, said, classes[most], severity, leaning, float(probabilities[most]), reached[1])
 
 
@@ -246,7 +243,7 @@ def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[VoteOutcome
     voters, emergency = own[:, _BALLOT.voters], own[:, _BALLOT.emergency]
     cast = voters.sum(axis=1)
     votes = (
-        (cast >= LEAST_VOTERS)
+        (cast >= LEAST_SAMPLES)
         & (voters.min(axis=1) >= LEAST_VOTERS_PER_DIRECTION)
         # Most of the motion must lie within the training range.
         & (2 * cast >= counts[:, :, _BALLOT.moving].sum(axis=1))

@@ -18,14 +18,12 @@ from mavhums.health.axis.reference import Loss, Second
 from mavhums.health.axis.residuals import Deviation, PitchTracking, Residual, RollTracking
 from mavhums.health.axis.thresholds import (
     COARSE_TIMES,
-    GRAVE_PROBABILITY,
     JUDGED_ERROR,
     PERSISTENT_S,
     ROLL_PERSISTENT_S,
     SHIFT_FLOOR_RAD_S,
     SHIFT_S,
     SKID_ALONE_DEVIATIONS,
-    SKID_DEVIATIONS,
     SKID_M_S2,
     SKID_S,
     SKID_SHARE,
@@ -33,6 +31,7 @@ from mavhums.health.axis.thresholds import (
     SLOW_STREAM_S,
     SURE_CONFIDENCE,
 )
+from mavhums.health.sequential import EXCLUDING
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
@@ -146,7 +145,7 @@ class EffectivenessDetector:
             fault, value, limit = "effectiveness", loss.kept, limits.effectiveness_degraded
             left = max(round(loss.kept, 3), 0.0)  # rounded as the verdict's own figure
             rule = f"{100 * left:.0f} % of the control effectiveness of the reference is left"
-            if loss.kept <= limits.effectiveness_emergency and loss.grave >= GRAVE_PROBABILITY:
+            if loss.kept <= limits.effectiveness_emergency and loss.grave >= 1.0 - exp(-EXCLUDING):
                 condition, limit = "emergency", limits.effectiveness_emergency
         rule = f"{condition}: {rule}"
         found = (self._axis, second.end_s, fault, condition, loss.since_s, value, limit, rule, confidence)
@@ -240,11 +239,7 @@ class HardOverDetector:
             if since_s is None or second.shift is None:
                 continue
             side = given.sides.get(second.end_s)
-            skids = (
-                side is not None
-                and side.deviations > max(SKID_DEVIATIONS, deviations)
-                and abs(side.value) > SKID_M_S2
-            )
+            skids = side is not None and side.deviations > deviations and abs(side.value) > SKID_M_S2
             # Rudder before aileron: a deflected rudder rolls the aircraft, too, a deflected aileron hardly
             # skids.
             axis, what = ("yaw", "a rudder") if skids else (self._axis, "an aileron or elevon")

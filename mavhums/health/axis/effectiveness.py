@@ -21,9 +21,8 @@ from mavhums.core.arrays import Array
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.evidence import LossTest
 from mavhums.health.axis.findings import MixedSums
-from mavhums.health.axis.reference import Loss, Reference, Second, constants, shapes
+from mavhums.health.axis.reference import Loss, Reference, Scores, Second, Sums, constants, measured, shapes
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Lag, Shape, judgeable
-from mavhums.health.axis.scores import Scores, Sums, measured
 from mavhums.health.axis.thresholds import (
     EXCLUDING_SPEED_SHARE,
     EXPLAINED,
@@ -33,7 +32,6 @@ from mavhums.health.axis.thresholds import (
     LEAST_DRIVE,
     LEAST_ROWS_PER_S,
     LONGEST_REFERENCE_S,
-    LOSS_SECONDS,
     MEAN_ROWS,
     REFERENCE_RETRY_S,
     REFERENCE_S,
@@ -41,9 +39,9 @@ from mavhums.health.axis.thresholds import (
     SHIFT_S,
     SLOW_PART_S,
     SLOW_STREAM_S,
-    WINDOW_SECONDS,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY
 from mavhums.vehicle.rows import Rows
@@ -233,7 +231,8 @@ class EffectivenessTracker:
         self._chains = [Chain(self._form, reference.basis, reference.shape, extra) for extra in extras]
         self._scores = [Scores(reference.others, self._memory_s) for _ in extras]
         self._test = LossTest(reference, self._limits, self._false_alarms)
-        self._recent: deque[tuple[int, Array]] = deque(maxlen=LOSS_SECONDS)
+        # Over more seconds a loss is measured with what was before its onset.
+        self._recent: deque[tuple[int, Array]] = deque(maxlen=2 * WINDOW_S)
         self._left: deque[tuple[Array, int]] = deque(maxlen=SHIFT_S)
         self._mixed: MixedSums | None = None
         if self._coupled is not None:
@@ -297,8 +296,8 @@ class EffectivenessTracker:
             since_s = self._test.since_s
             if since_s is not None and (alarm or self._test.suspects):
                 loss = self._loss(since_s, certain=alarm)
-            if len(self._recent) >= WINDOW_SECONDS:
-                window = [sums[0] for _, sums in [*self._recent][-WINDOW_SECONDS:]]
+            if len(self._recent) >= WINDOW_S:
+                window = [sums[0] for _, sums in [*self._recent][-WINDOW_S:]]
                 value, error = _measured(window, reference)
         shift, shift_error = self._shifted(NORMAL_95 * hypot(reference.error, GAIN_DEVIATION))
         return Second(end_s, value, error, loss, shift, shift_error, 0, mixed)

@@ -16,18 +16,11 @@ from mavhums.health.axis.findings import AxisFindings, MixedPair, origins
 from mavhums.health.axis.reference import Second
 from mavhums.health.axis.residuals import Residual, SideForce
 from mavhums.health.axis.response import ResponseSums
-from mavhums.health.axis.thresholds import (
-    FULL_S,
-    GROUND_SPEED_SHARE,
-    JUDGED_ERROR,
-    LATEST_REFERENCE_S,
-    MASKED_S,
-    NORMAL_S,
-    WINDOW_SECONDS,
-)
+from mavhums.health.axis.thresholds import GROUND_SPEED_SHARE, JUDGED_ERROR, LATEST_REFERENCE_S, MASKED_S
 from mavhums.health.decision.events import ConditionChanged, Indication, Trace
-from mavhums.health.decision.thresholds import FALSE_ALARMS
+from mavhums.health.decision.thresholds import FALSE_ALARMS, NORMAL_S
 from mavhums.health.estimation.random_effects import RunningVariance
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Suspect
@@ -247,7 +240,7 @@ class AxisMonitor:
         state.full = state.full + 1 if second.value >= self.limits.effectiveness_degraded else 0
         # Windows that share seconds are one piece of evidence. The first one counts at once, so that a value
         # is shown.
-        whole = state.counted % WINDOW_SECONDS == 0 or state.judged == 1
+        whole = state.counted % WINDOW_S == 0 or state.judged == 1
         if whole and not state.lost:
             self._average(state, second.value, second.error)
 
@@ -270,8 +263,9 @@ class AxisMonitor:
     def _is_healthy(self, state: _AxisState) -> bool:
         """Return whether the axis is known to respond as in the reference."""
         if SEVERITY[state.condition] > SEVERITY["normal"]:
-            # An axis is well again only when the gain itself is back, not when evidence runs out.
-            return state.full >= FULL_S
+            # An axis is well again only when the gain itself is back, not when evidence runs out: over two
+            # windows that share no second.
+            return state.full >= 2 * WINDOW_S
         return state.excluded_s >= NORMAL_S and state.doubt is None
 
     def _extend(self, state: _AxisState, one: Alarm) -> None:

@@ -13,13 +13,8 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Array1, Flags
 from mavhums.core.kernels import kernel
-from mavhums.health.axis.thresholds import (
-    LEAST_SPEED_SHARE,
-    LONGEST_SAMPLE_GAP_S,
-    MEAN_ROWS,
-    MOST_BANK_DEG,
-    MOST_PITCH_DEG,
-)
+from mavhums.health.axis.thresholds import LEAST_SPEED_SHARE, MEAN_ROWS, MOST_PITCH_DEG, SLOW_STREAM_S
+from mavhums.health.decision.thresholds import MOST_BANK_DEG
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import STEERING
@@ -185,7 +180,7 @@ def judgeable(rows: Rows, basis: Basis, least_share: float = LEAST_SPEED_SHARE) 
     slow = rows.speed < least_share * basis.speed
     # The regressions are linear in the angles.
     tilted = (np.abs(rows.roll) > _ROLL_RAD) | (np.abs(rows.pitch) > _PITCH_RAD)
-    gap = rows.spacing > LONGEST_SAMPLE_GAP_S
+    gap = rows.spacing > 2.0 * SLOW_STREAM_S  # one lost sample passes
     good: Flags = rows.flying & rows.trusted & ~gap & ~slow & ~tilted & np.isfinite(rows.speed)
     good &= rows.sources == basis.sources
     return good

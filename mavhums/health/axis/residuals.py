@@ -20,14 +20,13 @@ from mavhums.health.axis.thresholds import (
     PITCH_DELAY_S,
     PITCH_RESPONSE_RAD_S,
     PITCH_TRACKING_FLOOR_RAD,
+    POOLED_S,
     RESIDUAL_REFERENCE_S,
     ROLL_RESPONSE_RAD_S,
     ROLL_TRACKING_FLOOR_RAD,
     SHIFT_S,
     SIDE_FORCE_FLOOR_M_S2,
-    SIDE_FORCE_SPREAD,
     SLOW_FLIGHT_SHARE,
-    USUAL_SPEED_S,
 )
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
@@ -235,7 +234,7 @@ class _OwnSpeed:
         values = np.empty(rows.seconds)
         seconds = zip(rows.speed.reshape(-1, RATE_HZ), rows.flying.reshape(-1, RATE_HZ), strict=True)
         for k, (speed, flying) in enumerate(seconds):
-            if len(self._speeds) < USUAL_SPEED_S and flying.any():
+            if len(self._speeds) < POOLED_S and flying.any():
                 self._speeds.append(speed[flying])
                 self.value = float(np.nanmedian(np.concatenate(self._speeds)))
             values[k] = self.value
@@ -291,7 +290,7 @@ class SideForce:
 
     kind: Literal["mean", "rms"] = "mean"
     floor = SIDE_FORCE_FLOOR_M_S2
-    spreads: tuple[float, ...] = (_FREE, SIDE_FORCE_SPREAD, SIDE_FORCE_SPREAD)
+    spreads: tuple[float, ...] = (_FREE, _FREE, _FREE)
 
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
         """Return the regressors 1, sin φ and yaw rate, the side force, and the mask of usable flight rows."""

@@ -20,23 +20,22 @@ from mavhums.core.arrays import Array
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, HighPass, Shape
 from mavhums.health.axis.thresholds import (
+    DELAYS_S,
     DRIVEN_SHARE,
     JUDGED_ERROR,
+    LAGS_S,
     LEAST_ROWS_PER_S,
     LEAST_SPEED_SHARE,
-    PART_S,
     PAST_FLIGHTS,
     PAST_RATE_RATIO,
-    PAST_REFERENCES,
-    POOLED_LEAST_S,
     POOLED_S,
-    RESPONSE_SHAPES,
+    REFERENCE_S,
     SLOW_PART_S,
     WINDOW_DEVIATION,
-    WINDOW_SECONDS,
 )
 from mavhums.health.decision.baseline import Baseline, ComparedIndicator
 from mavhums.health.estimation.least_squares import packed, unpacked
+from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS, WINDOW_S
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator, OwnRecord
 from mavhums.vehicle.flight import SPEEDS
@@ -106,7 +105,8 @@ class ResponseSums:
 
     def __init__(self, axis: str) -> None:
         form = FORMS[axis]
-        delay_s, tau_s = RESPONSE_SHAPES[axis]
+        # The middle of those that are tried for a reference.
+        delay_s, tau_s = (tried[axis][(len(tried[axis]) - 1) // 2] for tried in (DELAYS_S, LAGS_S))
         # Relative to 1 m/s, whatever measured it: each part has its own speed, from one source.
         shape = Shape(round(delay_s * RATE_HZ), tau_s)
         self._chain = Chain(form, Basis(1.0, 0.0), shape, least_share=0.0)
@@ -138,7 +138,7 @@ class ResponseSums:
         if self._open is not None and self._open[0] != source:
             self._close()
         self._open = source, second if self._open is None else _joined(self._open[1], second)
-        if self._open[1].seconds >= self._lengths.get(source, PART_S):
+        if self._open[1].seconds >= self._lengths.get(source, WINDOW_S):
             self._close()
 
     def _close(self) -> None:
@@ -150,7 +150,7 @@ class ResponseSums:
         if len(parts) == _MOST_PARTS:
             # Full: neighbours are joined, so that memory stays the same for any length of flight.
             parts[:] = [_joined(one, other) for one, other in zip(parts[::2], parts[1::2], strict=True)]
-            self._lengths[source] = 2 * self._lengths.get(source, PART_S)
+            self._lengths[source] = 2 * self._lengths.get(source, WINDOW_S)
 
     def response(self) -> Response | None:
         """Return the sums so far, of the usual source of the speed; None without a whole part."""
@@ -258,7 +258,7 @@ def stretches(own: Sequence[OwnRecord], past: Sequence[Sequence[OwnRecord]]) -> 
     if record is None or parts is None:
         return
     alike = (each for records in past if (each := _record_of(records)) and _alike(record, each))
-    references = islice(alike, PAST_REFERENCES)
+    references = islice(alike, REFERENCE_FLIGHTS)
     flown = [known for each in references if (known := _Parts.of(each)) and _usable(known, parts)]
     if len(flown) < PAST_FLIGHTS:
         return
@@ -293,8 +293,7 @@ def stretches(own: Sequence[OwnRecord], past: Sequence[Sequence[OwnRecord]]) -> 
             ComparedIndicator.of(shown, baseline),
             # Gusts move the aircraft and, through the autopilot, the surfaces against it: where little else
             # drives these, the gain is underestimated.
-            seconds >= POOLED_LEAST_S
-            and float(minute.grams[:, 0, 0].sum()) >= DRIVEN_SHARE * power * seconds,
+            seconds >= REFERENCE_S and float(minute.grams[:, 0, 0].sum()) >= DRIVEN_SHARE * power * seconds,
         )
 
 
@@ -325,8 +324,8 @@ def _indicator(scores: _Scores, usual: float, variance: float) -> Indicator:
         quantity="control gain",
         unit="1",
         value=Interval.around(k, half),
-        windows=max(count, 2) * WINDOW_SECONDS,
-        scatter=error * (max(count, 2) * WINDOW_SECONDS) ** 0.5,
+        windows=max(count, 2) * WINDOW_S,
+        scatter=error * (max(count, 2) * WINDOW_S) ** 0.5,
         needed_flights=PAST_FLIGHTS,
     )
 

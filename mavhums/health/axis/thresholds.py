@@ -9,13 +9,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from mavhums.health.estimation.thresholds import WINDOW_S
-
-# The length of a window, in whole seconds.
-WINDOW_SECONDS: Final = int(WINDOW_S)
-
-# Seconds of flight that make a reference: fewer leave the gain too uncertain, more leave fewer to be
-# judged. Development.
+# Seconds of flight that make a reference, and the least ones of a minute that are compared with earlier
+# flights: fewer leave the gain too uncertain, more leave fewer to be judged. Development.
 REFERENCE_S: Final = 45
 
 # Seconds within which a reference is sought, s: older rows are of another phase of the flight.
@@ -37,23 +32,15 @@ LEAST_ROWS_PER_S: Final = 14
 # autopilot's answer to gusts, with another gain. By hand: 0.015 and 0.026 find the same.
 LEAST_DRIVE: Final = 0.02
 
-# Seconds after the reference over which a loss is excluded that make an axis normal. Development.
-NORMAL_S: Final = 30
-
 # Effectiveness that a normal axis has at least: a loss of 40 % is what the test is for.
 NORMAL_EFFECTIVENESS: Final = 0.6
-
-# Seconds in a row at full effectiveness that end a fault: two windows that share no row. By hand.
-FULL_S: Final = 20
 
 # Largest standard error of an effectiveness that is shown or counted: half of the loss of 40 %. By hand.
 JUDGED_ERROR: Final = 0.2
 
-# Seconds over which a quiet axis is pooled: longer ones would excuse a loss by what was before it. By hand.
+# Seconds over which a quiet axis is pooled: longer ones would excuse a loss by what was before it; and those
+# that give the usual speed: a whole circuit, climb and cruise. By hand.
 POOLED_S: Final = 60
-
-# Least seconds of a minute of the flight that are compared with earlier flights. Development.
-POOLED_LEAST_S: Final = 45
 
 # Least deviation of a roll reference, rad/s: a calm reference does not promise a calm flight.
 # Development.
@@ -62,10 +49,6 @@ SHIFT_FLOOR_RAD_S: Final = 0.045
 # Seconds over which a shift of the trim and a residual are averaged: gusts are shorter, a hard-over lasts.
 # Development.
 SHIFT_S: Final = 3
-
-# Deviations of the side force from which a hard-over is the rudder's: above 5.0, once per 100 h in
-# development.
-SKID_DEVIATIONS: Final = 6.0
 
 # Side force from which a hard-over is the rudder's, m/s²: a tenth of g; coordinated turns have less. By
 # hand.
@@ -96,14 +79,11 @@ ROLL_PERSISTENT_S: Final = 3
 # tracking limits are wider.
 SLOW_STREAM_S: Final = 0.42
 
-# Rate that a reason names.
-NEEDED_HZ: Final = 3
-
 # Times the tracking limit where samples are that slow: a turn begins and ends between two. Development.
 COARSE_TIMES: Final = 1.5
 
 # Confidence shown beside a tracking error or a hard-over, whose limit lies a quarter above all healthy
-# flights.
+# flights, and at most beside one of two mixed surfaces: tens of simulated flights support no more.
 SURE_CONFIDENCE: Final = 0.99
 
 # Seconds before an alarm in which its onset may lie, s: what tells mixed surfaces apart is kept as long. By
@@ -113,10 +93,6 @@ MIXED_RECENT_S: Final = 180
 # Share of the evidence between two mixed surfaces that counts: neighbouring seconds are of one manoeuvre. By
 # hand.
 MIXED_WEIGHT: Final = 0.5
-
-# Probability from which one of two mixed surfaces is named alone. Development: of 35 elevons and V-tails that
-# reach it none is the wrong one.
-SINGLED_OUT: Final = 0.9
 
 # Seconds after a hard-over rudder in which findings about other axes are its consequence. Development.
 MASKED_S: Final = 20
@@ -157,9 +133,6 @@ GAIN_DEVIATION: Final = 0.08
 # manoeuvre may differ. Development.
 MOST_RATIO: Final = 5.0
 
-# Probability from which a loss is one within the limit of an emergency.
-GRAVE_PROBABILITY: Final = 0.95
-
 # Relative deviation of the gain of one second between manoeuvres. Development: healthy seconds.
 MANOEUVRE_DEVIATION: Final = 0.2
 
@@ -168,9 +141,6 @@ WINDOW_DEVIATION: Final = 0.10
 
 # Standard error of a lag, s: candidates are 0.05 s apart.
 LAG_ERROR_S: Final = 0.03
-
-# Judged seconds over which a loss is measured: longer ones blur its onset. By hand.
-LOSS_SECONDS: Final = 20
 
 # Share of the earlier flights' drive from which a minute is compared with them: less, and gusts dominate.
 # Development.
@@ -216,14 +186,8 @@ LEAST_SPEED_SHARE: Final = 0.85
 # the wind triangle's error stays a small share of the speed.
 EXCLUDING_SPEED_SHARE: Final = 0.7
 
-# Steeper banks are left out, °: the regressions are linear. By hand.
-MOST_BANK_DEG: Final = 60
-
 # Steeper climbs and dives are left out, °, as above. By hand.
 MOST_PITCH_DEG: Final = 34
-
-# A longer gap between samples is not judged, s: one lost sample of a stream of 3 Hz passes.
-LONGEST_SAMPLE_GAP_S: Final = 0.75
 
 # Rows that are averaged, 0.4 s: noise of rates falls, delays of 0.05 s can still be told. Development.
 MEAN_ROWS: Final = 8
@@ -243,9 +207,6 @@ SIDE_FORCE_FLOOR_M_S2: Final = 0.15
 
 # Prior deviation of an attitude's offset, rad: trim and mounting are smaller. By hand.
 OFFSET_SPREAD_RAD: Final = 0.1
-
-# Prior deviation of the side force's parts in turns, m/s². By hand.
-SIDE_FORCE_SPREAD: Final = 5.0
 
 # Natural frequency of a controlled roll, rad/s: fitted over the pooled development flights.
 ROLL_RESPONSE_RAD_S: Final = 2.5
@@ -272,47 +233,15 @@ SLOW_FLIGHT_SHARE: Final = 0.95
 # 22 m/s; what is slower is a lost elevator, or a dive that the pilot wants.
 NOSE_RISES_DEG_S: Final = 5
 
-# Seconds of flight that give the usual speed: a whole circuit, climb and cruise. By hand.
-USUAL_SPEED_S: Final = 60
-
 # Blocks of a reference for the jackknife of its constants: 5 s each, longer than gusts. By hand.
 CONSTANT_BLOCKS: Final = 9
 
 # Earlier flights that an axis is compared with: fewer tell too little about their scatter.
 PAST_FLIGHTS: Final = 5
 
-# Quantities of an axis that are tested, among which the false alarms are divided: gain, manoeuvre, lag,
-# trim.
-PAST_TESTS: Final = 4
-
-# Largest confidence that is shown.
-MOST_CONFIDENCE: Final = 0.9999
-
 # Share of a stream that comes too late from which a reason names it: below, its verdicts hardly change.
 MOST_LATE_SHARE: Final = 0.2
-
-# Seconds of a doubted airspeed from which a reason names it.
-DOUBTED_AIRSPEED_S: Final = 10
-
-# Delay and lag, s, with which the response of all flights is summed: the middle of those that are tried for a
-# reference.
-RESPONSE_SHAPES: Final = {
-    "roll": (0.15, 0.1),
-    "pitch": (0.05, 0.0),
-    "yaw": (0.2, 0.0),
-    "steering": (0.15, 0.1),
-}
-
-# Judged seconds in a part of these sums, as many as in a window.
-PART_S: Final = 10
-
-# Earlier healthy flights that the response is compared with: the first ones for good, as in a baseline.
-PAST_REFERENCES: Final = 20
 
 # Largest ratio of the outputs' rates of two flights whose responses are compared: the gain of pitch at 4 Hz
 # is 0.8 to 1.0 of that at 10 Hz (software in the loop).
 PAST_RATE_RATIO: Final = 3.0
-
-# Parts in which a flight that is judged by itself is kept for later ones: fewer tell less of their scatter,
-# more make a history larger. By hand.
-REFERENCE_PARTS: Final = 4

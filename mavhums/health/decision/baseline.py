@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -20,19 +20,25 @@ from mavhums.core.statistics import CENTRAL_95, NORMAL_95, t_quantile
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import (
     AXIS_SCATTER_SHARE,
-    BASELINE_FLIGHTS,
-    BASELINE_GROWTH_ODDS,
     DRIFT_LOOKS,
     DRIFT_SPANS_WINDOWS,
     FALSE_ALARMS,
-    LEAST_WINDOW_FREEDOM,
 )
 from mavhums.health.estimation.random_effects import population, satterthwaite
-from mavhums.health.estimation.thresholds import NATURAL_SCATTER_SHARE, WINDOW_SLOTS
+from mavhums.health.estimation.thresholds import (
+    BASELINE_FLIGHTS,
+    LEAST_PARTS,
+    NATURAL_SCATTER_SHARE,
+    WINDOW_S,
+)
+from mavhums.health.sequential import EXCLUDING
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator, OwnRecord, Verdict
 
-_FREEDOM = WINDOW_SLOTS - 1.0
+LOSSES: Final = ("effectiveness", "manoeuvre")
+"""Faults of an axis, whose indicators fall as the fault grows."""
+
+_FREEDOM = WINDOW_S - 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +103,7 @@ class Baseline:
         errors = _errors(windows, scatter)
         # A flight with an error of zero would outweigh all others.
         errors = np.maximum(errors, max(1e-9 * np.abs(values).max(), 1e-12))
-        natural = AXIS_SCATTER_SHARE.get(indicators[0].fault, NATURAL_SCATTER_SHARE)
+        natural = AXIS_SCATTER_SHARE if indicators[0].fault in LOSSES else NATURAL_SCATTER_SHARE
         design = _design(values, errors, indicators[0].fault)
         flights = population(design, values, errors, natural)
         apart = values - design @ flights.coefficients
@@ -155,15 +161,15 @@ def _design(values: Array, errors: Array, fault: str) -> Array:
     from mavhums.health.decision.growth import course_of  # SciPy's tests, needed only with earlier flights
 
     ones, numbers = np.ones_like(values), np.arange(len(values), dtype=np.float64)
-    course = course_of(numbers, -values if fault in AXIS_SCATTER_SHARE else values, errors)
-    if course is None or course.evidence < np.log(BASELINE_GROWTH_ODDS):
+    course = course_of(numbers, -values if fault in LOSSES else values, errors)
+    if course is None or course.evidence < EXCLUDING:
         return ones[:, None]
     return np.column_stack([ones, np.maximum(numbers - course.since, 0.0)])
 
 
 def _errors(windows: Array, scatter: Array) -> Array:
     """Return the standard errors of flights' values; with few windows the scatter is uncertain."""
-    freedom = np.maximum(windows - 1, LEAST_WINDOW_FREEDOM)
+    freedom = np.maximum(windows, LEAST_PARTS) - 1
     errors: Array = scatter * np.sqrt(freedom / (freedom - 2) / windows)
     return errors
 

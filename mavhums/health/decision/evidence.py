@@ -8,7 +8,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import t_probability
 from mavhums.health.decision.baseline import Baseline, Shift, condition_with_drift
 from mavhums.health.decision.events import Estimate, FaultRecord
-from mavhums.health.decision.thresholds import SHOWN_SHIFT_FREEDOM
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.verdict import Evidence, Suspect
 
 
@@ -82,7 +82,8 @@ def suspected(
         # A jam has no error: it is proven or not.
         confidence = t_probability(freedom, (size - normal) / error) if error else 1.0
     if alarm is not None:
-        confidence = max(confidence, t_probability(SHOWN_SHIFT_FREEDOM, abs(alarm.value) / alarm.error))
+        # As of one window; it decides nothing.
+        confidence = max(confidence, t_probability(WINDOW_S - 1.0, abs(alarm.value) / alarm.error))
     return Suspect(fault=described.fault, confidence=confidence)
 
 

@@ -31,20 +31,18 @@ from mavhums.core.statistics import t_probability
 from mavhums.health.decision.thresholds import (
     FLIGHTS_PER_OUTLIER,
     GROWTH_CHANCE,
-    GROWTH_FLIGHTS,
     GROWTH_HORIZON_FLIGHTS,
     GROWTH_SCALES,
-    LEAST_ERROR_SHARE,
-    OUTLIER_PROBABILITY,
+    LASTING_FLIGHTS,
+    MOST_FLIGHT_TAIL,
     STEP_CONFIRMED_FLIGHTS,
-    STEP_LIKELIHOOD_RATIO,
-    STEP_MEAN_FLIGHTS,
-    STEP_NEIGHBOURS,
     STEP_SIZE,
     TREND_FLIGHTS,
 )
 from mavhums.health.decision.trend import widening
 from mavhums.health.estimation.random_effects import variance_between
+from mavhums.health.estimation.thresholds import LEAST_ERROR_SHARE
+from mavhums.health.sequential import EXCLUDING
 from mavhums.results.standing import Interval
 
 _MOST_FLIGHTS = 1e6  # the search for a crossing ends there: no aircraft flies more
@@ -200,15 +198,15 @@ def last_step(values: Array, errors: Array) -> int | None:
     scatter = max(float(np.median(np.abs(np.diff(values)))) * _TO_DEVIATION, float(np.median(errors)))
     places = np.arange(TREND_FLIGHTS // 2, n - STEP_CONFIRMED_FLIGHTS + 1)
     sums = np.concatenate([[0.0], np.cumsum(values)])
-    first, last = np.maximum(places - STEP_MEAN_FLIGHTS, 0), np.minimum(places + STEP_MEAN_FLIGHTS, n)
+    first, last = np.maximum(places - LASTING_FLIGHTS, 0), np.minimum(places + LASTING_FLIGHTS, n)
     size = (sums[last] - sums[places]) / (last - places) - (sums[places] - sums[first]) / (places - first)
     least = STEP_SIZE * scatter * np.sqrt(1 / (places - first) + 1 / (last - places))
     for place in places[np.abs(size) > least][::-1]:
         before, after = values[:place], values[place:]
         # Medians, too: one flight far off moves a mean.
-        across = np.median(after[:STEP_MEAN_FLIGHTS]) - np.median(before[-STEP_MEAN_FLIGHTS:])
+        across = np.median(after[:LASTING_FLIGHTS]) - np.median(before[-LASTING_FLIGHTS:])
         if abs(across) > least[place - places[0]] and _is_step(
-            before[-STEP_NEIGHBOURS:], after[:STEP_NEIGHBOURS], scatter
+            before[-TREND_FLIGHTS:], after[:TREND_FLIGHTS], scatter
         ):
             return int(place)
     return None
@@ -221,7 +219,7 @@ def _is_step(before: Array, after: Array, scatter: float) -> bool:
     centred = both - both.mean()
     line = float(centred @ centred - (at @ centred) ** 2 / (at @ at))
     levels = _squares(before) + _squares(after)
-    gain = log(STEP_LIKELIHOOD_RATIO) * 2 * scatter**2
+    gain = EXCLUDING * 2 * scatter**2
     earlier = _squares(both[: len(before) - 1]) + _squares(both[len(before) - 1 :])
     later = _squares(both[: len(before) + 1]) + _squares(both[len(before) + 1 :])
     return line - levels > gain and levels <= min(earlier, later)
@@ -254,7 +252,7 @@ def _without_outliers(
         others = (scale * courses.freedom - courses.residuals**2 / free) / freedom
         deleted = np.abs(courses.residuals) / np.sqrt(free * np.maximum(others, 1e-12 * scale + 1e-300))
         worst = int(np.argmax(deleted))
-        if 2 * n * t_probability(freedom, -deleted[worst]) > OUTLIER_PROBABILITY:
+        if 2 * n * t_probability(freedom, -deleted[worst]) > MOST_FLIGHT_TAIL:
             break
         kept[np.flatnonzero(kept)[worst]] = False
         courses = _courses(numbers[kept], values[kept], errors[kept], known)
@@ -268,7 +266,7 @@ def _courses(numbers: Array, values: Array, errors: Array, known: tuple[float, f
     weights = 1 / (errors**2 + variance_between(design, values, errors))
     # The weights matter against each other only: their mean is 1, and the scatter is the values' own.
     weights = weights / weights.mean()
-    first = np.arange(max(n - GROWTH_FLIGHTS, 1))
+    first = np.arange(max(n - LASTING_FLIGHTS, 1))
     apart = np.diff(numbers)
     # Sums over the flights after each one: of weights, and of the flights flown since then and their squares.
     after = _sums_after(weights[1:])

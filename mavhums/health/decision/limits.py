@@ -26,14 +26,9 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import t_quantile
-from mavhums.health.decision.thresholds import (
-    AGREEING_S,
-    MOST_POOLED_FREEDOM,
-    STARTS,
-    WINDOWS_PER_100_H,
-)
-from mavhums.health.estimation.thresholds import WINDOW_S, WINDOW_SLOTS
-from mavhums.health.sequential import EXCLUDING, threshold
+from mavhums.health.decision.thresholds import AGREEING_S, STARTS
+from mavhums.health.estimation.thresholds import LEAST_PARTS, WINDOW_S
+from mavhums.health.sequential import EXCLUDING, PER_100_H, threshold
 
 _WINDOWS: Final = np.arange(1.0, STARTS + 1.0)
 
@@ -65,7 +60,7 @@ class Estimates(NamedTuple):
 
 def tail_of(false_alarms: float) -> float:
     """Return the allowed false-alarm probability of one 10 s window, given the alarms per 100 hours."""
-    return false_alarms / WINDOWS_PER_100_H
+    return false_alarms / (PER_100_H / WINDOW_S)
 
 
 def half_width(estimates: Estimates, *, tail: float) -> Array:
@@ -128,7 +123,7 @@ class LimitTest:
         value, error, freedom = (column[:, None] for column in estimates)
         exact = error == 0.0
         # Of a value without an error one glitch must not decide; the error of others averages glitches.
-        self._latest = WINDOW_SLOTS if exact.all() else WINDOW_SLOTS // 2
+        self._latest = WINDOW_S if exact.all() else WINDOW_S // 2
         excess = value - self._limits
         weight = np.where(exact, 1.0, error) ** -2.0
         share = np.minimum(np.diff(end_s, prepend=self._last_s) / WINDOW_S, 1.0)[:, None]
@@ -224,7 +219,8 @@ class PooledErrors:
         total, count = running[1:], self._count + shown.cumsum()
         self._sum, self._count = float(total[-1]), int(count[-1])
         freedom, error = estimates.freedom, estimates.error
-        # Windows slide by a slot: only each tenth one is independent.
-        before = np.minimum(freedom * (count // WINDOW_SLOTS), MOST_POOLED_FREEDOM)
+        # Windows slide by a slot: only each tenth one is independent. More than some of them would
+        # make the error deaf to rougher air.
+        before = np.minimum(freedom * (count // WINDOW_S), LEAST_PARTS * (WINDOW_S - 1.0))
         pooled = (freedom * squares + before * total / np.maximum(count, 1)) / (freedom + before)
         return Estimates(estimates.value, np.maximum(error, np.sqrt(pooled)), freedom + before)

@@ -11,9 +11,6 @@ from typing import Final
 # alarms``.
 FALSE_ALARMS: Final = 1.0
 
-# Windows of 10 s that share no sample in 100 hours: turns the rate into a probability of one window.
-WINDOWS_PER_100_H: Final = 36_000.0
-
 # The latest windows with which a fault may begin: more of them find a small fault by its long mean, and take
 # longer to compute.
 STARTS: Final = 60
@@ -21,21 +18,9 @@ STARTS: Final = 60
 # Time through which the windows of a quantity without an error must agree: a glitch lasts less. By hand.
 AGREEING_S: Final = 13.5
 
-# Degrees of freedom that earlier windows may add to an error, those of four windows: more would make the
-# error deaf to rougher air. By hand.
-MOST_POOLED_FREEDOM: Final = 36.0
-
-# Fewer flights make no baseline: their scatter is too uncertain to keep the promised false alarms
-# (docs/evidence/self-baseline.md).
-BASELINE_FLIGHTS: Final = 10
-
-# Degrees of freedom that a flight of few windows is taken to have, so that its error stays finite. By
-# hand.
-LEAST_WINDOW_FREEDOM: Final = 3
-
 # Scatter of an axis between healthy flights: 6.5 % of the roll gain in 19 flights of the ALFA aircraft;
 # chosen after a first run of benchmarks/control_history.py with aircraft 3–6.
-AXIS_SCATTER_SHARE: Final = {"effectiveness": 0.07, "manoeuvre": 0.07}
+AXIS_SCATTER_SHARE: Final = 0.07
 
 # Windows that a drift is sought over: short spans find large changes soon, long ones small changes.
 DRIFT_SPANS_WINDOWS: Final = (1, 2, 3, 5, 8, 13, 21, 34)
@@ -47,19 +32,12 @@ DRIFT_LOOKS: Final = 4.0
 # Largest false-alarm probability of a whole flight, however long it is. By hand.
 MOST_FLIGHT_TAIL: Final = 0.01
 
-# Degrees of freedom of the confidence that is shown beside a shift; it decides nothing. By hand.
-SHOWN_SHIFT_FREEDOM: Final = 10.0
-
 # Minimum number of flights for a trend: fewer leave its slope no degrees of freedom to be sure. By hand.
 TREND_FLIGHTS: Final = 8
 
 # Distance of a limit, as a multiple of the span of the growing flights, from which it is said to be far: a
 # straight line is a guess there. benchmarks/trend.py has how often the interval holds.
 TREND_REACH_SPANS: Final = 3.0
-
-# Bonferroni-corrected probability below which a flight is an outlier: larger values cost healthy
-# flights.
-OUTLIER_PROBABILITY: Final = 0.01
 
 # One flight in so many may be an outlier, and at least one: more outliers are another course. By hand.
 FLIGHTS_PER_OUTLIER: Final = 10
@@ -73,9 +51,6 @@ MOST_AUTOCORRELATION: Final = 0.8
 GROWTH_CHANCE: Final = 4e-4
 GROWTH_HORIZON_FLIGHTS: Final = 200.0
 
-# Flights for which an indicator must have grown: fewer are outliers. By hand.
-GROWTH_FLIGHTS: Final = 5
-
 # Slopes that are sought, in standard deviations of a flight: from a limit in 300 flights at 3 % scatter to
 # one in 10 at 10 %. The false alarms do not depend on them.
 GROWTH_SCALES: Final = (0.03, 0.1, 0.4, 1.6)
@@ -85,22 +60,27 @@ GROWTH_SCALES: Final = (0.03, 0.1, 0.4, 1.6)
 # flights after a step that must confirm it. By benchmarks/growth.py, on its seeds for development.
 STEP_SIZE: Final = 7.0
 STEP_CONFIRMED_FLIGHTS: Final = 3
-STEP_MEAN_FLIGHTS: Final = 5
-STEP_NEIGHBOURS: Final = 8
+# Probability from which one of several motors or mixed surfaces is named alone: less names the opposite motor
+# in the rebound; of 35 elevons and V-tails that reach it none is the wrong one.
+NAMED: Final = 0.9
 
-# How much likelier a step must be than the line. By hand.
-STEP_LIKELIHOOD_RATIO: Final = 20.0
+# Judged seconds without a fault from which an axis or the motors of a flight are normal. Development.
+NORMAL_S: Final = 30
 
-# Least error of a flight, as a share of the largest: one with next to no error would be the line. By hand.
-LEAST_ERROR_SHARE: Final = 1e-3
+# At steeper banks neither axes nor motors are judged, °: the regressions are linear. By hand.
+MOST_BANK_DEG: Final = 60
 
-# Judged flights in a row without a fault that end it: five below a limit are a chance of 1 in 32 if half of
-# all flights lie above it (sign test). More keep a repair that nobody recorded on the list for longer.
-CLEAR_FLIGHTS: Final = 5
+# Flights in a row that make something last: for fewer an indicator that grew is an outlier, and the level
+# beside a step is uncertain; as many without a fault end it: five below a limit are a chance of 1 in 32 if
+# half of all flights lie above it (sign test). More keep a repair that nobody recorded on the list for
+# longer.
+LASTING_FLIGHTS: Final = 5
 
-# Odds from which the flights of a baseline are taken to grow, so that it is the level before the growth: no
-# alarm, so less than is needed to tell it. By hand.
-BASELINE_GROWTH_ODDS: Final = 20.0
+# Largest confidence that is shown for a change against earlier flights: the test allows one false alarm in
+# 100 hours.
+MOST_CONFIDENCE: Final = 0.999
 
-# Flights whose dates tell how often an aircraft flies, and for which a step is told.
-RATE_FLIGHTS: Final = 20
+# Rise of a wear, of an unbalance or of a warming that is worth finding: less is not reported of a rotor or an
+# ESC, for a propeller that is put on anew sits otherwise, and a wind from another side cools another arm;
+# beyond it, a comparison of a servo says at which rate of false alarms it would be. By hand.
+USEFUL_RISE: Final = 0.5

@@ -30,12 +30,12 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import CENTRAL_95, t_probability, t_quantile
 from mavhums.health.decision.thresholds import (
     FLIGHTS_PER_OUTLIER,
-    LEAST_ERROR_SHARE,
     MOST_AUTOCORRELATION,
-    OUTLIER_PROBABILITY,
+    MOST_FLIGHT_TAIL,
     TREND_FLIGHTS,
 )
 from mavhums.health.estimation.random_effects import variance_between, weighted
+from mavhums.health.estimation.thresholds import LEAST_ERROR_SHARE
 from mavhums.results.standing import Interval
 
 
@@ -119,7 +119,7 @@ def _without_outliers(numbers: Array, values: Array, errors: Array) -> tuple[Fla
         n = len(line.deleted)
         worst = int(np.argmax(np.abs(line.deleted)))
         chance = 2 * n * t_probability(n - 3, -abs(line.deleted[worst]))
-        if chance > OUTLIER_PROBABILITY:
+        if chance > MOST_FLIGHT_TAIL:
             break
         kept[np.flatnonzero(kept)[worst]] = False
         line = _fit(numbers[kept], values[kept], errors[kept], numbers[-1])

@@ -26,7 +26,7 @@ from mavhums.health.estimation.thresholds import (
     COARSE_LEAST_CHANGES,
     COARSE_SPEED_SHARE,
     LONGEST_GAP_PERIODS,
-    LONGEST_INTEGRATED_STEP_S,
+    LONGEST_UNSEEN_S,
     OWN_RATE_HZ,
 )
 from mavhums.results.reasons import Reason
@@ -219,7 +219,7 @@ class AngleIntegrator:
         speed = np.nan_to_num(rad_s)
         before_s = time_s[0] if np.isnan(self._time_s) else self._time_s
         # A pause of the telemetry is no travel.
-        step_s = np.clip(np.diff(time_s, prepend=before_s), 0.0, LONGEST_INTEGRATED_STEP_S)
+        step_s = np.clip(np.diff(time_s, prepend=before_s), 0.0, LONGEST_UNSEEN_S)
         around = (speed + np.concatenate([[self._rad_s], speed[:-1]])) / 2
         angle: Array = np.concatenate([[self._angle], step_s * around]).cumsum()[1:]
         self._time_s, self._rad_s, self._angle = float(time_s[-1]), float(speed[-1]), float(angle[-1])

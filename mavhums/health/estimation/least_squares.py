@@ -19,7 +19,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Array1, Array2, Array3, Flags, Flags1, Integers, Integers1
 from mavhums.core.kernels import kernel, subroutine
 from mavhums.core.statistics import uniform_deviation
-from mavhums.health.estimation.thresholds import LEAST_FILLED_SLOTS, WINDOW_SLOTS
+from mavhums.health.estimation.thresholds import LEAST_PARTS, WINDOW_S
 
 _WEAK = 1e-8  # share of a sum of squares: keeps a matrix regular, far below the weight of any sample
 _LEAST = 1e-8  # coefficient that counts as zero, so that nothing is divided by it
@@ -215,7 +215,7 @@ class Fit:
     @property
     def spread(self) -> Flags:
         """Whether a window has enough of them for meaningful errors, shape (W,)."""
-        return self.filled >= LEAST_FILLED_SLOTS
+        return self.filled >= LEAST_PARTS
 
     @property
     def freedom(self) -> Array:
@@ -364,7 +364,7 @@ class Groups:
 
     def feed(self, index: Integers, rows: Array) -> None:
         """Add slots by their numbers, shape (k,), and their rows of sums, shape (k, m)."""
-        for row, window in zip(rows, (index // WINDOW_SLOTS).tolist(), strict=True):
+        for row, window in zip(rows, (index // WINDOW_S).tolist(), strict=True):
             if window != self._window:
                 for part in self._open():
                     self._add(part)

@@ -14,11 +14,7 @@ from math import sqrt
 import numpy as np
 
 from mavhums.core.arrays import Array
-from mavhums.health.estimation.thresholds import (
-    NATURAL_SCATTER_FREEDOM,
-    NATURAL_SCATTER_SHARE,
-    STATED_ERROR_FREEDOM,
-)
+from mavhums.health.estimation.thresholds import BASELINE_FLIGHTS, NATURAL_SCATTER_SHARE, STATED_ERROR_FREEDOM
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +68,9 @@ def population(
     first = weighted(design, values, 1.0 / (errors**2 + own + 1e-300))[0]
     freedom = len(values) - p
     natural = (natural_scatter * float(first[0])) ** 2
-    pooled = (NATURAL_SCATTER_FREEDOM * natural + freedom * own) / (NATURAL_SCATTER_FREEDOM + freedom)
+    # The natural scatter weighs as much as a baseline's own.
+    usual = BASELINE_FLIGHTS - 1.0
+    pooled = (usual * natural + freedom * own) / (usual + freedom)
     # A few flights may agree by chance, but real actuators differ from day to day.
     between = max(own, pooled)
     weights = 1.0 / (errors**2 + between)
@@ -81,7 +79,7 @@ def population(
     scale = max(float(residuals @ residuals) / freedom, 1.0)
     effective = float(weights.sum() ** 2 / (weights**2).sum()) - p
     # Where the prior decides, it brings its own certainty.
-    trusted = NATURAL_SCATTER_FREEDOM if pooled > own else 0.0
+    trusted = usual if pooled > own else 0.0
     return Population(coefficients, scale * inverse, float(np.sqrt(between)), max(effective, 1.0) + trusted)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
-from mavhums.health.estimation.thresholds import GUARD_S, MOST_PLAUSIBLE, WINDOW_SLOTS
+from mavhums.health.estimation.thresholds import GUARD_S, MOST_PLAUSIBLE, WINDOW_S
 
 BUS, SHAFT, SENSED, APART, AIRSPEED, TURNED = (len(KEYS) + k for k in range(6))
 MAGNITUDES = slice(len(KEYS) + 6, len(KEYS) + 9)
@@ -192,7 +192,7 @@ class Windows:
         Value of the sums of a slot without samples.
     """
 
-    def __init__(self, columns: int, slots: int = WINDOW_SLOTS, empty: float = 0.0) -> None:
+    def __init__(self, columns: int, slots: int = WINDOW_S, empty: float = 0.0) -> None:
         self._slots = slots
         self._columns = columns
         self._empty = empty

@@ -9,10 +9,7 @@ from typing import Final
 
 # Length of a window, s. Longer ones estimate better and find later; benchmarks/health.py windows has
 # both.
-WINDOW_S: Final = 10.0
-
-# Slots of a window: fewer make its jackknife errors uncertain, more cost time.
-WINDOW_SLOTS: Final = 10
+WINDOW_S: Final = 10
 
 # A sample is evidence if the motion lasts so long before and after it, s: the time in which a shaft takes
 # up the gear's play at a reversal. By hand, from the paper's actuator; not swept.
@@ -22,27 +19,12 @@ GUARD_S: Final = 0.06
 # hand.
 LONGEST_GAP_PERIODS: Final = 2.5
 
-# Longest step over which a speed is integrated to an angle, s: a pause of the telemetry is no travel. By
-# hand.
-LONGEST_INTEGRATED_STEP_S: Final = 0.5
-
 # Larger values are damage, in any unit; they would swamp sums of squares.
 MOST_PLAUSIBLE: Final = 1e9
 
-# Slots with samples that make an error meaningful: a jackknife over fewer is itself uncertain by half. By
-# hand.
-LEAST_FILLED_SLOTS: Final = 4
-
-# Parts of a flight that make an error meaningful, as above. By hand.
+# Slots of a window, parts of a flight and flights that make an error meaningful: a jackknife over fewer is
+# itself uncertain by half. By hand.
 LEAST_PARTS: Final = 4
-
-# Samples, as many to either side, that determine a flight's wear: fewer let single reversals decide. By
-# hand.
-LEAST_INFORMATION_SAMPLES: Final = 40.0
-
-# Samples that determine a flight's law of power; twice the above, because its columns are products. By
-# hand.
-LEAST_POWER_SAMPLES: Final = 80.0
 
 # Standard errors by which the load must show in the power: its law rests on ratios to this coefficient. By
 # hand.
@@ -59,10 +41,6 @@ PEAK_EXCEEDED_SHARE: Final = 0.001
 # day on a real actuator on a bench (docs/evidence/self-baseline.md). It costs sensitivity and keeps the
 # promised false alarms (docs/evidence/actuators.md, early detection with and without it).
 NATURAL_SCATTER_SHARE: Final = 0.05
-
-# Weight of the natural scatter, in degrees of freedom: as much as ten flights have
-# (docs/evidence/self-baseline.md).
-NATURAL_SCATTER_FREEDOM: Final = 9.0
 
 # Weight, in degrees of freedom, of the belief that flights scatter by their stated errors: the least with
 # which drawn flights whose errors are right keep the promised false alarms, with ten flights before
@@ -113,14 +91,6 @@ COARSE_LEAST_CHANGES: Final = 10
 # a longer one the motion's curvature. By hand.
 ANGLE_SPEED_S: Final = 0.04
 
-# Flights of a baseline: with five neither the promised false alarms nor the stated least rise are kept
-# (docs/evidence/self-baseline.md, 10 % scatter).
-OWN_FLIGHTS: Final = 10
-
-# Flights of a baseline by position only, whose line over the activity takes one more coefficient
-# (docs/evidence/self-baseline.md).
-TRACKING_FLIGHTS: Final = 20
-
 # Largest share of the load that a gear's friction is: spur gears of small servos lose 0.29–0.34 of it on a
 # bench (docs/method/verdicts.md); a worm or a screw that holds its load by itself has 0.5.
 MOST_LOAD_FRICTION: Final = 0.5
@@ -128,9 +98,6 @@ MOST_LOAD_FRICTION: Final = 0.5
 # Slots over which the balance that gives the load is remembered: hinge moments change with the airspeed
 # within minutes, and fewer slots do not separate load from friction. By hand.
 LOAD_MEMORY_SLOTS: Final = 30.0
-
-# Samples either way from which the load is known. By hand, twice those of a friction.
-LOAD_LEAST_SAMPLES: Final = 40.0
 
 # Span over which the commanded speed is read, s: pulses of 0.1° blur that of single samples. By hand.
 STROKE_SPAN_S: Final = 0.3
@@ -152,6 +119,24 @@ LONGEST_STROKE_S: Final = 30.0
 # Strokes that a flight's record holds: its first. By hand; it bounds the memory.
 MOST_STROKES: Final = 64
 
-# Error of a flight's mean over its strokes, as a share of it, beside the scatter between flights: nothing,
-# but no zero to divide by.
-STROKE_ERROR_SHARE: Final = 1e-3
+# Samples that a direction of motion, a friction or a network's vote rests on: fewer than two a slot. Twice as
+# many, half to either side, determine a flight's wear or its load, else single reversals decide; four times
+# as many its law of power, whose columns are products. By hand.
+LEAST_SAMPLES: Final = 20
+
+# Flights of a baseline: with five neither the promised false alarms nor the stated least rise are kept, for
+# their scatter is too uncertain (docs/evidence/self-baseline.md, 10 % scatter).
+BASELINE_FLIGHTS: Final = 10
+
+# Flights of a baseline by position only, whose line over the activity takes one more coefficient
+# (docs/evidence/self-baseline.md), and flights that a newer one is compared with: their mean is known to a
+# quarter of one flight's scatter.
+REFERENCE_FLIGHTS: Final = 20
+
+# A longer gap between samples, s, is no travel of a shaft, and starts what compares it with its command anew:
+# what was asked meanwhile, and how the shaft moved, is not known. By hand.
+LONGEST_UNSEEN_S: Final = 0.5
+
+# Least error of a flight, as a share of the largest, or of its mean over strokes: nothing, but no zero to
+# divide by; one with next to no error would be the line. By hand.
+LEAST_ERROR_SHARE: Final = 1e-3

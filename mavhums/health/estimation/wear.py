@@ -14,11 +14,10 @@ from mavhums.health.estimation.equations.own_scale import LAG, POWER
 from mavhums.health.estimation.flight_sums import KEPT, LINEAR, POWER_COLUMNS, QUADRATIC, WEAR
 from mavhums.health.estimation.least_squares import eliminated, unpacked
 from mavhums.health.estimation.thresholds import (
-    LEAST_INFORMATION_SAMPLES,
+    LEAST_ERROR_SHARE,
     LEAST_PARTS,
-    LEAST_POWER_SAMPLES,
+    LEAST_SAMPLES,
     LOAD_SHOWS_ERRORS,
-    STROKE_ERROR_SHARE,
 )
 from mavhums.results.verdict import OwnRecord
 
@@ -106,7 +105,7 @@ def _columns(record: OwnRecord) -> tuple[int, tuple[int, ...], tuple[int, ...]]:
 
 def _shows_linear(record: OwnRecord) -> bool:
     """Return whether a flight has enough motion in both directions to determine the wear."""
-    return information(record) >= LEAST_INFORMATION_SAMPLES and len(record.groups) >= LEAST_PARTS
+    return information(record) >= 2.0 * LEAST_SAMPLES and len(record.groups) >= LEAST_PARTS
 
 
 def information(record: OwnRecord) -> float:
@@ -235,7 +234,7 @@ class Law:
 
 def _shows_power(record: OwnRecord) -> bool:
     """Return whether a flight has enough motion to determine its friction."""
-    return len(record.groups) >= LEAST_PARTS and sum(row[0] for row in record.groups) >= LEAST_POWER_SAMPLES
+    return len(record.groups) >= LEAST_PARTS and sum(row[0] for row in record.groups) >= 4.0 * LEAST_SAMPLES
 
 
 def _learned_power(records: Sequence[OwnRecord]) -> Law | None:
@@ -372,7 +371,7 @@ def _stroke_wear(record: OwnRecord) -> Wear | None:
     if not shows(record):
         return None
     mean = float(np.mean([row[1] for row in record.groups]))
-    return Wear(mean, STROKE_ERROR_SHARE * abs(mean), len(record.groups) - 1.0)
+    return Wear(mean, LEAST_ERROR_SHARE * abs(mean), len(record.groups) - 1.0)
 
 
 def shows(record: OwnRecord) -> bool:

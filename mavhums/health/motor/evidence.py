@@ -15,6 +15,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Array1, Array2, Flags1, Integers1, Integers2
 from mavhums.core.kernels import kernel, subroutine
 from mavhums.core.statistics import NORMAL_95
+from mavhums.health.decision.thresholds import MOST_BANK_DEG, NAMED
 from mavhums.health.motor import thresholds as t
 from mavhums.health.motor.hypotheses import (
     Hypotheses,
@@ -70,7 +71,6 @@ class Rules(NamedTuple):
     settled: int
     landed: int
     bank_grace: int
-    upright: int
 
 
 class State(NamedTuple):
@@ -99,7 +99,7 @@ def rules_for(false_alarms: float) -> Rules:
     """Return the rules for an accepted number of false alarms in 100 hours."""
     return Rules(
         threshold=threshold(false_alarms / RATE_HZ),
-        named=t.NAMED,
+        named=NAMED,
         noise=t.NOISE_SD**2,
         noise_worth=t.NOISE_WORTH,
         noise_floor=t.NOISE_FLOOR,
@@ -115,7 +115,7 @@ def rules_for(false_alarms: float) -> Rules:
         turn=t.TURN,
         quiet_turn=t.QUIET_TURN,
         least_thrust=t.LEAST_THRUST,
-        least_upright=float(np.cos(np.radians(t.MOST_BANK_DEG))),
+        least_upright=float(np.cos(np.radians(MOST_BANK_DEG))),
         span=round(t.SPAN_S * RATE_HZ),
         block=round(t.CORRELATED_S * RATE_HZ),
         bound=round(t.BOUND_S * RATE_HZ),
@@ -125,7 +125,6 @@ def rules_for(false_alarms: float) -> Rules:
         settled=round(t.SETTLED_S * RATE_HZ),
         landed=round(t.LANDED_S * RATE_HZ),
         bank_grace=round(t.BANK_GRACE_S * RATE_HZ),
-        upright=round(t.UPRIGHT_S * RATE_HZ),
     )
 
 
@@ -232,7 +231,7 @@ def _take(
         c[TIPPED] += 1
         c[_GRACE] += 1
         if c[_GRACE] > rules.bank_grace:
-            c[_DEAD] = rules.upright
+            c[_DEAD] = rules.airborne
     elif upright > 0.866:
         c[_GRACE] = 0
         if c[_DEAD] > 0:

@@ -14,6 +14,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums.health.decision.thresholds import FALSE_ALARMS
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.motor import evidence
 from mavhums.health.motor.heating import EscHeating
 from mavhums.health.motor.hypotheses import hypotheses_of
@@ -25,7 +26,6 @@ from mavhums.health.motor.thresholds import (
     LEAST_TRIM_BLOCKS,
     NEEDED_FLIGHTS,
     REFUTING_BLOCKS,
-    TRIM_BLOCK_S,
 )
 from mavhums.health.motor.vibration import RotorVibration
 from mavhums.results.standing import Interval
@@ -147,7 +147,7 @@ class Trims:
         # Second by second, so that the sums do not depend on how the log was cut.
         for second in np.flatnonzero(flown.reshape(-1, RATE_HZ).all(axis=1)).tolist():
             self._block.append(seconds[second])
-            if len(self._block) == TRIM_BLOCK_S:
+            if len(self._block) == WINDOW_S:
                 asked = np.mean(self._block, axis=0)
                 self._block.clear()
                 self._blocks += 1

@@ -17,8 +17,6 @@ LEAST_LOSS_MORE: Final = 0.4
 """Least share of thrust lost that is looked for, of four rotors and of more: of more, a shifted payload looks
 like a small loss."""
 
-NAMED: Final = 0.9
-"""Probability from which a motor is named: less names the opposite motor in the rebound."""
 
 SPAN_S: Final = 0.1
 """Rows over which the effort is a mean, and the motion a difference."""
@@ -71,19 +69,15 @@ REFERENCE_GAP_S: Final = 0.5
 LEAST_THRUST: Final = 0.7
 """Share of the hover thrust below which nothing is judged: at touch-down the effort winds up."""
 AIRBORNE_S: Final = 4.0
-"""In the air before anything is judged; the take-off is no trim."""
+"""In the air before anything is judged, for the take-off is no trim; and below half of the most bank after it
+was more."""
 SETTLED_S: Final = 15.0
 """In the air before a loss is excluded, and a trim compared with earlier flights."""
-MOST_BANK_DEG: Final = 60.0
 BANK_GRACE_S: Final = 0.3
 """After 60° of bank a quad without a motor still shows which one: it passes 60° after 0.26 to 0.32 s."""
-UPRIGHT_S: Final = 5.0
-"""Below half of this bank before anything is judged again."""
 LANDED_S: Final = 1.5
 """Below half of the hover thrust for as long is no dip: the flight is over, and its trim with it."""
 
-JUDGED_S: Final = 30.0
-"""Seconds that must be judged before a flight without a fault says anything."""
 BOUND_S: Final = 1.4
 """Seconds over which a loss is excluded."""
 BOUND_SHARE: Final = 0.8
@@ -99,7 +93,6 @@ BETWEEN_FLIGHTS: Final[Array] = np.array([0.03, 0.05, 0.012])
 motor: six flights of one aircraft with whole propellers."""
 NEEDED_FLIGHTS: Final = 3
 """The scatter between flights is known from others, so the mean is all that the own ones must give."""
-TRIM_BLOCK_S: Final = 10
 LEAST_TRIM_BLOCKS: Final = 3
 """Blocks as long as gusts last, whose mean is the trim; fewer show no scatter. By hand."""
 REFUTING_BLOCKS: Final = 2
@@ -107,8 +100,6 @@ REFUTING_BLOCKS: Final = 2
 TRIM_SCATTER_PER_MOTOR: Final = 0.011
 """Scatter of a motor's trim between flights, by the number of motors: that of the efforts, along the columns
 of quads, hexas and octas."""
-TRIM_SCATTER_WORTH: Final = 6.0
-"""Flights that this is worth beside the aircraft's own."""
 LEAST_TRIM_CHANGE: Final = 0.15
 """Least change of a motor's thrust that is reported: a battery moved by a centimetre makes 0.1."""
 UNBALANCE_SCATTER: Final = 0.3
@@ -116,10 +107,7 @@ UNBALANCE_SCATTER: Final = 0.3
 whole propellers scatters by 0.2 between three flights; no log at hand has that of a rotor."""
 HEATING_SCATTER: Final = 0.1
 """That of an ESC's warming beside the others. By hand: no log at hand has it; simulated ones, 0.05 to 0.2."""
-GROWTH_SCATTER_WORTH: Final = 6.0
-"""Flights that these are worth beside the aircraft's own."""
-LEAST_GROWTH: Final = 0.5
-"""Least growth of either that is reported, beside that of the other motors: a propeller that is put on anew
-sits otherwise, a wind from another side cools another arm. By hand."""
+SCATTER_WORTH: Final = 6.0
+"""Flights that these scatters are worth beside the aircraft's own."""
 YAW_SHIFT: Final = 3.0
 """Standard deviations between flights from which the effort about yaw shows that no weight moved."""

@@ -15,7 +15,7 @@ from mavhums.core.conditions import Condition
 from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED, t_probability, t_quantile
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.decision.limits import tail_of
-from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL
+from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL, USEFUL_RISE
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.random_effects import (
     CommonError,
@@ -24,7 +24,7 @@ from mavhums.health.estimation.random_effects import (
     satterthwaite,
     scattering_share,
 )
-from mavhums.health.estimation.thresholds import WINDOW_S
+from mavhums.health.estimation.thresholds import LEAST_PARTS, WINDOW_S
 from mavhums.health.estimation.wear import (
     Individual,
     Nuisances,
@@ -34,12 +34,7 @@ from mavhums.health.estimation.wear import (
     wear,
 )
 from mavhums.health.self_baseline.past import Difference, compared, differences
-from mavhums.health.self_baseline.thresholds import (
-    BLURRED_TIMES,
-    SHOWN_FLIGHTS,
-    TRAILING_FLIGHTS,
-    USEFUL_RISE,
-)
+from mavhums.health.self_baseline.thresholds import BLURRED_TIMES, TRAILING_FLIGHTS
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import OwnRecord
 
@@ -183,7 +178,7 @@ class _ReferenceFlights:
         """Learn from reference flights; ``warm`` is True if the flight's temperature is known."""
         nuisances = learned(records)
         shown = [(w, r) for r in records if (w := wear(r, nuisances))]
-        if nuisances is None or len(shown) < SHOWN_FLIGHTS:
+        if nuisances is None or len(shown) < LEAST_PARTS:
             return None
         values = np.array([w.value for w, _ in shown])
         informed = np.array([information(r) for _, r in shown])

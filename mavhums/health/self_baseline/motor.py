@@ -18,14 +18,13 @@ from mavhums.core.statistics import CENTRAL_95, t_quantile
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import CURRENT
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
+from mavhums.health.estimation.thresholds import BASELINE_FLIGHTS, REFERENCE_FLIGHTS
 from mavhums.health.estimation.wear import _learned_linear, _linear_wear
 from mavhums.health.self_baseline.comparison import Comparison
 from mavhums.health.self_baseline.past import record_of
 from mavhums.health.self_baseline.thresholds import (
     LEAST_CONSTANT_LOSS_SHARE,
-    MOTOR_FLIGHTS,
     OVER_SUPPLY_TIMES,
-    REFERENCE_FLIGHTS,
     STALL_BIAS_SHARE,
 )
 from mavhums.results.standing import Interval
@@ -94,14 +93,14 @@ def _indicator(
         scatter=float(f"{error * parts**0.5:.4g}"),
         baseline=_prediction(earlier),
         baseline_flights=len(earlier),
-        needed_flights=MOTOR_FLIGHTS,
+        needed_flights=BASELINE_FLIGHTS,
     )
 
 
 def _prediction(earlier: Sequence[Interval]) -> Interval | None:
     """Return the 95 % prediction interval of another flight; None from too few."""
     count = len(earlier)
-    if count < MOTOR_FLIGHTS:
+    if count < BASELINE_FLIGHTS:
         return None
     values = np.array([interval.estimate for interval in earlier])
     mean, spread = float(values.mean()), float(values.std(ddof=1)) * (1.0 + 1.0 / count) ** 0.5

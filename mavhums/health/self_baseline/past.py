@@ -16,6 +16,7 @@ from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import LAG, TRACKING
 from mavhums.health.estimation.flight_sums import KEPT
+from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.health.estimation.wear import grams_of, load_direction, mean_load, of_strokes, shows
 from mavhums.health.self_baseline.thresholds import (
     ALIKE_RATE_RATIO,
@@ -24,7 +25,6 @@ from mavhums.health.self_baseline.thresholds import (
     BEYOND_LOAD,
     DIFFERENT_LOADS,
     OTHER_DIRECTION,
-    REFERENCE_FLIGHTS,
     WARMTH_K,
 )
 from mavhums.results.verdict import OwnRecord

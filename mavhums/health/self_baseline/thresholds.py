@@ -7,14 +7,8 @@ from __future__ import annotations
 
 from typing import Final
 
-# Flights that make a baseline: the mean of so many is known to a quarter of one flight's scatter.
-REFERENCE_FLIGHTS: Final = 20
-
 # Largest ratio of sample rates of flights that are compared: the estimate depends on the rate. By hand.
 ALIKE_RATE_RATIO: Final = 1.25
-
-# Flights that must determine the wear: the least whose population has a variance to speak of. By hand.
-SHOWN_FLIGHTS: Final = 4
 
 # Times the baseline's largest error, by information, that a flight's own error counts at most; of healthy
 # flights at most 2.4 (docs/evidence/self-baseline.md).
@@ -32,12 +26,6 @@ BEYOND_K: Final = 3.0
 
 # Activity beyond the baseline's to which its line is extrapolated, of the logarithm: a fifth. By hand.
 BEYOND_ACTIVITY: Final = 0.2
-
-# Confidence shown for a change: the test allows one false alarm in 100 hours.
-CHANGED_CONFIDENCE: Final = 0.999
-
-# Flights that make a baseline of the motor's constants, as of the friction.
-MOTOR_FLIGHTS: Final = 10
 
 # Loss of the torque constant that explains a rise of the friction current: a hot magnet loses less. By
 # hand.
@@ -61,7 +49,3 @@ DIFFERENT_LOADS: Final = 1.3
 # Difference between two flights' mean signs of the load over their strokes from which they are loaded in
 # opposite directions: signs of no load scatter about zero.
 OTHER_DIRECTION: Final = 1.0
-
-# Rise that an operator wants found: beyond it, a comparison says at which rate of false alarms it would be.
-# By hand.
-USEFUL_RISE: Final = 0.5

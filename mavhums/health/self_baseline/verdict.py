@@ -8,7 +8,7 @@ from math import inf
 from mavhums.core.conditions import Condition
 from mavhums.core.statistics import ERRORS_95
 from mavhums.health.decision.baseline import PastRecord
-from mavhums.health.decision.thresholds import FALSE_ALARMS
+from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_CONFIDENCE, USEFUL_RISE
 from mavhums.health.estimation.equations import DERIVED_EQUATIONS, OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT, TRACKING
@@ -22,7 +22,6 @@ from mavhums.health.self_baseline.motor import (
     stall_indicators,
 )
 from mavhums.health.self_baseline.past import record_of
-from mavhums.health.self_baseline.thresholds import CHANGED_CONFIDENCE, USEFUL_RISE
 from mavhums.results.reasons import Reason, said
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import STALL_SHARES, Evidence, Indicator, OwnRecord, Suspect, Verdict
@@ -78,7 +77,7 @@ def _beside(
     kept["evidence"] += (_evidence(equation, record, found, found.value, reason.text),)
     if found.condition != "changed":
         return verdict.model_copy(update=kept)
-    kept["suspects"] += (Suspect(fault=equation.fault, confidence=CHANGED_CONFIDENCE),)
+    kept["suspects"] += (Suspect(fault=equation.fault, confidence=MOST_CONFIDENCE),)
     why = said(reason)
     if verdict.condition == "changed":
         before = f"{verdict.reason}; {reason.text}", f"{verdict.remedy}; {reason.remedy}"
@@ -109,7 +108,7 @@ def _by_equation(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
     indicators.extend(motor_indicators(verdict.own, past))
     indicators.extend(stall_indicators(verdict.own, motor_of(verdict.own), current))
     if found.condition == "changed":
-        suspects.append(Suspect(fault=fault, confidence=CHANGED_CONFIDENCE))
+        suspects.append(Suspect(fault=fault, confidence=MOST_CONFIDENCE))
     return verdict.model_copy(
         update={
             "condition": found.condition,

@@ -15,13 +15,13 @@ from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import (
     LAG_ERROR_S,
     PAST_FLIGHTS,
-    REFERENCE_PARTS,
     REFERENCE_S,
-    SINGLED_OUT,
+    SURE_CONFIDENCE,
     WINDOW_DEVIATION,
 )
 from mavhums.health.decision.conditions import since
-from mavhums.health.estimation.thresholds import WINDOW_S
+from mavhums.health.decision.thresholds import NAMED
+from mavhums.health.estimation.thresholds import LEAST_PARTS, WINDOW_S
 from mavhums.health.verdict.actuator import rounded, rounded_suspects
 from mavhums.health.verdict.obstacles import why_undecided
 from mavhums.results.reasons import Reason, said
@@ -31,7 +31,6 @@ from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Grid
 from mavhums.vehicle.surfaces import STEERING, Surfaces
 
-_SUREST: Final = 0.99  # tens of simulated flights cannot support more
 _SPEEDS: Final = ("the airspeed sensor", "the wind triangle", "the speed over ground")
 _GAIN: Final = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m"), STEERING: (1, "rad/m")}
 _CONSTANTS: Final = {"hard_over": ("trim", "1"), "manoeuvre": ("load factor by full demand", "s²/m²")}
@@ -61,12 +60,12 @@ def _candidates(findings: AxisFindings, surfaces: Surfaces) -> tuple[Candidate, 
     """Return the surfaces that explain a finding; of two mixed ones the one that fits, if only one does."""
     moved = surfaces.of_axis(findings.axis)
     shares = {one.servo: findings.shares.get(one.side, 0.0) for one in moved}
-    is_certain = max(shares.values(), default=0.0) >= SINGLED_OUT and len(moved) == len(findings.shares) - 1
+    is_certain = max(shares.values(), default=0.0) >= NAMED and len(moved) == len(findings.shares) - 1
     found = [
         Candidate(
             surface=surfaces.what(one),
             servo=one.number,
-            probability=min(round(shares[one.servo], 2), _SUREST) if is_certain else None,
+            probability=min(round(shares[one.servo], 2), SURE_CONFIDENCE) if is_certain else None,
             because="the demand about one axis moves the aircraft about the other" if is_certain else None,
         )
         for one in moved
@@ -150,7 +149,7 @@ def _record(findings: AxisFindings, flight: Flight) -> Iterator[OwnRecord]:
     if response is not None and rate_hz is not None:
         # A reference needs no times, only its scatter; what is compared with references does.
         if findings.condition != "undecided":
-            response = response.in_parts(REFERENCE_PARTS)
+            response = response.in_parts(LEAST_PARTS)
         yield response.record(_SPEEDS[response.source], rate_hz)
 
 

@@ -21,22 +21,18 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import NORMAL_95, t_quantile
 from mavhums.health.decision.baseline import Baseline, with_baselines
 from mavhums.health.decision.conditions import since
-from mavhums.health.decision.thresholds import MOST_FLIGHT_TAIL
+from mavhums.health.decision.thresholds import MOST_BANK_DEG, MOST_FLIGHT_TAIL, NORMAL_S, USEFUL_RISE
 from mavhums.health.motor.heating import HEATING
 from mavhums.health.motor.monitor import TRIM, TRIM_YAW, Loss, MotorFindings, condition_of
 from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.thresholds import (
     BETWEEN_FLIGHTS,
     BOUND_SHARE,
-    GROWTH_SCATTER_WORTH,
     HEATING_SCATTER,
-    JUDGED_S,
-    LEAST_GROWTH,
     LEAST_TRIM_CHANGE,
-    MOST_BANK_DEG,
     MOST_EXCLUDED,
+    SCATTER_WORTH,
     TRIM_SCATTER_PER_MOTOR,
-    TRIM_SCATTER_WORTH,
     UNBALANCE_SCATTER,
     YAW_SHIFT,
 )
@@ -87,9 +83,9 @@ def verdicts_of_motors(
         yield _lost(vehicle, findings, findings.loss, start_utc)
     elif findings.tipped:
         why = (Reason("leaned", most_deg=MOST_BANK_DEG),)
-    elif findings.judged_s < JUDGED_S:
-        judged_s, motion = beside(findings.judged_s, JUDGED_S), "hover" if findings.rotors.lift else "flight"
-        why = (Reason("hover_too_short", judged_s=judged_s, motion=motion, needed_s=JUDGED_S),)
+    elif findings.judged_s < NORMAL_S:
+        judged_s, motion = beside(findings.judged_s, NORMAL_S), "hover" if findings.rotors.lift else "flight"
+        why = (Reason("hover_too_short", judged_s=judged_s, motion=motion, needed_s=NORMAL_S),)
     else:
         yield from _healthy(vehicle, findings)
     if why:
@@ -288,7 +284,7 @@ def compare_motors(
                 # What shakes the sensor more than before, whichever rotor turns, is none of the rotors.
                 usual = max(float(np.median(others)), 1.0) if others else 1.0
                 more = growth.ratio / usual - 1.0
-                if more >= LEAST_GROWTH and more > growth.error * t_quantile(growth.freedom, tail):
+                if more >= USEFUL_RISE and more > growth.error * t_quantile(growth.freedom, tail):
                     compared[k] = judged(compared[k], _of_growth(fault, growth, usual))
     return compared
 
@@ -301,10 +297,10 @@ def _change(verdict: Verdict, baselines: Mapping[str, Baseline], motors: int) ->
     beside = 1.0 + 1.0 / trim.flights
     own = trim.flights - 1.0
     usual = (TRIM_SCATTER_PER_MOTOR * motors) ** 2
-    variance = (TRIM_SCATTER_WORTH * usual + own * trim.spread**2) / (TRIM_SCATTER_WORTH + own) * beside
+    variance = (SCATTER_WORTH * usual + own * trim.spread**2) / (SCATTER_WORTH + own) * beside
     value = shown[TRIM] - trim.mean
     turned = (shown[TRIM_YAW] - yaw.mean) / (float(BETWEEN_FLIGHTS[2]) * beside**0.5)
-    return _TrimShift(value, value / variance**0.5, TRIM_SCATTER_WORTH + own, trim.flights, turned)
+    return _TrimShift(value, value / variance**0.5, SCATTER_WORTH + own, trim.flights, turned)
 
 
 def _of_trim(one: _TrimShift) -> Evidence:
@@ -326,7 +322,7 @@ def _growth(verdict: Verdict, baselines: Mapping[str, Baseline], fault: str) -> 
     known = baselines.get(fault)
     if shown is None or known is None or known.mean <= 0.0:
         return None
-    own, worth = known.flights - 1.0, GROWTH_SCATTER_WORTH
+    own, worth = known.flights - 1.0, SCATTER_WORTH
     between = (worth * _GROWING[fault].scatter ** 2 + own * (known.spread / known.mean) ** 2) / (worth + own)
     value, error = shown.value.estimate, (shown.value.high - shown.value.low) / 2 / NORMAL_95
     variance = between * (1.0 + 1.0 / known.flights) + (error / known.mean) ** 2
@@ -340,7 +336,7 @@ def _of_growth(fault: str, one: _Growth, usual: float) -> Evidence:
         f"degraded: {grows.what} {one.ratio:.1f} times as much as in "
         f"{one.flights} earlier flights{beside}: {grows.cause}"
     )
-    limit = float(f"{one.value / one.ratio * (1.0 + LEAST_GROWTH) * usual:.4g}")
+    limit = float(f"{one.value / one.ratio * (1.0 + USEFUL_RISE) * usual:.4g}")
     return Evidence(kind=fault, start_s=0.0, end_s=0.0, value=one.value, limit=limit, rule=rule)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from math import ceil
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -12,19 +13,17 @@ from mavhums.actuator.telemetry import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.thresholds import (
-    DOUBTED_AIRSPEED_S,
     EXPLAINED,
     GAIN_ERROR,
     LEAST_SPEED_SHARE,
-    MOST_BANK_DEG,
     MOST_LATE_SHARE,
     MOST_PITCH_DEG,
-    NEEDED_HZ,
     NORMAL_EFFECTIVENESS,
-    NORMAL_S,
     REFERENCE_S,
     SLOW_STREAM_S,
 )
+from mavhums.health.decision.thresholds import MOST_BANK_DEG, NORMAL_S
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.reasons import Reason, said
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle.flight import GROUND, LEAST_DRIVEN, Flight
@@ -38,6 +37,7 @@ from mavhums.vehicle.vtol import LEAST_SPEED
 _WINGED: Final = ("fixed wing", "VTOL", "quadplane", "tiltrotor", "tailsitter")
 _WINGED_TYPES: Final = {1, *range(19, 26)}
 _OUTPUTS: Final = messages_of("outputs")
+_NEEDED_HZ: Final = ceil(1.0 / SLOW_STREAM_S)
 _MOST_DECIMALS: Final = 6  # what is closer is equal
 _NEEDED: Final = {"outputs": "the servo outputs", "attitude": "the attitude"}
 _ACCELEROMETER: Final = ("pitch", "yaw")
@@ -164,8 +164,8 @@ def without(
     record = to_record("motion", flight, received)
     for name, words in missing.items():
         kept = max((received[one].kept for one in messages_of(name) & received.keys()), default=0)
-        if 0 < kept < NEEDED_HZ * recorded_s:
-            rates = {"rate_hz": kept / recorded_s, "needed_hz": NEEDED_HZ}
+        if 0 < kept < _NEEDED_HZ * recorded_s:
+            rates = {"rate_hz": kept / recorded_s, "needed_hz": _NEEDED_HZ}
             rare.append(Reason("too_rare", signal=words, record=record, **rates))
         else:
             lacking.append(words)
@@ -262,7 +262,7 @@ def _obstacles(
         yield from _unmeasured(findings, flight, received)
     usable_s = findings.usable_s if outputs else flight.flown_s
     # More of a flight whose streams are too slow, or whose airspeed is doubted, would not help.
-    doubted = flight.doubted_s >= DOUBTED_AIRSPEED_S
+    doubted = flight.doubted_s >= WINDOW_S
     if findings.reference is None and usable_s < REFERENCE_S and not doubted and not _slow(findings, flight):
         known = " with known outputs" if outputs and usable_s < flight.flown_s else ""
         yield Reason("too_short", usable_s=usable_s, known=known, **_MOTIONS[axis == STEERING])
@@ -291,7 +291,7 @@ def _unmeasured(findings: AxisFindings, flight: Flight, received: Mapping[str, R
     slow = _slow(findings, flight)
     if slow:
         record, streams = to_record("motion", flight, received), " and ".join(slow)
-        yield Reason("stream_too_slow", streams=streams, needed_hz=NEEDED_HZ, axis=axis, record=record)
+        yield Reason("stream_too_slow", streams=streams, needed_hz=_NEEDED_HZ, axis=axis, record=record)
     if axis in _ACCELEROMETER and "force" not in flight.heard:
         signals = f"the accelerometer (needed for {axis})"
         yield Reason("lacks", signals=signals, record=to_record("force", flight, received))

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from mavhums.core.quantities import column
 from mavhums.health.actuator.detectors.friction import FrictionDetector, _too_few, why_no_friction
 from mavhums.health.actuator.monitor import ActuatorFindings
-from mavhums.health.actuator.thresholds import FRICTION_SAMPLES
 from mavhums.health.estimation.equations import Fits
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
+from mavhums.health.estimation.thresholds import LEAST_SAMPLES
 from mavhums_sim.conditions import Condition
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch
 from tests.health.present import present
@@ -106,9 +106,9 @@ def test_its_friction_is_too_uncertain(load_friction: float | None) -> None:
 @pytest.mark.parametrize(
     ("usable", "moving", "expected"),
     [
-        (FRICTION_SAMPLES // 2 - 1, FRICTION_SAMPLES, "unsigned_current"),
-        (FRICTION_SAMPLES // 2, FRICTION_SAMPLES, "still"),
-        (0, FRICTION_SAMPLES - 1, "still"),
+        (LEAST_SAMPLES // 2 - 1, LEAST_SAMPLES, "unsigned_current"),
+        (LEAST_SAMPLES // 2, LEAST_SAMPLES, "still"),
+        (0, LEAST_SAMPLES - 1, "still"),
     ],
 )
 def test_what_moves_has_samples_without_a_sign(usable: int, moving: int, expected: str) -> None:

@@ -22,7 +22,6 @@ from mavhums.health.axis.thresholds import (
     SHIFT_FLOOR_RAD_S,
     SHIFT_S,
     SKID_ALONE_DEVIATIONS,
-    SKID_DEVIATIONS,
     SKID_M_S2,
     SKID_S,
     SKID_SHARE,
@@ -84,9 +83,9 @@ def deflected(
 def test_the_error_of_the_gain_makes_no_skid_of_an_aileron() -> None:
     """It lessens how certain the shift is, not how far the roll goes astray beside the side force."""
     detector = HardOverDetector(AxisLimits(trim_deviations=5.0), "roll")
-    shift = 1.1 * SKID_DEVIATIONS * DEVIATION
+    shift = 6.6 * DEVIATION
     seconds = [second(end_s=100 + k, shift=shift, shift_error=0.6 * DEVIATION) for k in range(PERSISTENT_S)]
-    side = Deviation(seconds[-1].end_s, 2.0, 1.05 * SKID_DEVIATIONS)
+    side = Deviation(seconds[-1].end_s, 2.0, 6.3)
     [found] = detector.feed(given(*seconds, sides=(side,)))
     assert found.axis == "roll"
 
@@ -94,13 +93,11 @@ def test_the_error_of_the_gain_makes_no_skid_of_an_aileron() -> None:
 @pytest.mark.parametrize(
     ("deviations", "side", "value", "axis"),
     [
-        (5.5, SKID_DEVIATIONS, 2.0, "roll"),
-        (5.5, SKID_DEVIATIONS + 0.01, 2.0, "yaw"),
-        (5.5, SKID_DEVIATIONS + 0.01, -2.0, "yaw"),
-        (5.5, SKID_DEVIATIONS + 0.01, SKID_M_S2, "roll"),
-        (5.5, SKID_DEVIATIONS + 0.01, -SKID_M_S2 - 0.01, "yaw"),
         (8.0, 7.9, 2.0, "roll"),
         (8.0, 8.1, 2.0, "yaw"),
+        (8.0, 8.1, -2.0, "yaw"),
+        (8.0, 8.1, SKID_M_S2, "roll"),
+        (8.0, 8.1, -SKID_M_S2 - 0.01, "yaw"),
     ],
 )
 def test_a_larger_skid_beside_a_roll_is_a_rudder(

@@ -12,13 +12,9 @@ import pytest
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.past import compare_response
 from mavhums.health.axis.response import ResponseSums
-from mavhums.health.axis.thresholds import (
-    LEAST_ROWS_PER_S,
-    PART_S,
-    PAST_FLIGHTS,
-    PAST_RATE_RATIO,
-)
+from mavhums.health.axis.thresholds import LEAST_ROWS_PER_S, PAST_FLIGHTS, PAST_RATE_RATIO
 from mavhums.health.estimation.least_squares import unpacked
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.verdict import OwnRecord, Verdict
 from mavhums.vehicle.flight import SPEEDS
 from mavhums.vehicle.grid import RATE_HZ
@@ -109,7 +105,7 @@ def test_the_sums_do_not_depend_on_the_blocks(block: int) -> None:
 def test_a_long_flight_leaves_no_more_than_a_short_one() -> None:
     flown = record(flight(1000))
     # Each time 32 parts were full, two were joined.
-    assert {row[0] for row in flown.groups} == {4.0 * PART_S}
+    assert {row[0] for row in flown.groups} == {4.0 * WINDOW_S}
     assert 16 <= len(flown.groups) < 32
     assert flown.duration_s == sum(row[0] for row in flown.groups)
     assert flown.groups[-1][1] >= 960.0

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from mavhums.health.axis.effectiveness import EffectivenessTracker, _late
-from mavhums.health.axis.reference import constants
+from mavhums.health.axis.reference import Scores, constants
 from mavhums.health.axis.regressions import FORMS, Columns, Lag, Shape
-from mavhums.health.axis.scores import Scores
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.flights import excited, rows, steady

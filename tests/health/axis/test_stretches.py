@@ -14,23 +14,21 @@ from mavhums.health.axis.response import RESPONSE, Stretch, stretches
 from mavhums.health.axis.thresholds import (
     DRIVEN_SHARE,
     JUDGED_ERROR,
-    PART_S,
     PAST_FLIGHTS,
-    PAST_REFERENCES,
-    POOLED_LEAST_S,
     POOLED_S,
+    REFERENCE_S,
     WINDOW_DEVIATION,
-    WINDOW_SECONDS,
 )
 from mavhums.health.estimation.least_squares import packed
+from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS, WINDOW_S
 from mavhums.results.verdict import Coverage, OwnRecord, Verdict
 from tests.health.present import present
 
 SPEED = 20.0
-PARTS = POOLED_S // PART_S
+PARTS = POOLED_S // WINDOW_S
 
 
-def record(gains: Sequence[float], drive2: float = 1.0, seconds: float = PART_S) -> OwnRecord:
+def record(gains: Sequence[float], drive2: float = 1.0, seconds: float = WINDOW_S) -> OwnRecord:
     """Return the record of a flight with these gains in its parts, apart from which nothing responds."""
     groups = []
     for k, gain in enumerate(gains, start=1):
@@ -51,7 +49,7 @@ def mixed(other: float, together: float) -> OwnRecord:
     gram = np.eye(4)
     gram[0, 1] = gram[1, 0] = together
     gram[:3, 3] = gram[3, :3] = gram[:3, :3] @ [2.0, other, 0.0]
-    rows = [(float(PART_S), float(k * PART_S), SPEED, *packed(gram)) for k in range(1, PARTS + 1)]
+    rows = [(float(WINDOW_S), float(k * WINDOW_S), SPEED, *packed(gram)) for k in range(1, PARTS + 1)]
     return record([1.0]).model_copy(update={"groups": tuple(rows)})
 
 
@@ -73,7 +71,7 @@ def test_the_error_is_the_scatter_of_the_parts_beside_that_of_windows() -> None:
     assert value.estimate == pytest.approx(1.0)
     error = (spread**2 / (PARTS - 1) + WINDOW_DEVIATION**2 / PARTS) ** 0.5
     assert (value.high - value.low) / 2 == pytest.approx(NORMAL_95 * error)
-    for parts, windows in ((PARTS, PARTS * WINDOW_SECONDS), (1, 2 * WINDOW_SECONDS)):
+    for parts, windows in ((PARTS, PARTS * WINDOW_S), (1, 2 * WINDOW_S)):
         [minute] = found(record([2.0] * parts, seconds=POOLED_S / parts))
         shown = minute.compared.indicator
         error = WINDOW_DEVIATION / parts**0.5
@@ -123,7 +121,7 @@ def test_a_minute_is_driven_from_a_share_of_the_usual_drive_on(share: float, dri
     assert minute.is_driven is driven
 
 
-@pytest.mark.parametrize(("seconds", "driven"), [(POOLED_LEAST_S, True), (POOLED_LEAST_S - 1, False)])
+@pytest.mark.parametrize(("seconds", "driven"), [(REFERENCE_S, True), (REFERENCE_S - 1, False)])
 def test_a_short_minute_is_not_driven(seconds: int, driven: bool) -> None:
     [minute] = found(record([2.0] * 5, drive2=10.0, seconds=seconds / 5))
     assert (minute.seconds, minute.is_driven) == (seconds, driven)
@@ -137,9 +135,9 @@ def test_only_earlier_flights_with_more_than_one_driven_part_count() -> None:
 
 
 def test_only_so_many_earlier_flights_count() -> None:
-    usual, other = past(*[2.0] * PAST_REFERENCES), past(3.0, 3.0, 3.0)
+    usual, other = past(*[2.0] * REFERENCE_FLIGHTS), past(3.0, 3.0, 3.0)
     [minute] = found(record([2.0] * PARTS), [*usual, *other])
-    assert minute.compared.baseline.flights == PAST_REFERENCES
+    assert minute.compared.baseline.flights == REFERENCE_FLIGHTS
     assert minute.compared.indicator.value.estimate == pytest.approx(1.0)
 
 

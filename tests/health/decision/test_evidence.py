@@ -59,9 +59,9 @@ def test_a_drift_is_evidence_from_its_beginning_on(end_s: float, until_s: float)
         (PLAY, "degraded", Estimate(-0.2, 0.02, 9.0), None, stats.t.cdf(-17.5, 9)),
         (LOSS, "emergency", Estimate(-0.1, 0.02, 4.0), None, stats.t.cdf(1.0, 4)),
         (PLAY, "degraded", Estimate(0.2, 0.0, 1.0), None, 1.0),
-        (PLAY, "normal", Estimate(0.1, 0.02, 9.0), SHIFT, stats.t.cdf(3.0, 10)),
+        (PLAY, "normal", Estimate(0.1, 0.02, 9.0), SHIFT, stats.t.cdf(3.0, 9)),
         (PLAY, "degraded", Estimate(0.2, 0.01, 9.0), SHIFT, stats.t.cdf(5.0, 9)),
-        (PLAY, "degraded", Estimate(0.16, 0.02, 9.0), SHIFT._replace(value=-0.03), stats.t.cdf(3.0, 10)),
+        (PLAY, "degraded", Estimate(0.16, 0.02, 9.0), SHIFT._replace(value=-0.03), stats.t.cdf(3.0, 9)),
     ],
 )
 def test_the_confidence_is_the_larger_of_limit_and_baseline(

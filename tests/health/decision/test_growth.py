@@ -11,18 +11,18 @@ from scipy import stats
 
 from mavhums.health.decision.growth import Course, _is_step, _log_bayes_factors, course_of, last_step
 from mavhums.health.decision.thresholds import (
-    GROWTH_FLIGHTS,
     GROWTH_HORIZON_FLIGHTS,
     GROWTH_SCALES,
-    LEAST_ERROR_SHARE,
-    OUTLIER_PROBABILITY,
+    LASTING_FLIGHTS,
+    MOST_FLIGHT_TAIL,
     STEP_CONFIRMED_FLIGHTS,
-    STEP_LIKELIHOOD_RATIO,
     STEP_SIZE,
     TREND_FLIGHTS,
 )
 from mavhums.health.decision.trend import widening
 from mavhums.health.estimation.random_effects import variance_between
+from mavhums.health.estimation.thresholds import LEAST_ERROR_SHARE
+from mavhums.health.sequential import EXCLUDING
 from tests.health.decision.lines import beside_the_line
 from tests.health.present import present
 
@@ -91,7 +91,7 @@ def test_the_evidence_is_the_bayes_factor_of_a_slope(seed: int, widened: bool) -
         rising = 2 * np.sum(stats.t.pdf(slopes[slopes > 0], 7, middle / error)) * step
         expected.append((np.sqrt(1 - share) * (total / rest) ** 3.5) ** (1 / inflation) * rising)
     assert np.exp(found.log_odds[0]) == pytest.approx(0.5 * np.mean(expected), rel=1e-3)
-    assert found.first.tolist() == [0, *range(1, 8 - GROWTH_FLIGHTS)]
+    assert found.first.tolist() == [0, *range(1, 8 - LASTING_FLIGHTS)]
 
 
 def test_each_course_is_the_weighted_line_that_grows_from_its_first_flight_on() -> None:
@@ -160,7 +160,7 @@ def test_a_flight_is_left_out_that_chance_hardly_puts_anywhere_so_far_off(
     numbers = np.arange(1.0, n + 1)
     # Neighbours alternate about a line that grows from the first flight on.
     values = LEVEL + 0.01 * numbers + 0.004 * (-1.0) ** np.arange(n) * (1.0 + 0.2 * np.cos(numbers))
-    values[place] = beside_the_line(numbers, values, place, share * OUTLIER_PROBABILITY / n)
+    values[place] = beside_the_line(numbers, values, place, share * MOST_FLIGHT_TAIL / n)
     found = course(numbers, values, np.full(n, 0.002))
     assert found.left_out == ((place,) if left_out else ())
 
@@ -277,7 +277,7 @@ def test_a_step_is_where_two_levels_fit_better_than_a_line_and_than_at_the_neigh
         line = float(np.sum((values - slope) ** 2))
         for place in range(2, 9):
             levels = squares[place - 1]
-            likelier = line - levels > 2 * scatter**2 * np.log(STEP_LIKELIHOOD_RATIO)
+            likelier = line - levels > 2 * scatter**2 * EXCLUDING
             expected = likelier and levels <= min(squares[place - 2], squares[place])
             assert _is_step(values[:place], values[place:], scatter) == expected
             found.append((likelier, expected))

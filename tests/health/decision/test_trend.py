@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
-from mavhums.health.decision.thresholds import MOST_AUTOCORRELATION, OUTLIER_PROBABILITY, TREND_FLIGHTS
+from mavhums.health.decision.thresholds import MOST_AUTOCORRELATION, MOST_FLIGHT_TAIL, TREND_FLIGHTS
 from mavhums.health.decision.trend import Trend, fit_trend, widening
 from tests.health.decision.lines import beside_the_line
 from tests.health.present import present
@@ -114,7 +114,7 @@ def test_a_flight_is_left_out_that_chance_hardly_puts_anywhere_so_far_off(
     """It is compared with the line of the others, and may be any of them, to either side."""
     n, place = 20, 7
     numbers, values, _ = history(np.random.default_rng(8), n, 0.01)
-    values[place] = beside_the_line(numbers, values, place, share * OUTLIER_PROBABILITY / n)
+    values[place] = beside_the_line(numbers, values, place, share * MOST_FLIGHT_TAIL / n)
     assert fitted(numbers, values, np.full(n, 0.002)).left_out == ((place,) if left_out else ())
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mavhums.health.estimation.least_squares import Groups, row_length
-from mavhums.health.estimation.thresholds import WINDOW_SLOTS
+from mavhums.health.estimation.thresholds import WINDOW_S
 
 
 def parts(windows: int) -> list[list[int]]:
@@ -22,11 +22,11 @@ def parts(windows: int) -> list[list[int]]:
 @pytest.mark.parametrize("block", [1000, 13])
 def test_a_flight_is_kept_in_parts_of_equal_length(windows: int, block: int) -> None:
     """A window's number is in its sums; between any two there are windows without a sample."""
-    index = np.concatenate([WINDOW_SLOTS * 3 * np.arange(windows) + k for k in (0, WINDOW_SLOTS - 1)])
+    index = np.concatenate([WINDOW_S * 3 * np.arange(windows) + k for k in (0, WINDOW_S - 1)])
     index.sort()
     rows = np.zeros((index.size, row_length(1)))
     rows[:, 0] = 2.0
-    rows[:, 1:] = (index // (3 * WINDOW_SLOTS))[:, None] + 1.0
+    rows[:, 1:] = (index // (3 * WINDOW_S))[:, None] + 1.0
     groups = Groups(1, lambda gram: gram.ravel()[:1], lambda sums: 10.0 * sums)
     plain = Groups(1, lambda gram: gram.ravel()[:1])
     for k in range(0, index.size, block):

@@ -16,7 +16,9 @@ from mavhums.health.estimation.random_effects import (
     variance_between,
     weighted,
 )
-from mavhums.health.estimation.thresholds import NATURAL_SCATTER_FREEDOM, STATED_ERROR_FREEDOM
+from mavhums.health.estimation.thresholds import BASELINE_FLIGHTS, STATED_ERROR_FREEDOM
+
+NATURAL = BASELINE_FLIGHTS - 1.0
 
 ONE = np.ones((4, 1))
 VALUES = np.array([1.0, 1.4, 0.7, 1.3])
@@ -62,15 +64,15 @@ def test_flights_count_by_their_errors_beside_the_scatter_between_them(natural_s
     first, residuals, _ = weighted(design, values, 1.0 / (errors**2 + own))
     assert own > 0.0
     assert residuals @ residuals == pytest.approx(6.0, rel=1e-4)
-    natural = NATURAL_SCATTER_FREEDOM * (natural_scatter * first[0]) ** 2
-    between = max(own, (natural + 6.0 * own) / (NATURAL_SCATTER_FREEDOM + 6.0))
+    natural = NATURAL * (natural_scatter * first[0]) ** 2
+    between = max(own, (natural + 6.0 * own) / (NATURAL + 6.0))
     weights = 1.0 / (errors**2 + between)
     line, residuals, inverse = weighted(design, values, weights)
     found = population(design, values, errors, natural_scatter)
     assert found.between == pytest.approx(between**0.5)
     assert found.coefficients == pytest.approx(line)
     assert found.covariance == pytest.approx(max(float(residuals @ residuals) / 6.0, 1.0) * inverse)
-    trusted = NATURAL_SCATTER_FREEDOM if between > own else 0.0
+    trusted = NATURAL if between > own else 0.0
     assert found.freedom == pytest.approx(weights.sum() ** 2 / (weights @ weights) - 2.0 + trusted)
     share, freedom = scattering_share(design, values, 8.0 * errors)
     squares = weighted(design, values, 1.0 / (8.0 * errors) ** 2)[1]
@@ -88,18 +90,16 @@ def test_one_number_has_no_scatter() -> None:
 
 def test_a_population_that_agrees_by_chance_has_the_natural_scatter() -> None:
     found = population(ONE, np.full(4, 2.0), np.full(4, 1e-9), natural_scatter=0.05)
-    pooled = NATURAL_SCATTER_FREEDOM * (0.05 * 2.0) ** 2 / (NATURAL_SCATTER_FREEDOM + 3)
+    pooled = NATURAL * (0.05 * 2.0) ** 2 / (NATURAL + 3)
     assert found.between == pytest.approx(pooled**0.5)
-    assert found.freedom == pytest.approx(3.0 + NATURAL_SCATTER_FREEDOM)
+    assert found.freedom == pytest.approx(3.0 + NATURAL)
     assert found.covariance == pytest.approx(np.array([[pooled / 4]])), "never less than the errors"
 
 
 def test_flights_of_unequal_weight_have_fewer_degrees_of_freedom() -> None:
     errors = np.array([1e-3, 1e-3, 10.0, 10.0])
     found = population(ONE, np.full(4, 2.0), errors, natural_scatter=0.05)
-    assert found.freedom == pytest.approx(1.0 + NATURAL_SCATTER_FREEDOM, abs=0.01), (
-        "two flights less one mean"
-    )
+    assert found.freedom == pytest.approx(1.0 + NATURAL, abs=0.01), "two flights less one mean"
 
 
 def test_a_new_flight_scatters_and_the_mean_is_uncertain() -> None:

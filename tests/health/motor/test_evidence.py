@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mavhums.core.arrays import Array
+from mavhums.health.decision.thresholds import MOST_BANK_DEG
 from mavhums.health.motor import evidence as e
 from mavhums.health.motor import thresholds as t
 from mavhums.health.motor.hypotheses import hypotheses_of, of_health, of_losses
@@ -20,9 +21,8 @@ from tests.health.motor.test_hypotheses import QUAD
 from tests.health.motor.test_past import QUAD as QUADCOPTER
 
 HOVER = 0.4
-AIRBORNE, SETTLED, LANDED, GRACE, UPRIGHT = (
-    round(seconds * RATE_HZ)
-    for seconds in (t.AIRBORNE_S, t.SETTLED_S, t.LANDED_S, t.BANK_GRACE_S, t.UPRIGHT_S)
+AIRBORNE, SETTLED, LANDED, GRACE = (
+    round(seconds * RATE_HZ) for seconds in (t.AIRBORNE_S, t.SETTLED_S, t.LANDED_S, t.BANK_GRACE_S)
 )
 
 
@@ -96,19 +96,19 @@ def test_a_dip_is_not_judged_and_a_long_one_parts_the_windows() -> None:
         assert craft.count(e.ALOFT) == SETTLED + 100 + 1 + 10 + LANDED + 5
 
 
-@pytest.mark.parametrize(("rows", "dead"), [(GRACE, 0), (GRACE + 1, UPRIGHT)])
+@pytest.mark.parametrize(("rows", "dead"), [(GRACE, 0), (GRACE + 1, AIRBORNE)])
 def test_a_lean_is_judged_for_a_moment_and_then_only_after_a_while(rows: int, dead: int) -> None:
-    bank = np.cos(np.radians(t.MOST_BANK_DEG))
+    bank = np.cos(np.radians(MOST_BANK_DEG))
     craft = flown(SETTLED + 100)
     craft.fly(rows, upright=bank + 0.001)
     assert craft.count(e.TIPPED) == 0
     craft.fly(rows, upright=bank - 0.001)
     assert craft.count(e.TIPPED) == rows
     craft.fly(10, upright=0.7)
-    found = craft.fly(UPRIGHT + 20)
+    found = craft.fly(AIRBORNE + 20)
     shown = np.flatnonzero(found[:, 6])
     assert shown[0] == max(dead - 1, 0)
-    assert len(shown) == UPRIGHT + 20 - shown[0]
+    assert len(shown) == AIRBORNE + 20 - shown[0]
 
 
 @pytest.mark.parametrize("missing", ["upright", "rates", "mean"])

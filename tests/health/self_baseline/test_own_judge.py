@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from mavhums.health.decision.baseline import PastRecord
+from mavhums.health.decision.thresholds import USEFUL_RISE
 from mavhums.health.estimation.equations.own_scale import TRACKING
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.random_effects import population
+from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.health.self_baseline import comparison
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.health.self_baseline.thresholds import REFERENCE_FLIGHTS, USEFUL_RISE
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, comparison_reason
 from mavhums.results.verdict import OwnRecord, Verdict
 from tests.health.present import present

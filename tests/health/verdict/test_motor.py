@@ -19,8 +19,8 @@ from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.thresholds import (
     BETWEEN_FLIGHTS,
     LEAST_TRIM_CHANGE,
+    SCATTER_WORTH,
     TRIM_SCATTER_PER_MOTOR,
-    TRIM_SCATTER_WORTH,
     YAW_SHIFT,
 )
 from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
@@ -201,10 +201,10 @@ def compared(
 
 def test_the_motor_with_the_largest_change_is_worn_if_it_is_certain() -> None:
     """The scatter between flights is that of others, worth six flights, and the aircraft's own."""
-    freedom = TRIM_SCATTER_WORTH + FLIGHTS - 1
+    freedom = SCATTER_WORTH + FLIGHTS - 1
     usual = (4 * TRIM_SCATTER_PER_MOTOR) ** 2
     for spread in (0.03, 0.2):
-        variance = (TRIM_SCATTER_WORTH * usual + (FLIGHTS - 1) * spread**2) / freedom * (1 + 1 / FLIGHTS)
+        variance = (SCATTER_WORTH * usual + (FLIGHTS - 1) * spread**2) / freedom * (1 + 1 / FLIGHTS)
         least = max(float(t.ppf(1.0 - 0.01 / 4, freedom)) * variance**0.5, LEAST_TRIM_CHANGE)
         for share, worn in ((1.001, True), (0.999, False)):
             found = compared([0.0, share * least, 0.5 * least, -2.0 * least], spread=spread)

@@ -44,26 +44,23 @@ from mavhums.core.statistics import DEGREES_S_PER_REV_MIN, RAD_S_PER_REV_MIN
 from mavhums.health.actuator.detector import Detector, DetectorInput
 from mavhums.health.actuator.thresholds import (
     FOLLOWING_ASKED_LIMITS,
-    FOLLOWING_SECONDS,
     FOLLOWING_STANDS_SHARE,
     JAM_COMMAND_DEG,
-    JAM_LATEST_PARTS,
     JAM_PARTS,
     JAM_PARTS_PER_SLOT,
     JAM_SHARE,
     JAM_SPAN_S,
     LABOURED_LAGS,
     LABOURED_SHARE,
+    LEAST_SLOTS,
     LONGEST_SPEED_STEP_S,
-    LONGEST_UNSEEN_S,
     STALLED_SECONDS,
-    STALLED_SHARE,
     SURELY_FOLLOWS_SHARE,
     WOUND_UP_DEG,
 )
 from mavhums.health.decision.limits import Estimates, Levels
 from mavhums.health.estimation.slots import MAGNITUDES, SENSED, SHAFT, Slots, Windows
-from mavhums.health.estimation.thresholds import GUARD_S
+from mavhums.health.estimation.thresholds import GUARD_S, LONGEST_UNSEEN_S
 
 _V1, _V4, _V5, _V7 = (column(f"V{k}") for k in (1, 4, 5, 7))
 
@@ -122,7 +119,7 @@ class FollowingDetector(Detector):
         moved = np.where((travel >= FOLLOWING_STANDS_SHARE * rms) & tells, rms, np.nan)
         windows = self._windows.feed(slots.index, moved[:, None])[:, :, 0]
         # The third largest of ten: one glitch of a sensor, or a step in two seconds, is no fault.
-        largest = np.sort(np.where(np.isnan(windows), -np.inf, windows), axis=1)[:, -FOLLOWING_SECONDS]
+        largest = np.sort(np.where(np.isnan(windows), -np.inf, windows), axis=1)[:, -LEAST_SLOTS]
         return Estimates.of(largest, np.zeros_like(largest), np.ones_like(largest), np.isfinite(largest))
 
 
@@ -245,7 +242,7 @@ class JamDetector(Detector):
         """Return in which pairs of slots the shaft stands while the motor pushes, shape (k,)."""
         values, time_s = slots.values, slots.time_s
         _, unsigned_a, unsigned_rev_min = values[:, MAGNITUDES].T
-        pushes = np.fmax(np.abs(values[:, _V5]), unsigned_a) >= STALLED_SHARE * self._stall_a
+        pushes = np.fmax(np.abs(values[:, _V5]), unsigned_a) >= JAM_SHARE * self._stall_a
         # A speed that is not known counts as motion: it must not show a stall.
         moves = ~(np.fmax(np.abs(values[:, _V7]), unsigned_rev_min) < self._standing)
         moved_s = np.concatenate([[-np.inf], time_s[moves], [np.inf]])
@@ -276,7 +273,7 @@ class JamDetector(Detector):
         windows[:, :-1][since] = -np.inf
         # Columns 0 and 1 are the highest and minus the lowest command; the last second may not be answered
         # yet.
-        commanded = windows[:, :-JAM_LATEST_PARTS, :2].max(axis=1).sum(axis=1)
+        commanded = windows[:, :-JAM_PARTS_PER_SLOT, :2].max(axis=1).sum(axis=1)
         # Column 4: an angle divided from the rotor's shows the wind-up of the gear, too.
         wound_up = windows[:, :, 4].max(axis=1)
         # Column 8: the integral of the unsigned speed.

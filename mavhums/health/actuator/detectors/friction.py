@@ -18,7 +18,6 @@ from mavhums.health.actuator.detector import Detector, EquationDetector
 from mavhums.health.actuator.detectors.electrical import contradicts, relative_constant
 from mavhums.health.actuator.thresholds import (
     FRICTION_CONTRADICTION_ERRORS,
-    FRICTION_SAMPLES,
     FRICTIONLESS_LIMIT_SHARE,
     LOAD_EMERGENCY_ERRORS,
     MODEL_ERROR_LIMIT_SHARE,
@@ -27,7 +26,7 @@ from mavhums.health.actuator.thresholds import (
 from mavhums.health.decision.limits import Estimates, Levels, half_width, tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.least_squares import Fit
-from mavhums.health.estimation.thresholds import MOST_LOAD_FRICTION
+from mavhums.health.estimation.thresholds import LEAST_SAMPLES, MOST_LOAD_FRICTION
 from mavhums.results.reasons import Reason
 
 
@@ -96,7 +95,7 @@ class FrictionDetector(EquationDetector):
         )
         friction, error = fit["friction"]
         whole_error = np.hypot(error * scale, friction * scale_error)
-        shown = fit.spread & (fit.count >= FRICTION_SAMPLES)
+        shown = fit.spread & (fit.count >= LEAST_SAMPLES)
         # The interval must be able to tell the limits apart; a grave friction scatters more and is above
         # either.
         shown &= 2 * ERRORS_95 * whole_error < np.maximum(self._widest, friction * scale - self._normal)
@@ -142,7 +141,7 @@ def why_no_friction(
     # In the order of what can be done: first the recording, then the flight, then the profile.
     if rate_hz < actuator.min_rate_hz:
         return Reason("telemetry_too_slow", rate_hz=rate_hz, needed_hz=actuator.min_rate_hz)
-    if fit.count[0] < FRICTION_SAMPLES or not fit.spread[0]:
+    if fit.count[0] < LEAST_SAMPLES or not fit.spread[0]:
         return _too_few(int(fit.count[0]), moving, samples)
     return _contradiction(detector, flight) or _too_wide(detector, flight)
 
@@ -150,7 +149,7 @@ def why_no_friction(
 def _too_few(usable: int, moving: int, samples: int) -> Reason:
     percent = 100 * moving / max(samples, 1)
     # It moves, but most of its samples have no current of known sign.
-    if moving >= FRICTION_SAMPLES and usable < moving / 2:
+    if moving >= LEAST_SAMPLES and usable < moving / 2:
         return Reason("unsigned_current", percent=percent, usable=usable)
     return Reason("still", percent=percent)
 

@@ -32,10 +32,10 @@ from mavhums.health.estimation.least_squares import Prior, solve, sums_of_slots
 from mavhums.health.estimation.motion import Motion
 from mavhums.health.estimation.slots import Slots
 from mavhums.health.estimation.thresholds import (
-    LOAD_LEAST_SAMPLES,
+    BASELINE_FLIGHTS,
+    LEAST_SAMPLES,
     LOAD_MEMORY_SLOTS,
     MOST_LOAD_FRICTION,
-    OWN_FLIGHTS,
 )
 
 
@@ -106,7 +106,7 @@ class OwnEquation:
     cause: str
     left: Callable[[Actuator, Slots], Array]
     speed: Callable[[Actuator, Slots], ServoSpeed | None]
-    min_flights: int = OWN_FLIGHTS
+    min_flights: int = BASELINE_FLIGHTS
     by_activity: bool = False
     blurs: bool = False
 
@@ -157,7 +157,7 @@ class SlotLoad:
             before[k], both[k] = self._sums, self._both
             self._sums, self._both = fade * self._sums + rows[k], fade * self._both + ways[k]
         coefficients = solve(before[:, None], self._prior.mean, self._prior.deviation)[0]
-        coefficients[both.min(axis=1) < LOAD_LEAST_SAMPLES] = np.nan
+        coefficients[both.min(axis=1) < 2.0 * LEAST_SAMPLES] = np.nan
         each = np.repeat(coefficients[:, self._columns], slots.count(), axis=0)
         load: Array = (X[:, self._columns] * each).sum(axis=1)
         return load

@@ -40,11 +40,7 @@ from mavhums.core.statistics import RAD_S_PER_REV_MIN
 from mavhums.health.estimation.equations.interface import OwnEquation, ServoSpeed
 from mavhums.health.estimation.motion import central_slope
 from mavhums.health.estimation.slots import SENSED, Slots
-from mavhums.health.estimation.thresholds import (
-    MOVING_ANGLE_DEG_S,
-    MOVING_ROTOR_REV_MIN,
-    TRACKING_FLIGHTS,
-)
+from mavhums.health.estimation.thresholds import MOVING_ANGLE_DEG_S, MOVING_ROTOR_REV_MIN, REFERENCE_FLIGHTS
 
 _V1, _V3, _V4, _V5, _V6, _V7, _V10 = (column(f"V{k}") for k in (1, 3, 4, 5, 6, 7, 10))
 
@@ -133,7 +129,7 @@ TRACKING = OwnEquation(
     unit="°",
     inspect="gearbox, linkage and motor, and whether the servo's settings were changed",
     cause="friction, play or winding: the log does not show which",
-    min_flights=TRACKING_FLIGHTS,
+    min_flights=REFERENCE_FLIGHTS,
     left=_position_error,
     speed=_angle_speed,
     by_activity=True,
