@@ -38,8 +38,18 @@ _SPARE: Final = 256 << 20
 _CHECK: Final = "check the address, the network and the credentials, and scan again"
 
 
-class UnreachedError(MavhumsError):
-    """A log in an object store could not be downloaded: a row of the store that a later scan tries again."""
+class UnreachedError(Exception):
+    """A log in an object store could not be downloaded: a row of the store that a later scan tries again.
+
+    Parameters
+    ----------
+    problem, remedy
+        As of :class:`mavhums.MavhumsError`; no user meets this one.
+    """
+
+    def __init__(self, problem: str, remedy: str) -> None:
+        super().__init__(problem)
+        self.problem, self.remedy = problem, remedy
 
 
 def logs_in(sources: Iterable[str | os.PathLike[str]]) -> list[LogFile]:
