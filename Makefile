@@ -7,7 +7,7 @@ TORCH_INDEX ?=
 # Without --no-compile 400 MB of byte code are written for packages of which few modules are ever used.
 PIP := -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 # What builds the package, with a C compiler for a machine that has none.
-BUILD := editables hatchling hatch-fancy-pypi-readme numba numpy pydantic scipy setuptools $(shell command -v cc >/dev/null && command -v c++ >/dev/null || echo ziglang)
+BUILD := editables hatchling hatch-fancy-pypi-readme numba numpy pydantic pymavlink scipy setuptools $(shell command -v cc >/dev/null && command -v c++ >/dev/null || echo ziglang)
 EXTRAS := arrow,fleet,mcp,serial,serve,sim,viewer,zstd
 # Only Linux has CUDA builds; there the CPU build has a version of its own.
 TORCH := $(shell grep ^torch== constraints.txt)$(if $(filter Linux,$(shell uname -s)),+cpu)
