@@ -20,6 +20,7 @@ from mavhums.health.motor import thresholds as t
 from mavhums.health.motor.hypotheses import (
     Hypotheses,
     hypotheses_of,
+    inverse,
     of_health,
     of_losses,
     regression,
@@ -263,8 +264,7 @@ def _test(spacing: float, columns: Array, rules: Rules, h: Hypotheses, s: State,
         return
     # The rows of one output, and those that gusts correlate, say as much as one row does.
     correlated = max(float(rules.block), spacing)
-    precision = np.empty((3, 3))
-    precision[:] = np.linalg.inv(_noise(rules.span, correlated, rules, s))
+    precision = inverse(_noise(rules.span, correlated, rules, s))
     ratios = np.empty_like(s.values)
     of_losses(e, asked, precision, columns, h, ratios)
     ratios -= of_health(e, precision, rules.air_change, h, s.air)

@@ -2,7 +2,8 @@
 
 The share is one of a grid. Air and payload are an effort on a grid, which stays until it changes to another
 one: a hidden Markov model, whose forward filter gives the likelihood of a healthy row. All efforts are in
-units of the hover thrust of one motor.
+units of the hover thrust of one motor. Products are sums here: numpy's linear algebra in a kernel loads
+scipy's, which takes a tenth of a second.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mavhums.core.arrays import Array1, Array2
-from mavhums.core.kernels import kernel
+from mavhums.core.arrays import Array, Array1, Array2
+from mavhums.core.kernels import kernel, subroutine
 from mavhums.health.motor import thresholds as t
 
 _LOSSES: Final = 10
@@ -51,6 +52,18 @@ def hypotheses_of(motors: int) -> Hypotheses:
     return Hypotheses(np.linspace(least, 1.0, _LOSSES), air, still + (1.0 - t.STILL) * changed)
 
 
+@subroutine
+def inverse(matrix: Array) -> Array:
+    """Return the inverse of a 3×3 matrix, by its cofactors."""
+    out = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+            out[j, i] = matrix[a, c] * matrix[b, d] - matrix[a, d] * matrix[b, c]
+    determinant: float = (matrix[0] * out[:, 0]).sum()
+    return out / determinant
+
+
 @kernel
 def of_health(e: Array1, precision: Array2, change: float, h: Hypotheses, air: Array1) -> float:
     """Return the logarithm of the likelihood of an effort in health, against no effort at all.
@@ -58,7 +71,7 @@ def of_health(e: Array1, precision: Array2, change: float, h: Hypotheses, air: A
     ``air`` holds the probabilities of the efforts of the air, shape (m,), and takes this one in;
     ``change`` is the probability that the air changes.
     """
-    p, total, toward = precision, 0.0, precision @ e
+    p, total, toward = precision, 0.0, (precision * e).sum(axis=1)
     for n in range(air.size):
         x, y, z = h.air[n, 0], h.air[n, 1], h.air[n, 2]
         squares = p[0, 0] * x * x + p[1, 1] * y * y + p[2, 2] * z * z
@@ -76,10 +89,10 @@ def of_losses(
     e: Array1, asked: Array1, precision: Array2, columns: Array2, h: Hypotheses, ratios: Array2
 ) -> None:
     """Fill the logarithms of the likelihoods of an effort by each loss of each motor, against no effort."""
-    toward = precision @ e
+    toward = (precision * e).sum(axis=1)
     for i in range(columns.shape[0]):
         c = columns[i] * asked[i]
-        along, squares = c @ toward, c @ precision @ c
+        along, squares = (c * toward).sum(), (c * (precision * c).sum(axis=1)).sum()
         for k in range(h.losses.size):
             ratios[i, k] = h.losses[k] * along - 0.5 * h.losses[k] ** 2 * squares
 
@@ -87,6 +100,6 @@ def of_losses(
 @kernel
 def regression(e: Array1, asked: float, noise: Array2, column: Array1) -> tuple[float, float]:
     """Return the share that a motor lost, by the effort along its column, and its standard deviation."""
-    toward = np.linalg.solve(noise, column * asked)
-    information = toward @ column * asked
-    return float(toward @ e / information), float(1.0 / np.sqrt(information))
+    toward = (inverse(noise) * (column * asked)).sum(axis=1)
+    information = (toward * column).sum() * asked
+    return float((toward * e).sum() / information), float(1.0 / np.sqrt(information))
