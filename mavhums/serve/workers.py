@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from mavhums.serve.options import Quotas
 
-_START_S: Final = 300.0  # the first start after an installation compiles
+_START_S: Final = 300.0  # a busy machine, and a tree without built kernels, which compiles them
 _JOBS: Final = 100
 _FRUGAL: Final = {
     "OPENBLAS_NUM_THREADS": "1",
