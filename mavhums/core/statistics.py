@@ -86,17 +86,15 @@ def t_probability(freedom: float | Array, value: float | Array) -> float | Array
 
 
 def _each(
-    kernel: Callable[[Array, Array], Array], freedom: float | Array, at: float | Array
+    values_of: Callable[[Array, Array], Array], freedom: float | Array, at: float | Array
 ) -> float | Array:
     """Return a kernel's values of numbers and arrays of any shapes that fit each other."""
-    wide = np.broadcast_arrays(*(np.asarray(one, dtype=np.float64) for one in (freedom, at)))
-    found = kernel(*map(np.ravel, wide)).reshape(wide[0].shape)
+    wide = np.broadcast_arrays(*(np.asarray(given, dtype=np.float64) for given in (freedom, at)))
+    found = values_of(*map(np.ravel, wide)).reshape(wide[0].shape)
     return found if found.ndim else float(found)
 
 
-# Student's t is our own: to import scipy's takes longer than to judge a log.
-
-
+# Student's t is our own, for to import scipy's takes longer than to judge a log.
 @kernel
 def _probabilities(freedom: Array1, values: Array1) -> Array:
     """Return the probabilities below values."""
@@ -144,8 +142,8 @@ def _density(freedom: float, t: float) -> float:
 @subroutine
 def _tail(freedom: float, t: float) -> float:
     """Return the logarithm of the probability above t ≥ 0, an incomplete beta function, by Lentz's method."""
-    if not freedom > 0.0 or np.isnan(t):
-        return np.nan
+    if not freedom > 0.0 or not np.isfinite(t):
+        return -np.inf if freedom > 0.0 and t > 0.0 else np.nan
     if freedom > 1e6:  # where Wallace's normal approximation is as exact
         many = min(freedom, 1e12)
         z = sqrt(many * log1p(t * t / many)) * (8.0 * many + 1.0) / (8.0 * many + 3.0)

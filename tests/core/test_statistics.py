@@ -31,3 +31,5 @@ def test_shapes_fit_each_other_and_what_is_not_defined_is_nan() -> None:
     assert (found[:3, [0, 3]] == [-np.inf, np.inf]).all()
     assert np.isnan(found[3:]).all()
     assert np.isnan(t_probability(freedom[3:], 1.0)).all()
+    beyond = t_probability(np.array([1.0, 9.0, 1e9]), np.array([-np.inf, np.inf, 1e300]))
+    assert beyond.tolist() == [0.0, 1.0, 1.0]
