@@ -155,9 +155,8 @@ class VehicleAxes:
             return
         driven = self._driven()
         if driven is not self.surfaces:
-            why = (
-                "the receiver drives its servos" if driven and driven.by_receiver else "its outputs are known"
-            )
+            by_receiver = driven is not None and driven.by_receiver
+            why = "the receiver drives its servos" if by_receiver else "its outputs are known"
             yield from self._adopt(driven, why)
         elif self.surfaces is None and self.flight.flown_s >= self._next_try_s:
             yield from self._infer()
@@ -384,8 +383,7 @@ class VehicleAxes:
         known = self.flight.last(_INFERRED_FROM_S) if hopeful else None
         if known is None:
             return
-        rows, pulses = known
-        surfaces = inferred(rows, pulses)
+        surfaces = inferred(*known)
         if surfaces is not None:
             self._inferences += 1
             yield from self._adopt(surfaces, "its outputs are inferred from the flight")

@@ -111,7 +111,7 @@ def _built() -> dict[int, MessageDefinition]:
     """Return what the build wrote down; nothing where it is not of this XML."""
     try:
         known = json.loads(BUILT.read_bytes())
-    except OSError:
+    except (OSError, ValueError):  # not built, or not to its end
         return {}
     if known["xml"] != _digest():
         return {}

@@ -152,6 +152,10 @@ def test_what_the_build_wrote_down_is_used_only_for_the_same_xml(
     with monkeypatch.context() as context:
         context.delattr(dialect, "shipped_definitions")
         assert load_dialect.__wrapped__().definitions == parsed
+    whole = dialect.BUILT.read_bytes()
+    dialect.BUILT.write_bytes(whole[:-100])  # a build that was interrupted
+    assert load_dialect.__wrapped__().definitions == parsed
+    dialect.BUILT.write_bytes(whole)
     with monkeypatch.context() as context:
         context.setattr(dialect, "OWN", tmp_path)  # without a message of ours: another set of XML
         fewer = load_dialect.__wrapped__().definitions
