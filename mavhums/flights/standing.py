@@ -52,16 +52,13 @@ def growth_of(course: Course, pairs: Pairs, limits: tuple[float | None, float | 
     degraded, emergency = (
         None if limit is None else flights_left(course.flights_left(limit), flown, reach) for limit in limits
     )
-    slope = course.per_flight
-    if newest.fault in LOSSES:
-        slope = mirrored(slope)
     return Growth(
         fault=newest.fault,
         quantity=newest.quantity,
         unit=newest.unit,
         since_flight=since.number,
         since_utc=since.start_utc,
-        per_flight=slope,
+        per_flight=in_sense(course.per_flight, newest.fault),
         to_degraded=degraded,
         to_emergency=emergency,
     )
@@ -242,8 +239,10 @@ def reason_of(verdict: Verdict, gravest: Condition) -> str | None:
     return next(rules, verdict.reason)
 
 
-def mirrored(interval: Interval) -> Interval:
-    """Return an interval of the opposite sign."""
+def in_sense(interval: Interval, fault: str) -> Interval:
+    """Return an interval of a course, which a fault raises, as that of the indicator, which losses lower."""
+    if fault not in LOSSES:
+        return interval
     return Interval(estimate=-interval.estimate, low=-interval.high, high=-interval.low)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import replace
 from functools import cache
 from math import sqrt
 from typing import Final
@@ -16,11 +15,10 @@ from mavhums.core.conditions import SEVERITY, URGENCY
 from mavhums.core.statistics import NORMAL_95
 from mavhums.flights.aircraft import Since, latest
 from mavhums.flights.history import PastFlight, baselines_of, in_order, superseded_by_profile
-from mavhums.flights.standing import Flown, growth_of, highest, mirrored, reason_of, standing_of, step_of
+from mavhums.flights.standing import Flown, growth_of, highest, in_sense, reason_of, standing_of, step_of
 from mavhums.health.decision.baseline import LOSSES, Baseline
 from mavhums.health.decision.growth import Course, course_of, last_step
 from mavhums.health.decision.thresholds import LASTING_FLIGHTS, TREND_FLIGHTS
-from mavhums.health.decision.trend import Trend, fit_trend
 from mavhums.results.standing import (
     ActuatorTrend,
     FlightPoint,
@@ -181,8 +179,7 @@ def _trend(
     limits = (None if limit is None else sign * limit, None if emergency is None else sign * emergency)
     grows = course is not None and (course.grows or _grew(course, numbers, values, errors, place or 0))
     grown = growth_of(course, used, limits) if course and grows else None
-    used = used[place or 0 :]
-    fitted = _fitted(numbers[-len(used) :], values[-len(used) :], errors[-len(used) :], sign)
+    line = course.line if course else None
     left = grown.to_emergency if grown else None
     expected = baseline.prediction() if baseline else None
     return ActuatorTrend(
@@ -199,14 +196,14 @@ def _trend(
         emergency=emergency,
         baseline=expected,
         change=_change(newest, expected),
-        level=fitted.level if fitted else None,
-        per_flight=grown.per_flight if grown else fitted.per_flight if fitted else None,
-        between=fitted.between if fitted else None,
-        left_out=tuple(used[place][0].start_utc for place in fitted.left_out) if fitted else (),
+        level=in_sense(line.level, newest.fault) if line else None,
+        per_flight=grown.per_flight if grown else in_sense(line.per_flight, newest.fault) if line else None,
+        between=line.between if line else None,
+        left_out=tuple(used[index][0].start_utc for index in course.left_out) if course else (),
         growth=grown,
         step=step,
         flights_left=_life(left),
-        reason=_why_unknown(grown, emergency, len(used), step),
+        reason=_why_unknown(grown, emergency, len(used) - (place or 0), step),
         points=_POINTS.validate_python(
             [
                 {
@@ -243,14 +240,6 @@ def _grew(course: Course, numbers: Array, values: Array, errors: Array, begin: i
 def _at_end(verdict: Verdict, one: Indicator) -> float | None:
     friction = verdict.friction_nm
     return friction.estimate if one.fault == "friction" and friction is not None else None
-
-
-def _fitted(numbers: Array, values: Array, errors: Array, sign: float) -> Trend | None:
-    """Return the line through an indicator that a fault raises, or, with the sign −1, lowers."""
-    fitted = fit_trend(numbers, values, errors)
-    if fitted is None or sign > 0:
-        return fitted
-    return replace(fitted, level=mirrored(fitted.level), per_flight=mirrored(fitted.per_flight))
 
 
 def _life(left: FlightsLeft | None) -> Interval | None:

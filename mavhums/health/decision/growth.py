@@ -8,11 +8,16 @@ supermartingale, so by Ville's inequality it ever reaches 1/p with probability p
 looked at. Neighbouring flights that are alike count less, by the variance inflation of their lag-one
 correlation. A flight far off the best line is left out until the next ones confirm it.
 
+The line from the first flight on is the course of an indicator that does not grow, too: its slope is shown
+with its interval, by Student's t. Paule and Mandel's equation weights flights by the variance between them.
+
 A step between two flights (a repair, a swap, damage) ends a course: growth is sought in the flights since the
 last one, and the scatter of the flights before still counts.
 
 References
 ----------
+G. V. Bayley and J. M. Hammersley (1946), Supplement to the Journal of the Royal Statistical Society 8:184.
+G. Knapp and J. Hartung (2003), Statistics in Medicine 22:2693: the interval of the line.
 M. Lindon, D. W. Ham, M. Tingley and I. Bojinov (2022), arXiv:2210.08589: anytime-valid linear models.
 J. Shin, A. Ramdas and A. Rinaldo (2024), New England J. of Statistics in Data Science 2:229: e-detectors.
 F. Liang et al. (2008), Journal of the American Statistical Association 103:410: the Bayes factor of a slope.
@@ -23,23 +28,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import log, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.core.statistics import t_probability
+from mavhums.core.statistics import CENTRAL_95, t_probability, t_quantile
 from mavhums.health.decision.thresholds import (
     FLIGHTS_PER_OUTLIER,
     GROWTH_CHANCE,
     GROWTH_HORIZON_FLIGHTS,
     GROWTH_SCALES,
     LASTING_FLIGHTS,
+    MOST_AUTOCORRELATION,
     MOST_FLIGHT_TAIL,
     STEP_CONFIRMED_FLIGHTS,
     STEP_SIZE,
     TREND_FLIGHTS,
 )
-from mavhums.health.decision.trend import widening
 from mavhums.health.estimation.random_effects import variance_between
 from mavhums.health.estimation.thresholds import LEAST_ERROR_SHARE
 from mavhums.health.sequential import EXCLUDING
@@ -56,7 +62,8 @@ class _Courses:
 
     ``first`` are indices of flights; the other arrays have their shape. ``log_odds`` is each one's logarithm
     of weight and Bayes factor, ``level`` and ``slope`` are the line at the last flight, ``ahead`` is how far
-    the last flight lies from the middle of the growing ones, ``spread`` their sum of squares.
+    the last flight lies from the middle of the growing ones, ``spread`` their sum of squares. ``between`` is
+    the standard deviation between flights, without measurement errors.
     """
 
     first: Integers
@@ -68,6 +75,7 @@ class _Courses:
     variance: Array
     total_weight: float
     freedom: float
+    between: float
     residuals: Array
     hat: Array
 
@@ -77,6 +85,14 @@ class _Courses:
         some = {name: getattr(self, name)[kept] for name in ("level", "slope", "ahead", "spread", "variance")}
         odds = self.log_odds[kept] - np.logaddexp.reduce(self.log_odds)
         return replace(self, first=self.first[kept], log_odds=odds, **some)
+
+
+class Line(NamedTuple):
+    """A straight line through all flights: at the last one, and a flight; the deviation between flights."""
+
+    level: Interval
+    per_flight: Interval
+    between: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,6 +133,20 @@ class Course:
             min(_quantile(below, share, 2 * width), 2 * width) + middle - width for share in (_LOW, _HIGH)
         )
         return Interval(estimate=min(max(middle, low), high), low=low, high=high)
+
+    @property
+    def line(self) -> Line:
+        """The line on which the indicator changes from the first flight on; 95 % intervals."""
+        of, at_first = self._courses, 0
+        half = t_quantile(of.freedom, CENTRAL_95) * sqrt(of.variance[at_first])
+        spread, ahead = float(of.spread[at_first]), float(of.ahead[at_first])
+        return Line(
+            level=Interval.around(
+                float(of.level[at_first]), half * sqrt(1 / of.total_weight + ahead**2 / spread)
+            ),
+            per_flight=Interval.around(float(of.slope[at_first]), half / sqrt(spread)),
+            between=of.between,
+        )
 
     def flights_left(self, limit: float) -> tuple[float, float, float]:
         """Return in how many flights the line reaches a limit: low end, median and high end of 95 %.
@@ -263,7 +293,8 @@ def _courses(numbers: Array, values: Array, errors: Array, known: tuple[float, f
     """Return all courses; ``known`` is the sum of squares of earlier flights and its freedom."""
     n = len(numbers)
     design = np.column_stack([np.ones_like(numbers), numbers - numbers.mean()])
-    weights = 1 / (errors**2 + variance_between(design, values, errors))
+    between = variance_between(design, values, errors)
+    weights = 1 / (errors**2 + between)
     # The weights matter against each other only: their mean is 1, and the scatter is the values' own.
     weights = weights / weights.mean()
     first = np.arange(max(n - LASTING_FLIGHTS, 1))
@@ -300,9 +331,19 @@ def _courses(numbers: Array, values: Array, errors: Array, known: tuple[float, f
         variance=inflation * squares / freedom,
         total_weight=float(n),
         freedom=freedom,
+        between=sqrt(between),
         residuals=residuals,
         hat=weights * (1 / n + likeliest**2 / spread[best]),
     )
+
+
+def widening(residuals: Array) -> float:
+    """Return the variance inflation from correlated neighbouring flights; 1 if they are uncorrelated."""
+    total = float(residuals @ residuals)
+    alike = float(residuals[:-1] @ residuals[1:]) / total if total > 0 else 0.0
+    # Neighbours that differ more than by chance do not make the line more certain.
+    alike = min(max(alike, 0.0), MOST_AUTOCORRELATION)
+    return (1 + alike) / (1 - alike)
 
 
 def _sums_after(terms: Array) -> Array:

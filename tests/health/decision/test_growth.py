@@ -9,21 +9,27 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
-from mavhums.health.decision.growth import Course, _is_step, _log_bayes_factors, course_of, last_step
+from mavhums.health.decision.growth import (
+    Course,
+    _is_step,
+    _log_bayes_factors,
+    course_of,
+    last_step,
+    widening,
+)
 from mavhums.health.decision.thresholds import (
     GROWTH_HORIZON_FLIGHTS,
     GROWTH_SCALES,
     LASTING_FLIGHTS,
+    MOST_AUTOCORRELATION,
     MOST_FLIGHT_TAIL,
     STEP_CONFIRMED_FLIGHTS,
     STEP_SIZE,
     TREND_FLIGHTS,
 )
-from mavhums.health.decision.trend import widening
 from mavhums.health.estimation.random_effects import variance_between
 from mavhums.health.estimation.thresholds import LEAST_ERROR_SHARE
 from mavhums.health.sequential import EXCLUDING
-from tests.health.decision.lines import beside_the_line
 from tests.health.present import present
 
 Array = NDArray[np.float64]
@@ -44,6 +50,17 @@ def history(
 
 def course(numbers: Array, values: Array, errors: Array, begin: int = 0) -> Course:
     return present(course_of(numbers, values, errors, begin=begin))
+
+
+def beside_the_line(numbers: Array, values: Array, place: int, chance: float) -> float:
+    """Return a value above the line of the others that chance exceeds, to either side, so often."""
+    others = np.delete(np.arange(len(numbers)), place)
+    design = np.column_stack([np.ones_like(numbers), numbers])
+    line, squares, _, _ = np.linalg.lstsq(design[others], values[others])
+    apart = design[place] @ np.linalg.inv(design[others].T @ design[others]) @ design[place]
+    freedom = len(others) - 2
+    deviation = np.sqrt(squares[0] / freedom * (1.0 + apart))
+    return float(design[place] @ line + deviation * stats.t.ppf(1.0 - chance / 2, freedom))
 
 
 @pytest.mark.slow
@@ -206,6 +223,54 @@ def test_the_flights_left_are_those_until_the_line_of_all_courses_is_at_the_limi
         assert float(weights @ over) == pytest.approx(share, abs=1e-6)
 
 
+def test_of_equal_errors_the_line_is_that_of_plain_least_squares() -> None:
+    numbers, values, errors = history(7, 25, 0.006, scatter=0.035)
+    line, plain = course(numbers, values, errors).line, stats.linregress(numbers, values)
+    half = stats.t.ppf(0.975, 23) * plain.stderr
+    assert line.per_flight.estimate == pytest.approx(plain.slope)
+    assert line.per_flight.low == pytest.approx(plain.slope - half)
+    assert line.level.estimate == pytest.approx(plain.intercept + plain.slope * 25)
+    scatter = np.std(values - plain.intercept - plain.slope * numbers) * np.sqrt(25 / 23)
+    at_last = scatter * np.sqrt(1 / 25 + 12**2 / (25 * np.var(numbers)))
+    assert line.level.high - line.level.estimate == pytest.approx(stats.t.ppf(0.975, 23) * at_last)
+    assert np.hypot(line.between, 0.002) == pytest.approx(scatter, rel=1e-4)
+
+
+def test_a_flight_that_is_known_badly_counts_little() -> None:
+    numbers = np.arange(20.0)
+    values, errors = 0.225 + 0.01 * numbers + 0.001 * np.cos(numbers * 2.4), np.full(20, 0.002)
+    values[10] += 0.05
+    errors[10] = 0.05
+    found = course(numbers, values, errors)
+    assert found.left_out == ()
+    assert found.line.per_flight.estimate == pytest.approx(0.01, abs=2e-4)
+    assert found.line.between == pytest.approx(0, abs=1e-3)
+
+
+def test_weather_that_lasts_a_few_flights_widens_the_interval_of_the_line() -> None:
+    """Without heed of it, seven intervals in ten hold the truth."""
+    rng, inside, still = np.random.default_rng(14), [], np.sqrt(0.75)
+    for seed in range(300):
+        numbers, values, errors = history(seed, 30, 0.01, scatter=0.006)
+        weather = rng.standard_normal(30)
+        for k in range(1, 30):
+            weather[k] = 0.5 * weather[k - 1] + still * weather[k]
+        slope = course(numbers, values + 0.008 * weather, errors).line.per_flight
+        inside.append(slope.low <= 0.01 <= slope.high)
+    assert np.mean(inside) > 0.82
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_neighbours_that_are_alike_widen_the_line(unit: float) -> None:
+    """By (1 + r)/(1 − r) of their autocorrelation r, up to a limit; those that alternate do not narrow it."""
+    assert widening(unit * np.array([1.0, 1.0, -1.0, -1.0, 1.0])) == pytest.approx(1.0)
+    assert widening(unit * np.array([1.0, 1.0, 1.0, -1.0, -1.0])) == pytest.approx(1.4 / 0.6)
+    most = (1.0 + MOST_AUTOCORRELATION) / (1.0 - MOST_AUTOCORRELATION)
+    assert widening(np.full(50, unit)) == pytest.approx(most)
+    assert widening(unit * np.array([1.0, -1.0, 1.0, -1.0])) == 1.0
+    assert widening(np.zeros(5)) == 1.0
+
+
 def test_one_flight_far_off_is_no_growth_and_hides_none() -> None:
     numbers, values, errors = history(4, 40)
     values[-1] += 0.2
@@ -298,6 +363,7 @@ def test_any_numbers_have_ordered_flights_left(
     low, middle, high = found.flights_left(limit)
     assert 0 <= low <= middle <= high
     assert np.isfinite(found.per_flight.estimate)
+    assert found.line.level.low <= found.line.level.high
     last_step(np.array(values), np.array(errors[:n]))
 
 
