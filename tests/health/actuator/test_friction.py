@@ -79,6 +79,12 @@ def test_exact_data_give_the_exact_friction(friction: float, v11: bool) -> None:
     assert friction_of(*synthetic(friction, v11=v11)) == pytest.approx(friction, rel=2e-3)
 
 
+def test_a_friction_that_no_gear_has_is_none() -> None:
+    """Of 0.375 N·m, the normal limit: 0.9 % and 1.1 %."""
+    assert np.isnan(friction_of(*synthetic(0.0034)))
+    assert friction_of(*synthetic(0.0041)) == pytest.approx(0.0041, abs=1e-5)
+
+
 def test_the_current_serves_where_the_rotor_torque_is_not_measured() -> None:
     time_s, values = synthetic(0.4)
     values[:, column("V5")] = values[:, column("V8")] / EMA.torque_constant

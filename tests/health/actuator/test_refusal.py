@@ -14,10 +14,11 @@ from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums.health.estimation.equations import Fits
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
-from mavhums.health.estimation.thresholds import LEAST_SAMPLES
 from mavhums_sim.conditions import Condition
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch
 from tests.health.present import present
+
+LEAST_SAMPLES = 20
 
 Array = NDArray[np.float64]
 EMA = actuator_of().known_ema()

@@ -101,13 +101,18 @@ def test_a_bound_of_the_travel_does_not_depend_on_the_blocks(cut: list[int]) -> 
     assert watch_blocks(parts, measured=NOTHING)[1].evidence == whole
 
 
-@pytest.mark.parametrize(("share", "worst"), [(0.95, "emergency"), (0.6, "undecided")])
+@pytest.mark.parametrize(
+    ("share", "lasting_s", "worst"),
+    [(0.95, 0.6, "emergency"), (0.95, 0.45, "undecided"), (0.7, 0.7, "undecided")],
+)
 @pytest.mark.parametrize("signed", [True, False])
-def test_a_shaft_that_stands_at_stall_has_jammed(share: float, worst: str, *, signed: bool) -> None:
+def test_a_shaft_that_stands_at_stall_has_jammed(
+    share: float, lasting_s: float, worst: str, *, signed: bool
+) -> None:
     """It follows before and after, so that no longer time leaves out most of the command."""
     time_s, ema = np.arange(0.0, 30.0, 0.04), actuator_of().known_ema()
     current = share * 27.0 / ema.resistance * np.sign(np.sin(time_s))
-    pushes = (time_s > 15.0) & (time_s < 15.7)
+    pushes = (time_s > 15.0) & (time_s < 15.0 + lasting_s)
     values = np.full((time_s.size, 12), np.nan)
     values[:, _V1] = values[:, _V3] = 8.0 * np.sin(time_s)
     magnitudes = np.full((time_s.size, 3), np.nan)

@@ -17,20 +17,10 @@ from mavhums.health.axis.detectors import (
 )
 from mavhums.health.axis.reference import Loss, Second
 from mavhums.health.axis.residuals import Deviation
-from mavhums.health.axis.thresholds import (
-    PERSISTENT_S,
-    SHIFT_FLOOR_RAD_S,
-    SHIFT_S,
-    SKID_ALONE_DEVIATIONS,
-    SKID_M_S2,
-    SKID_S,
-    SKID_SHARE,
-    SKIDDING_DEVIATIONS,
-)
 from mavhums.results.sections import AxisLimits
 
 LIMITS = AxisLimits()
-DEVIATION = 2.0 * SHIFT_FLOOR_RAD_S  # of the reference
+DEVIATION = 0.09  # of the reference, rad/s
 
 
 def second(**changes: Any) -> Second:
@@ -75,7 +65,7 @@ def deflected(
 ) -> list[Alarm]:
     """Return the alarms of a roll rate that is away by so many deviations for as long as it must."""
     detector = HardOverDetector(AxisLimits(trim_deviations=limit), axis)
-    seconds = [second(end_s=100 + k, shift=deviations * DEVIATION) for k in range(PERSISTENT_S)]
+    seconds = [second(end_s=100 + k, shift=deviations * DEVIATION) for k in range(2)]
     sides = () if side is None else (side._replace(end_s=seconds[-1].end_s),)
     return detector.feed(given(*seconds, axis=axis, sides=sides))
 
@@ -84,7 +74,7 @@ def test_the_error_of_the_gain_makes_no_skid_of_an_aileron() -> None:
     """It lessens how certain the shift is, not how far the roll goes astray beside the side force."""
     detector = HardOverDetector(AxisLimits(trim_deviations=5.0), "roll")
     shift = 6.6 * DEVIATION
-    seconds = [second(end_s=100 + k, shift=shift, shift_error=0.6 * DEVIATION) for k in range(PERSISTENT_S)]
+    seconds = [second(end_s=100 + k, shift=shift, shift_error=0.6 * DEVIATION) for k in range(2)]
     side = Deviation(seconds[-1].end_s, 2.0, 6.3)
     [found] = detector.feed(given(*seconds, sides=(side,)))
     assert found.axis == "roll"
@@ -96,8 +86,8 @@ def test_the_error_of_the_gain_makes_no_skid_of_an_aileron() -> None:
         (8.0, 7.9, 2.0, "roll"),
         (8.0, 8.1, 2.0, "yaw"),
         (8.0, 8.1, -2.0, "yaw"),
-        (8.0, 8.1, SKID_M_S2, "roll"),
-        (8.0, 8.1, -SKID_M_S2 - 0.01, "yaw"),
+        (8.0, 8.1, 1.0, "roll"),
+        (8.0, 8.1, -1.01, "yaw"),
     ],
 )
 def test_a_larger_skid_beside_a_roll_is_a_rudder(
@@ -121,25 +111,25 @@ def test_a_hard_over_surface_says_which_way() -> None:
 @pytest.mark.parametrize(
     ("roll", "side", "value", "found"),
     [
-        (None, SKID_ALONE_DEVIATIONS, 2.0, False),
-        (None, SKID_ALONE_DEVIATIONS + 0.01, 2.0, True),
-        (1.0, SKIDDING_DEVIATIONS, 2.0, False),
-        (1.0, SKIDDING_DEVIATIONS + 0.01, 2.0, True),
-        (1.0, SKIDDING_DEVIATIONS + 0.01, -2.0, True),
-        (1.0, SKIDDING_DEVIATIONS + 0.01, -SKID_M_S2, False),
-        (20.0, 20.0 * SKID_SHARE - 0.01, 2.0, False),
-        (20.0, 20.0 * SKID_SHARE + 0.01, 2.0, True),
+        (None, 12.0, 2.0, False),
+        (None, 12.01, 2.0, True),
+        (1.0, 3.5, 2.0, False),
+        (1.0, 3.51, 2.0, True),
+        (1.0, 3.51, -2.0, True),
+        (1.0, 3.51, -1.0, False),
+        (20.0, 5.99, 2.0, False),
+        (20.0, 6.01, 2.0, True),
     ],
 )
 def test_a_skid_that_lasts_is_larger_than_the_roll_explains(
     roll: float | None, side: float, value: float, found: bool
 ) -> None:
     shift = None if roll is None else roll * DEVIATION
-    seconds = [second(end_s=100 + k, shift=shift) for k in range(SKID_S)]
+    seconds = [second(end_s=100 + k, shift=shift) for k in range(4)]
     sides = tuple(Deviation(one.end_s, value, side) for one in seconds)
     shown = Skids().feed(given(*seconds, sides=sides))
     assert bool(shown) is found
     assert not Skids().feed(given(*seconds, sides=sides[1:]))
     for alarm in shown:
-        assert (alarm.axis, alarm.since_s) == ("yaw", 99 - (SHIFT_S - 1))
+        assert (alarm.axis, alarm.since_s) == ("yaw", 97)
         assert f"2.0 m/s² to the {'right' if value > 0 else 'left'}" in alarm.rule

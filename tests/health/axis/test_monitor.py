@@ -11,9 +11,10 @@ import pytest
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.detectors import Alarm, AxisInput
 from mavhums.health.axis.monitor import _MOST_EPISODES, AxisMonitor, _AxisState, _since_s
-from mavhums.health.axis.thresholds import MASKED_S
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.flights import changes_of, rows, steady
+
+MASKED_S = 20
 
 
 def alarm(end_s: int, fault: str = "tracking", condition: Condition = "degraded", since_s: int = 0) -> Alarm:

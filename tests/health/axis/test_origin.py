@@ -11,13 +11,6 @@ import pytest
 from mavhums.health.axis.findings import MixedPair, MixedSums, origins
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.regressions import FORMS, Chain
-from mavhums.health.axis.thresholds import (
-    LEAST_ROWS_PER_S,
-    MANOEUVRE_DEVIATION,
-    MASKED_S,
-    MIXED_RECENT_S,
-    MIXED_WEIGHT,
-)
 from mavhums.results.verdict import Evidence
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
@@ -25,6 +18,9 @@ from tests.health.axis.flights import Array, changes_of, excited, rolling, rows,
 from tests.health.axis.test_detectors import controlled
 from tests.health.axis.test_pooled import GAIN, REFERENCE
 
+LEAST_ROWS_PER_S = 14
+MASKED_S = 20
+MIXED_RECENT_S = 180
 ELEVONS = {"roll": "pitch", "pitch": "roll"}
 
 
@@ -77,7 +73,7 @@ def test_sums_of_mixed_surfaces_are_of_seconds_with_enough_rows() -> None:
     for k in np.flatnonzero(counts >= LEAST_ROWS_PER_S):
         at = (second == k) & own.good
         d, c, r = own.drive[at], other.drive[at], left[at]
-        variance = REFERENCE.variance / GAIN**2 + MANOEUVRE_DEVIATION**2 * (d @ d + c @ c)
+        variance = REFERENCE.variance / GAIN**2 + 0.2**2 * (d @ d + c @ c)
         expected[k] = np.array([d @ d, d @ c, c @ c, -d @ r / GAIN, -c @ r / GAIN]) / variance
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)
 
@@ -198,7 +194,7 @@ def test_shares_are_the_likelihoods_of_the_best_loss_of_each(lost: float, taken:
     assert pair.shares() == {}
     pair.begin(2 * MIXED_RECENT_S - 1)
     pair.add(2 * MIXED_RECENT_S + 5, second)
-    logs = {name: best_fit(name, 6 * second, MIXED_WEIGHT) for name in ("left", "right", "both")}
+    logs = {name: best_fit(name, 6 * second, 0.5) for name in ("left", "right", "both")}
     expected = {name: np.exp(one - max(logs.values())) for name, one in logs.items()}
     whole = sum(expected.values())
     found = pair.shares()

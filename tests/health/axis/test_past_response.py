@@ -12,7 +12,6 @@ import pytest
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.past import compare_response
 from mavhums.health.axis.response import ResponseSums
-from mavhums.health.axis.thresholds import LEAST_ROWS_PER_S, PAST_FLIGHTS, PAST_RATE_RATIO
 from mavhums.health.estimation.least_squares import unpacked
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.verdict import OwnRecord, Verdict
@@ -61,7 +60,7 @@ def record(flown: Rows, *, block: int = 1 << 20, setup: str = SENSOR, rate_hz: f
     return found.record(setup, rate_hz)
 
 
-def healthy(count: int = PAST_FLIGHTS, **how: Any) -> list[tuple[OwnRecord]]:
+def healthy(count: int = 5, **how: Any) -> list[tuple[OwnRecord]]:
     """Return earlier flights, whose gain scatters by 2 %."""
     gains = GAIN * (1.0 + 0.02 * np.cos(np.arange(count)))
     return [(record(flight(120, seed=k, gain=gain), **how),) for k, gain in enumerate(gains.tolist(), 10)]
@@ -128,7 +127,7 @@ def test_parts_are_of_one_source_of_the_speed_and_of_seconds_with_enough_rows() 
     row = np.arange(len(second)) % RATE_HZ
     sources = np.where((second >= 15) & (second < 22), 1.0, 0.0) + float(SPEEDS) * (second % 3)
     sources[(second == 25) & (row >= 12)] += 1.0
-    flying = ~((second == 5) & (row >= LEAST_ROWS_PER_S)) & ~((second == 8) & (row >= LEAST_ROWS_PER_S - 1))
+    flying = ~((second == 5) & (row >= 14)) & ~((second == 8) & (row >= 13))
     sums = ResponseSums("roll")
     sums.feed(replace(flown, sources=sources, flying=flying))
     found = present(sums.response())
@@ -174,9 +173,9 @@ def test_what_is_not_comparable_is_not_compared() -> None:
     own = record(flight(180, left=0.3))
     before = judged(None, PAST)
     assert before.condition == "undecided"
-    for past in (PAST[:-1], healthy(setup=TRIANGLE), healthy(rate_hz=10.0 * PAST_RATE_RATIO * 1.01)):
+    for past in (PAST[:-1], healthy(setup=TRIANGLE), healthy(rate_hz=30.3)):
         assert judged(own, past).condition == "undecided"
-    assert judged(own, healthy(rate_hz=10.0 * PAST_RATE_RATIO)).condition == "emergency"
+    assert judged(own, healthy(rate_hz=30.0)).condition == "emergency"
     assert judged(own, PAST, others=(axis("degraded", "yaw"),)).condition == "undecided"
     assert judged(own, PAST, others=(axis("normal", "yaw"),)).condition == "emergency"
     for condition in ("normal", "degraded", "emergency"):

@@ -17,11 +17,13 @@ from mavhums.health.axis.regressions import (
     judgeable,
 )
 from mavhums.health.axis.residuals import AttitudeResponse
-from mavhums.health.axis.thresholds import LEAST_SPEED_SHARE, MEAN_ROWS, MOST_PITCH_DEG, SLOW_STREAM_S
-from mavhums.health.decision.thresholds import MOST_BANK_DEG
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.flights import SPEED, Array, excited, rows, steady
 
+LEAST_SPEED_SHARE = 0.85
+MEAN_ROWS = 8
+MOST_PITCH_DEG = 34
+MOST_BANK_DEG = 60
 STEP = np.concatenate([np.zeros(1), np.ones(60)])
 TIME_S = np.arange(61) / RATE_HZ
 
@@ -76,7 +78,7 @@ def test_a_reference_rests_on_the_usual_source_in_flight() -> None:
         ("roll", -np.radians(MOST_BANK_DEG), -np.radians(MOST_BANK_DEG + 0.1)),
         ("pitch", np.radians(MOST_PITCH_DEG), np.radians(MOST_PITCH_DEG + 0.1)),
         ("pitch", -np.radians(MOST_PITCH_DEG), -np.radians(MOST_PITCH_DEG + 0.1)),
-        ("spacing", 2.0 * SLOW_STREAM_S, 2.0 * SLOW_STREAM_S + 0.001),
+        ("spacing", 0.84, 0.841),
         ("sources", 0.0, 1.0),
         ("flying", True, False),
         ("trusted", True, False),

@@ -17,20 +17,11 @@ from mavhums.health.decision.growth import (
     last_step,
     widening,
 )
-from mavhums.health.decision.thresholds import (
-    GROWTH_HORIZON_FLIGHTS,
-    GROWTH_SCALES,
-    LASTING_FLIGHTS,
-    MOST_AUTOCORRELATION,
-    MOST_FLIGHT_TAIL,
-    STEP_CONFIRMED_FLIGHTS,
-    STEP_SIZE,
-    TREND_FLIGHTS,
-)
 from mavhums.health.estimation.random_effects import variance_between
-from mavhums.health.estimation.thresholds import LEAST_ERROR_SHARE
 from mavhums.health.sequential import EXCLUDING
 from tests.health.present import present
+
+TREND_FLIGHTS = 8
 
 Array = NDArray[np.float64]
 
@@ -100,7 +91,7 @@ def test_the_evidence_is_the_bayes_factor_of_a_slope(seed: int, widened: bool) -
     total = np.sum((values - values.mean()) ** 2)
     slopes, step = np.linspace(-60, 60, 240_001, retstep=True)  # in standard deviations of a flight
     expected = []
-    for scale in GROWTH_SCALES:
+    for scale in (0.03, 0.1, 0.4, 1.6):
         share = np.sum(centred**2) / (np.sum(centred**2) + scale**-2)
         rest = total - share * np.sum(centred * values) ** 2 / np.sum(centred**2)
         error = np.sqrt(rest / 7 / (np.sum(centred**2) + scale**-2))
@@ -108,7 +99,7 @@ def test_the_evidence_is_the_bayes_factor_of_a_slope(seed: int, widened: bool) -
         rising = 2 * np.sum(stats.t.pdf(slopes[slopes > 0], 7, middle / error)) * step
         expected.append((np.sqrt(1 - share) * (total / rest) ** 3.5) ** (1 / inflation) * rising)
     assert np.exp(found.log_odds[0]) == pytest.approx(0.5 * np.mean(expected), rel=1e-3)
-    assert found.first.tolist() == [0, *range(1, 8 - LASTING_FLIGHTS)]
+    assert found.first.tolist() == [0, *range(1, 3)]
 
 
 def test_each_course_is_the_weighted_line_that_grows_from_its_first_flight_on() -> None:
@@ -139,7 +130,7 @@ def test_each_course_is_the_weighted_line_that_grows_from_its_first_flight_on() 
     total = squares[0] + found.slope[0] ** 2 * found.spread[0]
     factors = _log_bayes_factors(total, found.slope * found.spread, found.spread, n - 1, inflation)
     waited = np.diff(numbers[found.first])
-    expected = [0.5, *(0.5 * waited / GROWTH_HORIZON_FLIGHTS)]
+    expected = [0.5, *(0.5 * waited / 200.0)]
     assert np.exp(found.log_odds - factors) == pytest.approx(expected, rel=1e-3)
 
 
@@ -163,7 +154,7 @@ def test_of_the_flights_before_a_step_the_scatter_counts_if_there_are_enough(beg
 def test_a_flight_known_exactly_counts_as_one_known_a_little_better() -> None:
     numbers, values, errors = history(4, 12)
     zero, least = errors.copy(), errors.copy()
-    zero[[2, 5]], least[[2, 5]] = 0.0, LEAST_ERROR_SHARE * errors.max()
+    zero[[2, 5]], least[[2, 5]] = 0.0, 0.001 * errors.max()
     assert course(numbers, values, zero).per_flight == course(numbers, values, least).per_flight
     assert course(numbers, values, zero).per_flight != course(numbers, values, errors).per_flight
 
@@ -177,7 +168,7 @@ def test_a_flight_is_left_out_that_chance_hardly_puts_anywhere_so_far_off(
     numbers = np.arange(1.0, n + 1)
     # Neighbours alternate about a line that grows from the first flight on.
     values = LEVEL + 0.01 * numbers + 0.004 * (-1.0) ** np.arange(n) * (1.0 + 0.2 * np.cos(numbers))
-    values[place] = beside_the_line(numbers, values, place, share * MOST_FLIGHT_TAIL / n)
+    values[place] = beside_the_line(numbers, values, place, share * 0.01 / n)
     found = course(numbers, values, np.full(n, 0.002))
     assert found.left_out == ((place,) if left_out else ())
 
@@ -194,7 +185,7 @@ def test_a_step_is_larger_than_seven_standard_errors(
     noise = differ / 2 * (-1.0) ** at
     deviation = differ * 1.4826 / np.sqrt(2.0) if differ else 0.003
     errors = np.full(12, 1e-6 if differ else deviation)
-    size = STEP_SIZE * deviation * np.sqrt(1 / before + 1 / after)
+    size = 7.0 * deviation * np.sqrt(1 / before + 1 / after)
     size -= noise[place : place + after].mean() - noise[place - before : place].mean()
     for share, found in ((0.99, None), (1.01, place)):
         assert last_step(LEVEL + noise + share * size * (at >= place), errors) == found
@@ -265,8 +256,7 @@ def test_neighbours_that_are_alike_widen_the_line(unit: float) -> None:
     """By (1 + r)/(1 − r) of their autocorrelation r, up to a limit; those that alternate do not narrow it."""
     assert widening(unit * np.array([1.0, 1.0, -1.0, -1.0, 1.0])) == pytest.approx(1.0)
     assert widening(unit * np.array([1.0, 1.0, 1.0, -1.0, -1.0])) == pytest.approx(1.4 / 0.6)
-    most = (1.0 + MOST_AUTOCORRELATION) / (1.0 - MOST_AUTOCORRELATION)
-    assert widening(np.full(50, unit)) == pytest.approx(most)
+    assert widening(np.full(50, unit)) == pytest.approx(9.0)
     assert widening(unit * np.array([1.0, -1.0, 1.0, -1.0])) == 1.0
     assert widening(np.zeros(5)) == 1.0
 
@@ -313,11 +303,11 @@ def test_a_step_has_enough_flights_before_and_after_it(change: float) -> None:
     scattered = LEVEL + 0.004 * np.sin(2.4 * np.arange(flights))
     for place in range(1, flights):
         values = scattered + change * (np.arange(flights) >= place)
-        known = TREND_FLIGHTS // 2 <= place <= flights - STEP_CONFIRMED_FLIGHTS
+        known = TREND_FLIGHTS // 2 <= place <= flights - 3
         assert last_step(values, np.full(flights, 0.002)) == (place if known else None)
     stepped = np.where(np.arange(flights) >= TREND_FLIGHTS // 2, LEVEL + change, LEVEL)
     for count in range(flights):
-        known = count >= max(TREND_FLIGHTS, TREND_FLIGHTS // 2 + STEP_CONFIRMED_FLIGHTS)
+        known = count >= max(TREND_FLIGHTS, TREND_FLIGHTS // 2 + 3)
         assert (last_step(stepped[:count], np.full(count, 0.002)) is not None) == known
 
 

@@ -9,11 +9,10 @@ from mavhums.core.quantities import column
 from mavhums.health.estimation.equations.interface import ServoSpeed
 from mavhums.health.estimation.flight_sums import AngleIntegrator
 from mavhums.health.estimation.slots import Slots, with_extra_columns
-from mavhums.health.estimation.thresholds import COARSE_LEAST_CHANGES, COARSE_SPEED_SHARE
 from tests.health.self_baseline.servo import blank
 
-LEAST = COARSE_LEAST_CHANGES
-HALF = round(COARSE_SPEED_SHARE * LEAST)
+LEAST = 10
+HALF = 5
 
 
 def second(turns: int, steps: int, unknown: int = 0) -> tuple[Slots, ServoSpeed]:

@@ -18,7 +18,6 @@ from mavhums.health.estimation.equations.interface import load_friction_prior
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
-from mavhums.health.estimation.thresholds import MOST_LOAD_FRICTION
 from tests.health.flown import actuator_of, flown, telemetry
 from tests.health.present import present
 from tests.strategies import cuts
@@ -141,5 +140,5 @@ def test_a_data_sheets_uncertainty_is_two_standard_deviations_of_the_prior() -> 
     assert np.isinf(prior.deviation[[0, 2, 4]]).all(), "friction, offset and load are what is sought"
     for mu in (None, 0.0):
         mean, deviation = load_friction_prior(ema.model_copy(update={"load_friction": mu}))
-        assert mean == (0.0 if mu == 0.0 else MOST_LOAD_FRICTION / 2)
-        assert deviation == (np.inf if mu == 0.0 else MOST_LOAD_FRICTION / 12**0.5)
+        assert mean == (0.0 if mu == 0.0 else 0.25)
+        assert deviation == (np.inf if mu == 0.0 else 0.5 / 12**0.5)

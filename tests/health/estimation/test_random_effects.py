@@ -16,9 +16,8 @@ from mavhums.health.estimation.random_effects import (
     variance_between,
     weighted,
 )
-from mavhums.health.estimation.thresholds import BASELINE_FLIGHTS, STATED_ERROR_FREEDOM
 
-NATURAL = BASELINE_FLIGHTS - 1.0
+NATURAL = 9.0
 
 ONE = np.ones((4, 1))
 VALUES = np.array([1.0, 1.4, 0.7, 1.3])
@@ -76,8 +75,8 @@ def test_flights_count_by_their_errors_beside_the_scatter_between_them(natural_s
     assert found.freedom == pytest.approx(weights.sum() ** 2 / (weights @ weights) - 2.0 + trusted)
     share, freedom = scattering_share(design, values, 8.0 * errors)
     squares = weighted(design, values, 1.0 / (8.0 * errors) ** 2)[1]
-    assert freedom == 6.0 + STATED_ERROR_FREEDOM
-    assert share == pytest.approx((squares @ squares + STATED_ERROR_FREEDOM) / freedom)
+    assert freedom == 8.0
+    assert share == pytest.approx((squares @ squares + 2.0) / freedom)
     assert share < 1.0
 
 

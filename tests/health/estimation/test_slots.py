@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mavhums.health.estimation.slots import COLUMNS, SlotCutter, Slots
-from mavhums.health.estimation.thresholds import GUARD_S
+
+GUARD_S = 0.06
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,6 @@ from mavhums.core.arrays import Array
 from mavhums.health.estimation.equations.own_scale import CURRENT, POWER, ROUGHNESS
 from mavhums.health.estimation.flight_sums import KEPT, POWER_COLUMNS, QUADRATIC
 from mavhums.health.estimation.least_squares import packed
-from mavhums.health.estimation.thresholds import LOAD_SHOWS_ERRORS
 from mavhums.health.estimation.wear import (
     Law,
     Nuisances,
@@ -41,7 +40,7 @@ def test_a_law_needs_a_load_that_shows_beyond_its_error(
     design[:, load] = unit * ((1 - alike) * design[:, load] + alike * design[:, other])
     true = np.linspace(0.5, 1.5, len(QUADRATIC))
     error = np.linalg.inv(design.T @ design)[load, load] ** 0.5
-    true[load] = errors * LOAD_SHOWS_ERRORS * error
+    true[load] = errors * 5.0 * error
     columns[:, list(QUADRATIC)], columns[:, -1] = design, design @ true
     law = _law(columns.T @ columns, 0.3)
     assert (law is not None) == shows
@@ -211,7 +210,7 @@ def test_a_friction_by_load_shows_from_some_errors_on(errors: float, shown: bool
     coefficients, squares, _, _ = np.linalg.lstsq(design, samples[:, -1])
     variance = float(squares[0]) / (400 - 4 - 4 - 1)  # samples, parts, coefficients and the friction
     error = (variance * np.linalg.inv(design.T @ design)[-1, -1]) ** 0.5
-    load_friction = errors * LOAD_SHOWS_ERRORS * error
+    load_friction = errors * 5.0 * error
     grams, samples = loaded_parts(4, load_friction - coefficients[-1])
     record = parts(*grams)
     found = learned([record])

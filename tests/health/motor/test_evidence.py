@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from mavhums.core.arrays import Array
-from mavhums.health.decision.thresholds import MOST_BANK_DEG
 from mavhums.health.motor import evidence as e
-from mavhums.health.motor import thresholds as t
 from mavhums.health.motor.hypotheses import hypotheses_of, of_health, of_losses
 from mavhums.health.motor.monitor import Loss, MotorMonitor
 from mavhums.results.standing import Interval
@@ -20,10 +18,9 @@ from mavhums.vehicle.rotors import Rotors
 from tests.health.motor.test_hypotheses import QUAD
 from tests.health.motor.test_past import QUAD as QUADCOPTER
 
+NOISE_SD = np.array([0.07, 0.07, 0.027])
 HOVER = 0.4
-AIRBORNE, SETTLED, LANDED, GRACE = (
-    round(seconds * RATE_HZ) for seconds in (t.AIRBORNE_S, t.SETTLED_S, t.LANDED_S, t.BANK_GRACE_S)
-)
+AIRBORNE, SETTLED, LANDED, GRACE = (round(seconds * RATE_HZ) for seconds in (4.0, 15.0, 1.5, 0.3))
 
 
 class Craft:
@@ -84,7 +81,7 @@ def test_it_lands_where_it_says_so_or_where_the_thrust_stays_below_half() -> Non
 
 
 def test_a_dip_is_not_judged_and_a_long_one_parts_the_windows() -> None:
-    for share, dips in ((t.LEAST_THRUST - 0.01, True), (t.LEAST_THRUST + 0.01, False)):
+    for share, dips in ((0.69, True), (0.71, False)):
         craft = flown(SETTLED + 100)
         before = craft.count(e.JUDGED)
         craft.fly(1, share * HOVER)
@@ -98,7 +95,7 @@ def test_a_dip_is_not_judged_and_a_long_one_parts_the_windows() -> None:
 
 @pytest.mark.parametrize(("rows", "dead"), [(GRACE, 0), (GRACE + 1, AIRBORNE)])
 def test_a_lean_is_judged_for_a_moment_and_then_only_after_a_while(rows: int, dead: int) -> None:
-    bank = np.cos(np.radians(MOST_BANK_DEG))
+    bank = np.cos(np.radians(60))
     craft = flown(SETTLED + 100)
     craft.fly(rows, upright=bank + 0.001)
     assert craft.count(e.TIPPED) == 0
@@ -150,8 +147,8 @@ def test_a_row_adds_its_likelihoods_to_the_evidence(spacing: float) -> None:
     craft.fly(2, effort=HOVER * effort)
     state = craft.state
     before, air = state.values.copy(), state.air.copy()
-    worth = t.NOISE_WORTH + state.weight[0]
-    noise = np.diag(np.maximum(t.NOISE_WORTH / worth, t.NOISE_FLOOR) * t.NOISE_SD**2) * max(5.0, spacing)
+    worth = 3.0 + state.weight[0]
+    noise = np.diag(np.maximum(3.0 / worth, 0.25) * NOISE_SD**2) * max(5.0, spacing)
     craft.fly(1, effort=HOVER * effort, spacing=spacing)
     precision = np.linalg.inv(noise).astype(np.float64)
     ratios = np.empty_like(before)
@@ -176,7 +173,7 @@ def test_a_loss_is_named_with_its_share_and_its_onset_and_forgotten_on_the_groun
 
 
 def test_noise_is_learned_block_by_block_but_the_last() -> None:
-    block, craft = round(t.CORRELATED_S * RATE_HZ), flown(SETTLED)
+    block, craft = round(0.25 * RATE_HZ), flown(SETTLED)
     weight = craft.state.weight[0]
     craft.fly(2 * block, effort=HOVER * np.array([0.05, 0.0, 0.0]))
     assert craft.state.weight[0] > weight
@@ -185,8 +182,8 @@ def test_noise_is_learned_block_by_block_but_the_last() -> None:
 
 
 def test_the_effort_of_a_turn_is_learned_less_and_forgotten_slowly() -> None:
-    long, effort = round(t.REFERENCE_S * RATE_HZ), np.array([0.04, -0.02, 0.01])
-    for rate, weight in ((0.0, 1.0), (t.TURN, 0.5), (3.0 * t.TURN, 0.1)):
+    long, effort = round(40.0 * RATE_HZ), np.array([0.04, -0.02, 0.01])
+    for rate, weight in ((0.0, 1.0), (0.1, 0.5), (0.3, 0.1)):
         craft = flown(long + AIRBORNE)
         craft.fly(1, effort=effort)
         craft.fly(1, rates=np.array([0.0, 0.0, rate]))

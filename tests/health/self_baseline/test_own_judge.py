@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 
 from mavhums.health.decision.baseline import PastRecord
-from mavhums.health.decision.thresholds import USEFUL_RISE
 from mavhums.health.estimation.equations.own_scale import TRACKING
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.random_effects import population
-from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
-from mavhums.health.self_baseline import comparison
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, comparison_reason
 from mavhums.results.verdict import OwnRecord, Verdict
@@ -55,14 +52,14 @@ def test_a_fall_is_no_wear() -> None:
     assert compare(EQUATION, flight(53, 0.03), HEALTHY).condition == "unchanged"
 
 
-def test_a_rise_is_changed_since_the_first_flight_of_an_unbroken_row(monkeypatch: pytest.MonkeyPatch) -> None:
-    extra = [flight(60 + k) for k in range(REFERENCE_FLIGHTS - 12)]
+def test_a_rise_is_changed_since_the_first_flight_of_an_unbroken_row() -> None:
+    extra = [flight(60 + k) for k in range(8)]
     worn = [flight(80, 0.08), flight(81), flight(82, 0.08), flight(83, 0.08)]
     flights = past(*(p.records[0] for p in HEALTHY), *extra, *worn)
     found = compare(EQUATION, flight(84, 0.08), flights)
     assert found.condition == "changed"
     assert present(found.change).estimate == pytest.approx(0.6, abs=0.1)
-    assert present(found.since).flight == REFERENCE_FLIGHTS + 3
+    assert present(found.since).flight == 23
     reason = comparison_reason(EQUATION, found)
     assert reason.code == "own_changed"
     assert "since flight 23 (2026-03-23): friction" in reason.text
@@ -71,9 +68,8 @@ def test_a_rise_is_changed_since_the_first_flight_of_an_unbroken_row(monkeypatch
     ratio = (change.high - change.estimate) / (np.hypot(*halves) / usual.estimate)
     assert ratio == pytest.approx(1.0, abs=0.3)
     # Further back it is not looked for.
-    monkeypatch.setattr(comparison, "TRAILING_FLIGHTS", 1)
-    again = compare(EQUATION, flight(84, 0.08), flights)
-    assert present(again.since).flight == REFERENCE_FLIGHTS + 4
+    again = compare(EQUATION, flight(84, 0.08), [*flights, *flights[-1:] * 120])
+    assert present(again.since).flight == 45
 
 
 def test_a_fault_that_blurs_its_own_quantity_is_changed() -> None:
@@ -219,11 +215,11 @@ def test_an_uncertain_flight_says_at_which_rate_of_false_alarms_it_shows_a_usefu
     own = left(Servo(), 60, seconds=60.0, noise_a=0.5)
     found = compare(EQUATION, own, before)
     assert found.least_rise is not None
-    assert found.least_rise > USEFUL_RISE
+    assert found.least_rise > 0.5
     assert found.useful_at is not None
     assert found.useful_at > 1.0
     again = compare(EQUATION, own, before, false_alarms=found.useful_at)
-    assert again.least_rise == pytest.approx(USEFUL_RISE, rel=1e-6)
+    assert again.least_rise == pytest.approx(0.5, rel=1e-6)
     assert f"{found.useful_at:.2g} false alarms in 100 h" in comparison_reason(EQUATION, found).text
     sure = comparison_reason(EQUATION, compare(EQUATION, flight(51), HEALTHY))
     assert sure.code == "own_unchanged"

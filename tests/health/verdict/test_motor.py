@@ -10,19 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import t
 
 from mavhums.core.conditions import Condition
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.motor.monitor import TRIM, TRIM_YAW, Loss, MotorFindings, Trims, condition_of
 from mavhums.health.motor.speeds import SpeedCause
-from mavhums.health.motor.thresholds import (
-    BETWEEN_FLIGHTS,
-    LEAST_TRIM_CHANGE,
-    SCATTER_WORTH,
-    TRIM_SCATTER_PER_MOTOR,
-    YAW_SHIFT,
-)
 from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
 from mavhums.results.reasons import Reason
 from mavhums.results.standing import Interval
@@ -158,7 +150,7 @@ def test_a_trim_is_the_mean_of_blocks_along_the_column_of_the_motor() -> None:
             trims.add(thrusts, flown)  # no second of it is flown upright throughout
         assert (len(trims.of_motor(0)) == 2) is (len(efforts) >= 3)
     for motor, column in enumerate(COLUMNS):
-        weights = column / BETWEEN_FLIGHTS**2
+        weights = column / np.array([0.03, 0.05, 0.012]) ** 2
         weights /= weights @ column
         whole, turns = trims.of_motor(motor)
         yaw = np.array(efforts)[:, 2] * np.sign(column[2])
@@ -201,11 +193,7 @@ def compared(
 
 def test_the_motor_with_the_largest_change_is_worn_if_it_is_certain() -> None:
     """The scatter between flights is that of others, worth six flights, and the aircraft's own."""
-    freedom = SCATTER_WORTH + FLIGHTS - 1
-    usual = (4 * TRIM_SCATTER_PER_MOTOR) ** 2
-    for spread in (0.03, 0.2):
-        variance = (SCATTER_WORTH * usual + (FLIGHTS - 1) * spread**2) / freedom * (1 + 1 / FLIGHTS)
-        least = max(float(t.ppf(1.0 - 0.01 / 4, freedom)) * variance**0.5, LEAST_TRIM_CHANGE)
+    for spread, least in ((0.0, 0.15), (0.2, 0.51395)):
         for share, worn in ((1.001, True), (0.999, False)):
             found = compared([0.0, share * least, 0.5 * least, -2.0 * least], spread=spread)
             expected = ["normal", "degraded" if worn else "normal", "normal", "normal"]
@@ -221,9 +209,8 @@ def test_the_motor_with_the_largest_change_is_worn_if_it_is_certain() -> None:
     assert worn_one.since.utc == START.isoformat()
 
 
-@pytest.mark.parametrize(("deviations", "weight"), [(0.99, True), (1.01, False)])
-def test_only_yaw_tells_a_motor_from_a_weight(deviations: float, weight: bool) -> None:
-    yaw = deviations * YAW_SHIFT * float(BETWEEN_FLIGHTS[2]) * (1.0 + 1.0 / FLIGHTS) ** 0.5
+@pytest.mark.parametrize(("yaw", "weight"), [(0.039, True), (0.040, False)])
+def test_only_yaw_tells_a_motor_from_a_weight(yaw: float, weight: bool) -> None:
     [evidence] = compared([0.4, 0.0, 0.0, 0.0], yaw)[0].evidence
     assert ("a weight that sits elsewhere" in evidence.rule) is weight
 
