@@ -12,7 +12,7 @@ from mavhums.health.estimation.slots import Slots, with_extra_columns
 from tests.health.self_baseline.servo import blank
 
 LEAST = 10
-HALF = 5
+HALF = 5  # of the changes
 
 
 def second(turns: int, steps: int, unknown: int = 0) -> tuple[Slots, ServoSpeed]:
@@ -54,6 +54,18 @@ def test_what_the_register_does_not_tell_is_no_step_of_it() -> None:
     other = AngleIntegrator()
     other.fine_speed(blank(), *second(2 * LEAST, 0, LEAST + 1))
     assert other.coarse is None
+
+
+def test_a_step_of_the_angle_is_a_speed_for_a_few_hundredths_of_a_second() -> None:
+    """At 90 Hz three samples lie within 0.04 s on either side."""
+    values = np.full((90, 12), np.nan)
+    values[:, column("V3")] = np.where(np.arange(90) < 45, 0.0, 0.1)
+    wide = with_extra_columns(values)
+    slots = Slots(np.array([0]), np.array([0]), slice(0, 90), np.arange(90) / 90.0, wide)
+    turned = AngleIntegrator()
+    turned.coarse = True
+    used = turned.fine_speed(blank(), slots, ServoSpeed(np.zeros(90), 0.1))
+    assert np.flatnonzero(used.rad_s > 0.0).tolist() == [*range(42, 48)]
 
 
 def test_the_first_second_with_motion_decides() -> None:

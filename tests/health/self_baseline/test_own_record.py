@@ -104,7 +104,7 @@ def test_a_long_flight_leaves_no_more_than_sixteen_parts() -> None:
 
 def test_a_flight_at_a_low_rate_leaves_nothing_and_says_why() -> None:
     sums = OwnSums(EQUATION, blank())
-    assert collected(sums, SERVO.flown(1, rate_hz=10.0)) is None
+    assert collected(sums, SERVO.flown(1, rate_hz=19.0)) is None
     assert present(sums.gap).code == "own_too_slow"
 
 

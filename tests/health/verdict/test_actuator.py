@@ -35,7 +35,7 @@ SURE = Suspect(fault="friction", confidence=0.987654)
 
 def verdict(condition: Condition = "degraded", end_s: float = 100.0, **changes: Any) -> Verdict:
     """Return the verdict on a flight whose telemetry ends at 90 s."""
-    implausible = changes.pop("implausible", {"V5": (3, 100)})
+    implausible = changes.pop("implausible", {"V5": (9, 100)})
     provenance = changes.pop("provenance", {"V5": "A.b", "V7": "A.c"})
     actuator = actuator_of().model_copy(update=changes.pop("actuator", {}))
     findings: Any = SimpleNamespace(
@@ -74,7 +74,7 @@ def test_numbers_have_the_digits_that_are_known() -> None:
     [shown] = verdict(indicators=(bare,)).indicators
     assert (shown.scatter, shown.baseline) == (None, None)
     assert found.coverage == Coverage(
-        moving_fraction=0.1235, windows=50, decidable=7, late=7, implausible={"V5": 3}
+        moving_fraction=0.1235, windows=50, decidable=7, late=7, implausible={"V5": 9}
     )
     assert found.since is not None
     assert found.since.flight_time_s == 41.235

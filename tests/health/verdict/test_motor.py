@@ -13,8 +13,10 @@ import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.health.decision.baseline import Baseline
+from mavhums.health.motor.heating import HEATING
 from mavhums.health.motor.monitor import TRIM, TRIM_YAW, Loss, MotorFindings, Trims, condition_of
 from mavhums.health.motor.speeds import SpeedCause
+from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
 from mavhums.results.reasons import Reason
 from mavhums.results.standing import Interval
@@ -207,6 +209,19 @@ def test_the_motor_with_the_largest_change_is_worn_if_it_is_certain() -> None:
     assert worn_one.suspects[0].confidence == 0.99
     assert worn_one.since is not None
     assert worn_one.since.utc == START.isoformat()
+
+
+@pytest.mark.parametrize(("fault", "least"), [(HEATING, 0.582), (UNBALANCE, 1.038)])
+def test_what_grows_in_one_motor_counts_beyond_how_flights_scatter(fault: str, least: float) -> None:
+    """Its own five flights scatter by a fifth; those of others by a tenth in warming, by 0.3 in unbalance."""
+    known = {fault: Baseline(mean=1.0, error=0.01, flights=FLIGHTS, between=0.02, spread=0.2)}
+    for rise, worn in ((0.99 * least, "normal"), (1.01 * least, "degraded")):
+        flown = [
+            one.model_copy(update={"indicators": (indicator(fault, 1.0 + rise * (k == 2)),)})
+            for k, one in enumerate(compared([0.0] * 4))
+        ]
+        found = compare_motors(flown, lambda _: known, start_utc=START, end_s=100.0)
+        assert [one.condition for one in found] == ["normal", "normal", worn, "normal"]
 
 
 @pytest.mark.parametrize(("yaw", "weight"), [(0.039, True), (0.040, False)])
