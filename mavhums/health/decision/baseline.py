@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Final, NamedTuple
 
@@ -84,6 +84,12 @@ class Baseline:
         half = t_quantile(self.flights - 1, CENTRAL_95) * self.spread * (1.0 + 1.0 / self.flights) ** 0.5
         return Interval.around(self.mean, half)
 
+    def pooled(self, scatter: float) -> Baseline:
+        """Return the baseline with what others scatter between flights, which weighs as much as its own."""
+        own, usual = self.flights - 1.0, BASELINE_FLIGHTS - 1.0
+        between = ((own * self.between**2 + usual * scatter**2) / (own + usual)) ** 0.5
+        return replace(self, between=between, error=between / self.flights**0.5, freedom=own + usual)
+
     @classmethod
     def of(cls, indicators: Sequence[Indicator]) -> Baseline | None:
         """Return the baseline of several flights; None if too few show their scatter.
@@ -145,10 +151,15 @@ class ComparedIndicator:
         return self.difference / self.error
 
     @property
+    def times(self) -> float:
+        """The quantity by its baseline."""
+        return self.indicator.value.estimate / self.baseline.mean
+
+    @property
     def share(self) -> Interval:
         """Return the quantity as a share of its baseline, with its 95 % interval."""
         mean = self.baseline.mean
-        k = self.indicator.value.estimate / mean
+        k = self.times
         half = t_quantile(self.freedom, CENTRAL_95) * self.error / abs(mean)
         return Interval(estimate=round(k, 3), low=round(k - half, 3), high=round(k + half, 3))
 

@@ -107,7 +107,5 @@ UNBALANCE_SCATTER: Final = 0.3
 whole propellers scatters by 0.2 between three flights; no log at hand has that of a rotor."""
 HEATING_SCATTER: Final = 0.1
 """That of an ESC's warming beside the others. By hand: no log at hand has it; simulated ones, 0.05 to 0.2."""
-SCATTER_WORTH: Final = 6.0
-"""Flights that these scatters are worth beside the aircraft's own."""
 YAW_SHIFT: Final = 3.0
 """Standard deviations between flights from which the effort about yaw shows that no weight moved."""

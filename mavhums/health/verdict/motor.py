@@ -18,8 +18,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import NORMAL_95, t_quantile
-from mavhums.health.decision.baseline import Baseline, with_baselines
+from mavhums.core.statistics import t_quantile
+from mavhums.health.decision.baseline import Baseline, ComparedIndicator, with_baselines
 from mavhums.health.decision.conditions import since
 from mavhums.health.decision.thresholds import MOST_BANK_DEG, MOST_FLIGHT_TAIL, NORMAL_S, USEFUL_RISE
 from mavhums.health.motor.heating import HEATING
@@ -31,7 +31,6 @@ from mavhums.health.motor.thresholds import (
     HEATING_SCATTER,
     LEAST_TRIM_CHANGE,
     MOST_EXCLUDED,
-    SCATTER_WORTH,
     TRIM_SCATTER_PER_MOTOR,
     UNBALANCE_SCATTER,
     YAW_SHIFT,
@@ -219,26 +218,6 @@ _GROWING: Final = {
 }
 
 
-class _Growth(NamedTuple):
-    """An indicator of a motor beside that of earlier flights: by their mean, with its standard error."""
-
-    value: float
-    ratio: float
-    error: float
-    freedom: float
-    flights: int
-
-
-class _TrimShift(NamedTuple):
-    """A motor's trim beside that of earlier flights."""
-
-    value: float
-    ratio: float
-    freedom: float
-    flights: int
-    yaw: float
-
-
 def compare_motors(
     verdicts: Sequence[Verdict],
     baselines: Callable[[Verdict], Mapping[str, Baseline]],
@@ -260,84 +239,69 @@ def compare_motors(
     compared = list(verdicts)
     for vehicle in {verdict.vehicle for verdict in verdicts if verdict.subject == "motor"}:
         places = [k for k, v in enumerate(compared) if v.subject == "motor" and v.vehicle == vehicle]
-        changes: dict[int, _TrimShift] = {}
+        known = {k: baselines(compared[k]) for k in places}
         for k in places:
-            known = baselines(compared[k])
-            compared[k] = with_baselines(compared[k], known)
-            change = _change(compared[k], known, len(places))
-            if change is not None:
-                changes[k] = change
+            compared[k] = with_baselines(compared[k], known[k])
         judged = partial(_judged, start_utc=start_utc, end_s=end_s)
         tail = 1.0 - MOST_FLIGHT_TAIL / len(places)
+        scatter = TRIM_SCATTER_PER_MOTOR * len(places)
+        trims = {k: found for k in places if (found := _beside(compared[k], known[k], TRIM, scatter))}
         # A motor that carries more unloads the opposite one: the largest is the cause.
-        most = max(changes, key=lambda k: changes[k].value, default=None)
+        most = max(trims, key=lambda k: trims[k].difference, default=None)
         if most is not None:
-            one = changes[most]
-            if one.value >= LEAST_TRIM_CHANGE and one.ratio > t_quantile(one.freedom, tail):
-                compared[most] = judged(compared[most], _of_trim(one))
-        for fault in _GROWING:
+            one, yaw = trims[most], _beside(compared[most], known[most], TRIM_YAW, float(BETWEEN_FLIGHTS[2]))
+            if one.difference >= LEAST_TRIM_CHANGE and one.ratio > t_quantile(one.freedom, tail):
+                compared[most] = judged(compared[most], _of_trim(one, yaw))
+        for fault, grows in _GROWING.items():
             growths = {
-                k: found for k in places if (found := _growth(compared[k], baselines(compared[k]), fault))
+                k: found
+                for k in places
+                if (found := _beside(compared[k], known[k], fault, grows.scatter, relative=True))
             }
             for k, growth in growths.items():
-                others = [other.ratio for place, other in growths.items() if place != k]
+                others = [other.times for place, other in growths.items() if place != k]
                 # What shakes the sensor more than before, whichever rotor turns, is none of the rotors.
                 usual = max(float(np.median(others)), 1.0) if others else 1.0
-                more = growth.ratio / usual - 1.0
-                if more >= USEFUL_RISE and more > growth.error * t_quantile(growth.freedom, tail):
+                more, error = growth.times / usual - 1.0, growth.error / growth.baseline.mean
+                if more >= USEFUL_RISE and more > error * t_quantile(growth.freedom, tail):
                     compared[k] = judged(compared[k], _of_growth(fault, growth, usual))
     return compared
 
 
-def _change(verdict: Verdict, baselines: Mapping[str, Baseline], motors: int) -> _TrimShift | None:
-    shown = {one.fault: one.value.estimate for one in verdict.indicators}
-    if TRIM not in shown or not {TRIM, TRIM_YAW} <= baselines.keys():
-        return None
-    trim, yaw = baselines[TRIM], baselines[TRIM_YAW]
-    beside = 1.0 + 1.0 / trim.flights
-    own = trim.flights - 1.0
-    usual = (TRIM_SCATTER_PER_MOTOR * motors) ** 2
-    variance = (SCATTER_WORTH * usual + own * trim.spread**2) / (SCATTER_WORTH + own) * beside
-    value = shown[TRIM] - trim.mean
-    turned = (shown[TRIM_YAW] - yaw.mean) / (float(BETWEEN_FLIGHTS[2]) * beside**0.5)
-    return _TrimShift(value, value / variance**0.5, SCATTER_WORTH + own, trim.flights, turned)
-
-
-def _of_trim(one: _TrimShift) -> Evidence:
-    cause = "a worn propeller or motor"
-    if one.yaw < YAW_SHIFT:
-        cause += ", or a weight that sits elsewhere (yaw does not show which)"
-    rule = (
-        f"degraded: is asked for {100 * one.value:.0f} % more thrust beside the others than in "
-        f"{one.flights} earlier flights, from the start on: {cause}"
-    )
-    return Evidence(
-        kind="thrust", start_s=0.0, end_s=0.0, value=round(one.value, 4), limit=LEAST_TRIM_CHANGE, rule=rule
-    )
-
-
-def _growth(verdict: Verdict, baselines: Mapping[str, Baseline], fault: str) -> _Growth | None:
-    """Return the growth of a motor's indicator; None where this flight or the earlier ones do not show it."""
+def _beside(
+    verdict: Verdict, baselines: Mapping[str, Baseline], fault: str, scatter: float, *, relative: bool = False
+) -> ComparedIndicator | None:
+    """Return a motor's indicator beside that of earlier flights; others have this scatter between flights."""
     shown = next((one for one in verdict.indicators if one.fault == fault), None)
     known = baselines.get(fault)
-    if shown is None or known is None or known.mean <= 0.0:
+    if shown is None or known is None or (relative and known.mean <= 0.0):
         return None
-    own, worth = known.flights - 1.0, SCATTER_WORTH
-    between = (worth * _GROWING[fault].scatter ** 2 + own * (known.spread / known.mean) ** 2) / (worth + own)
-    value, error = shown.value.estimate, (shown.value.high - shown.value.low) / 2 / NORMAL_95
-    variance = between * (1.0 + 1.0 / known.flights) + (error / known.mean) ** 2
-    return _Growth(value, value / known.mean, variance**0.5, worth + own, known.flights)
+    return ComparedIndicator.of(shown, known.pooled(scatter * known.mean if relative else scatter))
 
 
-def _of_growth(fault: str, one: _Growth, usual: float) -> Evidence:
-    grows = _GROWING[fault]
+def _of_trim(one: ComparedIndicator, yaw: ComparedIndicator | None) -> Evidence:
+    cause = "a worn propeller or motor"
+    if yaw is None or yaw.ratio < YAW_SHIFT:
+        cause += ", or a weight that sits elsewhere (yaw does not show which)"
+    rule = (
+        f"degraded: is asked for {100 * one.difference:.0f} % more thrust beside the others than in "
+        f"{one.baseline.flights} earlier flights, from the start on: {cause}"
+    )
+    value = round(one.difference, 4)
+    return Evidence(kind="thrust", start_s=0.0, end_s=0.0, value=value, limit=LEAST_TRIM_CHANGE, rule=rule)
+
+
+def _of_growth(fault: str, one: ComparedIndicator, usual: float) -> Evidence:
+    grows, mean = _GROWING[fault], one.baseline.mean
     beside = f", {grows.others} {usual:.1f} times" if usual >= 1.05 else ""
     rule = (
-        f"degraded: {grows.what} {one.ratio:.1f} times as much as in "
-        f"{one.flights} earlier flights{beside}: {grows.cause}"
+        f"degraded: {grows.what} {one.times:.1f} times as much as in "
+        f"{one.baseline.flights} earlier flights{beside}: {grows.cause}"
     )
-    limit = float(f"{one.value / one.ratio * (1.0 + USEFUL_RISE) * usual:.4g}")
-    return Evidence(kind=fault, start_s=0.0, end_s=0.0, value=one.value, limit=limit, rule=rule)
+    limit = float(f"{mean * (1.0 + USEFUL_RISE) * usual:.4g}")
+    return Evidence(
+        kind=fault, start_s=0.0, end_s=0.0, value=one.indicator.value.estimate, limit=limit, rule=rule
+    )
 
 
 def _judged(verdict: Verdict, found: Evidence, start_utc: datetime, end_s: float) -> Verdict:
