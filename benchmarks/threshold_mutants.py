@@ -48,6 +48,15 @@ def numbers() -> list[tuple[str, str]]:
     ]
 
 
+def drawn(count: int, seed: int) -> list[tuple[str, str, float]]:
+    """Return a sample with a factor for each; a number that goes leaves the order of the others."""
+    order = []
+    for room, name in numbers():
+        chance = random.Random(f"{seed} {room} {name}")
+        order.append((chance.random(), room, name, chance.choice(FACTORS)))
+    return [(room, name, factor) for _, room, name, factor in sorted(order)[:count]]
+
+
 def move(path: Path, name: str, factor: float) -> None:
     """Write each number of an assignment anew, integers moved by one at least."""
 
@@ -106,8 +115,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", nargs="+", metavar="NAME")
     options = parser.parse_args()
-    drawn = random.Random(options.seed).sample(numbers(), options.sample)
-    moves = [(*one, FACTORS[k % 2]) for k, one in enumerate(drawn)]
+    moves = drawn(options.sample, options.seed)
     if options.only:
         moves = [(*one, factor) for one in numbers() if one[1] in options.only for factor in FACTORS]
     survived = 0
