@@ -117,7 +117,7 @@ def rules_for(false_alarms: float) -> Rules:
         quiet_turn=t.QUIET_TURN,
         least_thrust=t.LEAST_THRUST,
         least_upright=float(np.cos(np.radians(MOST_BANK_DEG))),
-        span=round(t.SPAN_S * RATE_HZ),
+        span=t.SPAN_ROWS,
         block=round(t.CORRELATED_S * RATE_HZ),
         bound=round(t.BOUND_S * RATE_HZ),
         reference=round(t.REFERENCE_S * RATE_HZ),

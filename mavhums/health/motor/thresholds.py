@@ -18,7 +18,7 @@ LEAST_LOSS_MORE: Final = 0.4
 like a small loss."""
 
 
-SPAN_S: Final = 0.1
+SPAN_ROWS: Final = 2
 """Rows over which the effort is a mean, and the motion a difference."""
 CORRELATED_S: Final = 0.25
 """Rows that gusts correlate, which say as much as one."""
