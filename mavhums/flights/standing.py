@@ -9,7 +9,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.flights.aircraft import Since
 from mavhums.flights.history import PastFlight
 from mavhums.health.decision.baseline import LOSSES
 from mavhums.health.decision.growth import Course
@@ -22,13 +21,14 @@ _FARTHEST: Final = timedelta(days=36_525)
 
 
 class Flown(NamedTuple):
-    """One flight of one actuator; ``number`` counts all its flights from 1."""
+    """One flight of one actuator; ``number`` counts all from 1, ``counts`` is false before a repair."""
 
     number: int
     flight: PastFlight
     start_utc: str
     verdict: Verdict
     gravest: Condition
+    counts: bool = True
 
 
 Pairs = Sequence[tuple[Flown, Indicator]]
@@ -118,7 +118,7 @@ def step_of(pairs: Pairs, place: int) -> Step:
     )
 
 
-def standing_of(flown: Sequence[Flown], trends: Iterable[ActuatorTrend], counted: Since) -> Standing:
+def standing_of(flown: Sequence[Flown], trends: Iterable[ActuatorTrend]) -> Standing:
     """Return how an actuator stands after its last flight.
 
     Parameters
@@ -127,12 +127,10 @@ def standing_of(flown: Sequence[Flown], trends: Iterable[ActuatorTrend], counted
         Its flights, at least one.
     trends
         Those of all its indicators.
-    counted
-        Dates of repairs; flights before do not count.
     """
     several = [*trends]
     last = flown[-1]
-    since = [each for each in flown if each.flight.counts(each.verdict.actuator, counted)]
+    since = [each for each in flown if each.counts]
     condition, first, latest = _state(since)
     if latest is not None:
         # A repair that nobody recorded ends the fault that it mended, and no other.
@@ -207,9 +205,8 @@ def _is_beyond(one: Indicator) -> bool:
 
 def highest(verdict: Verdict, one: Indicator) -> float | None:
     """Return the highest estimate of a flight: the mean over it may lie below a limit that was passed."""
-    if one.fault in LOSSES:
-        return None
-    return max([each.value for each in verdict.evidence if each.kind == one.fault], default=None)
+    values = [each.value for each in verdict.evidence if each.kind == one.fault]
+    return max(values) if values and one.fault not in LOSSES else None
 
 
 def _finding(verdict: Verdict, condition: Condition) -> dict[str, Any]:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from functools import cache
 from math import sqrt
-from typing import Final
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, URGENCY
@@ -32,7 +30,6 @@ from mavhums.results.standing import (
 )
 from mavhums.results.verdict import ALL, Indicator, Verdict
 
-_POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
 _Shown = list[tuple[Flown, Indicator]]
 _Recordings = Collection[tuple[str | None, str, int]]
 
@@ -66,7 +63,9 @@ def trend_report(
     others: list[LastFlight] = []
     counted = latest(since, repaired)
     references = cache(lambda airframe, before: baselines_of(ordered, airframe, before, counted))
-    for (vehicle, actuator, airframe), flown in _by_actuator(ordered, left_out, actuators, since).items():
+    for (vehicle, actuator, airframe), flown in _by_actuator(ordered, left_out, since, counted).items():
+        if actuators and actuator not in actuators:
+            continue
         shown = _by_fault(flown)
         if not shown and flown[-1].verdict.condition != "unmonitored":
             unshown.append(f"{vehicle}: {actuator}")
@@ -74,8 +73,8 @@ def trend_report(
         for fault in sorted(shown):
             newest, _ = shown[fault][-1]
             baseline = references(airframe, newest.flight.start).get((vehicle, actuator, fault))
-            own.append(_trend(flown, shown[fault], baseline, counted, with_points=fault in (faults or shown)))
-        standings.append(standing_of(flown, own, counted))
+            own.append(_trend(flown, shown[fault], baseline, with_points=fault in (faults or shown)))
+        standings.append(standing_of(flown, own))
         wanted = [one for one in own if one.points]
         if not wanted and SEVERITY[flown[-1].gravest] > SEVERITY["normal"]:
             others.append(_last_flight(flown[-1]))
@@ -130,21 +129,23 @@ def _last_flight(flown: Flown) -> LastFlight:
 
 
 def _by_actuator(
-    flights: Iterable[PastFlight], left_out: _Recordings, actuators: Collection[str], since: Since | None
+    flights: Iterable[PastFlight], left_out: _Recordings, since: Since | None, counted: Since
 ) -> dict[tuple[int, str, str | None], list[Flown]]:
     """Return the flights of each actuator in time order."""
     found: dict[tuple[int, str, str | None], list[Flown]] = {}
     for flight in flights:
         start_utc = flight.start.isoformat()
         for verdict in flight.assessment.verdicts:
-            unwanted = verdict.actuator == ALL or (actuators and verdict.actuator not in actuators)
-            if verdict.vehicle is None or unwanted or not flight.counts(verdict.actuator, since):
+            if verdict.vehicle is None or verdict.actuator == ALL:
                 continue
             if (flight.assessment.airframe, flight.log, verdict.vehicle) in left_out:
                 continue
+            if not flight.counts(verdict.actuator, since):
+                continue
             key = (verdict.vehicle, verdict.actuator, flight.assessment.airframe)
             flown = found.setdefault(key, [])
-            flown.append(Flown(len(flown) + 1, flight, start_utc, verdict, verdict.gravest))
+            counts = flight.counts(verdict.actuator, counted)
+            flown.append(Flown(len(flown) + 1, flight, start_utc, verdict, verdict.gravest, counts))
     return found
 
 
@@ -160,7 +161,7 @@ def _by_fault(flown: list[Flown]) -> dict[str, _Shown]:
 
 
 def _trend(
-    flown: list[Flown], pairs: _Shown, baseline: Baseline | None, counted: Since, *, with_points: bool
+    flown: list[Flown], pairs: _Shown, baseline: Baseline | None, *, with_points: bool
 ) -> ActuatorTrend:
     newest = pairs[-1][1]
     pairs = [(each, one) for each, one in pairs if (one.quantity, one.unit) == (newest.quantity, newest.unit)]
@@ -169,7 +170,7 @@ def _trend(
     if newest.fault in LOSSES and baseline is not None and latest.limits is not None:
         limit = latest.limits.effectiveness_degraded * baseline.mean
         emergency = latest.limits.effectiveness_emergency * baseline.mean
-    used = [(each, one) for each, one in pairs if each.flight.counts(latest.actuator, counted)]
+    used = [(each, one) for each, one in pairs if each.counts]
     sign = -1.0 if newest.fault in LOSSES else 1.0
     rows = [(each.number, sign * one.value.estimate, _error(one)) for each, one in used]
     numbers, values, errors = np.array(rows, dtype=np.float64).reshape(-1, 3).T
@@ -204,20 +205,18 @@ def _trend(
         step=step,
         flights_left=_life(left),
         reason=_why_unknown(grown, emergency, len(used) - (place or 0), step),
-        points=_POINTS.validate_python(
-            [
-                {
-                    "flight": each.number,
-                    "start_utc": each.start_utc,
-                    "log": each.flight.assessment.log.path,
-                    "value": one.value,
-                    "highest": highest(each.verdict, one),
-                    "end": _at_end(each.verdict, one),
-                    "condition": each.gravest,
-                }
-                for each, one in pairs
-                if with_points
-            ]
+        points=tuple(
+            FlightPoint(
+                flight=each.number,
+                start_utc=each.start_utc,
+                log=each.flight.assessment.log.path,
+                value=one.value,
+                highest=highest(each.verdict, one),
+                end=_at_end(each.verdict, one),
+                condition=each.gravest,
+            )
+            for each, one in pairs
+            if with_points
         ),
     )
 

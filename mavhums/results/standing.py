@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
@@ -158,8 +159,11 @@ class Standing(Contract):
         return -urgency, min(left, default=float("inf")), self.vehicle, self.actuator
 
 
-class FlightPoint(Contract):
+@dataclass(frozen=True, kw_only=True)
+class FlightPoint:
     """An indicator in one flight; ``flight`` counts the actuator's flights from 1, judged or not.
+
+    A trend has thousands, so they are no models, which take 20 times the time and memory.
 
     Attributes
     ----------
@@ -320,8 +324,9 @@ class TrendReport(Drawn):
 
         fields = {"vehicle", "actuator", "airframe", "fault", "quantity", "unit", "limit", "emergency"}
         rows = [
-            one.model_dump(include=fields) | point.model_dump(exclude={"value"}) | point.value.model_dump()
+            subject | vars(point) | vars(point.value)
             for one in self.trends
+            for subject in [one.model_dump(include=fields)]
             for point in one.points
         ]
         frame = pd.DataFrame(rows, columns=[*_COLUMNS.split(), "limit", "emergency", "highest", "end"])

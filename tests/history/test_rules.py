@@ -117,7 +117,7 @@ def stands(conditions: str, steps: tuple[Step, ...] = (), grows: tuple[Growth, .
         several.append(flight(k, k, judged))
     trends: Any = [SimpleNamespace(fault=one.fault, step=one, growth=None) for one in steps]
     trends += [SimpleNamespace(fault="friction", step=None, growth=one) for one in grows]
-    return standing_of(several, trends, {})
+    return standing_of(several, trends)
 
 
 @pytest.mark.parametrize(
