@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import degrees, exp, isnan, nan
+from math import degrees, exp, isnan, log, nan
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -23,13 +23,11 @@ from mavhums.health.axis.thresholds import (
     ROLL_PERSISTENT_S,
     SHIFT_FLOOR_RAD_S,
     SHIFT_S,
-    SKID_ALONE_DEVIATIONS,
-    SKID_M_S2,
-    SKID_S,
-    SKID_SHARE,
-    SKIDDING_DEVIATIONS,
+    SKID_DEVIATIONS,
+    SKID_SHARES,
     SLOW_STREAM_S,
     SURE_CONFIDENCE,
+    UNKNOWN_ROLL_DEVIATIONS,
 )
 from mavhums.health.sequential import EXCLUDING
 from mavhums.results.sections import AxisLimits
@@ -205,11 +203,10 @@ class TrackingDetector:
 
 
 class HardOverDetector:
-    """Hard-over surface: the roll rate differs from the one commanded, and perhaps the aircraft skids.
+    """Hard-over surface: the roll rate differs from the one commanded.
 
     The shift is what the roll regression leaves over three seconds, in standard deviations of the reference.
-    Where the side force leaves its own reference even further, a rudder stands deflected, not an aileron. The
-    limit lies a quarter above the highest value of the healthy development flights.
+    The limit lies a quarter above the highest value of the healthy development flights.
 
     Parameters
     ----------
@@ -232,61 +229,61 @@ class HardOverDetector:
         steers = self._axis == STEERING
         alarms = []
         for second in given.seconds[self._axis]:
-            deviations = given.shift_deviations(self._axis, second)
             # A strong manoeuvre leaves a response by the error of the gain alone.
             certain = given.shift_deviations(self._axis, second, second.shift_error)
             since_s = self._persistent.feed(second.end_s, certain)
             if since_s is None or second.shift is None:
                 continue
-            side = given.sides.get(second.end_s)
-            skids = side is not None and side.deviations > deviations and abs(side.value) > SKID_M_S2
-            # Rudder before aileron: a deflected rudder rolls the aircraft, too, a deflected aileron hardly
-            # skids.
-            axis, what = ("yaw", "a rudder") if skids else (self._axis, "an aileron or elevon")
-            moves, what = ("turns", "its steering") if steers else ("rolls", what)
+            moves, what = ("turns", "its steering") if steers else ("rolls", "an aileron or elevon")
             way = "right" if second.shift > 0 else "left"
             rule = (
                 f"emergency: {moves} {way} {degrees(abs(second.shift)):.0f}°/s more than commanded, "
                 f"as if {what} stayed deflected or did not move"
             )
             end_s, limit = second.end_s, self._limit
-            alarms.append(Alarm(axis, end_s, "hard_over", "emergency", since_s, certain, limit, rule))
+            alarms.append(Alarm(self._axis, end_s, "hard_over", "emergency", since_s, certain, limit, rule))
         return alarms
 
 
 class Skids:
-    """Reports a skid that lasts, as with a hard-over rudder that the roll shows first.
+    """Reports that a rudder, not an aileron, stays deflected: by the side force beside the roll.
 
-    A deflected aileron makes a short one at most.
+    Under either hypothesis the side force of a second scatters normally about zero, with a part in proportion
+    to the roll that goes astray, which a rudder makes larger. The evidence sums the logarithms of the
+    likelihood ratios since the skid began; seconds whose means overlap count once.
 
     No detector of its own: aircraft skid without a fault, too. The monitor takes these alarms beside a roll
     or a pitch that goes astray.
     """
 
     def __init__(self) -> None:
-        self._run = Persistent(1.0, SKID_S)
+        self._evidence, self._since_s = 0.0, 0
 
     def feed(self, given: AxisInput) -> list[Alarm]:
-        """Return the seconds in which the aircraft skids as no aileron makes it."""
+        """Return the seconds in which a rudder is certain."""
         rolls = {second.end_s: given.shift_deviations("roll", second) for second in given.seconds["roll"]}
         alarms = []
         for end_s, side in given.sides.items():
             roll = rolls.get(end_s, nan)
-            # Where the roll is beyond what the regression covers, only a large skid is the rudder's.
-            limit = SKID_ALONE_DEVIATIONS if isnan(roll) else max(SKIDDING_DEVIATIONS, SKID_SHARE * roll)
-            known = abs(side.value) > SKID_M_S2
-            since_s = self._run.feed(end_s, side.deviations / limit if known else 0.0)
-            if since_s is not None:
+            self._add(end_s, UNKNOWN_ROLL_DEVIATIONS if isnan(roll) else roll, side.deviations)
+            if self._evidence >= EXCLUDING:
                 way = "right" if side.value > 0 else "left"
                 rule = (
                     f"emergency: a side force of {abs(side.value):.1f} m/s² to the {way} that no turn "
                     "explains, as if a rudder stayed deflected or did not move"
                 )
-                since_s -= SHIFT_S - 1  # its mean is over as many seconds
-                alarms.append(
-                    Alarm("yaw", end_s, "hard_over", "emergency", since_s, side.deviations, limit, rule)
-                )
+                found = ("yaw", end_s, "hard_over", "emergency", self._since_s, self._evidence, EXCLUDING)
+                alarms.append(Alarm(*found, rule))
         return alarms
+
+    def _add(self, end_s: int, roll: float, side: float) -> None:
+        if self._evidence <= 0.0 or isnan(side):
+            # The mean of the first second is over as many.
+            self._evidence, self._since_s = 0.0, end_s - SHIFT_S
+        if isnan(side):
+            return
+        aileron, rudder = (SKID_DEVIATIONS**2 + (share * roll) ** 2 for share in SKID_SHARES)
+        self._evidence += (log(aileron / rudder) + side**2 * (1 / aileron - 1 / rudder)) / 2 / SHIFT_S
 
 
 DETECTORS: tuple[Callable[[AxisLimits], AxisDetector], ...] = (

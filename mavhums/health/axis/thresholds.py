@@ -50,24 +50,14 @@ SHIFT_FLOOR_RAD_S: Final = 0.045
 # Development.
 SHIFT_S: Final = 3
 
-# Side force from which a hard-over is the rudder's, m/s²: a tenth of g; coordinated turns have less. By
-# hand.
-SKID_M_S2: Final = 1.0
+# Deviation of the side force while the aircraft goes astray, in deviations of its reference, and the shares
+# of the roll's deviations beside it: of an aileron and of a rudder that stays deflected. Development: 34
+# rudders and 81 other surfaces (closed loop, seed 5002; ALFA; software in the loop).
+SKID_DEVIATIONS: Final = 2.0
+SKID_SHARES: Final = (0.1, 0.5)
 
-# Seconds in a row that a skid must last to be a rudder's, where the roll went astray first: a deflected
-# aileron makes one of 2 s at most. Development.
-SKID_S: Final = 4
-
-# Deviations of the side force from which such a skid counts. Development: with ailerons hard over 3.2 for
-# 2 s.
-SKIDDING_DEVIATIONS: Final = 3.5
-
-# Share of the roll's deviations that the side force's must reach: rudders 0.22 to 1.5, ailerons up to 0.28
-# for 4 s. Development.
-SKID_SHARE: Final = 0.3
-
-# The same where the roll regression does not hold. Development: an aileron hard over at 25° reaches 8.9.
-SKID_ALONE_DEVIATIONS: Final = 12.0
+# Deviations of a roll that is beyond what the regression covers. Development, as above.
+UNKNOWN_ROLL_DEVIATIONS: Final = 40.0
 
 # Seconds in a row that a trim or a pitch must be away: one alone may be a gust. Development.
 PERSISTENT_S: Final = 2

@@ -107,7 +107,7 @@ def test_a_rudder_rolls_the_aircraft_before_it_skids() -> None:
 
 
 @pytest.mark.parametrize(
-    ("shift", "skid"), [(0.6, {102: 1.6, 105: 0.0}), (0.6, {102: 0.7}), (0.0, {102: 1.6})]
+    ("shift", "skid"), [(0.6, {102: 1.0, 104: 0.0}), (0.6, {102: 0.4}), (0.0, {102: 1.6})]
 )
 def test_a_short_a_small_or_a_lone_skid_is_no_rudders(shift: float, skid: Mapping[int, float]) -> None:
     monitor = skidding(shift, skid)
