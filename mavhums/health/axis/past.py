@@ -19,9 +19,8 @@ from mavhums.health.axis.response import Stretch, stretches
 from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS, POOLED_S
 from mavhums.health.decision.baseline import LOSSES, Baseline, ComparedIndicator, with_baselines
 from mavhums.health.decision.conditions import since
-from mavhums.health.decision.limits import tail_of
-from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_CONFIDENCE, MOST_FLIGHT_TAIL
-from mavhums.health.estimation.thresholds import WINDOW_S
+from mavhums.health.decision.limits import tail_of_flight
+from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_CONFIDENCE
 from mavhums.results.reasons import Reason, said
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
@@ -72,9 +71,7 @@ def compare_with_earlier_flights(
     if not compared:
         return verdict
     verdict = with_baselines(verdict, baselines)
-    seconds = max(verdict.coverage.windows, WINDOW_S)
-    # The rate is per hour: a longer flight may use more of it.
-    tail = min(tail_of(false_alarms) * seconds / WINDOW_S, MOST_FLIGHT_TAIL) / len(_TESTED)
+    tail = tail_of_flight(false_alarms, verdict.coverage.windows) / len(_TESTED)
     # A fault that the flight itself shows keeps its onset; here it would hold from the start on.
     shown_alone = {item.kind for item in verdict.evidence}
     departures = _departures(compared, verdict.limits or AxisLimits(), tail)
@@ -222,7 +219,7 @@ def compare_response(
     if any(SEVERITY[one.worst] > SEVERITY["normal"] for one in others):
         return verdict
     limits = verdict.limits or AxisLimits()
-    tail = tail_of(false_alarms) * POOLED_S / WINDOW_S / len(_TESTED)
+    tail = tail_of_flight(false_alarms, POOLED_S) / len(_TESTED)
     judged = [
         _JudgedStretch(
             one, one.compared.share, loss_of(one.compared, limits, tail) if one.is_driven else None

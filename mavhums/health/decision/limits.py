@@ -26,7 +26,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import t_quantile
-from mavhums.health.decision.thresholds import AGREEING_S, STARTS
+from mavhums.health.decision.thresholds import AGREEING_S, MOST_FLIGHT_TAIL, STARTS
 from mavhums.health.estimation.thresholds import LEAST_PARTS, WINDOW_S
 from mavhums.health.sequential import EXCLUDING, PER_100_H, threshold
 
@@ -61,6 +61,14 @@ class Estimates(NamedTuple):
 def tail_of(false_alarms: float) -> float:
     """Return the allowed false-alarm probability of one 10 s window, given the alarms per 100 hours."""
     return false_alarms / (PER_100_H / WINDOW_S)
+
+
+def tail_of_flight(false_alarms: float, seconds: float) -> float:
+    """Return the allowed false-alarm probability of a comparison that rests on so many seconds of flight.
+
+    The rate is per hour: a longer flight may use more of it, up to a hundredth.
+    """
+    return min(tail_of(false_alarms) * max(seconds / WINDOW_S, 1.0), MOST_FLIGHT_TAIL)
 
 
 def half_width(estimates: Estimates, *, tail: float) -> Array:

@@ -14,7 +14,7 @@ from mavhums.core.arrays import Array
 from mavhums.core.conditions import Condition
 from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED, t_probability, t_quantile
 from mavhums.health.decision.baseline import PastRecord
-from mavhums.health.decision.limits import tail_of
+from mavhums.health.decision.limits import tail_of, tail_of_flight
 from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL, USEFUL_RISE
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.random_effects import (
@@ -211,8 +211,7 @@ class _ReferenceFlights:
     def rise(self, own_wear: Wear, record: OwnRecord, false_alarms: float) -> tuple[float, float, float]:
         """Return the rise, its threshold, and the rise that would be detected with 95 % probability."""
         error, freedom = self._error(own_wear, record)
-        # The rate is per hour: a longer flight may use more of it.
-        tail = min(tail_of(false_alarms) * _windows(record), MOST_FLIGHT_TAIL)
+        tail = tail_of_flight(false_alarms, record.duration_s)
         bound = t_quantile(freedom, 1.0 - tail) * error
         return self.sign * (own_wear.value - self.mean(record)), bound, bound + NORMAL_95_ONE_SIDED * error
 
@@ -221,7 +220,7 @@ class _ReferenceFlights:
         error, freedom = self._error(own_wear, record)
         bound = rise * abs(self.mean(record)) - NORMAL_95_ONE_SIDED * error
         tail = 1.0 - t_probability(freedom, bound / error)
-        return tail / tail_of(1.0) / _windows(record) if tail <= MOST_FLIGHT_TAIL else np.inf
+        return tail / tail_of(max(record.duration_s / WINDOW_S, 1.0)) if tail <= MOST_FLIGHT_TAIL else np.inf
 
     def _error(self, own_wear: Wear, record: OwnRecord) -> tuple[float, float]:
         """Return the standard error of a flight's rise, and its degrees of freedom."""
@@ -266,10 +265,6 @@ class _ReferenceFlights:
                 break
             first = Onset(number, date)
         return first
-
-
-def _windows(record: OwnRecord) -> float:
-    return max(record.duration_s / WINDOW_S, 1.0)
 
 
 def _row(known: Sequence[Difference], record: OwnRecord) -> Array:
