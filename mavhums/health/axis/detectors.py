@@ -272,8 +272,8 @@ class Skids:
                     f"emergency: a side force of {abs(side.value):.1f} m/s² to the {way} that no turn "
                     "explains, as if a rudder stayed deflected or did not move"
                 )
-                found = ("yaw", end_s, "hard_over", "emergency", self._since_s, self._evidence, EXCLUDING)
-                alarms.append(Alarm(*found, rule))
+                since_s, found = self._since_s, self._evidence
+                alarms.append(Alarm("yaw", end_s, "hard_over", "emergency", since_s, found, EXCLUDING, rule))
         return alarms
 
     def _add(self, end_s: int, roll: float, side: float) -> None:
