@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import degrees, exp, isnan, log, nan
+from math import degrees, exp, isnan, log, nan, sqrt
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -264,26 +264,26 @@ class Skids:
         rolls = {second.end_s: given.shift_deviations("roll", second) for second in given.seconds["roll"]}
         alarms = []
         for end_s, side in given.sides.items():
+            if self._evidence <= 0.0 or isnan(side.deviations):
+                # The mean of the first second is over as many.
+                self._evidence, self._since_s = 0.0, end_s - SHIFT_S
+            if isnan(side.deviations):
+                continue
             roll = rolls.get(end_s, nan)
-            self._add(end_s, UNKNOWN_ROLL_DEVIATIONS if isnan(roll) else roll, side.deviations)
-            if self._evidence >= EXCLUDING:
+            roll = UNKNOWN_ROLL_DEVIATIONS if isnan(roll) else max(roll, 0.1)
+            aileron, rudder = (SKID_DEVIATIONS**2 + (share * roll) ** 2 for share in SKID_SHARES)
+            apart = 1.0 / aileron - 1.0 / rudder
+            limit = sqrt(log(rudder / aileron) / apart)  # at which both are as likely
+            self._evidence += (side.deviations**2 - limit**2) * apart / 2.0 / SHIFT_S
+            if self._evidence >= EXCLUDING and side.deviations > limit:
                 way = "right" if side.value > 0 else "left"
                 rule = (
                     f"emergency: a side force of {abs(side.value):.1f} m/s² to the {way} that no turn "
                     "explains, as if a rudder stayed deflected or did not move"
                 )
-                since_s, found = self._since_s, self._evidence
-                alarms.append(Alarm("yaw", end_s, "hard_over", "emergency", since_s, found, EXCLUDING, rule))
+                since_s, deviations = self._since_s, side.deviations
+                alarms.append(Alarm("yaw", end_s, "hard_over", "emergency", since_s, deviations, limit, rule))
         return alarms
-
-    def _add(self, end_s: int, roll: float, side: float) -> None:
-        if self._evidence <= 0.0 or isnan(side):
-            # The mean of the first second is over as many.
-            self._evidence, self._since_s = 0.0, end_s - SHIFT_S
-        if isnan(side):
-            return
-        aileron, rudder = (SKID_DEVIATIONS**2 + (share * roll) ** 2 for share in SKID_SHARES)
-        self._evidence += (log(aileron / rudder) + side**2 * (1 / aileron - 1 / rudder)) / 2 / SHIFT_S
 
 
 DETECTORS: tuple[Callable[[AxisLimits], AxisDetector], ...] = (
