@@ -30,7 +30,7 @@ from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.compare import compared, packed
 from mavhums.flights.history import PastFlight
 from mavhums.flights.trends import trend_report
-from mavhums.health.axis.effectiveness import new_tracker
+from mavhums.health.axis.effectiveness import EffectivenessTracker
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.response import RESPONSE
 from mavhums.health.decision.baseline import PastRecord
@@ -214,7 +214,7 @@ AXES: dict[str, Callable[[], Rows]] = {
 @pytest.mark.parametrize("name", AXES)
 def test_of_an_axis(name: str) -> None:
     flight, coupled = AXES[name](), "pitch" if "elevon" in name else None
-    seconds = new_tracker("roll", coupled=coupled).feed(flight)
+    seconds = EffectivenessTracker("roll", coupled=coupled).feed(flight)
     monitor = AxisMonitor(1, mixed={"roll": coupled, coupled: "roll"} if coupled else None)
     events = list(monitor.feed(flight))
     found = {axis: dumped(monitor.findings(axis)) for axis in ("roll", "pitch", "yaw")}

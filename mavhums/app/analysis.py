@@ -275,7 +275,7 @@ def _followed(
         return settings.resolver.named(engine.assessment(str(path), digest))
     from mavhums.flights.compare import FlightComparison
 
-    comparison = FlightComparison(engine, own.baselines, own.past, options.false_alarms)
+    comparison = FlightComparison(engine, own.baselines, own.past)
     digest = _fed(path, comparison, options.dialect, followers, progress)
     return own.completed(own.resolver.named(comparison.assessment(str(path), digest)))
 

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 
 from mavhums.actuator.profile import Airframe
+from mavhums.engine.options import EngineOptions
 from mavhums.engine.vehicle_axes import AxisEvent, VehicleAxes
 from mavhums.engine.vehicle_setup import SetupHistory
-from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.log import Table
 from mavhums.log.base.decoder import Losses
 from mavhums.log.base.tables import text_of
@@ -39,21 +39,17 @@ class Axes:
         The profile for every vehicle; None if each vehicle reports its own outputs.
     events
         Where the events of each vehicle go; None for nowhere else.
-    false_alarms
-        Accepted number of false alarms in 100 hours of an axis.
-    traced
-        Whether to yield what lies behind the judgement as well, for a recording.
+    options
+        How to judge; the defaults if None.
     """
 
     def __init__(
         self,
         airframe: Airframe | None = None,
         events: FlightEvents | None = None,
-        *,
-        false_alarms: float = FALSE_ALARMS,
-        traced: bool = False,
+        options: EngineOptions | None = None,
     ) -> None:
-        self._false_alarms, self._traced = false_alarms, traced
+        self._options = options or EngineOptions()
         self._events = events or FlightEvents()
         self._airframe = airframe
         self._signals = SignalReader()
@@ -104,12 +100,7 @@ class Axes:
         def axes_of(vehicle: int) -> VehicleAxes:
             if vehicle not in self._vehicles:
                 self._vehicles[vehicle] = VehicleAxes(
-                    vehicle,
-                    start_us,
-                    self._airframe,
-                    self._events.of(vehicle),
-                    false_alarms=self._false_alarms,
-                    traced=self._traced,
+                    vehicle, start_us, self._airframe, self._events.of(vehicle), self._options
                 )
             return self._vehicles[vehicle]
 

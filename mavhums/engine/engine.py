@@ -89,7 +89,7 @@ class Engine:
     """
 
     def __init__(self, options: EngineOptions | None = None) -> None:
-        options = options or EngineOptions()
+        self.options = options = options or EngineOptions()
         airframe = None if options.airframe is None else load_airframe(options.airframe)
         telemetry = messages_for(airframe.actuators if airframe else ())
         self._vehicle_limit = VehicleLimit(telemetry - TEXT_MESSAGES)
@@ -98,10 +98,7 @@ class Engine:
         wanted |= STATE_MESSAGES if options.vehicle_states else MODE_MESSAGES
         wanted |= SIGNAL_MESSAGES | FAST_FORCE_MESSAGES
         self._events = FlightEvents()
-        self._axes = Axes(
-            airframe, self._events, false_alarms=options.false_alarms, traced=options.vehicle_states
-        )
-        self._show_states = options.vehicle_states
+        self._axes = Axes(airframe, self._events, options)
         self._states = VehicleStates(modes_only=not options.vehicle_states)
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
         self._identities, self._recorded = Identities(), RecordedFlights()
@@ -260,7 +257,7 @@ class Engine:
         for state in self._states.feed(tables, start_us=start_us):
             if isinstance(state, FlightMode) and admits(state.vehicle):
                 self._events.of(state.vehicle).add("mode", state.time_s, said=state.mode)
-            if self._show_states:
+            if self.options.vehicle_states:
                 yield state
         yield from self._axes.feed(tables, start_us, admits=admits, final=final)
         settled = list(self._mappers.feed(tables, final=final))

@@ -8,8 +8,8 @@ from math import inf
 from typing import TYPE_CHECKING, Final
 
 from mavhums.core.arrays import Array
+from mavhums.engine.options import EngineOptions
 from mavhums.health.decision.events import ConditionChanged, Trace
-from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.motor.heating import EscHeating
 from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.motor.vibration import RotorVibration
@@ -39,10 +39,8 @@ class VehicleMotors:
     ----------
     vehicle
         System id.
-    false_alarms
-        Accepted number of false alarms in 100 hours.
-    traced
-        Whether to yield what lies behind the judgement as well.
+    options
+        How to judge.
 
     Attributes
     ----------
@@ -56,8 +54,8 @@ class VehicleMotors:
         The temperatures of its ESCs.
     """
 
-    def __init__(self, vehicle: int, false_alarms: float = FALSE_ALARMS, *, traced: bool = False) -> None:
-        self._vehicle, self._false_alarms, self._traced = vehicle, false_alarms, traced
+    def __init__(self, vehicle: int, options: EngineOptions) -> None:
+        self._vehicle, self._options = vehicle, options
         self.by_parameters: Rotors | Reason | None = None
         self.speeds, self.vibration, self.heating = EscSpeeds(), RotorVibration(), EscHeating()
         self._monitor: MotorMonitor | None = None
@@ -90,8 +88,8 @@ class VehicleMotors:
                 self._vehicle,
                 rotors,
                 (self.speeds, self.vibration, self.heating),
-                self._false_alarms,
-                traced=self._traced,
+                self._options.false_alarms,
+                traced=self._options.vehicle_states,
             )
             again = Phases()  # with the thrust, which was not known
             for earlier in self._early:

@@ -25,7 +25,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY
-from mavhums.health.axis.effectiveness import explained_by, new_tracker
+from mavhums.health.axis.effectiveness import EffectivenessTracker, explained_by
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS
 from mavhums.health.decision.events import ConditionChanged, Indication
@@ -68,7 +68,7 @@ def _with_demand(rows: Rows, axis: str, demand: Array) -> Rows:
 
 def _explained(rows: Rows, axis: str, demand: Array) -> float:
     """Return how much of the motion about an axis a demand, shape (n,), explains: a share from 0 to 1."""
-    gain = new_tracker(axis)
+    gain = EffectivenessTracker(axis)
     gain.feed(_with_demand(rows, axis, demand))
     found = gain.reference or gain.best
     return 0.0 if found is None else found.explained

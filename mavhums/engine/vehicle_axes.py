@@ -16,6 +16,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import Notice
 from mavhums.engine.motors import VehicleMotors
 from mavhums.engine.moving_outputs import TRIED_AXES, contradiction, inferred, refutation, rests_on_outputs
+from mavhums.engine.options import EngineOptions
 from mavhums.engine.vehicle_setup import SetupHistory, VehicleSetup
 from mavhums.health.axis.monitor import AxisChange, AxisMonitor
 from mavhums.health.axis.thresholds import REFERENCE_S
@@ -62,10 +63,8 @@ class VehicleAxes:
         A profile; None if the log is to define the surfaces.
     events
         Where the events of its flight go.
-    false_alarms
-        Accepted number of false alarms in 100 hours of an axis.
-    traced
-        Whether to yield what lies behind the judgement as well, for a recording.
+    options
+        How to judge.
 
     Attributes
     ----------
@@ -85,18 +84,16 @@ class VehicleAxes:
         start_us: int,
         airframe: Airframe | None,
         events: VehicleEvents,
-        *,
-        false_alarms: float,
-        traced: bool,
+        options: EngineOptions,
     ) -> None:
-        self._vehicle, self._false_alarms, self._traced = vehicle, false_alarms, traced
+        self._vehicle, self._options = vehicle, options
         self.setups = SetupHistory(airframe)
         self.surfaces = self.setups.last.surfaces
         self.monitor = self._monitor(airframe.axes if airframe else None)
         self.flight = Flight(self.surfaces)
         self.usage = Usage()
         self.grid = Grid(start_us)
-        self.motors = VehicleMotors(vehicle, false_alarms, traced=traced)
+        self.motors = VehicleMotors(vehicle, options)
         self._events = events
         self._setup = self.setups.last
         self._answers: dict[str, str] = {}
@@ -202,7 +199,7 @@ class VehicleAxes:
 
     def _follow(self, seconds: Seconds) -> Iterator[AxisEvent]:
         for rows in self.flight.feed(seconds):
-            if self._traced and not self.flight.on_ground:
+            if self._options.vehicle_states and not self.flight.on_ground:
                 yield from _angles(self._vehicle, rows)
             self._now_s = rows.second + rows.seconds
             events = [] if self._without_axes else list(self.monitor.feed(rows))
@@ -373,7 +370,10 @@ class VehicleAxes:
     def _monitor(self, limits: AxisLimits | None) -> AxisMonitor:
         """Return a new monitor of what the surfaces move."""
         axes, mixed = (self.surfaces.axes, self.surfaces.mixed) if self.surfaces else (AXES, None)
-        return AxisMonitor(self._vehicle, limits, axes, mixed, self._false_alarms, traced=self._traced)
+        options = self._options
+        return AxisMonitor(
+            self._vehicle, limits, axes, mixed, options.false_alarms, traced=options.vehicle_states
+        )
 
     def _infer(self) -> Iterator[AxisEvent]:
         """Try to infer the outputs from the last minutes, ever more rarely."""

@@ -85,8 +85,6 @@ class FlightComparison:
     baselines, past
         As for :func:`compared`. Those of an airframe are looked up until there are some: a link's aircraft
         may become known in flight.
-    false_alarms
-        Accepted number of false alarms in 100 hours of an actuator or an axis, as in the engine's options.
 
     Examples
     --------
@@ -95,14 +93,8 @@ class FlightComparison:
     []
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        baselines: BaselineSource,
-        past: PastSource | None = None,
-        false_alarms: float = FALSE_ALARMS,
-    ) -> None:
-        self._engine, self._false_alarms = engine, false_alarms
+    def __init__(self, engine: Engine, baselines: BaselineSource, past: PastSource | None = None) -> None:
+        self._engine, self._false_alarms = engine, engine.options.false_alarms
         self._past = _looked_up_once(past) if past else None
         self._baselines = _looked_up_once(baselines)
         self._airframes: dict[int | None, str] = {}

@@ -123,7 +123,7 @@ def prepare(options: LiveOptions, sinks: Sequence[Sink] = (), *, vehicle_states:
     alerts = voice(ground_links) if options.alerts or ground else None
     greeter = None if options.silent else alerts if alerts and not ground else voice(links)
     return Session(
-        FlightComparison(judging, flown.baselines, flown.past, engine.false_alarms) if flown else judging,
+        FlightComparison(judging, flown.baselines, flown.past) if flown else judging,
         reception,
         GroundStation(alerts, greeter, ground_links if ground else ()),
         recorder=recorder,

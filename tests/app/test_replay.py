@@ -44,7 +44,7 @@ KINDS = ("healthy", "wear", "jam", "backlash", "silent", "several", "short")
 
 def in_flight(path: Path, options: EngineOptions, baselines: Baselines) -> Assessment:
     """Judge as a link is judged: the drift test fed while it flies."""
-    engine = FlightComparison(Engine(options), lambda *_: baselines, None, options.false_alarms)
+    engine = FlightComparison(Engine(options), lambda *_: baselines)
     engine.feed(path.read_bytes())
     engine.finish()
     return engine.assessment(str(path), None)

@@ -22,7 +22,7 @@ from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.evidence import LossTest
 from mavhums.health.axis.findings import MixedSums
 from mavhums.health.axis.reference import Loss, Reference, Scores, Second, Sums, constants, measured, shapes
-from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Form, Lag, Shape, judgeable
+from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Lag, Shape, judgeable
 from mavhums.health.axis.thresholds import (
     EXCLUDING_SPEED_SHARE,
     EXPLAINED,
@@ -61,27 +61,15 @@ class _Fit(NamedTuple):
     explained: float
 
 
-def new_tracker(
-    axis: str,
-    limits: AxisLimits | None = None,
-    coupled: str | None = None,
-    false_alarms: float = FALSE_ALARMS,
-    *,
-    traced: bool = False,
-) -> EffectivenessTracker:
-    """Return the tracker of the effectiveness of an axis; ``coupled`` is one that the same surfaces move."""
-    return EffectivenessTracker(FORMS[axis], limits or AxisLimits(), coupled, false_alarms, traced=traced)
-
-
 class EffectivenessTracker:
     """Tracks the effectiveness of one axis.
 
     Parameters
     ----------
-    form
-        The regression of the axis.
+    axis
+        Roll, pitch or yaw, or the steering of a rover or a boat.
     limits
-        The loss and the lag from which the axis is degraded.
+        The loss and the lag from which the axis is degraded; the defaults if None.
     coupled
         Another axis that the same surfaces move; None if they are not mixed.
     false_alarms
@@ -92,15 +80,15 @@ class EffectivenessTracker:
 
     def __init__(
         self,
-        form: Form,
-        limits: AxisLimits,
+        axis: str,
+        limits: AxisLimits | None = None,
         coupled: str | None = None,
         false_alarms: float = FALSE_ALARMS,
         *,
         traced: bool = False,
     ) -> None:
-        self._form, self._limits, self._coupled = form, limits, coupled
-        self._memory_s = SLOW_PART_S[form.axis]
+        self._form, self._limits, self._coupled = FORMS[axis], limits or AxisLimits(), coupled
+        self._memory_s = SLOW_PART_S[axis]
         self._false_alarms = false_alarms
         self._traced: dict[str, list[Array]] | None = {"evidence": [], "response": []} if traced else None
         self._waiting: list[Rows] = []

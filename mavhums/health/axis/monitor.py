@@ -11,7 +11,7 @@ import numpy as np
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.detectors import Alarm, AxisInput, Skids, detectors
-from mavhums.health.axis.effectiveness import EffectivenessTracker, new_tracker
+from mavhums.health.axis.effectiveness import EffectivenessTracker
 from mavhums.health.axis.findings import AxisFindings, MixedPair, origins
 from mavhums.health.axis.reference import Second
 from mavhums.health.axis.residuals import Residual, SideForce
@@ -90,7 +90,7 @@ class AxisMonitor:
         self.axes = tuple(axes)
         coupled = mixed or {}
         self._gains = {
-            axis: new_tracker(axis, self.limits, coupled.get(axis), false_alarms, traced=traced)
+            axis: EffectivenessTracker(axis, self.limits, coupled.get(axis), false_alarms, traced=traced)
             for axis in axes
         }
         self._pair, self._mixed = MixedPair(), {*coupled, *coupled.values()}

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavhums.health.axis.effectiveness import new_tracker
+from mavhums.health.axis.effectiveness import EffectivenessTracker
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.reference import Loss, Second
 from mavhums.vehicle.rows import Rows
@@ -24,7 +24,7 @@ def lost(at_s: float, left: float, back_s: float = np.inf) -> Callable[[Array], 
 
 
 def test_the_gain_of_the_reference_is_found() -> None:
-    gain = new_tracker("roll")
+    gain = EffectivenessTracker("roll")
     gain.feed(rolling(60, lost(99, 1.0)))
     reference = present(gain.reference)
     assert reference.gain == pytest.approx(2.2, rel=0.05)
@@ -48,7 +48,7 @@ def test_what_a_reference_must_show(size: float, noise: float, ripple: float, kn
     """Noise makes its gain uncertain, what repeats each second explains more than it, a drive may be weak."""
     flight = rolling(60, lost(99, 1.0), noise=noise, size=size)
     flight.roll_rate[:] += ripple * np.sin(2 * np.pi * np.arange(len(flight)) / 20)
-    gain = new_tracker("roll")
+    gain = EffectivenessTracker("roll")
     gain.feed(flight)
     assert (gain.reference is not None) is known
 
@@ -103,14 +103,14 @@ def slowed(flight: Rows, tau_s: float, from_s: int) -> Rows:
 )
 def test_streams_below_three_hertz_give_no_reference(axis: str, spacing: float, told: bool | None) -> None:
     """In pitch this flight explains nothing, whatever its rate."""
-    gain = new_tracker(axis)
+    gain = EffectivenessTracker(axis)
     gain.feed(replace(rolling(80, lost(99, 1.0)), spacing=np.full(80 * 20, spacing)))
     assert (gain.reference is not None) is bool(told)
     assert gain.too_slow is (told is False)
 
 
 def test_a_flight_too_short_for_a_reference_tells_nothing_of_its_streams() -> None:
-    gain = new_tracker("roll")
+    gain = EffectivenessTracker("roll")
     gain.feed(replace(rolling(20, lost(99, 1.0)), spacing=np.full(20 * 20, 5.0)))
     assert (gain.usable_s, gain.spacing_s, gain.too_slow) == (20, 0.0, False)
 
@@ -125,7 +125,7 @@ def test_a_pitch_reference_without_damping_is_refused(damping: float, told: bool
         flight["outputs"][k, 1] = demand[k] + trim / 6.0
         rate[k] = rate[k - 1] + (6.0 * flight["outputs"][k, 1] + damping * rate[k - 1]) / 20
     flight["pitch_rate"] = rate
-    gain = new_tracker("pitch")
+    gain = EffectivenessTracker("pitch")
     gain.feed(rows(flight))
     assert (gain.reference is not None) is told
 
@@ -143,7 +143,7 @@ def test_the_tail_of_one_manoeuvre_is_no_evidence() -> None:
     spike = slice(100 * 20, 101 * 20)
     flight.outputs[spike, 0] += 0.6
     flight.roll_rate[100 * 20 + 4 : 101 * 20 + 4] += 0.45 * 2.2 * 0.6
-    assert not certain(new_tracker("roll").feed(flight))
+    assert not certain(EffectivenessTracker("roll").feed(flight))
 
 
 def test_a_slow_servo_stays_slow_through_the_flight() -> None:
@@ -164,14 +164,14 @@ def test_gusts_that_the_autopilot_fights_are_no_loss() -> None:
     flight.roll_rate[at] += gusts[at]
     late = np.concatenate([gusts[4:], np.zeros(4)])
     flight.outputs[at, 0] -= 0.12 * late[at]
-    assert not certain(new_tracker("roll").feed(flight))
+    assert not certain(EffectivenessTracker("roll").feed(flight))
 
 
 def test_a_loss_counts_only_while_gusts_leave_the_gain_certain() -> None:
     def found(gusts: float) -> bool:
         flight = rolling(200, lost(100, 0.5), noise=0.005)
         flight.roll_rate[2000:] += excited(100, seed=7, size=gusts)
-        return bool(certain(new_tracker("roll").feed(flight)))
+        return bool(certain(EffectivenessTracker("roll").feed(flight)))
 
     assert found(0.02)
     assert not found(0.6)
@@ -181,7 +181,7 @@ def test_the_trim_of_a_turn_is_no_loss_of_gain() -> None:
     """Twelve seconds of a turn after each reversal need the same aileron: no independent evidence."""
     flight = turning(60, spiral=0.3)
     later = turning(400, spiral=0.3, every_s=25)
-    gain = new_tracker("roll")
+    gain = EffectivenessTracker("roll")
     gain.feed(flight)
     assert present(gain.reference).gain == pytest.approx(2.2, rel=0.03)
     assert present(gain.reference).others[1] == pytest.approx(0.3, abs=0.05)

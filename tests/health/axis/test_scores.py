@@ -10,7 +10,6 @@ import pytest
 from mavhums.health.axis.effectiveness import EffectivenessTracker, _late
 from mavhums.health.axis.reference import Scores, constants
 from mavhums.health.axis.regressions import FORMS, Columns, Lag, Shape
-from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.flights import excited, rows, steady
 from tests.health.present import present
@@ -39,7 +38,7 @@ def test_a_reference_finds_the_delay_and_the_lag(axis: str, column: int, delay: 
     flight["outputs"][:, column] = demand
     late = np.concatenate([np.zeros(delay), Lag(tau_s).feed(demand)])[: len(demand)]
     flight["yaw_rate" if axis == "steering" else "roll_rate"] = 2.0 * late
-    tracker = EffectivenessTracker(FORMS[axis], AxisLimits())
+    tracker = EffectivenessTracker(axis)
     tracker.feed(rows(flight))
     assert present(tracker.reference).shape == Shape(delay, tau_s)
     assert present(tracker.reference).gain == pytest.approx(2.0)

@@ -11,6 +11,7 @@ from mavhums.app.inspection import inspect_log
 from mavhums.core.arrays import Array
 from mavhums.engine.engine import Engine
 from mavhums.engine.motors import VehicleMotors
+from mavhums.engine.options import EngineOptions
 from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.results.verdict import Verdict
@@ -264,7 +265,7 @@ def test_parameters_that_come_late_find_the_same_seconds_however_blocks_end() ->
     late = 40  # by then only some of the first seconds are kept
 
     def told(size: int) -> list[ConditionChanged | Trace]:
-        motors, phases = VehicleMotors(1), Phases()
+        motors, phases = VehicleMotors(1, EngineOptions()), Phases()
         found: list[ConditionChanged | Trace] = []
         for first, last in ((0, late), (late, len(seconds.index))):
             for k in range(first, last, size):
