@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from functools import cache
 from math import sqrt
+from typing import Final
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, URGENCY
@@ -30,6 +32,7 @@ from mavhums.results.standing import (
 )
 from mavhums.results.verdict import ALL, Indicator, Verdict
 
+_POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
 _Shown = list[tuple[Flown, Indicator]]
 _Recordings = Collection[tuple[str | None, str, int]]
 
@@ -205,18 +208,20 @@ def _trend(
         step=step,
         flights_left=_life(left),
         reason=_why_unknown(grown, emergency, len(used) - (place or 0), step),
-        points=tuple(
-            FlightPoint(
-                flight=each.number,
-                start_utc=each.start_utc,
-                log=each.flight.assessment.log.path,
-                value=one.value,
-                highest=highest(each.verdict, one),
-                end=_at_end(each.verdict, one),
-                condition=each.gravest,
-            )
-            for each, one in pairs
-            if with_points
+        points=_POINTS.validate_python(
+            [
+                {
+                    "flight": each.number,
+                    "start_utc": each.start_utc,
+                    "log": each.flight.assessment.log.path,
+                    "value": one.value,
+                    "highest": highest(each.verdict, one),
+                    "end": _at_end(each.verdict, one),
+                    "condition": each.gravest,
+                }
+                for each, one in pairs
+                if with_points
+            ]
         ),
     )
 

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
@@ -159,11 +158,8 @@ class Standing(Contract):
         return -urgency, min(left, default=float("inf")), self.vehicle, self.actuator
 
 
-@dataclass(frozen=True, kw_only=True)
-class FlightPoint:
+class FlightPoint(Contract):
     """An indicator in one flight; ``flight`` counts the actuator's flights from 1, judged or not.
-
-    A trend has thousands, so they are no models, which take 20 times the time and memory.
 
     Attributes
     ----------
@@ -324,9 +320,8 @@ class TrendReport(Drawn):
 
         fields = {"vehicle", "actuator", "airframe", "fault", "quantity", "unit", "limit", "emergency"}
         rows = [
-            subject | vars(point) | vars(point.value)
+            one.model_dump(include=fields) | point.model_dump(exclude={"value"}) | point.value.model_dump()
             for one in self.trends
-            for subject in [one.model_dump(include=fields)]
             for point in one.points
         ]
         frame = pd.DataFrame(rows, columns=[*_COLUMNS.split(), "limit", "emergency", "highest", "end"])
