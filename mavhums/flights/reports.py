@@ -118,10 +118,7 @@ def _kinds(was: Standing | None, now: Standing) -> Iterator[str]:
 
 def _is_soon(growth: Growth) -> int:
     """Return how many limits the growth reaches within ten flights."""
-    return sum(
-        left is not None and left.estimate <= _SOON_FLIGHTS
-        for left in (growth.to_degraded, growth.to_emergency)
-    )
+    return sum(left.estimate <= _SOON_FLIGHTS for left in growth.ahead)
 
 
 def _silent(

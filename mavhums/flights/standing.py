@@ -158,8 +158,8 @@ def standing_of(flown: Sequence[Flown], trends: Iterable[ActuatorTrend]) -> Stan
         clear_flights=sum(
             _found(each) is not None for each in since if latest and each.number > latest.number
         ),
-        growth=min(growing, key=_soonest) if growing else None,
-        step=max(steps, key=lambda one: one.flight) if steps else None,
+        growth=min(growing, key=lambda one: one.soonest, default=None),
+        step=max(steps, key=lambda one: one.flight, default=None),
         reason=reason_of(last.verdict, last.gravest),
         flights=len(flown),
         last_utc=last.start_utc,
@@ -241,8 +241,3 @@ def in_sense(interval: Interval, fault: str) -> Interval:
     if fault not in LOSSES:
         return interval
     return Interval(estimate=-interval.estimate, low=-interval.high, high=-interval.low)
-
-
-def _soonest(growth: Growth) -> float:
-    left = [one.estimate for one in (growth.to_degraded, growth.to_emergency) if one is not None]
-    return min(left, default=float("inf"))

@@ -282,11 +282,8 @@ def _change(newest: Indicator, expected: Interval | None) -> Interval | None:
 
 def _rank(one: ActuatorTrend) -> tuple[float, float, float, int, str]:
     """Sort by worst condition, then fewest remaining flights, then smallest distance to the limit."""
-    growth = one.growth
-    left = min(
-        (each.low for each in (growth.to_degraded, growth.to_emergency) if each) if growth else (),
-        default=float("inf"),
-    )
+    ahead = one.growth.ahead if one.growth else []
+    left = min((each.low for each in ahead), default=float("inf"))
     value = one.points[-1].value.estimate
     share = 0.0
     if one.emergency and value:

@@ -77,6 +77,16 @@ class Growth(Contract):
     to_degraded: FlightsLeft | None
     to_emergency: FlightsLeft | None
 
+    @property
+    def ahead(self) -> list[FlightsLeft]:
+        """The flights left to each limit that there is."""
+        return [left for left in (self.to_degraded, self.to_emergency) if left]
+
+    @property
+    def soonest(self) -> float:
+        """The fewest flights left to a limit; infinite where there is none."""
+        return min((left.estimate for left in self.ahead), default=float("inf"))
+
 
 class Step(Contract):
     """A change of an indicator between two flights: a repair, a swap, or damage.
@@ -153,9 +163,8 @@ class Standing(Contract):
     def rank(self) -> tuple[float, float, int, str]:
         """Sort by urgency, growth before what is well, then by the fewest flights left."""
         growth = self.growth
-        left = [one.estimate for one in (growth.to_degraded, growth.to_emergency) if one] if growth else []
         urgency = max(URGENCY[self.condition], URGENCY["changed"] - 0.5 if growth else 0.0)
-        return -urgency, min(left, default=float("inf")), self.vehicle, self.actuator
+        return -urgency, growth.soonest if growth else float("inf"), self.vehicle, self.actuator
 
 
 class FlightPoint(Contract):

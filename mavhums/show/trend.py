@@ -145,8 +145,7 @@ def _signed(change: Interval | None) -> str:
 
 def _flights_left(growth: Growth | None) -> str:
     """Format the flights left to the next limit; — where nothing grows, or no limit is ahead."""
-    ahead = [each for each in (growth.to_degraded, growth.to_emergency) if each] if growth else []
-    left = next((each for each in ahead if each.estimate > 0), None)
+    left = next((each for each in growth.ahead if each.estimate > 0), None) if growth else None
     if left is None:
         return "—"
     text = left_words(left, dates=False).replace("more than ", ">")
