@@ -270,6 +270,7 @@ class Skids:
             if isnan(side.deviations):
                 continue
             roll = rolls.get(end_s, nan)
+            # Without any roll both surfaces are alike, and the limit has no value.
             roll = UNKNOWN_ROLL_DEVIATIONS if isnan(roll) else max(roll, 0.1)
             aileron, rudder = (SKID_DEVIATIONS**2 + (share * roll) ** 2 for share in SKID_SHARES)
             apart = 1.0 / aileron - 1.0 / rudder

@@ -220,7 +220,8 @@ class _ReferenceFlights:
         error, freedom = self._error(own_wear, record)
         bound = rise * abs(self.mean(record)) - NORMAL_95_ONE_SIDED * error
         tail = 1.0 - t_probability(freedom, bound / error)
-        return tail / tail_of(max(record.duration_s / WINDOW_S, 1.0)) if tail <= MOST_FLIGHT_TAIL else np.inf
+        windows = max(record.duration_s / WINDOW_S, 1.0)
+        return tail / tail_of(1.0) / windows if tail <= MOST_FLIGHT_TAIL else np.inf
 
     def _error(self, own_wear: Wear, record: OwnRecord) -> tuple[float, float]:
         """Return the standard error of a flight's rise, and its degrees of freedom."""
