@@ -5,6 +5,7 @@ pandas is imported with the first table: most programs write none.
 
 from __future__ import annotations
 
+import atexit
 import os
 import shutil
 import stat
@@ -26,8 +27,9 @@ if TYPE_CHECKING:
 _unfinished: set[Path] = set()
 
 
+@atexit.register
 def remove_unfinished() -> None:
-    """Remove the temporary files of a program that ends at once."""
+    """Remove the temporary files of a program that ends, wherever a signal interrupted it."""
     for path in list(_unfinished):
         path.unlink(missing_ok=True)
 
@@ -64,8 +66,9 @@ class WholeFile:
         else:
             self._path = Path(os.path.realpath(self._path))
             self.temporary = self._path.with_name(f".{self._path.name[:200]}.{token_hex(4)}.part")
+        _unfinished.add(self.temporary)  # before it exists: a signal may interrupt what follows
+        if not self._through:
             self.temporary.touch(0o600, exist_ok=False)
-        _unfinished.add(self.temporary)
 
     def publish(self) -> None:
         """Move the complete file to its target.

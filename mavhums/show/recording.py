@@ -58,12 +58,10 @@ class Recorder:
         try:
             self._file = WholeFile(self._path)
             self._stream.save(self._file.temporary)
-        except BaseException as error:  # a signal, too, must leave no part of a file
+        except Exception as error:
             self.__exit__(None, None, None)
-            if isinstance(error, Exception):
-                problem = f"cannot write {self._path}: {self._why(error)}"
-                raise MavhumsError(problem, "choose another place") from error
-            raise
+            problem = f"cannot write {self._path}: {self._why(error)}"
+            raise MavhumsError(problem, "choose another place") from error
         return self
 
     def _why(self, error: Exception) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import stat
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -96,3 +98,22 @@ def test_a_folder_or_an_absent_one_is_an_error_with_a_remedy(tmp_path: Path) -> 
     with pytest.raises(MavhumsError, match="No such file"):
         write(tmp_path / "absent" / "file")
     assert left(tmp_path) == []
+
+
+_INTERRUPTED = """
+import sys
+from pathlib import Path
+from mavhums.core.output import WholeFile
+touch = Path.touch
+def interrupted(path, *args, **options):
+    touch(path, *args, **options)
+    raise KeyboardInterrupt
+Path.touch = interrupted
+WholeFile(sys.argv[1])
+"""
+
+
+def test_a_signal_while_the_file_is_created_leaves_no_part_of_it(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", _INTERRUPTED, str(tmp_path / "out.json")]
+    assert subprocess.run(command, capture_output=True, check=False).returncode != 0
+    assert not list(tmp_path.iterdir())
