@@ -17,12 +17,12 @@ from typing import Final
 import numpy as np
 
 from mavhums.core.arrays import Array
-from mavhums.core.statistics import NORMAL_95
-from mavhums.results.standing import Interval
+from mavhums.health.motor.vibration import of_blocks
 from mavhums.results.verdict import Indicator
 
 HEATING: Final = "heating"
 """Fault of the indicator: what the ESC warms by beside the others, by the thrust asked of their motors."""
+_WARMING: Final = "warming of the ESC by its load, beside the others"
 
 _MOST_ESCS: Final = 16
 _BESIDE_S: Final = 2  # on either side: of five seconds the median counts, as one may be damaged, or missing
@@ -89,7 +89,8 @@ class EscHeating:
             samples = np.array([seconds[k] for k in sums])
             for k, value, error in zip(sums, *shares(np.stack([*sums.values()]), samples), strict=True):
                 if 0.0 < error <= _MOST_ERROR:
-                    found[k] = (_indicator(float(value), float(error), int(seconds[k] / _TOGETHER_S)),)
+                    blocks = int(seconds[k] / _TOGETHER_S)
+                    found[k] = (of_blocks(HEATING, _WARMING, "1", float(value), float(error), blocks),)
         return found
 
     def _take(self, second: int, load: Array, courses: dict[int, _Course]) -> None:
@@ -168,15 +169,3 @@ def shares(sums: Array, seconds: Array) -> tuple[Array, Array]:
         usual = others @ warming
         value = warming / usual
         return value, np.sqrt(errors + value**2 * (others**2 @ errors)) / usual
-
-
-def _indicator(value: float, error: float, windows: int) -> Indicator:
-    return Indicator(
-        fault=HEATING,
-        quantity="warming of the ESC by its load, beside the others",
-        unit="1",
-        value=Interval.around(value, NORMAL_95 * error).significant(5),
-        windows=windows,
-        scatter=float(f"{error * windows**0.5:.4g}"),
-        needed_flights=3,
-    )

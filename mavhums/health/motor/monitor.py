@@ -11,7 +11,6 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import NORMAL_95
 from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.thresholds import WINDOW_S
@@ -24,10 +23,9 @@ from mavhums.health.motor.thresholds import (
     BOUND_SHARE,
     EMERGENCY_LOSS,
     LEAST_TRIM_BLOCKS,
-    NEEDED_FLIGHTS,
     REFUTING_BLOCKS,
 )
-from mavhums.health.motor.vibration import RotorVibration
+from mavhums.health.motor.vibration import RotorVibration, of_blocks
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY, Seconds
@@ -171,16 +169,7 @@ class Trims:
     def _indicator(self, fault: str, quantity: str, weights: Array) -> Indicator:
         value = float(weights @ self._mean)
         scatter = float(np.sqrt(weights**2 @ self._squares / (self._blocks - 1)))
-        half = NORMAL_95 * scatter / self._blocks**0.5
-        return Indicator(
-            fault=fault,
-            quantity=quantity,
-            unit="1",
-            value=Interval(estimate=round(value, 5), low=round(value - half, 5), high=round(value + half, 5)),
-            windows=self._blocks,
-            scatter=round(scatter, 5),
-            needed_flights=NEEDED_FLIGHTS,
-        )
+        return of_blocks(fault, quantity, "1", value, scatter / self._blocks**0.5, self._blocks)
 
 
 class MotorMonitor:

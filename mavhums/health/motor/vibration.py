@@ -22,6 +22,8 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import NORMAL_95
+from mavhums.health.estimation.random_effects import RunningVariance
+from mavhums.health.motor.thresholds import LEAST_TRIM_BLOCKS, NEEDED_FLIGHTS
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
 from mavhums.vehicle.grid import RATE_HZ
@@ -44,7 +46,6 @@ _UNSTEADY: Final = 0.5
 """Turns by which the phase between two reports is uncertain, from which on it is not known: what the speed
 changes by, by the time between them."""
 _BLOCK: Final = 5  # windows whose median counts as one value: a gust or a turn spoils some of them
-_LEAST_BLOCKS: Final = 3
 _LATE_S: Final = 40  # by which a stream may lag
 _MOST_KEPT: Final = 1 << 19  # samples: more in so short a time are damage or an attack
 _METRES: Final = 1e-6
@@ -93,23 +94,15 @@ class _Blocks:
 
     def __init__(self) -> None:
         self._windows: list[tuple[float, float]] = []
-        self.count, self.mean, self._squares = 0, 0.0, 0.0
+        self.motions = RunningVariance()
 
     def add(self, square: float, noise: float) -> None:
         self._windows.append((square, noise))
         if len(self._windows) == _BLOCK:
             total, usual = np.median(self._windows, axis=0).tolist()
             self._windows.clear()
-            self.count += 1
             # What is below the noise is as good as the noise of the block's mean.
-            value = max(total - usual, usual / _BLOCK**0.5) ** 0.5
-            off = value - self.mean
-            self.mean += off / self.count
-            self._squares += off * (value - self.mean)
-
-    @property
-    def scatter(self) -> float:
-        return float((self._squares / (self.count - 1)) ** 0.5)
+            self.motions.add(max(total - usual, usual / _BLOCK**0.5) ** 0.5)
 
 
 class RotorVibration:
@@ -151,7 +144,8 @@ class RotorVibration:
         blocks = deepcopy(self._blocks)
         for second in self._pending:
             self._take(second, blocks)
-        return [(_indicator(blocks[esc]),) if _shown(blocks.get(esc)) else () for esc in escs]
+        shown = {esc: own.motions for esc, own in blocks.items() if own.motions.count >= LEAST_TRIM_BLOCKS}
+        return [(_indicator(shown[esc]),) if esc in shown else () for esc in escs]
 
     def _take(self, second: int, blocks: dict[int, _Blocks]) -> None:
         for start_s in np.arange(second, second + 1.0, _WINDOW_S).tolist():
@@ -203,19 +197,20 @@ def _within(kept: Sequence[tuple[Array, Array]], start_s: float, end_s: float) -
     return time_s, values[first]
 
 
-def _shown(blocks: _Blocks | None) -> bool:
-    return blocks is not None and blocks.count >= _LEAST_BLOCKS
+def _indicator(motions: RunningVariance) -> Indicator:
+    value, error = motions.mean / _METRES, (motions.variance / motions.count) ** 0.5 / _METRES
+    quantity = "unbalance of the rotor, by the aircraft's mass"
+    return of_blocks(UNBALANCE, quantity, "µm", value, error, motions.count)
 
 
-def _indicator(blocks: _Blocks) -> Indicator:
-    value, scatter = blocks.mean / _METRES, blocks.scatter / _METRES
-    half = NORMAL_95 * scatter / blocks.count**0.5
+def of_blocks(fault: str, quantity: str, unit: str, value: float, error: float, blocks: int) -> Indicator:
+    """Return what later flights are compared with: the mean of blocks of the flight, and its error."""
     return Indicator(
-        fault=UNBALANCE,
-        quantity="unbalance of the rotor, by the aircraft's mass",
-        unit="µm",
-        value=Interval.around(value, half).significant(5),
-        windows=blocks.count,
-        scatter=float(f"{scatter:.4g}"),
-        needed_flights=3,
+        fault=fault,
+        quantity=quantity,
+        unit=unit,
+        value=Interval.around(value, NORMAL_95 * error).significant(5),
+        windows=blocks,
+        scatter=float(f"{error * blocks**0.5:.4g}"),
+        needed_flights=NEEDED_FLIGHTS,
     )
