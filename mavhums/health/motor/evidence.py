@@ -53,7 +53,6 @@ class Rules(NamedTuple):
     noise_most: float
     air: Array1
     air_change: float
-    beside: Array1
     model_error: float
     low_gain: Array1
     high_gain: Array1
@@ -67,10 +66,8 @@ class Rules(NamedTuple):
     block: int
     bound: int
     reference: int
-    gap: int
     airborne: int
     settled: int
-    landed: int
     bank_grace: int
 
 
@@ -107,7 +104,6 @@ def rules_for(false_alarms: float) -> Rules:
         noise_most=t.NOISE_MOST,
         air=t.AIR[0] ** 2,
         air_change=1.0 / (t.AIR_CHANGES_S * RATE_HZ),
-        beside=t.AIR_BESIDE**2,
         model_error=t.MODEL_ERROR,
         low_gain=t.LEAST_GAIN,
         high_gain=t.MOST_GAIN,
@@ -121,10 +117,8 @@ def rules_for(false_alarms: float) -> Rules:
         block=round(t.CORRELATED_S * RATE_HZ),
         bound=round(t.BOUND_S * RATE_HZ),
         reference=round(t.REFERENCE_S * RATE_HZ),
-        gap=round(t.REFERENCE_GAP_S * RATE_HZ),
         airborne=round(t.AIRBORNE_S * RATE_HZ),
         settled=round(t.SETTLED_S * RATE_HZ),
-        landed=round(t.LANDED_S * RATE_HZ),
         bank_grace=round(t.BANK_GRACE_S * RATE_HZ),
     )
 
@@ -182,9 +176,10 @@ def follow(
             good = good and abs(rates[row, a]) < _FASTEST  # false of NaN
         if good:
             _take(rates[row], upright[row], hover[row], grounded[row], columns, rules, s)
-            settled = s.counts[ALOFT] > rules.settled and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0
+            calm = s.counts[_DIP] == 0 and s.counts[_DEAD] == 0
+            settled = calm and s.counts[ALOFT] > rules.settled
             found[row, 6] = 1.0 if settled and upright[row] > 0.866 else 0.0
-            if s.counts[ALOFT] > rules.airborne and s.counts[_DIP] == 0 and s.counts[_DEAD] == 0:
+            if calm and s.counts[ALOFT] > rules.airborne:
                 _test(spacing[row], columns, rules, hypotheses, s, found[row])
             elif s.counts[ALOFT] == 0:
                 s.values[:], s.sums[:], s.air[:] = -np.inf, 0.0, hypotheses.air_weights
@@ -219,12 +214,12 @@ def _take(
     c[_WHOLE] += 1
     low = mean < rules.least_thrust * hover
     c[_DIP] = c[_DIP] + 1 if low else 0
-    if grounded or (c[_DIP] > rules.landed and mean < 0.5 * hover) or (c[ALOFT] == 0 and low):
+    if grounded or (c[_DIP] > rules.bound and mean < 0.5 * hover) or (c[ALOFT] == 0 and low):
         c[ALOFT], c[_WHOLE] = 0, 0
         s.recent[:] = 0.0
         s.now[0:3] = np.nan
         return
-    if c[_DIP] > rules.landed:
+    if c[_DIP] > rules.bound:
         c[_WHOLE] = 0
     c[ALOFT] += 1
     c[FLOWN] += 1
@@ -293,8 +288,6 @@ def _conclude(correlated: float, columns: Array, rules: Rules, s: State, found: 
     span = min(rows, rules.bound, s.counts[_WHOLE] - 1)
     if _residual(span, rules, s, e, asked, swing) and asked[motor] >= _LEAST_ASKED:
         noise = _noise(span, correlated / span, rules, s)
-        for a in range(3):
-            noise[a, a] += rules.beside[a]
         loss, deviation = regression(e, asked[motor], noise, columns[motor])
         half = NORMAL_95 * np.hypot(deviation, rules.model_error * loss)
         found[0], found[1], found[2], found[3] = motor + 1.0, rows, evidence, min(max(loss, 0.0), 1.0)
@@ -338,14 +331,13 @@ def _residual(span: int, rules: Rules, s: State, e: Array, asked: Array, swing: 
     """Compute the effort of a window that neither trim nor motion explains; False where the trim is new."""
     count = s.counts[_COUNT]
     at, begin = count % _RING, (count - span) % _RING
-    trim = (count - span - rules.gap) % _RING
-    hover = s.hover[trim]
+    hover = s.hover[begin]
     if not hover > 0.0:
         return False
     for i in range(asked.size):
         asked[i] = (s.thrust[at, i] - s.thrust[begin, i]) / span / hover
     for a in range(3):
-        beyond = ((s.effort[at, a] - s.effort[begin, a]) / span - s.trim[trim, a]) / hover
+        beyond = ((s.effort[at, a] - s.effort[begin, a]) / span - s.trim[begin, a]) / hover
         if a == 2:
             beyond -= rules.yaw_damping * _mean_turn(span, s)
         if not np.isfinite(beyond):

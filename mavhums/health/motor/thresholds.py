@@ -27,7 +27,8 @@ NOISE_SD: Final[Array] = np.array([0.07, 0.07, 0.027])
 NOISE_WORTH: Final = 3.0
 """Blocks of rows that this is worth beside the flight's own."""
 NOISE_FLOOR: Final = 0.25
-"""Least share of this variance, however calm the flight was so far."""
+"""Least share of this variance, however calm the flight was so far: in a calm hover two motors that weaken in
+turn would be named one by one."""
 NOISE_MOST: Final = 40.0
 """Most blocks that the flight's own noise counts: later wind replaces the calm before."""
 
@@ -44,8 +45,6 @@ AIR_CHANGES_S: Final = 20.0
 STILL: Final = 0.5
 """Probability that the next one is none."""
 
-AIR_BESIDE: Final[Array] = np.array([0.03, 0.03, 0.008])
-"""SD of the effort by air beside a motor's loss."""
 MODEL_ERROR: Final = 0.15
 """Error of a motor's column, as a share of the loss: geometry, thrust curve."""
 
@@ -63,8 +62,6 @@ QUIET_TURN: Final = 0.3
 
 REFERENCE_S: Final = 40.0
 """Memory of the trim before; a fault that grows more slowly is learned."""
-REFERENCE_GAP_S: Final = 0.5
-"""The trim ends as long before a window."""
 
 LEAST_THRUST: Final = 0.7
 """Share of the hover thrust below which nothing is judged: at touch-down the effort winds up."""
@@ -75,11 +72,10 @@ SETTLED_S: Final = 15.0
 """In the air before a loss is excluded, and a trim compared with earlier flights."""
 BANK_GRACE_S: Final = 0.3
 """After 60° of bank a quad without a motor still shows which one: it passes 60° after 0.26 to 0.32 s."""
-LANDED_S: Final = 1.5
-"""Below half of the hover thrust for as long is no dip: the flight is over, and its trim with it."""
 
 BOUND_S: Final = 1.4
-"""Seconds over which a loss is excluded."""
+"""Seconds over which a loss is excluded. Below half of the hover thrust for as long is no dip: the flight is
+over, and its trim with it."""
 BOUND_SHARE: Final = 0.8
 """Share of the judged seconds over which a loss is excluded: one gust spoils no flight."""
 MOST_EXCLUDED: Final = 0.7

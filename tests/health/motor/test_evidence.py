@@ -20,7 +20,7 @@ from tests.health.motor.test_past import QUAD as QUADCOPTER
 
 NOISE_SD = np.array([0.07, 0.07, 0.027])
 HOVER = 0.4
-AIRBORNE, SETTLED, LANDED, GRACE = (round(seconds * RATE_HZ) for seconds in (4.0, 15.0, 1.5, 0.3))
+AIRBORNE, SETTLED, LANDED, GRACE = (round(seconds * RATE_HZ) for seconds in (4.0, 15.0, 1.4, 0.3))
 
 
 class Craft:
