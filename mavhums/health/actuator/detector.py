@@ -14,6 +14,7 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Flags
+from mavhums.health.actuator.thresholds import WIDEST_ERROR_SHARE
 from mavhums.health.decision.limits import Estimates, Levels
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.motion import Motion
@@ -130,12 +131,14 @@ class EquationDetector(Detector):
         raise NotImplementedError
 
 
-def sharp(value: Array, error: Array, widest: float, limit: float | None) -> Flags:
-    """Return whether estimates are certain enough to count, shape (k,).
+def sharp(value: Array, error: Array, limit: float | None, healthy: float = 0.0) -> Flags:
+    """Return whether estimates are certain enough to count, shape (k,); all without a limit.
 
-    ``widest`` is the largest standard error of a value within its limit. Beyond the limit the error may grow
-    with the value: a grave fault blurs what it is measured by, and must not be refused for that.
+    Beyond the limit the error may grow with the value: a grave fault blurs what it is measured by, and must
+    not be refused for that.
     """
-    size = np.abs(value) / (np.inf if limit is None else limit)
-    allowed: Flags = error < widest * np.maximum(size, 1.0)
+    if limit is None:
+        return np.isfinite(error)
+    widest = WIDEST_ERROR_SHARE * (limit - healthy)
+    allowed: Flags = error < widest * np.maximum(np.abs(value) / limit, 1.0)
     return allowed

@@ -116,7 +116,7 @@ class Monitor:
         self.actuator = actuator
         self._networks = networks
         self._cutter = SlotCutter()
-        self._waiting: list[tuple[Array, Array, Flags, Array, Array, Array]] = []
+        self._waiting: list[tuple[Array, Array]] = []
         # With all constants and limits the data sheet decides; a current at the bus is another quantity than
         # the motor's.
         open_limits = bool(actuator.blanks) or actuator.esc_side == "bus"
@@ -166,11 +166,7 @@ class Monitor:
         """
         if not time_s.size:
             return
-        count = len(values)
-        known = np.ones(values.shape, dtype=np.bool_) if measured is None else measured
-        bus, air = (np.full(count, np.nan) if given is None else given for given in (bus_v, airspeed))
-        unsigned = np.full((count, 3), np.nan) if magnitudes is None else magnitudes
-        self._waiting.append((time_s, values, known, bus, air, unsigned))
+        self._waiting.append((time_s, with_extra_columns(values, measured, bus_v, airspeed, magnitudes)))
         self._latest_s = max(self._latest_s, float(time_s.max()))
         # Live blocks of a few samples are gathered until they complete a slot: arrays of one are slow.
         if self._cutter.completes(self._latest_s) or len(self._waiting) >= _MOST_WAITING:
@@ -282,9 +278,9 @@ class Monitor:
 
     def _cut(self) -> Slots | None:
         """Pass buffered samples to the cutter together: arrays for single live blocks are inefficient."""
-        time_s, *quantities = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
+        time_s, values = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
         self._waiting.clear()
-        return self._cutter.feed(time_s, with_extra_columns(*quantities))
+        return self._cutter.feed(time_s, values)
 
     def _judge(self, slots: Slots | None) -> Iterator[MonitorEvent]:
         if slots is None:

@@ -51,21 +51,16 @@ STATED_ERROR_FREEDOM: Final = 2.0
 # reads as twist. Set with benchmarks/severities.py, seeds 0–2 and 20–29.
 MOST_TWIST_PER_STIFFNESS: Final = 2.0
 
-# Moving speeds from which a single sample's direction is certain: slower ones may be sensor noise or have a
-# wrong derived sign. By hand.
-CERTAIN_DIRECTION_MOVING_SPEEDS: Final = 3.0
-
-# Moving speeds up to which a shaft stands: an ESC's speed noise at standstill. By hand.
-STANDSTILL_MOVING_SPEEDS: Final = 0.2
-
 # Current that shows a winding at standstill, A: three steps of ESC_TELEMETRY. Less is noise, whose
 # magnitude is no current.
 LOADED_AT_STANDSTILL_A: Final = 0.03
 
-# Prior deviation of the resistance: wide, because a fault may have changed it. By hand.
+# Prior deviation of the resistance: wide, because a fault may have changed it. By hand: at 0.1 a grave one is
+# not seen (benchmarks/severities.py).
 RESISTANCE_PRIOR_SHARE: Final = 0.2
 
-# Prior deviation of the torque constant: wide, because a fault may have changed it. By hand.
+# Prior deviation of the torque constant: wide, because a fault may have changed it. By hand: at 0.2 some
+# flights of a servo on a bench contradict its data sheet (benchmarks/real_actuators.py).
 BACK_EMF_PRIOR_SHARE: Final = 0.1
 
 # Speed from which a rotor moves whose gear is not known, rev/min: noise of ESC telemetry is below. By

@@ -132,15 +132,17 @@ def test_why_a_network_decides_nothing() -> None:
 @pytest.mark.parametrize(
     ("value", "error", "limit", "expected"),
     [
-        (0.1, 0.049, 0.2, True),
-        (0.1, 0.05, 0.2, False),
-        (0.4, 0.099, 0.2, True),  # twice the limit allows twice the error
-        (-0.4, 0.099, 0.2, True),
-        (0.4, 0.101, 0.2, False),
-        (9.0, 0.051, None, False),
+        (0.1, 0.039, 0.2, True),
+        (0.1, 0.041, 0.2, False),
+        (0.4, 0.079, 0.2, True),  # twice the limit allows twice the error
+        (-0.4, 0.079, 0.2, True),
+        (0.4, 0.081, 0.2, False),
+        (9.0, 1.0, None, True),
     ],
 )
 def test_beyond_its_limit_a_quantity_may_be_less_certain(
     value: float, error: float, limit: float | None, expected: bool
 ) -> None:
-    assert sharp(np.array([value]), np.array([error]), 0.05, limit).tolist() == [expected]
+    assert sharp(np.array([value]), np.array([error]), limit).tolist() == [expected]
+    if limit is not None:
+        assert sharp(np.array([value]), np.array([error / 2]), limit, limit / 2).tolist() == [expected]

@@ -84,6 +84,17 @@ def test_a_speed_without_sign_shows_a_shaft_that_cannot_have_moved(rate_hz: floa
     assert (findings.condition, findings.worst) == ("undecided", "emergency")
 
 
+@pytest.mark.parametrize(("rattles", "condition"), [(0.25, "emergency"), (0.38, "undecided")])
+def test_a_jam_lasts_while_a_rotor_rattles_in_its_gear(rattles: float, condition: str) -> None:
+    """A speed without sign adds up to and fro: less than twice the commanded travel is no motion of the shaft."""
+    time_s = np.arange(0.0, 60.0, 0.04)
+    seen = unsigned(time_s, (time_s < 20.0) | (time_s > 24.0))
+    assert seen.magnitudes is not None
+    seen.magnitudes[time_s > 24.0] *= rattles
+    _, findings = watch(seen, measured=NOTHING)
+    assert (findings.condition, findings.worst) == (condition, "emergency")
+
+
 def test_speeds_far_apart_show_no_jam() -> None:
     """The shaft may have moved between them."""
     time_s = np.arange(0.0, 40.0, 0.2)

@@ -9,14 +9,12 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator, Ema
 from mavhums.core.arrays import Array, Flags
+from mavhums.core.statistics import ERRORS_95
 from mavhums.health.actuator.detector import EquationDetector, sharp
 from mavhums.health.actuator.thresholds import (
     CONTRADICTED_CONSTANT_SHARE,
     CONTRADICTION_ERROR_SHARE,
-    LEAST_TURNING_CONSTANT_SHARE,
     SUPPLY_SENSOR_V,
-    WIDEST_RESISTANCE_SHARE,
-    WIDEST_TORQUE_CONSTANT_SHARE,
 )
 from mavhums.health.decision.limits import Estimates, Levels
 from mavhums.health.estimation.least_squares import Fit
@@ -41,7 +39,7 @@ class WindingResistanceDetector(EquationDetector):
         """Return the resistance; undecidable if the current varies too little."""
         fit, nominal = fits["voltage"], self.actuator.known_ema().resistance
         resistance, error = fit.corrected("resistance", noisy="resistance")
-        shown = fit.spread & sharp(resistance, error, WIDEST_RESISTANCE_SHARE * nominal, self.levels.normal)
+        shown = fit.spread & sharp(resistance, error, self.levels.normal, nominal)
         return Estimates.of(resistance, error, fit.freedom, shown)
 
 
@@ -67,8 +65,8 @@ class TorqueConstantDetector(EquationDetector):
         ema = self.actuator.known_ema()
         fit = fits["voltage"]
         constant, error = _from_back_emf(fit, ema, turned=self.turned)
-        shown = fit.spread & sharp(1.0 - constant, error, WIDEST_TORQUE_CONSTANT_SHARE, self.levels.normal)
-        shown &= (constant > LEAST_TURNING_CONSTANT_SHARE) & (constant < 1.0 + CONTRADICTED_CONSTANT_SHARE)
+        shown = fit.spread & sharp(1.0 - constant, error, self.levels.normal)
+        shown &= (constant > ERRORS_95 * error) & (constant < 1.0 + CONTRADICTED_CONSTANT_SHARE)
         return Estimates.of(1.0 - constant, error, fit.freedom, shown)
 
 

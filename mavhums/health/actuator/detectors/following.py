@@ -49,8 +49,6 @@ from mavhums.health.actuator.thresholds import (
     JAM_PARTS,
     JAM_PARTS_PER_SLOT,
     JAM_SHARE,
-    JAM_SPAN_S,
-    LABOURED_LAGS,
     LABOURED_SHARE,
     LEAST_SLOTS,
     LONGEST_SPEED_STEP_S,
@@ -164,7 +162,7 @@ class JamDetector(Detector):
         "gearbox and linkage for a blockage, and the actuator's supply, torque and gain, of which too little "
         "also keeps a surface where it is"
     )
-    span_s: ClassVar[float | None] = JAM_SPAN_S
+    span_s: ClassVar[float | None] = JAM_PARTS[0] / JAM_PARTS_PER_SLOT
 
     def __init__(self, actuator: Actuator) -> None:
         super().__init__(actuator)
@@ -231,7 +229,7 @@ class JamDetector(Detector):
         ahead = np.where(way > 0.0, *behind)
         # Where the load drives the shaft back, the motor does not move it.
         moves = (speed >= self.actuator.moving_speed_deg_s) & (ahead > 0.0)
-        late = ahead - LABOURED_LAGS * self.actuator.response_lag_s * speed >= JAM_COMMAND_DEG
+        late = ahead - self.actuator.response_lag_s * speed >= JAM_COMMAND_DEG
         laboured = np.where(late, way * current, 0.0)[moves]
         latest = np.concatenate([[self._laboured_a], laboured])[np.cumsum(moves)]
         self._laboured_a = float(latest[-1])

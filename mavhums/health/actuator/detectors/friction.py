@@ -16,13 +16,7 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import ERRORS_95
 from mavhums.health.actuator.detector import Detector, EquationDetector
 from mavhums.health.actuator.detectors.electrical import contradicts, relative_constant
-from mavhums.health.actuator.thresholds import (
-    FRICTION_CONTRADICTION_ERRORS,
-    FRICTIONLESS_LIMIT_SHARE,
-    LOAD_EMERGENCY_ERRORS,
-    MODEL_ERROR_LIMIT_SHARE,
-    PER_SAMPLE_ERROR_SHARE,
-)
+from mavhums.health.actuator.thresholds import FRICTIONLESS_LIMIT_SHARE, MODEL_ERROR_LIMIT_SHARE
 from mavhums.health.decision.limits import Estimates, Levels, half_width, tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.least_squares import Fit
@@ -48,7 +42,7 @@ class FrictionDetector(EquationDetector):
 
     def overall(self, flight: Mapping[str, Fit]) -> Estimates:
         """Return the friction over the whole flight; effects outside the balance do not average out."""
-        return self._widened(self.read(flight, flight), 0.0)
+        return self._widened(self.read(flight, flight))
 
     def conclusion(self, flight: Mapping[str, Fit]) -> Estimates:
         """Return the friction over the whole flight, from lasting motion or from single samples.
@@ -67,11 +61,10 @@ class FrictionDetector(EquationDetector):
         A rotor that winds up its gear against a jammed shaft also moves, but most torque is unexplained.
         """
         fit = flight["torque_per_sample"]
-        mean = self._widened(self._scaled(fit, flight), PER_SAMPLE_ERROR_SHARE)
         # A rotor that winds up its gear against a jammed shaft moves, too, but most of its torque is
         # unexplained.
         holds = fit.variance < self.actuator.known_limits().emergency ** 2
-        return Estimates.of(mean.value, mean.error, mean.freedom, holds)
+        return Estimates.of(*self._widened(self._scaled(fit, flight)), holds)
 
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the friction; undecidable without motion both ways in several slots.
@@ -84,9 +77,9 @@ class FrictionDetector(EquationDetector):
         """
         return self._scaled(fits["torque"], flight)
 
-    def _widened(self, mean: Estimates, share: float) -> Estimates:
-        left_out = np.hypot(share * mean.value, MODEL_ERROR_LIMIT_SHARE * self.actuator.known_limits().normal)
-        return Estimates(mean.value, np.hypot(mean.error, left_out), mean.freedom)
+    def _widened(self, mean: Estimates) -> Estimates:
+        left_out = MODEL_ERROR_LIMIT_SHARE * self.actuator.known_limits().normal
+        return mean._replace(error=np.hypot(mean.error, left_out))
 
     def _scaled(self, fit: Fit, flight: Mapping[str, Fit]) -> Estimates:
         """Return the friction of a torque balance with the torque constant that the flight shows."""
@@ -100,7 +93,7 @@ class FrictionDetector(EquationDetector):
         # either.
         shown &= 2 * ERRORS_95 * whole_error < np.maximum(self._widest, friction * scale - self._normal)
         # Well below zero: the constants are not this actuator's, or a sensor lies.
-        shown &= friction > -FRICTION_CONTRADICTION_ERRORS * error
+        shown &= friction > -ERRORS_95 * error
         shown &= (
             friction + ERRORS_95 * error
         ) * scale > FRICTIONLESS_LIMIT_SHARE * self.actuator.known_limits().normal
@@ -113,7 +106,7 @@ class FrictionDetector(EquationDetector):
         if self.actuator.known_ema().load_friction is not None:
             return np.zeros(scale.shape, dtype=np.bool_)
         least = fit.given("friction", "loaded", MOST_LOAD_FRICTION) * scale
-        may_be: Flags = fit["friction"].value * scale + LOAD_EMERGENCY_ERRORS * error >= emergency
+        may_be: Flags = fit["friction"].value * scale + ERRORS_95 * error >= emergency
         return may_be & (least + ERRORS_95 * error < emergency)
 
 
@@ -161,7 +154,7 @@ def _contradiction(detector: FrictionDetector, flight: Mapping[str, Fit]) -> Rea
     if contradicted[0]:
         return Reason("other_constant", percent=100 * constant[0])
     friction, error = (float(column[0]) for column in flight["torque"]["friction"])
-    if friction <= -FRICTION_CONTRADICTION_ERRORS * error:
+    if friction <= -ERRORS_95 * error:
         return Reason("negative_friction", friction=friction)
     if friction + ERRORS_95 * error <= FRICTIONLESS_LIMIT_SHARE * limits.normal:
         return Reason("no_friction")

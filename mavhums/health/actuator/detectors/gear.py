@@ -9,7 +9,7 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.health.actuator.detector import EquationDetector, sharp
-from mavhums.health.actuator.thresholds import LEAST_SLOTS, WIDEST_GEAR_ERROR_DEG
+from mavhums.health.actuator.thresholds import LEAST_SLOTS
 from mavhums.health.decision.limits import Estimates, Levels
 from mavhums.health.estimation.equations.data_sheet import GEAR
 from mavhums.health.estimation.least_squares import Fit
@@ -36,8 +36,7 @@ class BacklashDetector(EquationDetector):
         # A load on one flank only never shows the play.
         both = fit.spread & (fit.both_ways("flank", "bias") >= LEAST_SLOTS)
         play, error = -2.0 * half_play, 2.0 * half_error
-        shown = both & sharp(play, error, WIDEST_GEAR_ERROR_DEG, self.levels.normal)
-        return Estimates.of(play, error, fit.freedom, shown)
+        return Estimates.of(play, error, fit.freedom, both & sharp(play, error, self.levels.normal))
 
 
 class SensorBiasDetector(EquationDetector):
@@ -63,5 +62,4 @@ class SensorBiasDetector(EquationDetector):
         bias, error = fit["bias"]
         # On one flank play and bias cannot be told apart.
         error = np.maximum(error, np.where(one_sided, self._play, 0.0))
-        shown = fit.spread & sharp(bias, error, WIDEST_GEAR_ERROR_DEG, self.levels.normal)
-        return Estimates.of(bias, error, fit.freedom, shown)
+        return Estimates.of(bias, error, fit.freedom, fit.spread & sharp(bias, error, self.levels.normal))

@@ -52,11 +52,9 @@ from mavhums.health.estimation.motion import Motion
 from mavhums.health.estimation.slots import Slots
 from mavhums.health.estimation.thresholds import (
     BACK_EMF_PRIOR_SHARE,
-    CERTAIN_DIRECTION_MOVING_SPEEDS,
     LOADED_AT_STANDSTILL_A,
     MOST_TWIST_PER_STIFFNESS,
     RESISTANCE_PRIOR_SHARE,
-    STANDSTILL_MOVING_SPEEDS,
 )
 
 _V1, _V2, _V3, _V4, _V5, _V8, _V11 = (column(f"V{k}") for k in (1, 2, 3, 4, 5, 8, 11))
@@ -147,9 +145,8 @@ def _sample_rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Flag
     loaded = friction_with_load(motion.speed, motion.load)
     X = np.stack([np.sign(motion.speed), np.ones(len(left)), deflection, loaded], axis=1)
     y = left - actuator.known_ema().viscous * motion.speed
-    # Slower ones may be sensor noise or have a wrong derived sign.
-    least = CERTAIN_DIRECTION_MOVING_SPEEDS * np.radians(actuator.moving_speed_deg_s)
-    return X, y, (np.abs(motion.speed) > least) & np.isfinite(y) & np.isfinite(X).all(axis=1)
+    moves = np.abs(motion.speed) > np.radians(actuator.moving_speed_deg_s)
+    return X, y, moves & np.isfinite(y) & np.isfinite(X).all(axis=1)
 
 
 TORQUE = Equation(
@@ -176,7 +173,7 @@ def _voltage_rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Fla
     X = np.stack([current, motion.speed, np.ones(len(volts))], axis=1)
     usable = np.isfinite(X).all(axis=1) & np.isfinite(volts)
     unsigned_v, unsigned_a, rev_min = motion.magnitudes.T
-    stands = ~usable & (rev_min <= STANDSTILL_MOVING_SPEEDS * actuator.moving_speed_rev_min)
+    stands = ~usable & (rev_min <= actuator.moving_speed_rev_min)
     # The magnitude of a small current is noise, which would read as resistance.
     stands &= unsigned_v > LOADED_AT_STANDSTILL_A * actuator.known_ema().resistance
     X[stands] = 0.0
