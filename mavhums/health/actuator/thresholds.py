@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Final
 
-# Largest standard error that counts, of what lies between a healthy value and its limit: at a half of it three
-# healthy torque constants of 160 are called degraded (benchmarks/false_alarms.py, from flight 9500).
+# Largest standard error that counts, of what lies between a healthy value and its limit: at 0.5 three of 160
+# healthy torque constants are called degraded (benchmarks/false_alarms.py, from flight 9500).
 WIDEST_ERROR_SHARE: Final = 0.2
 
 # Departure of the back-EMF from the data sheet beyond which nobody knows what torque a current is worth: no

@@ -86,7 +86,7 @@ def test_a_speed_without_sign_shows_a_shaft_that_cannot_have_moved(rate_hz: floa
 
 @pytest.mark.parametrize(("rattles", "condition"), [(0.25, "emergency"), (0.38, "undecided")])
 def test_a_jam_lasts_while_a_rotor_rattles_in_its_gear(rattles: float, condition: str) -> None:
-    """A speed without sign adds up to and fro: less than twice the commanded travel is no motion of the shaft."""
+    """A speed without sign adds up to and fro: up to twice the commanded travel shows no motion."""
     time_s = np.arange(0.0, 60.0, 0.04)
     seen = unsigned(time_s, (time_s < 20.0) | (time_s > 24.0))
     assert seen.magnitudes is not None

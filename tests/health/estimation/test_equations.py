@@ -135,6 +135,26 @@ def test_the_priors_of_the_winding_and_the_supply() -> None:
 
 
 @pytest.mark.parametrize(
+    ("behind", "deg_s", "side", "shows"),
+    [
+        (5.1, 49.0, "motor", True),
+        (-5.1, -49.0, "motor", True),
+        (5.1, 51.0, "motor", False),  # so fast it needs no more voltage
+        (40.0, 95.0, "motor", False),
+        (4.9, 49.0, "motor", False),
+        (5.1, 49.0, "bus", False),
+    ],
+)
+def test_a_shaft_that_lags_and_is_slow_shows_the_supply(
+    behind: float, deg_s: float, side: str, *, shows: bool
+) -> None:
+    """The actuator moves at 100 °/s and lags by 5° there."""
+    seen = motion_of(1, speed=np.radians(deg_s), V4=-8.0)._replace(behind=np.array([behind]))
+    _, y, usable = SUPPLY.rows(actuator_of(side), seen)
+    assert (usable.tolist(), y[usable].tolist()) == ([shows], [8.0] * shows)
+
+
+@pytest.mark.parametrize(
     ("load", "speed", "certain"),
     [(0.374, 2.0, True), (0.374, -2.0, False), (0.376, -2.0, True), (-0.376, 2.0, True), (-0.1, 2.0, False)],
 )

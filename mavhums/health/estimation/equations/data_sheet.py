@@ -188,9 +188,12 @@ def _supply_prior(actuator: Actuator) -> Prior:
 def _supply_rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Flags]:
     """Return terms (n, 1), left side (n,), V, and the mask of usable samples (n,)."""
     # A voltage at the motor is the controller's. It is the supply's where a shaft lags its command as far as
-    # a healthy one does at full speed, and moves: of a jammed one the controller may limit the current.
-    full_speed_deg = (actuator.slew_deg_s or np.inf) * actuator.response_lag_s
-    asked = motion.moving & (np.abs(motion.behind) >= full_speed_deg) & (actuator.esc_side == "motor")
+    # a healthy one does at full speed, and is slow: at full speed it needs no more voltage, however far the
+    # command is. It moves: of a jammed one the controller may limit the current.
+    slew_deg_s = actuator.slew_deg_s or np.inf
+    lags = np.abs(motion.behind) >= slew_deg_s * actuator.response_lag_s
+    slow = np.degrees(np.abs(motion.speed)) < slew_deg_s / 2
+    asked = motion.moving & lags & slow & (actuator.esc_side == "motor")
     at_motor = np.where(asked, np.abs(motion.values[:, _V4]), np.nan)
     volts = np.where(np.isfinite(motion.bus_v), motion.bus_v, at_motor)
     return np.ones((len(volts), 1)), volts, np.isfinite(volts)
