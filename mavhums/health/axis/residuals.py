@@ -14,7 +14,6 @@ from mavhums.health.axis.regressions import STEP_S, Tail, hold_last
 from mavhums.health.axis.thresholds import (
     FASTEST_ROLL_DEG_S,
     LEAST_ROWS_PER_S,
-    NOSE_LOW_DEG,
     NOSE_RISES_DEG_S,
     OFFSET_SPREAD_RAD,
     PITCH_DELAY_S,
@@ -26,7 +25,6 @@ from mavhums.health.axis.thresholds import (
     ROLL_TRACKING_FLOOR_RAD,
     SHIFT_S,
     SIDE_FORCE_FLOOR_M_S2,
-    SLOW_FLIGHT_SHARE,
 )
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
@@ -34,7 +32,6 @@ from mavhums.vehicle.rows import Rows
 _FREE: Final = 1e9  # no prior
 _ROLLS_RAD_S: Final = float(np.radians(FASTEST_ROLL_DEG_S))
 _RISES_RAD_S: Final = float(np.radians(NOSE_RISES_DEG_S))
-_NOSE_LOW_RAD: Final = float(np.radians(NOSE_LOW_DEG))
 
 
 @kernel
@@ -244,9 +241,9 @@ class _OwnSpeed:
 class PitchTracking:
     """``θ − (demanded θ, 0.6 s later, through a second order of 4 rad/s)``, less its part in turns.
 
-    A slow aircraft with its nose below the demand may have stalled, or lost its engine. When the speed is
-    back, a working elevator raises the nose at 5°/s or more. What lies between this recovery and the
-    demand is no evidence, what is below it counts.
+    An aircraft slower than usual with its nose below the demand may have stalled, or lost its engine. When
+    the speed is back, a working elevator raises the nose at 5°/s or more. What lies between this recovery and
+    the demand is no evidence, what is below it counts.
     """
 
     kind: Literal["mean", "rms"] = "rms"
@@ -275,8 +272,7 @@ class PitchTracking:
 
     def _recovery(self, rows: Rows, own: Array) -> Array:
         """Return the pitch that a nose which was low in slow flight has since regained at least, (n,)."""
-        low = rows.pitch < rows.pitch_demand - _NOSE_LOW_RAD
-        stalls = low & (rows.speed < SLOW_FLIGHT_SHARE * own)
+        stalls = (rows.pitch < rows.pitch_demand) & (rows.speed < own)
         at = np.arange(len(rows))
         last = np.maximum.accumulate(np.where(stalls, at, -1))
         begun = np.where(last < 0, self._recovered, rows.pitch[last])

@@ -211,14 +211,6 @@ PITCH_DELAY_S: Final = 0.6
 # does not tell how many. Development.
 FASTEST_ROLL_DEG_S: Final = 45
 
-# Pitch below the commanded one that is a stall or a lost engine where the aircraft is slow, too, °.
-# Development.
-NOSE_LOW_DEG: Final = 3
-
-# Share of the usual speed below which it is slow for that. Development: engine failures show 0.55–0.77,
-# late.
-SLOW_FLIGHT_SHARE: Final = 0.95
-
 # Least rate at which a working elevator raises the nose after a stall, °/s. By hand: a load factor of 1.2 at
 # 22 m/s; what is slower is a lost elevator, or a dive that the pilot wants.
 NOSE_RISES_DEG_S: Final = 5
