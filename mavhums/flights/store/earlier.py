@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import cache, cached_property, partial
 from itertools import groupby
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from pydantic import TypeAdapter
 from sqlalchemy import Connection, func, select
@@ -32,7 +32,7 @@ from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
-from mavhums.results.verdict import OwnRecord, Suspect, Verdict
+from mavhums.results.verdict import OwnRecord, Verdict
 
 RECENT_FLIGHTS: Final = 200
 """Flights that tell how an aircraft stands; a year of flights."""
@@ -46,7 +46,6 @@ _SLIM: Final = ("vehicle", "subject", "actuator", "condition", "worst", "suspect
 _WANTED: Final = REFERENCE_FLIGHTS + 5
 OWN: Final = TypeAdapter(tuple[OwnRecord, ...])
 _LOG: Final = LogSummary(path=None, sha256=None, start_utc=None, duration_s=0.0, vehicles=(), losses=Losses())
-_VERDICT: Final = Verdict.model_construct()
 _BLOCK: Final = 32  # flights whose records are read together; a baseline takes 20
 
 Reading = Callable[[], AbstractContextManager[Connection]]
@@ -108,7 +107,11 @@ def past_flights(
         times = {"path": path, "sha256": sha256, "start_utc": start.isoformat(), "duration_s": duration_s}
         log = _LOG.model_copy(update=times | {"flight": tuple(identity for identity, _ in recorded)})
         if records:
-            verdicts = tuple(_slim_verdict(row, _Kept(kept[row.id], (row.id, row.place))) for row in rows)
+            # after the flight's six columns and the place: what _SLIM names
+            verdicts: Any = tuple(
+                _PastVerdict._make((*row[7:12], row.suspect or (), _Kept(kept[row.id], (row.id, row.place))))
+                for row in rows
+            )
         else:
             verdicts = tuple(verdict_of(row.verdict) for row in rows)
         # not validated again: the verdicts are parsed, or have what is asked for alone
@@ -130,6 +133,18 @@ def _recordings_in(
             known = QUALITY.validate_json(quality) if quality else None
             found.setdefault(flight, []).append((FlightIdentity.model_validate_json(identity), known))
     return found
+
+
+class _PastVerdict(NamedTuple):
+    """What a comparison needs of a verdict, in its place: thousands of whole ones take seconds to make."""
+
+    vehicle: int | None
+    subject: str
+    actuator: str
+    condition: str
+    worst: str
+    suspects: Collection[object]
+    own: Sequence[OwnRecord]
 
 
 class _Kept(Sequence[OwnRecord]):
@@ -163,12 +178,6 @@ def _read_records(reading: Reading, flights: Sequence[int]) -> dict[tuple[int, i
     asked = select(RECORD.c.flight_id, RECORD.c.place, RECORD.c.own).where(RECORD.c.flight_id.in_(flights))
     with reading() as connection:
         return {(flight, place): own for flight, place, own in connection.execute(asked)}
-
-
-def _slim_verdict(row: Any, own: Sequence[OwnRecord]) -> Verdict:
-    known: dict[str, object] = {name: getattr(row, name) for name in _SLIM if name != "suspect"}
-    known["suspects"] = (Suspect.model_construct(fault=row.suspect),) if row.suspect else ()
-    return _VERDICT.model_copy(update=known | {"own": own})
 
 
 class StoredFlights:
@@ -323,9 +332,7 @@ class StoredFlights:
 def _record_of(flight: PastFlight) -> PastFlight:
     """Return what own-scale equations need of a flight."""
     verdicts = tuple(
-        Verdict.model_construct(
-            **{name: getattr(one, name) for name in (*_SLIM[:-1], "suspects")}, own=kept_records(one)
-        )
+        _PastVerdict._make((*(getattr(one, name) for name in (*_SLIM[:-1], "suspects")), kept_records(one)))
         for one in flight.assessment.verdicts
     )
     slim = flight.assessment.model_copy(update={"verdicts": verdicts, "usage": ()})
