@@ -136,7 +136,7 @@ def _recordings_in(
 
 
 class _PastVerdict(NamedTuple):
-    """What a comparison needs of a verdict, in its place: thousands of whole ones take seconds to make."""
+    """What a comparison needs of a verdict, in its place: whole ones are slow to make."""
 
     vehicle: int | None
     subject: str

@@ -19,8 +19,7 @@ CONTRADICTED_CONSTANT_SHARE: Final = 0.5
 # Largest standard error at which a back-EMF may contradict the data sheet. By hand.
 CONTRADICTION_ERROR_SHARE: Final = 0.1
 
-# Error of an ESC's voltage that no number of samples averages out, V: without it gusts make a sag of it
-# (benchmarks/false_alarms.py).
+# Error of an ESC's voltage that no number of samples averages out, V. By hand.
 SUPPLY_SENSOR_V: Final = 0.1
 
 # Share of the normal limit below which a friction is none: no gear turns with less, so the current stands
