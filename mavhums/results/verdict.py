@@ -9,6 +9,7 @@ from pydantic import Field
 
 from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.models import Contract
+from mavhums.core.statistics import NORMAL_95
 from mavhums.results.sections import AxisLimits, NetworkAnswer
 from mavhums.results.standing import Interval
 
@@ -138,6 +139,22 @@ class Indicator(Contract):
     needed_flights: int | None = Field(default=None, ge=1)
     least_rise: float | None = Field(default=None, ge=0)
     load: float | None = Field(default=None, ge=0)
+
+    @classmethod
+    def of_mean(
+        cls, fault: str, quantity: str, unit: str, mean: tuple[float, float], *, windows: int, needed: int
+    ) -> Indicator:
+        """Return that of a mean over windows, with its standard error, compared from so many flights."""
+        value, error = mean
+        return cls(
+            fault=fault,
+            quantity=quantity,
+            unit=unit,
+            value=Interval.around(value, NORMAL_95 * error).significant(5),
+            windows=windows,
+            scatter=float(f"{error * windows**0.5:.4g}"),
+            needed_flights=needed,
+        )
 
 
 class OwnRecord(Contract):

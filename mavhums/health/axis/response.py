@@ -36,7 +36,6 @@ from mavhums.health.axis.thresholds import (
 from mavhums.health.decision.baseline import Baseline, ComparedIndicator
 from mavhums.health.estimation.least_squares import packed, unpacked
 from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS, WINDOW_S
-from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator, OwnRecord
 from mavhums.vehicle.flight import SPEEDS
 from mavhums.vehicle.grid import RATE_HZ
@@ -318,16 +317,9 @@ def _indicator(scores: _Scores, usual: float, variance: float) -> Indicator:
     # A few parts that agree by chance are no better than those of the earlier flights.
     own = max(variance, scores.squares() / max(count - 1, 1)) / float(scores.drive2.sum()) / usual**2
     error = float(np.sqrt(own + WINDOW_DEVIATION**2 / count))
-    k, half = scores.gain() / usual, NORMAL_95 * error
-    return Indicator(
-        fault="effectiveness",
-        quantity="control gain",
-        unit="1",
-        value=Interval.around(k, half),
-        windows=max(count, 2) * WINDOW_S,
-        scatter=error * (max(count, 2) * WINDOW_S) ** 0.5,
-        needed_flights=PAST_FLIGHTS,
-    )
+    windows = max(count, 2) * WINDOW_S
+    mean = (scores.gain() / usual, error)
+    return Indicator.of_mean("effectiveness", "control gain", "1", mean, windows=windows, needed=PAST_FLIGHTS)
 
 
 def _minutes(seconds: Array) -> Iterator[tuple[int, int]]:

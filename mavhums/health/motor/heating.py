@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from mavhums.core.arrays import Array
-from mavhums.health.motor.vibration import of_blocks
+from mavhums.health.motor.thresholds import NEEDED_FLIGHTS
 from mavhums.results.verdict import Indicator
 
 HEATING: Final = "heating"
@@ -90,7 +90,11 @@ class EscHeating:
             for k, value, error in zip(sums, *shares(np.stack([*sums.values()]), samples), strict=True):
                 if 0.0 < error <= _MOST_ERROR:
                     blocks = int(seconds[k] / _TOGETHER_S)
-                    found[k] = (of_blocks(HEATING, _WARMING, "1", float(value), float(error), blocks),)
+                    mean = (float(value), float(error))
+                    shown = Indicator.of_mean(
+                        HEATING, _WARMING, "1", mean, windows=blocks, needed=NEEDED_FLIGHTS
+                    )
+                    found[k] = (shown,)
         return found
 
     def _take(self, second: int, load: Array, courses: dict[int, _Course]) -> None:

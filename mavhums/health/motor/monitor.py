@@ -23,9 +23,10 @@ from mavhums.health.motor.thresholds import (
     BOUND_SHARE,
     EMERGENCY_LOSS,
     LEAST_TRIM_BLOCKS,
+    NEEDED_FLIGHTS,
     REFUTING_BLOCKS,
 )
-from mavhums.health.motor.vibration import RotorVibration, of_blocks
+from mavhums.health.motor.vibration import RotorVibration
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY, Seconds
@@ -169,7 +170,8 @@ class Trims:
     def _indicator(self, fault: str, quantity: str, weights: Array) -> Indicator:
         value = float(weights @ self._mean)
         scatter = float(np.sqrt(weights**2 @ self._squares / (self._blocks - 1)))
-        return of_blocks(fault, quantity, "1", value, scatter / self._blocks**0.5, self._blocks)
+        mean = (value, scatter / self._blocks**0.5)
+        return Indicator.of_mean(fault, quantity, "1", mean, windows=self._blocks, needed=NEEDED_FLIGHTS)
 
 
 class MotorMonitor:

@@ -21,10 +21,8 @@ from typing import Final
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags
-from mavhums.core.statistics import NORMAL_95
 from mavhums.health.estimation.random_effects import RunningVariance
 from mavhums.health.motor.thresholds import LEAST_TRIM_BLOCKS, NEEDED_FLIGHTS
-from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
 from mavhums.vehicle.grid import RATE_HZ
 
@@ -200,17 +198,6 @@ def _within(kept: Sequence[tuple[Array, Array]], start_s: float, end_s: float) -
 def _indicator(motions: RunningVariance) -> Indicator:
     value, error = motions.mean / _METRES, (motions.variance / motions.count) ** 0.5 / _METRES
     quantity = "unbalance of the rotor, by the aircraft's mass"
-    return of_blocks(UNBALANCE, quantity, "µm", value, error, motions.count)
-
-
-def of_blocks(fault: str, quantity: str, unit: str, value: float, error: float, blocks: int) -> Indicator:
-    """Return what later flights are compared with: the mean of blocks of the flight, and its error."""
-    return Indicator(
-        fault=fault,
-        quantity=quantity,
-        unit=unit,
-        value=Interval.around(value, NORMAL_95 * error).significant(5),
-        windows=blocks,
-        scatter=float(f"{error * blocks**0.5:.4g}"),
-        needed_flights=NEEDED_FLIGHTS,
+    return Indicator.of_mean(
+        UNBALANCE, quantity, "µm", (value, error), windows=motions.count, needed=NEEDED_FLIGHTS
     )

@@ -25,7 +25,6 @@ from mavhums.health.estimation.thresholds import LEAST_PARTS, WINDOW_S
 from mavhums.health.verdict.actuator import rounded, rounded_suspects
 from mavhums.health.verdict.obstacles import why_undecided
 from mavhums.results.reasons import Reason, said
-from mavhums.results.standing import Interval
 from mavhums.results.verdict import Candidate, Indicator, OwnRecord, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Grid
@@ -188,11 +187,14 @@ def indicators(findings: AxisFindings) -> Iterator[Indicator]:
     power, unit = _GAIN[findings.axis]
     share, error = _share(findings, reference)
     scale = abs(reference.gain) / reference.speed**power
-    yield _indicator("effectiveness", "control gain", unit, scale * share, scale * error)
     lag_s = reference.shape.delay_rows / RATE_HZ + reference.shape.tau_s
-    yield _indicator("slow", "lag", "s", lag_s, LAG_ERROR_S)
-    for fault, (value, known) in reference.constants.items():
-        yield _indicator(fault, *_CONSTANTS[fault], value, known)
+    measured = [
+        ("effectiveness", "control gain", unit, (scale * share, scale * error)),
+        ("slow", "lag", "s", (lag_s, LAG_ERROR_S)),
+        *((fault, *_CONSTANTS[fault], known) for fault, known in reference.constants.items()),
+    ]
+    for each in measured:
+        yield Indicator.of_mean(*each, windows=REFERENCE_S, needed=PAST_FLIGHTS)
 
 
 def _share(findings: AxisFindings, reference: Reference) -> tuple[float, float]:
@@ -209,17 +211,3 @@ def _share(findings: AxisFindings, reference: Reference) -> tuple[float, float]:
     share = (own + after * k.estimate) / (own + after)
     error = ((own * reference.error) ** 2 + after * WINDOW_DEVIATION**2) ** 0.5 / (own + after)
     return share, error
-
-
-def _indicator(fault: str, quantity: str, unit: str, value: float, error: float) -> Indicator:
-    half = NORMAL_95 * error
-    numbers = {"estimate": value, "low": value - half, "high": value + half}
-    return Indicator(
-        fault=fault,
-        quantity=quantity,
-        unit=unit,
-        value=Interval(**{name: float(f"{number:.5g}") for name, number in numbers.items()}),
-        windows=REFERENCE_S,
-        scatter=float(f"{error * REFERENCE_S**0.5:.4g}"),
-        needed_flights=PAST_FLIGHTS,
-    )
