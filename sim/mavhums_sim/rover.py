@@ -1,14 +1,15 @@
 """Drives a rover or a boat that steers by one servo, in closed loop, and writes its ``.tlog``.
 
-The vehicle turns by ``r = K·v·δ / (1 + (v / v_c)²)``, with a lag, over rough ground or in waves; a boat
-drifts with a current besides. The autopilot is of the usual kind: way to the next waypoint → yaw rate →
-steering, by feed-forward and a PI loop; it slows down in turns, stops now and then and backs up.
+The vehicle turns by ``r = K·v·δ / (1 + (v / v_c)²)``, with a lag, over rough ground or in waves. A boat
+drifts with a current besides, before the wind across its heading, and out of its turns. The autopilot is of
+the usual kind: way to the next waypoint → yaw rate → steering, by feed-forward and a PI loop; it slows down
+in turns, stops now and then and backs up.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -82,6 +83,12 @@ class Rover:
         Cruise speed; drift to north and east.
     tuning
         Gain that the autopilot takes for the vehicle's, by the true one.
+    leeway_mps
+        What the wind would push a boat to north and east; only the part across its heading does.
+    slip_m
+        Speed out of a turn, by the yaw rate.
+    compass_rad
+        Error of the heading that is recorded.
     """
 
     boat: bool = False
@@ -96,6 +103,9 @@ class Rover:
     speed_mps: float = 2.5
     current_mps: tuple[float, float] = (0.0, 0.0)
     tuning: float = 1.0
+    leeway_mps: tuple[float, float] = (0.0, 0.0)
+    slip_m: float = 0.0
+    compass_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +126,7 @@ def draw_rover(rng: np.random.Generator, *, boat: bool) -> Rover:
     """Return a vehicle, its ground and its water, of those that are usual."""
     drift = rng.uniform(0.0, 0.4) if boat else 0.0
     way = rng.uniform(0.0, 2 * np.pi)
-    return Rover(
+    rover = Rover(
         boat=boat,
         gain=rng.uniform(0.25, 1.5),
         characteristic_mps=rng.uniform(4.0, 12.0),
@@ -129,7 +139,11 @@ def draw_rover(rng: np.random.Generator, *, boat: bool) -> Rover:
         speed_mps=rng.uniform(1.2, 5.0),
         current_mps=(drift * np.cos(way), drift * np.sin(way)),
         tuning=rng.uniform(0.6, 1.6),
+        compass_rad=rng.normal(0.0, 0.07),
     )
+    pushed, way = rng.uniform(0.0, 0.3), rng.uniform(0.0, 2 * np.pi)
+    leeway = (pushed * np.cos(way), pushed * np.sin(way))
+    return replace(rover, leeway_mps=leeway, slip_m=rng.uniform(0.0, 0.6)) if boat else rover
 
 
 def drive(rover: Rover, duration_s: float, seed: int, fault: SteeringFault | None = None) -> Driven:
@@ -143,6 +157,7 @@ def drive(rover: Rover, duration_s: float, seed: int, fault: SteeringFault | Non
             rover.gain, rover.characteristic_mps, rover.lag_s, rover.servo_lag_s, rover.servo_rate,
             rover.trim, rover.play, rover.rough, rover.speed_mps, *rover.current_mps, rover.tuning,
             fault.start_s, fault.left, float(fault.frozen), reach, 2.0 if rover.boat else 0.5,
+            *rover.leeway_mps, rover.slip_m,
         ]
     )  # fmt: skip
     _drive(settings, rng, rows)
@@ -155,7 +170,9 @@ def drive(rover: Rover, duration_s: float, seed: int, fault: SteeringFault | Non
 @kernel
 def _drive(settings: Array, rng: np.random.Generator, rows: Array) -> None:
     gain, characteristic, lag, servo_lag, servo_rate, trim, play, rough, cruise = settings[0:9]
-    drift_n, drift_e, tuning, fault_s, left, frozen, reach, memory_s = settings[9:17]
+    drift_n, drift_e, tuning, fault_s, left, frozen, reach, memory_s, leeway_n, leeway_e, slip = settings[
+        9:20
+    ]
     north, east, yaw, speed, rate = 0.0, 0.0, 0.0, 0.0, 0.0
     servo, surface, memory, bump, asked = 0.0, 0.0, 0.0, 0.0, 0.0
     goal_n, goal_e = reach, 0.0
@@ -199,7 +216,9 @@ def _drive(settings: Array, rng: np.random.Generator, rows: Array) -> None:
         rate += (steady - rate) / lag * _DT
         seen = rate + bump * max(abs(speed), 0.2)
         yaw += seen * _DT
-        vel_n, vel_e = speed * np.cos(yaw) + drift_n, speed * np.sin(yaw) + drift_e
+        c, s = np.cos(yaw), np.sin(yaw)
+        across = leeway_e * c - leeway_n * s - slip * seen
+        vel_n, vel_e = speed * c - across * s + drift_n, speed * s + across * c + drift_e
         north, east = north + vel_n * _DT, east + vel_e * _DT
         if step % _STEPS == 0:
             row = rows[step // _STEPS]
@@ -259,7 +278,7 @@ def encoded(
     outputs = {"time_usec": boot_us(times) % 2**32, "servo1_raw": sent, "servo3_raw": throttle}
     tables.append(Table("SERVO_OUTPUT_RAW", times, outputs))
     times, rows, moves = sampled(rate_hz)
-    yaw = np.angle(np.exp(1j * driven.yaw[rows]))
+    yaw = np.angle(np.exp(1j * (driven.yaw[rows] + driven.rover.compass_rad)))
     turning = {"time_boot_ms": boot_ms(times), "yaw": yaw, "yawspeed": driven.yaw_rate[rows] * moves}
     tables.append(Table("ATTITUDE", times, turning))
     times, rows, moves = sampled(rate_hz)
