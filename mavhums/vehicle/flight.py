@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import STANDARD_GRAVITY
-from mavhums.vehicle.airspeed import Speed
+from mavhums.vehicle.airspeed import Current, Speed
 from mavhums.vehicle.facts import ALL_OUTPUTS, ARDUPILOT, FIXED_WING, ON_GROUND, PULSES
 from mavhums.vehicle.grid import RATE_HZ, Seconds, lengths
 from mavhums.vehicle.rows import PastRows, Rows
@@ -29,9 +29,8 @@ GROUND: Final = frozenset({_ROVER, _BOAT})
 _VTOL: Final = range(19, 26)
 _VTOL_FORWARD: Final = 4  # MAV_VTOL_STATE_FW
 _UNLED_MODES: Final = (0, 2, 3, 4, 16)  # in these, ArduPlane does not control the attitude
-LEAST_DRIVEN: Final = {_ROVER: 0.5, _BOAT: 1.5}
-"""Speed of a rover or a boat that drives forward, m/s. Lower lets the noise of a receiver that stands in; a
-boat's rudder answers to the speed through the water, from which a current of 0.4 m/s differs by a quarter."""
+LEAST_DRIVEN: Final = 0.5
+"""Speed of a rover or a boat that drives forward, m/s. Lower lets the noise of a receiver that stands in."""
 
 _LEAST_GROUND_SPEED_M_S: Final = 5.0
 """A wind of 8 m/s looks like forward flight to the pitot tube of an aircraft that stands. Higher loses flight
@@ -40,7 +39,8 @@ _AIRBORNE_S: Final = 3
 """Seconds without a break before forward flight counts: fewer let gusts on the ground in."""
 _STOPPED_BY: Final = ("vtol", "mode", "ground", "slow")
 _FLOWN_US: Final = 50.0  # what a pilot asks for at least; a receiver's noise is some microseconds
-SPEEDS: Final = 3  # sources of a speed: sensor, wind triangle, ground
+SPEEDS: Final = 4  # sources of a speed: sensor, wind triangle, ground, ground less the current
+THROUGH_WATER: Final = 3
 _SPACING_S: Final = 0.001  # resolution of the counts of spacings: a millisecond, as most stamps have
 _SPACINGS: Final = 10_000  # up to 10 s: a rarer stream does not count as a stream
 
@@ -77,7 +77,7 @@ class Flight:
     def __init__(self, surfaces: Surfaces | None) -> None:
         self.past = PastRows()
         self._use(surfaces)
-        self._speed = Speed()
+        self._speed, self._current = Speed(), Current()
         self._next: int | None = None
         self._run = 0
         self.flown_s = 0
@@ -173,8 +173,8 @@ class Flight:
         speed, trusted, source = self._speed.feed(signals)
         driven = np.isin(flat["state"][:, 0], list(GROUND)) | (self.steers & np.isnan(flat["state"][:, 0]))
         if driven.any():
-            speed, trusted = np.where(driven, _forward(flat), speed), trusted | driven
-            source = np.where(driven, 2.0, source)
+            speed, trusted = np.where(driven, self._forward(signals), speed), trusted | driven
+            source = np.where(driven, np.where(flat["state"][:, 0] == _BOAT, THROUGH_WATER, 2.0), source)
         pulses = np.hstack([all_outputs(flat), flat["receiver"]])
         up = self._up(flat, speed, driven)
         aloft = self._lasting(up, fresh)
@@ -211,6 +211,20 @@ class Flight:
         self.past.add(rows, pulses)
         return rows
 
+    def _forward(self, signals: Mapping[str, Array]) -> Array:
+        """Return the speed forward, m/s, (n,), below zero in reverse; over ground where the way is not known.
+
+        That of a boat is through the water.
+        """
+        velocity, heading = signals["velocity"][:, :, :2], signals["attitude"][:, :, 2]
+        currents = np.zeros((len(velocity), 1, 2))
+        for k in np.flatnonzero(signals["state"][:, 0, 0] == _BOAT):
+            self._current.step(velocity[k, 0], float(heading[k, 0]), float(signals["rates"][k, 0, 2]))
+            currents[k] = self._current.velocity
+        north, east = np.moveaxis(velocity - currents, 2, 0)
+        forward = north * np.cos(heading) + east * np.sin(heading)
+        return np.where(np.isfinite(forward), forward, signals["groundspeed"][:, :, 0]).ravel()
+
     def _demand(self, pulses: Array, flying: Flags) -> Array:
         if self._demands is None:
             return np.full((len(pulses), len(AXES)), np.nan)
@@ -239,8 +253,7 @@ class Flight:
         slow = ~driven & (flat["groundspeed"][:, 0] <= _LEAST_GROUND_SPEED_M_S)
         fast = (armed > 0) & (speed > LEAST_SPEED)
         # ArduPilot's rovers do not record on board whether they are armed.
-        least = np.where(kind == _BOAT, LEAST_DRIVEN[_BOAT], LEAST_DRIVEN[_ROVER])
-        fast |= driven & ~(armed == 0) & (speed > least)
+        fast |= driven & ~(armed == 0) & (speed > LEAST_DRIVEN)
         self._rows_of.update(recorded=len(speed), armed=int((armed > 0).sum()), fast=int(fast.sum()))
         self.fastest = max(self.fastest, float(np.max(speed, initial=0.0, where=(armed > 0) & (speed > 0))))
         up: Flags = fast
@@ -280,14 +293,6 @@ class Flight:
             self._spacings[name] += np.bincount(steps, minlength=_SPACINGS)
         longer: Array = np.fmax(rates, outputs)
         return longer
-
-
-def _forward(flat: dict[str, Array]) -> Array:
-    """Return the speed forward, m/s, (n,), below zero in reverse; over ground where the way is not known."""
-    north, east = flat["velocity"][:, :2].T
-    heading = flat["attitude"][:, 2]
-    forward = north * np.cos(heading) + east * np.sin(heading)
-    return np.where(np.isfinite(forward), forward, flat["groundspeed"][:, 0])
 
 
 def _whole_seconds(rows: Flags) -> int:

@@ -55,7 +55,7 @@ def test_a_healthy_drive_is_normal(tmp_path: Path, boat: bool) -> None:
 
 
 def test_what_is_not_judged_says_why(tmp_path: Path) -> None:
-    write_tlog(drive(Rover(boat=True, speed_mps=1.0), 60.0, 4), tmp_path / "slow.tlog")
+    write_tlog(drive(Rover(boat=True, speed_mps=0.0), 60.0, 4), tmp_path / "slow.tlog")
     assert steering(tmp_path / "slow.tlog").reason_codes == ("too_slow",)
     short = tmp_path / "short.tlog"
     write_tlog(driven(seconds=40.0), short)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mavhums.log import Table
-from mavhums.vehicle.airspeed import Airspeeds
+from mavhums.vehicle.airspeed import Airspeeds, Current
 
 SECOND = 1_000_000
 
@@ -57,3 +57,17 @@ def test_on_board_logs_tell_the_airspeed_too(message: str, field: str) -> None:
     last_us = np.array([(count - 1) * SECOND])
     np.testing.assert_array_equal(airspeeds.at(1, np.array([0])), [20.0])
     np.testing.assert_array_equal(airspeeds.at(1, last_us), [25.0])
+
+
+def test_a_current_is_known_beside_a_slip_out_of_turns_and_an_error_of_the_compass() -> None:
+    """The boat changes its speed as well, and some of its reports are not finite."""
+    current, yaw_rate, rng = Current(), 0.08, np.random.default_rng(3)
+    for k in range(240):
+        way, speed = yaw_rate * (k if k < 120 else 240 - k), rng.uniform(0.5, 3.0)
+        turn = yaw_rate if k < 120 else -yaw_rate
+        ahead, across = np.array([np.cos(way), np.sin(way)]), np.array([-np.sin(way), np.cos(way)])
+        velocity = speed * ahead - 0.5 * turn * across + np.array([0.4, -0.3])
+        current.step(velocity, way + 0.1, turn)
+        current.step(velocity * np.nan, way, turn)
+        current.step(velocity, way, np.nan)
+    assert current.velocity == pytest.approx([0.4, -0.3], abs=0.02)

@@ -89,7 +89,7 @@ def test_what_counts_as_forward_flight(changes: dict[str, Any], counts: bool, wh
 
 @pytest.mark.parametrize(
     ("kind", "speed", "counts"),
-    [(ROVER, 0.6, True), (ROVER, 0.5, False), (BOAT, 1.6, True), (BOAT, 1.5, False), (ROVER, -3.0, False)],
+    [(ROVER, 0.6, True), (ROVER, 0.5, False), (BOAT, 0.6, True), (BOAT, 0.5, False), (ROVER, -3.0, False)],
 )
 def test_driving_forward_is_measured_along_the_heading(kind: float, speed: float, counts: bool) -> None:
     course: dict[str, Any] = {"attitude": [0.0, 0.0, np.pi / 2], "velocity": [0.0, speed, 0.0]}
@@ -110,6 +110,7 @@ def test_driving_forward_is_measured_along_the_heading(kind: float, speed: float
         ({"airspeed": np.nan}, 1),
         ({"airspeed": np.nan, "velocity": np.nan}, 2),
         ({"state": [ROVER, ARDUPILOT, 1.0, AUTO]}, 2),
+        ({"state": [BOAT, ARDUPILOT, 1.0, AUTO]}, 3),
     ],
 )
 def test_rows_tell_speeds_and_rates_of_every_source_apart(changes: dict[str, Any], speed: int) -> None:

@@ -39,10 +39,12 @@ from mavhums.health.axis.thresholds import (
     SHIFT_S,
     SLOW_PART_S,
     SLOW_STREAM_S,
+    WATER_SPEED_ERROR_M_S,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.sections import AxisLimits
+from mavhums.vehicle.flight import LEAST_DRIVEN, SPEEDS, THROUGH_WATER
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES
@@ -243,20 +245,28 @@ class EffectivenessTracker:
             self._traced["response"] += [shown[good]] if good.any() else []
         return sums
 
-    def _excluding(self, rows: Rows) -> dict[int, tuple[float, float]]:
-        """Return, by place, the seconds that may exclude a loss: drive², and drive times response.
+    def _unknown(self, rows: Rows) -> list[float]:
+        """Return the share of the speed that is not known, by second."""
+        assert self.reference is not None
+        speed = np.fmax(rows.speed.reshape(-1, RATE_HZ).mean(axis=1), LEAST_DRIVEN)
+        through_water = self.reference.basis.sources % SPEEDS == THROUGH_WATER
+        unknown: list[float] = (through_water * WATER_SPEED_ERROR_M_S / speed).tolist()
+        return unknown
+
+    def _excluding(self, rows: Rows) -> dict[int, tuple[float, float, float]]:
+        """Return, by place, the seconds that may exclude a loss: drive², drive times response, unknown speed.
 
         They may be slower than those that show one.
         """
-        sums = self._slow_scores.feed(self._slow_chain.feed(rows))
+        sums, unknown = self._slow_scores.feed(self._slow_chain.feed(rows)), self._unknown(rows)
         return {
-            k: (float(sums.drive2[k]), float(sums.cross[k]))
+            k: (float(sums.drive2[k]), float(sums.cross[k]), unknown[k])
             for k in np.flatnonzero(sums.count >= LEAST_ROWS_PER_S).tolist()
         }
 
     def _judge(self, rows: Rows) -> list[Second]:
         sums = self._sums(rows)
-        excluding = self._excluding(rows)
+        excluding, unknown = self._excluding(rows), self._unknown(rows)
         stacked = np.array([[s.drive2, s.cross, s.answer2, s.drive] for s in sums])
         assert self.reference is not None
         left = np.array([[s.raw, self.reference.gain * s.driven] for s in sums])
@@ -266,18 +276,20 @@ class EffectivenessTracker:
             excluded = self._test.excludes(*excluding[k]) if k in excluding else 0
             count = int(sums[0].count[k])
             end_s = rows.second + k + 1
-            second = self._second(end_s, stacked[:, :, k], count, left[:, :, k], mixed[k])
+            second = self._second(end_s, stacked[:, :, k], count, left[:, :, k], mixed[k], unknown[k])
             seconds.append(replace(second, excluded=excluded))
         return seconds
 
-    def _second(self, end_s: int, sums: Array, count: int, left: Array, mixed: Array | None) -> Second:
+    def _second(
+        self, end_s: int, sums: Array, count: int, left: Array, mixed: Array | None, unknown: float
+    ) -> Second:
         reference = self.reference
         assert reference is not None
         self._left.append((left, count))
         loss, value, error = None, None, np.inf
         if count >= LEAST_ROWS_PER_S:
             self._recent.append((end_s, sums))
-            alarm = self._test.feed(end_s, sums, mixed)
+            alarm = self._test.feed(end_s, sums, mixed, unknown)
             if self._traced:
                 shown = end_s, self._test.threshold, max(self._test.evidence, 0.0)
                 self._traced["evidence"].append(np.array([shown]))

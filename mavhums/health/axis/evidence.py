@@ -7,6 +7,7 @@ likely kind of health. Health is more than λ = 0:
 - *gusts*: they move the aircraft and, through the autopilot, the surfaces against it, which lowers the gain
   by up to ρ·√(R / K²D): R is the response that no gain explains, D the sum of d²;
 - *lags* up to the one that the profile allows;
+- *speeds*: one that is known less well than the airspeed changes the gain by the share that is unknown;
 - *manoeuvres*: the gain of one second differs between them, in proportion to it;
 - *trim*: thrust and speed change it, and the surfaces that follow move nothing. A trim that is constant over
   the last seconds adds noise by the share of the drive that is constant, too.
@@ -85,7 +86,7 @@ class LossTest:
         self._window: deque[Array] = deque(maxlen=GUST_WINDOW_S)
         self._coupled: deque[Array] = deque(maxlen=GUST_WINDOW_S)
 
-    def feed(self, end_s: int, sums: Array, mixed: Array | None = None) -> bool:
+    def feed(self, end_s: int, sums: Array, mixed: Array | None = None, unknown: float = 0.0) -> bool:
         """Take a usable second; return whether a fault is present.
 
         Parameters
@@ -97,6 +98,8 @@ class LossTest:
         mixed
             Of mixed surfaces what a loss and a coupling explain
             (:meth:`~mavhums.health.axis.findings.MixedSums.feed`), shape (5,).
+        unknown
+            Share of the speed that is not known.
         """
         gain, (drive2, cross) = self._reference.gain, sums[:, :2].T
         if not drive2[0] > 0.0:  # what is not driven says nothing
@@ -109,7 +112,7 @@ class LossTest:
         hypotheses = _explained(self._kept, drive2[self._lags], cross[self._lags], gain)
         driven = self._allowed[drive2[self._allowed] > 0.0]
         share = cross[driven] / (drive2[driven] * gain)
-        gusty = 1.0 - np.clip(1.0 - share, 0.0, gust_loss)
+        gusty = 1.0 - np.clip(1.0 - share, 0.0, gust_loss + unknown)
         health = _explained(gusty, drive2[driven], cross[driven], gain).max(initial=-np.inf)
         perfect = float(_explained(1.0, drive2[0], cross[0], gain))
         ratios = (hypotheses - health) / spread
@@ -120,13 +123,15 @@ class LossTest:
         self.highest = max(self.highest, self._test.evidence)
         return alarm
 
-    def excludes(self, drive2: float, cross: float) -> int:
+    def excludes(self, drive2: float, cross: float, unknown: float = 0.0) -> int:
         """Take a second that may be slower than those of :meth:`feed`.
 
         Parameters
         ----------
         drive2, cross
             Its sums of drive², and of drive times response.
+        unknown
+            Share of the speed that is not known.
 
         Returns
         -------
@@ -136,9 +141,8 @@ class LossTest:
         """
         if not drive2 > 0.0:
             return 0
-        healthy, lost = _explained(
-            np.array((1.0, NORMAL_EFFECTIVENESS * (1.0 + self._doubt))), drive2, cross, self._reference.gain
-        )
+        kept = NORMAL_EFFECTIVENESS * (1.0 + self._doubt + unknown)
+        healthy, lost = _explained(np.array((1.0, min(kept, 1.0))), drive2, cross, self._reference.gain)
         ratio = _bounded(float(healthy - lost) / self._spread(drive2))
         self._health = min(max(self._health, 0.0) + ratio, EXCLUDING)
         self._waiting = min(self._waiting + 1, POOLED_S)
@@ -147,7 +151,7 @@ class LossTest:
         waiting, self._waiting = self._waiting, 0
         return waiting
 
-    def excludes_in_reference(self, seconds: Iterable[tuple[float, float]]) -> int:
+    def excludes_in_reference(self, seconds: Iterable[tuple[float, float, float]]) -> int:
         """Take the seconds until the reference's end; return over how many of them a loss is excluded.
 
         They do not speak for those after it.

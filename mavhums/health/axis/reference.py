@@ -202,7 +202,8 @@ class Scores:
         )
         driven = np.where(good, columns.drive, 0.0)
         raw = np.where(good, columns.answer - other, 0.0)
-        drive, answer = self._drive.feed(driven), self._answer.feed(raw)
+        unit = None if columns.unit is None else np.where(good, columns.unit, 0.0)
+        drive, answer = self._drive.feed(driven, unit), self._answer.feed(raw, unit)
         shape = (-1, RATE_HZ)
         products = (drive * drive, drive * answer, answer * answer, drive, driven, raw)
         summed = [np.where(good, product, 0.0).reshape(shape).sum(axis=1) for product in products]

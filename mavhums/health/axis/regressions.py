@@ -65,16 +65,20 @@ class Lag:
 
 
 class HighPass:
-    """A high-pass filter: subtracts the mean over the last ``memory_s``."""
+    """A high-pass filter: subtracts the mean over the last ``memory_s``, or that share of a unit."""
 
     def __init__(self, memory_s: float) -> None:
         self._share = 1.0 - exp(-STEP_S / memory_s)
-        self._slow = 0.0
+        self._slow = self._slow_unit = 0.0
 
-    def feed(self, values: Array) -> Array:
-        """Return values (n,) without their slow part."""
+    def feed(self, values: Array, unit: Array | None = None) -> Array:
+        """Return values (n,) without their slow part, which is in proportion to a positive unit (n,)."""
         slow = _smoothed(np.ascontiguousarray(values), self._share, self._slow)
         self._slow = float(slow[-1])
+        if unit is not None:
+            units = _smoothed(np.ascontiguousarray(unit), self._share, self._slow_unit)
+            self._slow_unit = float(units[-1])
+            slow *= np.divide(unit, units, out=np.zeros_like(units), where=units > 0.0)
         return np.asarray(values - slow)
 
 
@@ -119,6 +123,8 @@ class Form:
     """Share of the reference's speed below which it is not judged."""
     trimmed = False
     """Whether it is not judged as far above the reference's speed as below: v² no longer shows the trim."""
+    turns_steadily = False
+    """Whether full deflection lasts. The drive then varies with the speed's error, which moves nothing."""
 
     def drive(self, demand: Array, relative: Array) -> Array:
         """Return the moment of the lagged demand at a speed relative to the reference, (n,): v²·δ."""
@@ -146,12 +152,16 @@ class Form:
 
 
 class Columns(NamedTuple):
-    """The regression's columns: drive (n,), nuisances (n, m), response (n,), and the mask of usable rows."""
+    """The regression's columns: drive (n,), nuisances (n, m), response (n,), and the mask of usable rows.
+
+    ``unit`` (n,) is what their slow parts are in proportion to; None if they are constant.
+    """
 
     drive: Array
     others: Array
     answer: Array
     good: Flags
+    unit: Array | None = None
 
 
 class Basis(NamedTuple):
@@ -252,7 +262,8 @@ class Chain:
         usable = judgeable(rows, self._basis, min(self._least_share, form.least_speed_share))
         usable &= (not form.trimmed) | (relative * self._least_share <= 1.0)
         good = usable & np.isfinite(now[:, :-1]).all(axis=1) & np.isfinite(answer)
-        return Columns(now[:, 0], now[:, 1:-1], answer, good)
+        unit = now[:, 1] if form.turns_steadily else None
+        return Columns(now[:, 0], now[:, 1:-1], answer, good, unit)
 
 
 class RollForm(Form):
@@ -284,6 +295,7 @@ class SteeringForm(RollForm):
     axis = STEERING
     nuisances = 1
     least_speed_share = 0.0  # wheels steer at any speed
+    turns_steadily = True
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:
         """Return v for the trim."""

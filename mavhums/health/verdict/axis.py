@@ -30,7 +30,12 @@ from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Grid
 from mavhums.vehicle.surfaces import STEERING, Surfaces
 
-_SPEEDS: Final = ("the airspeed sensor", "the wind triangle", "the speed over ground")
+_SPEEDS: Final = (
+    "the airspeed sensor",
+    "the wind triangle",
+    "the speed over ground",
+    "the speed over ground less any known current",
+)
 _GAIN: Final = {"roll": (1, "rad/m"), "pitch": (2, "rad/m²"), "yaw": (2, "1/m"), STEERING: (1, "rad/m")}
 _CONSTANTS: Final = {"hard_over": ("trim", "1"), "manoeuvre": ("load factor by full demand", "s²/m²")}
 

@@ -26,7 +26,7 @@ from mavhums.health.decision.thresholds import MOST_BANK_DEG, NORMAL_S
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.reasons import Reason, said
 from mavhums.results.verdict import Verdict
-from mavhums.vehicle.flight import GROUND, LEAST_DRIVEN, Flight
+from mavhums.vehicle.flight import LEAST_DRIVEN, Flight
 from mavhums.vehicle.formats import messages_of, remedy
 from mavhums.vehicle.grid import GAP_S, Received
 from mavhums.vehicle.identity import PERIPHERALS, Identity, in_words
@@ -182,12 +182,11 @@ def _unsteered(who: str, parameters: Parameters | None) -> Reason:
 
 def _stood(flight: Flight) -> Reason:
     """Return why a flight has no second of forward flight."""
-    least, words = LEAST_SPEED, {**_MOTIONS[flight.on_ground]}
-    if flight.on_ground:
-        least = max(LEAST_DRIVEN[kind] for kind in flight.kinds & GROUND or GROUND)
-    elif not flight.lasted_s("armed"):
+    least = LEAST_DRIVEN if flight.on_ground else LEAST_SPEED
+    words = {**_MOTIONS[flight.on_ground]}
+    if not flight.on_ground and not flight.lasted_s("armed"):
         return Reason("never_armed", **words)
-    elif not flight.heard & {"airspeed", "groundspeed", "velocity"}:
+    if not flight.on_ground and not flight.heard & {"airspeed", "groundspeed", "velocity"}:
         return Reason("no_speed")
     words |= {"fastest": beside(flight.fastest, least), "least": least}
     if flight.fastest <= least:

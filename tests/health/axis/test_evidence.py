@@ -119,3 +119,15 @@ def test_a_second_without_a_drive_says_nothing() -> None:
     delays_s = [next(k for k in range(6, 300) if test.feed(k, second(0.5))) for test in (still, driven)]
     assert delays_s[0] == delays_s[1]
     assert still.highest == driven.highest
+
+
+def test_an_unknown_speed_excuses_a_loss_as_far_as_it_explains_it() -> None:
+    """It lets no second exclude a loss of 40 % that a larger speed would hide, either."""
+    for kept, found in ((0.75, False), (0.2, True)):
+        test = LossTest(REFERENCE, AxisLimits())
+        assert any(test.feed(k, second(kept), unknown=0.4) for k in range(1, 300)) is found
+    excluded = {}
+    for unknown in (0.0, 0.3, 0.7):
+        test = LossTest(REFERENCE, AxisLimits())
+        excluded[unknown] = sum(test.excludes(0.05, GAIN * 0.05, unknown) for _ in range(30))
+    assert excluded == {0.0: 30, 0.3: 30, 0.7: 0}

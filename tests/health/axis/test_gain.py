@@ -263,3 +263,35 @@ def test_the_power_curve_of_a_loss_rises_with_what_is_lost_and_each_share_is_mea
             assert shown.suspects[0].fault in ("effectiveness", "hard_over")
             assert 95 <= (shown.since_s or 0.0) <= 115
     assert found == ["unchanged", "unchanged", "degraded", "emergency", "emergency"]
+
+
+def test_of_a_circle_at_full_lock_the_error_of_the_speed_is_no_loss() -> None:
+    """The deflection does not change: the drive varies with the measured speed alone, which turns nothing."""
+    flight, seconds = steady(360), 360
+    demand = excited(seconds)
+    demand[60 * 20 :] = 1.0
+    flight["outputs"][:, 2] = demand
+    noise = np.random.default_rng(5).normal(size=demand.size)
+    flight["yaw_rate"] = 0.3 * demand + 0.01 * noise
+    flight["speed"] = SPEED * (1.0 + excited(seconds, seed=3, size=0.1))
+    tracker = EffectivenessTracker("steering")
+    tracker.feed(rows(flight))
+    assert tracker.reference is not None
+    assert present(tracker.highest_evidence) < 5.0
+
+
+@pytest.mark.parametrize(
+    ("speed", "through_water", "found"), [(1.0, False, True), (1.0, True, False), (4.0, True, True)]
+)
+def test_what_the_error_of_a_boats_speed_explains_is_no_loss(
+    speed: float, through_water: bool, found: bool
+) -> None:
+    flight, demand = steady(360), excited(360)
+    flight["outputs"][:, 2] = demand
+    flight["speed"] = np.full(demand.size, speed)
+    flight["sources"] += 3.0 if through_water else 2.0
+    noise = 0.01 * np.random.default_rng(5).normal(size=demand.size)
+    flight["yaw_rate"] = 0.8 * np.where(np.arange(demand.size) < 120 * 20, 1.0, 0.75) * demand + noise
+    tracker = EffectivenessTracker("steering")
+    alarms = [second for second in tracker.feed(rows(flight)) if second.loss and second.loss.certain]
+    assert bool(alarms) is found

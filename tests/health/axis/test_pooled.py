@@ -47,7 +47,7 @@ def test_each_second_is_excluded_once() -> None:
     The gain of the reference may be 6 % too large.
     """
     test = LossTest(REFERENCE, AxisLimits())
-    assert test.excludes_in_reference([(0.01, 0.01 * GAIN)] * 45) == 45
+    assert test.excludes_in_reference([(0.01, 0.01 * GAIN, 0.0)] * 45) == 45
     # The seconds of the reference do not speak for those after it.
     excluded = [test.excludes(0.01, 0.01 * GAIN) for _ in range(40)]
     assert excluded == [0] * 11 + [12] + [1] * 28
