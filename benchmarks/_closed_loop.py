@@ -38,17 +38,22 @@ _SURFACES = ("aileron_left", "aileron_right", "elevator", "rudder")
 
 @dataclass(frozen=True)
 class Planned:
-    """One flight to be flown: what, at which stream rate, under which name; and what its judge accepts."""
+    """One flight to be flown: what, at which stream rate, under which name; and what its judge accepts.
+
+    ``airspeed`` is whether its log has that of a sensor.
+    """
 
     name: str
     flight: ClosedLoop
     rate: float
     false_alarms: float = 1.0
+    airspeed: bool = True
 
     def fly(self) -> Labelled:
         """Fly it; about 0.002 s of CPU per second of flight."""
         flown = fly_closed_loop(self.flight)
-        tables = report(flown, Streams(rate=self.rate, status=min(2.0, self.rate)))
+        streams = Streams(rate=self.rate, status=min(2.0, self.rate), airspeed=self.airspeed)
+        tables = report(flown, streams)
         rng = np.random.default_rng([self.flight.seed, 46])
         link = Link(jitter_s=float(rng.choice(JITTER_S)), loss=float(rng.choice(LOSS)))
         return Labelled(self.name, encode(tables, self.flight.seed, link), _labels(self, flown), flown)

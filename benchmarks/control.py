@@ -28,7 +28,7 @@ from statistics import median
 import numpy as np
 from scipy.stats import beta, chi2
 
-from benchmarks._closed_loop import confounders, healthy, jams, losses, others
+from benchmarks._closed_loop import Planned, confounders, healthy, jams, losses, others
 from benchmarks._flown_results import Result, results
 
 _SURE = 0.95
@@ -146,9 +146,15 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--keep", type=Path, default=None, help="file of the results so far")
     parser.add_argument("--false-alarms", type=float, default=1.0, help="accepted in 100 h of an axis")
+    parser.add_argument("--no-airspeed", action="store_true", help="as without a sensor of the airspeed")
     parser.add_argument("--kept", action="store_true", help="fly nothing, print what FILE holds")
     parser.add_argument("--plot", type=Path, metavar="PNG", help="draw what is promised and what comes")
     arguments = parser.parse_args()
+    sensed, accepted = not arguments.no_airspeed, arguments.false_alarms
+
+    def flown_as(flight: Planned) -> Planned:
+        return replace(flight, false_alarms=accepted, airspeed=sensed)
+
     columns = ("surface", "surface+value", "surface+streams_hz", "turb", "phase")
     with ProcessPoolExecutor(arguments.jobs) as pool:
         fly = partial(
@@ -161,11 +167,10 @@ def main() -> None:
             ("confounders", confounders, ("kind+value", "streams_hz")),
         ):
             if arguments.share:
-                found(title, [*fly([*plan(arguments.seed)][:: arguments.share])], keys)
+                flights = [*plan(arguments.seed)][:: arguments.share]
+                found(title, [*fly([flown_as(flight) for flight in flights])], keys)
         if arguments.healthy_hours:
-            flights = healthy(arguments.healthy_hours, arguments.seed)
-            accepted = (replace(flight, false_alarms=arguments.false_alarms) for flight in flights)
-            rows = [*fly(accepted)]
+            rows = [*fly(map(flown_as, healthy(arguments.healthy_hours, arguments.seed)))]
             false_alarms(rows)
             if arguments.plot:
                 plot(rows, arguments.plot)

@@ -8,7 +8,7 @@ surface grows with the square of the airspeed. So the sensor is compared with th
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -25,11 +25,9 @@ _MEMORY_S: Final = 60.0
 _LEAST_SPEED_M_S: Final = 5.0  # over ground: the heading of a slow aircraft does not show the wind
 _GUESS_M_S: Final = (15.0, 0.0, 0.0)  # airspeed and wind to the north and east, before the first velocity
 _GUESS_VARIANCES: Final = (2500.0, 900.0, 900.0)  # (m/s)²: any airspeed and wind that an aircraft meets
-_MOST_VARIANCE: Final = 1e4  # a long straight leg forgets the airspeed; without an end the sums overflow
-_CURRENT_MEMORY_S: Final = 600.0  # a long straight leg does not show the current along it
-_DRIFT: Final = np.diag((0.04, 0.04, 0.04, 1.0))
-"""Prior information on a boat's current, slip and compass error, in that of one velocity across its heading,
-which 0.2 m/s deviate: 1 m/s, 1 m and 0.2 rad."""
+_DRIFT_VARIANCES: Final = (25.0, 25.0, 25.0, 1.0)
+"""Of a boat's current, slip and compass error, in that of one velocity across its heading, 0.2 m/s: 1 m/s,
+1 m and 0.2 rad."""
 _SETTLED_VARIANCE: Final = 0.06
 """Variance of the airspeed, in that of one ground velocity, from which it is settled: after turns by 90°."""
 
@@ -46,30 +44,42 @@ _STALE_US: Final = 3_000_000  # an older report is not the airspeed of now
 _KEPT_US: Final = 60_000_000  # samples of actuators come late by less
 
 
+class _LeastSquares:
+    """Recursive least squares. What is not shown, as the airspeed on a straight leg, is not forgotten."""
+
+    def __init__(self, guess: Sequence[float], variances: Sequence[float]) -> None:
+        self.values: Array = np.array(guess)
+        self.spread: Array = np.diag(variances)
+
+    def step(self, rows: Array, measured: Array) -> None:
+        """Take m equations ``rows @ values = measured``, (m, n) and (m,), each with a variance of 1."""
+        across = self.spread @ rows.T
+        shown = across @ np.linalg.solve(rows @ across, across.T)
+        spread = self.spread + (np.exp(1.0 / _MEMORY_S) - 1.0) * shown
+        across = spread @ rows.T
+        gain = across @ np.linalg.inv(rows @ across + np.eye(len(rows)))
+        self.values = self.values + gain @ (measured - rows @ self.values)
+        self.spread = spread - gain @ rows @ spread
+
+
 class WindTriangle:
     """Follows airspeed and wind by recursive least squares, one step a second.
 
     ``velocity = airspeed · (cos heading, sin heading) + wind``, with a memory of one minute.
-
-    Attributes
-    ----------
-    wind
-        North and east, m/s.
     """
 
     def __init__(self) -> None:
-        self._state = np.array(_GUESS_M_S)
-        self._spread = np.diag(_GUESS_VARIANCES)
+        self._fit = _LeastSquares(_GUESS_M_S, _GUESS_VARIANCES)
 
     @property
     def is_settled(self) -> bool:
         """Whether the headings so far separate airspeed from wind."""
-        return bool(self._spread[0, 0] <= _SETTLED_VARIANCE)
+        return bool(self._fit.spread[0, 0] <= _SETTLED_VARIANCE)
 
     @property
     def wind(self) -> Array:
         """The present estimate of the wind, to the north and east, m/s."""
-        return self._state[1:]
+        return self._fit.values[1:]
 
     def step(self, velocity: Array, heading: float) -> None:
         """Take a ground velocity (2,), m/s, and the heading, rad; ignore values that are not finite."""
@@ -78,25 +88,16 @@ class WindTriangle:
             or np.hypot(*velocity) < _LEAST_SPEED_M_S
         ):
             return
-        h = np.array([[np.cos(heading), 1.0, 0.0], [np.sin(heading), 0.0, 1.0]])
-        spread = np.minimum(self._spread * np.exp(1.0 / _MEMORY_S), _MOST_VARIANCE)
-        across = spread @ h.T
-        gain = across @ np.linalg.inv(h @ across + np.eye(2))
-        self._state = self._state + gain @ (velocity - h @ self._state)
-        self._spread = spread - gain @ h @ spread
+        rows = np.array([[np.cos(heading), 1.0, 0.0], [np.sin(heading), 0.0, 1.0]])
+        self._fit.step(rows, velocity)
 
 
 class Current:
-    """Follows the current that a boat drifts with, by least squares with a prior, one step a second.
+    """Follows the current that a boat drifts with, by recursive least squares, one step a second.
 
     Whatever its speed through the water, that is along the heading. Across it, the boat moves with the
     current, out of its turns in proportion to the yaw rate, and by the compass's error in proportion to its
     speed through the water.
-
-    Attributes
-    ----------
-    velocity
-        North and east, m/s.
 
     Examples
     --------
@@ -108,19 +109,19 @@ class Current:
     """
 
     def __init__(self) -> None:
-        self.velocity: Array = np.zeros(2)
-        self._information, self._score = _DRIFT, np.zeros(4)
+        self._fit = _LeastSquares((0.0, 0.0, 0.0, 0.0), _DRIFT_VARIANCES)
+
+    @property
+    def velocity(self) -> Array:
+        """The present estimate of the current, to the north and east, m/s."""
+        return self._fit.values[:2]
 
     def step(self, velocity: Array, heading: float, yaw_rate: float) -> None:
         """Take a ground velocity (2,), m/s, heading, rad, and yaw rate, rad/s; ignore what is not finite."""
         along, across = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
-        h = np.array([*across, -yaw_rate, -along @ (velocity - self.velocity)])
-        if not (np.isfinite(h).all() and np.isfinite(velocity).all()):
-            return
-        kept = np.exp(-1.0 / _CURRENT_MEMORY_S)
-        self._information = kept * self._information + (1.0 - kept) * _DRIFT + np.outer(h, h)
-        self._score = kept * self._score + h * (across @ velocity)
-        self.velocity = np.asarray(np.linalg.solve(self._information, self._score)[:2], dtype=np.float64)
+        row = np.array([*across, -yaw_rate, -along @ (velocity - self.velocity)])
+        if np.isfinite(row).all():
+            self._fit.step(row[None], across[None] @ velocity)
 
 
 class AirspeedCheck:
@@ -182,10 +183,11 @@ class Speed:
         self._wind = WindTriangle()
         self._check = AirspeedCheck()
 
-    def feed(self, signals: Mapping[str, Array]) -> tuple[Array, Flags, Array]:
-        """Return the airspeed, m/s, whether it can be relied on, and where it comes from, each (n,).
+    def feed(self, signals: Mapping[str, Array]) -> tuple[Array, Flags, Flags, Array]:
+        """Return the airspeed, m/s, whether it can be relied on, is settled, and its source, each (n,).
 
-        It comes from the sensor (0), from the wind triangle (1) or is the speed over ground (2).
+        It comes from the sensor (0), from the wind triangle (1), which settles in turns, or is the speed over
+        ground (2).
 
         ``signals`` are whole seconds, shape (k, RATE_HZ, columns).
         """
@@ -200,6 +202,7 @@ class Speed:
         return (
             speed.ravel(),
             np.repeat(np.array(trusted, dtype=bool), RATE_HZ),
+            ((source != 1) | np.array(settled)[:, None]).ravel(),
             source.ravel().astype(np.float64),
         )
 

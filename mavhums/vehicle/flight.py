@@ -170,10 +170,11 @@ class Flight:
         if self.heard & {"outputs_2", "outputs_3"}:
             self.heard.add("outputs")
         rates = flat["rates"]
-        speed, trusted, source = self._speed.feed(signals)
+        speed, trusted, settled, source = self._speed.feed(signals)
         driven = np.isin(flat["state"][:, 0], list(GROUND)) | (self.steers & np.isnan(flat["state"][:, 0]))
         if driven.any():
-            speed, trusted = np.where(driven, self._forward(signals), speed), trusted | driven
+            speed = np.where(driven, self._forward(signals), speed)
+            trusted, settled = trusted | driven, settled | driven
             source = np.where(driven, np.where(flat["state"][:, 0] == _BOAT, THROUGH_WATER, 2.0), source)
         pulses = np.hstack([all_outputs(flat), flat["receiver"]])
         up = self._up(flat, speed, driven)
@@ -204,6 +205,7 @@ class Flight:
             up=up,
             aloft=aloft,
             trusted=trusted,
+            settled=settled,
             sources=source + SPEEDS * np.repeat(seconds.ranks["rates"], RATE_HZ),
             spacing=self._spaced(flat, aloft, self._directed(pulses, aloft)),
             outputs=self._demand(pulses, flying),

@@ -42,6 +42,8 @@ class Rows:
         Whether all but the lift motors says so: at this instant, and for seconds without a break.
     trusted
         Whether the airspeed can be relied on.
+    settled
+        Whether it is not from a wind triangle that no turn has settled yet.
     sources
         What the rates and the speed were measured with: rows with another number are not comparable.
     spacing
@@ -66,6 +68,7 @@ class Rows:
     up: Flags
     aloft: Flags
     trusted: Flags
+    settled: Flags
     sources: Array
     spacing: Array
     outputs: Array
@@ -96,7 +99,7 @@ class Rows:
 
 
 _ARRAYS: Final = tuple(field.name for field in fields(Rows)[2:])
-_FLAGS: Final = frozenset({"up", "aloft", "trusted"})
+_FLAGS: Final = frozenset({"up", "aloft", "trusted", "settled"})
 _MEASURED: Final = tuple(name for name in _ARRAYS if name not in ("flying", "outputs"))
 
 

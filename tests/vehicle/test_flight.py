@@ -360,6 +360,19 @@ def test_a_wind_triangle_finds_airspeed_and_wind_in_turns() -> None:
     assert not straight.is_settled, "one heading does not part airspeed and wind"
 
 
+def test_a_long_straight_leg_in_gusts_leaves_the_wind_that_turns_showed() -> None:
+    triangle, rng, gust = WindTriangle(), np.random.default_rng(1), np.zeros(2)
+    for k in range(2000):
+        heading = k / 15 if k < 120 else 2.0 + rng.normal(0.0, 0.02)
+        gust = 0.9 * gust + rng.normal(0.0, 0.45, 2)
+        triangle.step(18.0 * np.array([np.cos(heading), np.sin(heading)]) + [3.0, 4.0] + gust, heading)
+    assert np.hypot(*(triangle.wind - [3.0, 4.0])) < 1.0
+    for k in range(300):  # another wind shows in the next turns
+        heading = k / 15
+        triangle.step(18.0 * np.array([np.cos(heading), np.sin(heading)]) + [-2.0, 1.0], heading)
+    np.testing.assert_allclose(triangle.wind, [-2.0, 1.0], atol=0.2)
+
+
 def test_the_first_velocity_is_shared_by_airspeed_and_wind_as_they_are_uncertain() -> None:
     """A prior of 15 ± 50 m/s airspeed and of 0 ± 30 m/s wind, wider after a second; 1 m/s of the velocity."""
     grown = np.exp(1 / 60)
@@ -375,4 +388,4 @@ def test_the_first_velocity_is_shared_by_airspeed_and_wind_as_they_are_uncertain
         )
         np.testing.assert_allclose(triangle.wind, expected, rtol=1e-9, atol=1e-9)
         airspeed = 15.0 + 10.0 * 2500 * grown / (3400 * grown + 1)
-        assert triangle._state[0] == pytest.approx(airspeed, rel=1e-9)
+        assert triangle._fit.values[0] == pytest.approx(airspeed, rel=1e-9)

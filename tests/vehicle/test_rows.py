@@ -12,7 +12,7 @@ from mavhums.vehicle.facts import PULSES
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import PastRows, Rows
 
-FLAGS = ("flying", "up", "aloft", "trusted")
+FLAGS = ("flying", "up", "aloft", "trusted", "settled")
 
 
 def part(second: int, seconds: int, *, fresh: bool = False) -> tuple[Rows, np.ndarray]:

@@ -38,7 +38,7 @@ def circling(
 
 def trusted(scale: Array, **how: float) -> list[bool]:
     """Whether the speed is trusted, second by second."""
-    _, flags, _ = Speed().feed(circling(len(scale), scale, **how))
+    _, flags, _, _ = Speed().feed(circling(len(scale), scale, **how))
     return [bool(flag) for flag in flags[::RATE_HZ]]
 
 
@@ -63,7 +63,9 @@ def test_a_sensor_that_dies_is_doubted_at_once_and_its_return_is_noticed() -> No
 
 
 def test_a_sensor_that_never_worked_takes_nothing_away() -> None:
-    speed, flags, source = Speed().feed(circling(200, np.zeros(200)))
+    speed, flags, settled, source = Speed().feed(circling(200, np.zeros(200)))
+    assert not settled[:RATE_HZ].any()
+    assert settled[60 * RATE_HZ :].all(), "turns settle the wind"
     assert flags.all()
     assert (source == 1).all()
     assert speed[-20:] == pytest.approx(AIRSPEED, rel=0.05)
@@ -72,7 +74,7 @@ def test_a_sensor_that_never_worked_takes_nothing_away() -> None:
 def test_climbs_and_dives_are_no_lie_and_do_not_change_the_airspeed() -> None:
     """At 14 m/s down the level part of 18 m/s is 11: without it the sensor would read 60 % too much."""
     assert all(trusted(np.ones(400), climb=14.0))
-    speed, _, source = Speed().feed(circling(400, np.zeros(400), climb=14.0))
+    speed, _, _, source = Speed().feed(circling(400, np.zeros(400), climb=14.0))
     assert (source == 1).all()
     assert speed[120 * RATE_HZ :] == pytest.approx(AIRSPEED, rel=0.12)
 
@@ -136,7 +138,8 @@ def test_the_pieces_do_not_matter() -> None:
         pieces.feed({name: values[a:b] for name, values in whole.items()})
         for a, b in ((0, 1), (1, 97), (97, 153), (153, 240))
     ]
-    speed, flags, source = Speed().feed(whole)
+    speed, flags, settled, source = Speed().feed(whole)
+    assert settled.all(), "a sensor needs no turns"
     assert (source == 0).all()
     assert np.array_equal(np.concatenate([part[0] for part in parts]), speed)
     assert np.array_equal(np.concatenate([part[1] for part in parts]), flags)

@@ -39,12 +39,12 @@ from mavhums.health.axis.thresholds import (
     SHIFT_S,
     SLOW_PART_S,
     SLOW_STREAM_S,
-    WATER_SPEED_ERROR_M_S,
+    SPEED_ERRORS_M_S,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.sections import AxisLimits
-from mavhums.vehicle.flight import LEAST_DRIVEN, SPEEDS, THROUGH_WATER
+from mavhums.vehicle.flight import LEAST_DRIVEN, SPEEDS
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES
@@ -246,11 +246,11 @@ class EffectivenessTracker:
         return sums
 
     def _unknown(self, rows: Rows) -> list[float]:
-        """Return the share of the speed that is not known, by second."""
+        """Return the share of the gain that the error of the speed makes, by second."""
         assert self.reference is not None
         speed = np.fmax(rows.speed.reshape(-1, RATE_HZ).mean(axis=1), LEAST_DRIVEN)
-        through_water = self.reference.basis.sources % SPEEDS == THROUGH_WATER
-        unknown: list[float] = (through_water * WATER_SPEED_ERROR_M_S / speed).tolist()
+        error = SPEED_ERRORS_M_S[int(self.reference.basis.sources) % SPEEDS]
+        unknown: list[float] = (self._form.speed_errors * error / speed).tolist()
         return unknown
 
     def _excluding(self, rows: Rows) -> dict[int, tuple[float, float, float]]:

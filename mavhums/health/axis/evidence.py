@@ -7,7 +7,7 @@ likely kind of health. Health is more than λ = 0:
 - *gusts*: they move the aircraft and, through the autopilot, the surfaces against it, which lowers the gain
   by up to ρ·√(R / K²D): R is the response that no gain explains, D the sum of d²;
 - *lags* up to the one that the profile allows;
-- *speeds*: one that is known less well than the airspeed changes the gain by the share that is unknown;
+- *speeds*: one that no sensor measures changes the gain by the share that is unknown;
 - *manoeuvres*: the gain of one second differs between them, in proportion to it;
 - *trim*: thrust and speed change it, and the surfaces that follow move nothing. A trim that is constant over
   the last seconds adds noise by the share of the drive that is constant, too.
@@ -99,7 +99,7 @@ class LossTest:
             Of mixed surfaces what a loss and a coupling explain
             (:meth:`~mavhums.health.axis.findings.MixedSums.feed`), shape (5,).
         unknown
-            Share of the speed that is not known.
+            Share of the gain that the error of the speed makes.
         """
         gain, (drive2, cross) = self._reference.gain, sums[:, :2].T
         if not drive2[0] > 0.0:  # what is not driven says nothing
@@ -131,7 +131,7 @@ class LossTest:
         drive2, cross
             Its sums of drive², and of drive times response.
         unknown
-            Share of the speed that is not known.
+            Share of the gain that the error of the speed makes.
 
         Returns
         -------

@@ -122,7 +122,9 @@ class Form:
     least_speed_share = LEAST_SPEED_SHARE
     """Share of the reference's speed below which it is not judged."""
     trimmed = False
-    """Whether it is not judged as far above the reference's speed as below: v² no longer shows the trim."""
+    """Whether v² shows the trim: only of a settled speed, and as far above the reference's as below."""
+    speed_errors = 2.0
+    """Relative errors of the speed in one of the gain."""
     turns_steadily = False
     """Whether full deflection lasts. The drive then varies with the speed's error, which moves nothing."""
 
@@ -260,7 +262,8 @@ class Chain:
             answer = (now[:, -1] - before[:, -1]) * RATE_HZ
             now = (now + before) / 2
         usable = judgeable(rows, self._basis, min(self._least_share, form.least_speed_share))
-        usable &= (not form.trimmed) | (relative * self._least_share <= 1.0)
+        if form.trimmed:
+            usable &= rows.settled & (relative * self._least_share <= 1.0)
         good = usable & np.isfinite(now[:, :-1]).all(axis=1) & np.isfinite(answer)
         unit = now[:, 1] if form.turns_steadily else None
         return Columns(now[:, 0], now[:, 1:-1], answer, good, unit)
@@ -271,6 +274,7 @@ class RollForm(Form):
 
     axis = "roll"
     nuisances = 2
+    speed_errors = 0.0  # one would be within the deviation of a second's gain
 
     def drive(self, demand: Array, relative: Array) -> Array:
         """Return v·δ."""
@@ -295,6 +299,7 @@ class SteeringForm(RollForm):
     axis = STEERING
     nuisances = 1
     least_speed_share = 0.0  # wheels steer at any speed
+    speed_errors = 1.0
     turns_steadily = True
 
     def others(self, rows: Rows, relative: Array, demands: dict[str, Array]) -> Array:

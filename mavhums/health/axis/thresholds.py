@@ -69,10 +69,11 @@ ROLL_PERSISTENT_S: Final = 3
 # tracking limits are wider.
 SLOW_STREAM_S: Final = 0.42
 
-# Error of a boat's speed through the water, m/s: the current is known, how far the wind pushes along the
-# heading is not. Larger finds a half loss later, smaller calls wind a loss (benchmarks/steering.py, seeds 25
-# and 26: 0, 0.2 and 0.3 tried).
-WATER_SPEED_ERROR_M_S: Final = 0.2
+# Errors of the speed, m/s, by its source: sensor, wind triangle, ground, ground less the current. The
+# triangle does not know the gusts, nor the current the wind along the heading. Larger finds losses later,
+# smaller calls gusts and wind a loss (benchmarks/control.py --no-airspeed, seed 5000: 0, 1 and 2 m/s tried;
+# benchmarks/steering.py, seeds 25 and 26: 0, 0.2 and 0.3 m/s tried).
+SPEED_ERRORS_M_S: Final = (0.0, 2.0, 0.0, 0.2)
 
 # Times the tracking limit where samples are that slow: a turn begins and ends between two. Development.
 COARSE_TIMES: Final = 1.5

@@ -44,6 +44,8 @@ class Streams:
         SYS_STATUS and GPS_RAW_INT.
     parameters
         Whether the parameters are in the log.
+    airspeed
+        Whether the airspeed that the autopilot measures is in the log.
 
     Raises
     ------
@@ -54,6 +56,7 @@ class Streams:
     rate: float = 10.0
     status: float = 2.0
     parameters: bool = True
+    airspeed: bool = True
 
     def __post_init__(self) -> None:
         for name in ("rate", "status"):
@@ -195,8 +198,9 @@ class _Reporter:
     def _hud(self) -> Table:
         times, rng = self._times(4)
         speed = np.hypot(self._at(times, "north_speed"), self._at(times, "east_speed"))
+        sensed = self._held(times, self._flown.column("measured_airspeed"))
         columns = {
-            "airspeed": np.maximum(self._held(times, self._flown.column("measured_airspeed")), 0.0),
+            "airspeed": np.maximum(sensed, 0.0) if self._streams.airspeed else 0.0,
             "groundspeed": speed,
             "heading": whole(np.degrees(self._at(times, "yaw")) % 360.0, 0, 359),
             "throttle": whole(100.0 * self._held(times, self._flown.column("throttle")), 0, 100),

@@ -45,7 +45,9 @@ def steady(seconds: int) -> dict[str, Array]:
 def rows(flight: dict[str, Array], *, first: int = 0, flying: bool = True) -> Rows:
     n = len(flight["speed"])
     up = np.full(n, flying)
-    return Rows(first, True, **flight, flying=up, up=up, aloft=up, trusted=np.full(n, True))
+    return Rows(
+        first, True, **flight, flying=up, up=up, aloft=up, trusted=np.full(n, True), settled=np.full(n, True)
+    )
 
 
 def excited(seconds: int, seed: int = 1, size: float = 0.15) -> Array:

@@ -295,3 +295,23 @@ def test_what_the_error_of_a_boats_speed_explains_is_no_loss(
     tracker = EffectivenessTracker("steering")
     alarms = [second for second in tracker.feed(rows(flight)) if second.loss and second.loss.certain]
     assert bool(alarms) is found
+
+
+@pytest.mark.parametrize(
+    ("speed", "source", "found"), [(18.0, 0.0, True), (18.0, 1.0, False), (60.0, 1.0, True)]
+)
+def test_in_pitch_the_error_of_the_wind_triangle_is_no_loss(speed: float, source: float, found: bool) -> None:
+    """The gain grows with the square of the speed, which the triangle knows to 2 m/s."""
+    flight, demand = steady(360), excited(360)
+    flight["outputs"][:, 1] = demand
+    flight["speed"] = np.full(demand.size, speed)
+    flight["sources"] += source
+    left = np.where(np.arange(demand.size) < 120 * 20, 1.0, 0.75)
+    rate = np.zeros(demand.size)
+    for k in range(1, rate.size):
+        rate[k] = rate[k - 1] + 0.05 * (8.0 * left[k] * demand[k] - 4.0 * rate[k - 1])
+    flight["pitch_rate"] = rate + 0.002 * np.random.default_rng(5).normal(size=demand.size)
+    tracker = EffectivenessTracker("pitch")
+    alarms = [second for second in tracker.feed(rows(flight)) if second.loss and second.loss.certain]
+    assert tracker.reference is not None
+    assert bool(alarms) is found

@@ -211,3 +211,12 @@ def test_what_the_coefficients_show_of_the_aircraft() -> None:
 def test_a_share_of_the_turn_is_explained_for_wheels(answered: float, driven: float, wheels: float) -> None:
     assert FORMS["steering"].unexplained(answered, driven) == wheels
     assert FORMS["pitch"].unexplained(answered, driven) == answered - driven
+
+
+def test_in_pitch_a_speed_that_no_turn_has_settled_is_not_judged() -> None:
+    flown = rows(random())
+    flown.settled[: 10 * RATE_HZ] = False
+    for axis, early in (("roll", True), ("pitch", False)):
+        good = Chain(FORMS[axis], Basis(16.0, 0.0), Shape(0, 0.0)).feed(flown).good
+        assert good[: 10 * RATE_HZ].any() == early
+        assert good[10 * RATE_HZ :].any()
