@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mavhums.log import Table
-from mavhums.vehicle.airspeed import Airspeeds, Current
+from mavhums.vehicle.airspeed import Airspeeds, Current, WindTriangle
 
 SECOND = 1_000_000
 
@@ -71,3 +73,17 @@ def test_a_current_is_known_beside_a_slip_out_of_turns_and_an_error_of_the_compa
         current.step(velocity * np.nan, way, turn)
         current.step(velocity, way, np.nan)
     assert current.velocity == pytest.approx([0.4, -0.3], abs=0.02)
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.lists(
+        st.tuples(*[st.floats(-1e4, 1e4)] * 2, st.floats(-7.0, 7.0), st.floats(-40.0, 40.0)), max_size=40
+    )
+)
+def test_no_velocity_ends_the_estimates(reports: list[tuple[float, float, float, float]]) -> None:
+    triangle, current = WindTriangle(), Current()
+    for north, east, heading, yaw_rate in reports * 3:
+        triangle.step(np.array([north, east]), heading)
+        current.step(np.array([north, east]), heading, yaw_rate)
+    assert np.isfinite([*triangle.wind, *current.velocity]).all()

@@ -274,7 +274,7 @@ class RollForm(Form):
 
     axis = "roll"
     nuisances = 2
-    speed_errors = 0.0  # one would be within the deviation of a second's gain
+    speed_errors = 0.0  # the deviation of a second's gain covers one; counted, it hides two real ailerons
 
     def drive(self, demand: Array, relative: Array) -> Array:
         """Return v·δ."""
