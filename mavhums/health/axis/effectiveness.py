@@ -350,7 +350,8 @@ def explained_by(axis: str, rows: Rows, demand: Array, others: Array) -> tuple[f
     """
     outputs = np.full((len(rows), len(AXES)), np.nan)
     outputs[:, AXES.index(axis)] = demand
-    form, rows = FORMS[axis], replace(rows, outputs=outputs)
+    # Which output moves the axis does not need the speed that its gain does.
+    form, rows = FORMS[axis], replace(rows, outputs=outputs, settled=np.full(len(rows), True))
     basis = Basis.of(rows)
     best = 0.0, 0.0
     for shape in shapes(axis):

@@ -40,3 +40,12 @@ def test_what_a_demand_leaves_another_one_explains() -> None:
 def test_a_flight_that_is_too_short_shows_nothing() -> None:
     flight = rolling(20, lambda time_s: 2.0 + 0.0 * time_s)
     assert explained_by("roll", flight, flight.outputs[:, 0], NONE[: 20 * RATE_HZ]) == (0.0, 0.0)
+
+
+def test_an_output_moves_pitch_before_turns_have_settled_the_speed() -> None:
+    flight, demand = steady(120), excited(120)
+    for k in range(1, demand.size):
+        flight["pitch_rate"][k] = 0.8 * flight["pitch_rate"][k - 1] + 0.4 * demand[k]
+    flown = rows(flight)
+    flown.settled[:] = False
+    assert explained_by("pitch", flown, demand, NONE)[0] > 0.9
