@@ -1,7 +1,7 @@
 """Control effectiveness on closed-loop flights: false alarms on healthy flights, and detections by fault.
 
     python benchmarks/control.py [--healthy-hours H] [--share S] [--seed N] [--jobs J] [--keep FILE [--kept]]
-                                 [--false-alarms N] [--plot PNG]
+                                 [--no-airspeed] [--false-alarms N] [--plot PNG]
 
 Flights of JSBSim's aircraft under the simulator's autopilots (``benchmarks/_closed_loop.py``), from their
 bytes alone: the detectors know nothing of that model. Seeds below 100 are for development, seeds from 1000 on

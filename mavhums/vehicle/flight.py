@@ -60,6 +60,8 @@ class Flight:
         speed forward while armed, m/s.
     doubted_s
         Seconds of these in which the airspeed sensor contradicted ground speed and wind.
+    settled_s
+        Seconds of these in which the speed is measured, or turns have shown the wind.
     parted_s
         Seconds of these in which outputs that were inferred as one did not move as one.
     kinds, autopilots, parameters
@@ -81,7 +83,7 @@ class Flight:
         self._next: int | None = None
         self._run = 0
         self.flown_s = 0
-        self.doubted_s = 0
+        self.doubted_s = self.settled_s = 0
         self.parted_s = 0.0
         self.fastest = 0.0
         self.has_pulses = False
@@ -184,6 +186,7 @@ class Flight:
             self._used[name].update(used[whole].tolist())
         flying = self._count(up, aloft, self._lift.works(pulses))
         self.doubted_s += _whole_seconds(flying & ~trusted)
+        self.settled_s += _whole_seconds(flying & settled)
         autopilot, mode = flat["state"][:, 1], flat["state"][:, 3]
         # An autopilot that does not control the attitude still sends the last command: no surface follows it.
         unled = (autopilot == ARDUPILOT) & np.isin(mode, _UNLED_MODES)

@@ -170,9 +170,7 @@ def drive(rover: Rover, duration_s: float, seed: int, fault: SteeringFault | Non
 @kernel
 def _drive(settings: Array, rng: np.random.Generator, rows: Array) -> None:
     gain, characteristic, lag, servo_lag, servo_rate, trim, play, rough, cruise = settings[0:9]
-    drift_n, drift_e, tuning, fault_s, left, frozen, reach, memory_s, leeway_n, leeway_e, slip = settings[
-        9:20
-    ]
+    drift_n, drift_e, tuning, fault_s, left, frozen, reach, memory_s, lee_n, lee_e, slip = settings[9:20]
     north, east, yaw, speed, rate = 0.0, 0.0, 0.0, 0.0, 0.0
     servo, surface, memory, bump, asked = 0.0, 0.0, 0.0, 0.0, 0.0
     goal_n, goal_e = reach, 0.0
@@ -217,7 +215,7 @@ def _drive(settings: Array, rng: np.random.Generator, rows: Array) -> None:
         seen = rate + bump * max(abs(speed), 0.2)
         yaw += seen * _DT
         c, s = np.cos(yaw), np.sin(yaw)
-        across = leeway_e * c - leeway_n * s - slip * seen
+        across = lee_e * c - lee_n * s - slip * seen
         vel_n, vel_e = speed * c - across * s + drift_n, speed * s + across * c + drift_e
         north, east = north + vel_n * _DT, east + vel_e * _DT
         if step % _STEPS == 0:

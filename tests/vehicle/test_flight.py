@@ -116,7 +116,9 @@ def test_driving_forward_is_measured_along_the_heading(kind: float, speed: float
 def test_rows_tell_speeds_and_rates_of_every_source_apart(changes: dict[str, Any], speed: int) -> None:
     flight, ranks = seconds(4, **changes), np.array([0, 1, 2, 1])
     flight.ranks["rates"][:] = ranks
-    [rows] = Flight(None).feed(flight)
+    followed = Flight(None)
+    [rows] = followed.feed(flight)
+    assert followed.settled_s == (0 if speed == 1 else followed.flown_s), "no turn has shown the wind"
     rank, source = np.divmod(rows.sources.reshape(4, RATE_HZ), SPEEDS)
     assert (source == speed).all()
     assert (rank == ranks[:, np.newaxis]).all()

@@ -232,7 +232,8 @@ class EffectivenessTracker:
         slow = EXCLUDING_SPEED_SHARE
         self._slow_chain = Chain(self._form, reference.basis, reference.shape, least_share=slow)
         self._slow_scores = Scores(reference.others, self._memory_s)
-        self.excluded_s = self._test.excludes_in_reference(self._excluding(rows).values())
+        excluding = self._excluding(rows, self._unknown(rows))
+        self.excluded_s = self._test.excludes_in_reference(excluding.values())
         self._waiting.clear()
 
     def _sums(self, rows: Rows) -> list[Sums]:
@@ -253,12 +254,12 @@ class EffectivenessTracker:
         unknown: list[float] = (self._form.speed_errors * error / speed).tolist()
         return unknown
 
-    def _excluding(self, rows: Rows) -> dict[int, tuple[float, float, float]]:
-        """Return, by place, the seconds that may exclude a loss: drive², drive times response, unknown speed.
+    def _excluding(self, rows: Rows, unknown: list[float]) -> dict[int, tuple[float, float, float]]:
+        """Return, by place, the seconds that may exclude a loss: drive², drive times response, unknown.
 
         They may be slower than those that show one.
         """
-        sums, unknown = self._slow_scores.feed(self._slow_chain.feed(rows)), self._unknown(rows)
+        sums = self._slow_scores.feed(self._slow_chain.feed(rows))
         return {
             k: (float(sums.drive2[k]), float(sums.cross[k]), unknown[k])
             for k in np.flatnonzero(sums.count >= LEAST_ROWS_PER_S).tolist()
@@ -266,7 +267,8 @@ class EffectivenessTracker:
 
     def _judge(self, rows: Rows) -> list[Second]:
         sums = self._sums(rows)
-        excluding, unknown = self._excluding(rows), self._unknown(rows)
+        unknown = self._unknown(rows)
+        excluding = self._excluding(rows, unknown)
         stacked = np.array([[s.drive2, s.cross, s.answer2, s.drive] for s in sums])
         assert self.reference is not None
         left = np.array([[s.raw, self.reference.gain * s.driven] for s in sums])

@@ -281,7 +281,7 @@ def _obstacles(
     if findings.reference is not None:
         yield _unclear(findings)
     elif outputs and usable_s >= REFERENCE_S and not _slow(findings, flight):
-        yield from _no_reference(findings)
+        yield from _no_reference(findings, flight)
 
 
 def _unmeasured(findings: AxisFindings, flight: Flight, received: Mapping[str, Received]) -> Iterator[Reason]:
@@ -332,11 +332,14 @@ def _unclear(findings: AxisFindings) -> Reason:
     return Reason("unexcited", since=since, loss=100 - least, **seconds, **words)
 
 
-def _no_reference(findings: AxisFindings) -> Iterator[Reason]:
+def _no_reference(findings: AxisFindings, flight: Flight) -> Iterator[Reason]:
     """Yield why enough seconds with known outputs make no reference."""
     axis, best = findings.axis, findings.best
     if best is None and axis == STEERING:
         yield Reason("steering_still", reference_s=REFERENCE_S)
+        return
+    if best is None and axis == "pitch" and flight.settled_s < REFERENCE_S:
+        yield Reason("wind_unknown", settled_s=flight.settled_s, reference_s=REFERENCE_S)
         return
     if best is None:
         least = 100 * LEAST_SPEED_SHARE

@@ -50,6 +50,7 @@ def flight(**changes: Any) -> Any:
             "by_receiver": (),
             "flown_s": 300,
             "doubted_s": 0,
+            "settled_s": 300,
             "fastest": 20.0,
             "lasted_s": lambda what: lasted.get(what, 0.0),
             "rate_hz": rates.get,
@@ -219,6 +220,9 @@ SHORT: dict[str, Any] = {"usable_s": 44}
         ("roll", {}, KNOWN, {"doubted_s": 9}, "airspeed_doubted", False),
         ("roll", {}, KNOWN, {"doubted_s": 10}, "airspeed_doubted", True),
         ("roll", {}, KNOWN, {}, "no_reference", True),
+        ("roll", {}, KNOWN, {"settled_s": 44}, "wind_unknown", False),
+        ("pitch", {}, KNOWN, {"settled_s": 44}, "wind_unknown", True),
+        ("pitch", {}, KNOWN, {"settled_s": 45}, "wind_unknown", False),
         ("steering", {}, STEERS, {}, "steering_still", True),
         # A reference without a verdict.
         ("roll", {"reference": reference()}, KNOWN, {}, "unexcited", True),
