@@ -182,6 +182,7 @@ class Speed:
     def __init__(self) -> None:
         self._wind = WindTriangle()
         self._check = AirspeedCheck()
+        self._has_sensor = True
 
     def feed(self, signals: Mapping[str, Array]) -> tuple[Array, Flags, Flags, Array]:
         """Return the airspeed, m/s, whether it can be relied on, is settled, and its source, each (n,).
@@ -189,10 +190,15 @@ class Speed:
         It comes from the sensor (0), from the wind triangle (1), which settles in turns, or is the speed over
         ground (2).
 
+        An autopilot without a sensor sends its own estimate in place of it, which is not used.
+
         ``signals`` are whole seconds, shape (k, RATE_HZ, columns).
         """
         triangle, settled = self._triangle(signals)
-        sensed, ground = (signals[name][:, :, 0] for name in ("airspeed", "groundspeed"))
+        sensed, ground, reported = (
+            signals[name][:, :, 0] for name in ("airspeed", "groundspeed", "airspeed sensor")
+        )
+        sensed = np.where(self._sensor(reported[:, 0])[:, None], sensed, np.nan)
         trusted = [
             self._check.step(_mean(one), _mean(other), settled=is_settled)
             for one, other, is_settled in zip(sensed, triangle, settled, strict=True)
@@ -205,6 +211,13 @@ class Speed:
             ((source != 1) | np.array(settled)[:, None]).ravel(),
             source.ravel().astype(np.float64),
         )
+
+    def _sensor(self, reported: Array) -> Flags:
+        """Return in which seconds there is a sensor; the last report counts."""
+        rows = np.maximum.accumulate(np.where(np.isfinite(reported), np.arange(1, reported.size + 1), 0))
+        has: Flags = np.append(float(self._has_sensor), reported)[rows] > 0
+        self._has_sensor = bool(has[-1])
+        return has
 
     def _triangle(self, signals: Mapping[str, Array]) -> tuple[Array, list[bool]]:
         """Return the airspeed without the sensor, shape (k, RATE_HZ), and whether it is settled, of k."""

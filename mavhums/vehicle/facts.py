@@ -52,6 +52,7 @@ STEPPED: Final[Mapping[str, int]] = {
     "state": 4,  # MAV_TYPE, MAV_AUTOPILOT, armed, number of the mode
     "vtol": 1,  # MAV_VTOL_STATE
     "landed": 1,  # MAV_LANDED_STATE
+    "airspeed sensor": 1,  # whether the vehicle has one
 }
 """Signals that hold until the next value."""
 

@@ -261,7 +261,8 @@ def _gps(record: FlightRecord, times: Array) -> Stream:
 
 def _status(record: FlightRecord, times: Array) -> Stream:
     millivolts, current = _supply(record.flight, record.actuators, times)
-    healthy = [mavlink.MAV_SYS_STATUS_SENSOR_GPS | mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO] * 3
+    sensors = ("GPS", "3D_GYRO", "DIFFERENTIAL_PRESSURE")
+    healthy = [sum(getattr(mavlink, f"MAV_SYS_STATUS_SENSOR_{name}") for name in sensors)] * 3
     return Stream(
         times,
         lambda k: mavlink.MAVLink_sys_status_message(

@@ -33,6 +33,7 @@ def circling(
     ground = np.hypot(*velocity.T)
     velocity = np.column_stack([velocity, down])
     columns = {"velocity": velocity, "attitude": attitude, "airspeed": sensed, "groundspeed": ground}
+    columns["airspeed sensor"] = np.full(t.size, np.nan)
     return {name: np.asarray(values).reshape(seconds, RATE_HZ, -1) for name, values in columns.items()}
 
 
@@ -69,6 +70,23 @@ def test_a_sensor_that_never_worked_takes_nothing_away() -> None:
     assert flags.all()
     assert (source == 1).all()
     assert speed[-20:] == pytest.approx(AIRSPEED, rel=0.05)
+
+
+def test_the_estimate_of_an_autopilot_without_a_sensor_is_not_used() -> None:
+    """It says so now and then, and from 150 s on it has a sensor again."""
+    whole = circling(200, np.full(200, 0.6))
+    whole["airspeed sensor"][3], whole["airspeed sensor"][150] = 0.0, 1.0
+    speed, _, settled, source = Speed().feed(whole)
+    without = np.repeat((np.arange(200) >= 3) & (np.arange(200) < 150), RATE_HZ)
+    assert np.array_equal(source == 1, without)
+    assert settled[60 * RATE_HZ :].all()
+    assert speed[100 * RATE_HZ : 150 * RATE_HZ] == pytest.approx(AIRSPEED, rel=0.05)
+    pieces = Speed()
+    cut = [
+        pieces.feed({name: values[a:b] for name, values in whole.items()})[0]
+        for a, b in ((0, 4), (4, 100), (100, 151), (151, 200))
+    ]
+    assert np.array_equal(np.concatenate(cut), speed)
 
 
 def test_climbs_and_dives_are_no_lie_and_do_not_change_the_airspeed() -> None:

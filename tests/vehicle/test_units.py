@@ -51,6 +51,7 @@ ONE = (b"N", 0x3F800000, 9)  # 1.0 as IEEE 754
 HEALTH = {"onboard_control_sensors_enabled": 1 << 15 | 1 << 26 | 1 << 4}
 DETECTOR = "failure_detector_status"
 DETECTED = {"fd_arm_escs": 1, "fd_imbalanced_prop": 1, "fd_motor": 1, "motor_failure_mask": 0}
+SPED = {"indicated_airspeed_m_s": 17.0}
 INT32 = {"name": b"N", "type": b"int32_t", "value": 7.0}
 
 FACTS: tuple[tuple[str, dict[str, Any], str, Any], ...] = (
@@ -135,6 +136,8 @@ FACTS: tuple[tuple[str, dict[str, Any], str, Any], ...] = (
     ("POWER_STATUS", {"flags": 0b111}, "supply faults", [0]),
     ("POWER_STATUS", {"flags": 0b11001}, "supply faults", [0b1110]),
     ("POWR", {"Flags": 0b1010}, "supply faults", [0b0101]),
+    ("SYS_STATUS", {"onboard_control_sensors_present": 0b110000}, "airspeed sensor", [1]),
+    ("SYS_STATUS", {"onboard_control_sensors_present": 0b101111}, "airspeed sensor", [0]),
     ("SYS_STATUS", HEALTH | {"onboard_control_sensors_health": 3}, "autopilot faults", [0b11]),
     ("SYS_STATUS", HEALTH | {"onboard_control_sensors_health": 1 << 26}, "autopilot faults", [0b01]),
     ("ESC", {"Instance": 2, "Err": 50.0}, "ESC telemetry", [0]),
@@ -168,7 +171,9 @@ FACTS: tuple[tuple[str, dict[str, Any], str, Any], ...] = (
     ("vehicle_attitude", {"q": [HALF, 0.0, 0.0, HALF]}, "attitude", [0, 0, QUARTER]),
     ("vehicle_attitude", {"q": [0.5, 0.5, 0.5, 0.5]}, "attitude", [QUARTER, 0, QUARTER]),
     ("sensor_combined", {"accelerometer_m_s2": [1.0, 2.0, 3.0]}, "fast force", [0, 1, 2, 3]),
-    ("airspeed_validated", {"indicated_airspeed_m_s": 17.0}, "airspeed", [17]),
+    ("airspeed_validated", SPED, "airspeed", [17]),
+    ("airspeed_validated", SPED | {"selected_airspeed_index": 1}, "airspeed", [17]),
+    ("airspeed_validated", SPED | {"airspeed_source": 3}, "airspeed", [17]),
     ("airspeed", {"indicated_airspeed_m_s": 17.0}, "sensed airspeed", [17]),
     ("vehicle_status", {"nav_state": 4}, "mode", [12, -1, 0, 4]),
     ("vehicle_status", {"system_type": 22}, "autopilot", [22, 12]),
@@ -212,6 +217,8 @@ def test_rows_that_do_not_carry_the_fact() -> None:
         ("rates", table("IMU", {"I": 1, "GyrX": 1.0, "GyrY": 2.0, "GyrZ": 3.0})),
         ("velocity", table("GPS", GPS | {"I": 1})),
         ("autopilot", table("vehicle_status", {"system_type": 0})),
+        *(("airspeed", table("airspeed_validated", SPED | {"airspeed_source": n})) for n in (-1, 0, 4)),
+        ("airspeed sensor", table("SYS_STATUS", {"onboard_control_sensors_present": 0})),
         ("board", table("info", {"name": b"sys_name", "value": b"PX4"})),
         *(("firmware", table("info", {"name": b"ver_sw_release", "value": text})) for text in versions),
         ("firmware", table("info", {"name": b"ver_hw", "value": b"1"})),

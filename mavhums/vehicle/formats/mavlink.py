@@ -142,7 +142,8 @@ def _parameters(table: Table) -> NDArray[Any]:
 
 _BATCH: Final = 4  # ESCs in a message
 _HEALTH: Final = ("onboard_control_sensors_enabled", "onboard_control_sensors_health")
-_OUTPUTS, _PROPULSION = 1 << 15, 1 << 26  # MAV_SYS_STATUS_SENSOR
+_PRESENT: Final = "onboard_control_sensors_present"
+_AIRSPEED, _OUTPUTS, _PROPULSION = 1 << 4, 1 << 15, 1 << 26  # MAV_SYS_STATUS_SENSOR
 
 
 def _unhealthy(table: Table) -> Integers:
@@ -186,6 +187,13 @@ SOURCES: Final = (
     plain("altitude", "VFR_HUD", "alt"),
     plain("altitude", "LOCAL_POSITION_NED", "z", scale=-1.0),
     plain("altitude error", "NAV_CONTROLLER_OUTPUT", "alt_error"),
+    Source(
+        "airspeed sensor",
+        "SYS_STATUS",
+        {_PRESENT: 1},
+        lambda t: (whole(_PRESENT, column=True)(t) & _AIRSPEED > 0) * 1.0,
+        lambda t: np.asarray(t[_PRESENT] > 0),
+    ),
     plain("vtol", "EXTENDED_SYS_STATE", "vtol_state"),
     plain("landed", "EXTENDED_SYS_STATE", "landed_state"),
     Source("mode", "HEARTBEAT", _HEARTBEAT, _mode, _has_autopilot),

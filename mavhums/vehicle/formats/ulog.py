@@ -41,6 +41,7 @@ _ESCS: Final = 12  # in a record, and motors in a mask, at most
 _DETECTOR: Final = "failure_detector_status"
 _DETECTED: Final = ("fd_arm_escs", "fd_imbalanced_prop", "fd_motor", "motor_failure_mask")
 _CHANNELS: Final = 18  # of input_rc
+_FIRST_SENSOR, _LAST_SENSOR = 1, 3  # airspeed_validated.SOURCE_SENSOR_1 and 3
 _INFO: Final = {"name": TEXT, "value": TEXT}
 
 
@@ -79,6 +80,12 @@ def _landed(table: Table) -> Array:
 
 def _ground_speed(table: Table) -> Array:
     return np.asarray(np.hypot(table["vx"], table["vy"]).astype(np.float64)[:, None])
+
+
+def _is_sensed(table: Table) -> Flags:
+    """Return which airspeeds are a sensor's, not the ground speed less an estimated wind."""
+    source = np.fmax(table.numbers("selected_airspeed_index"), table.numbers("airspeed_source"))
+    return ~((source < _FIRST_SENSOR) | (source > _LAST_SENSOR))
 
 
 def _has_version(table: Table) -> Flags:
@@ -191,7 +198,7 @@ SOURCES: Final = (
     Source("demand", "vehicle_attitude_setpoint", {"q_d": 4}, lambda t: angles_of(t["q_d"])[:, :2]),
     plain("demand", "vehicle_attitude_setpoint", "roll_body", "pitch_body"),
     plain("airspeed", "airspeed", "indicated_airspeed_m_s"),
-    plain("airspeed", "airspeed_validated", "indicated_airspeed_m_s"),
+    plain("airspeed", "airspeed_validated", "indicated_airspeed_m_s", rows=_is_sensed),
     plain("velocity", "vehicle_local_position", "vx", "vy", "vz"),
     Source("groundspeed", "vehicle_local_position", {"vx": 1, "vy": 1}, _ground_speed),
     plain("altitude", "vehicle_local_position", "z", scale=-1.0),

@@ -26,6 +26,8 @@ PX4_MODES = dict(
 
 _FIXED_WING, _ARDUPILOT, _PX4 = 1, 3, 12
 _ARMED, _BASE_MODE = 128, 89
+_SENSORS = 0x20 | 0b01011  # MAV_SYS_STATUS_SENSOR: gyro, accelerometer, absolute pressure, GPS
+_AIRSPEED_SENSOR = 0x10
 _ARMING_S = 4.0
 _HOME_DEG, _HOME_M, _METRES_PER_DEGREE = (47.0, 8.0), 420.0, 111_320.0
 _STANDING = {"pitch": 0.15, "z_force": -9.70, "x_force": 1.46, "height": 8.0}
@@ -45,7 +47,7 @@ class Streams:
     parameters
         Whether the parameters are in the log.
     airspeed
-        Whether the airspeed that the autopilot measures is in the log.
+        Whether the aircraft has an airspeed sensor; without it, it reports its speed over ground instead.
 
     Raises
     ------
@@ -200,7 +202,7 @@ class _Reporter:
         speed = np.hypot(self._at(times, "north_speed"), self._at(times, "east_speed"))
         sensed = self._held(times, self._flown.column("measured_airspeed"))
         columns = {
-            "airspeed": np.maximum(sensed, 0.0) if self._streams.airspeed else 0.0,
+            "airspeed": np.maximum(sensed, 0.0) if self._streams.airspeed else speed,
             "groundspeed": speed,
             "heading": whole(np.degrees(self._at(times, "yaw")) % 360.0, 0, 359),
             "throttle": whole(100.0 * self._held(times, self._flown.column("throttle")), 0, 100),
@@ -272,12 +274,14 @@ class _Reporter:
     def _status(self) -> Table:
         times, rng = self._times(7, self._streams.status)
         current = 2.0 + 40.0 * self._held(times, self._flown.column("throttle")) ** 2
-        columns = {
+        columns: Columns = {
             "load": whole(300.0 + 20.0 * rng.standard_normal(times.size), 0, 1000),
             "voltage_battery": whole(1000.0 * (46.0 - 0.02 * current - times * 2e-4), 0, 65535),
             "current_battery": whole(100.0 * current),
             "battery_remaining": whole(100.0 - times / 90.0, 0, 100),
         }
+        sensors = _SENSORS | _AIRSPEED_SENSOR * self._streams.airspeed
+        columns |= {f"onboard_control_sensors_{name}": sensors for name in ("present", "enabled", "health")}
         return Table("SYS_STATUS", times, columns)
 
     def _demand(self) -> Table:
