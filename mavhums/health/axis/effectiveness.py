@@ -27,7 +27,6 @@ from mavhums.health.axis.thresholds import (
     EXCLUDING_SPEED_SHARE,
     EXPLAINED,
     EXTRA_LAGS_S,
-    GAIN_DEVIATION,
     GAIN_ERROR,
     LEAST_DRIVE,
     LEAST_ROWS_PER_S,
@@ -40,6 +39,7 @@ from mavhums.health.axis.thresholds import (
     SLOW_PART_S,
     SLOW_STREAM_S,
     SPEED_ERRORS_M_S,
+    WINDOW_DEVIATION,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.thresholds import WINDOW_S
@@ -301,7 +301,7 @@ class EffectivenessTracker:
             if len(self._recent) >= WINDOW_S:
                 window = [sums[0] for _, sums in [*self._recent][-WINDOW_S:]]
                 value, error = _measured(window, reference)
-        shift, shift_error = self._shifted(NORMAL_95 * hypot(reference.error, GAIN_DEVIATION))
+        shift, shift_error = self._shifted(NORMAL_95 * hypot(reference.error, WINDOW_DEVIATION))
         return Second(end_s, value, error, loss, shift, shift_error, 0, mixed)
 
     def _loss(self, since_s: int, *, certain: bool) -> Loss | None:

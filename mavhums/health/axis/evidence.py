@@ -8,6 +8,7 @@ likely kind of health. Health is more than λ = 0:
   by up to ρ·√(R / K²D): R is the response that no gain explains, D the sum of d²;
 - *lags* up to the one that the profile allows;
 - *speeds*: one that no sensor measures changes the gain by the share that is unknown;
+- *reference*: its gain has an error, one for the whole flight, that healthy seconds show;
 - *manoeuvres*: the gain of one second differs between them, in proportion to it;
 - *trim*: thrust and speed change it, and the surfaces that follow move nothing. A trim that is constant over
   the last seconds adds noise by the share of the drive that is constant, too.
@@ -47,6 +48,7 @@ from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 
 _LAGS_S: Final = np.array((0.0, *EXTRA_LAGS_S))
+_ERRORS: Final = np.arange(-3.0, 4.0)  # of the reference's gain, in its standard errors
 
 
 class LossTest:
@@ -80,6 +82,8 @@ class LossTest:
         self._test = SequentialTest(weights, false_alarms)
         self.highest, self.threshold = -inf, self._test.threshold
         self._doubt = NORMAL_95 * reference.error
+        self._gains = (1.0 + reference.error * _ERRORS)[:, None]
+        self._likely: Array = -0.5 * _ERRORS**2  # logarithms of their probabilities
         self._misfit = MISFIT_SHARE * (1.0 - reference.explained)
         self._noise = self._health = 0.0
         self._waiting = 0  # seconds since the last one over which a loss is excluded
@@ -112,16 +116,26 @@ class LossTest:
         hypotheses = _explained(self._kept, drive2[self._lags], cross[self._lags], gain)
         driven = self._allowed[drive2[self._allowed] > 0.0]
         share = cross[driven] / (drive2[driven] * gain)
-        gusty = 1.0 - np.clip(1.0 - share, 0.0, gust_loss + unknown)
-        health = _explained(gusty, drive2[driven], cross[driven], gain).max(initial=-np.inf)
+        gusty = np.clip(share, self._gains * (1.0 - gust_loss - unknown), self._gains)
+        health = _explained(gusty, drive2[driven], cross[driven], gain).max(axis=1, initial=-np.inf) / spread
         perfect = float(_explained(1.0, drive2[0], cross[0], gain))
-        ratios = (hypotheses - health) / spread
+        ratios = hypotheses / spread - self._predicted(health)
         best = float(ratios.max())
         back = float(hypotheses[self._test.likeliest] - perfect) / spread
         # What tells the hypotheses apart stays.
         alarm = self._test.feed(end_s, ratios + _bounded(best) - best, _bounded(back))
         self.highest = max(self.highest, self._test.evidence)
         return alarm
+
+    def _predicted(self, health: Array) -> float:
+        """Return the logarithm of a second's likelihood in health, of those by the reference's error.
+
+        In a fault a second says nothing about the reference.
+        """
+        likely = self._likely - np.logaddexp.reduce(self._likely)
+        if not self._test.alarm:
+            self._likely = likely + np.maximum(health - health.max(), -MOST_RATIO)
+        return float(np.logaddexp.reduce(likely + health))
 
     def excludes(self, drive2: float, cross: float, unknown: float = 0.0) -> int:
         """Take a second that may be slower than those of :meth:`feed`.

@@ -122,8 +122,9 @@ GUST_WINDOW_S: Final = 6
 # calls a change of thrust a loss of roll (benchmarks/control.py, healthy flights without turbulence).
 TRIM_CHANGE: Final = 0.013
 
-# Relative deviation of the gain of one second from that of the reference, beside gusts. Development.
-GAIN_DEVIATION: Final = 0.08
+# Relative deviation of the gain of one second from that of the flight, beside gusts. Development: larger
+# misses short failures of real ailerons, none calls hard manoeuvres in calm air a loss.
+GAIN_DEVIATION: Final = 0.03
 
 # Largest logarithm of a second's likelihood ratio: an alarm needs three seconds at least, for a single
 # manoeuvre may differ. Development.

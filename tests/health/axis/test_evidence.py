@@ -42,20 +42,24 @@ def alarm_s(sums: np.ndarray, limits: AxisLimits | None = None, most_s: int = 30
 def test_a_second_weighs_losses_by_their_likelihood(noise: float, constant: bool) -> None:
     """Its score is normal about the gain's, with the variance of noise, manoeuvres and trim.
 
-    Gusts hide 0.6 times the root of what is unexplained beyond a quarter of the reference's share of 0.1.
+    The gain is normal about the reference's. Gusts hide 0.6 times the root of what is unexplained beyond a
+    quarter of the reference's share of 0.1.
     """
     drive2 = 0.05
     hidden = 0.6 * np.sqrt(noise - 0.025) if noise else 0.0
     rows = RATE_HZ if constant else 0.0
-    own = (0.08**2 * drive2 + 0.013**2 * rows) * GAIN**2
+    own = (0.03**2 * drive2 + 0.013**2 * rows) * GAIN**2
     deviation = np.sqrt((max(0.01, 0.4 * noise * GAIN**2 * drive2) + own) * drive2)
     for kept in (1.0, 0.9, 0.5):
         test = LossTest(REFERENCE, AxisLimits(lag_s=2.0))
         test.feed(1, second(kept, noise=noise, constant=constant))
         losses = np.linspace(0.25, 1.0, 6)
         score, means = kept * GAIN * drive2, (1.0 - losses) * GAIN * drive2
-        healthy = max(min(kept, 1.0), 1.0 - hidden) * GAIN * drive2
-        ratios = norm.logpdf(score, means, deviation) - norm.logpdf(score, healthy, deviation)
+        gains = 1.0 + REFERENCE.error * np.arange(-3, 4)
+        healthy = np.clip(kept, gains * (1.0 - hidden), gains) * GAIN * drive2
+        known = norm.pdf(np.arange(-3, 4))
+        health = logsumexp(norm.logpdf(score, healthy, deviation), b=known / known.sum())
+        ratios = norm.logpdf(score, means, deviation) - health
         assert test.evidence == pytest.approx(logsumexp(ratios) - np.log(len(losses)))
 
 
@@ -69,6 +73,20 @@ def test_a_loss_beyond_the_limit_is_found_the_sooner_the_larger_it_is(kept: floa
     if found:
         assert delay_s <= alarm_s(second(kept + 0.1))[0]
         assert test.since_s == 0
+
+
+def test_the_error_of_the_reference_excuses_what_it_explains_for_the_whole_flight() -> None:
+    """A quarter less at a standard error of 8 % is healthy for 300 s, at 3 % a loss; half is one at both.
+
+    Once a healthy minute has shown the gain, less is no error of the reference.
+    """
+    for error, kept, found in ((0.08, 0.76, False), (0.03, 0.76, True), (0.08, 0.5, True)):
+        test = LossTest(replace(REFERENCE, error=error), AxisLimits())
+        assert any(test.feed(k, second(kept)) for k in range(1, 300)) is found
+    fresh, known = (LossTest(replace(REFERENCE, error=0.08), AxisLimits()) for _ in range(2))
+    assert not any(known.feed(k, second(1.0)) for k in range(1, 60))
+    delays_s = [next(k for k in range(60, 360) if test.feed(k, second(0.6))) for test in (known, fresh)]
+    assert delays_s[0] < delays_s[1]
 
 
 def test_gusts_excuse_a_loss_as_far_as_their_size_explains_it() -> None:
@@ -111,7 +129,7 @@ def test_a_loss_ends_as_certainly_as_it_begins() -> None:
 
 def test_a_second_without_a_drive_says_nothing() -> None:
     """An output that does not change, in an answer without any noise."""
-    silent = replace(REFERENCE, variance=0.0)
+    silent = replace(REFERENCE, variance=1e-9)
     still, driven = LossTest(silent, AxisLimits()), LossTest(silent, AxisLimits())
     for k in range(1, 6):
         assert not still.feed(k, second(0.0, drive2=0.0))
