@@ -89,6 +89,17 @@ def test_the_error_of_the_reference_excuses_what_it_explains_for_the_whole_fligh
     assert delays_s[0] < delays_s[1]
 
 
+def test_a_fault_says_nothing_about_the_error_of_the_reference() -> None:
+    """After five minutes of it the next one is found nearly as soon as without it, not in 56 s for 11."""
+    delays_s = []
+    for lasts_s in (0, 300):
+        test = LossTest(replace(REFERENCE, error=0.08), AxisLimits())
+        seconds = [1.0] * 60 + [0.3] * lasts_s + [1.0] * 30
+        assert not [test.feed(k, second(kept)) for k, kept in enumerate(seconds)][-1]
+        delays_s.append(next(k for k in range(1, 300) if test.feed(len(seconds) + k, second(0.6))))
+    assert delays_s[1] < 1.5 * delays_s[0]
+
+
 def test_gusts_excuse_a_loss_as_far_as_their_size_explains_it() -> None:
     """They hide 0.6 times the root of their share beyond the regression's own: 0.22 and 0.59 of the gain."""
     calm, breeze, storm = (alarm_s(second(0.6, noise=noise))[0] for noise in (0.0, 0.16, 1.0))
