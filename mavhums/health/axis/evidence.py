@@ -26,7 +26,6 @@ from typing import Final
 import numpy as np
 
 from mavhums.core.arrays import Array
-from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import (
     EXTRA_LAGS_S,
@@ -48,7 +47,7 @@ from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 
 _LAGS_S: Final = np.array((0.0, *EXTRA_LAGS_S))
-_ERRORS: Final = np.arange(-3.0, 4.0)  # of the reference's gain, in its standard errors
+_ERRORS: Final = np.arange(-3.0, 4.0)[:, None]  # of the reference's gain, in its standard errors
 
 
 class LossTest:
@@ -81,9 +80,9 @@ class LossTest:
         weights = np.where(self._lags == 0, half / LOSSES, half / max(len(slow), 1))
         self._test = SequentialTest(weights, false_alarms)
         self.highest, self.threshold = -inf, self._test.threshold
-        self._doubt = NORMAL_95 * reference.error
-        self._gains = (1.0 + reference.error * _ERRORS)[:, None]
+        self._gains = 1.0 + reference.error * _ERRORS
         self._likely: Array = -0.5 * _ERRORS**2  # logarithms of their probabilities
+        self._likely -= np.logaddexp.reduce(self._likely)
         self._misfit = MISFIT_SHARE * (1.0 - reference.explained)
         self._noise = self._health = 0.0
         self._waiting = 0  # seconds since the last one over which a loss is excluded
@@ -113,29 +112,24 @@ class LossTest:
             self._coupled.append(mixed)
         self._noise, gust_loss = self._gusts()
         spread = self._spread(float(drive2[0]))
-        hypotheses = _explained(self._kept, drive2[self._lags], cross[self._lags], gain)
+        lost = _explained(self._kept * self._gains, drive2[self._lags], cross[self._lags], gain) / spread
         driven = self._allowed[drive2[self._allowed] > 0.0]
         share = cross[driven] / (drive2[driven] * gain)
         gusty = np.clip(share, self._gains * (1.0 - gust_loss - unknown), self._gains)
-        health = _explained(gusty, drive2[driven], cross[driven], gain).max(axis=1, initial=-np.inf) / spread
-        perfect = float(_explained(1.0, drive2[0], cross[0], gain))
-        ratios = hypotheses / spread - self._predicted(health)
+        explained = _explained(gusty, drive2[driven], cross[driven], gain) / spread
+        health = explained.max(axis=1, keepdims=True)
+        perfect = float(_explained(1.0, drive2[0], cross[0], gain)) / spread
+        hypotheses = np.logaddexp.reduce(self._likely + lost)
+        ratios = hypotheses - np.logaddexp.reduce(self._likely + health)
+        if not self._test.alarm:  # in a fault a second says nothing about the reference
+            self._likely = self._likely + np.maximum(health - health.max(), -MOST_RATIO)
+            self._likely -= np.logaddexp.reduce(self._likely)
         best = float(ratios.max())
-        back = float(hypotheses[self._test.likeliest] - perfect) / spread
+        back = float(hypotheses[self._test.likeliest]) - perfect
         # What tells the hypotheses apart stays.
         alarm = self._test.feed(end_s, ratios + _bounded(best) - best, _bounded(back))
         self.highest = max(self.highest, self._test.evidence)
         return alarm
-
-    def _predicted(self, health: Array) -> float:
-        """Return the logarithm of a second's likelihood in health, of those by the reference's error.
-
-        In a fault a second says nothing about the reference.
-        """
-        likely = self._likely - np.logaddexp.reduce(self._likely)
-        if not self._test.alarm:
-            self._likely = likely + np.maximum(health - health.max(), -MOST_RATIO)
-        return float(np.logaddexp.reduce(likely + health))
 
     def excludes(self, drive2: float, cross: float, unknown: float = 0.0) -> int:
         """Take a second that may be slower than those of :meth:`feed`.
@@ -155,9 +149,10 @@ class LossTest:
         """
         if not drive2 > 0.0:
             return 0
-        kept = NORMAL_EFFECTIVENESS * (1.0 + self._doubt + unknown)
-        healthy, lost = _explained(np.array((1.0, min(kept, 1.0))), drive2, cross, self._reference.gain)
-        ratio = _bounded(float(healthy - lost) / self._spread(drive2))
+        kept = np.array((1.0, min(NORMAL_EFFECTIVENESS * (1.0 + unknown), 1.0))) * self._gains
+        explained = _explained(kept, drive2, cross, self._reference.gain) / self._spread(drive2)
+        healthy, lost = np.logaddexp.reduce(self._likely + explained)
+        ratio = _bounded(float(healthy - lost))
         self._health = min(max(self._health, 0.0) + ratio, EXCLUDING)
         self._waiting = min(self._waiting + 1, POOLED_S)
         if self._health < EXCLUDING:

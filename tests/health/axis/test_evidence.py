@@ -53,13 +53,14 @@ def test_a_second_weighs_losses_by_their_likelihood(noise: float, constant: bool
     for kept in (1.0, 0.9, 0.5):
         test = LossTest(REFERENCE, AxisLimits(lag_s=2.0))
         test.feed(1, second(kept, noise=noise, constant=constant))
-        losses = np.linspace(0.25, 1.0, 6)
-        score, means = kept * GAIN * drive2, (1.0 - losses) * GAIN * drive2
-        gains = 1.0 + REFERENCE.error * np.arange(-3, 4)
-        healthy = np.clip(kept, gains * (1.0 - hidden), gains) * GAIN * drive2
-        known = norm.pdf(np.arange(-3, 4))
-        health = logsumexp(norm.logpdf(score, healthy, deviation), b=known / known.sum())
-        ratios = norm.logpdf(score, means, deviation) - health
+        losses, gains = np.linspace(0.25, 1.0, 6), 1.0 + REFERENCE.error * np.arange(-3, 4)[:, None]
+        known = norm.pdf(np.arange(-3, 4))[:, None]
+        score, healthy = kept * GAIN * drive2, np.clip(kept, gains * (1.0 - hidden), gains)
+        likely = (
+            logsumexp(norm.logpdf(score, means * GAIN * drive2, deviation), b=known / known.sum(), axis=0)
+            for means in (gains * (1.0 - losses), healthy)
+        )
+        ratios = np.subtract(*likely)
         assert test.evidence == pytest.approx(logsumexp(ratios) - np.log(len(losses)))
 
 
