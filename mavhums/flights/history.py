@@ -43,7 +43,7 @@ class Quality(NamedTuple):
     quantities
         Number of measured quantities, over all of them.
     intact
-        Whether nothing was lost of the log.
+        Whether nothing was lost of the log, nor on its link.
     log
         Hash of the log, so that no two are equal.
     """
@@ -365,7 +365,7 @@ def _quality(assessment: Assessment, vehicle: int) -> Quality:
         judged=sum(each.gravest not in ("undecided", "unmonitored") for each in own),
         decidable=sum(each.coverage.decidable for each in own),
         quantities=sum(len(each.provenance) for each in own),
-        intact=not log.losses.any,
+        intact=not log.losses.any and not any(each.missing for each in log.losses.sequence),
         log=log.sha256 or log.path or "",
     )
 
