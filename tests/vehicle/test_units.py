@@ -219,6 +219,7 @@ def test_rows_that_do_not_carry_the_fact() -> None:
         ("autopilot", table("vehicle_status", {"system_type": 0})),
         *(("airspeed", table("airspeed_validated", SPED | {"airspeed_source": n})) for n in (-1, 0, 4)),
         ("airspeed sensor", table("SYS_STATUS", {"onboard_control_sensors_present": 0})),
+        ("airspeed sensor", table("SYS_STATUS", {"onboard_control_sensors_present": 3}, component=191)),
         ("board", table("info", {"name": b"sys_name", "value": b"PX4"})),
         *(("firmware", table("info", {"name": b"ver_sw_release", "value": text})) for text in versions),
         ("firmware", table("info", {"name": b"ver_hw", "value": b"1"})),

@@ -143,6 +143,7 @@ def _parameters(table: Table) -> NDArray[Any]:
 _BATCH: Final = 4  # ESCs in a message
 _HEALTH: Final = ("onboard_control_sensors_enabled", "onboard_control_sensors_health")
 _PRESENT: Final = "onboard_control_sensors_present"
+_AUTOPILOT: Final = 1  # MAV_COMP_ID: a gimbal or a companion computer has sensors of its own
 _AIRSPEED, _OUTPUTS, _PROPULSION = 1 << 4, 1 << 15, 1 << 26  # MAV_SYS_STATUS_SENSOR
 
 
@@ -192,7 +193,7 @@ SOURCES: Final = (
         "SYS_STATUS",
         {_PRESENT: 1},
         lambda t: (whole(_PRESENT, column=True)(t) & _AIRSPEED > 0) * 1.0,
-        lambda t: np.asarray(t[_PRESENT] > 0),
+        lambda t: (t[_PRESENT] > 0) & (t.component == _AUTOPILOT),
     ),
     plain("vtol", "EXTENDED_SYS_STATE", "vtol_state"),
     plain("landed", "EXTENDED_SYS_STATE", "landed_state"),
