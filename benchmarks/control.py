@@ -1,7 +1,7 @@
 """Control effectiveness on closed-loop flights: false alarms on healthy flights, and detections by fault.
 
-    python benchmarks/control.py [--healthy-hours H] [--share S] [--seed N] [--jobs J] [--keep FILE [--kept]]
-                                 [--no-airspeed] [--false-alarms N] [--plot PNG]
+    python benchmarks/control.py [--healthy-hours H] [--minutes M] [--share S] [--seed N] [--jobs J]
+                                 [--keep FILE [--kept]] [--no-airspeed] [--false-alarms N] [--plot PNG]
 
 Flights of JSBSim's aircraft under the simulator's autopilots (``benchmarks/_closed_loop.py``), from their
 bytes alone: the detectors know nothing of that model. Seeds below 100 are for development, seeds from 1000 on
@@ -141,6 +141,7 @@ def main() -> None:
     """Fly and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--healthy-hours", type=float, default=300.0)
+    parser.add_argument("--minutes", type=float, default=15.0, help="of one healthy flight")
     parser.add_argument("--share", type=int, default=1, help="fly every such of the faulty flights; 0: none")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2, help="processes")
@@ -170,7 +171,7 @@ def main() -> None:
                 flights = [*plan(arguments.seed)][:: arguments.share]
                 found(title, [*fly([flown_as(flight) for flight in flights])], keys)
         if arguments.healthy_hours:
-            rows = [*fly(map(flown_as, healthy(arguments.healthy_hours, arguments.seed)))]
+            rows = [*fly(map(flown_as, healthy(arguments.healthy_hours, arguments.seed, arguments.minutes)))]
             false_alarms(rows)
             if arguments.plot:
                 plot(rows, arguments.plot)

@@ -201,8 +201,8 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "and {speeds} % of the usual speed, with the surfaces of {axis} in motion",
         "fly straight legs and gentle turns in the first three minutes"),
     "wind_unknown": (
-        "without an airspeed sensor, turns show the wind: the airspeed was known in {settled_s} s, "
-        "{reference_s} are needed",
+        "without an airspeed sensor the wind is estimated in turns: the airspeed was known for "
+        "{settled_s} s, {reference_s} s are needed",
         "record the airspeed, or fly turns of 90° in the first minutes"),
     "unexplained": ("its surfaces explain {share} % of how it moves in {axis}, {needed:.0f} % are needed",
         "{again}"),
