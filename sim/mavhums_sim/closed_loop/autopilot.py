@@ -67,7 +67,8 @@ class Autopilot:
     def tuned(cls, seed: int, flavour: str) -> Autopilot:
         """Return the gains that the operator of airframe ``seed`` chose.
 
-        Within ±25 % of the defaults; time constants of the attitude 0.75…1.8 of them.
+        Within ±25 % of the defaults; time constants of the attitude 0.75…1.8 of them. A rudder that follows
+        the ailerons by more than half has a yaw damper, for the Dutch roll of some airframes grows without.
         """
         rng = np.random.default_rng([seed, 22])
         base = cls() if flavour == "ardupilot" else cls(roll_time=0.4, pitch_time=0.4, rudder_mix=0.0)
@@ -75,11 +76,12 @@ class Autopilot:
         drawn = {name: getattr(base, name) * rng.uniform(0.75, 1.25) for name in scaled}
         drawn |= {name: getattr(base, name) * rng.uniform(0.75, 1.8) for name in ("roll_time", "pitch_time")}
         mixed = rng.uniform(0.0, 0.6) if flavour == "ardupilot" else 0.0
+        damper = float(rng.choice([0.0, 0.15, 0.3]))
         return replace(
             base,
             **drawn,
             rudder_mix=mixed,
-            yaw_damper=float(rng.choice([0.0, 0.15, 0.3])),
+            yaw_damper=max(damper, 0.15) if mixed > 0.5 else damper,
             bank_limit=rng.uniform(0.6, 0.87),
         )
 
