@@ -5,11 +5,12 @@ A second's sums give the log-likelihood ratio of each λ, and of each additional
 likely kind of health. Health is more than λ = 0:
 
 - *gusts*: they move the aircraft and, through the autopilot, the surfaces against it, which lowers the gain
-  by up to ρ·√(R / K²D): R is the response that no gain explains, D the sum of d²;
+  by up to √(R / K²D) (Cauchy and Schwarz): R is the response that no gain explains, less the share that the
+  reference leaves unexplained, D the sum of d²;
 - *lags* up to the one that the profile allows;
 - *speeds*: one that no sensor measures changes the gain by the share that is unknown;
-- *reference*: its gain has an error, one for the whole flight, that healthy seconds show;
-- *manoeuvres*: the gain of one second differs between them, in proportion to it;
+- *reference*: its gain has an error, which healthy seconds show;
+- *manoeuvres*: the gain changes by a little between them, from one of some minutes to the next;
 - *trim*: thrust and speed change it, and the surfaces that follow move nothing. A trim that is constant over
   the last seconds adds noise by the share of the drive that is constant, too.
 
@@ -30,12 +31,11 @@ from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import (
     EXTRA_LAGS_S,
     GAIN_DEVIATION,
-    GUST_SHARE,
+    GAIN_KEPT_S,
     GUST_WINDOW_S,
     LEAST_LOSS_PER_LIMIT,
     LOSSES,
     MEAN_ROWS,
-    MISFIT_SHARE,
     MOST_RATIO,
     NORMAL_EFFECTIVENESS,
     POOLED_S,
@@ -48,6 +48,7 @@ from mavhums.vehicle.grid import RATE_HZ
 
 _LAGS_S: Final = np.array((0.0, *EXTRA_LAGS_S))
 _ERRORS: Final = np.arange(-3.0, 4.0)[:, None]  # of the reference's gain, in its standard errors
+_PRIOR: Final = -0.5 * _ERRORS**2 - np.logaddexp.reduce(-0.5 * _ERRORS**2)  # logarithms of probabilities
 
 
 class LossTest:
@@ -81,9 +82,8 @@ class LossTest:
         self._test = SequentialTest(weights, false_alarms)
         self.highest, self.threshold = -inf, self._test.threshold
         self._gains = 1.0 + reference.error * _ERRORS
-        self._likely: Array = -0.5 * _ERRORS**2  # logarithms of their probabilities
-        self._likely -= np.logaddexp.reduce(self._likely)
-        self._misfit = MISFIT_SHARE * (1.0 - reference.explained)
+        self._likely: Array = _PRIOR
+        self._changes = _changes(reference.error)
         self._noise = self._health = 0.0
         self._waiting = 0  # seconds since the last one over which a loss is excluded
         self._window: deque[Array] = deque(maxlen=GUST_WINDOW_S)
@@ -111,7 +111,7 @@ class LossTest:
         if mixed is not None:
             self._coupled.append(mixed)
         self._noise, gust_loss = self._gusts()
-        spread = self._spread(float(drive2[0]))
+        spread = self._spread()
         lost = _explained(self._kept * self._gains, drive2[self._lags], cross[self._lags], gain) / spread
         driven = self._allowed[drive2[self._allowed] > 0.0]
         share = cross[driven] / (drive2[driven] * gain)
@@ -122,8 +122,8 @@ class LossTest:
         hypotheses = np.logaddexp.reduce(self._likely + lost)
         ratios = hypotheses - np.logaddexp.reduce(self._likely + health)
         if not self._test.alarm:  # in a fault a second says nothing about the reference
-            self._likely = self._likely + np.maximum(health - health.max(), -MOST_RATIO)
-            self._likely -= np.logaddexp.reduce(self._likely)
+            learned = self._likely + health
+            self._likely = np.log(self._changes @ np.exp(learned - np.logaddexp.reduce(learned)))
         best = float(ratios.max())
         back = float(hypotheses[self._test.likeliest]) - perfect
         # What tells the hypotheses apart stays.
@@ -150,7 +150,7 @@ class LossTest:
         if not drive2 > 0.0:
             return 0
         kept = np.array((1.0, min(NORMAL_EFFECTIVENESS * (1.0 + unknown), 1.0))) * self._gains
-        explained = _explained(kept, drive2, cross, self._reference.gain) / self._spread(drive2)
+        explained = _explained(kept, drive2, cross, self._reference.gain) / self._spread()
         healthy, lost = np.logaddexp.reduce(self._likely + explained)
         ratio = _bounded(float(healthy - lost))
         self._health = min(max(self._health, 0.0) + ratio, EXCLUDING)
@@ -169,10 +169,10 @@ class LossTest:
         self._health, self._waiting = 0.0, 0
         return excluded
 
-    def _spread(self, drive2: float) -> float:
+    def _spread(self) -> float:
         """Return twice the variance of a second's score, relative to drive²."""
-        own = TRIM_CHANGE**2 * self._constant() + GAIN_DEVIATION**2 * drive2
-        return 2.0 * (max(self._noise, self._reference.variance) + own * self._reference.gain**2)
+        trim = TRIM_CHANGE**2 * self._constant() * self._reference.gain**2
+        return 2.0 * (max(self._noise, self._reference.variance) + trim)
 
     def _gusts(self) -> tuple[float, float]:
         """Return the noise of the last seconds, and the largest share of the gain that their gusts hide."""
@@ -185,7 +185,7 @@ class LossTest:
         own = drive2[0] * self._reference.gain**2
         share = max(left / own - self._coupling(), 0.0)
         noise = share * own / len(self._window) * MEAN_ROWS / RATE_HZ  # of independent rows
-        return noise, GUST_SHARE * sqrt(max(share - self._misfit, 0.0))
+        return noise, sqrt(max(share - (1.0 - self._reference.explained), 0.0))
 
     def _constant(self) -> float:
         """Return (Σd)² / Σd² of the last seconds: their rows if d is constant, 0 if it is balanced."""
@@ -231,6 +231,14 @@ class LossTest:
     def probability(self, kept: float) -> float:
         """Return the probability that a fault leaves no more than a share, and is no lag."""
         return float(self._test.shares()[(self._lags == 0) & (self._kept <= kept)].sum())
+
+
+def _changes(error: float) -> Array:
+    """Return the probability that one gain, in the columns, is another one, in the rows, a second later."""
+    steps = error / GAIN_DEVIATION * (_ERRORS - _ERRORS.T)
+    changed = np.exp(_PRIOR - 0.5 * steps**2)
+    kept = 1.0 - 1.0 / GAIN_KEPT_S
+    return np.asarray(kept * np.eye(_ERRORS.size) + (1.0 - kept) * changed / changed.sum(axis=0))
 
 
 def _bounded(ratio: float) -> float:
