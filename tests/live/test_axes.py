@@ -53,8 +53,8 @@ def closed_loop() -> bytes:
     from mavhums_sim.closed_loop.reports import Streams, report
     from mavhums_sim.link import Link
 
-    fault = SurfaceFault("aileron_left", "freeze", 0.0, 130.0)
-    flight = ClosedLoop(seed=3, duration_s=200.0, faults=(fault,), air=Air(turbulence=4.0))
+    lost = tuple(SurfaceFault(f"aileron_{side}", "gain", 0.3, 130.0) for side in ("left", "right"))
+    flight = ClosedLoop(seed=3, duration_s=200.0, faults=lost, air=Air(turbulence=4.0))
     tables = report(fly_closed_loop(flight), Streams(rate=10.0, status=2.0))
     return encode(tables, 3, Link())
 
