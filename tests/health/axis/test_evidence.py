@@ -111,7 +111,7 @@ def test_a_fault_says_nothing_about_the_error_of_the_reference() -> None:
 
 
 def test_gusts_excuse_a_loss_as_far_as_their_size_explains_it() -> None:
-    """They hide 0.6 times the root of their share beyond the regression's own: 0.22 and 0.59 of the gain."""
+    """They hide the root of their share beyond the reference's own: 0.24 and 0.95 of the gain."""
     calm, breeze, storm = (alarm_s(second(0.6, noise=noise))[0] for noise in (0.0, 0.16, 1.0))
     assert calm < breeze < 300
     assert storm == 300
