@@ -5,8 +5,8 @@ A second's sums give the log-likelihood ratio of each λ, and of each additional
 likely kind of health. Health is more than λ = 0:
 
 - *gusts*: they move the aircraft and, through the autopilot, the surfaces against it, which lowers the gain
-  by up to √(R / K²D) (Cauchy and Schwarz): R is the response that no gain explains, less the share that the
-  reference leaves unexplained, D the sum of d²;
+  by up to √(R / K²D − u) (Cauchy and Schwarz): R is the response that no gain explains, u the share that is
+  unexplained in the reference, D the sum of d²;
 - *lags* up to the one that the profile allows;
 - *speeds*: one that no sensor measures changes the gain by the share that is unknown;
 - *reference*: its gain has an error, which healthy seconds show;
