@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection, Iterator
 from dataclasses import replace
-from math import hypot
+from math import hypot, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,7 @@ from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.evidence import LossTest
 from mavhums.health.axis.findings import MixedSums
 from mavhums.health.axis.reference import Loss, Reference, Scores, Second, Sums, constants, measured, shapes
-from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Lag, Shape, judgeable
+from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Lag, Shape, Tail, judgeable
 from mavhums.health.axis.thresholds import (
     EXCLUDING_SPEED_SHARE,
     EXPLAINED,
@@ -223,7 +223,8 @@ class EffectivenessTracker:
         self._test = LossTest(reference, self._limits, self._false_alarms)
         # Over more seconds a loss is measured with what was before its onset.
         self._recent: deque[tuple[int, Array]] = deque(maxlen=2 * WINDOW_S)
-        self._left: deque[tuple[Array, int]] = deque(maxlen=SHIFT_S)
+        self._left: deque[tuple[Array, int, float]] = deque(maxlen=SHIFT_S)
+        self._signals = Tail(2, 1)
         self._mixed: MixedSums | None = None
         if self._coupled is not None:
             self._mixed = MixedSums(reference, self._form.axis, self._coupled, self._memory_s)
@@ -272,22 +273,34 @@ class EffectivenessTracker:
         stacked = np.array([[s.drive2, s.cross, s.answer2, s.drive] for s in sums])
         assert self.reference is not None
         left = np.array([[s.raw, self.reference.gain * s.driven] for s in sums])
+        unseen = self._unseen(rows)
         mixed = [*self._mixed.feed(rows)] if self._mixed else [None] * rows.seconds
         seconds = []
         for k in range(rows.seconds):
             excluded = self._test.excludes(*excluding[k]) if k in excluding else 0
             count = int(sums[0].count[k])
             end_s = rows.second + k + 1
-            second = self._second(end_s, stacked[:, :, k], count, left[:, :, k], mixed[k], unknown[k])
+            self._left.append((left[:, :, k], count, float(unseen[k])))
+            second = self._second(end_s, stacked[:, :, k], count, mixed[k], unknown[k])
             seconds.append(replace(second, excluded=excluded))
         return seconds
 
-    def _second(
-        self, end_s: int, sums: Array, count: int, left: Array, mixed: Array | None, unknown: float
-    ) -> Second:
+    def _unseen(self, rows: Rows) -> Array:
+        """Return the variance of each second's sum of what a response leaves, by what is between the samples.
+
+        Between two samples that differ a signal passes as a Brownian bridge does.
+        """
+        form, reference = self._form, self.reference
+        assert reference is not None
+        drive = reference.gain * form.drive(rows.demand(form.axis), rows.speed / reference.speed)
+        steps = np.diff(self._signals.feed(np.column_stack([drive, form.answer(rows)])), axis=0)
+        # A step between samples that are n rows apart is in each row by one n-th.
+        bridges = np.nan_to_num((steps**2).sum(axis=1) * (rows.spacing * RATE_HZ) ** 3 / 12.0)
+        return np.asarray(bridges.reshape(-1, RATE_HZ).sum(axis=1))
+
+    def _second(self, end_s: int, sums: Array, count: int, mixed: Array | None, unknown: float) -> Second:
         reference = self.reference
         assert reference is not None
-        self._left.append((left, count))
         loss, value, error = None, None, np.inf
         if count >= LEAST_ROWS_PER_S:
             self._recent.append((end_s, sums))
@@ -301,7 +314,7 @@ class EffectivenessTracker:
             if len(self._recent) >= WINDOW_S:
                 window = [sums[0] for _, sums in [*self._recent][-WINDOW_S:]]
                 value, error = _measured(window, reference)
-        shift, shift_error = self._shifted(NORMAL_95 * hypot(reference.error, WINDOW_DEVIATION))
+        shift, shift_error = self._shifted(hypot(reference.error, WINDOW_DEVIATION))
         return Second(end_s, value, error, loss, shift, shift_error, 0, mixed)
 
     def _loss(self, since_s: int, *, certain: bool) -> Loss | None:
@@ -322,12 +335,14 @@ class EffectivenessTracker:
         )
 
     def _shifted(self, gain_error: float) -> tuple[float | None, float]:
-        """Return the unexplained mean response, and what of it a relative error of the gain may make."""
-        count = sum(rows for _, rows in self._left)
+        """Return the unexplained mean response, and what the errors of gain and sampling may make of it."""
+        count = sum(rows for _, rows, _ in self._left)
         if count < SHIFT_S * LEAST_ROWS_PER_S:
             return None, 0.0
-        answered, driven = np.sum([left[self._test.lag] for left, _ in self._left], axis=0) / count
-        return self._form.unexplained(float(answered), float(driven)), gain_error * abs(float(driven))
+        answered, driven = np.sum([left[self._test.lag] for left, _, _ in self._left], axis=0) / count
+        unseen = sqrt(sum(variance for _, _, variance in self._left)) / count
+        error = NORMAL_95 * hypot(gain_error * float(driven), unseen)
+        return self._form.unexplained(float(answered), float(driven)), error
 
 
 def explained_by(axis: str, rows: Rows, demand: Array, others: Array) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from mavhums.health.axis.effectiveness import EffectivenessTracker
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.reference import Loss, Second
+from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import SPEED, Array, changes_of, excited, rolling, rows, steady, turning
 from tests.health.present import present
@@ -59,6 +60,29 @@ def test_the_error_of_the_gain_is_no_shift_of_the_trim() -> None:
     flight.outputs[2000:, 0] = np.where(np.arange(2000) // 100 % 2, -2.0, 2.0)
     flight.roll_rate[2000:] = 2.2 * 0.9 * flight.outputs[1996:-4, 0]
     assert not [c for c in changes_of(AxisMonitor(1), flight) if c.fault == "hard_over"]
+
+
+def sampled(flight: Rows, every: int) -> Rows:
+    """A flight whose rates and outputs are known every so many rows, and drawn straight in between."""
+    at = np.arange(len(flight))
+    rate = np.interp(at, at[::every], flight.roll_rate[::every])
+    outputs = np.stack([np.interp(at, at[::every], row[::every]) for row in flight.outputs.T], axis=1)
+    return replace(flight, roll_rate=rate, outputs=outputs, spacing=np.full(len(flight), every / RATE_HZ))
+
+
+@settings(max_examples=10)
+@given(size=st.floats(5.0, 8.0), rows_long=st.integers(1, 5), seed=st.integers(0, 99))
+def test_what_happens_between_two_samples_is_no_shift_of_the_trim(
+    size: float, rows_long: int, seed: int
+) -> None:
+    """At 4 Hz a quick reversal shows in the outputs or in the rates, or in neither."""
+    flight = rolling(120, lost(999, 1.0), noise=0.003, seed=seed)
+    flight.outputs[1600 + seed % 5 :, 0] = 0.0
+    flight.outputs[1800 + seed % 5 : 1800 + seed % 5 + rows_long, 0] = size
+    flight.roll_rate[1600:] = 2.2 * flight.outputs[1596:-4, 0]
+    coarse = sampled(flight, 5)
+    changes = [c for c in changes_of(AxisMonitor(1), coarse) if c.fault == "hard_over"]
+    assert not changes
 
 
 def test_a_healthy_flight_is_normal_and_a_quiet_one_undecided() -> None:
