@@ -49,7 +49,6 @@ class Rules(NamedTuple):
     named: float
     noise: Array1
     noise_worth: float
-    noise_floor: float
     noise_most: float
     air: Array1
     air_change: float
@@ -59,7 +58,6 @@ class Rules(NamedTuple):
     yaw_damping: float
     yaw_damping_sd: float
     turn: float
-    quiet_turn: float
     least_thrust: float
     least_upright: float
     span: int
@@ -100,7 +98,6 @@ def rules_for(false_alarms: float) -> Rules:
         named=NAMED,
         noise=t.NOISE_SD**2,
         noise_worth=t.NOISE_WORTH,
-        noise_floor=t.NOISE_FLOOR,
         noise_most=t.NOISE_MOST,
         air=t.AIR[0] ** 2,
         air_change=1.0 / (t.AIR_CHANGES_S * RATE_HZ),
@@ -110,7 +107,6 @@ def rules_for(false_alarms: float) -> Rules:
         yaw_damping=t.YAW_DAMPING,
         yaw_damping_sd=t.YAW_DAMPING_SD,
         turn=t.TURN,
-        quiet_turn=t.QUIET_TURN,
         least_thrust=t.LEAST_THRUST,
         least_upright=float(np.cos(np.radians(MOST_BANK_DEG))),
         span=t.SPAN_ROWS,
@@ -302,7 +298,7 @@ def _bound(correlated: float, columns: Array, rules: Rules, s: State) -> None:
     e, asked, swing = np.empty(3), np.empty(columns.shape[0]), np.empty(3)
     if not _residual(rules.bound, rules, s, e, asked, swing):
         return
-    if abs(_mean_turn(rules.bound, s)) < rules.quiet_turn and abs(swing[2]) < rules.quiet_turn:
+    if abs(_mean_turn(rules.bound, s)) < rules.turn and abs(swing[2]) < rules.turn:
         noise = _noise(rules.bound, correlated / rules.bound, rules, s)
         for a in range(3):
             noise[a, a] += rules.air[a]
@@ -359,8 +355,7 @@ def _noise(span: int, share: float, rules: Rules, s: State) -> Array:
     worth = rules.noise_worth + s.weight[0]
     noise: Array = s.noise / worth
     for a in range(3):
-        usual = rules.noise[a]
-        noise[a, a] = max(noise[a, a] + rules.noise_worth * usual / worth, rules.noise_floor * usual)
+        noise[a, a] += rules.noise_worth * rules.noise[a] / worth
     noise *= share
     noise[2, 2] += max(share, 1.0) * (rules.yaw_damping_sd * _mean_turn(span, s)) ** 2
     return noise

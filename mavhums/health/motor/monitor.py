@@ -24,7 +24,6 @@ from mavhums.health.motor.thresholds import (
     EMERGENCY_LOSS,
     LEAST_TRIM_BLOCKS,
     NEEDED_FLIGHTS,
-    REFUTING_BLOCKS,
 )
 from mavhums.health.motor.vibration import RotorVibration
 from mavhums.results.standing import Interval
@@ -121,7 +120,7 @@ class Trims:
         self._blocks = 0
         self._mean, self._squares = np.zeros(3), np.zeros(3)
         self._before = np.full(3, np.nan)
-        self._latest: deque[Array] = deque(maxlen=REFUTING_BLOCKS)
+        self._latest: deque[Array] = deque(maxlen=LEAST_TRIM_BLOCKS)
 
     def suspect(self) -> None:
         """Hold the blocks to come against those before now."""
@@ -133,7 +132,7 @@ class Trims:
         """Return whether the blocks since the alarm show less than half of a loss, each by itself."""
         weights = self._weights(loss.motor - 1)
         shown = [float(weights @ (effort - self._before)) for effort in self._latest]
-        return len(shown) == REFUTING_BLOCKS and max(shown) < loss.share.low / 2
+        return len(shown) == LEAST_TRIM_BLOCKS and max(shown) < loss.share.low / 2
 
     def _weights(self, motor: int) -> Array:
         """Return the weights by which an effort shows the thrust of a motor, from 0, shape (3,)."""

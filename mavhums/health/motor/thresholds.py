@@ -26,9 +26,6 @@ NOISE_SD: Final[Array] = np.array([0.07, 0.07, 0.027])
 """Effort about roll, pitch and yaw that a healthy flight shows over such rows, before its own is known."""
 NOISE_WORTH: Final = 3.0
 """Blocks of rows that this is worth beside the flight's own."""
-NOISE_FLOOR: Final = 0.25
-"""Least share of this variance, however calm the flight was so far: in a calm hover two motors that weaken in
-turn would be named one by one."""
 NOISE_MOST: Final = 40.0
 """Most blocks that the flight's own noise counts: later wind replaces the calm before."""
 
@@ -55,10 +52,8 @@ YAW_DAMPING: Final = 0.1
 YAW_DAMPING_SD: Final = 0.05
 """Effort that holds a yaw rate, per rad/s, and its standard deviation between aircraft."""
 TURN: Final = 0.1
-"""Yaw rate, rad/s, at which half as much effort about yaw is learned as trim: that of a turn is none."""
-
-QUIET_TURN: Final = 0.3
-"""Yaw rate, rad/s, or its change, above which a window bounds no loss: yaw is the witness, and it is busy."""
+"""Yaw rate, rad/s, at which half as much effort about yaw is learned as trim: that of a turn is none. Above
+it, or above as large a change, a window bounds no loss: yaw is the witness, and it is busy."""
 
 REFERENCE_S: Final = 40.0
 """Memory of the trim before; a fault that grows more slowly is learned."""
@@ -90,9 +85,8 @@ motor: six flights of one aircraft with whole propellers."""
 NEEDED_FLIGHTS: Final = 3
 """The scatter between flights is known from others, so the mean is all that the own ones must give."""
 LEAST_TRIM_BLOCKS: Final = 3
-"""Blocks as long as gusts last, whose mean is the trim; fewer show no scatter. By hand."""
-REFUTING_BLOCKS: Final = 2
-"""Such blocks that show less than half of a loss, one after the other, from which it is withdrawn."""
+"""Blocks as long as gusts last, whose mean is the trim; fewer show no scatter. As many that show less than
+half of a loss, one after the other, withdraw it. By hand."""
 TRIM_SCATTER_PER_MOTOR: Final = 0.011
 """Scatter of a motor's trim between flights, by the number of motors: that of the efforts, along the columns
 of quads, hexas and octas."""

@@ -148,7 +148,7 @@ def test_a_row_adds_its_likelihoods_to_the_evidence(spacing: float) -> None:
     state = craft.state
     before, air = state.values.copy(), state.air.copy()
     worth = 3.0 + state.weight[0]
-    noise = np.diag(np.maximum(3.0 / worth, 0.25) * NOISE_SD**2) * max(5.0, spacing)
+    noise = np.diag(3.0 / worth * NOISE_SD**2) * max(5.0, spacing)
     craft.fly(1, effort=HOVER * effort, spacing=spacing)
     precision = np.linalg.inv(noise).astype(np.float64)
     ratios = np.empty_like(before)
