@@ -10,14 +10,11 @@ from dataclasses import dataclass
 from math import degrees, exp, isnan, log, nan, sqrt
 from typing import ClassVar, NamedTuple, Protocol
 
-import numpy as np
-
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.effectiveness import EffectivenessTracker
 from mavhums.health.axis.reference import Loss, Second
 from mavhums.health.axis.residuals import Deviation, PitchTracking, Residual, RollTracking
 from mavhums.health.axis.thresholds import (
-    COARSE_TIMES,
     JUDGED_ERROR,
     PERSISTENT_S,
     ROLL_PERSISTENT_S,
@@ -25,13 +22,11 @@ from mavhums.health.axis.thresholds import (
     SHIFT_S,
     SKID_DEVIATIONS,
     SKID_SHARES,
-    SLOW_STREAM_S,
-    SURE_CONFIDENCE,
     UNKNOWN_ROLL_DEVIATIONS,
 )
+from mavhums.health.decision.thresholds import MOST_CONFIDENCE
 from mavhums.health.sequential import EXCLUDING
 from mavhums.results.sections import AxisLimits
-from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES, STEERING
 
@@ -50,7 +45,7 @@ class Alarm(NamedTuple):
     value: float
     limit: float
     rule: str
-    confidence: float = SURE_CONFIDENCE
+    confidence: float = MOST_CONFIDENCE
     error: float = 0.0
 
 
@@ -186,19 +181,13 @@ class TrackingDetector:
     def feed(self, given: AxisInput) -> list[Alarm]:
         """Return the seconds in which the attitude is away for certain."""
         alarms = []
-        spacing = np.nan_to_num(given.rows.spacing).reshape(-1, RATE_HZ).mean(axis=1)
         for left in self._residual.feed(given.rows):
-            # At 2 Hz a turn begins and ends between two samples, and the model answers at neither.
-            coarse = spacing[left.end_s - given.rows.second - 1] > SLOW_STREAM_S
-            limit = self._limit * (COARSE_TIMES if coarse else 1.0)
-            since_s = self._persistent.feed(left.end_s, left.deviations * self._limit / limit)
+            since_s = self._persistent.feed(left.end_s, left.deviations)
             if since_s is None:
                 continue
             away = f"{self._axis} {degrees(left.value):.0f}° away from the demanded one for {SHIFT_S} s"
-            rule = f"emergency: {away}"
-            alarms.append(
-                Alarm(self._axis, left.end_s, "tracking", "emergency", since_s, left.deviations, limit, rule)
-            )
+            shown = (since_s, left.deviations, self._limit, f"emergency: {away}")
+            alarms.append(Alarm(self._axis, left.end_s, "tracking", "emergency", *shown))
         return alarms
 
 

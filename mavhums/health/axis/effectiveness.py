@@ -32,7 +32,6 @@ from mavhums.health.axis.thresholds import (
     LEAST_ROWS_PER_S,
     LONGEST_REFERENCE_S,
     MEAN_ROWS,
-    REFERENCE_RETRY_S,
     REFERENCE_S,
     SCORE_SCATTER,
     SHIFT_S,
@@ -135,7 +134,7 @@ class EffectivenessTracker:
             self.usable_s += counts
             self._tried += 1
             # An attempt in each second costs time.
-            if self.usable_s >= REFERENCE_S and self._tried >= REFERENCE_RETRY_S:
+            if self.usable_s >= REFERENCE_S and self._tried >= WINDOW_S:
                 self._tried = 0
                 self._keep(rows.cut(kept, end))
                 kept = end

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import sqrt
 from typing import Final
 
 import numpy as np
@@ -21,11 +22,11 @@ from mavhums.health.axis.regressions import FORMS, Chain, Form, HighPass
 from mavhums.health.axis.response import Response
 from mavhums.health.axis.thresholds import (
     LEAST_ROWS_PER_S,
-    MANOEUVRE_DEVIATION,
     MASKED_S,
     MIXED_RECENT_S,
-    MIXED_WEIGHT,
+    WINDOW_DEVIATION,
 )
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Suspect
@@ -186,7 +187,8 @@ class MixedSums:
         products = np.stack([d * d, d * c, c * c, -d * r / k, -c * r / k], axis=1)
         sums: Array = products.reshape(-1, RATE_HZ, 5).sum(axis=1)
         # The gain of a single second differs between manoeuvres, in proportion to the drive.
-        spread = reference.variance / k**2 + MANOEUVRE_DEVIATION**2 * (sums[:, 0] + sums[:, 2])
+        deviation = WINDOW_DEVIATION * sqrt(WINDOW_S)
+        spread = reference.variance / k**2 + deviation**2 * (sums[:, 0] + sums[:, 2])
         whole = good.reshape(-1, RATE_HZ).sum(axis=1) >= LEAST_ROWS_PER_S
         return np.where(whole[:, None], sums / spread[:, None], 0.0)
 
@@ -221,7 +223,7 @@ class MixedPair:
             size = float(taken @ information @ taken)
             total = float(taken @ score)
             lost = min(max(total / size, 0.0), 1.0) if size > 0 else 0.0
-            logs[name] = MIXED_WEIGHT * (lost * total - lost**2 * size / 2)
+            logs[name] = lost * total - lost**2 * size / 2
         # Priors are equal; of the same data the likelihoods give the probabilities.
         top = max(logs.values())
         weights = {name: float(np.exp(value - top)) for name, value in logs.items()}

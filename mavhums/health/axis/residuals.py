@@ -10,21 +10,18 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Array1, Flags
 from mavhums.core.kernels import kernel
-from mavhums.health.axis.regressions import STEP_S, Tail, hold_last
+from mavhums.health.axis.regressions import STEP_S, hold_last
 from mavhums.health.axis.thresholds import (
     FASTEST_ROLL_DEG_S,
     LEAST_ROWS_PER_S,
     NOSE_RISES_DEG_S,
     OFFSET_SPREAD_RAD,
-    PITCH_DELAY_S,
-    PITCH_RESPONSE_RAD_S,
-    PITCH_TRACKING_FLOOR_RAD,
     POOLED_S,
-    RESIDUAL_REFERENCE_S,
-    ROLL_RESPONSE_RAD_S,
-    ROLL_TRACKING_FLOOR_RAD,
+    REFERENCE_S,
+    RESPONSE_RAD_S,
     SHIFT_S,
     SIDE_FORCE_FLOOR_M_S2,
+    TRACKING_FLOOR_RAD,
 )
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
@@ -146,7 +143,7 @@ class Residual:
     def _wait(self, second: int, design: Array, answer: Array, good: Flags) -> int:
         """Collect whole seconds for the reference; return the number of those that it needed."""
         usable = self._rows + good.reshape(-1, RATE_HZ).sum(axis=1).cumsum()
-        complete = int(np.searchsorted(usable, RESIDUAL_REFERENCE_S * RATE_HZ))
+        complete = int(np.searchsorted(usable, REFERENCE_S * RATE_HZ))
         # The reference ends with a whole second, so that it does not depend on the block.
         taken = min(complete + 1, len(usable))
         at = np.flatnonzero(good[: taken * RATE_HZ])
@@ -192,7 +189,7 @@ class RollTracking:
     """
 
     kind: Literal["mean", "rms"] = "rms"
-    floor = ROLL_TRACKING_FLOOR_RAD
+    floor = TRACKING_FLOOR_RAD
     spreads: tuple[float, ...] = (OFFSET_SPREAD_RAD,)
 
     def __init__(self) -> None:
@@ -200,8 +197,8 @@ class RollTracking:
 
     def _begin(self) -> None:
         self._responses = (
-            AttitudeResponse(ROLL_RESPONSE_RAD_S),
-            AttitudeResponse(ROLL_RESPONSE_RAD_S, _ROLLS_RAD_S),
+            AttitudeResponse(RESPONSE_RAD_S),
+            AttitudeResponse(RESPONSE_RAD_S, _ROLLS_RAD_S),
         )
 
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
@@ -239,7 +236,7 @@ class _OwnSpeed:
 
 
 class PitchTracking:
-    """``θ − (demanded θ, 0.6 s later, through a second order of 4 rad/s)``, less its part in turns.
+    """``θ − (demanded θ through a second order of 2.5 rad/s)``, less its part in turns.
 
     An aircraft slower than usual with its nose below the demand may have stalled, or lost its engine. When
     the speed is back, a working elevator raises the nose at 5°/s or more. What lies between this recovery and
@@ -247,7 +244,7 @@ class PitchTracking:
     """
 
     kind: Literal["mean", "rms"] = "rms"
-    floor = PITCH_TRACKING_FLOOR_RAD
+    floor = TRACKING_FLOOR_RAD
     spreads: tuple[float, ...] = (OFFSET_SPREAD_RAD, OFFSET_SPREAD_RAD)
 
     def __init__(self) -> None:
@@ -255,17 +252,16 @@ class PitchTracking:
         self._own = _OwnSpeed()
 
     def _begin(self) -> None:
-        self._demand = AttitudeResponse(PITCH_RESPONSE_RAD_S)
-        self._late = Tail(1, round(PITCH_DELAY_S * RATE_HZ))
+        self._response = AttitudeResponse(RESPONSE_RAD_S)
         self._recovered = np.inf
 
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
         """Return the regressors 1 and sin² φ, the pitch residual, and the mask of flight rows with both."""
         if rows.fresh:
             self._begin()
-        late = self._late.feed(self._demand.feed(rows.pitch_demand)[:, None])[: len(rows), 0]
-        recovery = np.minimum(self._recovery(rows, self._own.feed(rows)), late)
-        answer = rows.pitch - np.clip(rows.pitch, recovery, late)
+        expected = self._response.feed(rows.pitch_demand)
+        recovery = np.minimum(self._recovery(rows, self._own.feed(rows)), expected)
+        answer = rows.pitch - np.clip(rows.pitch, recovery, expected)
         good = rows.flying & np.isfinite(rows.pitch_demand) & np.isfinite(answer)
         turning = np.nan_to_num(np.sin(rows.roll)) ** 2
         return np.column_stack([np.ones(len(rows)), turning]), answer, good

@@ -21,9 +21,6 @@ LONGEST_REFERENCE_S: Final = 120
 # from when on it holds. Development.
 LATEST_REFERENCE_S: Final = 180
 
-# Seconds between attempts at a reference; costs only time.
-REFERENCE_RETRY_S: Final = 10
-
 # Rows of 20 that make a second usable: two thirds, so that one lost sample of a slow stream passes. By
 # hand.
 LEAST_ROWS_PER_S: Final = 14
@@ -65,8 +62,7 @@ PERSISTENT_S: Final = 2
 # Seconds in a row that a roll must be away: a large step of the command is followed within 2 s.
 ROLL_PERSISTENT_S: Final = 3
 
-# Time between samples beyond which no gain is determined, s: 3 Hz with jitter passes, 2 Hz does not. Below,
-# tracking limits are wider.
+# Time between samples beyond which no gain is determined, s: 3 Hz with jitter passes, 2 Hz does not.
 SLOW_STREAM_S: Final = 0.42
 
 # Errors of the speed, m/s, by its source: sensor, wind triangle, ground, ground less the current. The
@@ -75,20 +71,9 @@ SLOW_STREAM_S: Final = 0.42
 # benchmarks/steering.py, seeds 25 and 26: 0, 0.2 and 0.3 m/s tried).
 SPEED_ERRORS_M_S: Final = (0.0, 2.0, 0.0, 0.2)
 
-# Times the tracking limit where samples are that slow: a turn begins and ends between two. Development.
-COARSE_TIMES: Final = 1.5
-
-# Confidence shown beside a tracking error or a hard-over, whose limit lies a quarter above all healthy
-# flights, and at most beside one of two mixed surfaces: tens of simulated flights support no more.
-SURE_CONFIDENCE: Final = 0.99
-
 # Seconds before an alarm in which its onset may lie, s: what tells mixed surfaces apart is kept as long. By
 # hand.
 MIXED_RECENT_S: Final = 180
-
-# Share of the evidence between two mixed surfaces that counts: neighbouring seconds are of one manoeuvre. By
-# hand.
-MIXED_WEIGHT: Final = 0.5
 
 # Seconds after a hard-over rudder in which findings about other axes are its consequence. Development.
 MASKED_S: Final = 20
@@ -126,14 +111,8 @@ GAIN_KEPT_S: Final = 300
 # manoeuvre may differ. Development.
 MOST_RATIO: Final = 5.0
 
-# Relative deviation of the gain of one second between manoeuvres. Development: healthy seconds.
-MANOEUVRE_DEVIATION: Final = 0.2
-
 # Relative deviation of the gain of ten seconds. Development: healthy windows scatter by 9 % in calm air.
 WINDOW_DEVIATION: Final = 0.10
-
-# Standard error of a lag, s: candidates are 0.05 s apart.
-LAG_ERROR_S: Final = 0.03
 
 # Share of the earlier flights' drive from which a minute is compared with them: less, and gusts dominate.
 # Development.
@@ -185,15 +164,8 @@ MOST_PITCH_DEG: Final = 34
 # Rows that are averaged, 0.4 s: noise of rates falls, delays of 0.05 s can still be told. Development.
 MEAN_ROWS: Final = 8
 
-# Seconds of the flight's beginning that trim and tracking are compared with. Development.
-RESIDUAL_REFERENCE_S: Final = 40
-
-# Least deviation of the tracking in roll, rad: a calm beginning does not promise a calm flight.
-# Development.
-ROLL_TRACKING_FLOOR_RAD: Final = 0.033
-
-# Least deviation of the tracking in pitch, rad, as above. Development.
-PITCH_TRACKING_FLOOR_RAD: Final = 0.025
+# Least deviation of the tracking, rad: a calm beginning does not promise a calm flight. Development.
+TRACKING_FLOOR_RAD: Final = 0.033
 
 # Least deviation of the side force, m/s², as above. Development.
 SIDE_FORCE_FLOOR_M_S2: Final = 0.15
@@ -201,14 +173,9 @@ SIDE_FORCE_FLOOR_M_S2: Final = 0.15
 # Prior deviation of an attitude's offset, rad: trim and mounting are smaller. By hand.
 OFFSET_SPREAD_RAD: Final = 0.1
 
-# Natural frequency of a controlled roll, rad/s: fitted over the pooled development flights.
-ROLL_RESPONSE_RAD_S: Final = 2.5
-
-# Natural frequency of a controlled pitch, rad/s: fitted over the pooled development flights.
-PITCH_RESPONSE_RAD_S: Final = 4.0
-
-# Delay of a controlled pitch, s: fitted over the pooled development flights.
-PITCH_DELAY_S: Final = 0.6
+# Natural frequency of a controlled attitude, rad/s: that of roll, fitted over the development flights. Pitch
+# fits 4 rad/s after 0.6 s, and finds the same.
+RESPONSE_RAD_S: Final = 2.5
 
 # Rate at which a large reversal of the bank may be followed, °/s: it takes seconds, and a calm beginning
 # does not tell how many. Development.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from datetime import datetime
+from math import hypot, sqrt
 from typing import Final
 
 from mavhums.actuator.profile import Airframe
@@ -13,14 +14,14 @@ from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import (
-    LAG_ERROR_S,
+    DELAYS_S,
+    LAGS_S,
     PAST_FLIGHTS,
     REFERENCE_S,
-    SURE_CONFIDENCE,
     WINDOW_DEVIATION,
 )
 from mavhums.health.decision.conditions import since
-from mavhums.health.decision.thresholds import NAMED
+from mavhums.health.decision.thresholds import MOST_CONFIDENCE, NAMED
 from mavhums.health.estimation.thresholds import LEAST_PARTS, WINDOW_S
 from mavhums.health.verdict.actuator import rounded, rounded_suspects
 from mavhums.health.verdict.obstacles import why_undecided
@@ -69,7 +70,7 @@ def _candidates(findings: AxisFindings, surfaces: Surfaces) -> tuple[Candidate, 
         Candidate(
             surface=surfaces.what(one),
             servo=one.number,
-            probability=min(round(shares[one.servo], 2), SURE_CONFIDENCE) if is_certain else None,
+            probability=min(round(shares[one.servo], 2), MOST_CONFIDENCE) if is_certain else None,
             because="the demand about one axis moves the aircraft about the other" if is_certain else None,
         )
         for one in moved
@@ -195,11 +196,17 @@ def indicators(findings: AxisFindings) -> Iterator[Indicator]:
     lag_s = reference.shape.delay_rows / RATE_HZ + reference.shape.tau_s
     measured = [
         ("effectiveness", "control gain", unit, (scale * share, scale * error)),
-        ("slow", "lag", "s", (lag_s, LAG_ERROR_S)),
+        ("slow", "lag", "s", (lag_s, _lag_error(findings.axis))),
         *((fault, *_CONSTANTS[fault], known) for fault, known in reference.constants.items()),
     ]
     for each in measured:
         yield Indicator.of_mean(*each, windows=REFERENCE_S, needed=PAST_FLIGHTS)
+
+
+def _lag_error(axis: str) -> float:
+    """Return the standard error of a lag whose delay and time constant are the nearest ones tried."""
+    steps = (tried[axis][1] - tried[axis][0] for tried in (DELAYS_S, LAGS_S))
+    return hypot(*steps) / sqrt(12.0)
 
 
 def _share(findings: AxisFindings, reference: Reference) -> tuple[float, float]:

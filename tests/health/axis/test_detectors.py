@@ -77,17 +77,6 @@ def test_what_leaves_the_reference_is_found_in_seconds(what: str, axis: str, fau
         assert re.search(rules[axis], alarms[0].rule)
 
 
-@pytest.mark.parametrize(
-    ("spacing", "away", "alarmed"), [(0.1, 0.35, True), (0.5, 0.35, False), (0.5, 0.5, True)]
-)
-def test_coarse_samples_need_a_larger_distance(spacing: float, away: float, alarmed: bool) -> None:
-    flight = controlled(160)
-    flight["spacing"][:] = spacing
-    flight["roll"][2000:] += away
-    alarms = [c for c in changes_of(AxisMonitor(1), rows(flight)) if c.after == "emergency"]
-    assert bool(alarms) is alarmed
-
-
 def test_a_stall_is_no_elevator() -> None:
     flight = controlled(160)
     flight["pitch"][2000:] -= 0.6

@@ -46,7 +46,7 @@ def test_the_gain_of_the_reference_is_found() -> None:
     ],
 )
 def test_what_a_reference_must_show(size: float, noise: float, ripple: float, known: bool) -> None:
-    """Noise makes its gain uncertain, what repeats each second explains more than it, a drive may be weak."""
+    """Noise makes its gain uncertain, what repeats each second explains more than it; a drive may be weak."""
     flight = rolling(60, lost(99, 1.0), noise=noise, size=size)
     flight.roll_rate[:] += ripple * np.sin(2 * np.pi * np.arange(len(flight)) / 20)
     gain = EffectivenessTracker("roll")

@@ -73,7 +73,7 @@ def test_sums_of_mixed_surfaces_are_of_seconds_with_enough_rows() -> None:
     for k in np.flatnonzero(counts >= LEAST_ROWS_PER_S):
         at = (second == k) & own.good
         d, c, r = own.drive[at], other.drive[at], left[at]
-        variance = REFERENCE.variance / GAIN**2 + 0.2**2 * (d @ d + c @ c)
+        variance = REFERENCE.variance / GAIN**2 + 0.1**2 * 10.0 * (d @ d + c @ c)
         expected[k] = np.array([d @ d, d @ c, c @ c, -d @ r / GAIN, -c @ r / GAIN]) / variance
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)
 
@@ -168,14 +168,14 @@ def test_the_earliest_axis_explains_what_its_surfaces_can_cause(
     assert origins(faulty, mixed) == explained
 
 
-def best_fit(name: str, total: Array, weight: float) -> float:
+def best_fit(name: str, total: Array) -> float:
     """Return the log likelihood of a share lost of one surface, by trying all shares between 0 and 1."""
     taken = {"left": (0.5, 0.5), "right": (0.5, -0.5), "both": (1.0, 0.0)}[name]
     dd, dc, cc, own, coupled = total
     size = taken[0] ** 2 * dd + 2 * taken[0] * taken[1] * dc + taken[1] ** 2 * cc
     score = taken[0] * own + taken[1] * coupled
     lost = np.linspace(0.0, 1.0, 1001)
-    return float((weight * (lost * score - lost**2 * size / 2)).max())
+    return float((lost * score - lost**2 * size / 2).max())
 
 
 @pytest.mark.parametrize("lost", [0.0, 0.3, 1.0, 1.5, -0.5])
@@ -194,7 +194,7 @@ def test_shares_are_the_likelihoods_of_the_best_loss_of_each(lost: float, taken:
     assert pair.shares() == {}
     pair.begin(2 * MIXED_RECENT_S - 1)
     pair.add(2 * MIXED_RECENT_S + 5, second)
-    logs = {name: best_fit(name, 6 * second, 0.5) for name in ("left", "right", "both")}
+    logs = {name: best_fit(name, 6 * second) for name in ("left", "right", "both")}
     expected = {name: np.exp(one - max(logs.values())) for name, one in logs.items()}
     whole = sum(expected.values())
     found = pair.shares()

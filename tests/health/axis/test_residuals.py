@@ -15,7 +15,7 @@ from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import rows, steady
 
-RESIDUAL_REFERENCE_S = 40
+REFERENCE_S = 45
 SHIFT_S = 3
 
 
@@ -52,9 +52,9 @@ AFTER = 10
 
 def rolled(after: float, sway: float = 0.0) -> Rows:
     """Return a flight with an offset of 0.2 rad, swaying, and another roll angle for its last seconds."""
-    flight = steady(RESIDUAL_REFERENCE_S + AFTER)
+    flight = steady(REFERENCE_S + AFTER)
     flight["roll"][:] = 0.2 + sway * np.where(np.arange(len(flight["roll"])) % 2, 1.0, -1.0)
-    flight["roll"][RESIDUAL_REFERENCE_S * RATE_HZ :] = 0.2 + after
+    flight["roll"][REFERENCE_S * RATE_HZ :] = 0.2 + after
     return rows(flight)
 
 
@@ -65,9 +65,9 @@ def test_a_residual_is_the_mean_of_three_seconds_in_deviations_of_the_reference(
 ) -> None:
     residual = Residual(Offset(kind))
     found = residual.feed(rolled(-0.3, sway))
-    assert residual.since_s == RESIDUAL_REFERENCE_S
+    assert residual.since_s == REFERENCE_S
     assert residual.deviation == pytest.approx(deviation)
-    assert [one.end_s for one in found] == [RESIDUAL_REFERENCE_S + k for k in range(1, AFTER + 1)]
+    assert [one.end_s for one in found] == [REFERENCE_S + k for k in range(1, AFTER + 1)]
     assert np.isnan([one.value for one in found[: SHIFT_S - 1]]).all()
     assert [one.value for one in found[SHIFT_S - 1 :]] == pytest.approx([sign * 0.3] * (AFTER - SHIFT_S + 1))
     assert found[-1].deviations == pytest.approx(0.3 / deviation)
@@ -77,7 +77,7 @@ def test_a_residual_is_the_mean_of_three_seconds_in_deviations_of_the_reference(
 def test_three_seconds_need_enough_rows(known: int, shown: bool) -> None:
     flight = rolled(0.3)
     flying = np.arange(len(flight)) % RATE_HZ < known
-    flying[: RESIDUAL_REFERENCE_S * RATE_HZ] = True
+    flying[: REFERENCE_S * RATE_HZ] = True
     found = Residual(Offset()).feed(replace(flight, flying=flying))
     assert np.isfinite(found[-1].value) == shown
     if shown:
@@ -86,7 +86,7 @@ def test_three_seconds_need_enough_rows(known: int, shown: bool) -> None:
 
 def test_after_a_gap_three_seconds_must_pass() -> None:
     residual, flight = Residual(Offset()), rolled(0.3)
-    gap = RESIDUAL_REFERENCE_S + 6
+    gap = REFERENCE_S + 6
     residual.feed(replace(flight.cut(0, gap), fresh=True))
     found = residual.feed(replace(flight.cut(gap, gap + 4), fresh=True))
     assert np.isfinite([one.value for one in found]).tolist() == [False, False, True, True]
@@ -104,23 +104,23 @@ def test_the_reference_ends_with_a_whole_second_whatever_the_blocks(block: int) 
         for begin in range(0, flight.seconds, block)
         for one in cut.feed(replace(flight.cut(begin, min(begin + block, flight.seconds)), fresh=begin == 0))
     ]
-    assert whole.since_s == cut.since_s == RESIDUAL_REFERENCE_S + 1
+    assert whole.since_s == cut.since_s == REFERENCE_S + 1
     np.testing.assert_array_equal(np.array(found), np.array(expected))
 
 
 def test_what_a_level_flight_says_of_turns_is_hardly_believed() -> None:
     """Gusts pitch the aircraft by three degrees where its wings are hardly low: no turn would do so."""
-    seconds = RESIDUAL_REFERENCE_S + 30
+    seconds = REFERENCE_S + 30
     flight = steady(seconds)
     time_s = np.arange(seconds * RATE_HZ) / RATE_HZ
-    flight["roll"] = np.where(time_s < RESIDUAL_REFERENCE_S + 10, 0.1 * np.sin(time_s), 1.0)
-    flight["pitch"] = np.where(time_s < RESIDUAL_REFERENCE_S + 10, 5.0 * np.sin(flight["roll"]) ** 2, 0.0)
+    flight["roll"] = np.where(time_s < REFERENCE_S + 10, 0.1 * np.sin(time_s), 1.0)
+    flight["pitch"] = np.where(time_s < REFERENCE_S + 10, 5.0 * np.sin(flight["roll"]) ** 2, 0.0)
     found = Residual(PitchTracking()).feed(rows(flight))
     assert found[-1].deviations < AxisLimits().pitch_tracking_deviations
 
 
 def test_a_trim_in_roll_is_believed() -> None:
-    flight = steady(RESIDUAL_REFERENCE_S + AFTER)
+    flight = steady(REFERENCE_S + AFTER)
     flight["roll"][:] = 0.3
     found = Residual(RollTracking()).feed(rows(flight))
     assert found[-1].deviations < 0.1
@@ -145,16 +145,15 @@ def test_tracking_goes_on_from_block_to_block_and_begins_anew_after_a_gap(
     assert not np.allclose(anew[RATE_HZ:], expected[7 * RATE_HZ :], atol=1e-3)
 
 
-def test_pitch_follows_a_step_late_and_roll_between_the_demand_and_the_slowest_response() -> None:
+def test_pitch_follows_a_step_and_roll_between_the_demand_and_the_slowest_response() -> None:
     flight = steady(12)
     flight["pitch_demand"][100:] = flight["roll_demand"][100:] = 0.1
-    late = 112  # 0.6 s after the step
-    since_s = 4.0 * np.maximum(np.arange(240) - late, 0) / RATE_HZ
+    since_s = 2.5 * np.maximum(np.arange(240) - 100, 0) / RATE_HZ
     _, answer, good = PitchTracking().feed(rows(flight))
     np.testing.assert_allclose(
         answer[good], -0.1 * (1.0 - np.exp(-since_s) * (1.0 + since_s))[good], atol=1e-12
     )
-    assert np.flatnonzero(good).tolist() == [*range(late - 100, 240)]
+    assert good.all()
     for roll, early, finally_ in ((0.3, 0.2, 0.2), (0.05, 0.0, -0.05), (-0.1, -0.1, -0.2)):
         flight["roll"][:] = roll
         _, answer, good = RollTracking().feed(rows(flight))
@@ -177,4 +176,4 @@ def test_a_stall_explains_a_low_nose_no_longer_than_a_recovery_takes(cut: int) -
     parts = [model.feed(whole.cut(k, min(k + cut, 40))) for k in range(0, 40, cut)]
     answer, good = (np.concatenate([part[n] for part in parts]) for n in (1, 2))
     np.testing.assert_allclose(answer[good], np.array(expected)[good], atol=1e-9)
-    assert np.flatnonzero(~good).tolist() == [*range(12)]
+    assert good.all()
