@@ -61,7 +61,7 @@ GROWTH_SCALES: Final = (0.03, 0.1, 0.4, 1.6)
 STEP_SIZE: Final = 7.0
 STEP_CONFIRMED_FLIGHTS: Final = 3
 # Probability from which one of several motors or mixed surfaces is named alone: less names the opposite motor
-# in the rebound; of 35 elevons and V-tails that reach it none is the wrong one.
+# in the rebound; of 118 elevons and V-tails that reach it none is the wrong one.
 NAMED: Final = 0.9
 
 # Judged seconds without a fault from which an axis or the motors of a flight are normal. Development.
