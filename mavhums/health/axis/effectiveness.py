@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection, Iterator
 from dataclasses import replace
-from math import hypot, sqrt
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,17 @@ from mavhums.core.arrays import Array
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.evidence import LossTest
 from mavhums.health.axis.findings import MixedSums
-from mavhums.health.axis.reference import Loss, Reference, Scores, Second, Sums, constants, measured, shapes
+from mavhums.health.axis.reference import (
+    Loss,
+    Reference,
+    Scores,
+    Second,
+    Sums,
+    constants,
+    covariance,
+    measured,
+    shapes,
+)
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Lag, Shape, Tail, judgeable
 from mavhums.health.axis.thresholds import (
     EXCLUDING_SPEED_SHARE,
@@ -60,6 +70,15 @@ class _Fit(NamedTuple):
     beta: Array
     left: float
     explained: float
+
+
+class _Left(NamedTuple):
+    """Sums of a second: response and columns by lag, rows, and the variance of what is between samples."""
+
+    raw: Array
+    columns: Array
+    rows: int
+    unseen: float
 
 
 class EffectivenessTracker:
@@ -208,9 +227,9 @@ class EffectivenessTracker:
         # The reference may lie in quiet air, and the rest of the flight in rough air.
         variance = max(variance, SCORE_SCATTER * gain**2)
         first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1
-        deviation = float(np.sqrt(fit.left))
+        deviation, spread = float(np.sqrt(fit.left)), covariance(fit.design, fit.answer)
         return Reference(
-            basis, fit.shape, gain, others, variance, error, fit.explained, deviation, first, last
+            basis, fit.shape, gain, others, variance, error, fit.explained, deviation, spread, first, last
         )
 
     def _begin(self, rows: Rows) -> None:
@@ -222,7 +241,7 @@ class EffectivenessTracker:
         self._test = LossTest(reference, self._limits, self._false_alarms)
         # Over more seconds a loss is measured with what was before its onset.
         self._recent: deque[tuple[int, Array]] = deque(maxlen=2 * WINDOW_S)
-        self._left: deque[tuple[Array, int, float]] = deque(maxlen=SHIFT_S)
+        self._left: deque[_Left] = deque(maxlen=SHIFT_S)
         self._signals = Tail(2, 1)
         self._mixed: MixedSums | None = None
         if self._coupled is not None:
@@ -271,7 +290,7 @@ class EffectivenessTracker:
         excluding = self._excluding(rows, unknown)
         stacked = np.array([[s.drive2, s.cross, s.answer2, s.drive] for s in sums])
         assert self.reference is not None
-        left = np.array([[s.raw, self.reference.gain * s.driven] for s in sums])
+        raw, columns = np.array([s.raw for s in sums]), np.array([s.columns for s in sums])
         unseen = self._unseen(rows)
         mixed = [*self._mixed.feed(rows)] if self._mixed else [None] * rows.seconds
         seconds = []
@@ -279,7 +298,7 @@ class EffectivenessTracker:
             excluded = self._test.excludes(*excluding[k]) if k in excluding else 0
             count = int(sums[0].count[k])
             end_s = rows.second + k + 1
-            self._left.append((left[:, :, k], count, float(unseen[k])))
+            self._left.append(_Left(raw[:, k], columns[:, k], count, float(unseen[k])))
             second = self._second(end_s, stacked[:, :, k], count, mixed[k], unknown[k])
             seconds.append(replace(second, excluded=excluded))
         return seconds
@@ -313,7 +332,7 @@ class EffectivenessTracker:
             if len(self._recent) >= WINDOW_S:
                 window = [sums[0] for _, sums in [*self._recent][-WINDOW_S:]]
                 value, error = _measured(window, reference)
-        shift, shift_error = self._shifted(hypot(reference.error, WINDOW_DEVIATION))
+        shift, shift_error = self._shifted(reference)
         return Second(end_s, value, error, loss, shift, shift_error, 0, mixed)
 
     def _loss(self, since_s: int, *, certain: bool) -> Loss | None:
@@ -333,15 +352,17 @@ class EffectivenessTracker:
             self._test.probability(self._limits.effectiveness_emergency),
         )
 
-    def _shifted(self, gain_error: float) -> tuple[float | None, float]:
-        """Return the unexplained mean response, and what the errors of gain and sampling may make of it."""
-        count = sum(rows for _, rows, _ in self._left)
+    def _shifted(self, reference: Reference) -> tuple[float | None, float]:
+        """Return the unexplained mean response, and what errors of the model and of sampling make of it."""
+        count = sum(left.rows for left in self._left)
         if count < SHIFT_S * LEAST_ROWS_PER_S:
             return None, 0.0
-        answered, driven = np.sum([left[self._test.lag] for left, _, _ in self._left], axis=0) / count
-        unseen = sqrt(sum(variance for _, _, variance in self._left)) / count
-        error = NORMAL_95 * hypot(gain_error * float(driven), unseen)
-        return self._form.unexplained(float(answered), float(driven)), error
+        answered = float(sum(left.raw[self._test.lag] for left in self._left)) / count
+        means = np.sum([left.columns[self._test.lag] for left in self._left], axis=0) / count
+        driven = reference.gain * float(means[0])
+        variance = means @ reference.covariance @ means + (WINDOW_DEVIATION * driven) ** 2
+        variance += sum(left.unseen for left in self._left) / count**2
+        return self._form.unexplained(answered, driven), NORMAL_95 * sqrt(variance)
 
 
 def explained_by(axis: str, rows: Rows, demand: Array, others: Array) -> tuple[float, float]:

@@ -30,6 +30,8 @@ class Reference:
         Relative standard error of the gain.
     deviation
         Standard deviation of the regression's residuals.
+    covariance
+        Of the regression's coefficients, the gain first, shape (p, p).
     constants
         What one aircraft keeps from flight to flight beside the gain, by the fault that changes it.
     """
@@ -42,6 +44,7 @@ class Reference:
     error: float
     explained: float
     deviation: float
+    covariance: Array
     start_s: int
     end_s: int
     constants: Mapping[str, Constant] = field(default_factory=dict)
@@ -95,8 +98,8 @@ class Second:
         The fault that the test suspects; None without one.
     shift, shift_error
         Mean of the unexplained response over the last three seconds, at the additional lag of the suspected
-        fault, and what of it the error of the gain and a manoeuvre may make with 95 %; None if it is not
-        known.
+        fault, and what of it the errors of the coefficients and of sampling, and a manoeuvre, may make with
+        95 %; None if it is not known.
     excluded
         Number of seconds over which a loss of 40 % is excluded by now, and was not before.
     mixed
@@ -145,19 +148,30 @@ def _constants(form: Form, speed: float, design: Array, answer: Array) -> Mappin
     whole = form.kept(_fitted(design, answer), speed)
     if not whole:
         return {}
-    without = []
-    # Residuals of neighbouring rows are alike: whole blocks are left out, not rows.
-    for block in np.array_split(np.arange(len(answer)), CONSTANT_BLOCKS):
-        beta = _fitted(np.delete(design, block, axis=0), np.delete(answer, block))
-        without.append(form.kept(beta, speed))
+    without = [form.kept(beta, speed) for beta in _without_blocks(design, answer)]
     found = {}
     for fault, value in whole.items():
-        parts = np.array([part[fault] for part in without])
-        # Variance of the delete-one-block jackknife.
-        error = float(np.sqrt((CONSTANT_BLOCKS - 1) / CONSTANT_BLOCKS * ((parts - parts.mean()) ** 2).sum()))
+        error = float(np.sqrt(_jackknife(np.array([[part[fault]] for part in without]))[0, 0]))
         if np.isfinite(value) and np.isfinite(error):
             found[fault] = Constant(float(value), error)
     return found
+
+
+def covariance(design: Array, answer: Array) -> Array:
+    """Return the covariance of a regression's coefficients by the jackknife of :func:`constants`."""
+    return _jackknife(np.array(_without_blocks(design, answer)))
+
+
+def _without_blocks(design: Array, answer: Array) -> list[Array]:
+    # Residuals of neighbouring rows are alike: whole blocks are left out, not rows.
+    blocks = np.array_split(np.arange(len(answer)), CONSTANT_BLOCKS)
+    return [_fitted(np.delete(design, block, axis=0), np.delete(answer, block)) for block in blocks]
+
+
+def _jackknife(parts: Array) -> Array:
+    """Return the covariance of the columns of estimates without one block each, shape (blocks, p)."""
+    away = parts - parts.mean(axis=0)
+    return np.asarray((CONSTANT_BLOCKS - 1) / CONSTANT_BLOCKS * away.T @ away)
 
 
 def _fitted(design: Array, answer: Array) -> Array:
@@ -166,7 +180,10 @@ def _fitted(design: Array, answer: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Sums:
-    """Sums over each second, shape (seconds,), and the ``rows`` of ``driven`` and ``raw`` that are good."""
+    """Sums over each second, shape (seconds,), and the ``rows`` of ``driven`` and ``raw`` that are good.
+
+    ``columns`` are those of the drive and the nuisances, shape (seconds, p).
+    """
 
     drive2: Array
     cross: Array
@@ -174,6 +191,7 @@ class Sums:
     drive: Array
     driven: Array
     raw: Array
+    columns: Array
     count: Integers
     rows: tuple[Array, Array, Flags]
 
@@ -209,7 +227,9 @@ class Scores:
         summed = [np.where(good, product, 0.0).reshape(shape).sum(axis=1) for product in products]
         drive2, cross, answer2, drive_sum, total, left = summed
         counts = good.reshape(shape).sum(axis=1)
-        return Sums(drive2, cross, answer2, drive_sum, total, left, counts, (driven, raw, good))
+        others = np.where(good[:, None], columns.others, 0.0).reshape(*shape, self._others.size)
+        beside = np.column_stack([total, others.sum(axis=1)])
+        return Sums(drive2, cross, answer2, drive_sum, total, left, beside, counts, (driven, raw, good))
 
 
 def measured(drive2: Array, cross: Array, reference: Reference) -> tuple[Array, Array]:

@@ -62,6 +62,15 @@ def test_the_error_of_the_gain_is_no_shift_of_the_trim() -> None:
     assert not [c for c in changes_of(AxisMonitor(1), flight) if c.fault == "hard_over"]
 
 
+def test_turns_after_a_straight_reference_are_no_shift_of_the_trim() -> None:
+    """What a turn adds to the roll rate is not known from a beginning without turns."""
+    for seed in range(5):
+        flight = rolling(200, lost(999, 1.0), seed=seed)
+        flight.yaw_rate[:] = 0.0005 * np.random.default_rng(seed).normal(size=len(flight))
+        flight.yaw_rate[2000:] = 0.35
+        assert not [c for c in changes_of(AxisMonitor(1), flight) if c.fault == "hard_over"]
+
+
 def sampled(flight: Rows, every: int) -> Rows:
     """A flight whose rates and outputs are known every so many rows, and drawn straight in between."""
     at = np.arange(len(flight))

@@ -18,7 +18,7 @@ from tests.health.axis.flights import Array, changes_of, excited, rolling, rows,
 
 GAIN = 2.0
 REFERENCE = Reference(
-    Basis(18.0, 0.0), Shape(0, 0.0), GAIN, np.zeros(1), 0.01, 0.03, 0.9, 0.1, 0, 45
+    Basis(18.0, 0.0), Shape(0, 0.0), GAIN, np.zeros(1), 0.01, 0.03, 0.9, 0.1, np.zeros((2, 2)), 0, 45
 )  # fmt: skip
 
 
