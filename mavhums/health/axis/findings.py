@@ -182,7 +182,7 @@ class MixedSums:
         left = columns.answer - own @ reference.others - reference.gain * columns.drive
         good = columns.good
         parts = zip(self._filters, (columns.drive, other, left), strict=True)
-        d, c, r = (np.where(good, filter_.feed(np.where(good, part, 0.0)), 0.0) for filter_, part in parts)
+        d, c, r = (np.where(good, filter_.feed(np.where(good, part, np.nan)), 0.0) for filter_, part in parts)
         k = reference.gain
         products = np.stack([d * d, d * c, c * c, -d * r / k, -c * r / k], axis=1)
         sums: Array = products.reshape(-1, RATE_HZ, 5).sum(axis=1)

@@ -218,10 +218,9 @@ class Scores:
             (columns.others[:, k] * weight for k, weight in enumerate(self._others)),
             start=np.zeros(len(good)),
         )
-        driven = np.where(good, columns.drive, 0.0)
-        raw = np.where(good, columns.answer - other, 0.0)
-        unit = None if columns.unit is None else np.where(good, columns.unit, 0.0)
-        drive, answer = self._drive.feed(driven, unit), self._answer.feed(raw, unit)
+        driven = np.where(good, columns.drive, np.nan)
+        raw = np.where(good, columns.answer - other, np.nan)
+        drive, answer = self._drive.feed(driven, columns.unit), self._answer.feed(raw, columns.unit)
         shape = (-1, RATE_HZ)
         products = (drive * drive, drive * answer, answer * answer, drive, driven, raw)
         summed = [np.where(good, product, 0.0).reshape(shape).sum(axis=1) for product in products]

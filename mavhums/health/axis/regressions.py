@@ -64,22 +64,35 @@ class Lag:
         return out
 
 
+@kernel
+def _levels(values: Array1, units: Array1, share: float, state: Array1) -> Array:
+    """Return the exponentially weighted mean of values by that of units; the state is updated."""
+    out = np.zeros_like(values)
+    for k in range(values.size):
+        state *= 1.0 - share
+        if np.isfinite(values[k]):
+            state[0] += share * values[k]
+            state[1] += share * units[k]
+        if state[1] > 0.0:
+            out[k] = state[0] / state[1]
+    return out
+
+
 class HighPass:
-    """A high-pass filter: subtracts the mean over the last ``memory_s``, or that share of a unit."""
+    """A high-pass filter: subtracts the mean over the last ``memory_s``, or that share of a unit.
+
+    Values that are not known age the mean: after a gap the next ones begin a new one.
+    """
 
     def __init__(self, memory_s: float) -> None:
         self._share = 1.0 - exp(-STEP_S / memory_s)
-        self._slow = self._slow_unit = 0.0
+        self._state = np.zeros(2)
 
     def feed(self, values: Array, unit: Array | None = None) -> Array:
         """Return values (n,) without their slow part, which is in proportion to a positive unit (n,)."""
-        slow = _smoothed(np.ascontiguousarray(values), self._share, self._slow)
-        self._slow = float(slow[-1])
-        if unit is not None:
-            units = _smoothed(np.ascontiguousarray(unit), self._share, self._slow_unit)
-            self._slow_unit = float(units[-1])
-            slow *= np.divide(unit, units, out=np.zeros_like(units), where=units > 0.0)
-        return np.asarray(values - slow)
+        values = np.ascontiguousarray(values)
+        units = np.ones_like(values) if unit is None else np.ascontiguousarray(unit)
+        return np.asarray(values - units * _levels(values, units, self._share, self._state))
 
 
 class Tail:

@@ -118,7 +118,7 @@ class ResponseSums:
         """Take whole seconds of a flight."""
         found = self._chain.feed(replace(rows, sources=np.zeros(len(rows))))
         columns = np.column_stack([found.drive, found.others, found.answer])
-        usable = np.where(found.good[:, None], columns, 0.0)
+        usable = np.where(found.good[:, None], columns, np.nan)
         quick = np.stack(
             [one.feed(column) for one, column in zip(self._filters, usable.T, strict=True)], axis=1
         )

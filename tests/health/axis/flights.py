@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from mavhums.health.axis.monitor import AxisMonitor
@@ -48,6 +49,13 @@ def rows(flight: dict[str, Array], *, first: int = 0, flying: bool = True) -> Ro
     return Rows(
         first, True, **flight, flying=up, up=up, aloft=up, trusted=np.full(n, True), settled=np.full(n, True)
     )
+
+
+def without_level(values: Array, known: NDArray[np.bool_], memory_s: float) -> Array:
+    """Subtract the mean over the last seconds, as pandas has it; NaN where a value is not known."""
+    series = pd.Series(np.where(known, values, np.nan))
+    share = 1.0 - np.exp(-1.0 / RATE_HZ / memory_s)
+    return np.asarray(series - series.ewm(alpha=share, ignore_na=False).mean(), dtype=np.float64)
 
 
 def excited(seconds: int, seed: int = 1, size: float = 0.15) -> Array:

@@ -14,7 +14,7 @@ from mavhums.health.axis.regressions import FORMS, Chain
 from mavhums.results.verdict import Evidence
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
-from tests.health.axis.flights import Array, changes_of, excited, rolling, rows, steady
+from tests.health.axis.flights import Array, changes_of, excited, rolling, rows, steady, without_level
 from tests.health.axis.test_detectors import controlled
 from tests.health.axis.test_pooled import GAIN, REFERENCE
 
@@ -61,18 +61,19 @@ def test_sums_of_mixed_surfaces_are_of_seconds_with_enough_rows() -> None:
     flying = row < np.where(second % 3, RATE_HZ, LEAST_ROWS_PER_S - (second // 3) % 2)
     flown = replace(rows(flight), flying=flying)
     reference = replace(REFERENCE, others=np.array([0.3, -0.2]))
-    found = MixedSums(reference, "roll", "pitch", 1e12).feed(flown)
+    found = MixedSums(reference, "roll", "pitch", 2.0).feed(flown)
     swapped = replace(flown, outputs=flown.outputs[:, [1, 0, 2]])
     own, other = (
         Chain(FORMS["roll"], reference.basis, reference.shape).feed(one) for one in (flown, swapped)
     )
     left = own.answer - own.others @ reference.others - GAIN * own.drive
+    drive, coupled, quick = (without_level(one, own.good, 2.0) for one in (own.drive, other.drive, left))
     expected = np.zeros((seconds, 5))
     counts = own.good.reshape(seconds, RATE_HZ).sum(axis=1)
     assert {LEAST_ROWS_PER_S - 1, LEAST_ROWS_PER_S, RATE_HZ} <= set(counts.tolist())
     for k in np.flatnonzero(counts >= LEAST_ROWS_PER_S):
         at = (second == k) & own.good
-        d, c, r = own.drive[at], other.drive[at], left[at]
+        d, c, r = drive[at], coupled[at], quick[at]
         variance = REFERENCE.variance / GAIN**2 + 0.1**2 * 10.0 * (d @ d + c @ c)
         expected[k] = np.array([d @ d, d @ c, c @ c, -d @ r / GAIN, -c @ r / GAIN]) / variance
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)

@@ -18,7 +18,7 @@ from mavhums.health.axis.regressions import (
 )
 from mavhums.health.axis.residuals import AttitudeResponse
 from mavhums.vehicle.grid import RATE_HZ
-from tests.health.axis.flights import SPEED, Array, excited, rows, steady
+from tests.health.axis.flights import SPEED, Array, excited, rows, steady, without_level
 
 LEAST_SPEED_SHARE = 0.85
 MEAN_ROWS = 8
@@ -35,8 +35,19 @@ def in_blocks(filter_: Any, values: Array) -> Array:
 @pytest.mark.parametrize("tau_s", [0.1, 0.65])
 def test_first_orders_follow_a_step_exponentially(tau_s: float) -> None:
     assert in_blocks(Lag(tau_s), STEP) == pytest.approx(1.0 - np.exp(-TIME_S / tau_s))
-    assert in_blocks(HighPass(tau_s), STEP)[1:] == pytest.approx(np.exp(-TIME_S[1:] / tau_s))
     assert in_blocks(Lag(tau_s), STEP + 3.0)[0] == 3.0, "it begins where the values do"
+
+
+@pytest.mark.parametrize("tau_s", [0.1, 2.0])
+def test_a_high_pass_subtracts_a_mean_that_gaps_age(tau_s: float) -> None:
+    rng = np.random.default_rng(3)
+    values, known = 5.0 + rng.normal(size=61), (rng.random(61) > 0.3) & (np.abs(np.arange(61) - 30) > 8)
+    expected = without_level(values, known, tau_s)
+    given = np.where(known, values, np.nan)
+    np.testing.assert_allclose(in_blocks(HighPass(tau_s), given), expected, atol=1e-12)
+    unit = 1.0 + rng.random(61)
+    found = HighPass(tau_s).feed(3.0 * unit, unit)
+    np.testing.assert_allclose(found, 0.0, atol=1e-12)
 
 
 def test_a_lag_holds_what_is_missing() -> None:
