@@ -25,7 +25,8 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY
-from mavhums.health.axis.effectiveness import EffectivenessTracker, explained_by
+from mavhums.health.axis.effectiveness import EffectivenessTracker
+from mavhums.health.axis.explained import explained_by
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS
 from mavhums.health.decision.events import ConditionChanged, Indication

@@ -28,11 +28,13 @@ from mavhums.health.axis.reference import (
     Second,
     Sums,
     constants,
-    covariance,
+    jackknife,
+    least_squares,
     measured,
     shapes,
+    without_blocks,
 )
-from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Lag, Shape, Tail, judgeable
+from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Shape, Tail, judgeable
 from mavhums.health.axis.thresholds import (
     EXCLUDING_SPEED_SHARE,
     EXPLAINED,
@@ -41,7 +43,6 @@ from mavhums.health.axis.thresholds import (
     LEAST_DRIVE,
     LEAST_ROWS_PER_S,
     LONGEST_REFERENCE_S,
-    MEAN_ROWS,
     REFERENCE_S,
     SCORE_SCATTER,
     SHIFT_S,
@@ -56,7 +57,6 @@ from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.flight import LEAST_DRIVEN, SPEEDS
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY
 from mavhums.vehicle.rows import Rows
-from mavhums.vehicle.surfaces import AXES
 
 
 class _Fit(NamedTuple):
@@ -192,8 +192,7 @@ class EffectivenessTracker:
             return
         self.best = found if self.best is None or found.explained > self.best.explained else self.best
         if found.explained >= EXPLAINED and found.error <= GAIN_ERROR:
-            known = constants(self._form, found.speed, fit.design, fit.answer)
-            self.reference = replace(found, constants=known)
+            self.reference = found
             self._begin(rows)
 
     def _fit(self, rows: Rows, basis: Basis, shape: Shape) -> Iterator[_Fit]:
@@ -204,11 +203,11 @@ class EffectivenessTracker:
         if at.size < REFERENCE_S * LEAST_ROWS_PER_S or design[:, 0].std() < LEAST_DRIVE:
             return
         answer = columns.answer[at]
-        beta, left = _least_squares(design, answer)
+        beta, left = least_squares(design, answer)
         # In calm air a regression can find the autopilot's feedback instead of the aircraft, with a gain of
         # the wrong sign.
         if self._form.possible(beta[1:]):
-            _, without = _least_squares(design[:, 1:], answer)
+            _, without = least_squares(design[:, 1:], answer)
             explained = 1.0 - left / without if without > 0 else 0.0
             yield _Fit(shape, columns, at, design, answer, beta, left, explained)
 
@@ -227,9 +226,20 @@ class EffectivenessTracker:
         # The reference may lie in quiet air, and the rest of the flight in rough air.
         variance = max(variance, SCORE_SCATTER * gain**2)
         first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1
-        deviation, spread = float(np.sqrt(fit.left)), covariance(fit.design, fit.answer)
+        deviation, parts = float(np.sqrt(fit.left)), without_blocks(fit.design, fit.answer)
         return Reference(
-            basis, fit.shape, gain, others, variance, error, fit.explained, deviation, spread, first, last
+            basis,
+            fit.shape,
+            gain,
+            others,
+            variance,
+            error,
+            fit.explained,
+            deviation,
+            jackknife(parts),
+            first,
+            last,
+            constants(self._form, basis.speed, fit.beta, parts),
         )
 
     def _begin(self, rows: Rows) -> None:
@@ -365,58 +375,6 @@ class EffectivenessTracker:
         return self._form.unexplained(answered, driven), NORMAL_95 * sqrt(variance)
 
 
-def explained_by(axis: str, rows: Rows, demand: Array, others: Array) -> tuple[float, float]:
-    """Return how much of the response about an axis a demand explains, and how much of the rest others do.
-
-    Unlike in a reference, all usable rows count.
-
-    Parameters
-    ----------
-    axis
-        ``roll``, ``pitch`` or ``yaw``.
-    rows
-        The flight.
-    demand, others
-        The demand in question, shape (n,), and others, shape (n, k).
-
-    Returns
-    -------
-    tuple
-        Of the response that is left without any demand, the share that the demand explains; of what it
-        leaves, the share that the others explain. Zero if the rows do not suffice.
-    """
-    outputs = np.full((len(rows), len(AXES)), np.nan)
-    outputs[:, AXES.index(axis)] = demand
-    # Which output moves the axis does not need the speed that its gain does.
-    form, rows = FORMS[axis], replace(rows, outputs=outputs, settled=np.full(len(rows), True))
-    basis = Basis.of(rows)
-    best = 0.0, 0.0
-    for shape in shapes(axis):
-        columns = Chain(form, basis, shape).feed(rows)
-        late = _late(others, shape) * (rows.speed / basis.speed)[:, None]
-        good = columns.good & np.isfinite(late).all(axis=1)
-        if good.sum() < REFERENCE_S * LEAST_ROWS_PER_S:
-            continue
-        nuisances, answer = columns.others[good], columns.answer[good]
-        own = np.column_stack([columns.drive[good], nuisances])
-        beta, left = _least_squares(own, answer)
-        _, without = _least_squares(nuisances, answer)
-        if not left < without * (1.0 - best[0]) or not form.possible(beta[1:]):
-            continue
-        both = _least_squares(np.column_stack([own, late[good]]), answer)[1] if others.size else left
-        best = 1.0 - left / without, 1.0 - both / left
-    return best
-
-
-def _late(demands: Array, shape: Shape) -> Array:
-    """Return demands with the delay and the lag of a response, and half of the mean of its columns."""
-    late = shape.delay_rows + MEAN_ROWS // 2
-    out = np.full_like(demands, np.nan)
-    for k, demand in enumerate(demands.T):
-        out[late:, k] = Lag(shape.tau_s).feed(demand)[: len(demand) - late]
-    return out
-
-
 def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float | None, float]:
     """Return the effectiveness over some seconds and its standard error; None if they do not show it."""
     if len(seconds) == 0:
@@ -424,9 +382,3 @@ def _measured(seconds: Collection[Array], reference: Reference) -> tuple[float |
     drive2, cross = np.array(seconds)[::-1, :2].T
     values, errors = measured(drive2, cross, reference)
     return (float(values[-1]), float(errors[-1])) if np.isfinite(errors[-1]) else (None, np.inf)
-
-
-def _least_squares(design: Array, answer: Array) -> tuple[Array, float]:
-    beta: Array = np.asarray(np.linalg.lstsq(design, answer, rcond=None)[0], dtype=np.float64)
-    left = answer - design @ beta
-    return beta, float(np.var(left))

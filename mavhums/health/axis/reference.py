@@ -124,8 +124,36 @@ class Constant(NamedTuple):
     error: float
 
 
-def constants(form: Form, speed: float, design: Array, answer: Array) -> Mapping[str, Constant]:
-    """Return the constants of a form, by the fault that changes them, with delete-one-block jackknife errors.
+def least_squares(design: Array, answer: Array) -> tuple[Array, float]:
+    """Return the coefficients of a regression, shape (p,), and the variance that it leaves."""
+    beta: Array = np.asarray(np.linalg.lstsq(design, answer, rcond=None)[0], dtype=np.float64)
+    return beta, float(np.var(answer - design @ beta))
+
+
+def without_blocks(design: Array, answer: Array) -> Array:
+    """Return the coefficients of a regression without each of its blocks of rows, shape (blocks, p).
+
+    Residuals of neighbouring rows are alike: whole blocks are left out, not rows.
+    """
+    blocks = np.array_split(np.arange(len(answer)), CONSTANT_BLOCKS)
+    return np.array(
+        [least_squares(np.delete(design, block, axis=0), np.delete(answer, block))[0] for block in blocks]
+    )
+
+
+def jackknife(parts: Array) -> Array:
+    """Return the covariance of estimates by those without one block each, shape (blocks, p).
+
+    References
+    ----------
+    B. Efron, "The Jackknife, the Bootstrap and Other Resampling Plans", SIAM 1982, chapter 3.
+    """
+    away = parts - parts.mean(axis=0)
+    return np.asarray((len(parts) - 1) / len(parts) * away.T @ away)
+
+
+def constants(form: Form, speed: float, beta: Array, parts: Array) -> Mapping[str, Constant]:
+    """Return the constants of a form, by the fault that changes them, with their jackknife errors.
 
     Parameters
     ----------
@@ -133,49 +161,17 @@ def constants(form: Form, speed: float, design: Array, answer: Array) -> Mapping
         The regression.
     speed
         Reference speed, m/s.
-    design, answer
-        Columns of the regression in the reference, the drive first, and the response; shapes (n, p), (n,).
-
-    References
-    ----------
-    B. Efron, "The Jackknife, the Bootstrap and Other Resampling Plans", SIAM 1982, chapter 3.
+    beta, parts
+        Its coefficients, shape (p,), and those without each block, shape (blocks, p).
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        return _constants(form, speed, design, answer)
-
-
-def _constants(form: Form, speed: float, design: Array, answer: Array) -> Mapping[str, Constant]:
-    whole = form.kept(_fitted(design, answer), speed)
-    if not whole:
-        return {}
-    without = [form.kept(beta, speed) for beta in _without_blocks(design, answer)]
-    found = {}
-    for fault, value in whole.items():
-        error = float(np.sqrt(_jackknife(np.array([[part[fault]] for part in without]))[0, 0]))
-        if np.isfinite(value) and np.isfinite(error):
-            found[fault] = Constant(float(value), error)
+        whole, without = form.kept(beta, speed), [form.kept(part, speed) for part in parts]
+        found = {}
+        for fault, value in whole.items():
+            error = float(np.sqrt(jackknife(np.array([[part[fault]] for part in without]))[0, 0]))
+            if np.isfinite(value) and np.isfinite(error):
+                found[fault] = Constant(float(value), error)
     return found
-
-
-def covariance(design: Array, answer: Array) -> Array:
-    """Return the covariance of a regression's coefficients by the jackknife of :func:`constants`."""
-    return _jackknife(np.array(_without_blocks(design, answer)))
-
-
-def _without_blocks(design: Array, answer: Array) -> list[Array]:
-    # Residuals of neighbouring rows are alike: whole blocks are left out, not rows.
-    blocks = np.array_split(np.arange(len(answer)), CONSTANT_BLOCKS)
-    return [_fitted(np.delete(design, block, axis=0), np.delete(answer, block)) for block in blocks]
-
-
-def _jackknife(parts: Array) -> Array:
-    """Return the covariance of the columns of estimates without one block each, shape (blocks, p)."""
-    away = parts - parts.mean(axis=0)
-    return np.asarray((CONSTANT_BLOCKS - 1) / CONSTANT_BLOCKS * away.T @ away)
-
-
-def _fitted(design: Array, answer: Array) -> Array:
-    return np.asarray(np.linalg.lstsq(design, answer, rcond=None)[0], dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mavhums.health.axis.effectiveness import explained_by
+from mavhums.health.axis.explained import explained_by
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.flights import excited, rolling, rows, steady
 

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mavhums.health.axis.effectiveness import EffectivenessTracker, _late
-from mavhums.health.axis.reference import Scores, constants
+from mavhums.health.axis.effectiveness import EffectivenessTracker
+from mavhums.health.axis.explained import _late
+from mavhums.health.axis.reference import Scores, constants, least_squares, without_blocks
 from mavhums.health.axis.regressions import FORMS, Columns, Lag, Shape
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.flights import excited, rows, steady, without_level
@@ -64,7 +65,9 @@ def test_constants_have_the_error_of_a_jackknife_over_blocks() -> None:
     design[9:, 0] = np.arange(1.0, 10.0)
     response = np.append(answer, -np.arange(1.0, 10.0))
     order = np.arange(18).reshape(2, 9).T.ravel()  # one row of each kind in every block of two
-    found = constants(form, 18.0, design[order], response[order])
+    given = design[order], response[order]
+    fits = least_squares(*given)[0], without_blocks(*given)
+    found = constants(form, 18.0, *fits)
     assert found["hard_over"].value == pytest.approx(answer.mean())
     assert found["hard_over"].error == pytest.approx(answer.std(ddof=1) / 3.0)
-    assert constants(FORMS["yaw"], 18.0, design, response) == {}
+    assert constants(FORMS["yaw"], 18.0, *fits) == {}
