@@ -15,10 +15,10 @@ from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator, load_airframe
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
-from mavhums.engine.events import ConditionChanged, Window
 from mavhums.flights.actuator_comparison import ActuatorComparison
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums_sim import EmaParameters, Flight, FlightRecord
 from mavhums_sim.campaign import PAPER_FRICTION_NM, consume
 from mavhums_sim.conditions import Condition

@@ -13,8 +13,9 @@ import numpy as np
 
 from mavhums import Engine, load_airframe
 from mavhums.core.errors import MavhumsError
-from mavhums.engine.events import ConditionChanged, Event, Indication
+from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
+from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.log import read_blocks, read_log
 from mavhums.results.verdict import Verdict
 

@@ -20,13 +20,16 @@ from pathlib import Path
 import numpy as np
 
 from examples.picture import alike
+from mavhums.actuator.mapping import AirframeNamed, Samples
 from mavhums.actuator.profile import load_airframe
 from mavhums.core.conditions import Condition
-from mavhums.engine.events import AirframeNamed, Attitude, ConditionChanged, Event, Position, Samples, Window
+from mavhums.engine.events import Event
+from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Verdict
+from mavhums.vehicle.states import Attitude, Position
 
 PORT = 9877
 CASES = {  # seconds, actuators, hertz; goals: seconds to write, megabytes, seconds to open and draw

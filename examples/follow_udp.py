@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Iterator
 
 import mavhums
-from mavhums.engine.events import ConditionChanged
+from mavhums.health.decision.events import ConditionChanged
 
 IDLE_S = 30.0
 

@@ -22,8 +22,9 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.output import TableWriter, writer_for, written_whole
 from mavhums.core.packed import is_stream
 from mavhums.core.quantities import KEYS
-from mavhums.engine.events import Event, Window
+from mavhums.engine.events import Event
 from mavhums.health.actuator.votes import answer_samples
+from mavhums.health.decision.events import Window
 from mavhums.learn import Model
 from mavhums.log import Decoder, decode_blocks
 from mavhums.vehicle.clocks import Clocks

@@ -13,10 +13,10 @@ from mavhums.actuator.mapping import MappedSamples, Mapper
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.actuator.telemetry import Tier, tier_named
 from mavhums.core.arrays import Array
-from mavhums.engine.events import Classified, ConditionChanged, Event, Forgotten
+from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.vehicle_setup import SetupHistory
-from mavhums.health.decision.events import ActuatorRecord
+from mavhums.health.decision.events import ActuatorRecord, Classified, ConditionChanged, Forgotten
 from mavhums.health.verdict.actuator import unjudged_actuator, verdict_of_actuator, with_refused
 from mavhums.health.verdict.obstacles import unjudged
 from mavhums.log import Table

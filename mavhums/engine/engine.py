@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final
 
-from mavhums.actuator.mapping import MappedSamples, Mapper, messages_for
+from mavhums.actuator.mapping import AirframeNamed, MappedSamples, Mapper, Samples, messages_for
 from mavhums.actuator.profile import load_airframe
 from mavhums.actuator.telemetry import Tier
 from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.output import as_utf8
 from mavhums.engine.actuators import Actuators, summary_of
 from mavhums.engine.axes import MOST_VEHICLES, Axes, VehicleLimit, with_drops
-from mavhums.engine.events import AirframeNamed, Event, Notice, Samples
+from mavhums.engine.events import Event, Notice
 from mavhums.engine.motors import beside_motors
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.usage import at_full_output, vehicle_usage

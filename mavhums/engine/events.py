@@ -24,25 +24,6 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.results.assessment import Assessment
 from mavhums.vehicle.states import Attitude, FlightMode, Position
 
-__all__ = [
-    "AirframeNamed",
-    "Attitude",
-    "Classified",
-    "ComparisonInput",
-    "ConditionChanged",
-    "Event",
-    "FlightMode",
-    "Forgotten",
-    "Indication",
-    "Notice",
-    "Position",
-    "Records",
-    "Samples",
-    "StandaloneAssessment",
-    "Trace",
-    "Window",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Notice:

@@ -16,9 +16,10 @@ from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
 
+from mavhums.actuator.mapping import AirframeNamed
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.engine import Engine
-from mavhums.engine.events import AirframeNamed, Event, StandaloneAssessment
+from mavhums.engine.events import Event, StandaloneAssessment
 from mavhums.flights.actuator_comparison import ActuatorComparison, events_of
 from mavhums.health.axis.past import compare_response, compare_with_earlier_flights
 from mavhums.health.decision.baseline import (

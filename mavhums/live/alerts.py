@@ -12,7 +12,8 @@ from importlib import import_module
 from typing import Any, Final
 
 from mavhums.core.conditions import Condition
-from mavhums.engine.events import ConditionChanged, Event
+from mavhums.engine.events import Event
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.live.status import utc
 from mavhums.log.mavlink.signing import signing_ticks
 from mavhums.results.live import ActuatorStatus, AlertObject

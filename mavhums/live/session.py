@@ -10,8 +10,9 @@ from typing import NamedTuple, TypeVar
 
 from mavhums.engine.axes import MOST_VEHICLES
 from mavhums.engine.engine import Engine
-from mavhums.engine.events import ConditionChanged, Event, Notice
+from mavhums.engine.events import Event, Notice
 from mavhums.flights.compare import FlightComparison
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.live.alerts import Alerts
 from mavhums.live.links import Link
 from mavhums.live.recorder import TlogRecorder

@@ -14,8 +14,10 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
+from mavhums.actuator.mapping import AirframeNamed, Samples
 from mavhums.core.about import NOTICE, __version__
-from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
+from mavhums.engine.events import Event, Notice
+from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums.live.alerts import fault_of
 from mavhums.live.outlet import Outlet
 from mavhums.live.session import Sink

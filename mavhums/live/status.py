@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Final
 
-from mavhums.engine.events import Event, Samples
+from mavhums.actuator.mapping import Samples
+from mavhums.engine.events import Event
 from mavhums.live.links import Link, ReceiveClock
 from mavhums.live.outlet import Outlet
 from mavhums.live.recorder import TlogRecorder

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mavhums.actuator.derive import REPORTED
+from mavhums.actuator.mapping import Samples
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options
@@ -18,7 +19,7 @@ from mavhums.app.sinks import Events
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import column
-from mavhums.engine.events import Event, Samples
+from mavhums.engine.events import Event
 from mavhums.learn.evaluation import split_flights
 from mavhums.learn.precedents import LABELS, Label, Origin, Precedent, PrecedentBase, Provenance
 

@@ -13,10 +13,10 @@ import rerun as rr
 
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
-from mavhums.engine.events import Attitude, FlightMode, Position
 from mavhums.show._rows import Thinner, send
 from mavhums.show.outline import V_TAIL, Place, kind, places
 from mavhums.show.words import BLUE
+from mavhums.vehicle.states import Attitude, FlightMode, Position
 
 _SHADES: Final = ((74, 86, 130), (104, 84, 128), (70, 108, 128), (96, 96, 112))
 _CAPACITY: Final = 8192

@@ -9,23 +9,12 @@ from typing import Final
 import rerun as rr
 import rerun.blueprint as rrb
 
+from mavhums.actuator.mapping import AirframeNamed, Samples
 from mavhums.actuator.profile import Airframe
 from mavhums.core.conditions import URGENCY, Condition
-from mavhums.engine.events import (
-    AirframeNamed,
-    Attitude,
-    Classified,
-    ConditionChanged,
-    Event,
-    FlightMode,
-    Indication,
-    Notice,
-    Position,
-    Samples,
-    Trace,
-    Window,
-)
+from mavhums.engine.events import Event, Notice
 from mavhums.health.actuator.detectors import detectors_for
+from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Trace, Window
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Part, Vehicle, craft_path
@@ -41,6 +30,7 @@ from mavhums.show.outline import USUAL, kind
 from mavhums.show.tables import listed
 from mavhums.show.verdict_words import class_words
 from mavhums.show.words import clock, name
+from mavhums.vehicle.states import Attitude, FlightMode, Position
 
 _LEVELS: Final[dict[str, str]] = {"degraded": "WARN", "emergency": "ERROR"}
 _TEXTS_PER_CHUNK: Final = 4096

@@ -11,9 +11,10 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from mavhums.actuator.mapping import Samples
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.engine.events import Classified, ConditionChanged, Indication, Samples, Trace, Window
 from mavhums.health.actuator.detector import Detector
+from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Trace, Window
 from mavhums.results.sections import OUTSIDE, AxisLimits
 from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Part, vehicle_part

@@ -14,7 +14,7 @@ from mavhums.results.sections import IMPORTANCE, EventKind, FlightEvent
 from mavhums.show.words import capital, clock
 
 if TYPE_CHECKING:
-    from mavhums.engine.events import Trace
+    from mavhums.health.decision.events import Trace
 
 _WORDS: Final[Mapping[EventKind, str]] = {
     "crash": 'crash: the vehicle reports "{said}"',

@@ -12,17 +12,8 @@ import numpy as np
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.engine.events import (
-    Classified,
-    ConditionChanged,
-    Event,
-    FlightMode,
-    Indication,
-    Notice,
-    Position,
-    Trace,
-    Window,
-)
+from mavhums.engine.events import Event, Notice
+from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Trace, Window
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import OUTSIDE, AxisLimits
 from mavhums.results.verdict import ALL, Verdict
@@ -30,6 +21,7 @@ from mavhums.show._rows import Thinner
 from mavhums.show.event_words import EVIDENCE, drawn, event_words, in_order, trace_words
 from mavhums.show.verdict_words import windows_by_class
 from mavhums.show.words import axis_levels, clock, levels, name, percent
+from mavhums.vehicle.states import FlightMode, Position
 
 _POINTS: Final = 1200
 _CURVES: Final = 256

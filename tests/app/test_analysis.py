@@ -8,11 +8,13 @@ from pathlib import Path
 import pytest
 
 import mavhums
+from mavhums.actuator.mapping import Samples
 from mavhums.app.analysis import judge
 from mavhums.app.settings import Settings
 from mavhums.app.sinks import Events, Recording, Report, Sink
 from mavhums.core.errors import MavhumsError
-from mavhums.engine.events import ConditionChanged, Event, Samples
+from mavhums.engine.events import Event
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.learn import default_model
 from mavhums.learn.model import ModelError
 from mavhums_sim import Flight, fly, write_tlog

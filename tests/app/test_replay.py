@@ -11,24 +11,25 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mavhums import Engine
+from mavhums.actuator.mapping import AirframeNamed
 from mavhums.actuator.profile import load_airframe
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.engine.events import (
-    AirframeNamed,
-    ComparisonInput,
-    ConditionChanged,
-    Event,
-    Forgotten,
-    StandaloneAssessment,
-    Window,
-)
+from mavhums.engine.events import Event, StandaloneAssessment
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.actuator_comparison import ActuatorComparison
 from mavhums.flights.compare import FlightComparison, compared, packed, unpacked
 from mavhums.health.decision.baseline import Baseline, Baselines
-from mavhums.health.decision.events import Estimate, FaultRecord, IndicatorStep
+from mavhums.health.decision.events import (
+    ComparisonInput,
+    ConditionChanged,
+    Estimate,
+    FaultRecord,
+    Forgotten,
+    IndicatorStep,
+    Window,
+)
 from mavhums.health.decision.limits import Levels
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import DECIDE, Decide

@@ -17,7 +17,7 @@ from mavhums.actuator.draft import draft_profile
 from mavhums.actuator.profile import Actuator, load_airframe
 from mavhums.app.sinks import Events
 from mavhums.core.errors import ExitCode
-from mavhums.engine.events import ConditionChanged
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.vehicle.parameters import Parameters, _number, control_surfaces, read_parameters
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import REAL_LOGS, Run, needs, real_logs

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
 from mavhums.core.errors import ExitCode
-from mavhums.engine.events import ConditionChanged
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from tests import judge

@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavhums.engine.events import Classified, Event
+from mavhums.engine.events import Event
+from mavhums.health.decision.events import Classified
 from mavhums.learn import packaged_models
 from mavhums.results.assessment import Assessment
 from mavhums_sim import Flight, fly

@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 import mavhums
 from mavhums.actuator.profile import Actuator, Airframe, load_airframe
 from mavhums.core.errors import ExitCode
-from mavhums.engine.events import ConditionChanged, Event, Notice
+from mavhums.engine.events import Event, Notice
 from mavhums.engine.moving_outputs import contradiction, refutation
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import AxisLimits

@@ -18,13 +18,15 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
+from mavhums.actuator.mapping import AirframeNamed, Samples
 from mavhums.actuator.profile import load_airframe
 from mavhums.core.errors import ExitCode
 from mavhums.engine.engine import Engine
-from mavhums.engine.events import AirframeNamed, Classified, ConditionChanged, Notice, Samples, Window
+from mavhums.engine.events import Notice
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.compare import FlightComparison
 from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.events import Classified, ConditionChanged, Window
 from mavhums.learn import Model, default_model, packaged_models
 from mavhums.results.assessment import Assessment, json_schema
 from mavhums.results.reasons import Reason

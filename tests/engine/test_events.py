@@ -13,9 +13,12 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
+from mavhums.actuator.mapping import Samples
 from mavhums.engine.axes import with_drops
-from mavhums.engine.events import Attitude, Event, Indication, Notice, Position, Samples, Trace
+from mavhums.engine.events import Event, Notice
+from mavhums.health.decision.events import Indication, Trace
 from mavhums.log.base.decoder import Losses
+from mavhums.vehicle.states import Attitude, Position
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
 from tests.judge import judged

@@ -12,7 +12,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums.engine.events import ConditionChanged, Event, Notice
+from mavhums.engine.events import Event, Notice
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle import rows as kept

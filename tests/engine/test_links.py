@@ -24,8 +24,8 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.actuator.profile import load_airframe
 from mavhums.engine.engine import Engine
-from mavhums.engine.events import ConditionChanged
 from mavhums.engine.options import EngineOptions
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.log.base.decoder import Losses
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages

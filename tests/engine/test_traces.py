@@ -11,7 +11,8 @@ import pytest
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY
-from mavhums.engine.events import ConditionChanged, Event, Trace
+from mavhums.engine.events import Event
+from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums_sim.rover import SteeringFault, encoded
 from tests.engine.test_steering import driven
 from tests.engine.wired import Wired

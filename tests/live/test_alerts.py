@@ -13,7 +13,7 @@ from pymavlink.dialects.v10 import common as v1
 from pymavlink.dialects.v20 import common as v2
 
 from mavhums.core.conditions import Condition
-from mavhums.engine.events import ConditionChanged
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.live.alerts import Alerts, Signer, health_name, text_of
 from mavhums.results.live import ActuatorStatus
 from mavhums_sim.link import EPOCH_US

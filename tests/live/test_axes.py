@@ -14,7 +14,7 @@ import pytest
 
 import mavhums
 from mavhums.core.errors import ExitCode
-from mavhums.engine.events import ConditionChanged
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.results.verdict import Verdict
 from mavhums_sim.multirotor.craft import Event, draw_craft, draw_plan

@@ -20,8 +20,8 @@ from typing import Any
 import pytest
 
 import mavhums
+from mavhums.actuator.mapping import Samples
 from mavhums.cli.live import StopSignal
-from mavhums.engine.events import Samples
 from mavhums.live.outlet import Outlet, Spool
 from mavhums.live.session import Sink
 from mavhums.live.sinks import ThreadedSink

@@ -12,7 +12,7 @@ import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.engine.engine import Engine
-from mavhums.engine.events import ConditionChanged
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.live.alerts import fault_of
 from mavhums.live.links import Address
 from mavhums.live.session import GroundStation, Session

@@ -89,8 +89,8 @@ def test_the_fleet_is_of_individuals_with_the_frictions_asked_for() -> None:
 
 def test_windows_are_the_monitors() -> None:
     """The same votes as those that the engine counts slot by slot."""
-    from mavhums.engine.events import Window
     from mavhums.health.actuator.monitor import Monitor
+    from mavhums.health.decision.events import Window
 
     models = [
         replace(model, window=None, card=model.card.model_copy(update={"window": None}))
@@ -231,8 +231,8 @@ def test_telemetry_without_two_angles_asks_for_no_play_and_no_bias() -> None:
 @pytest.mark.parametrize("tier", ["instrumented", "esc"])
 def test_a_winding_of_twice_its_resistance_is_no_emergency_by_friction(tier: str) -> None:
     """The votes of an ESC's samples took some of these windows for one."""
-    from mavhums.engine.events import Window
     from mavhums.health.actuator.monitor import Monitor
+    from mavhums.health.decision.events import Window
 
     doubled, models = Condition.constant("resistance", 1.0), packaged_models()
     for friction, conditions in ((0.3, (doubled,)), (1.2, ())):

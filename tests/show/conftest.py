@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from mavhums.actuator.mapping import AirframeNamed, Samples
 from mavhums.actuator.profile import load_airframe
 from mavhums.core.conditions import Condition
 from mavhums.core.quantities import KEYS
-from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
+from mavhums.engine.events import Event, Notice
+from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.sections import ModelSummary, NetworkAnswer, WindowsOfClass

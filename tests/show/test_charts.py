@@ -6,9 +6,10 @@ import json
 
 import numpy as np
 
-from mavhums.engine.events import ConditionChanged, FlightMode, Position
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.show.evidence import CaptionedCurve, Curve, EvidenceCollector, Limit
 from mavhums.show.html_plot import chart, flight_charts
+from mavhums.vehicle.states import FlightMode, Position
 
 HOSTILE = "AUTO\x1b[2J</script>"
 

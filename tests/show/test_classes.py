@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mavhums.engine.events import Classified
+from mavhums.health.decision.events import Classified
 from mavhums.results.assessment import Assessment
 from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.html import page

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from mavhums.app.analysis import analyse
 from mavhums.core.conditions import URGENCY
-from mavhums.engine.events import Indication, Notice, Trace
+from mavhums.engine.events import Notice
+from mavhums.health.decision.events import Indication, Trace
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Suspect, Verdict

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from mavhums.core.conditions import Condition
-from mavhums.engine.events import ConditionChanged
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.results.standing import Interval

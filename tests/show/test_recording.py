@@ -14,12 +14,14 @@ import pytest
 from numpy.typing import NDArray
 
 from mavhums import analyse
+from mavhums.actuator.mapping import AirframeNamed, Samples
 from mavhums.actuator.profile import Limits, load_airframe
 from mavhums.app.settings import Options
 from mavhums.core.about import NOTICE
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS
-from mavhums.engine.events import AirframeNamed, ConditionChanged, Event, Notice, Samples, Window
+from mavhums.engine.events import Event, Notice
+from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.show.markdown_report import markdown

@@ -9,19 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mavhums.actuator.mapping import AirframeNamed, Samples
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.core.quantities import KEYS
-from mavhums.engine.events import (
-    AirframeNamed,
-    Attitude,
-    ConditionChanged,
-    Event,
-    FlightMode,
-    Indication,
-    Position,
-    Samples,
-)
+from mavhums.engine.events import Event
+from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.results.assessment import Assessment
+from mavhums.vehicle.states import Attitude, FlightMode, Position
 from tests.show.conftest import Flight, new_assessment
 
 pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")

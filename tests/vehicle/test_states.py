@@ -9,9 +9,9 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums.engine.events import Attitude, Event, FlightMode, Position
+from mavhums.engine.events import Event
 from mavhums.log import Table
-from mavhums.vehicle.states import VehicleStates
+from mavhums.vehicle.states import Attitude, FlightMode, Position, VehicleStates
 from tests.conftest import real_logs
 from tests.judge import judged
 from tests.strategies import START_US

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 import mavhums
 from mavhums.actuator.profile import Actuator, Ema
 from mavhums.core.quantities import KEYS, column
-from mavhums.engine.events import Indication
 from mavhums.health.actuator.detector import Detector, DetectorInput
 from mavhums.health.actuator.detectors import detectors_for
 from mavhums.health.actuator.detectors.electrical import contradicts
+from mavhums.health.decision.events import Indication
 from mavhums.health.decision.limits import Estimates
 from mavhums.health.estimation.equations import Fits
 from mavhums.health.estimation.motion import motion

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
-from mavhums.engine.events import ConditionChanged, Event, Indication, Window
+from mavhums.engine.events import Event
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.health.decision.baseline import Baseline
+from mavhums.health.decision.events import ConditionChanged, Indication, Window
 from mavhums.learn import default_model, packaged_models
 from mavhums.results.verdict import Indicator
 from mavhums_sim import Flight, fly
