@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
-import json
 import secrets
 import socket
-from collections.abc import Awaitable, Callable, Iterable, MutableMapping
-from http.cookies import CookieError, SimpleCookie
+from collections.abc import Iterable
 from typing import Any, ClassVar, Final
 from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
 from itsdangerous import BadSignature, Signer
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import HTTPConnection
+from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 SESSION: Final = "mavhums.session"
@@ -36,18 +38,12 @@ _POLICY: Final = (
     "frame-ancestors 'self'; form-action 'self'; base-uri 'none'; object-src 'none'"
 )
 _HEADERS: Final = {
-    b"content-security-policy": _POLICY.encode(),
-    b"x-content-type-options": b"nosniff",
-    b"x-frame-options": b"SAMEORIGIN",
-    b"referrer-policy": b"no-referrer",
-    b"cross-origin-resource-policy": b"same-origin",
+    "content-security-policy": _POLICY,
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "SAMEORIGIN",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
 }
-
-Scope = MutableMapping[str, Any]
-Message = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[Message]]
-Send = Callable[[Message], Awaitable[None]]
-App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 
 def is_loopback(host: str) -> bool:
@@ -86,7 +82,13 @@ class Guard:
     """
 
     def __init__(
-        self, app: App, host: str, token: str | None, cookie: str = "mavhums", *, public: str | None = None
+        self,
+        app: ASGIApp,
+        host: str,
+        token: str | None,
+        cookie: str = "mavhums",
+        *,
+        public: str | None = None,
     ) -> None:
         self.app = app
         self._public = _name_of(public or "")
@@ -101,31 +103,34 @@ class Guard:
         if scope["type"] != "http":  # the server starts and ends; it has no websockets
             await self.app(scope, receive, send)
             return
-        headers = _headers(scope["headers"])
+        request, headers = HTTPConnection(scope), Headers(scope=scope)
         if self._public and _name_of(headers.get("host", "")) == self._public:
             scope["scheme"] = "https"  # as the browser sees it
-        cookies = _cookies(headers.get("cookie", ""))
         refusal = self._refusal(scope, headers)
         if refusal:
-            await _refuse(scope, send, *refusal)
+            answer = _refused(scope, *refusal)
+        elif self._token is not None and not self._known(request):
+            answer = self._asked(request)
+        elif "content-length" in headers and scope["path"] not in _LARGE and _length(headers) > _BODY:
+            answer = _refused(scope, 413, "too large; only a log may be larger than 1 MiB")
+        else:
+            await self._pass_on(request, receive, send)
             return
-        if self._token is not None and not self._known(headers, cookies):
-            await self._ask(scope, send)
-            return
-        if "content-length" in headers and scope["path"] not in _LARGE and _length(headers) > _BODY:
-            await _refuse(scope, send, 413, "too large; only a log may be larger than 1 MiB")
-            return
-        cookie, given = cookies.get(f"{self._cookie}-session", ""), []
+        await answer(scope, receive, _with_headers(send))
+
+    async def _pass_on(self, request: HTTPConnection, receive: Receive, send: Send) -> None:
+        """Let the application answer in the session that the request names, or in a new one."""
+        scope, cookie, given = request.scope, request.cookies.get(f"{self._cookie}-session", ""), []
         try:  # only a session that this server has named
             scope[SESSION] = self._signer.unsign(cookie).decode()
         except BadSignature:
             scope[SESSION] = secrets.token_urlsafe(24)
             cookie = self._signer.sign(scope[SESSION]).decode()
-            given = [] if _is_api(scope) else [self._cookie_header(scope, "session", cookie)]
+            given = [] if _is_api(scope) else [self._cookie_text(scope, "session", cookie)]
         bounded = receive if scope["path"] in _LARGE else _Bounded(receive)
         await self.app(scope, bounded, _with_headers(send, given))
 
-    def _refusal(self, scope: Scope, headers: dict[str, str]) -> tuple[int, str] | None:
+    def _refusal(self, scope: Scope, headers: Headers) -> tuple[int, str] | None:
         host = headers.get("host", "")
         name = _name_of(host)
         address = _address(name)
@@ -136,45 +141,39 @@ class Guard:
         )
         if not allowed:
             return 421, "this page is not served under that name; open the address that mavhums printed"
-        origin = headers.get("origin")
+        origin, from_another = headers.get("origin"), "a request from another page is refused"
         if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
-            return 403, "a request from another page is refused"
+            return 403, from_another
         if headers.get("sec-fetch-site") in ("cross-site", "same-site") and not _navigates(scope, headers):
-            return 403, "a request from another page is refused"
+            return 403, from_another
         return None
 
-    def _known(self, headers: dict[str, str], cookies: dict[str, str]) -> bool:
-        scheme, _, bearer = headers.get("authorization", "").partition(" ")
-        given = bearer if scheme.lower() == "bearer" else cookies.get(f"{self._cookie}-token", "")
-        return self._is_token(given)
+    def _known(self, request: HTTPConnection) -> bool:
+        scheme, _, bearer = request.headers.get("authorization", "").partition(" ")
+        cookie = request.cookies.get(f"{self._cookie}-token", "")
+        return self._is_token(bearer if scheme.lower() == "bearer" else cookie)
 
     def _is_token(self, given: str) -> bool:
         return self._token is not None and secrets.compare_digest(given.encode(), self._token.encode())
 
-    async def _ask(self, scope: Scope, send: Send) -> None:
+    def _asked(self, request: HTTPConnection) -> Response:
         """Take the token from the query of a page, and lead to the page without it."""
+        scope = request.scope
         query = parse_qsl(scope.get("query_string", b"").decode("latin-1"))
         given = dict(query).get("token", "")
         if _is_api(scope):
             text = "a token is needed; send the one that mavhums serve printed: Authorization: Bearer TOKEN"
-            await _refuse(scope, send, 401, text)
-            return
+            return _refused(scope, 401, text)
         if scope["method"] != "GET" or not self._is_token(given):
-            text = "a token is needed; open the address that mavhums serve printed"
-            await _refuse(scope, send, 401, text)
-            return
+            return _refused(scope, 401, "a token is needed; open the address that mavhums serve printed")
         rest = urlencode([pair for pair in query if pair[0] != "token"])
         place = "/" + quote(scope["path"].lstrip("/\\")) + (f"?{rest}" if rest else "")
-        headers = [(b"location", place.encode()), self._cookie_header(scope, "token", given)]
-        await _with_headers(send)({"type": "http.response.start", "status": 303, "headers": headers})
-        await send({"type": "http.response.body", "body": b""})
+        cookie = self._cookie_text(scope, "token", given)
+        return RedirectResponse(place, 303, headers={"set-cookie": cookie})
 
-    def _cookie_header(self, scope: Scope, what: str, value: str) -> tuple[bytes, bytes]:
+    def _cookie_text(self, scope: Scope, what: str, value: str) -> str:
         secure = "; Secure" if scope.get("scheme") == "https" else ""
-        return (
-            b"set-cookie",
-            f"{self._cookie}-{what}={value}; Path=/; HttpOnly; SameSite=Lax{secure}".encode(),
-        )
+        return f"{self._cookie}-{what}={value}; Path=/; HttpOnly; SameSite=Lax{secure}"
 
 
 class _Bounded:
@@ -190,51 +189,41 @@ class _Bounded:
         return message if self._left >= 0 else {"type": "http.disconnect"}
 
 
-def _with_headers(send: Send, more: Iterable[tuple[bytes, bytes]] = ()) -> Send:
+def _with_headers(send: Send, cookies: Iterable[str] = ()) -> Send:
     """Add the headers that every answer has; one that the answer has itself stays."""
 
     async def sent(message: Message) -> None:
         if message["type"] == "http.response.start":
-            own = {name.lower() for name, _ in message.get("headers", ())}
-            added = [pair for pair in _HEADERS.items() if pair[0] not in own]
-            message["headers"] = [*message.get("headers", ()), *added, *more]
+            headers = MutableHeaders(scope=message)
+            for name, value in _HEADERS.items():
+                headers.setdefault(name, value)
+            for cookie in cookies:
+                headers.append("set-cookie", cookie)
         await send(message)
 
     return sent
 
 
-async def _refuse(scope: Scope, send: Send, status: int, text: str) -> None:
-    kind, body = b"text/plain; charset=utf-8", f"{text}\n"
+def _refused(scope: Scope, status: int, text: str) -> Response:
+    """Return the answer that says why a request is refused."""
+    ends = {"connection": "close"}
     if _is_api(scope):
         problem, _, remedy = text.partition("; ")
-        kind, body = b"application/json", json.dumps({"problem": problem, "remedy": remedy})
-    headers = [(b"content-type", kind), (b"connection", b"close")]
-    await _with_headers(send)({"type": "http.response.start", "status": status, "headers": headers})
-    await send({"type": "http.response.body", "body": body.encode()})
+        return JSONResponse({"problem": problem, "remedy": remedy}, status, ends)
+    return PlainTextResponse(f"{text}\n", status, ends)
 
 
 def _is_api(scope: Scope) -> bool:
     return bool(scope["path"] == API or scope["path"].startswith(f"{API}/"))
 
 
-def _navigates(scope: Scope, headers: dict[str, str]) -> bool:
+def _navigates(scope: Scope, headers: Headers) -> bool:
     """Return whether a user follows a link to this page."""
     to_page = headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
     return to_page and scope.get("method") == "GET"
 
 
-def _headers(pairs: Iterable[tuple[bytes, bytes]]) -> dict[str, str]:
-    return {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in pairs}
-
-
-def _cookies(text: str) -> dict[str, str]:
-    try:
-        return {name: morsel.value for name, morsel in SimpleCookie(text).items()}
-    except CookieError:
-        return {}
-
-
-def _length(headers: dict[str, str]) -> int:
+def _length(headers: Headers) -> int:
     text = headers["content-length"]
     return int(text) if text.isascii() and text.isdigit() and len(text) < 16 else _BODY + 1
 
