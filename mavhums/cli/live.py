@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from mavhums.live.outlet import Spool
     from mavhums.live.session import Session
     from mavhums.live.setup import LiveOptions
-    from mavhums.live.sinks import ThreadedSink
+    from mavhums.live.sinks import DrawingSink
     from mavhums.results.assessment import Assessment
 
 _LOG = logging.getLogger(__name__)
@@ -210,26 +210,26 @@ def _follow(
     return assessment, all(finished)
 
 
-def _drawn(shows: _Outputs, exits: ExitStack) -> list[ThreadedSink]:
+def _drawn(shows: _Outputs, exits: ExitStack) -> list[DrawingSink]:
     """Open a viewer and a recording, if requested."""
     viewer, rrd, position = shows.viewer, shows.rrd, shows.position
-    from mavhums.live.sinks import RerunSink, ThreadedSink
+    from mavhums.live.sinks import DrawingSink
     from mavhums.show.recording import Recorder
     from mavhums.show.viewer import LiveViewer
 
     name = f"live-{time.time_ns():x}"
-    patience_s = _RECORDING_S if rrd else _PATIENCE_S
     drawing = exits.enter_context(ExitStack())
+    drawn: LiveViewer | Recorder
     if viewer is not None:
-        live_viewer = LiveViewer(viewer, recording_id=name, recording=rrd, position=position)
-        sink = RerunSink(drawing.enter_context(live_viewer))
+        drawn = drawing.enter_context(LiveViewer(viewer, recording_id=name, recording=rrd, position=position))
         if viewer != "window":
-            click.echo(f"viewer: {live_viewer.url}", err=True)
-        return [ThreadedSink(sink, "viewer", drawing.close, patience_s=patience_s)]
-    if rrd is not None:
-        sink = RerunSink(drawing.enter_context(Recorder(rrd, recording_id=name, position=position)))
-        return [ThreadedSink(sink, "recording", drawing.close, patience_s=patience_s)]
-    return []
+            click.echo(f"viewer: {drawn.url}", err=True)
+    elif rrd is not None:
+        drawn = drawing.enter_context(Recorder(rrd, recording_id=name, position=position))
+    else:
+        return []
+    kind, patience_s = "recording" if viewer is None else "viewer", _RECORDING_S if rrd else _PATIENCE_S
+    return [DrawingSink(drawn, kind, drawing.close, patience_s=patience_s)]
 
 
 def _write_json(

@@ -266,8 +266,7 @@ class Session:
         if not self._failures:
             return assessment
         said = f"{_FAILED}: {self._failures} times; judge the recording again, and report it if it fails"
-        log = assessment.log.model_copy(update={"notices": (*assessment.log.notices, said)})
-        return assessment.model_copy(update={"log": log})
+        return assessment.with_notice(said)
 
     def _publish(self, events: list[Event]) -> None:
         """Pass events to the alerts and the sinks."""

@@ -1,4 +1,4 @@
-"""Outputs of a session: JSON Lines, text, a table on the terminal, Rerun; a thread for what may hang."""
+"""Outputs of a session: JSON Lines, text, a table on the terminal, Rerun in a thread, for it may hang."""
 
 from __future__ import annotations
 
@@ -57,13 +57,15 @@ _LINES: Final[dict[type, type[WindowObject | ConditionObject | NoticeObject]]] =
 }
 
 
-class ThreadedSink(Sink):
-    """Passes everything to a sink in its own thread; drops items that wait too long.
+class DrawingSink(Sink):
+    """Draws in a thread of its own, and drops what waits too long; a failure is reported once, ends nothing.
+
+    Of alerts it draws nothing: the change was already drawn.
 
     Parameters
     ----------
-    sink
-        The sink; from now on only the thread uses it.
+    drawing
+        An open viewer or recording; from now on only the thread uses it.
     name
         Name in messages.
     release
@@ -73,64 +75,36 @@ class ThreadedSink(Sink):
     """
 
     def __init__(
-        self, sink: Sink, name: str, release: Callable[[], object], *, patience_s: float = 1.0
+        self, drawing: LiveViewer | Recorder, name: str, release: Callable[[], object], *, patience_s: float
     ) -> None:
         self.outlet: Outlet[Callable[[], object]] = Outlet(name, lambda call: call(), room=_SAMPLES)
-        self._sink, self._release, self._patience_s = sink, release, patience_s
-
-    def consume(self, events: Sequence[Event]) -> None:
-        """Pass events to the sink."""
-        samples = sum(event.time_s.size for event in events if isinstance(event, Samples))
-        self.outlet.put(partial(self._sink.consume, events), 1 + samples)
-
-    def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
-        """Pass the state to the sink."""
-        self.outlet.put(partial(self._sink.tick, status, stale))
-
-    def announce(self, alerts: Sequence[AlertObject]) -> None:
-        """Pass the alerts that were sent to the sink."""
-        self.outlet.put(partial(self._sink.announce, alerts))
-
-    def close(self, assessment: Assessment) -> None:
-        """Pass the verdicts to the sink."""
-        self.outlet.put(partial(self._sink.close, assessment))
-
-    def finish(self) -> bool:
-        """Release the sink; return whether it was released within its time."""
-        began_s = time.monotonic()
-        self.outlet.put(self._release)
-        return self.outlet.close(self._patience_s - (time.monotonic() - began_s))
-
-
-class RerunSink(Sink):
-    """Passes events to a viewer or a recorder until it fails; the failure is reported once, and ends nothing.
-
-    Of alerts it draws nothing: the change was already drawn.
-
-    Parameters
-    ----------
-    drawing
-        An open drawing; its owner closes it.
-    """
-
-    def __init__(self, drawing: LiveViewer | Recorder) -> None:
-        self._drawing = drawing
+        self._drawing, self._release, self._patience_s = drawing, release, patience_s
         self._failed = False
 
     def consume(self, events: Sequence[Event]) -> None:
         """Draw events."""
-        self._try(lambda: self._drawing.consume(events))
+        samples = sum(event.time_s.size for event in events if isinstance(event, Samples))
+        self.outlet.put(partial(self._try, partial(self._drawing.consume, events)), 1 + samples)
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
         """Check whether the viewer still runs."""
+        self.outlet.put(self._look)
+
+    def close(self, assessment: Assessment) -> None:
+        """Draw the verdicts."""
+        self.outlet.put(partial(self._try, partial(self._drawing.close, assessment)))
+
+    def finish(self) -> bool:
+        """Release the drawing; return whether it was released within its time."""
+        began_s = time.monotonic()
+        self.outlet.put(self._release)
+        return self.outlet.close(self._patience_s - (time.monotonic() - began_s))
+
+    def _look(self) -> None:
         trouble: str | None = getattr(self._drawing, "trouble", None)  # a recording has none
         if trouble and not self._failed:
             self._failed = True
             _LOG.error("%s", trouble)
-
-    def close(self, assessment: Assessment) -> None:
-        """Draw the verdicts."""
-        self._try(lambda: self._drawing.close(assessment))
 
     def _try(self, draw: Callable[[], object]) -> None:
         try:

@@ -24,7 +24,7 @@ from mavhums.actuator.mapping import Samples
 from mavhums.cli.live import StopSignal
 from mavhums.live.outlet import Outlet, Spool
 from mavhums.live.session import Sink
-from mavhums.live.sinks import ThreadedSink
+from mavhums.live.sinks import DrawingSink
 from mavhums.log.mavlink.stamping import Piece
 from tests.live.conftest import Rig
 from tests.live.programs import ENVIRONMENT, free_port
@@ -160,7 +160,7 @@ class Hanging(Sink):
 @pytest.mark.slow
 def test_a_viewer_that_hangs_holds_nothing_up(rig: Rig, worn_pieces: list[Piece]) -> None:
     viewer, released = Hanging(), threading.Event()
-    detached = ThreadedSink(viewer, "viewer", released.set, patience_s=0.01)
+    detached = DrawingSink(viewer, "viewer", released.set, patience_s=0.01)  # type: ignore[arg-type]
     rig.session.sinks.append(detached)
     rig.session.status.outlets.append(detached.outlet)
     rig.hear(worn_pieces)
@@ -174,7 +174,7 @@ def test_a_viewer_that_hangs_holds_nothing_up(rig: Rig, worn_pieces: list[Piece]
 def test_a_viewer_that_keeps_up_sees_everything(rig: Rig, worn_pieces: list[Piece]) -> None:
     viewer, released = Hanging(), threading.Event()
     viewer.gate.open.set()
-    detached = ThreadedSink(viewer, "viewer", released.set, patience_s=30)
+    detached = DrawingSink(viewer, "viewer", released.set, patience_s=30)  # type: ignore[arg-type]
     rig.session.sinks.append(detached)
     rig.hear(worn_pieces[:3000])
     rig.end()

@@ -317,9 +317,11 @@ class Failing:
 def test_a_viewer_that_fails_ends_nothing(
     rig: Rig, worn_pieces: list[Piece], caplog: pytest.LogCaptureFixture
 ) -> None:
-    from mavhums.live.sinks import RerunSink
+    from mavhums.live.sinks import DrawingSink
 
-    rig.session.sinks.append(RerunSink(Failing()))  # type: ignore[arg-type]
+    drawn = DrawingSink(Failing(), "viewer", list, patience_s=30)  # type: ignore[arg-type]
+    rig.session.sinks.append(drawn)
     flown(rig, worn_pieces)
     rig.end()
+    assert drawn.finish()
     assert caplog.text.count("drawing has ended: the viewer is gone") == 1
