@@ -22,11 +22,7 @@ from mavhums.health.estimation.thresholds import BASELINE_FLIGHTS, REFERENCE_FLI
 from mavhums.health.estimation.wear import _learned_linear, _linear_wear
 from mavhums.health.self_baseline.comparison import Comparison
 from mavhums.health.self_baseline.past import record_of
-from mavhums.health.self_baseline.thresholds import (
-    LEAST_CONSTANT_LOSS_SHARE,
-    OVER_SUPPLY_TIMES,
-    STALL_BIAS_SHARE,
-)
+from mavhums.health.self_baseline.thresholds import STALL_BIAS_SHARE
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import STALL_SHARES, Indicator, OwnRecord
 
@@ -131,8 +127,8 @@ def lacking(records: Sequence[OwnRecord]) -> str | None:
         return "the supply's voltage is not known; set supply_voltage in the profile"
     supply = max(record.supply_v or 0.0 for record in records)
     highest = max(record.peak_v or 0.0 for record in records)
-    # A motor cannot have more than its supply: the profile is wrong, and the shares would be.
-    if highest > OVER_SUPPLY_TIMES * supply:
+    # A motor cannot have more than its supply: the profile is wrong by more than a share's own bias.
+    if highest > (1.0 + STALL_BIAS_SHARE) * supply:
         return f"the motor had {highest:g} V, more than the supply_voltage of {supply:g} V in the profile"
     if not all(record.peak_a for record in records):
         return "the records do not contain the highest current; analyse the logs again"
@@ -267,4 +263,4 @@ def constant_lost(
     # The friction torque is k_e·I_c: what is left of its rise.
     rest = (1.0 + found.change.estimate) * left - 1.0
     explained = rest < min(found.least_rise, found.change.estimate / 2.0)
-    return 1.0 - left if explained and 1.0 - left >= LEAST_CONSTANT_LOSS_SHARE else None
+    return 1.0 - left if explained else None

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from math import log
 
 import numpy as np
 
@@ -16,14 +17,11 @@ from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import LAG, TRACKING
 from mavhums.health.estimation.flight_sums import KEPT
-from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
+from mavhums.health.estimation.thresholds import NATURAL_SCATTER_SHARE, REFERENCE_FLIGHTS
 from mavhums.health.estimation.wear import grams_of, load_direction, mean_load, of_strokes, shows
 from mavhums.health.self_baseline.thresholds import (
-    ALIKE_RATE_RATIO,
-    BEYOND_ACTIVITY,
+    ALIKE_RATIO,
     BEYOND_K,
-    BEYOND_LOAD,
-    DIFFERENT_LOADS,
     OTHER_DIRECTION,
     WARMTH_K,
 )
@@ -71,7 +69,7 @@ def compared(
 def _alike(one: OwnRecord, other: OwnRecord) -> bool:
     faster, slower = max(one.rate_hz, other.rate_hz), min(one.rate_hz, other.rate_hz)
     # Estimates depend on the rate and on what measured the angle.
-    return one.setup == other.setup and faster <= ALIKE_RATE_RATIO * slower
+    return one.setup == other.setup and faster <= ALIKE_RATIO * slower
 
 
 def comparable(records: Sequence[OwnRecord]) -> bool:
@@ -141,7 +139,7 @@ def differences(
     if warm and warmth is not None and warmth.high - warmth.low >= WARMTH_K:
         found.append(warmth)
     if equation.by_activity:
-        activity = _difference(_activity, records, BEYOND_ACTIVITY, "calmer", "rougher")
+        activity = _difference(_activity, records, log(ALIKE_RATIO), "calmer", "rougher")
         if activity is not None and activity.high > activity.low:
             found.append(activity)
     if of_strokes(records[0]) or loaded:
@@ -174,8 +172,9 @@ def _loads(records: Sequence[OwnRecord]) -> list[Difference]:
     found = _difference(mean_load, records, 0.0, "more lightly loaded", "more heavily loaded")
     if found is None:
         return []
-    differ = found.high > DIFFERENT_LOADS * found.low
-    return [replace(found, margin=BEYOND_LOAD * found.high, fitted=differ)]
+    differ = found.high > ALIKE_RATIO * found.low
+    # Friction grows at most as the load does: so little more of it is lost in the natural scatter.
+    return [replace(found, margin=NATURAL_SCATTER_SHARE * found.high, fitted=differ)]
 
 
 def _directions(records: Sequence[OwnRecord]) -> list[Difference]:
