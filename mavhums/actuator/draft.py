@@ -1,4 +1,7 @@
-"""Drafts of airframe profiles from a log's parameters: as a text, and for a vehicle that names no profile.
+"""The profile that a log gives: the one that it names itself, else a draft from its parameters.
+
+A log names a profile in a text ``mavhums airframe=NAME``. A draft is a text, or serves a vehicle that names
+none.
 
 The user fills in what logs do not contain. A draft suffices for telemetry that names its servo: the servo's
 own record, V1–V12, and named values with a servo's number, whose meaning is a guess. An ESC may drive a
@@ -18,8 +21,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mavhums.actuator.announcements import announcements
-from mavhums.actuator.profile import Airframe, packaged_text
+from mavhums.actuator.profile import Airframe, packaged_airframes, packaged_text
 from mavhums.actuator.telemetry import TIERS
 from mavhums.core.arrays import Flags, Integers
 from mavhums.core.errors import MavhumsError
@@ -34,6 +36,40 @@ from mavhums.vehicle.parameters import (
     control_surfaces,
     read_parameters,
 )
+from mavhums.vehicle.states import texts
+
+_TEXT: Final = re.compile(r"mavhums airframe=([A-Za-z0-9_.-]{1,40})")
+
+
+class Announcement(NamedTuple):
+    """A text ``mavhums airframe=NAME``.
+
+    Attributes
+    ----------
+    frame
+        Position of the message in the log.
+    name
+        The profile; a log may only name one that ships with mavhums, never a file.
+    known
+        Whether there is such a profile.
+    """
+
+    frame: int
+    time_us: int
+    vehicle: int
+    name: str
+    known: bool
+
+
+def announcements(tables: Mapping[str, Table]) -> Iterator[Announcement]:
+    """Yield the profile names in the log, in the order of the log."""
+    known: list[str] | None = None
+    for said in texts(tables):
+        match = _TEXT.fullmatch(said.text.strip())
+        if match:
+            known = packaged_airframes() if known is None else known
+            yield Announcement(said.frame, said.time_us, said.vehicle, match[1], match[1] in known)
+
 
 DRAFTED: Final = "drafted"
 """Name of a profile that nobody has named: the same for every flight, so that these can be compared."""

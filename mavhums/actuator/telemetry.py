@@ -110,7 +110,7 @@ def tiers_by_content(tables: Mapping[str, Table]) -> set[tuple[int, str]]:
 _PULSES_US: Final = (500.0, 2500.0)
 """Pulses that are a command. Wider than those of an output in use: a servo may be calibrated to more."""
 NOMINAL_TRAVEL_DEG: Final = (-45.0, 45.0)
-"""What replaces the travel that a profile lacks; :mod:`~mavhums.actuator.shaft` scales it to the log."""
+"""What replaces the travel that a profile lacks, until :mod:`~mavhums.actuator.plausibility` knows it."""
 _UAVCAN: Final = (0.0, 1000.0)  # PX4 sends the same command there as 0 to 1000
 
 

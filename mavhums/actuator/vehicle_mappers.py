@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mavhums.actuator.announcements import Announcement, announcements
-from mavhums.actuator.draft import Draft, Drafts
+from mavhums.actuator.draft import Announcement, Draft, Drafts, announcements
 from mavhums.actuator.mapping import MappedSamples, Mapper
 from mavhums.actuator.profile import Airframe, ProfileError, load_airframe
 from mavhums.actuator.telemetry import Tier, best_tier, tiers_by_content

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mavhums.actuator.freshness import not_used
+from mavhums.actuator.plausibility import not_used
 from mavhums.actuator.profile import Airframe
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options, Settings

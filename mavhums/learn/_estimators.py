@@ -17,8 +17,7 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.errors import MissingExtraError
 
 if TYPE_CHECKING:
-    from mavhums.learn.batched import Samples
-    from mavhums.learn.lbfgs import Trained
+    from mavhums.learn.batched import Samples, Trained
 
 
 def check_positive_integers(estimator: object, *names: str) -> None:
@@ -45,7 +44,7 @@ def train_networks(
 ) -> Trained:
     """Train networks on all features, or each on its own of ``subsets``, shape (networks, features).
 
-    ``options`` go to :func:`mavhums.learn.lbfgs.train_batch`.
+    ``options`` go to :func:`mavhums.learn.batched.train_batch`.
 
     Raises
     ------
@@ -53,8 +52,7 @@ def train_networks(
         If torch is not installed.
     """
     try:
-        from mavhums.learn.batched import NetworkBatch
-        from mavhums.learn.lbfgs import train_batch
+        from mavhums.learn.batched import NetworkBatch, train_batch
     except ModuleNotFoundError as error:
         raise MissingExtraError("training", "train") from error
     if subsets is None:

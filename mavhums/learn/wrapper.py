@@ -176,7 +176,7 @@ def network_objective(
     random_state
         Seed of the initial weights. All subsets share it, so they differ only in their features.
     options
-        ``weight``, ``weight_decay`` and others of :func:`mavhums.learn.lbfgs.train_batch`.
+        ``weight``, ``weight_decay`` and others of :func:`mavhums.learn.batched.train_batch`.
 
     Raises
     ------

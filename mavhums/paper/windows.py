@@ -289,47 +289,41 @@ def train_window_network(
     sizes, seeds = flight_counts(flights), (0, _CALIBRATION, _MEASUREMENT)
     held_out = flown is not None and bool(flown.held_out)
 
-    def windows_of(part: int) -> list[LabelledWindows]:
+    def windows_of(part: int) -> LabelledWindows:
         groups: list[LabelledWindows] = []
         if flights and (part == TRAINS or not held_out):
             of_part = 1_000_000 * seed + seeds[part]
             groups.append(fly_windows(actuator, telemetry, sizes[part], seed=of_part, tick=tick))
         if flown and (part == TRAINS or held_out):
             groups.append(flown_windows(flown, part, classes))
-        simulated, own = (
-            sum(len(each) for each in groups if isinstance(each, FlownWindows) is of) for of in (True, False)
-        )
-        tell(f"windows that {PURPOSE[part]}: {simulated} of simulated flights, {own} of precedents")
-        if not simulated + own:
+        names = ("features", "classes", "flights")
+        joined = (np.concatenate([getattr(each, name) for each in groups]) for name in names)
+        windows = LabelledWindows(*joined, still=sum(each.still for each in groups))
+        own = np.count_nonzero(windows.flights < 0)
+        tell(f"windows that {PURPOSE[part]}: {len(windows) - own} of simulated flights, {own} of precedents")
+        if not len(windows):
             raise MavhumsError(
                 f"no window of the flights that {PURPOSE[part]} shows anything",
                 "add logs of flights in which the surfaces move both ways for twenty seconds or more",
             )
-        return groups
+        return windows
 
-    groups = windows_of(TRAINS)
-    known = ~np.isnan(groups[-1].features) if flown else np.ones((1, len(WINDOW_KEYS)), dtype=np.bool_)
+    trained_on = windows_of(TRAINS)
+    by_flown = trained_on.flights < 0
+    known = ~np.isnan(trained_on.features[by_flown]) if flown else np.ones((1, len(WINDOW_KEYS)), dtype=bool)
     # Of what the precedents mostly lack, no window of this aircraft would be asked.
     keys = tuple(
         key for key in keys_of(telemetry) if 2 * known[:, WINDOW_KEYS.index(key)].sum() >= len(known)
     )
-    trained_on = LabelledWindows(
-        *(
-            np.concatenate([getattr(each, name) for each in groups])
-            for name in ("features", "classes", "flights")
-        )
-    )
-    weights = np.concatenate(
-        [np.full(len(each), flown_weight if flown and each is groups[-1] else 1.0) for each in groups]
-    )
+    weights = np.where(by_flown, flown_weight, 1.0)
     result = train_windows(
         trained_on, classes=len(classes), keys=keys, seed=seed, scheme=scheme, weights=weights, tell=tell
     )
-    [other] = windows_of(CALIBRATES)
+    other = windows_of(CALIBRATES)
     network = WindowNetwork(keys=result.inputs, **result.network.tensors)
     network, temperature = at_temperature(network, other.features, other.classes)
     level = decides_at(network, other.features, other.classes, telemetry.goal)
-    [last] = windows_of(MEASURES)
+    last = windows_of(MEASURES)
     metrics, confusion = measure(network, last, classes, level)
     tell(
         f"network of windows, on {'precedents' if held_out else 'simulated flights'} not trained on: "

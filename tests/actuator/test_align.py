@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.actuator._align import _near
-from mavhums.actuator.align import Aligned, Aligner
+from mavhums.actuator.align import Aligned, Aligner, _near
 from mavhums.actuator.profile import load_airframe
 from mavhums.actuator.telemetry import Reading, in_columns
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavhums.actuator.freshness import Freshness
+from mavhums.actuator.plausibility import Freshness
 from mavhums.core.arrays import Array, Integers
 from mavhums.core.quantities import KEYS, column
 

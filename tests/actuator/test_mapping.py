@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums.actuator.announcements import announcements
+from mavhums.actuator.draft import announcements
 from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.profile import ProfileError, load_airframe
 from mavhums.actuator.telemetry import best_tier, tiers_by_content

@@ -7,7 +7,7 @@ from math import nan, pi
 import numpy as np
 import pytest
 
-from mavhums.actuator.announcements import announcements
+from mavhums.actuator.draft import announcements
 from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.actuator.telemetry import best_tier, tiers_by_content

@@ -12,7 +12,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 from rich.console import Console
 
-from mavhums.actuator.mapping import Gate, bounds
+from mavhums.actuator.plausibility import Gate, bounds
 from mavhums.actuator.profile import load_airframe
 from mavhums.core.quantities import KEYS, column
 from mavhums.results.assessment import Assessment

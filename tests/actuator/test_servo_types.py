@@ -9,8 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.actuator.profile import Actuator, Airframe, Ema, ProfileError, load_airframe
-from mavhums.actuator.servo_types import packaged_servo_types
+from mavhums.actuator.profile import (
+    Actuator,
+    Airframe,
+    Ema,
+    ProfileError,
+    load_airframe,
+    packaged_servo_types,
+)
 
 TYPES = packaged_servo_types()
 PULSES = [1000, 1500, 2000]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
 from mavhums.learn import Card, Network, Selection, wrapper
-from mavhums.learn.lbfgs import one_thread
+from mavhums.learn.batched import one_thread
 
 Flights = tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]
 

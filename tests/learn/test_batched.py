@@ -6,8 +6,7 @@ from scipy.special import softmax
 from sklearn.datasets import make_moons
 
 from mavhums.learn import TanhNetwork
-from mavhums.learn.batched import BatchLoss, Data, NetworkBatch
-from mavhums.learn.lbfgs import Trained, lbfgs, train_batch
+from mavhums.learn.batched import BatchLoss, Data, NetworkBatch, Trained, lbfgs, train_batch
 
 MOONS, SIDE = make_moons(300, noise=0.2, random_state=0)
 SIDE = SIDE == 1

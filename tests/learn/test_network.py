@@ -116,7 +116,7 @@ def test_without_torch_it_still_predicts_but_says_how_to_train(monkeypatch: pyte
     classifier = fitted()
     expected = classifier.predict(MOONS)
     monkeypatch.setitem(sys.modules, "torch", None)
-    monkeypatch.delitem(sys.modules, "mavhums.learn.lbfgs")
+    monkeypatch.delitem(sys.modules, "mavhums.learn.batched")
     np.testing.assert_array_equal(classifier.predict(MOONS), expected)
     with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[train\]'"):
         clone(classifier).fit(MOONS, SIDE)

@@ -161,7 +161,7 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
 def test_a_model_that_never_votes_is_not_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mavhums.paper.flights.fly", shorter)
     monkeypatch.setattr("mavhums.paper.windows.fly", shorter)
-    monkeypatch.setattr("mavhums.paper.samples.windows", lambda *_: iter([(None, 0)]))
+    monkeypatch.setattr("mavhums.paper.train.windows", lambda *_: iter([(None, 0)]))
     # A command that differs between the classes is not offered.
     monkeypatch.setattr("mavhums.paper.train.check_command", lambda *_: CommandLeak(1.0, 0.001, True))
     said: list[str] = []

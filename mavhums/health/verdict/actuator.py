@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
-from mavhums.actuator.freshness import not_used
+from mavhums.actuator.plausibility import not_used
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.telemetry import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition

@@ -104,7 +104,7 @@ def servo_readings(
     table = tables.get(source.message)
     if table is None:
         return
-    with np.errstate(all="ignore"):  # of damaged numbers; :class:`mavhums.actuator.mapping.Gate` bounds them
+    with np.errstate(all="ignore"):  # of damaged numbers, which a gate bounds
         parts = [*source.split(table, servos)]
     for ids, part in parts:
         for vehicle, rows in each(table.system, part.rows):

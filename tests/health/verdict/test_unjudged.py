@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mavhums.actuator.freshness import NOT_USED
+from mavhums.actuator.plausibility import NOT_USED
 from mavhums.actuator.telemetry import TIERS, Tier
 from mavhums.core.conditions import Condition
 from mavhums.health.verdict.actuator import unjudged_actuator, unjudged_vehicle, with_refused
