@@ -15,7 +15,7 @@ from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator, load_airframe
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
-from mavhums.flights.actuator_comparison import ActuatorComparison
+from mavhums.flights.compare import ActuatorComparison
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.events import ConditionChanged, Window

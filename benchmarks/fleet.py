@@ -30,8 +30,7 @@ import psutil
 
 from mavhums import Options, analyse, analyse_many, fleet
 from mavhums.actuator.profile import Airframe, load_airframe
-from mavhums.app.analysis import analyse_alone
-from mavhums.app.many import Batch
+from mavhums.app.analysis import Batch, analyse_alone
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.queries import exit_code, flight
 from mavhums.flights.queries import flights as all_flights

@@ -23,7 +23,7 @@ PARTS = {
     "numpy and pandas": "import numpy, pandas",
     "numpy and scipy.special": "import scipy.special",
     "pydantic": "import pydantic; pydantic.BaseModel",
-    "all imports of analyse": "import mavhums.app.many, mavhums.cli.main, mavhums.engine.engine",
+    "all imports of analyse": "import mavhums.app.analysis, mavhums.cli.main, mavhums.engine.engine",
 }
 TIMES = 7
 

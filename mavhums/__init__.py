@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from mavhums.actuator.profile import load_airframe as load_airframe
     from mavhums.actuator.vehicle_mappers import actuators as actuators
     from mavhums.app.analysis import analyse as analyse
+    from mavhums.app.analysis import analyse_many as analyse_many
     from mavhums.app.analysis import record as record
-    from mavhums.app.many import analyse_many as analyse_many
     from mavhums.app.settings import Options as Options
     from mavhums.core.errors import MavhumsError as MavhumsError
     from mavhums.core.errors import MissingExtraError as MissingExtraError

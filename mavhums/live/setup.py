@@ -20,11 +20,10 @@ from mavhums.flights.aircraft import AircraftResolver
 from mavhums.flights.compare import FlightComparison
 from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.live.alerts import COMPONENT, Alerts, Signer
-from mavhums.live.links import Address, Link, ReceiveClock, UdpLink
+from mavhums.live.links import Address, Link, ReceiveClock, SerialLink, TcpLink, UdpLink
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.session import GroundStation, Session, Sink
 from mavhums.live.status import Peers, Reception
-from mavhums.live.streams import SerialLink, TcpLink
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Stamper

@@ -16,7 +16,7 @@ import pytest
 
 import mavhums
 from mavhums import fleet
-from mavhums.app.many import Batch, analyse_many
+from mavhums.app.analysis import Batch, analyse_many
 from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode
 from mavhums.core.process_pool import LostItem, in_processes

@@ -18,8 +18,7 @@ from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import Event, StandaloneAssessment
 from mavhums.engine.options import EngineOptions
-from mavhums.flights.actuator_comparison import ActuatorComparison
-from mavhums.flights.compare import FlightComparison, compared, packed, unpacked
+from mavhums.flights.compare import ActuatorComparison, FlightComparison, compared, packed, unpacked
 from mavhums.health.decision.baseline import Baseline, Baselines
 from mavhums.health.decision.events import (
     ComparisonInput,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mavhums.actuator.profile import Actuator, load_airframe
 from mavhums.core.quantities import column
 from mavhums.engine.events import Event
-from mavhums.flights.actuator_comparison import ActuatorComparison
+from mavhums.flights.compare import ActuatorComparison
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums.health.decision.baseline import Baseline
 from mavhums_sim import Flight, FlightRecord, Gearbox, fly

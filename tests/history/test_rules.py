@@ -23,10 +23,23 @@ from mavhums.flights.corrections import CorrectedLog, Correction
 from mavhums.flights.history import PastFlight, _is_dated, recordings_of, superseded_recordings
 from mavhums.flights.naming import aircraft_in_store
 from mavhums.flights.reports import _is_soon, _kinds, _of_last, _silent
-from mavhums.flights.standing import Flown, _finding, flights_left, highest, reason_of, standing_of, step_of
 from mavhums.flights.store.dates import Repair
 from mavhums.flights.store.verdicts import _row_of
-from mavhums.flights.trends import _at_end, _change, _error, _life, _rank, _why_unknown
+from mavhums.flights.trends import (
+    Flown,
+    _at_end,
+    _change,
+    _error,
+    _finding,
+    _life,
+    _rank,
+    _why_unknown,
+    flights_left,
+    highest,
+    reason_of,
+    standing_of,
+    step_of,
+)
 from mavhums.results.standing import FlightsLeft, Growth, Interval, Standing, Step
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Verdict
 from tests.flights import START, flown, identity, shown, verdict

@@ -19,8 +19,7 @@ from mavhums.app.sinks import Events
 from mavhums.cli import options
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
-from mavhums.flights.actuator_comparison import ActuatorComparison
-from mavhums.flights.compare import FlightComparison
+from mavhums.flights.compare import ActuatorComparison, FlightComparison
 from mavhums.flights.history import PastFlight
 from mavhums.flights.queries import earlier_flights
 from mavhums.flights.store import Store

@@ -18,9 +18,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.live.links import Address, ReceiveClock, UdpLink
+from mavhums.live.links import Address, Outgoing, ReceiveClock, TcpLink, UdpLink
 from mavhums.live.session import Session
-from mavhums.live.streams import Outgoing, TcpLink
 from mavhums.log.mavlink.stamping import Piece
 
 SECOND = 1_000_000_000
@@ -144,7 +143,7 @@ def test_a_tcp_server_that_does_not_read_stops_nothing(deaf_server: int) -> None
 
 @pytest.mark.skipif(find_spec("serial") is None, reason="no serial port package (pip install pyserial)")
 def test_a_serial_peer_that_does_not_read_stops_nothing() -> None:
-    from mavhums.live.streams import SerialLink
+    from mavhums.live.links import SerialLink
 
     master, slave = pty.openpty()
     tty.setraw(master)
@@ -169,7 +168,7 @@ def test_a_serial_peer_that_does_not_read_stops_nothing() -> None:
 def test_a_serial_device_that_disappears_is_tried_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
     from pymavlink import mavutil
 
-    from mavhums.live.streams import SerialLink
+    from mavhums.live.links import SerialLink
 
     class Port:
         fd: int | None = 7

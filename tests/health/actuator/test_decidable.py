@@ -17,7 +17,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.actuator.telemetry import tier_named
 from mavhums.core.quantities import KEYS, column
 from mavhums.engine.events import Event
-from mavhums.flights.actuator_comparison import ActuatorComparison, events_of
+from mavhums.flights.compare import ActuatorComparison, events_of
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.verdict.actuator import against_baseline, verdict_of_actuator

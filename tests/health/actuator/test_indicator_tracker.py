@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from mavhums.core.conditions import Condition
-from mavhums.flights.actuator_comparison import IndicatorComparison
+from mavhums.flights.compare import IndicatorComparison
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.actuator.indicator_tracker import IndicatorTracker, evidence_of, indicator_of, suspect_of
 from mavhums.health.decision.baseline import Baseline
