@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from math import inf
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,29 +19,19 @@ from mavhums.flights.aircraft import (
     board_of,
     check_aircraft_rule,
 )
-from mavhums.flights.corrections import CorrectedLog, Correction
 from mavhums.flights.history import PastFlight, _is_dated, recordings_of, superseded_recordings
-from mavhums.flights.naming import aircraft_in_store
-from mavhums.flights.reports import _is_soon, _kinds, _of_last, _silent
-from mavhums.flights.store.dates import Repair
-from mavhums.flights.store.verdicts import _row_of
+from mavhums.flights.reports import _kinds
 from mavhums.flights.trends import (
     Flown,
-    _at_end,
-    _change,
-    _error,
     _finding,
-    _life,
-    _rank,
     _why_unknown,
     flights_left,
-    highest,
     reason_of,
     standing_of,
     step_of,
 )
 from mavhums.results.standing import FlightsLeft, Growth, Interval, Standing, Step
-from mavhums.results.verdict import Coverage, Evidence, Indicator, Verdict
+from mavhums.results.verdict import Coverage, Evidence, Verdict
 from tests.flights import START, flown, identity, shown, verdict
 from tests.history.test_copies import recording
 
@@ -182,29 +172,6 @@ def rule(kind: str, text: str, limit: float = 0.5) -> Evidence:
     return Evidence(kind=kind, start_s=0.0, end_s=1.0, value=0.1, limit=limit, rule=text)
 
 
-@pytest.mark.parametrize(
-    ("judged", "condition", "fault", "limit"),
-    [
-        (
-            verdict(shown(0.2), shown(0.1, fault="backlash"), suspect="backlash"),
-            "degraded",
-            "backlash",
-            0.375,
-        ),
-        (verdict(shown(0.9), suspect="friction"), "emergency", "friction", 0.875),
-        (verdict(shown(0.9, fault="backlash"), suspect="backlash"), "emergency", "backlash", 0.375),
-        (verdict(shown(0.385)), "degraded", "friction", 0.375),  # beyond the limit, without a suspect
-        (verdict(shown(0.378)), "degraded", None, None),
-        (verdict(suspect="jam"), "degraded", "jam", None),
-    ],
-)
-def test_a_finding_rests_on_the_suspect_else_on_what_lies_beyond_its_limit(
-    judged: Verdict, condition: Condition, fault: str | None, limit: float | None
-) -> None:
-    found = _finding(judged, condition)
-    assert (found["fault"], found.get("limit")) == (fault, limit)
-
-
 def test_a_finding_without_an_indicator_rests_on_its_rule() -> None:
     rules = (rule("jam", "degraded: it stood"), rule("friction_drift", "emergency: it rose"))
     judged = verdict(shown(0.2)).model_copy(update={"evidence": rules, "reason": "why"})
@@ -220,12 +187,9 @@ def test_a_finding_without_an_indicator_rests_on_its_rule() -> None:
 @pytest.mark.parametrize(
     ("grows", "emergency", "flights", "after", "expected"),
     [
-        (None, 1.0, 7, None, "7 flights show it; a trend needs 8"),
         (None, 1.0, 7, step(3), "7 flights show it since the step at flight 3; a trend needs 8"),
-        (None, 1.0, 8, None, "no growth beyond the scatter between flights"),
         (growth(), None, 9, None, "it grows, but has no emergency limit"),
         (growth(None, left(3.0)), 1.0, 9, None, "it grows, but may never reach its limit"),
-        (growth(None, None), 1.0, 9, None, "it grows, but may never reach its limit"),
         (growth(None, left(3.0, high=4.0)), 1.0, 9, None, None),
     ],
 )
@@ -233,59 +197,6 @@ def test_why_no_remaining_life_is_told(
     grows: Growth | None, emergency: float | None, flights: int, after: Step | None, expected: str | None
 ) -> None:
     assert _why_unknown(grows, emergency, flights, after) == expected
-
-
-def test_numbers_of_a_trend_by_hand() -> None:
-    assert _life(left(3.0, 2.0, 4.0)) == Interval(estimate=3.0, low=2.0, high=4.0)
-    one = shown(0.3, error=0.02, windows=25)
-    assert _error(one) == pytest.approx(0.02)
-    assert _error(one.model_copy(update={"scatter": None})) == pytest.approx(0.08 / (2 * 1.96), rel=1e-4)
-    expected = Interval(estimate=0.1, low=0.05, high=0.2)
-    change = _change(one, expected)
-    assert change is not None
-    assert (change.estimate, change.low, change.high) == pytest.approx((0.2, 0.1, 0.25))
-    evidence = tuple(
-        rule(kind, "x").model_copy(update={"value": value})
-        for kind, value in (("friction", 0.2), ("friction", 0.4), ("backlash", 0.9), ("effectiveness", 0.7))
-    )
-    judged = verdict().model_copy(update={"evidence": evidence, "friction_nm": expected})
-    assert [highest(judged, shown(0.1, fault=each)) for each in ("friction", "effectiveness", "jam")] == [
-        *(0.4, None, None)
-    ]
-    assert [_at_end(judged, shown(0.1, fault=each)) for each in ("friction", "backlash")] == [0.1, None]
-    assert _at_end(verdict(), shown(0.1)) is None
-
-
-def test_trends_are_sorted_by_condition_then_flights_left_then_nearness_to_the_limit() -> None:
-    def one(
-        condition: Condition, grows: Growth | None, value: float, *, fault: str = "friction", name: str = "a"
-    ) -> Any:
-        points = [SimpleNamespace(value=SimpleNamespace(estimate=value))]
-        limit = 0.5 if fault == "effectiveness" else 0.875
-        return SimpleNamespace(
-            condition=condition,
-            growth=grows,
-            emergency=limit,
-            fault=fault,
-            points=points,
-            vehicle=1,
-            actuator=name,
-        )
-
-    order = [
-        one("emergency", None, 0.1),
-        one("degraded", None, 0.1),
-        one("normal", growth(left(9.0, 5.0), left(20.0, 4.0)), 0.1),
-        one("normal", growth(left(9.0, 5.0)), 0.1),
-        one("normal", None, 0.8),  # 0.91 of its limit
-        one("normal", None, 0.6, fault="effectiveness"),  # 0.83: the limit lies below
-        one("normal", None, 0.7),  # 0.8
-        one("normal", None, 0.1, name="a"),
-        one("normal", None, 0.1, name="b"),
-        one("normal", None, 0.0),
-    ]
-    backwards = order[::-1]
-    assert sorted(backwards, key=_rank) == order
 
 
 def standing(
@@ -335,17 +246,6 @@ SOON, LATE = growth(left(10.0)), growth(left(10.1), left(99.0))
 )
 def test_what_changed_between_two_standings(was: Standing | None, now: Standing, kinds: list[str]) -> None:
     assert [*_kinds(was, now)] == kinds
-
-
-def test_growth_is_soon_within_ten_flights_and_an_aircraft_silent_after_more_than_its_days() -> None:
-    assert [_is_soon(each) for each in (growth(), LATE, SOON, growth(left(1.0), left(10.0)))] == [0, 0, 1, 2]
-    now = {
-        "D-B": (standing("normal", last="2026-02-01"), standing("normal", last="2026-03-01")),
-        "D-A": (standing("normal", last="2026-02-28"),),
-    }
-    until = datetime(2026, 3, 15, tzinfo=UTC)
-    assert [(one.aircraft, one.days) for one in _silent(now, until, 14.0)] == [("D-A", 15.0)]
-    assert [one.aircraft for one in _silent(now, until, 13.9)] == ["D-A", "D-B"]
 
 
 @pytest.mark.parametrize("rule", [None, "folder", "board", "=D-EABC", "(?P<aircraft>x)"])
@@ -413,38 +313,6 @@ def test_a_recording_needs_a_boot_time_and_time_zones(change: dict[str, str | No
     assert _is_dated(identity().model_copy(update=change)) is dated
 
 
-AT = datetime(2026, 3, 1, tzinfo=UTC)
-
-
-def test_corrections_and_repairs_as_text() -> None:
-    log = CorrectedLog("x.tlog", "0", "D-A", False)
-    unknown = log._replace(aircraft="", path="y.tlog")
-    for kind, logs, before, after, note, text in (
-        ("remove", (log,), None, None, None, "removed x.tlog from D-A"),
-        ("remove", (unknown,), None, None, None, "removed y.tlog from an unknown aircraft"),
-        (
-            "move",
-            (unknown, log),
-            None,
-            "D-B",
-            None,
-            "moved 2 logs, y.tlog and others, from D-A and an unknown aircraft to D-B",
-        ),
-        ("rename", (), "D-A", "D-B", "sold", "renamed D-A to D-B: sold"),
-    ):
-        said = str(Correction(7, kind, logs, before, after, "Ada", note, AT))
-        assert said == f"7: 2026-03-01 00:00 UTC, Ada: {text}"
-    assert [
-        str(Repair(*each))
-        for each in (
-            (None, None, AT),
-            (None, "rudder", AT),
-            ("D-A", None, AT),
-            ("D-A", "rudder", AT + DAY / 2),
-        )
-    ] == ["2026-03-01", "rudder=2026-03-01", "D-A/=2026-03-01", "D-A/rudder=2026-03-01T12:00:00"]
-
-
 @pytest.mark.parametrize(
     ("boards", "board"),
     [((), None), (("0A",), "0A"), (("0A", "0A"), "0A"), (("0A", "0B"), None), (("0A", None), None)],
@@ -453,50 +321,3 @@ def test_a_log_has_a_board_if_all_its_flights_have_the_same(
     boards: tuple[str | None, ...], board: str | None
 ) -> None:
     assert board_of(flown(verdict(), identities=[identity(board=one) for one in boards])) == board
-
-
-@pytest.mark.parametrize(
-    ("rule", "board", "name"),
-    [(None, "0A", "sold"), ("board", "0B", "board 0B"), (None, None, ""), (r"(?P<aircraft>D-\w)", "0A", "")],
-)
-def test_a_board_names_an_aircraft_where_no_other_rule_was_given(
-    rule: str | None, board: str | None, name: str
-) -> None:
-    judged = flown(verdict(), identities=[identity(board=board)])
-    assert aircraft_in_store("x", judged, AircraftResolver(rule, renamed={"board 0A": "sold"})) == name
-
-
-FRICTION = shown(0.25)
-BACKLASH = shown(0.5, fault="backlash")
-
-
-@pytest.mark.parametrize(
-    ("judged", "finding"),
-    [
-        (verdict(), None),
-        (verdict(BACKLASH), None),
-        (verdict(BACKLASH, FRICTION), FRICTION),
-        (verdict(shown(0.75, fault="effectiveness"), FRICTION), FRICTION),
-        (verdict(BACKLASH, shown(0.75, fault="effectiveness")), shown(0.75, fault="effectiveness")),
-        (verdict(BACKLASH, FRICTION, suspect="backlash"), BACKLASH),
-        (verdict(BACKLASH, FRICTION, suspect="stiffness"), FRICTION),
-    ],
-)
-def test_a_verdict_shows_the_indicator_of_its_finding(judged: Verdict, finding: Indicator | None) -> None:
-    assert _row_of(judged)["finding"] == (finding.fault if finding else None)
-
-
-def test_the_last_row_of_an_actuator_tells_how_it_stands() -> None:
-    stands = standing("degraded")
-    state = {"state": "degraded", "state_since_utc": stands.since_utc}
-    assert _of_last(stands) == state
-    to = left(3.0, 1.0, 7.0).model_copy(update={"expected_utc": "2026-04-01"})
-    grows = growth(emergency=to)
-    assert _of_last(stands.model_copy(update={"growth": grows})) == state | {
-        "grows": "Coulomb friction",
-        "growth_per_flight": grows.per_flight.estimate,
-        "flights_to_emergency": to.estimate,
-        "flights_to_emergency_low": to.low,
-        "flights_to_emergency_high": to.high,
-        "date_emergency": "2026-04-01",
-    }

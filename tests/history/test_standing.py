@@ -10,16 +10,13 @@ import pytest
 from mavhums.core.conditions import Condition
 from mavhums.flights.aircraft import Since as Dates
 from mavhums.flights.history import PastFlight
-from mavhums.flights.reports import _kinds
 from mavhums.flights.trends import standings_after, trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import course_of
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Standing
-from mavhums.results.store import Change
 from mavhums.results.verdict import ALL, Since
 from mavhums.show.headline import headline
-from mavhums.show.standing import _change_lines
 from tests.flights import START, flown, shown, verdict
 
 
@@ -67,18 +64,6 @@ def test_a_repair_ends_the_state_recorded_or_not() -> None:
     assert unrecorded.condition == "normal"
     assert unrecorded.step is not None
     assert (unrecorded.step.flight, unrecorded.step.better) == (13, True)
-    before = unrecorded.model_copy(update={"step": None})
-    earlier = unrecorded.model_copy(
-        update={"step": unrecorded.step.model_copy(update={"at_utc": "2026-01-01"})}
-    )
-    later = unrecorded.model_copy(
-        update={"step": unrecorded.step.model_copy(update={"at_utc": "2099-01-01"})}
-    )
-    assert [*_kinds(later, unrecorded)] == [], "a later step was taken back"
-    assert [[*_kinds(was, unrecorded)] for was in (None, before, earlier, unrecorded)] == [
-        *[["step"]] * 3,
-        [],
-    ], "a step is told once"
     recorded = trend_report(history(mended[:13]), repaired={"elevator": START + timedelta(days=11.5)})
     assert recorded.standings[0].condition == "normal"
     assert standing(mended[:13], scatter=0.004).condition == "degraded"
@@ -199,17 +184,6 @@ def test_the_baseline_is_the_level_before_the_growth() -> None:
     assert known.mean == pytest.approx(0.213, abs=0.008)
     prediction = known.prediction()
     assert prediction.high - prediction.low < 0.03
-
-
-def test_what_grows_on_is_not_gone() -> None:
-    grows = standing([0.22 + 0.004 * day for day in range(30)], scatter=0.004)
-    assert (grows.condition, grows.growth is not None) == ("normal", True)
-    was = grows.model_copy(update={"condition": "degraded"})
-    assert [*_kinds(was, grows)] == ["eased"]
-    change = Change(kind="eased", aircraft="D-A", before=was, now=grows)
-    (told, why) = _change_lines(change)
-    assert told == "it was degraded; now growing in flight 30 (2026-03-30)"
-    assert "grows by" in why
 
 
 @pytest.mark.slow

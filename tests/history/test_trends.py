@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime, timedelta
+from collections.abc import Sequence
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +15,14 @@ import pytest
 
 import mavhums
 from mavhums import fleet
-from mavhums.app.sinks import Events
-from mavhums.cli import options
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
-from mavhums.flights.compare import ActuatorComparison, FlightComparison
+from mavhums.flights.compare import FlightComparison
 from mavhums.flights.history import PastFlight
 from mavhums.flights.queries import earlier_flights
 from mavhums.flights.store import Store
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.decision.events import ComparisonInput, ConditionChanged
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Evidence
 from mavhums.show.standing import sentence
@@ -288,12 +285,6 @@ def test_mistakes_are_one_line_and_a_remedy(
     assert "Traceback" not in outcome.err
 
 
-def test_dates_are_of_utc_unless_they_say_otherwise() -> None:
-    march = datetime(2026, 3, 1, tzinfo=UTC)
-    assert options._named_date("rudder=2026-03-01") == ("rudder", march)
-    assert options._named_date("2026-03-01T02:00+02:00") == (None, march)
-
-
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Three short healthy flights, a day apart."""
@@ -342,44 +333,6 @@ def test_what_cannot_be_kept_is_shown_all_the_same(run: Run, logs: list[Path], t
     assert outcome.code == ExitCode.ERROR
     assert "cannot be read" in outcome.err
     assert "elevator" in outcome.out
-
-
-@pytest.mark.slow
-def test_each_actuator_is_compared_with_its_own_baselines(
-    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    store = tmp_path / "store"
-    wear = (verdict(shown(0.2)), verdict(shown(0.3), actuator="rudder"))
-    write_store(store, {"D-A": [flown(*wear, day=day) for day in (*range(-13, -1), 0.5, 5)]})
-    given: dict[str, Mapping[str, Baseline]] = {}
-
-    class Spy(ActuatorComparison):
-        def __init__(self, baselines: Mapping[str, Baseline], false_alarms: float) -> None:
-            self.known = baselines
-            super().__init__(baselines, false_alarms)
-
-        def take(self, event: ComparisonInput) -> list[ConditionChanged]:
-            given[event.actuator] = self.known
-            return super().take(event)
-
-    def follow(**options: Any) -> None:
-        """Judge in flight, as where somebody follows the events."""
-        given.clear()
-        mavhums.analyse(logs[0], mavhums.Options(**options), sinks=[Events(lambda events: None)])
-
-    monkeypatch.setattr("mavhums.flights.compare.ActuatorComparison", Spy)
-    follow(store=store, aircraft="=D-A")
-    expected = Baseline.of([shown(0.2)] * 12)
-    assert given["elevator"] == {"friction": expected}
-    assert given["rudder"]["friction"].mean == pytest.approx(0.3)
-    assert given.keys() == {"elevator", "rudder"}
-    repaired = START - timedelta(days=11, hours=1)
-    fleet.change_repairs(store, add=[fleet.Repair("D-A", "elevator", repaired)])
-    follow(store=store, aircraft="=D-A")
-    assert given["elevator"]["friction"].flights == 10
-    assert given["rudder"]["friction"].flights == 12
-    follow()
-    assert not given
 
 
 def test_a_log_without_a_date_has_no_baseline(
