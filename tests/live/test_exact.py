@@ -3,66 +3,15 @@
 from __future__ import annotations
 
 import os
-import socket
-import struct
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
 from mavhums.live.alerts import Signer
-from mavhums.live.links import Address, ReceiveClock, UdpLink
+from mavhums.live.links import ReceiveClock
 from mavhums.live.outlet import BoundedQueue, Spool
 from mavhums.live.status import Peers
-from mavhums_sim.link import EPOCH_US
 
 SECOND = 1_000_000
-
-
-def test_the_kernel_tells_when_a_datagram_came_and_how_many_it_dropped() -> None:
-    """SO_TIMESTAMPNS carries a timespec, SO_RXQ_OVFL a count of 32 bits (socket(7))."""
-    link = UdpLink(Address("udpin", "127.0.0.1", 0), ReceiveClock())
-    level, stamp, overflow = socket.SOL_SOCKET, 35, 40
-    spec = struct.pack("@qq", 5, 7)
-    assert link._received_ns([(level, overflow, struct.pack("@I", 9)), (level, stamp, spec)]) == 5_000_000_007
-    assert link._received_ns([(level + 1, stamp, spec), (level, 1, spec)]) is None
-    assert link.dropped == 9
-    link.close()
-
-
-def test_datagrams_have_times_that_grow_since_the_port_was_empty_last() -> None:
-    wall = [EPOCH_US * 1000]
-    link = UdpLink(Address("udpin", "127.0.0.1", 0), ReceiveClock(lambda: wall[0], lambda: wall[0]))
-    link.close()
-    waiting: list[Any] = []
-
-    def receive(into: list[memoryview], room: int) -> Any:
-        if not waiting:
-            raise BlockingIOError
-        size, stamp_us = waiting.pop(0)
-        if not size:
-            raise ConnectionRefusedError
-        into[0][:size] = b"x" * size
-        spec = struct.pack("@qq", *divmod(stamp_us * 1000, 1_000_000_000))
-        return size, [(socket.SOL_SOCKET, 35, spec)], 0, ("127.0.0.1", size)
-
-    link._socket = SimpleNamespace(recvmsg_into=receive)  # type: ignore[assignment]
-
-    def told(*queue: Any, later_us: int = 0) -> list[tuple[int, int]]:
-        wall[0] += later_us * 1000
-        waiting.extend(queue)
-        return [(len(piece.data), piece.time_us - EPOCH_US) for piece in link.receive()]
-
-    at = [EPOCH_US + 100 * k for k in range(10)]
-    assert told((3, at[2]), (4, at[1]), (5, at[3]), later_us=400) == [(3, 200), (4, 200), (5, 300)]
-    assert told((1, at[5]), (0, 0), later_us=200) == [(1, 500)], "a refused one ends this look"
-    assert told((2, at[4]), later_us=200) == [(2, 500)], "not older than the one before"
-    assert told((9, at[9]), later_us=100) == [(9, 900)]
-    assert told((9, at[0]), later_us=5_000_000) == [(9, 900)], (
-        "what is impossible came when it was empty last"
-    )
-    assert told() == []
-    assert [len(told(*[(1, at[9])] * count)) for count in (5000, 0)] == [4096, 904]
 
 
 def test_a_torn_line_is_ended_before_the_next_one(monkeypatch: pytest.MonkeyPatch) -> None:

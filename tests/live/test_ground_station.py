@@ -12,11 +12,9 @@ import pytest
 
 import mavhums
 from mavhums.results.assessment import json_schema
-from tests.live.conftest import conditions, verdicts
+from tests.live.conftest import RIGHT, conditions, verdicts
 from tests.live.programs import free_port, running, simulator
 from tests.live.programs import mavhums as command
-
-RIGHT = {"aileron_left": "normal", "aileron_right": "normal", "elevator": "emergency", "rudder": "normal"}
 
 
 @pytest.mark.slow

@@ -119,16 +119,6 @@ def test_a_spool_never_waits_and_keeps_lines_whole() -> None:
         assert data[:10_000] == line.encode()
 
 
-def test_a_spool_ends_by_the_time_that_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    waited: list[float] = []
-    spool = Spool(io.StringIO(), "text")
-    monkeypatch.setattr(time, "monotonic", lambda: 100.0)
-    monkeypatch.setattr(spool.outlet, "close", waited.append)
-    for until_s in (90.0, 100.0, 102.5):
-        spool.finish(until_s)
-    assert waited == [0.0, 0.0, 2.5]
-
-
 def test_a_spool_shows_what_the_stream_cannot_encode() -> None:
     raw = io.BytesIO()
     spool = Spool(io.TextIOWrapper(raw, encoding="cp1252", errors="replace"), "old terminal")

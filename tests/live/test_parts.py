@@ -7,11 +7,8 @@ import json
 import os
 import re
 import shutil
-import socket
 import sys
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import jsonschema
 import pytest
@@ -19,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from mavhums.live.links import Address, AddressError, _enlarge
+from mavhums.live.links import Address, AddressError
 from mavhums.live.recorder import TlogRecorder
 from mavhums.live.setup import SeenSignatures
 from mavhums.live.sinks import JsonLines, PlainLines, View
@@ -37,18 +34,13 @@ from tests.live.conftest import Rig
     [
         ("udpin:14550", "udpin:127.0.0.1:14550", False),
         ("udpin::14550", "udpin:127.0.0.1:14550", False),
-        ("udpin:localhost:14550", "udpin:localhost:14550", False),
         ("udpin:[::1]:14550", "udpin:[::1]:14550", False),
         ("udpin:0.0.0.0:14550", "udpin:0.0.0.0:14550", True),
-        ("udpin:192.168.1.5:14550", "udpin:192.168.1.5:14550", True),
         ("udpin:companion.local:14550", "udpin:companion.local:14550", True),
-        ("udpout:10.0.0.1:14550", "udpout:10.0.0.1:14550", False),
-        ("tcp:localhost:5760", "tcp:localhost:5760", False),
         ("serial:/dev/ttyACM0:115200", "serial:/dev/ttyACM0:115200", False),
         ("/dev/ttyUSB0,921600", "serial:/dev/ttyUSB0:921600", False),
         ("COM3", "serial:COM3:57600", False),
         ("udpin:0", "udpin:127.0.0.1:0", False),
-        ("udpin:65535", "udpin:127.0.0.1:65535", False),
         ("tcp:host:1", "tcp:host:1", False),
         ("udpout:host:65535", "udpout:host:65535", False),
     ],
@@ -75,24 +67,6 @@ def test_an_address_without_a_host_or_port_is_refused(url: str) -> None:
         Address.parse(url)
 
 
-@pytest.mark.parametrize(("platform", "timed"), [("linux", True), ("darwin", False), ("win32", False)])
-def test_only_linux_is_asked_for_times_and_losses(
-    platform: str, timed: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[int] = []
-
-    def refuse(level: int, option: int, value: int) -> None:
-        asked.append(option)
-        if len(asked) > 1:
-            raise PermissionError
-
-    monkeypatch.setattr(sys, "platform", platform)
-    link: Any = SimpleNamespace(setsockopt=refuse)
-    assert _enlarge(link) is timed
-    assert len(asked) == len(set(asked)) == (4 if timed else 1)
-    assert asked[0] == socket.SO_RCVBUF
-
-
 def test_records_are_on_the_disk_within_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The data reach the operating system at once, and the disk in a second."""
     synced: list[int] = []
@@ -108,47 +82,6 @@ def test_records_are_on_the_disk_within_a_second(tmp_path: Path, monkeypatch: py
     assert synced == [8]
     recorder.close()
     assert synced == [8], "nothing new, nothing to do"
-
-
-def test_a_disk_that_fails_is_told_of_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    recorder = TlogRecorder(tmp_path / "a.tlog")
-
-    def fail(*_: object) -> int:
-        raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as broken:
-        broken.setattr(os, "write", fail)
-        broken.setattr(os, "ftruncate", fail)
-        broken.setattr(os, "fsync", fail)
-        recorder.write(b"lost", 3)
-        recorder.write(b"lost", 3)
-        recorder._synced = -1
-        recorder._sync()
-    assert recorder.lost_frames == 6
-    recorder.write(b"kept", 1)
-    recorder.close()
-    assert recorder.path.read_bytes() == b"kept"
-    told = [record.message for record in caplog.records]
-    assert len(told) == 3
-    assert told[0].endswith("No space left on device; the flight is judged, but not recorded")
-    assert told[2].endswith("written again; 6 frames are missing")
-
-
-@pytest.mark.parametrize("slow", [True, False])
-def test_the_end_waits_for_a_slow_disk_for_a_second_at_most(
-    tmp_path: Path, slow: bool, caplog: pytest.LogCaptureFixture
-) -> None:
-    recorder = TlogRecorder(tmp_path / "a.tlog")
-    recorder.close()
-    waited: list[float] = []
-    syncer: Any = SimpleNamespace(join=waited.append, is_alive=lambda: slow)
-    recorder._syncer = syncer
-    recorder.close()
-    [waited_s] = waited
-    assert 0.5 <= waited_s <= 1.0
-    assert ("the disk is slow" in caplog.text) == slow
 
 
 @pytest.mark.parametrize("how", ["removed", "moved"])

@@ -11,19 +11,16 @@ import time
 import tty
 from collections.abc import Iterator
 from importlib.util import find_spec
-from types import SimpleNamespace
-from typing import Any
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mavhums.live.links import Address, Outgoing, ReceiveClock, TcpLink, UdpLink
-from mavhums.live.session import Session
 from mavhums.log.mavlink.stamping import Piece
 
 SECOND = 1_000_000_000
-SECOND_US = 1_000_000
 
 
 class Clocks:
@@ -165,127 +162,34 @@ def test_a_serial_peer_that_does_not_read_stops_nothing() -> None:
 
 
 @pytest.mark.skipif(find_spec("serial") is None, reason="no serial port package (pip install pyserial)")
-def test_a_serial_device_that_disappears_is_tried_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
-    from pymavlink import mavutil
-
+def test_a_serial_device_that_disappears_is_tried_once_a_second(tmp_path: Path) -> None:
     from mavhums.live.links import SerialLink
 
-    class Port:
-        fd: int | None = 7
-        there, opened = True, 0
-        data = b"x" * 70_000
-
-        def __init__(self, device: str, baud: int) -> None:
-            type(self).opened += 1
-            if not self.there:
-                raise OSError(2, "No such file")
-            assert (device, baud) == ("/dev/x", 57_600)
-            self.port = self
-
-        @property
-        def in_waiting(self) -> int:
-            if not self.there:
-                raise OSError(5, "gone")
-            return len(self.data)
-
-        def read(self, count: int) -> bytes:
-            taken, type(self).data = self.data[:count], self.data[count:]
-            return taken
-
-        def reset_output_buffer(self) -> None: ...
-
-        def close(self) -> None: ...
-
-    class Clock(ReceiveClock):
-        us = 10_000_000
-
-        def now_us(self) -> int:
-            return self.us
-
-    monkeypatch.setattr(mavutil, "mavserial", Port)
-    clock = Clock()
-    link = SerialLink(Address("serial", "/dev/x", 57_600), clock)
-    assert link.fileno() == 7
-    first, second = link.receive()[0], link.receive()[0]
-    assert (len(first.data), len(second.data)) == (1 << 16, 70_000 - (1 << 16))
-    assert link.receive() == []
-    assert first.sender == second.sender
-    Port.there = False
-    assert link.receive() == []
-    assert link.fileno() == -1
-    tried = []
-    for _ in range(35):
-        before = Port.opened
+    device, clocks = tmp_path / "tty", Clocks()
+    link = None
+    senders = []
+    for lost in (0, 1):
+        master, slave = pty.openpty()
+        tty.setraw(master)
+        device.symlink_to(os.ttyname(slave))
+        link = link or SerialLink(Address("serial", str(device), 57_600), clocks.clock)
         assert link.receive() == []
-        tried += [clock.us] * (Port.opened - before)
-        clock.us += 100_000
-    assert tried == [10_000_000 + k * 1_000_000 for k in range(4)]
-    link.send(b"lost", [])
-    assert link.unsent == 1
-    Port.there, Port.data = True, b"again"
-    clock.us += 1_000_000
-    assert link.receive() == []
-    [piece] = link.receive()
-    assert (piece.data, piece.time_us) == (b"again", clock.us)
-    assert piece.sender != first.sender
-    Port.fd = None
-    assert link.fileno() == -1
-
-
-@pytest.mark.parametrize(
-    ("pending_us", "due_us", "readable", "stamped", "busy", "waited"),
-    [
-        (None, 9_000_000, True, True, False, ("select", 0.1)),
-        (None, 1_030_000, True, True, False, ("select", 0.03)),
-        (None, 900_000, True, True, False, ("select", 0.0)),
-        (None, 9_000_000, False, True, False, ("sleep", 0.05)),
-        (None, 9_000_000, False, False, False, ("sleep", 0.005)),
-        (980_000, 9_000_000, True, True, False, ("sleep", 0.05)),
-        (980_000, 9_000_000, True, True, True, ("sleep", 0.005)),
-        (980_000, 9_000_000, True, False, False, ("sleep", 0.005)),
-        (930_000, 9_000_000, True, True, False, ("sleep", 0.03)),
-        (900_000, 9_000_000, True, True, False, ("sleep", 0.0)),
-        (980_000, 1_004_000, True, True, True, ("sleep", 0.004)),
-    ],
-)
-def test_a_session_waits_until_something_is_due_and_no_longer(
-    monkeypatch: pytest.MonkeyPatch,
-    pending_us: int | None,
-    due_us: int,
-    readable: bool,
-    stamped: bool,
-    busy: bool,
-    waited: tuple[str, float],
-) -> None:
-    """It is at 1 s. Pieces are collected for 0.1 s; where they are, more come without the kernel's notice."""
-    told: list[Any] = []
-    monkeypatch.setattr("time.sleep", lambda s: told.append(("sleep", s)))
-    monkeypatch.setattr("select.select", lambda r, w, x, s: told.append(("select", s)))
-    links = [
-        SimpleNamespace(fileno=lambda: 3 if readable else -1, stamped=stamped),
-        SimpleNamespace(fileno=lambda: -1, stamped=True),
-    ]
-    clock = SimpleNamespace(now_us=lambda: 1_000_000)
-    session: Any = SimpleNamespace(clock=clock, links=links, _due_us=due_us, _busy=busy)
-    Session._wait(session, [] if pending_us is None else [Piece(None, pending_us, b"")])
-    assert told == [(waited[0], pytest.approx(waited[1]))]
-
-
-def test_two_senders_of_a_vehicle_are_warned_about_once_a_minute(caplog: pytest.LogCaptureFixture) -> None:
-    told: list[Any] = []
-    sink = SimpleNamespace(consume=told.extend)
-    session: Any = SimpleNamespace(_contested={}, _first_us=SECOND_US * 1000, sinks=[sink])
-    for vehicles, second in (
-        ([1], 1000),
-        ([1, 2], 1030),
-        ([1, 2], 1059),
-        ([1], 1060),
-        ([2], 1089),
-        ([], 1200),
-    ):
-        Session._warn_contested(session, vehicles, SECOND_US * second)
-    assert [(one.vehicle, one.time_s) for one in told] == [(1, 0.0), (2, 30.0), (1, 60.0)]
-    assert caplog.text.count("more than one sender transmits as vehicle 1") == 2
-    session._first_us = None
-    Session._warn_contested(session, [3], SECOND_US * 1000)
-    assert told[-1].time_s == 0.0
+        clocks.go(999_999_000 * lost)
+        assert link.receive() == []
+        assert (link.fileno() < 0) == lost, "not before a second has passed"
+        clocks.go(1_000 * lost)
+        link.receive()
+        assert link.fileno() >= 0
+        os.write(master, b"x" * 3000)
+        while not (pieces := link.receive()):
+            assert link.fileno() >= 0
+        senders.append(pieces[0].sender)
+        os.close(master)
+        os.close(slave)
+        while link.fileno() >= 0:
+            link.receive()
+        device.unlink()
+        link.receive()
+        link.send(b"lost", [])
+        assert link.unsent == 1 + lost
+    assert senders[0] != senders[1]

@@ -108,7 +108,10 @@ def condition(friction: Interval) -> Condition:
     return "degraded" if friction.low > NORMAL else "normal"
 
 
-def new_verdict(actuator: str, state: Condition, estimate: float, since: float | None) -> Verdict:
+def new_verdict(
+    actuator: str, state: Condition, estimate: float = 0.2, since: float | None = 0.0, /, **changes: object
+) -> Verdict:
+    """Return a verdict; other fields than these are set by ``changes``."""
     sources = {
         key: f"DEBUG_FLOAT_ARRAY[EMA,{NAMES.index(actuator) + 1}].data[{i}]" for i, key in enumerate(KEYS)
     }
@@ -123,7 +126,7 @@ def new_verdict(actuator: str, state: Condition, estimate: float, since: float |
             provenance=sources,
             reason="it stood still throughout, and friction shows only in motion",
             remedy="record a flight, or a check on the ground, in which it moves for 10 s",
-        )
+        ).model_copy(update=changes)
     evidence: tuple[Evidence, ...] = ()
     if state == "emergency":
         evidence = (
@@ -169,10 +172,10 @@ def new_verdict(actuator: str, state: Condition, estimate: float, since: float |
         tier="instrumented",
         provenance=sources,
         evidence=evidence,
-    )
+    ).model_copy(update=changes)
 
 
-def new_assessment(*verdicts: Verdict, losses: Losses | None = None) -> Assessment:
+def new_assessment(*verdicts: Verdict, losses: Losses | None = None, **changes: object) -> Assessment:
     log = LogSummary(
         path="flights/2025-06-01.tlog",
         sha256="0" * 64,
@@ -182,7 +185,8 @@ def new_assessment(*verdicts: Verdict, losses: Losses | None = None) -> Assessme
         losses=losses or Losses(),
     )
     model = ModelSummary(name="paper-ema", hash="abc")
-    return Assessment(log=log, airframe="paper", model=model, verdicts=verdicts)
+    whole = Assessment(log=log, airframe="paper", model=model, verdicts=verdicts)
+    return whole.model_copy(update=changes)
 
 
 @pytest.fixture(scope="session")

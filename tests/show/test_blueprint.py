@@ -67,7 +67,7 @@ def test_what_is_absent_gets_no_plot(assessment: Assessment) -> None:
 
 
 def test_a_tab_says_what_was_worse() -> None:
-    verdict = new_verdict("elevator", "emergency", 0.3, 90.0).model_copy(update={"condition": "normal"})
+    verdict = new_verdict("elevator", "emergency", 0.3, 90.0, condition="normal")
     assert "elevator: normal, was emergency" in tree(new_assessment(verdict), elevator=ALL)
 
 

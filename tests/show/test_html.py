@@ -144,8 +144,8 @@ def hostile(text: str) -> str:
     odd = found.model_copy(
         update={"actuator": f"elevator {text}", "evidence": (rule,), "reason": text, "remedy": text}
     )
-    axis = new_verdict("rudder", "normal", 0.2, 0.0).model_copy(
-        update={"subject": "axis", "actuator": "yaw", "surfaces": (f"rudder {text}",)}
+    axis = new_verdict(
+        "rudder", "normal", 0.2, 0.0, subject="axis", actuator="yaw", surfaces=(f"rudder {text}",)
     )
     whole = new_assessment(odd, axis)
     whole = whole.model_copy(
@@ -191,9 +191,7 @@ def test_every_condition_has_a_sign_and_a_word() -> None:
     assert set(SIGNS) == set(URGENCY)
     assert len(set(SIGNS.values())) == len(SIGNS)
     verdicts = [
-        new_verdict("elevator", "normal", 0.2, 0.0).model_copy(
-            update={"actuator": f"elevator_{word}", "condition": word, "worst": word}
-        )
+        new_verdict("elevator", "normal", 0.2, 0.0, actuator=f"elevator_{word}", condition=word, worst=word)
         for word in SIGNS
     ]
     text = Tags(page(new_assessment(*verdicts), EvidenceCollector())).text
@@ -204,7 +202,7 @@ def test_every_condition_has_a_sign_and_a_word() -> None:
 def test_long_flights_and_crowds_stay_small() -> None:
     names = [f"elevator_{k}" for k in range(300)]
     verdicts = [
-        new_verdict("elevator", "emergency", 1.0 + k / 100, 5.0).model_copy(update={"actuator": name})
+        new_verdict("elevator", "emergency", 1.0 + k / 100, 5.0, actuator=name)
         for k, name in enumerate(names)
     ]
     kept = EvidenceCollector()
@@ -242,13 +240,11 @@ def test_a_pause_is_not_bridged_and_levels_lie_where_they_belong() -> None:
 
 
 def test_a_surface_has_the_condition_of_what_is_known_of_it() -> None:
-    silent = new_verdict("elevator", "undecided", 0.0, None).model_copy(
-        update={"condition": "unmonitored", "worst": "unmonitored"}
+    silent = new_verdict("elevator", "undecided", 0.0, None, condition="unmonitored", worst="unmonitored")
+    pitch = new_verdict(
+        "elevator", "emergency", 0.2, 5.0, subject="axis", actuator="pitch", surfaces=("elevator",)
     )
-    pitch = new_verdict("elevator", "emergency", 0.2, 5.0).model_copy(
-        update={"subject": "axis", "actuator": "pitch", "surfaces": ("elevator",)}
-    )
-    motor = new_verdict("elevator", "normal", 0.2, 0.0).model_copy(update={"actuator": "motor_1"})
+    motor = new_verdict("elevator", "normal", 0.2, 0.0, actuator="motor_1")
     (part,) = outline([silent, pitch, motor])
     assert (part.name, part.condition) == ("elevator", "emergency")
     inferred = pitch.model_copy(update={"surfaces": ("servo 2 (moves with pitch)",)})
@@ -344,16 +340,18 @@ def test_an_alarm_shows_what_was_asked_against_what_was_flown(
     values = np.stack([demand, np.zeros(time_s.size)], axis=1)
     trace = Trace(1, axis, kind, time_s, np.radians(values) if "°" in words else values, (3, 14))
     evidence = Evidence(kind=fault, start_s=22.0, end_s=33.0, value=9.1, limit=8.0, rule="emergency: away")
-    verdict = new_verdict("elevator", "emergency", 0.2, 22.0).model_copy(
-        update={
-            "subject": "axis",
-            "actuator": axis,
-            "evidence": (evidence,),
-            "suspects": (Suspect(fault=fault, confidence=0.99),),
-            "coverage": Coverage(moving_fraction=0.0, windows=34, decidable=0),
-            "friction_nm": None,
-            "network": None,
-        }
+    verdict = new_verdict(
+        "elevator",
+        "emergency",
+        0.2,
+        22.0,
+        subject="axis",
+        actuator=axis,
+        evidence=(evidence,),
+        suspects=(Suspect(fault=fault, confidence=0.99),),
+        coverage=Coverage(moving_fraction=0.0, windows=34, decidable=0),
+        friction_nm=None,
+        network=None,
     )
     text = page(new_assessment(verdict), gathered(trace))
     told = Tags(text)

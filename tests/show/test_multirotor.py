@@ -44,7 +44,7 @@ def assessment() -> Assessment:
     used = VehicleUsage(
         vehicle=1, kind="quadrotor", firmware="ArduPilot", armed_s=60.0, forward_s=0.0, outputs=outputs
     )
-    return new_assessment(lost).model_copy(update={"usage": (used,)})
+    return new_assessment(lost, usage=(used,))
 
 
 def test_each_motor_is_drawn_where_it_sits(assessment: Assessment) -> None:

@@ -133,10 +133,7 @@ def test_who_follows_a_flight_sees_it(flight: Flight) -> None:
 @pytest.mark.slow
 @needs_vulkan
 def test_sixteen_actuators_and_nothing_to_judge_still_make_a_picture(tmp_path: Path) -> None:
-    verdicts = [
-        new_verdict("rudder", "undecided", 0.0, None).model_copy(update={"actuator": f"servo_{k}"})
-        for k in range(16)
-    ]
+    verdicts = [new_verdict("rudder", "undecided", 0.0, None, actuator=f"servo_{k}") for k in range(16)]
     path = tmp_path / "none.rrd"
     with Recorder(path, recording_id="none") as recorder:
         recorder.close(new_assessment(*verdicts))

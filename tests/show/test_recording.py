@@ -251,7 +251,7 @@ def test_a_state_found_late_never_hides_below_an_earlier_one(tmp_path: Path) -> 
 
 
 def test_an_actuator_without_telemetry_is_shown_as_undecided(tmp_path: Path) -> None:
-    silent = new_verdict("rudder", "undecided", 0.0, None).model_copy(update={"vehicle": None})
+    silent = new_verdict("rudder", "undecided", 0.0, None, vehicle=None)
     path = write(tmp_path / "silent.rrd", [], new_assessment(silent))
     assert rows(path, "/no_vehicle/rudder", "StateChange:state")[1] == [["undecided"]]
     assert "vehicle" not in static(path, "/__properties/mavhums")

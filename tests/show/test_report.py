@@ -58,7 +58,7 @@ def test_actuators_whose_sources_differ_in_numbers_share_a_table(assessment: Ass
 
 
 def test_a_log_without_a_profile_speaks_of_every_actuator() -> None:
-    nothing = new_verdict("rudder", "undecided", 0.0, None).model_copy(update={"actuator": ALL})
+    nothing = new_verdict("rudder", "undecided", 0.0, None, actuator=ALL)
     assert "## every actuator: undecided" in markdown(new_assessment(nothing))
 
 
@@ -89,14 +89,14 @@ def test_different_reasons_are_told_apart() -> None:
 def test_headlines(conditions: tuple[Condition, ...], line: str) -> None:
     since = {"undecided": None}
     verdicts = [
-        new_verdict("aileron_left", state, 0.5, since.get(state, 5.0)).model_copy(update={"actuator": letter})
+        new_verdict("aileron_left", state, 0.5, since.get(state, 5.0), actuator=letter)
         for letter, state in zip("ab", conditions, strict=False)
     ]
     assert first_line(new_assessment(*verdicts)).startswith(line)
 
 
 def test_what_was_an_emergency_is_not_forgotten() -> None:
-    verdict = new_verdict("elevator", "emergency", 0.3, 90.0).model_copy(update={"condition": "normal"})
+    verdict = new_verdict("elevator", "emergency", 0.3, 90.0, condition="normal")
     text = markdown(new_assessment(verdict))
     assert text.startswith(
         "# EMERGENCY: elevator: friction 0.300 N·m (limit 0.875), 37.0s–1m40s, then normal"
@@ -112,7 +112,7 @@ def test_what_was_an_emergency_is_not_forgotten() -> None:
 def test_an_emergency_by_other_means_than_friction() -> None:
     bare = {"friction_nm": None, "network": None, "since": None}
     suspects = (Suspect(fault="friction", confidence=0.1), Suspect(fault="jam", confidence=0.9))
-    verdict = new_verdict("elevator", "emergency", 1.0, 3.0).model_copy(update={**bare, "suspects": suspects})
+    verdict = new_verdict("elevator", "emergency", 1.0, 3.0, **bare, suspects=suspects)
     text = markdown(new_assessment(verdict))
     assert text.startswith("# EMERGENCY: elevator: friction 1.00 N·m (limit 0.875)\n")
     assert "inspect gearbox and linkage for a blockage" in text
@@ -123,7 +123,7 @@ def test_an_emergency_by_other_means_than_friction() -> None:
 
 def test_texts_from_outside_stay_texts() -> None:
     name = "a|b\n# x <b>[l](u) `c` \x1b[31m"
-    verdict = new_verdict("elevator", "normal", 0.2, 0.0).model_copy(update={"actuator": name})
+    verdict = new_verdict("elevator", "normal", 0.2, 0.0, actuator=name)
     text = markdown(new_assessment(verdict))
     row = next(line for line in text.splitlines() if line.startswith(r"| a\|"))
     assert row.startswith(r"| a\|b�# x \<b>\[l\](u) \`c\` �\[31m | normal |")
@@ -141,7 +141,7 @@ def test_a_live_link_without_model_or_airframe(assessment: Assessment) -> None:
 
 def test_since_outlives_rounding() -> None:
     late = Since(flight_time_s=59.96, utc="2025-06-01T10:00:59Z")
-    verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"since": late})
+    verdict = new_verdict("elevator", "degraded", 0.5, 1.0, since=late)
     assert first_line(new_assessment(verdict)) == "# DEGRADED: elevator degraded since 1m00s"
 
 
@@ -163,7 +163,7 @@ def test_indicators_of_a_suspect_are_in_a_table() -> None:
     backlash = Indicator(
         fault="backlash", quantity="dead band", unit="°", value=value, windows=9, baseline=own
     )
-    verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"indicators": (backlash,)})
+    verdict = new_verdict("elevator", "degraded", 0.5, 1.0, indicators=(backlash,))
     text = markdown(new_assessment(verdict))
     assert "| dead band, ° | 0.210 (0.190 to 0.230) | — | 0.040 to 0.060 |" in text
     new = verdict.model_copy(update={"indicators": (backlash.model_copy(update={"baseline": None}),)})
@@ -183,7 +183,7 @@ def test_indicators_of_a_suspect_are_in_a_table() -> None:
 def test_a_figure_has_as_many_digits_as_its_interval_supports(low: float, high: float, told: str) -> None:
     value = Interval(estimate=(low + high) / 2, low=low, high=high)
     shown = Indicator(fault="x", quantity="loss", unit="1", value=value, windows=9, limit=0.08)
-    verdict = new_verdict("elevator", "degraded", 0.5, 1.0).model_copy(update={"indicators": (shown,)})
+    verdict = new_verdict("elevator", "degraded", 0.5, 1.0, indicators=(shown,))
     assert f"| loss | {told} | 0.08 |" in markdown(new_assessment(verdict))
 
 

@@ -91,7 +91,7 @@ def test_a_long_list_of_findings_is_cut_and_says_so() -> None:
 
 def test_markup_and_control_codes_from_outside_are_inert() -> None:
     named = {"actuator": "[red]x\x1b[2J\x07"}
-    verdict = new_verdict("elevator", "undecided", 0.0, None).model_copy(update=named)
+    verdict = new_verdict("elevator", "undecided", 0.0, None, **named)
     text = rendered(new_assessment(verdict))
     assert "\x1b" not in text
     assert "\x07" not in text
@@ -160,7 +160,7 @@ def test_of_several_reasons_the_binding_one_is_shown() -> None:
         "reason": "outputs at 2.9 Hz, 10 are needed; 26 s of flight",
         "remedy": "record at 10 Hz; fly longer",
     }
-    verdict = new_verdict("elevator", "undecided", 0.0, None).model_copy(update=several)
+    verdict = new_verdict("elevator", "undecided", 0.0, None, **several)
     brief, whole = rendered(new_assessment(verdict)), rendered(new_assessment(verdict), verbose=True)
     assert "elevator: undecided: outputs at 2.9 Hz, 10 are needed (and 1 more: --verbose)" in flat(brief)
     assert "what to do: record at 10 Hz " in flat(brief) + " "

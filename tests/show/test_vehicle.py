@@ -166,7 +166,7 @@ def test_the_events_of_the_flight_are_recorded(tmp_path: Path) -> None:
         FlightEvent(kind="crash", vehicle=1, time_s=7.0, said="Crash: Disarming"),  # as its text
         FlightEvent(kind="landing", vehicle=1, time_s=7.0),
     )
-    assessment = new_assessment().model_copy(update={"events": happened})
+    assessment = new_assessment(events=happened)
     time, texts = rows(write(tmp_path / "events.rrd", [], assessment), "/events", "TextLog:text")
     assert (time.tolist(), texts) == ([7.0], [["vehicle 1: landing"]])
 
@@ -203,7 +203,7 @@ def test_silence_is_noticed_while_others_speak(tmp_path: Path) -> None:
     other = block(0, 1200)
     rudder = Samples(1, "rudder", other.time_s, other.values)
     log = new_assessment().log.model_copy(update={"duration_s": 12.0})
-    whole = new_assessment().model_copy(update={"log": log})
+    whole = new_assessment(log=log)
     path = write(tmp_path / "one.rrd", [block(0, 100), rudder], whole)
     assert rows(path, "/vehicle_1/elevator", "StateChange:state")[1] == [["undecided"], ["stale"]]
     assert rows(path, "/vehicle_1/rudder", "StateChange:state")[1] == [["undecided"]]
