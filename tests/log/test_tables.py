@@ -32,13 +32,9 @@ def test_to_frame_has_every_field_as_contiguous_columns(table: Table) -> None:
 @given(
     st.lists(st.sampled_from([b"", b"a", b"a\0b", b"\xff\xfe", b"S1V05", b"SERVO1_MIN", b"Mission: 3 WP"]))
 )
-def test_many_texts_read_as_few_do(texts: list[bytes]) -> None:
-    """The comparison by integers, which long columns take, gives what decoding every row gives."""
+def test_texts_are_cut_at_the_first_zero_and_read_as_utf_8(texts: list[bytes]) -> None:
     chars = np.array(texts, dtype="S13")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tables, "_MANY_TEXTS", 1)
-        many = tables._as_text(chars)
-    assert list(many) == list(tables._as_text(chars)) == [tables.text_of(value) for value in texts]
+    assert list(tables._as_text(chars)) == [tables.text_of(value) for value in texts]
 
 
 def test_frames_are_made_when_they_are_read(short_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,9 +40,6 @@ C_NUMBERS: Final = {
 
 _PARTS = ("frame", "time_us", "system", "component", "sequence", "flags", "fields")
 
-_MANY_TEXTS = 4096
-"""Rows from which on texts are compared as integers; below, the dictionary is faster (0.1 ms a column)."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
@@ -161,35 +158,9 @@ def _as_text(values: NDArray[Any]) -> Any:
     """Return chars as pandas' text, each distinct value decoded once."""
     import pandas as pd
 
-    if len(values) < _MANY_TEXTS:
-        numbers: dict[bytes, int] = {}
-        numbered = [numbers.setdefault(value, len(numbers)) for value in values.tolist()]
-        codes = np.array(numbered, dtype=np.int64)
-        distinct = list(numbers)
-    else:
-        codes, first = _distinct_texts(values)
-        distinct = values[first].tolist()
-    return pd.array([text_of(value) for value in distinct], dtype="str").take(codes)
-
-
-def _distinct_texts(values: NDArray[Any]) -> tuple[Integers, Integers]:
-    """Return the number of each row's text, and the first row of each text.
-
-    Eight characters are compared at a time, as one integer; an object per row takes three times as long.
-    """
-    import pandas as pd
-
-    rows = len(values)
-    chars = np.zeros((rows, -(-values.itemsize // 8) * 8), dtype=np.uint8)
-    chars[:, : values.itemsize] = np.ascontiguousarray(values).view(np.uint8).reshape(rows, -1)
-    codes = np.zeros(rows, dtype=np.int64)
-    for word in chars.view(np.uint64).T:
-        of_word, words = pd.factorize(word)
-        if len(words) > 1:
-            codes = pd.factorize(codes * len(words) + of_word)[0]
-    first = np.empty(int(codes.max()) + 1, dtype=np.int64)
-    first[codes[::-1]] = np.arange(rows)[::-1]
-    return codes, first
+    numbers: dict[bytes, int] = {}
+    codes = [numbers.setdefault(value, len(numbers)) for value in values.tolist()]
+    return pd.array([text_of(value) for value in numbers], dtype="str").take(np.array(codes, dtype=np.int64))
 
 
 def text_of(value: bytes) -> str:

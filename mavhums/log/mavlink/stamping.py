@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from mavhums.core.arrays import Bytes, Bytes1, Integers, Integers1, Records
+from mavhums.core.arrays import Bytes1, Integers, Integers1
 from mavhums.core.kernels import kernel
 from mavhums.log.base.scanner import GUARD, RecordBatch
 from mavhums.log.base.tables import MAVLINK1
@@ -166,41 +166,30 @@ class Stamper:
         """Pack admitted frames as records, in order of arrival."""
         if not found:
             return b""
-        rows, data, starts, time_us, owner = _in_order(found)
+        data = np.concatenate([part.batch.data for part in found])
+        bases = np.cumsum([0, *(part.batch.data.size for part in found[:-1])])
+        order = np.argsort(np.concatenate([part.arrival for part in found]), kind="stable")
+        rows = np.concatenate([part.batch.rows for part in found])[order]
+        starts = np.concatenate([p.batch.places + base for p, base in zip(found, bases, strict=True)])[order]
+        time_us = np.concatenate([part.time_us for part in found])[order]
+        owner = np.repeat(np.arange(len(found)), [part.batch.rows.size for part in found])[order]
         if self._guard:
             rows["offset"] = starts
             admitted = self._guard.admit(RecordBatch(data, GUARD, rows))
             rows, starts, time_us = rows[admitted], starts[admitted], time_us[admitted]
             owner = owner[admitted]
         sizes = frame_sizes(rows)
-        if self._hear and rows.size:
-            self._report(found, rows["system"], sizes, owner, int(time_us[-1]))
-        self._count(rows)
+        for k, part in enumerate(found):
+            own = owner == k
+            if self._hear and own.any():
+                systems = set(rows["system"][own].tolist())
+                self._hear(part.sender, systems, int(sizes[own].sum()), int(time_us[-1]))
+        self._counts.frames += rows.size
+        self._counts.unknown_frames += int(np.count_nonzero(rows["definition"] < 0))
+        self.speaks_mavlink2 |= bool(((rows["flags"] & MAVLINK1) == 0).any())
         out = np.empty(int(sizes.sum()) + STAMP * sizes.size, dtype=np.uint8)
         _pack(data, starts, sizes, time_us, out)
         return out.tobytes()
-
-    def _report(
-        self,
-        found: Sequence[_SenderFrames],
-        system: Bytes,
-        sizes: Integers,
-        owner: Integers,
-        time_us: int,
-    ) -> None:
-        """Call ``hear`` for each sender with its frames' systems."""
-        assert self._hear
-        order = np.argsort(owner, kind="stable")
-        cuts = np.flatnonzero(np.diff(owner[order])) + 1
-        for part in np.split(order, cuts):
-            sender = found[owner[part[0]]].sender
-            self._hear(sender, set(system[part].tolist()), int(sizes[part].sum()), time_us)
-
-    def _count(self, rows: Records) -> None:
-        self._counts.frames += rows.size
-        self._counts.unknown_frames += int(np.count_nonzero(rows["definition"] < 0))
-        if not self.speaks_mavlink2:
-            self.speaks_mavlink2 = bool(((rows["flags"] & MAVLINK1) == 0).any())
 
 
 class _SenderStream:
@@ -218,30 +207,6 @@ class _SenderStream:
         self._fed = int(ends[-1])
         self.frames += batch.rows.size
         return batch, np.searchsorted(ends, batch.rows["offset"] + frame_sizes(batch.rows))
-
-
-def _in_order(
-    found: Sequence[_SenderFrames],
-) -> tuple[Records, Bytes, Integers, Integers, Integers]:
-    """Return the frames of all senders in order of arrival.
-
-    Returned are their rows, buffer, positions in it, times and senders.
-    """
-    if len(found) == 1:
-        one = found[0].batch
-        owner = np.zeros(one.rows.size, dtype=np.int64)
-        return one.rows, one.data, one.places, found[0].time_us, owner
-    sizes = [part.batch.rows.size for part in found]
-    bases = np.cumsum([0, *(part.batch.data.size for part in found[:-1])])
-    starts = np.concatenate([p.batch.places + b for p, b in zip(found, bases, strict=True)])
-    order = np.argsort(np.concatenate([part.arrival for part in found]), kind="stable")
-    return (
-        np.concatenate([part.batch.rows for part in found])[order],
-        np.concatenate([part.batch.data for part in found]),
-        starts[order],
-        np.concatenate([part.time_us for part in found])[order],
-        np.repeat(np.arange(len(found)), sizes)[order],
-    )
 
 
 def _link(sender: Hashable) -> Hashable:
