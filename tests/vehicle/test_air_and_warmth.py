@@ -9,17 +9,16 @@ from hypothesis import strategies as st
 
 from mavhums.log import Table
 from mavhums.vehicle.airspeed import Airspeeds, Current, WindTriangle
+from tests.vehicle.tables import table_of
 
 SECOND = 1_000_000
 
 
 def reported(*speeds: float, first_s: int = 0, vehicle: int = 1) -> dict[str, Table]:
     """Return reports of the airspeed, one a second."""
-    count = len(speeds)
-    number, byte = np.arange(count), np.zeros(count, dtype=np.uint8)
     fields = np.array([(speed,) for speed in speeds], dtype=[("airspeed", "f4")])
-    time_us = (first_s + number) * SECOND
-    return {"VFR_HUD": Table("VFR_HUD", number, time_us, byte + vehicle, byte, byte, byte, fields)}
+    time_us = (first_s + np.arange(len(speeds))) * SECOND
+    return {"VFR_HUD": table_of("VFR_HUD", fields, time_us=time_us, system=vehicle)}
 
 
 def test_an_airspeed_holds_three_seconds_and_none_is_below_zero() -> None:
@@ -51,12 +50,9 @@ def test_on_board_logs_tell_the_airspeed_too(message: str, field: str) -> None:
     fields = np.array([(0, 20.0), (1, 99.0), (0, 25.0)], dtype=[("I", "u1"), (field, "f4")])
     if message == "airspeed":
         fields = fields[[0, 2]][[field]]
-    count = len(fields)
-    number, byte = np.arange(count), np.zeros(count, dtype=np.uint8)
-    table = Table(message, number, number * SECOND, byte + 1, byte, byte, byte, fields)
     airspeeds = Airspeeds()
-    airspeeds.feed({message: table})
-    last_us = np.array([(count - 1) * SECOND])
+    airspeeds.feed({message: table_of(message, fields)})
+    last_us = np.array([(len(fields) - 1) * SECOND])
     np.testing.assert_array_equal(airspeeds.at(1, np.array([0])), [20.0])
     np.testing.assert_array_equal(airspeeds.at(1, last_us), [25.0])
 

@@ -18,15 +18,14 @@ from mavhums_sim.dataflash import records
 from mavhums_sim.multirotor.craft import draw_craft, draw_plan
 from mavhums_sim.multirotor.flight import fly
 from mavhums_sim.multirotor.log import Rates, write_dataflash
+from tests.vehicle.tables import table_of
 
 PARTS = 4  # of a burst here
 
 
 def table(kind: str, frames: list[int], **columns: Any) -> Table:
     made = records(kind, np.array(frames) * 1e-3, **columns)
-    byte = np.ones(len(frames), dtype=np.uint8)
-    frame = np.array(frames, dtype=np.int64)
-    return Table(kind, frame, frame * 1000, byte, byte, byte, 0 * byte, made.rows)
+    return table_of(kind, made.rows, frame=frames, time_us=1000 * np.array(frames))
 
 
 def joined(rows: list[tuple[str, int, int]], cuts: list[int]) -> list[tuple[float, float]]:

@@ -17,6 +17,7 @@ from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces, of_parameters
 from mavhums.vehicle.usage import BAND_US
 from mavhums.vehicle.vtol import hovers, lift_of, refined_identity, rotor_servos, turns_its_motors
+from tests.present import present
 
 PLANE, COPTER, ROVER, BOAT, QUADPLANE = 1.0, 2.0, 10.0, 11.0, 22.0
 ARDUPILOT, PX4 = 3.0, 12.0
@@ -265,8 +266,7 @@ def test_the_last_rows_are_of_forward_flight_where_no_motor_lifts() -> None:
     part.signals["outputs"][4, :, 4] = 1500.0
     list(flight.feed(part))
     for count, until_s, begin, end in ((9, np.inf, 0, 6), (2, np.inf, 4, 6), (2, 4.0, 2, 4), (9, 5.9, 0, 5)):
-        known = flight.last(count, until_s)
-        assert known is not None
+        known = present(flight.last(count, until_s))
         rows, pulses = known
         assert rows.fresh == (begin == 0)
         assert [rows.cut(k, k + 1).fresh for k in range(2)] == [begin == 0, False]

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from mavhums.actuator.telemetry import TIERS
-from mavhums.log import Table
 from mavhums.log.formats import FORMATS as LOG_FORMATS
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.vehicle import formats
 from mavhums.vehicle.facts import REPORTS, SIGNALS
 from mavhums.vehicle.formats import FORMATS, SERVO_SOURCES, messages_of
 from mavhums.vehicle.formats.base import TEXT, FormatModule, holds
+from tests.vehicle.tables import table_of
 
 ROOM = Path(formats.__file__).parents[2]
 KNOWS = (ROOM / "log", ROOM / "vehicle" / "formats")
@@ -99,8 +99,7 @@ def test_every_fact_has_a_source_and_every_tier_its_messages() -> None:
 
 def test_a_table_holds_fields_of_the_kind_and_the_width_that_are_read() -> None:
     fields = np.zeros(1, dtype=[("name", "S16"), ("id", "u1"), ("data", "f4", 3), ("raw", "V4")])
-    one = np.ones(1, dtype=np.uint8)
-    table = Table("ANY", one.astype(np.int64), one.astype(np.int64), one, one, one, one, fields)
+    table = table_of("ANY", fields)
     assert holds(table, {"name": TEXT, "id": 1, "data": 3})
     for field, width in (
         *(("name", 1), ("name", 16), ("id", TEXT), ("data", TEXT), ("raw", TEXT), ("raw", 1)),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.grid import HORIZON_S, RATE_HZ, Grid, Order, Received, _between, _last_reported, _spacing
+from tests.present import present
 
 Array = NDArray[np.float64]
 COLUMNS = {"outputs": 16, "rates": 3, "rates 2": 3, "attitude": 3, "airspeed": 1, "state": 4}
@@ -50,8 +51,7 @@ def test_any_latency_of_each_stream_gives_the_same_seconds(latency: dict[str, fl
     times = {name: even(4.0, 60.0, 0.01 * (phase + 7 * k) % 0.25) for k, name in enumerate(latency)}
     expected = Grid(0).feed(signals(arrivals(times, {})), final=True)
     grid = Grid(0)
-    found = grid.feed(signals(arrivals(times, latency)), final=True)
-    assert found is not None
+    found = present(grid.feed(signals(arrivals(times, latency)), final=True))
     assert expected is not None
     assert np.array_equal(found.index, expected.index)
     for name, values in expected.signals.items():
@@ -125,8 +125,7 @@ def test_what_is_kept_of_a_hostile_stream_is_bounded() -> None:
 
 
 def test_a_second_is_given_as_soon_as_it_has_ended() -> None:
-    found = Grid(0).feed(signals(arrivals({name: even(4.0, 12.5) for name in COLUMNS}, {})))
-    assert found is not None
+    found = present(Grid(0).feed(signals(arrivals({name: even(4.0, 12.5) for name in COLUMNS}, {}))))
     assert found.index[-1] == 11
 
 
@@ -135,8 +134,9 @@ def test_an_altitude_is_no_angle() -> None:
     time_us = np.arange(0, 10_000_001, 500_000)
     frame = np.arange(time_us.size)
     climbed = Signal(1, "altitude", "altitude", frame, time_us, even(0.2, 105.0)[:, None], True, 0)
-    found = Grid(0).feed([climbed, *signals(arrivals({"attitude": even(4.0, 10.0)}, {}))], final=True)
-    assert found is not None
+    found = present(
+        Grid(0).feed([climbed, *signals(arrivals({"attitude": even(4.0, 10.0)}, {}))], final=True)
+    )
     seconds = (found.index[:, None] + np.arange(RATE_HZ) / RATE_HZ)[2:8]
     speed = np.diff(found.signals["altitude"][2:8, :, 0]) * RATE_HZ
     np.testing.assert_allclose(speed, np.full((len(seconds), RATE_HZ - 1), 10.0), rtol=1e-6)

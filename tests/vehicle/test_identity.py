@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from mavhums.log import Decoder, Table
-from mavhums.vehicle.formats import reports
+from mavhums.log import Decoder
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, PERIPHERALS, Identities, _version, in_words
 from tests.log.ulog import writer
 from tests.logs import write_log
+from tests.vehicle.tables import table_of
 
 
 def identities(path: Path) -> Identities:
@@ -34,13 +34,6 @@ def version(number: int, uid: int = 0, uid2: bytes = b"") -> Any:
     )
 
 
-def test_one_heartbeat_names_the_vehicle(tmp_path: Path) -> None:
-    path = write_log(tmp_path / "one.tlog", [beat(1, 12)], system=7)
-    found = identities(path)
-    assert found.vehicles == (7,)
-    assert str(found.of(7)) == "fixed wing, PX4"
-
-
 UNNAMED = {"GENERIC", "SPACECRAFT_ORBITER", "GROUND_QUADRUPED", "ENUM_END"}
 SYNONYMS = {
     "GCS": "station",
@@ -53,6 +46,13 @@ SYNONYMS["OSD"] = "on-screen"
 BEAT = np.dtype([(name, "u4") for name in ("type", "autopilot", "base_mode", "custom_mode")])
 
 
+def heard(name: str, row: tuple[Any, ...], kinds: Any) -> Identities:
+    """Return who vehicles are by one message."""
+    found = Identities()
+    found.feed({name: table_of(name, np.array([row], dtype=kinds))})
+    return found
+
+
 def test_kinds_are_those_of_mavlink() -> None:
     """A word of ours is part of the name in MAVLink; a multirotor is what has rotors and no wing."""
     for kind, entry in v2.enums["MAV_TYPE"].items():
@@ -62,10 +62,7 @@ def test_kinds_are_those_of_mavlink() -> None:
         alike = any(word.upper() in name for word in words.split())
         assert name in UNNAMED or alike or SYNONYMS.get(name, "-") in words, name
         assert (article == "an") == (words[0] in "aeioAEIO"), words
-        row = np.array([(kind, 3, 0, 0)], dtype=BEAT)
-        one, found = np.ones(1, dtype=np.uint8), Identities()
-        frame = one.astype(np.int64)
-        found.feed({"HEARTBEAT": Table("HEARTBEAT", frame, frame, one, one, one, one, row)})
+        found = heard("HEARTBEAT", (kind, 3, 0, 0), BEAT)
         assert found.vehicles == (() if kind in PERIPHERALS else (1,))
         assert found.of(1).multirotor == ("VTOL" not in name and ("ROTOR" in name or "TRICOPTER" in name)), (
             name
@@ -76,9 +73,7 @@ def test_autopilots_are_those_of_mavlink() -> None:
     named = {"ArduPilot": "ARDUPILOTMEGA", "Paparazzi": "PPZ", "SMACCMPilot": "SMACCMPILOT"}
     named |= {"PX4": "PX4", "OpenPilot": "OPENPILOT"}
     for autopilot, entry in v2.enums["MAV_AUTOPILOT"].items():
-        row, one = np.array([(1, autopilot, 0, 0)], dtype=BEAT), np.ones(1, dtype=np.uint8)
-        frame, found = one.astype(np.int64), Identities()
-        found.feed({"HEARTBEAT": Table("HEARTBEAT", frame, frame, one, one, one, one, row)})
+        found = heard("HEARTBEAT", (1, autopilot, 0, 0), BEAT)
         name = entry.name.removeprefix("MAV_AUTOPILOT_")
         told = found.of(1).autopilot
         assert (told is None) == (name not in named.values()), name
@@ -164,27 +159,10 @@ def test_an_undefined_type_in_a_ulog_is_no_type(tmp_path: Path) -> None:
     assert (who.kind, who.software) == (None, "PX4 1.16.0")
 
 
-@pytest.mark.parametrize("short", [0, 0x1234])
-@pytest.mark.parametrize("long", [0, 12, 18])
-def test_a_board_is_named_by_its_long_id_or_else_its_short_one(short: int, long: int) -> None:
-    fields = np.zeros(1, dtype=[("uid", "u8"), ("uid2", "u1", 18), ("flight_sw_version", "u4")])
-    fields["uid"], fields["uid2"][0, :long] = short, np.arange(1, long + 1)
-    one = np.ones(1, dtype=np.uint8)
-    table = Table("AUTOPILOT_VERSION", one.astype(np.int64), one.astype(np.int64), one, one, one, one, fields)
-    found = [report.values.tolist() for report in reports({table.name: table}, "board")]
-    name = bytes(range(1, long + 1)).hex().upper() if long else f"{short:016X}"
-    assert found == ([[name.encode()]] if short or long else [])
-
-
 @pytest.mark.parametrize(
     ("key", "name", "known"),
     [(b"sys_name", b"PX4", "PX4"), (b"sys_name", b"other", None), (b"sys_uuid", b"PX4", None)],
 )
 def test_a_ulog_without_a_state_names_its_autopilot(key: bytes, name: bytes, known: str | None) -> None:
-    fields = np.array([(key, name)], dtype=[("name", "S16"), ("value", "S16")])
-    one = np.ones(1, dtype=np.uint8)
-    found = Identities()
-    found.feed(
-        {"info": Table("info", one.astype(np.int64), one.astype(np.int64), one, one, one, one, fields)}
-    )
+    found = heard("info", (key, name), [("name", "S16"), ("value", "S16")])
     assert found.of(1).autopilot == known

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from datetime import datetime
 from pathlib import Path
 
@@ -17,14 +16,13 @@ from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from mavhums_sim.link import BOOT_US, EPOCH_US, Link
 from tests.log.dataflash.synthetic import definition, fmt_of_fmt, record
 from tests.log.ulog import writer
+from tests.logs import packed
 from tests.strategies import START_US
 
 
 def heard(*messages: object) -> RecordedFlights:
-    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
-    data = b"".join(struct.pack(">Q", START_US) + bytes(m.pack(link)) for m in messages)  # type: ignore[attr-defined]
     identities = RecordedFlights()
-    identities.feed(Decoder().feed(data, final=True))
+    identities.feed(Decoder().feed(packed(messages, step_us=0), final=True))
     return identities
 
 

@@ -24,15 +24,13 @@ from mavhums.vehicle.formats import messages_of
 from mavhums.vehicle.reported import Sag, ServoRails
 from tests.conftest import carried_logs, real_logs
 from tests.strategies import cuts
+from tests.vehicle.tables import table_of
 
 
 def table(name: str, rows: Sequence[dict[str, Any]], kinds: dict[str, str]) -> Table:
     """Return a table of one row a second."""
     wire = [(field, kind, np.shape(rows[0][field])) for field, kind in kinds.items()]
-    fields = np.array([tuple(row[field] for field in kinds) for row in rows], dtype=wire)
-    n = np.arange(len(rows), dtype=np.int64)
-    byte = np.ones(len(rows), dtype=np.uint8)
-    return Table(name, n, n * 1_000_000, byte, byte, byte, 0 * byte, fields)
+    return table_of(name, np.array([tuple(row[field] for field in kinds) for row in rows], dtype=wire))
 
 
 def heard(*tables: Table, parts: Sequence[int] = ()) -> tuple[FlightEvent, ...]:
@@ -181,10 +179,8 @@ def test_any_bytes_and_any_definition_end_in_words(name: str, kind: str, noise: 
     """A self-describing log may define a field as any number, and a damaged one may hold any."""
     wire = np.dtype([(field, kind) for field in FIELDS[name]])
     fields = np.frombuffer(noise[: len(noise) // wire.itemsize * wire.itemsize], dtype=wire)
-    n = np.arange(len(fields), dtype=np.int64)
-    byte = np.ones(len(fields), dtype=np.uint8)
     if len(fields):
-        said(Table(name, n, n * 1_000_000, byte, byte, byte, 0 * byte, fields))
+        said(table_of(name, fields))
 
 
 LOGS = [path for path in (*carried_logs(), *real_logs()) if path.suffix in (".tlog", ".BIN")]
@@ -228,8 +224,7 @@ def test_a_rail_that_sags_is_found_whatever_the_blocks(cuts: list[int]) -> None:
     rails, begun = ServoRails(), list[tuple[int, Sag]]()
     for rows in np.split(np.arange(600), cuts):
         fields = np.array([(volts,) for volts in VOLTS[rows]], dtype=[("VServo", "f8")])
-        byte = np.ones(rows.size, dtype=np.uint8)
-        begun += rails.feed({"POWR": Table("POWR", rows, TIME_US[rows], byte, byte, byte, 0 * byte, fields)})
+        begun += rails.feed({"POWR": table_of("POWR", fields, frame=rows, time_us=TIME_US[rows])})
     assert [(vehicle, sag.start_us) for vehicle, sag in begun] == [(1, 30_000_000)]
     deepest = rails.lowest[1]
     assert (deepest.start_us, deepest.end_us) == (30_000_000, 35_900_000)

@@ -14,11 +14,15 @@ def of(values: dict[str, float], *, px4: bool = False) -> Rotors | Reason | None
     return rotors_of(Parameters(1, px4, values))
 
 
+def rotors(values: dict[str, float], *, px4: bool = False) -> Rotors:
+    found = of(values, px4=px4)
+    assert isinstance(found, Rotors)
+    return found
+
+
 def known(frame: str) -> Rotors:
     kind, type_ = FRAMES[frame].parameters
-    rotors = of({**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": kind, "FRAME_TYPE": type_})
-    assert isinstance(rotors, Rotors)
-    return rotors
+    return rotors({**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": kind, "FRAME_TYPE": type_})
 
 
 @pytest.mark.parametrize("frame", FRAMES)
@@ -44,16 +48,14 @@ def test_clockwise_numbering_and_its_mirror_go_once_round(size: int, type_: int,
     steps = turns * np.diff(bearings, append=bearings[0]) % 360
     assert steps == pytest.approx(360 / len(bearings))
     assert abs(bearings[0]) <= 45
-    rotors = of({**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": float(size), "FRAME_TYPE": float(type_)})
-    assert isinstance(rotors, Rotors)
-    assert "order" in rotors.frame or "clockwise" in rotors.frame
+    frame = rotors({**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": float(size), "FRAME_TYPE": float(type_)}).frame
+    assert "order" in frame or "clockwise" in frame
 
 
 def test_betaflights_first_motor_is_the_rear_right_one() -> None:
-    rotors = of({**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": 1.0, "FRAME_TYPE": 12.0})
-    assert isinstance(rotors, Rotors)
-    assert rotors.frame == "quad X (Betaflight order)"
-    right_rear, right_front, left_rear, left_front = np.sign(rotors.columns).tolist()
+    quad = rotors({**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": 1.0, "FRAME_TYPE": 12.0})
+    assert quad.frame == "quad X (Betaflight order)"
+    right_rear, right_front, left_rear, left_front = np.sign(quad.columns).tolist()
     assert (right_rear, right_front) == ([-1, -1, -1], [-1, 1, 1])
     assert (left_rear, left_front) == ([1, -1, 1], [1, 1, -1])
 
@@ -67,19 +69,19 @@ def test_thrusts_invert_the_curve_of_the_parameters() -> None:
 
 
 def test_an_overridden_output_is_replaced_by_what_the_mixer_asks() -> None:
-    rotors = known("hexa x")
+    hexa = known("hexa x")
     asked = np.array([[0.1, -0.05, 0.02, 0.4]])
     command = asked[:, 3:] + 0.5 * asked[:, :3] @ FRAMES["hexa x"].factors.T
     sent = np.full((1, 32), np.nan)
     sent[:, :6] = pulses(command)
     sent[0, 2] = 1000.0
-    assert np.allclose(rotors.thrusts(sent, asked), command, atol=3e-3)
+    assert np.allclose(hexa.thrusts(sent, asked), command, atol=3e-3)
     sent[0, 4] = 1000.0
-    assert np.allclose(rotors.thrusts(sent, asked), command, atol=3e-3), "two of six are replaced"
+    assert np.allclose(hexa.thrusts(sent, asked), command, atol=3e-3), "two of six are replaced"
     sent[0, 0] = 1000.0
-    assert rotors.thrusts(sent, asked)[0, [0, 2, 4]].tolist() == [0.0] * 3, "three of six are the limit"
+    assert hexa.thrusts(sent, asked)[0, [0, 2, 4]].tolist() == [0.0] * 3, "three of six are the limit"
     # Without the mixer's commands, the outputs are all that is known.
-    assert rotors.thrusts(sent, np.full((1, 4), np.nan))[0, 2] == 0.0
+    assert hexa.thrusts(sent, np.full((1, 4), np.nan))[0, 2] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -106,16 +108,16 @@ def test_few_overridden_outputs_are_replaced(frame: str, off: int, replaced: boo
 
 
 def test_thrust_ends_at_both_ends_of_the_range_and_so_does_what_is_asked() -> None:
-    rotors, full = known("quad x"), FRAMES["quad x"].factors
+    quad, full = known("quad x"), FRAMES["quad x"].factors
     sent = np.full((2, 32), np.nan)
     sent[0, :4], sent[1, :4] = 500.0, 2500.0
-    assert rotors.thrusts(sent, np.full((2, 4), np.nan)).tolist() == [[0.0] * 4, [1.0] * 4]
+    assert quad.thrusts(sent, np.full((2, 4), np.nan)).tolist() == [[0.0] * 4, [1.0] * 4]
     for thrust in (0.2, 0.8):
         asked = np.array([[1.0, 0.0, 0.0, thrust]])
         command = np.clip(thrust + 0.5 * full[:, 0], 0.0, 1.0)
         sent[:, :4] = pulses(command[None])
         sent[0, 2] = 1500.0
-        found = rotors.thrusts(sent[:1], asked)[0]
+        found = quad.thrusts(sent[:1], asked)[0]
         assert np.allclose(found, command, atol=3e-3), "at the limits the mixer's share is cut, too"
 
 
@@ -154,8 +156,7 @@ def test_ardupilots_parameters_give_the_range_of_the_motors(
     values: dict[str, float], frame: str, servos: tuple[int, ...], range_us: tuple[float, ...], curve: float
 ) -> None:
     """Idle and full pulse: MOT_PWM_MIN … MOT_PWM_MAX times MOT_SPIN_MIN, MOT_SPIN_MAX (0.15, 0.95)."""
-    found = of(values)
-    assert isinstance(found, Rotors)
+    found = rotors(values)
     assert (found.frame, found.servos, found.curve) == (frame, servos, curve)
     assert found.lift == frame.startswith("lift")
     assert (found.idle, found.full) == pytest.approx(range_us)
@@ -173,7 +174,7 @@ def test_ardupilots_parameters_that_leave_the_motors_unknown(values: dict[str, f
     found = of(values)
     assert isinstance(found, Reason)
     assert found.code == code
-    assert isinstance(of(QUAD | {"MOT_PWM_MIN": 1800.0, "MOT_PWM_MAX": 1945.0}), Rotors)  # 101.5 µs
+    assert rotors(QUAD | {"MOT_PWM_MIN": 1800.0, "MOT_PWM_MAX": 1945.0})  # 101.5 µs
 
 
 def placed(count: int, output: str = "PWM_MAIN_FUNC") -> dict[str, float]:
@@ -213,13 +214,10 @@ def test_px4s_parameters_give_places_and_outputs(
     values: dict[str, float], frame: str, servos: tuple[int, ...]
 ) -> None:
     """Numbers of airframes as in PX4's list: 4000 quadrotor x, 5000 +, and so on; MAIN 1–16, AUX 17–32."""
-    found = of(values, px4=True)
-    assert isinstance(found, Rotors)
+    found = rotors(values, px4=True)
     assert (found.frame, found.servos, found.lift) == (frame, servos, frame.startswith("lift"))
     assert (found.idle, found.full, found.curve) == (1000, 2000, None)
-    turning = of(values | {"THR_MDL_FAC": 0.3}, px4=True)
-    assert isinstance(turning, Rotors)
-    assert turning.curve == 0.3
+    assert rotors(values | {"THR_MDL_FAC": 0.3}, px4=True).curve == 0.3
     if "CA_ROTOR_COUNT" in values:
         count = len(servos)
         assert found.bearings_deg == pytest.approx(
@@ -231,8 +229,7 @@ def test_px4s_parameters_give_places_and_outputs(
 def test_motors_are_the_same_or_not_known_without_any_one_parameter(values: dict[str, float]) -> None:
     """A log that lost some records hides any value: no default takes its place."""
     px4 = "CA_AIRFRAME" in values
-    whole = of(values, px4=px4)
-    assert isinstance(whole, Rotors)
+    whole = rotors(values, px4=px4)
     for name in values:
         found = of({other: value for other, value in values.items() if other != name}, px4=px4)
         assert not isinstance(found, Rotors) or found == whole, name
@@ -281,9 +278,7 @@ def test_px4_tells_the_places_or_an_airframe() -> None:
             f"PWM_MAIN_FUNC{k + 1}": 101 + k,
         }
     placed["THR_MDL_FAC"] = 0.0
-    by_place, by_number = of(placed, px4=True), of({"SYS_AUTOSTART": 4001.0, "MAV_TYPE": 2.0}, px4=True)
-    assert isinstance(by_place, Rotors)
-    assert isinstance(by_number, Rotors)
-    assert np.allclose(by_place.columns, by_number.columns)
-    assert np.allclose(by_place.columns, known("quad x").columns)
+    by_number = rotors({"SYS_AUTOSTART": 4001.0, "MAV_TYPE": 2.0}, px4=True)
+    for quad in (rotors(placed, px4=True), by_number):
+        assert np.allclose(quad.columns, known("quad x").columns)
     assert of({"SYS_AUTOSTART": 2100.0, "MAV_TYPE": 1.0}, px4=True) is None

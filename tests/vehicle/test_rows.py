@@ -11,6 +11,7 @@ import pytest
 from mavhums.vehicle.facts import PULSES
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import PastRows, Rows
+from tests.present import present
 
 FLAGS = ("flying", "up", "aloft", "trusted", "settled")
 
@@ -60,8 +61,7 @@ def test_runs_are_joined_up_to_a_gap() -> None:
 def test_the_last_seconds_before_a_time(seconds: int, until_s: float, first: int, count: int) -> None:
     """Seconds 5 to 9 and 20; a second that is not over by then does not count."""
     past = kept(part(5, 2, fresh=True), part(7, 3), part(20, 1, fresh=True))
-    found = past.last(seconds, until_s)
-    assert found is not None
+    found = present(past.last(seconds, until_s))
     rows, pulses = found
     assert (rows.roll[0], rows.seconds, len(pulses)) == (first, count, count * RATE_HZ)
     np.testing.assert_array_equal(pulses[:, 2], 1000.0 + rows.roll)

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,8 @@ from mavhums.log import Table
 from mavhums.vehicle.states import Attitude, FlightMode, Position, VehicleStates
 from tests.conftest import real_logs
 from tests.judge import judged
-from tests.strategies import START_US
+from tests.logs import packed
+from tests.vehicle.tables import table_of
 
 PLANE, COPTER, GCS = 1, 2, 6
 ARDUPILOT, PX4, NONE = 3, 12, 8
@@ -27,11 +27,7 @@ def told(data: bytes, *, step: int | None = None, wanted: bool = True) -> list[E
 
 def log(*messages: Any, component: int = 1) -> bytes:
     """Frames 100 ms apart."""
-    link = v2.MAVLink(None, srcSystem=1, srcComponent=component)
-    return b"".join(
-        struct.pack(">Q", START_US + 100_000 * k) + bytes(message.pack(link))
-        for k, message in enumerate(messages)
-    )
+    return packed(messages, component=component, step_us=100_000)
 
 
 def attitude(ms: int, roll: float) -> Any:
@@ -84,8 +80,7 @@ def test_a_position_lies_on_the_earth_and_not_where_none_is_known(
 ) -> None:
     fields = [("lat", "f8"), ("lon", "f8"), ("alt", "f8")]
     row = np.array([(degrees[0] * 1e7, degrees[1] * 1e7, 5000.0)], dtype=fields)
-    one, at = np.ones(1, dtype=np.uint8), np.zeros(1, dtype=np.int64)
-    table = Table("GLOBAL_POSITION_INT", at, at + 7_200_000_000, one, one, one, one, row)
+    table = table_of("GLOBAL_POSITION_INT", row, time_us=[7_200_000_000])
     found = list(VehicleStates().feed({table.name: table}, start_us=3_600_000_000))
     told = [(event.time_s[0], event.altitude_m[0]) for event in found if isinstance(event, Position)]
     assert told == [(3600.0, 5.0)] * is_one
@@ -96,8 +91,7 @@ def test_time_that_runs_back_or_stands_is_left_out_over_the_blocks() -> None:
     states, heard = VehicleStates(), []
     for block in ([-3, -1], [-2, -1, 0], [0, 4, 3, 5]):
         row = np.zeros(len(block), dtype=[(name, "f4") for name in ("roll", "pitch", "yaw")])
-        one, at = np.ones(len(block), dtype=np.uint8), np.array(block, dtype=np.int64)
-        table = Table("ATTITUDE", at, at, one, one, one, one, row)
+        table = table_of("ATTITUDE", row, frame=block, time_us=block)
         for event in states.feed({table.name: table}, start_us=-1_000_000):
             assert isinstance(event, Attitude)
             heard.append((event.time_s * 1e6 - 1e6).round().tolist())
@@ -117,19 +111,12 @@ def test_flight_modes_by_autopilot_and_vehicle() -> None:
     assert modes == [(0.0, "AUTO"), (0.3, "RTL"), (0.4, "POSCTL"), (0.5, "Mode(99)")]
 
 
-def test_a_mode_counts_wherever_its_number_goes_and_once() -> None:
-    beats = [heartbeat(PLANE, ARDUPILOT, 89, number) for number in (11, 11, 10, 5, 5, 11)]
-    modes = [(event.time_s, event.mode) for event in told(log(*beats)) if isinstance(event, FlightMode)]
-    assert modes == [(0.0, "RTL"), (0.2, "AUTO"), (0.3, "FBWA"), (0.5, "RTL")]
-
-
 def test_the_last_hundred_modes_wait_for_a_text_that_names_the_kind() -> None:
     """Modes 10 and 5 in turn, of a log that does not name the kind with them."""
 
     def logged(name: str, field: str, values: list[Any]) -> dict[str, Table]:
         row = np.array([(value,) for value in values], dtype=[(field, "S20" if field == "Message" else "u1")])
-        one, at = np.ones(len(values), dtype=np.uint8), np.arange(len(values), dtype=np.int64)
-        return {name: Table(name, at, at, one, one, one, one, row)}
+        return {name: table_of(name, row, time_us=np.arange(len(row)))}
 
     states = VehicleStates()
 

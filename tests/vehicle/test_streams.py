@@ -13,16 +13,13 @@ from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats.base import angles_of
 from mavhums.vehicle.grid import Grid, Seconds
 from mavhums.vehicle.signals import (
-    _AGREEMENT_S,
-    _BETTER,
-    _DISAGREES,
-    _LESSER,
     _MOVING_RAD_S,
     DERIVED,
     CandidateStream,
     Choice,
     body_rates,
 )
+from tests.present import present
 
 Array = NDArray[np.float64]
 GYRO, ESTIMATE = 0, 1
@@ -58,9 +55,7 @@ def stream(
 
 
 def used(*streams: Signal) -> Seconds:
-    found = Grid(0).feed(streams, final=True)
-    assert found is not None
-    return found
+    return present(Grid(0).feed(streams, final=True))
 
 
 def test_attitude_at_10_hz_beats_a_gyro_at_2_hz() -> None:
@@ -140,41 +135,6 @@ def test_an_outage_of_the_whole_link_tells_nothing_about_a_stream() -> None:
     before, outage, after = [0.2] * 10, [1.2] * 10, [1.2] * 10
     lost = chosen((0, before + outage + after), (1, before + outage + [0.2] * 10))
     assert lost.index(1) == 21  # as soon as without the outage: the second silent second of the first stream
-
-
-def test_what_agreed_is_forgotten_with_a_time_constant() -> None:
-    """Seconds without a common row are not compared."""
-    choice, rows = Choice(1.2), 20
-    seconds = round(_AGREEMENT_S)
-    own, truth = np.zeros((2, 2 + 2 * seconds, rows, 1))
-    own[0], truth[0] = 6.0, 3.0
-    truth[1 : 1 + seconds] = np.nan
-    spacing = np.full((own.shape[0], rows), 0.2)
-    turning = CandidateStream(DERIVED, truth, spacing)
-    choice.step(own.shape[0], [CandidateStream(0, own, spacing), turning], turning)
-    kept = np.exp(-(1 + seconds) / _AGREEMENT_S)
-    assert choice._agreed == {0: pytest.approx((18.0 * kept, 9.0 * kept))}
-
-
-@pytest.mark.parametrize(("share", "used"), [(0.99, 0), (1.01, 1)])
-def test_a_stream_that_disagrees_is_left_where_its_cost_grows_beyond_that_of_another(
-    share: float, used: int
-) -> None:
-    length, rows, silent_s = 20, 20, 1.2
-    limit_s = 0.5 * _LESSER / (_BETTER * _DISAGREES)
-    values = np.ones((length, rows, 1))
-    turning = values.copy()
-    turning[0] = np.nan  # nothing to compare with yet
-    several = [
-        CandidateStream(rank, rates, np.full((length, rows), spacing_s))
-        for rank, rates, spacing_s in (
-            (0, -values, share * limit_s),
-            (1, values, 0.5),
-            (DERIVED, turning, silent_s),
-        )
-    ]
-    by_second = Choice(silent_s).step(length, several, several[-1]).tolist()
-    assert by_second == [0] + [used] * (length - 1)
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from mavhums.vehicle.surfaces import (
 )
 from mavhums.vehicle.vtol import lift_of
 from tests.health.axis.flights import Array
+from tests.present import present
 
 
 def pulses(**outputs: Array) -> Array:
@@ -31,13 +32,6 @@ def pulses(**outputs: Array) -> Array:
 
 def ailerons(*servos: int) -> Surfaces:
     return Surfaces(tuple(SurfaceOutput(servo, "aileron", 1500.0, 400.0) for servo in servos), "profile")
-
-
-def test_an_output_that_jumps_alone_does_not_move_the_demand_of_three() -> None:
-    moving = 1500 + 100 * np.sin(np.arange(400) / 10)
-    jumping = np.where(np.arange(400) < 200, moving, 1900.0)
-    demand = Demands(ailerons(1, 2, 3)).feed(pulses(s1=moving, s2=moving, s3=jumping))[:, 0]
-    assert demand == pytest.approx((moving - 1500) / 400)
 
 
 def test_a_demand_is_the_same_whatever_its_surfaces_are_called() -> None:
@@ -68,8 +62,7 @@ def mixed(functions: dict[int, float], reversed_: int = 0) -> tuple[Surfaces, Ar
     """An ArduPlane's surfaces, their pulses as it mixes them, and the aileron and the elevator asked for."""
     values = {f"SERVO{n}_FUNCTION": function for n, function in functions.items()}
     values |= {f"SERVO{n}_REVERSED": float(n == reversed_) for n in functions}
-    surfaces = of_parameters(Parameters(1, False, values))
-    assert surfaces is not None
+    surfaces = present(of_parameters(Parameters(1, False, values)))
     t = np.arange(400) / 20
     aileron, elevator, rudder = 0.2 * np.sin(2 * t), 0.15 * np.sin(3 * t + 1), 0.1 * np.sin(5 * t)
     flap = np.where(t > 10, 0.3, 0.0)

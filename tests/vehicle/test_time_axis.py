@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle import clocks as clocks_module
-from mavhums.vehicle.clocks import Clocks, _forget_oldest, _repeated
+from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.time_axis import BOOT, BROKEN, SOUND, UNSTAMPED, USEC, MappedTimes, VehicleClock
+from tests.vehicle.tables import table_of
 
 Times = NDArray[np.int64]
 START_US = 1_700_000_000_000_000
@@ -192,34 +193,12 @@ def test_the_time_of_now_is_the_senders_newest_and_what_passed_since_it_came() -
     assert [clock.at_us(us) - START_US for us in asked] == shown
 
 
-def test_a_code_repeats_within_the_memory_of_messages_and_of_seconds() -> None:
-    codes = np.array([5, 6, 5, 5], dtype=np.uint64)
-    assert _repeated(codes).tolist() == [False, False, True, True]
-    times = array([0, 0, 5_000_000, 10_000_001])
-    assert _repeated(codes, times).tolist() == [False, False, True, False]
-    for apart, again in ((4096, True), (4097, False)):
-        codes = np.arange(1, apart + 2, dtype=np.uint64)
-        codes[-1] = codes[0]
-        assert _repeated(codes)[-1] == again
-        assert not _repeated(codes)[:-1].any()
-    streams: dict[tuple[str, int], object] = {("A", k): k for k in range(1024)}
-    _forget_oldest(streams)
-    assert len(streams) == 1024
-    streams["A", 1024] = 0
-    _forget_oldest(streams)
-    assert ("A", 0) not in streams
-    assert len(streams) == 1024
-
-
 def table(name: str, sent_ms: list[int], *, sequence: list[int], received_us: list[int]) -> Table:
-    count, stamp = len(sent_ms), "time_boot_ms" if name != "VFR_HUD" else "alt"
-    ones = np.ones(count, dtype=np.uint8)
-    fields = np.array([(ms,) for ms in sent_ms], dtype=[(stamp, "u4")])
-    frames = np.arange(count, dtype=np.int64) * 2 + (name == "VFR_HUD")
-    return Table(
-        name, frames, START_US + array(received_us), ones, ones.copy(),
-        np.array(sequence, dtype=np.uint8), 0 * ones, fields,
-    )  # fmt: skip
+    fields = np.array(
+        [(ms,) for ms in sent_ms], dtype=[("time_boot_ms" if name != "VFR_HUD" else "alt", "u4")]
+    )
+    frames = np.arange(len(sent_ms)) * 2 + (name == "VFR_HUD")
+    return table_of(name, fields, frame=frames, time_us=START_US + array(received_us), sequence=sequence)
 
 
 def test_each_component_has_a_clock_of_its_own() -> None:
@@ -274,36 +253,6 @@ def test_a_message_without_a_stamp_is_doubted_on_an_uneven_link(latency_us: int,
     timed = Clocks().feed({"ATTITUDE": stamped, "VFR_HUD": plain})
     assert bool((timed["VFR_HUD"].flags[50:] & LOOSE_TIME).all()) is loose
     assert not (timed["ATTITUDE"].flags & LOOSE_TIME).any()
-
-
-@pytest.mark.parametrize("size", [1, 3, 1000])
-def test_copies_without_a_stamp_are_told_by_their_sequence_numbers(size: int) -> None:
-    """Two routes into one file: each message again, 1 s later; without a second route nothing is one."""
-    rng = np.random.default_rng(3)
-    sent_s = np.arange(1, 401) * 0.1
-    for routes in (1, 2):
-        late = np.sort(rng.uniform(1.0, 1.05, sent_s.size)) if routes == 2 else np.empty(0)
-        at = np.concatenate([sent_s, sent_s[: late.size] + late])
-        row = np.concatenate([np.arange(400), np.arange(late.size)])
-        order = np.argsort(at, kind="stable")
-        received = (at[order] * 1e6).astype(int).tolist()
-        stamps = (1000 * sent_s[row[order]]).astype(int).tolist()
-        numbers = (row[order] % 256).tolist()
-        whole = {
-            "ATTITUDE": table("ATTITUDE", stamps, sequence=numbers, received_us=received),
-            "VFR_HUD": table("VFR_HUD", [7] * len(numbers), sequence=numbers, received_us=received),
-        }
-        clocks, kept = Clocks(), 0
-        for k in range(0, 2 * order.size, 2 * size):
-            block = {
-                name: part.select((part.frame >= k) & (part.frame < k + 2 * size))
-                for name, part in whole.items()
-            }
-            kept += len(clocks.feed(block)["VFR_HUD"])
-        missed = 12 if routes == 2 else 0  # those whose originals came before the first copy that was found
-        assert kept - 400 <= missed
-        assert clocks.copies["VFR_HUD"] == order.size - kept
-        assert kept >= 400
 
 
 def doubled(*received_s: float, late_s: float = 0.01) -> dict[str, Table]:

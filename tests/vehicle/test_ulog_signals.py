@@ -10,15 +10,15 @@ import pytest
 from mavhums.log import Table
 from mavhums.vehicle.facts import CONTINUOUS, STEPPED, Signal
 from mavhums.vehicle.signals import SignalReader
+from tests.vehicle.tables import table_of
 
 Fields = list[tuple[Any, ...]]
 
 
 def table(name: str, fields: Fields, rows: list[tuple[Any, ...]], instance: int = 0, frame: int = 0) -> Table:
+    frames = np.arange(len(rows)) + frame
     values = np.array(rows, dtype=fields)
-    ones = np.ones(len(rows), dtype=np.uint8)
-    frames = np.arange(len(rows), dtype=np.int64) + frame
-    return Table(name, frames, frames * 1000, ones, ones * instance, ones, ones, values)
+    return table_of(name, values, frame=frames, time_us=1000 * frames, component=instance)
 
 
 def signals(*tables: Table) -> dict[str, Signal]:

@@ -15,7 +15,7 @@ from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle.facts import ServoIds
 from mavhums.vehicle.formats import FORMATS, SERVO_SOURCES, dataflash, mavlink, reports, servo_readings, ulog
-from mavhums.vehicle.states import kind_named
+from tests.vehicle.tables import table_of
 
 NAN, QUARTER, G = np.nan, np.pi / 2, 9.80665
 HALF = np.sqrt(0.5)
@@ -27,8 +27,7 @@ def table(message: str, fields: dict[str, Any], component: int = 1, flags: int =
     arrays = {name: np.asarray(value) for name, value in fields.items()}
     kinds = [(name, value.dtype, value.shape) for name, value in arrays.items()]
     row = np.array([tuple(value.tolist() for value in arrays.values())], dtype=kinds)
-    one, byte = np.zeros(1, np.int64), np.ones(1, np.uint8)
-    return Table(message, one, one, byte, byte * component, byte, byte * flags, row)
+    return table_of(message, row, component=component, flags=flags)
 
 
 def fact(name: str, *tables: Table) -> Any:
@@ -118,8 +117,6 @@ FACTS: tuple[tuple[str, dict[str, Any], str, Any], ...] = (
     ("GPS", GPS | {"Status": 2}, "velocity", [NAN] * 3),
     ("GPS", {"Status": 3, "Spd": 20.0, "GCrs": 0.0}, "velocity", [20, 0, 0]),
     ("GPS", GPS, "groundspeed", [20]),
-    ("EV", {"Id": 10}, "arming", [3, 1]),
-    ("ARM", {"ArmState": 1}, "arming", [3, 1]),
     ("EV", {"Id": 18}, "landed", [1]),
     ("EV", {"Id": 28}, "landed", [2]),
     ("POS", {"RelHomeAlt": 50.0}, "altitude", [50]),
@@ -334,19 +331,7 @@ def test_modes_have_the_names_that_pymavlink_gives_them(autopilot: int) -> None:
     assert [dataflash.mode_name(3, kind, 0, 11) for kind in (-1, 1, 2)] == [None, "RTL", "DRIFT"]
 
 
-def test_names_of_navigation_states_and_firmwares() -> None:
-    """PX4's are of vehicle_status.msg, whose free numbers are former modes; kinds of vehicle of MAVLink."""
+def test_names_of_navigation_states() -> None:
+    """PX4's are of vehicle_status.msg, whose free numbers are former modes."""
     states = {0: "MANUAL", 3: "MISSION", 7: "Mode(7)", 14: "OFFBOARD", 22: "VTOL_TAKEOFF", 23: "Mode(23)"}
     assert {number: ulog.mode_name(12, 1, 0, number) for number in states} == states
-    kinds = {
-        v2.MAV_TYPE_FIXED_WING: "ArduPlane V4.5.7|APM:Plane V3.4.0",
-        v2.MAV_TYPE_QUADROTOR: "ArduCopter V4.5.7|APM:Copter V3.4.6",
-        v2.MAV_TYPE_ANTENNA_TRACKER: "AntennaTracker V4.5.0",
-        v2.MAV_TYPE_AIRSHIP: "Blimp V4.5.0",
-        v2.MAV_TYPE_GROUND_ROVER: "ArduRover V4.5.0|Rover V4.2|APM:Rover v2.50|Rover 4",
-        v2.MAV_TYPE_SUBMARINE: "ArduSub V4.5.0|APM:Sub V3.4",
-    }
-    for kind, texts in kinds.items():
-        assert [kind_named(text.replace("v2", "V2")) for text in texts.split("|")] == [kind] * len(
-            texts.split("|")
-        )

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.log import Table
 from mavhums.vehicle.facts import OUTPUTS, Signal
 from mavhums.vehicle.usage import BAND_US, EscTemperatures, OutputUse, Usage
+from tests.vehicle.tables import table_of
 
 STEP_US = 100_000
 
@@ -148,11 +148,9 @@ def test_a_temperature_is_the_median_of_ten_readings_or_more(
     degrees: list[int], median: float | None
 ) -> None:
     rows = np.array([([one, 0, 0, 7],) for one in degrees], dtype=[("temperature", "u1", 4)])
-    byte, frame = np.ones(len(rows), dtype=np.uint8), np.arange(len(rows))
     escs = EscTemperatures()
-    for half in (slice(0, 3), slice(3, None)):
-        table = Table("ESC_TELEMETRY_5_TO_8", frame, frame, byte, byte, byte, byte, rows).select(frame[half])
-        escs.feed({table.name: table})
+    for half in (rows[:3], rows[3:]):
+        escs.feed({"ESC_TELEMETRY_5_TO_8": table_of("ESC_TELEMETRY_5_TO_8", half)})
     assert escs.median(1, 4) == median
     assert escs.median(1, 7) == (None if len(degrees) < 10 else 7)
     assert escs.median(1, 0) is escs.median(2, 4) is escs.median(1, None) is None

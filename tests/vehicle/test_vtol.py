@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mavhums.vehicle.vtol import VTOL_PARAMETERS, lift_of, rotor_servos
+from mavhums.vehicle.vtol import lift_of, rotor_servos
 
 # A tiltrotor: motors 1 and 3 tilt, motor 2 lifts only, servo 8 tilts.
 TILTROTOR = {
@@ -114,8 +114,3 @@ def test_motor_seven_of_a_tricopter_is_its_tail_servo() -> None:
     motors = {"Q_ENABLE": 1.0, "SERVO5_FUNCTION": 33.0, "SERVO6_FUNCTION": 39.0}
     assert lift_of(motors).servos == {5, 6}
     assert lift_of(motors | {"Q_FRAME_CLASS": 7.0}).servos == {5}
-
-
-def test_every_parameter_that_tells_is_read() -> None:
-    told = {*TILTROTOR, "Q_FRAME_CLASS", "Q_M_SPIN_MIN", "Q_THR_MIN_PWM", "Q_TAILSIT_MOTMX", "Q_TILT_ENABLE"}
-    assert all(name.startswith((*VTOL_PARAMETERS, "SERVO")) for name in told)
