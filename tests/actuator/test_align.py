@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.actuator.align import Aligned, Aligner, _near
+from mavhums.actuator.align import Aligned, Aligner
 from mavhums.actuator.profile import load_airframe
 from mavhums.actuator.telemetry import Reading, in_columns
 
@@ -246,14 +246,3 @@ def test_what_was_forgotten_while_the_clock_was_silent_never_counts(behind_ms: i
     assert at_once[0].tolist() == in_parts[0].tolist() == [0, behind_ms]
     assert np.isnan(at_once[1][1]).all()
     assert np.isnan(in_parts[1][1]).all()
-
-
-ROWS = st.lists(st.integers(0, 20), min_size=1, max_size=12).map(sorted)
-
-
-@given(rows=ROWS, least=st.integers(-1, 21), guess=st.integers(0, 12), data=st.data())
-def test_any_guess_gives_the_first_row(rows: list[int], least: int, guess: int, data: st.DataObject) -> None:
-    start = data.draw(st.integers(0, len(rows)))
-    end = data.draw(st.integers(start, len(rows)))
-    first = start + int(np.searchsorted(rows[start:end], least))
-    assert _near(np.array(rows), start, end, least, guess) == first

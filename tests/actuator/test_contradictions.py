@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.actuator.contradictions import Contradiction, against_log, contradictions, reconciled
+from mavhums.actuator.contradictions import contradictions, reconciled
 from mavhums.actuator.draft import _names, _section
 from mavhums.actuator.profile import Actuator, Airframe, load_airframe
 from mavhums.vehicle.parameters import Parameters, control_surfaces
 from mavhums_sim.telemetry import parameters as simulated
+from tests.present import present
 
 ROOT = Path(__file__).parents[2]
 PAPER = load_airframe("paper")
@@ -153,16 +154,14 @@ def test_only_the_direction_beside_one_another_counts(
 
 def test_outputs_without_travel_take_the_logs_directions_beside_the_first() -> None:
     values = told(SERVO1_FUNCTION=4, SERVO5_FUNCTION=4, SERVO1_REVERSED=1, SERVO5_REVERSED=0)
-    surfaces = reconciled(pair(None, None), values)
-    assert surfaces is not None
+    surfaces = present(reconciled(pair(None, None), values))
     assert [moved.half_us for moved in surfaces.of_axis("roll")] == [400.0, -400.0]
     assert surfaces.confirmed == {"roll"}
 
 
 def test_a_contradicted_axis_takes_the_logs_outputs_and_the_others_the_profiles() -> None:
     values = {"SERVO1_FUNCTION": 4, "SERVO2_FUNCTION": 19, "SERVO3_FUNCTION": 70, "SERVO4_FUNCTION": 21}
-    surfaces = reconciled(PAPER, told(**values, SERVO9_FUNCTION=4))
-    assert surfaces is not None
+    surfaces = present(reconciled(PAPER, told(**values, SERVO9_FUNCTION=4)))
     assert [moved.servo for moved in surfaces.of_axis("roll")] == [1, 9]
     assert [moved.servo for moved in surfaces.of_axis("pitch")] == [2]
     assert [(m.servo, m.half_us) for m in surfaces.of_axis("yaw")] == [(4, 500.0)]
@@ -171,26 +170,17 @@ def test_a_contradicted_axis_takes_the_logs_outputs_and_the_others_the_profiles(
 
 
 def test_a_contradicted_axis_of_which_the_log_tells_nothing_has_no_outputs() -> None:
-    surfaces = reconciled(PAPER, told(SERVO2_FUNCTION=70))
-    assert surfaces is not None
+    surfaces = present(reconciled(PAPER, told(SERVO2_FUNCTION=70)))
     assert surfaces.of_axis("roll") == ()
     assert [moved.servo for moved in surfaces.of_axis("pitch")] == [3]
     assert "throttle" in surfaces.contradicted["roll"]
 
 
 def test_an_axis_that_the_profile_leaves_out_takes_the_logs_outputs() -> None:
-    surfaces = reconciled(one("elevator"), told(SERVO1_FUNCTION=4, SERVO2_FUNCTION=19))
-    assert surfaces is not None
+    surfaces = present(reconciled(one("elevator"), told(SERVO1_FUNCTION=4, SERVO2_FUNCTION=19)))
     assert [moved.servo for moved in surfaces.of_axis("roll")] == [1]
     assert surfaces.by_log == {"roll"}
     assert not surfaces.contradicted
-
-
-def test_the_remedy_names_the_lines() -> None:
-    found = [Contradiction(2, "left", "servo", ""), Contradiction(3, "flap", "pwm_us", "")]
-    assert against_log(found).remedy.startswith(
-        "correct servo or surface of left, pwm_us of flap in the profile, or draft"
-    )
 
 
 def test_the_simulators_parameters_agree_with_the_papers_profile() -> None:

@@ -112,16 +112,6 @@ def test_a_bus_side_esc_tells_the_motors_power_and_no_more() -> None:
     assert deriver.dropped == {"V4", "V5"}
 
 
-def test_driving_and_braking_take_the_same_power_from_the_bus() -> None:
-    """Why a bus-side current is not resolved: two ordinary currents, one power."""
-    speed = 150.0
-    drives = 0.3
-    power = float(motor(np.array(drives), np.array(speed)) * drives)
-    brakes = -power / (EMA.resistance * drives)
-    assert brakes < -0.3
-    assert float(motor(np.array(brakes), np.array(speed)) * brakes) == pytest.approx(power)
-
-
 def test_a_bus_side_esc_without_signs_tells_nothing() -> None:
     given = {"V4": np.full(2, 27.0), "V5": np.full(2, 0.1), "V7": np.full(2, 600.0)}
     values = Deriver(bus(ACTUATOR)).complete(
@@ -173,14 +163,7 @@ def test_the_integral_waits_for_the_first_speed_and_bridges_gaps_whatever_the_bl
 
 def in_parts(whole: Aligned, *cuts: int) -> Array:
     """What is derived from samples that come in parts."""
-    deriver = Deriver(ACTUATOR)
-    parts = []
-    for a, b in itertools.pairwise((0, *cuts, len(whole.utc_us))):
-        part = whole._replace(
-            utc_us=whole.utc_us[a:b],
-            values=whole.values[a:b],
-            origin=whole.origin[a:b],
-            command_rate=whole.command_rate[a:b],
-        )
-        parts.append(deriver.complete(part))
-    return np.concatenate(parts)
+    deriver, edges = Deriver(ACTUATOR), itertools.pairwise((0, *cuts, len(whole.utc_us)))
+    rows = ("utc_us", "values", "origin", "command_rate")
+    parts = (whole._replace(**{name: getattr(whole, name)[a:b] for name in rows}) for a, b in edges)
+    return np.concatenate([deriver.complete(part) for part in parts])

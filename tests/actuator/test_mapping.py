@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from typing import Any
 
 import numpy as np
@@ -14,10 +13,10 @@ from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.profile import ProfileError, load_airframe
 from mavhums.actuator.telemetry import best_tier, tiers_by_content
 from mavhums.actuator.vehicle_mappers import actuators
-from mavhums.core.quantities import KEYS, column
 from mavhums.log import Decoder, Log, Table
 from mavhums.results.reasons import Reason
 from mavhums.vehicle.clocks import Clocks
+from tests.logs import packed
 from tests.strategies import START_US
 
 
@@ -26,12 +25,7 @@ def array_message(servo: int, values: list[float], *, name: bytes = b"EMA", time
 
 
 def decode(*messages: Any, system: int = 1) -> dict[str, Table]:
-    link = v2.MAVLink(None, srcSystem=system, srcComponent=1)
-    data = b"".join(
-        struct.pack(">Q", START_US + 10_000 * k) + bytes(message.pack(link))
-        for k, message in enumerate(messages)
-    )
-    return Decoder().feed(data, final=True)
+    return Decoder().feed(packed(messages, system=system), final=True)
 
 
 def test_each_servo_is_its_actuators() -> None:
@@ -136,12 +130,6 @@ def test_content_tells_the_tiers_that_names_do_not() -> None:
     assert tiers_by_content(tables) == {(1, "instrumented")}
     tables = decode(v2.MAVLink_named_value_float_message(0, b"S1V05", 1.0), system=4)
     assert tiers_by_content(tables) == {(4, "named")}
-
-
-def test_columns_are_in_the_papers_order() -> None:
-    assert [column(key) for key in KEYS] == list(range(12))
-    with pytest.raises(ValueError, match="not in tuple"):
-        column("V13")
 
 
 @pytest.mark.parametrize("apart_ms", [0, 2])

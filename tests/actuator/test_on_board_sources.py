@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from math import nan, pi
+from math import nan
 
 import numpy as np
 import pytest
 
-from mavhums.actuator.draft import announcements
 from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.actuator.telemetry import best_tier, tiers_by_content
 from mavhums.core.quantities import column
 from mavhums.log import Decoder, Table
-from mavhums.vehicle.states import FlightMode, VehicleStates, texts
 from tests.log.dataflash.synthetic import definition, fmt_of_fmt, record
 
 PAPER = load_airframe("paper")
 NEW = ("QBfffBfffffB", "TimeUS,Id,Pos,Force,Speed,Pow,PosCmd,V,A,MotT,PCBT,Err")
-OLD = ("QBfffB", "TimeUS,Id,Pos,Force,Speed,Pow")
 ESC = ("QBffff", "TimeUS,Instance,RPM,RawRPM,Volt,Curr")
 RCOU = ("QHHHH", "TimeUS,C1,C2,C3,C4")
 NVF = ("QNf", "TimeUS,Name,Value")
-MSG = ("QZ", "TimeUS,Message")
-MODE = ("QMBB", "TimeUS,Mode,ModeNum,Rsn")
 
 
 def logged(name: str, layout: tuple[str, str], *rows: tuple[object, ...]) -> dict[str, Table]:
@@ -73,21 +68,6 @@ def test_a_servo_on_dronecan_is_counted_from_one_and_tells_its_speed() -> None:
     assert provenance["elevator"]["V7"] == "derived: V10·N"
 
 
-def test_before_4_7_the_buss_radians_were_handed_on() -> None:
-    values, _, _ = mapped(logged("CSRV", OLD, (3, pi / 6, 0.5, pi, 40)))
-    [row] = values["elevator"]
-    assert row[column("V3")] == pytest.approx(30.0)
-    assert row[column("V10")] == pytest.approx(30.0)
-
-
-def test_a_profile_may_say_which_id_is_which() -> None:
-    actuators = [a.model_copy(update={"csrv": 9 if a.name == "elevator" else None}) for a in PAPER.actuators]
-    other = PAPER.model_copy(update={"actuators": tuple(actuators)})
-    values, provenance, _ = mapped(logged("CSRV", NEW, volz(9), volz(2), volz(0)), other)
-    assert set(values) == {"elevator", "aileron_left"}
-    assert provenance["elevator"]["V3"] == "CSRV[9].Pos"
-
-
 def test_an_escs_numbers_are_magnitudes() -> None:
     rows = [(2, -900.0, 0.0, 12.0, 0.5)] * 3
     tables = logged("ESC", ESC, *rows)
@@ -112,20 +92,3 @@ def test_named_floats_are_logged_too() -> None:
     assert provenance["elevator"]["V5"] == "NVF[S3V05].Value"
     assert tiers["elevator"] == "named"
     assert tiers_by_content(tables) == {(1, "named")}
-
-
-def test_texts_name_the_airframe() -> None:
-    tables = logged("MSG", MSG, (b"ArduPlane V4.7.0",), (b"mavhums airframe=paper",))
-    assert [said.text for said in texts(tables)] == ["ArduPlane V4.7.0", "mavhums airframe=paper"]
-    [said] = announcements(tables)
-    assert (said.vehicle, said.name, said.known) == (1, "paper", True)
-
-
-def test_modes_wait_for_the_kind_of_vehicle() -> None:
-    modes = VehicleStates()
-    assert list(modes.feed(logged("MODE", MODE, (10, 10, 1), (10, 10, 1), (5, 5, 1)), start_us=0)) == []
-    changes = modes.feed(logged("MSG", MSG, (b"ArduPlane V4.7.0-dev (2598e9d4)",)), start_us=0)
-    assert [(one.vehicle, one.mode) for one in changes if isinstance(one, FlightMode)] == [
-        (1, "AUTO"),
-        (1, "FBWA"),
-    ]

@@ -12,7 +12,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 from rich.console import Console
 
-from mavhums.actuator.plausibility import Gate, bounds
+from mavhums.actuator.plausibility import Gate
 from mavhums.actuator.profile import load_airframe
 from mavhums.core.quantities import KEYS, column
 from mavhums.results.assessment import Assessment
@@ -113,18 +113,6 @@ def test_a_current_that_stands_still_shows_no_friction(
 def test_nothing_that_the_simulator_flies_is_taken_out(judged_with: Callable[..., Assessment]) -> None:
     for verdict in judged_with(0.0, share=0.0).verdicts:
         assert verdict.coverage.implausible == {}
-
-
-def test_the_bounds_follow_from_the_profile() -> None:
-    actuator = load_airframe("paper").actuators[0]
-    stall_a, no_load_rpm = 27 / 22.6457, 27 / 0.01460784 * 60 / (2 * np.pi)
-    most = dict(zip(KEYS, bounds(actuator), strict=True))
-    assert most["V4"] == pytest.approx(3 * 27)
-    assert most["V5"] == pytest.approx(3 * stall_a)
-    assert most["V7"] == pytest.approx(3 * no_load_rpm)
-    assert most["V10"] == pytest.approx(3 * no_load_rpm / 300)
-    draft = actuator.model_copy(update={"ema": None, "limits": None, "travel_deg": None})
-    assert (bounds(draft) >= bounds(actuator)).all()
 
 
 def test_nan_is_not_measured_and_infinity_is_not_possible() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,6 +12,7 @@ from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import CurrentSigns, Deriver
 from mavhums.actuator.profile import load_airframe
 from mavhums.core.quantities import column
+from tests.actuator.test_derive import in_parts
 
 ACTUATOR = load_airframe("paper").actuators[2]
 EMA = ACTUATOR.known_ema()
@@ -117,20 +116,7 @@ def test_resistance_and_noise_are_those_at_standstill(
 def test_signs_do_not_depend_on_blocks(cuts: list[int], seed: int) -> None:
     sent, _ = flight(np.random.default_rng(seed), speed_deg_s=(2.0, 12.0), seconds=100.0)
     expected = Deriver(ACTUATOR).complete(sent)
-    deriver = Deriver(ACTUATOR)
-    edges = [0, *sorted(cuts), sent.utc_us.size]
-    parts = [
-        deriver.complete(
-            sent._replace(
-                utc_us=sent.utc_us[a:b],
-                values=sent.values[a:b],
-                origin=sent.origin[a:b],
-                command_rate=sent.command_rate[a:b],
-            )
-        )
-        for a, b in itertools.pairwise(edges)
-    ]
-    assert np.array_equal(np.concatenate(parts), expected, equal_nan=True)
+    assert np.array_equal(in_parts(sent, *sorted(cuts)), expected, equal_nan=True)
 
 
 def test_an_actuator_that_never_moves_teaches_no_resistance_from_noise() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from typing import Any
 
 import numpy as np
@@ -11,23 +10,17 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.actuator.mapping import Mapper, messages_for
 from mavhums.actuator.profile import Airframe, FieldMapping, load_airframe
-from mavhums.actuator.telemetry import TIERS
 from mavhums.log import Decoder, Table
 from mavhums.vehicle.clocks import Clocks
-from mavhums.vehicle.formats import SERVO_SOURCES
 from mavhums_sim.esc_status import EscStatus
-from tests.strategies import START_US
+from tests.logs import packed
 
 PAPER = load_airframe("paper")
 ELEVATOR = PAPER.actuators[2]
 
 
 def decode(*messages: Any, step_us: int = 20_000) -> dict[str, Table]:
-    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
-    data = b""
-    for k, message in enumerate(messages):
-        data += struct.pack(">Q", START_US + step_us * k) + bytes(message.pack(link))
-    return Decoder().feed(data, final=True)
+    return Decoder().feed(packed(messages, step_us=step_us), final=True)
 
 
 def elevator(tables: dict[str, Table], airframe: Airframe = PAPER) -> tuple[np.ndarray, dict[str, str]]:
@@ -35,13 +28,6 @@ def elevator(tables: dict[str, Table], airframe: Airframe = PAPER) -> tuple[np.n
     parts = [part for part in mapper.feed(tables, final=True) if part.actuator.name == "elevator"]
     values = np.concatenate([part.values for part in parts]) if parts else np.empty((0, 12))
     return values, mapper.of(1, airframe.actuators[2]).provenance
-
-
-def test_every_source_names_a_tier_and_its_messages() -> None:
-    names = {tier.name for tier in TIERS}
-    assert names == {"instrumented", "csrv", "esc-signed", "named", "esc-unsigned", "pwm"}
-    assert names == {source.tier for source in SERVO_SOURCES}
-    assert {"SERVO_OUTPUT_RAW", "ESC_STATUS", "ESC_TELEMETRY_29_TO_32"} <= messages_for()
 
 
 @pytest.mark.parametrize(("pulse", "angle"), [(1000, -60.0), (1500, 0.0), (1750, 30.0), (2000, 60.0)])
@@ -55,18 +41,6 @@ def test_a_pulse_is_the_command(pulse: int, angle: float) -> None:
 
 def test_no_pulse_is_no_command() -> None:
     assert elevator(decode(v2.MAVLink_servo_output_raw_message(5, 0, *[0] * 16)))[0].size == 0
-
-
-def test_the_second_port_is_other_servos() -> None:
-    pulses = [1500] * 16
-    assert elevator(decode(v2.MAVLink_servo_output_raw_message(5, 1, *pulses)))[0].size == 0
-
-
-def test_actuator_outputs_of_px4_are_commands_too() -> None:
-    outputs = [0.0, 0.0, 1750.0] + [0.0] * 29
-    values, provenance = elevator(decode(v2.MAVLink_actuator_output_status_message(5, 3, outputs)))
-    assert values[:, 0].tolist() == [30.0]
-    assert provenance == {"V1": "ACTUATOR_OUTPUT_STATUS.actuator[2]"}
 
 
 def test_the_pulses_clock_wraps_without_a_gap() -> None:
@@ -101,15 +75,6 @@ def test_esc_status_is_signed_and_completed() -> None:
     assert "V11" not in provenance
 
 
-def test_px4s_repeated_batch_is_ignored() -> None:
-    batches = [status(20_000 * k, 0.1 * k, index=index) for k in range(5) for index in (0, 4)]
-    airframe = PAPER.model_copy(
-        update={"actuators": tuple(a.model_copy(update={"esc": (a.esc or 0) + 4}) for a in PAPER.actuators)}
-    )
-    assert elevator(decode(*batches), airframe)[0].size == 0
-    assert len(elevator(decode(*batches))[0]) == 5
-
-
 def test_an_actuator_without_an_esc_takes_nothing_from_escs() -> None:
     airframe = PAPER.model_copy(
         update={"actuators": tuple(a.model_copy(update={"esc": None}) for a in PAPER.actuators)}
@@ -118,14 +83,6 @@ def test_an_actuator_without_an_esc_takes_nothing_from_escs() -> None:
         [0] * 4, [500] * 4, [50] * 4, [0] * 4, [60] * 4, [0] * 4
     )
     assert elevator(decode(status(0, 0.1), telemetry), airframe)[0].size == 0
-
-
-def test_a_row_of_zeros_is_no_esc() -> None:
-    telemetry = v2.MAVLink_esc_telemetry_1_to_4_message(
-        [0] * 4, [500, 0, 0, 0], [50, 0, 0, 0], [0] * 4, [60, 0, 0, 0], [0] * 4
-    )
-    parts = Mapper(PAPER).feed(decode(telemetry), final=True)
-    assert [part.actuator.name for part in parts] == ["aileron_left"]
 
 
 def test_named_values_become_quantities() -> None:

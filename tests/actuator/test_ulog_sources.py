@@ -6,11 +6,10 @@ import struct
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.profile import Airframe, load_airframe
-from mavhums.actuator.telemetry import best_tier, tiers_by_content
+from mavhums.actuator.telemetry import tiers_by_content
 from mavhums.log import Decoder, Table
 from tests.conftest import Run
 from tests.log.ulog import writer
@@ -74,49 +73,6 @@ def test_escs_give_signed_voltage_current_and_speed() -> None:
     assert provenance["V4"] == "esc_status[2].esc_voltage"
     rows = values[np.isfinite(values[:, 6])]
     assert rows[0, [3, 4, 6]].tolist() == [24.0, 3.0, 200.0]
-    assert best_tier({"esc_status"}) is best_tier({"ESC_STATUS"})
-
-
-def test_outputs_of_each_driver_are_servos_of_their_own() -> None:
-    tables = Decoder().feed(writer.flight(1.0, vehicle=1), final=True)
-    left = PAPER.actuators[0]
-    aux = PAPER.model_copy(update={"actuators": (left.model_copy(update={"servo": 17, "esc": None}),)})
-    values, provenance = mapped(tables, left.name, aux)
-    assert provenance == {"V1": "actuator_outputs[1].output[0]"}
-    assert set(values[:, 0].tolist()) <= {0.0, 12.0, 24.0}
-
-
-@pytest.mark.parametrize(
-    ("topic", "fields", "record"),
-    [
-        (
-            "debug_array",
-            "uint64_t timestamp;float id;float[3] data;float name;",
-            struct.pack("<Q5f", 1, *[0] * 5),
-        ),
-        (
-            "debug_key_value",
-            "uint64_t timestamp;int32_t key;char[4] value;",
-            struct.pack("<Qi4x", 1, 2**31 - 1),
-        ),
-        ("actuator_outputs", "uint64_t timestamp;char[16] output;", bytes(24)),
-        ("esc_status", "uint64_t timestamp;uint8_t esc;", bytes(9)),
-        ("vehicle_attitude", "uint64_t timestamp;float[3] q;", bytes(20)),
-        ("vehicle_global_position", "uint64_t timestamp;char[4] lat;float lon;float alt;", bytes(20)),
-        ("vehicle_status", "uint64_t timestamp;char[4] nav_state;", bytes(12)),
-        ("vehicle_gps_position", "char[9] timestamp;char[9] time_utc_usec;", bytes(18)),
-    ],
-)
-def test_a_topic_of_another_layout_is_no_telemetry(
-    topic: str, fields: str, record: bytes, run: Run, tmp_path: Path
-) -> None:
-    log = (
-        writer.header() + writer.form(topic, fields) + writer.subscribe(1, topic) + writer.data(1, record) * 3
-    )
-    path = tmp_path / "flight.ulg"
-    path.write_bytes(log)
-    assert run("analyse", path, "--airframe", "paper").code == 12
-    assert run("inspect", path).code == 0
 
 
 def test_an_instrumented_ulog_is_judged(run: Run, tmp_path: Path) -> None:
