@@ -18,6 +18,7 @@ from tests import judge
 from tests.conftest import REAL_LOGS, needs
 from tests.fleet_logs import records
 from tests.health.axis.flights import excited
+from tests.present import present
 
 START_US = 1_700_000_000_000_000
 PROFILE = Path(__file__).parents[2] / "benchmarks" / "alfa.toml"
@@ -92,8 +93,7 @@ def test_a_lost_aileron_is_found_without_any_configuration() -> None:
     roll = of(assessment, "roll")
     assert (roll.subject, roll.condition) == ("axis", "emergency")
     assert roll.surfaces == ("aileron (servo 1)",)
-    assert roll.since is not None
-    assert roll.since.flight_time_s == pytest.approx(90, abs=10)
+    assert present(roll.since).flight_time_s == pytest.approx(90, abs=10)
     assert roll.effectiveness is not None
     assert assessment.exit_code is ExitCode.EMERGENCY
     assert {v.condition for v in assessment.verdicts if v.subject == "actuator"} == {"unmonitored"}

@@ -94,9 +94,3 @@ def test_even_a_few_bytes_at_a_time(name: str, size: int) -> None:
     again, pieces = judged(content, size=size, **LOGS[name][1])
     assert again.to_json() == assessment.to_json()
     assert canonical(told(again, pieces)) == events
-
-
-def test_the_networks_take_part() -> None:
-    assert {v.network.model.name for v in whole("networks")[1].verdicts if v.network} == {
-        "paper-instrumented"
-    }

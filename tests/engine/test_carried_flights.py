@@ -8,6 +8,7 @@ import pytest
 
 import mavhums
 from tests.conftest import CARRIED
+from tests.present import present
 
 LOST = {
     "healthy.tlog": {},
@@ -51,6 +52,5 @@ def test_an_on_board_log_tells_the_worn_servo_from_the_sound_ones() -> None:
         "aileron_right": "normal",
         "rudder": "normal",
     }
-    friction = found["elevator"].friction_nm
-    assert friction is not None
+    friction = present(found["elevator"].friction_nm)
     assert friction.low < 1.0 < friction.high

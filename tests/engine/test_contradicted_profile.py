@@ -18,7 +18,6 @@ from mavhums.core.errors import ExitCode
 from mavhums.engine.events import Event, Notice
 from mavhums.engine.moving_outputs import contradiction, refutation
 from mavhums.health.decision.events import ConditionChanged
-from mavhums.log.mavlink.stamping import Piece
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import AxisLimits
 from mavhums.results.verdict import Verdict
@@ -26,11 +25,10 @@ from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.surfaces import SurfaceOutput
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from tests.conftest import REAL_LOGS, Run, needs
-from tests.engine.wired import PLANE, PX4_PLANE, START_US, Wired
-from tests.fleet_logs import moved, records
+from tests.engine.wired import PLANE, PX4_PLANE, Wired
+from tests.fleet_logs import records
 from tests.health.axis.flights import excited, rows, steady
 from tests.judge import judged
-from tests.live.conftest import Rig
 
 PAPER = load_airframe("paper")
 NAMED = (b"mavhums airframe=paper",)
@@ -195,117 +193,52 @@ def swapped(**moved: int) -> Airframe:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["tlog", "BIN"])
-def test_the_telemetry_of_another_surface_is_no_verdict(run: Run, tmp_path: Path, kind: str) -> None:
+def test_the_telemetry_of_another_surface_is_no_verdict(tmp_path: Path, kind: str) -> None:
     """The elevator's friction is an emergency; the profile takes its output for the left aileron's."""
     tier = "esc-signed" if kind == "tlog" else "named"
     record = fly(Flight(seed=11, duration_s=40.0, friction_nm={"elevator": (1.2, 1.2)}, tiers=(tier, "pwm")))
-    log, profile = tmp_path / f"flight.{kind}", tmp_path / "swapped.toml"
-    (write_tlog if kind == "tlog" else write_dataflash)(record, log)
-    airframe = swapped(aileron_left=3, elevator=1)
-    lines = ['name = "swapped"']
-    for one in airframe.actuators:
-        lines += ["[[actuators]]", f'name = "{one.name}"', f"servo = {one.servo}", f"esc = {one.esc}"]
-        lines += ["travel_deg = [-60.0, 60.0]", "pwm_us = [1000, 1500, 2000]"]
-        for section in ("ema", "limits"):
-            lines.append(f"[actuators.{section}]")
-            values = getattr(one, section).model_dump(exclude_none=True)
-            lines += [f"{key} = {value!r}" for key, value in values.items()]
-    profile.write_text("\n".join(lines))
-    right = json.loads(run("analyse", log, "--airframe", "paper", "--json").out)["verdicts"]
-    assert {v["actuator"] for v in right if v["worst"] == "emergency"} == {"elevator"}
-    outcome = run("analyse", log, "--airframe", profile, "--json")
-    verdicts = {v["actuator"]: v for v in json.loads(outcome.out)["verdicts"]}
-    assert outcome.code == ExitCode.UNDECIDED
+    (write_tlog if kind == "tlog" else write_dataflash)(record, tmp_path / "flight")
+    log = (tmp_path / "flight").read_bytes()
+    right, _, _ = by_profile(log)
+    assert {name for name, verdict in right.items() if verdict.worst == "emergency"} == {"elevator"}
+    verdicts, _, assessment = by_profile(log, swapped(aileron_left=3, elevator=1))
+    assert assessment.exit_code is ExitCode.UNDECIDED
     for name, why in (
         (
             "aileron_left",
-            "servo 3 is aileron_left in the profile and elevator in the log (SERVO3_FUNCTION = 19)",
+            "servo 3 is left aileron in the profile and elevator in the log (SERVO3_FUNCTION = 19)",
         ),
         ("elevator", "servo 1 is elevator in the profile and aileron in the log (SERVO1_FUNCTION = 4)"),
     ):
-        assert verdicts[name]["condition"] == verdicts[name]["worst"] == "undecided"
-        assert verdicts[name]["reason"] == f"the profile contradicts the log: {why}"
-        assert not verdicts[name]["evidence"]
-    assert verdicts["aileron_right"]["condition"] == verdicts["rudder"]["condition"] == "normal"
-    inspected = json.loads(run("inspect", log, "--airframe", profile, "--json").out)
-    told = {subject["name"]: subject for subject in inspected["vehicles"][0]["subjects"]}
-    assert told["elevator"]["reason"] == verdicts["elevator"]["reason"]
+        found = verdicts[name]
+        assert (found.condition, found.worst, found.evidence) == ("undecided", "undecided", ())
+        assert found.reason == f"the profile contradicts the log: {why}"
+    assert verdicts["aileron_right"].condition == verdicts["rudder"].condition == "normal"
 
 
 @pytest.mark.slow
-def test_a_live_session_says_no_alarm_and_agrees_with_its_recording(tmp_path: Path) -> None:
-    rig = Rig(tmp_path)
-    flight = records(Wired(seconds=120, texts=NAMED, told_s=60.0).tlog())
-    rig.hear([Piece("vehicle", time_us - START_US + rig.now_us, frame) for time_us, frame in flight])
-    assessment = rig.end()
-    assert not rig.shown.alerts
-    assert not alarms(rig.shown.events)
-    verdicts = {verdict.actuator: verdict for verdict in assessment.verdicts}
-    assert WRONG in str(verdicts["aileron_right"].reason)
-    assert verdicts["roll"].condition == "unchanged"
-    [status] = [one for one in rig.shown.statuses[-1].actuators if one.actuator == "aileron_right"]
-    assert WRONG in str(status.reason)
-
-
-@pytest.mark.slow
-def test_a_fleet_keeps_no_alarm_of_a_contradicted_profile(run: Run, tmp_path: Path) -> None:
-    for day, flight in enumerate((Wired(parameters={}), Wired(seed=5, told_s=80.0), Wired(seed=9))):
-        path = tmp_path / "logs" / "D-A" / f"{day}.tlog"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(moved(flight.tlog(), 86_400.0 * day))
-    store = tmp_path / "store"
-    options = ("--airframe", "paper", "--aircraft", "folder", "--workers", "0")
-    assert run("fleet", "scan", tmp_path / "logs", "--store", store, *options).code == 0
-    worst = json.loads(run("fleet", "worst", "--store", store, "--json").out)
-    conditions = {one["verdict"][key] for one in worst for key in ("condition", "worst")}
-    assert conditions <= {"normal", "unchanged", "undecided", "unmonitored"}
-    assert WRONG in json.dumps(worst)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", FORMATS)
-def test_the_command_says_both_values_and_what_to_do(run: Run, tmp_path: Path, kind: str) -> None:
-    log = tmp_path / f"flight.{kind}"
-    log.write_bytes(FORMATS[kind](Wired()))
-    outcome = run("analyse", log, "--airframe", "paper")
-    text = " ".join(outcome.out.split())
-    assert outcome.code == ExitCode.UNDECIDED
-    assert "EMERGENCY" not in text
-    assert "do not fly" not in text
-    assert f"aileron_right: undecided: the profile contradicts the log: {WRONG}" in text
-    assert "what to do: correct servo or surface of aileron_right in the profile" in text
-    assert "Roll, pitch: judged by the log's parameters, which contradict the profile." in text
-    inspected = " ".join(run("inspect", log, "--airframe", "paper").out.split())
-    assert WRONG in inspected
-
-
-@pytest.mark.slow
-def test_a_range_and_a_direction_are_said_and_the_axis_is_judged_by_the_log(run: Run, tmp_path: Path) -> None:
-    log, profile = tmp_path / "flight.tlog", tmp_path / "mine.toml"
+def test_a_range_and_a_direction_are_said_and_the_axis_is_judged_by_the_log() -> None:
     ends = {"SERVO1_MIN": 1000.0, "SERVO1_MAX": 2000.0, "SERVO5_FUNCTION": 4.0, "SERVO5_REVERSED": 1.0}
     ends |= {"SERVO5_MIN": 1300.0, "SERVO5_MAX": 1700.0}
     all_ = {f"SERVO{n}_{part}": us for n in (1, 2, 4, 5) for part, us in (("MIN", 1100.0), ("MAX", 1900.0))}
     all_ |= {f"SERVO{n}_REVERSED": 0.0 for n in (1, 2, 4)}
-    log.write_bytes(Wired(parameters={**PLANE, **all_, **ends}).tlog())
-    block = (
-        '[[actuators]]\nname = "{}"\nservo = {}\npwm_us = [1300, 1500, 1700]\ntravel_deg = [-20.0, 20.0]\n'
+    pair, narrow = (
+        named(aileron_left=1, aileron_right=5),
+        {"pwm_us": (1300, 1500, 1700), "travel_deg": (-20, 20)},
     )
-    profile.write_text('name = "mine"\n' + block.format("aileron_left", 1) + block.format("aileron_right", 5))
-    outcome = run("analyse", log, "--airframe", profile, "--json")
-    told = json.loads(outcome.out)
-    [notice, axes] = told["log"]["notices"]
+    airframe = pair.model_copy(
+        update={"actuators": tuple(one.model_copy(update=narrow) for one in pair.actuators)}
+    )
+    verdicts, _, assessment = by_profile(Wired(parameters={**PLANE, **all_, **ends}).tlog(), airframe)
+    [notice, axes] = assessment.log.notices
     assert (
         "servo 1 (aileron_left) has 1300 to 1700 µs in the profile and 1000 to 2000 µs in the log" in notice
     )
     assert "servos 1 and 5 (aileron_right) deflect the same way in the profile and opposite ways" in notice
     assert "correct pwm_us of aileron_left, travel_deg of aileron_right in the profile" in notice
     assert axes == "roll: judged by the log's parameters, which contradict the profile"
-    verdicts = {v["actuator"]: v for v in told["verdicts"]}
-    assert verdicts["roll"]["condition"] == "unchanged"
-    assert verdicts["aileron_left"]["condition"] == "unmonitored"
-    [usage] = told["usage"]
-    ranges = {output["servo"]: output["range_us"] for output in usage["outputs"]}
-    assert ranges[1] == [1000, 1500, 2000]
+    assert (verdicts["roll"].condition, verdicts["aileron_left"].condition) == ("unchanged", "unmonitored")
+    assert {one.servo: one.range_us for one in assessment.usage[0].outputs}[1] == (1000, 1500, 2000)
 
 
 def test_no_log_is_offered_a_packaged_profile_that_it_does_not_name(run: Run, tmp_path: Path) -> None:

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import struct
-from collections import Counter
 from collections.abc import Iterable
-from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.actuator.mapping import Samples
-from mavhums.engine.axes import with_drops
 from mavhums.engine.events import Event, Notice
 from mavhums.health.decision.events import Indication, Trace
-from mavhums.log.base.decoder import Losses
 from mavhums.vehicle.states import Attitude, Position
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
@@ -85,23 +80,6 @@ def _joined(events: list[Any]) -> Any:
     return [np.concatenate([getattr(event, name) for event in events]).tobytes() for name in fields]
 
 
-def test_the_log_brings_about_every_kind_of_event() -> None:
-    assessment, events = judged(two_vehicles(), vehicle_states=True)
-    whole = canonical([*events, *cast(list[Event], assessment.events)])
-    assert {key[0] for key in whole} >= {
-        "Samples",
-        "Window",
-        "ConditionChanged",
-        "Indication",
-        "Notice",
-        "Attitude",
-        "Trace",
-        "FlightMode",
-        "FlightEvent",
-    }
-    assert ("AirframeNamed", 1, None, None, None) in whole
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [4096, 1 << 22])
 def test_a_jump_of_the_clock_is_told_where_it_is(size: int) -> None:
@@ -110,35 +88,3 @@ def test_a_jump_of_the_clock_is_told_where_it_is(size: int) -> None:
     notices = [event for event in events if isinstance(event, Notice) and event.text == JUMPED]
     assert [event.vehicle for event in notices] == [2]
     assert notices[0].time_s == pytest.approx(REBOOT_S, abs=0.5)
-
-
-def test_what_is_remembered_of_jumps_does_not_grow(tmp_path: Path) -> None:
-    """A sender whose clock jumps all the time costs no memory."""
-    from mavhums.log import Decoder
-    from mavhums.vehicle.clocks import Clocks
-
-    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
-    data = bytearray()
-    for k in range(4000):
-        message = v2.MAVLink_attitude_message((k // 5 % 2) * 10**8 + k, 0, 0, 0, 0, 0, 0)
-        data += struct.pack(">Q", START_US + 10_000 * k) + bytes(message.pack(link))
-    decoder, clocks = Decoder({"ATTITUDE"}), Clocks()
-    table = decoder.feed(bytes(data), final=True)["ATTITUDE"]
-    clocks.feed({"ATTITUDE": table})
-    found = clocks.jumps()
-    assert len(found) > 100
-    assert clocks.jumps() == []
-
-
-def test_what_is_left_out_is_counted_by_message_over_all_senders() -> None:
-    clocks = SimpleNamespace(copies=Counter(A=5, B=1, C=0), broken=Counter(B=9))
-    received = {
-        1: {"A": SimpleNamespace(late=2, repeated=0), "B": SimpleNamespace(late=0, repeated=7)},
-        2: {"A": SimpleNamespace(late=3, repeated=0), "B": SimpleNamespace(late=1, repeated=1)},
-    }
-    axes = SimpleNamespace(vehicles=lambda: [1, 2], received=received.__getitem__)
-    losses = with_drops(Losses(), cast(Any, clocks), cast(Any, axes))
-    assert losses.late_samples == {"A": 5, "B": 1}
-    assert losses.same_time_samples == {"B": 8}
-    assert losses.broken_stamps == {"B": 9}
-    assert losses.copies == {"A": 5, "B": 1}

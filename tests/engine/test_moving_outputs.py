@@ -5,38 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mavhums.engine import moving_outputs
 from mavhums.engine.axes import MOST_VEHICLES, VehicleLimit
-from mavhums.engine.moving_outputs import inferred
 from mavhums.log import Table
-from mavhums.vehicle.facts import OUTPUTS
-from mavhums.vehicle.rows import Rows
-from mavhums.vehicle.surfaces import Demands
-from tests.health.axis.flights import Array, excited, rows, steady
-
-
-def flown(seconds: int = 60) -> tuple[Rows, Array]:
-    """A flight that rolls by servo 5, with servo 6 reversed and servo 4 at half the travel."""
-    flight = steady(seconds)
-    demand = excited(seconds)
-    flight["roll_rate"] = 2.2 * demand
-    sent = np.full((len(demand), OUTPUTS), np.nan)
-    sent[:, 3:6] = np.array([1500, 1500, 1520]) + np.outer(demand, [200, 400, -400])
-    return rows(flight), sent
-
-
-def test_inferred_outputs_give_one_demand_whatever_their_travel(monkeypatch: pytest.MonkeyPatch) -> None:
-    explained = {"roll": (0.9, 0.0), "pitch": (0.0, 0.0)}
-    monkeypatch.setattr(moving_outputs, "explained_by", lambda axis, *_: explained[axis])
-    flight, sent = flown()
-    found = inferred(flight, sent)
-    assert found is not None
-    assert {moved.servo for moved in found.of_axis("roll")} == {4, 5, 6}
-    whole = Demands(found).feed(sent)[:, 0]
-    stuck = sent.copy()
-    stuck[600:, 4] = stuck[600, 4]  # servo 5 is overridden
-    rest = Demands(found).feed(stuck)[:, 0]
-    assert rest[700:] == pytest.approx(whole[700:], abs=0.01)
 
 
 def table(*systems: int, name: str = "A", first: int = 0, step: int = 1) -> dict[str, Table]:

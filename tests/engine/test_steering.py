@@ -7,8 +7,6 @@ import pytest
 import mavhums
 from mavhums.results.verdict import Verdict
 from mavhums.show.headline import headline
-from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.surfaces import AXES, of_parameters
 from mavhums_sim.rover import PARAMETERS, Driven, Rover, SteeringFault, drive, encoded, write_tlog
 
 STANDS_S = 15.0
@@ -66,19 +64,3 @@ def test_what_is_not_judged_says_why(tmp_path: Path) -> None:
         (tmp_path / "other.tlog").write_bytes(encoded(driven(seconds=60.0), parameters=sent))
         found = steering(tmp_path / "other.tlog")
         assert (found.actuator, found.reason_codes) == ("steering", (code,))
-
-
-def test_only_the_steering_of_rovers_is_an_axis() -> None:
-    steers = {"SERVO1_FUNCTION": 26.0}
-    plane = of_parameters(Parameters(1, False, {**steers, "SERVO2_FUNCTION": 19.0}))
-    assert plane
-    assert plane.axes == AXES
-    assert [one.surface for one in plane.moved] == ["elevator"], "a nose wheel is no axis"
-    for parameters in (
-        Parameters(1, False, {**steers, "CRUISE_THROTTLE": 50.0}),
-        Parameters(1, True, {"PWM_MAIN_FUNC1": 201.0, "CA_AIRFRAME": 5.0}),
-    ):
-        rover = of_parameters(parameters)
-        assert rover
-        assert rover.axes == ("steering",)
-        assert [one.servo for one in rover.of_axis("steering")] == [1]

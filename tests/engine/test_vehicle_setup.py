@@ -7,10 +7,7 @@ import pytest
 
 from mavhums.actuator.contradictions import Contradiction
 from mavhums.actuator.profile import load_airframe
-from mavhums.core.conditions import Condition
-from mavhums.engine.moving_outputs import rests_on_outputs
 from mavhums.engine.vehicle_setup import SetupHistory, VehicleSetup, setup_notices
-from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
 
@@ -82,30 +79,3 @@ def test_a_notice_says_what_no_verdict_of_an_actuator_does() -> None:
     assert [*setup_notices(VehicleSetup(), by_log)] == [
         "roll: judged by the log's parameters, which contradict the profile"
     ]
-
-
-def changed(
-    after: Condition, axis: str = "roll", fault: str = "effectiveness", time_s: float = 9.0
-) -> ConditionChanged:
-    return ConditionChanged(1, axis, time_s, 5.0, "undecided", after, f"{after}: rule", fault, "roll is lost")
-
-
-def indication(*end_s: float) -> Indication:
-    ends = np.array(end_s)
-    return Indication(1, "roll", "effectiveness", ends, ends + 1, ends + 2, ends + 3)
-
-
-@pytest.mark.parametrize(
-    ("event", "expected"),
-    [
-        (changed("normal"), False),
-        (changed("undecided"), False),
-        (changed("changed"), True),
-        (changed("emergency"), True),
-        (changed("emergency", fault="tracking"), False),
-        (changed("emergency", fault="trim"), True),
-        (indication(1.0), False),
-    ],
-)
-def test_which_events_are_alarms_that_rest_on_outputs(event: object, expected: bool) -> None:
-    assert rests_on_outputs(event) is expected
