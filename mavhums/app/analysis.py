@@ -276,7 +276,7 @@ def _followed(
         return settings.resolver.named(engine.assessment(str(path), digest))
     from mavhums.flights.compare import FlightComparison
 
-    comparison = FlightComparison(engine, own.baselines, own.past)
+    comparison = FlightComparison(engine, own.flights.baselines, own.flights.past)
     digest = _fed(path, comparison, options.dialect, followers, progress)
     return own.completed(own.resolver.named(comparison.assessment(str(path), digest)))
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +16,9 @@ from mavhums.flights.aircraft import (
     GIVEN,
     UNKNOWN,
     AircraftResolver,
-    Since,
     UnnamedAircraftError,
     aircraft_of,
     board_of,
-    latest,
 )
 from mavhums.flights.compare import compared, packed
 from mavhums.flights.history import PastFlight, UndatedError, with_copies
@@ -43,7 +39,6 @@ from mavhums.flights.store.logs import FLOWN, add_logs, known_files, removed_fil
 from mavhums.flights.store.tables import AIRCRAFT, FLIGHT
 from mavhums.flights.store.verdicts import make_verdicts
 from mavhums.flights.trends import standings_after
-from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import NOT_COMPARED
 from mavhums.results.standing import Standing
@@ -67,6 +62,8 @@ class OwnFlights:
         Whether anything names the aircraft; otherwise it has no earlier flights.
     resolver
         Gives the aircraft in the log its name.
+    flights
+        What a comparison takes of the flights; empty of an aircraft without a name.
 
     Raises
     ------
@@ -82,24 +79,15 @@ class OwnFlights:
         self.is_named, self._aircraft = aircraft != UNKNOWN, aircraft
         rule = given.rule if aircraft.startswith(BOARD_NAME) else f"{GIVEN}{aircraft}"
         self.resolver = AircraftResolver(rule if self.is_named else None, known.table)
-        self._flights = earlier_flights(store, aircraft)
+        self.flights = earlier_flights(store, aircraft if self.is_named else None, known.table)
 
     def compared(self, alone: StandaloneAssessment) -> Assessment:
         """Return the assessment of a flight that was judged alone, compared with the earlier ones."""
         named = self.resolver.named(alone.assessment)
         if not self.is_named:
             return self.completed(named)
-        return self.completed(compared(alone._replace(assessment=named), self.baselines, self.past))
-
-    def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
-        """Return the baselines of a flight of this aircraft that begins at a time."""
-        return self._flights.baselines(airframe, before, self._since(before)) if self.is_named else {}
-
-    def past(
-        self, airframe: str | None, before: datetime | None
-    ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
-        """Return the data of the flights before, for own-scale equations."""
-        return self._flights.past(airframe, before, self._since(before)) if self.is_named else {}
+        known = self.flights
+        return self.completed(compared(alone._replace(assessment=named), known.baselines, known.past))
 
     def kept(self, alone: StandaloneAssessment) -> Assessment:
         """Return the assessment of a flight with its verdicts in the store, which has just made them."""
@@ -132,18 +120,12 @@ class OwnFlights:
             flown = PastFlight.of(assessment)
         except UndatedError:
             return assessment
-        count = self._flights.count(flown)
+        count = self.flights.count(flown)
         if stands is None or not count:
-            before = self._flights.recent() if count else ()
-            stands = standings_after(flown, before, self._since(flown.start))
+            before = self.flights.recent() if count else ()
+            stands = standings_after(flown, before, self.flights.since(flown.start))
         counted = {"standings": stands, "earlier_flights": count}
-        return with_copies(assessment, self._flights.near(flown)).model_copy(update=counted)
-
-    def _since(self, start: datetime | None) -> Since:
-        """Return the dates from which flights count, as the store and the given table have them."""
-        if start is None:
-            return {}
-        return latest(self._flights.since(start), self.resolver.table.since(self._aircraft, start))
+        return with_copies(assessment, self.flights.near(flown)).model_copy(update=counted)
 
 
 def land(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, and_, func, select
 
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums.flights.aircraft import UNKNOWN
+from mavhums.flights.aircraft import UNKNOWN, AircraftTable
 from mavhums.flights.compare import unpacked
 from mavhums.flights.naming import foreign_boards
 from mavhums.flights.store import Store
@@ -246,12 +247,13 @@ def flights(store: Place, aircraft: str) -> list[Assessment]:
     return [flown.assessment for flown in earlier_flights(Store(store).opened(), aircraft).all()]
 
 
-def earlier_flights(store: Store, aircraft: str) -> StoredFlights:
-    """Return an aircraft's flights, for comparisons with them."""
+def earlier_flights(store: Store, aircraft: str | None, given: AircraftTable | None = None) -> StoredFlights:
+    """Return an aircraft's flights, none without a name, for comparisons as a given table dates them, too."""
     with store.reading() as connection:
-        whose = aircraft_id(connection, aircraft, creates=False)
+        whose = None if aircraft is None else aircraft_id(connection, aircraft, creates=False)
         since = since_of(connection, -1 if whose is None else whose)
-    return StoredFlights(store.reading, whose, since)
+    table = given or AircraftTable()
+    return StoredFlights(store.reading, whose, since, given=partial(table.since, aircraft))
 
 
 def flight(store: Place, aircraft: str, sha256: str) -> Assessment:

@@ -158,12 +158,12 @@ class _LinkFlights:
         return self._own.completed(self._own.resolver.named(assessment))
 
     def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
-        return self._own.baselines(airframe, before)
+        return self._own.flights.baselines(airframe, before)
 
     def past(
         self, airframe: str | None, before: datetime | None
     ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
-        return self._own.past(airframe, before)
+        return self._own.flights.past(airframe, before)
 
 
 def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: bool) -> list[Link]:

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 from sqlalchemy import Connection, func, select
 
 from mavhums.core.startup import no_collection
-from mavhums.flights.aircraft import Since
+from mavhums.flights.aircraft import Since, latest
 from mavhums.flights.history import (
     PastFlight,
     Quality,
@@ -191,6 +191,8 @@ class StoredFlights:
         Id of the aircraft; None for one without flights.
     since
         Returns the dates from which an actuator's flights count at a time, as the store has them.
+    given
+        Returns the same as a table has them that the operator gives; the later date of both counts.
     before_us
         Start of the first flight that is not there; None for none.
     """
@@ -201,12 +203,17 @@ class StoredFlights:
         aircraft: int | None,
         since: Callable[[datetime], Since],
         *,
+        given: Callable[[datetime], Since] = lambda _: {},
         before_us: int | None = None,
     ) -> None:
-        self._reading, self._aircraft, self.since = reading, aircraft, since
+        self._reading, self._aircraft, self._since, self._given = reading, aircraft, since, given
         self._before = before_us
         self._records: list[PastFlight] | None = None
         self._latest: dict[object, Baselines] = {}
+
+    def since(self, moment: datetime) -> Since:
+        """Return the dates from which flights count for one at a time."""
+        return latest(self._since(moment), self._given(moment))
 
     def all(self) -> list[PastFlight]:
         """Return all flights that count, in time order."""
@@ -225,19 +232,16 @@ class StoredFlights:
             first = connection.scalar(newest)
         return self._asked(VERDICT.c.counts, *([] if first is None else [FLIGHT.c.start_us >= first]))
 
-    def baselines(
-        self, airframe: str | None, before: datetime | None, since: Since | None = None
-    ) -> Baselines:
+    def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
         """Return each actuator's baseline from all flights, as of :func:`baselines_of`.
 
-        ``since`` are the dates from which flights count, by default those of the store; without ``before``,
-        the start of the flight under evaluation, there is no baseline.
+        Without ``before``, the start of the flight under evaluation, there is no baseline.
         """
         if before is None:
             return {}
-        dates = self.since(before) if since is None else since
+        dates = self.since(before)
         # Where other dates count than in the store, a baseline may rest on any flight.
-        flights = self._references if dict(dates) == dict(self.since(before)) else self._all
+        flights = self._references if dates == self._since(before) else self._all
         ended = tuple(flight for flight in flights if flight.end <= before)
         key = (airframe, tuple(map(id, ended)), tuple(dates.items()))
         if key not in self._latest:  # the same for all flights after the last reference
@@ -245,17 +249,16 @@ class StoredFlights:
         return self._latest[key]
 
     def past(
-        self, airframe: str | None, before: datetime | None, since: Since | None = None
+        self, airframe: str | None, before: datetime | None
     ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
         """Return the data of all flights for own-scale equations, by vehicle and actuator."""
         if before is None:
             return {}
-        dates = self.since(before) if since is None else since
         if self._records is None:
             # With the flights that were judged since the first one that is not there.
             judged = [] if self._before is None else [FLIGHT.c.start_us < us_of(before)]
             self._records = self._asked(*judged, records=True)
-        return records_of(self._records, airframe, before, dates)
+        return records_of(self._records, airframe, before, self.since(before))
 
     def add(self, flown: PastFlight) -> list[str]:
         """Take the next flight; return the logs on which a baseline may rest from now on.
