@@ -8,26 +8,18 @@ from __future__ import annotations
 
 from typing import Final
 
-# Largest standard error that counts, of what lies between a healthy value and its limit: at 0.5 three of 160
-# healthy torque constants are called degraded (benchmarks/false_alarms.py, from flight 9500).
+# Largest standard error that counts, of what lies between a healthy value and its limit, and of a back-EMF
+# that contradicts the data sheet: at 0.5 three of 160 healthy torque constants are called degraded
+# (benchmarks/false_alarms.py, from flight 9500).
 WIDEST_ERROR_SHARE: Final = 0.2
 
 # Departure of the back-EMF from the data sheet beyond which nobody knows what torque a current is worth: no
 # wear does so much. benchmarks/severities.py flies losses up to 100 %.
 CONTRADICTED_CONSTANT_SHARE: Final = 0.5
 
-# Largest standard error at which a back-EMF may contradict the data sheet. By hand.
-CONTRADICTION_ERROR_SHARE: Final = 0.1
-
-# Error of an ESC's voltage that no number of samples averages out, V. By hand.
-SUPPLY_SENSOR_V: Final = 0.1
-
-# Share of the normal limit below which a friction is none: no gear turns with less, so the current stands
-# still.
-FRICTIONLESS_LIMIT_SHARE: Final = 0.01
-
-# What the balance leaves out over a flight, play, wind-up and stick-slip, as a share of the normal limit.
-# By hand.
+# What a flight's balance leaves out, as a share of the normal limit: play, wind-up and stick-slip, or the
+# sensor's own error of the supply. A friction below it is none: no gear turns with less, so the current
+# stands still. By hand.
 MODEL_ERROR_LIMIT_SHARE: Final = 0.02
 
 # A shaft that travels less of its error within a second stands, which is for the detector of jams. By

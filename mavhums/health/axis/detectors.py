@@ -24,7 +24,7 @@ from mavhums.health.axis.thresholds import (
     SKID_SHARES,
     UNKNOWN_ROLL_DEVIATIONS,
 )
-from mavhums.health.decision.thresholds import MOST_CONFIDENCE
+from mavhums.health.decision.limits import MOST_CONFIDENCE
 from mavhums.health.sequential import EXCLUDING
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.rows import Rows

@@ -19,8 +19,8 @@ from mavhums.health.axis.response import Stretch, stretches
 from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS, POOLED_S
 from mavhums.health.decision.baseline import LOSSES, Baseline, ComparedIndicator, with_baselines
 from mavhums.health.decision.conditions import since
-from mavhums.health.decision.limits import tail_of_flight
-from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_CONFIDENCE
+from mavhums.health.decision.limits import MOST_CONFIDENCE, tail_of_flight
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.results.reasons import Reason, said
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval

@@ -26,11 +26,17 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import t_quantile
-from mavhums.health.decision.thresholds import AGREEING_S, MOST_FLIGHT_TAIL, STARTS
+from mavhums.health.decision.thresholds import MOST_FLIGHT_TAIL, STARTS
 from mavhums.health.estimation.thresholds import LEAST_PARTS, WINDOW_S
 from mavhums.health.sequential import EXCLUDING, PER_100_H, threshold
 
 _WINDOWS: Final = np.arange(1.0, STARTS + 1.0)
+# Time through which the windows of a quantity without an error must agree, for a glitch lasts less: a window
+# and the least number of slots. Half a slot less, so that rounding does not decide.
+_AGREEING_S: Final = WINDOW_S + LEAST_PARTS - 0.5
+
+MOST_CONFIDENCE: Final = 1.0 - MOST_FLIGHT_TAIL
+"""Largest confidence that is shown: the tests allow false alarms, and a model may be wrong."""
 
 
 class Estimates(NamedTuple):
@@ -148,7 +154,7 @@ class LimitTest:
             squared = mean**2 * sums[:, :1] / _WINDOWS * covered
         freedom = freedom[:, :, None] * covered
         ratio = np.sign(mean) * (freedom + 1.0) / 2.0 * np.log1p(squared / freedom)
-        sure = np.where(mean > 0.0, self._alarm, EXCLUDING) * WINDOW_S / AGREEING_S
+        sure = np.where(mean > 0.0, self._alarm, EXCLUDING) * WINDOW_S / _AGREEING_S
         return np.asarray(np.where(exact[:, :, None], mean * covered * sure, ratio))
 
     def feed(self, end_s: float, evidence: Array) -> bool:

@@ -15,9 +15,6 @@ FALSE_ALARMS: Final = 1.0
 # longer to compute.
 STARTS: Final = 60
 
-# Time through which the windows of a quantity without an error must agree: a glitch lasts less. By hand.
-AGREEING_S: Final = 13.5
-
 # Scatter of an axis between healthy flights: 6.5 % of the roll gain in 19 flights of the ALFA aircraft;
 # chosen after a first run of benchmarks/control_history.py with aircraft 3–6.
 AXIS_SCATTER_SHARE: Final = 0.07
@@ -75,9 +72,6 @@ MOST_BANK_DEG: Final = 60
 # half of all flights lie above it (sign test). More keep a repair that nobody recorded on the list for
 # longer.
 LASTING_FLIGHTS: Final = 5
-
-# Largest confidence that is shown: the tests allow false alarms, and a model may be wrong. By hand.
-MOST_CONFIDENCE: Final = 0.99
 
 # Rise of a wear, of an unbalance or of a warming that is worth finding: less is not reported of a rotor or an
 # ESC, for a propeller that is put on anew sits otherwise, and a wind from another side cools another arm;

@@ -23,7 +23,6 @@ from mavhums.health.estimation.motion import angle_speed, central_slope, lasting
 from mavhums.health.estimation.slots import AIRSPEED, SENSED, SHAFT, Slots
 from mavhums.health.estimation.thresholds import (
     ANGLE_SPEED_S,
-    COARSE_LEAST_CHANGES,
     COARSE_SPEED_SHARE,
     LONGEST_GAP_PERIODS,
     LONGEST_UNSEEN_S,
@@ -199,7 +198,7 @@ class AngleIntegrator:
             pairs = [np.diff(column, prepend=np.nan)[slots.judged] for column in (angle, speed.rad_s)]
             known = np.isfinite(pairs[0]) & np.isfinite(pairs[1])
             turns, steps = slots.sums(np.stack([known & (pair != 0.0) for pair in pairs], axis=1) * 1.0).T
-            shown = np.flatnonzero(turns >= COARSE_LEAST_CHANGES)
+            shown = np.flatnonzero(turns >= COARSE_SPEED_SHARE * OWN_RATE_HZ)
             if shown.size:
                 self.coarse = bool(steps[shown[0]] < COARSE_SPEED_SHARE * turns[shown[0]])
         if not self.coarse:

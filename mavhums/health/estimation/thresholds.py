@@ -76,11 +76,9 @@ MOVING_ANGLE_DEG_S: Final = 2.5
 OWN_RATE_HZ: Final = 20.0
 
 # Share of the angle's changes below which a speed is a coarse register, whose steps and delay pass for
-# friction: that of a servo on a bench changes 41 times a second, its angle 99 times. By hand.
+# friction: that of a servo on a bench changes 41 times a second, its angle 99 times. As
+# large a share of the slowest samples must show changes of the angle. By hand.
 COARSE_SPEED_SHARE: Final = 0.5
-
-# Changes of the angle in a slot from which the coarseness of the speed shows. By hand.
-COARSE_LEAST_CHANGES: Final = 10
 
 # Time either way over which a line through the angle gives its speed, s: a shorter one has the angle's steps,
 # a longer one the motion's curvature. By hand.

@@ -8,7 +8,8 @@ from math import inf
 from mavhums.core.conditions import Condition
 from mavhums.core.statistics import ERRORS_95
 from mavhums.health.decision.baseline import PastRecord
-from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_CONFIDENCE, USEFUL_RISE
+from mavhums.health.decision.limits import MOST_CONFIDENCE
+from mavhums.health.decision.thresholds import FALSE_ALARMS, USEFUL_RISE
 from mavhums.health.estimation.equations import DERIVED_EQUATIONS, OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT, TRACKING

@@ -21,7 +21,8 @@ from mavhums.health.axis.thresholds import (
     WINDOW_DEVIATION,
 )
 from mavhums.health.decision.conditions import since
-from mavhums.health.decision.thresholds import MOST_CONFIDENCE, NAMED
+from mavhums.health.decision.limits import MOST_CONFIDENCE
+from mavhums.health.decision.thresholds import NAMED
 from mavhums.health.estimation.thresholds import LEAST_PARTS, WINDOW_S
 from mavhums.health.verdict.actuator import rounded, rounded_suspects
 from mavhums.health.verdict.obstacles import why_undecided

@@ -345,8 +345,8 @@ def test_nothing_but_the_real_jam_is_found(servo_jam: Assessment) -> None:
         (0.50, 0.01, True),
         (1.49, 0.01, False),
         (1.50, 0.01, True),
-        (0.2, 0.099, True),
-        (0.2, 0.1, False),
+        (0.2, 0.199, True),
+        (0.2, 0.2, False),
     ],
 )
 def test_a_constant_contradicts_the_data_sheet_when_half_of_it_is_surely_missing_or_too_much(

@@ -13,8 +13,8 @@ from mavhums.core.statistics import ERRORS_95
 from mavhums.health.actuator.detector import EquationDetector, sharp
 from mavhums.health.actuator.thresholds import (
     CONTRADICTED_CONSTANT_SHARE,
-    CONTRADICTION_ERROR_SHARE,
-    SUPPLY_SENSOR_V,
+    MODEL_ERROR_LIMIT_SHARE,
+    WIDEST_ERROR_SHARE,
 )
 from mavhums.health.decision.limits import Estimates, Levels
 from mavhums.health.estimation.least_squares import Fit
@@ -76,7 +76,7 @@ def contradicts(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Flags, 
     Then nobody knows what torque a current is worth, and no torque balance holds.
     """
     shown, error = _from_back_emf(voltage, ema, turned=turned)
-    return (error < CONTRADICTION_ERROR_SHARE) & (np.abs(1.0 - shown) >= CONTRADICTED_CONSTANT_SHARE), shown
+    return (error < WIDEST_ERROR_SHARE) & (np.abs(1.0 - shown) >= CONTRADICTED_CONSTANT_SHARE), shown
 
 
 def relative_constant(voltage: Fit, ema: Ema, *, turned: bool | None) -> tuple[Array, Array]:
@@ -132,7 +132,7 @@ class SupplySagDetector(EquationDetector):
         fit = fits["supply"]
         voltage, error = fit["voltage"]
         # The sensor's own error does not average out.
-        error = np.hypot(error, SUPPLY_SENSOR_V)
+        error = np.hypot(error, MODEL_ERROR_LIMIT_SHARE * (self.levels.normal or 0.0))
         # A voltage at the motor that scatters by more than the limit is the controller's, not the supply's.
         steady = np.sqrt(fit.variance) < (self.levels.normal or np.inf)
         shown = fit.spread & (steady | (self.actuator.esc_side == "bus"))

@@ -16,7 +16,7 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import ERRORS_95
 from mavhums.health.actuator.detector import Detector, EquationDetector
 from mavhums.health.actuator.detectors.electrical import contradicts, relative_constant
-from mavhums.health.actuator.thresholds import FRICTIONLESS_LIMIT_SHARE, MODEL_ERROR_LIMIT_SHARE
+from mavhums.health.actuator.thresholds import MODEL_ERROR_LIMIT_SHARE
 from mavhums.health.decision.limits import Estimates, Levels, half_width, tail_of
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.least_squares import Fit
@@ -96,7 +96,7 @@ class FrictionDetector(EquationDetector):
         shown &= friction > -ERRORS_95 * error
         shown &= (
             friction + ERRORS_95 * error
-        ) * scale > FRICTIONLESS_LIMIT_SHARE * self.actuator.known_limits().normal
+        ) * scale > MODEL_ERROR_LIMIT_SHARE * self.actuator.known_limits().normal
         shown &= ~self._by_load(fit, scale, whole_error)
         return Estimates.of(friction * scale, whole_error, fit.freedom, shown)
 
@@ -156,7 +156,7 @@ def _contradiction(detector: FrictionDetector, flight: Mapping[str, Fit]) -> Rea
     friction, error = (float(column[0]) for column in flight["torque"]["friction"])
     if friction <= -ERRORS_95 * error:
         return Reason("negative_friction", friction=friction)
-    if friction + ERRORS_95 * error <= FRICTIONLESS_LIMIT_SHARE * limits.normal:
+    if friction + ERRORS_95 * error <= MODEL_ERROR_LIMIT_SHARE * limits.normal:
         return Reason("no_friction")
     return None
 
