@@ -90,35 +90,17 @@ def test_a_recording_shows_what_only_the_comparison_told(flown: Path) -> None:
     assert b"changed" in path.read_bytes()
 
 
-def test_an_esc_at_the_supply_bus_is_learning_by_its_power(run: Run, tmp_path: Path) -> None:
-    profile, path = tmp_path / "bus.toml", tmp_path / "bus.tlog"
-    profile.write_text(PROFILE + 'esc_side = "bus"\n', encoding="utf-8")
-    flight = Flight(
-        seed=8850,
-        duration_s=60.0,
-        rate_hz=50.0,
-        parameters=PARAMETERS,
-        esc_side="bus",
-        tiers=("esc-signed", "pwm"),
-    )
-    write_tlog(fly(flight), path)
-    assessment = mavhums.analyse(path, mavhums.Options(airframe=profile))
-    assert condition(assessment) == "learning"
-    [verdict] = [verdict for verdict in assessment.verdicts if verdict.subject == "actuator"]
-    assert [indicator.fault for indicator in verdict.indicators] == ["friction_power"]
-    assert {record.equation for record in verdict.own} == {"own_power"}
-    assert run("analyse", path, "--airframe", profile).code == 12
-
-
-def test_a_servo_on_the_autopilots_bus_is_learning_by_its_power(tmp_path: Path) -> None:
-    profile, path = tmp_path / "bus.toml", tmp_path / "bus.BIN"
-    profile.write_text(PROFILE.replace("esc = 2", 'esc_side = "bus"'), encoding="utf-8")
-    flight = Flight(
-        seed=8851, duration_s=60.0, rate_hz=50.0, parameters=PARAMETERS, esc_side="bus", tiers=("csrv", "pwm")
-    )
-    write_dataflash(fly(flight), path)
+@pytest.mark.parametrize("bus", ["supply", "autopilot"])
+def test_an_esc_at_a_bus_is_learning_by_its_power(bus: str, run: Run, tmp_path: Path) -> None:
+    profile, path = tmp_path / "bus.toml", tmp_path / ("bus.tlog" if bus == "supply" else "bus.BIN")
+    esc = "esc = 2\n" if bus == "supply" else ""
+    profile.write_text(PROFILE.replace("esc = 2\n", f'{esc}esc_side = "bus"\n'), encoding="utf-8")
+    tier = "esc-signed" if bus == "supply" else "csrv"
+    flight = Flight(8850, 60.0, rate_hz=50.0, parameters=PARAMETERS, esc_side="bus", tiers=(tier, "pwm"))
+    (write_tlog if bus == "supply" else write_dataflash)(fly(flight), path)
     assessment = mavhums.analyse(path, mavhums.Options(airframe=profile))
     [verdict] = [verdict for verdict in assessment.verdicts if verdict.subject == "actuator"]
     assert verdict.condition == "learning"
-    assert "own_power" in {record.equation for record in verdict.own}
     assert [indicator.fault for indicator in verdict.indicators] == ["friction_power"]
+    assert "own_power" in {record.equation for record in verdict.own}
+    assert run("analyse", path, "--airframe", profile).code == 12

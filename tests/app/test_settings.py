@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -14,31 +12,6 @@ import mavhums
 from mavhums.app.analysis import Failed, Judged, judge
 from mavhums.app.settings import GivenOptions, Options, Settings
 from mavhums.core.process_pool import LostItem, in_processes
-from tests.conftest import Run
-
-
-def test_profile_table_and_history_are_read_once(
-    run: Run, growing_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    read: list[str] = []
-
-    def counted(name: str) -> None:
-        function = getattr(sys.modules["mavhums.app.settings"], name)
-
-        def call(*given: Any) -> Any:
-            read.append(name)
-            return function(*given)
-
-        monkeypatch.setattr(f"mavhums.app.settings.{name}", call)
-
-    for name in ("load_airframe", "load_aircraft_table", "packaged_models", "_store"):
-        counted(name)
-    table = tmp_path / "table.csv"
-    table.write_text("aircraft,board,actuator,serial,from,to\nD-A,0A,,,,\n")
-    named = ("--airframe", "paper", "--aircraft", "=D-A", "--aircraft-table", table)
-    kept = ("--store", tmp_path / "kept", "--keep")
-    assert run("analyse", growing_log, *named, *kept).err == f"mavhums: 1 log is kept in {kept[1]}\n"
-    assert sorted(read) == ["_store", "load_aircraft_table", "load_airframe", "packaged_models"]
 
 
 def test_settings_are_not_read_again() -> None:

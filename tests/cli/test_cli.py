@@ -19,6 +19,7 @@ from mavhums.learn import load_model
 from mavhums.results.assessment import json_schema
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import SINGLE, Run, real_logs
+from tests.logs import write_log
 
 
 @pytest.fixture(scope="module")
@@ -166,32 +167,26 @@ def test_inspect_counts_what_mavlogdump_counts(run: Run, growing_log: Path) -> N
 
 
 def test_inspect_names_the_remedy_where_health_cannot_be_judged(run: Run, tmp_path: Path) -> None:
-    import struct
-
     from pymavlink.dialects.v20 import ardupilotmega as v2
 
-    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
-
-    def log(name: str, *messages: v2.MAVLink_message) -> Path:
-        path = tmp_path / name
-        data = b""
-        for k, message in enumerate(messages):
-            data += struct.pack(">Q", 1_700_000_000_000_000 + k) + bytes(message.pack(link))
-        path.write_bytes(data)
-        return path
-
-    pwm = run("inspect", log("pwm.tlog", v2.MAVLink_servo_output_raw_message(0, 0, *[1500] * 16)))
+    pwm = run(
+        "inspect", write_log(tmp_path / "pwm.tlog", [v2.MAVLink_servo_output_raw_message(0, 0, *[1500] * 16)])
+    )
     assert pwm.out.startswith("Nothing can be judged"), "the answer first"
     assert "wear of every actuator: cannot be judged" in pwm.out
     assert "  remedy: record each servo's ESC telemetry" in pwm.out, "without the reason"
     assert "DEBUG_FLOAT_ARRAY named EMA" in pwm.out
     partial = [1.0, float("nan"), 3.0] + [float("nan")] * 9 + [0.0] * 46
-    instrumented = log("ema.tlog", v2.MAVLink_debug_float_array_message(0, b"EMA", 3, partial))
+    instrumented = write_log(
+        tmp_path / "ema.tlog", [v2.MAVLink_debug_float_array_message(0, b"EMA", 3, partial)]
+    )
     assert "no airframe profile" in run("inspect", instrumented).out.replace("\n", " ")
     named = run("inspect", instrumented, "--airframe", "paper").out
     assert "elevator (servo 3): V1, V3 from DEBUG_FLOAT_ARRAY[EMA,3]; missing V2, V4" in named
     assert "rudder (servo 4): no telemetry" in named
-    nobody = run("inspect", log("gcs.tlog", v2.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)))
+    nobody = run(
+        "inspect", write_log(tmp_path / "gcs.tlog", [v2.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)])
+    )
     assert nobody.out.startswith("Nothing can be judged: no vehicle speaks")
 
 

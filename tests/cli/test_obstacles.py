@@ -55,13 +55,6 @@ def test_one_heartbeat_names_the_vehicle(run: Run, tmp_path: Path) -> None:
     assert "no vehicle speaks" not in run("analyse", log).out
 
 
-def test_commands_alone_are_no_case_for_a_profile(run: Run, tmp_path: Path) -> None:
-    vehicle, verdict = both(run, write_log(tmp_path / "x.tlog", sent(FIXED_WING, esc=False)))
-    assert vehicle["tier"] == verdict["tier"] == "pwm"
-    assert not vehicle["judged"]
-    assert verdict["reason_codes"] == ["wear_unseen"]
-
-
 def test_a_propellers_esc_is_named_as_such(run: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path / "x.tlog", sent(FIXED_WING, esc=True, parameters=True))
     vehicle, verdict = both(run, log)
@@ -116,13 +109,6 @@ def test_export_suggests_a_message_of_the_logs_own_format(
 ) -> None:
     refused = run("export", REAL_LOGS / "onboard" / name, "-o", tmp_path / "w.csv")
     assert f"--messages {message}" in refused.err
-
-
-def test_histories_without_a_profile_suggest_no_other_aircrafts(tmp_path: Path) -> None:
-    log = mavhums.read_log(write_log(tmp_path / "x.tlog", sent(FIXED_WING, esc=False)))
-    with pytest.raises(mavhums.MavhumsError, match="profile new") as caught:
-        mavhums.actuators(log)
-    assert "paper" not in str(caught.value)
 
 
 def test_examples_complain_of_a_log_without_telemetry(

@@ -11,9 +11,6 @@ import pandas as pd
 import pytest
 
 import mavhums
-from mavhums.actuator.draft import draft_profile
-from mavhums.actuator.profile import load_airframe
-from mavhums.app.export import export_quantities
 from mavhums.core.errors import ExitCode
 from mavhums.core.output import writer_for
 from mavhums.core.quantities import KEYS
@@ -162,13 +159,6 @@ def test_parquet_without_its_library_names_the_command(
     assert run("export", short_log, "-o", tmp_path / "t.csv").code == 0
 
 
-def test_progress_is_the_bytes_read(short_log: Path, tmp_path: Path) -> None:
-    seen: list[int] = []
-    export_quantities(short_log, tmp_path / "t.csv", airframe=load_airframe("paper"), progress=seen.append)
-    draft_profile(short_log, progress=seen.append)
-    assert max(seen) == seen[-1] == short_log.stat().st_size
-
-
 def test_the_packaged_model_shows_its_card(run: Run) -> None:
     model = default_model()
     outcome = run("model", "show")
@@ -194,16 +184,6 @@ def test_the_packaged_model_shows_its_card(run: Run) -> None:
         assert " ".join(line.split()) in " ".join(outcome.out.split())
 
 
-@pytest.mark.parametrize("tier", ["instrumented", "without-load", "esc"])
-def test_each_packaged_model_is_shown_by_its_name(run: Run, tier: str) -> None:
-    shown = json.loads(run("model", "show", f"paper-{tier}", "--json").out)
-    assert shown["name"] == f"paper-{tier}"
-    assert f"--tier {tier} " in shown["command"]
-    measured = shown["calibration"]["metrics"]
-    assert measured["brier_score"] < measured["brier_score_of_the_share"]
-    assert measured["expected_calibration_error"] < measured["expected_calibration_error_of_the_share"]
-
-
 def test_every_command_takes_a_model_by_name_and_lists_the_names_for_a_wrong_one(
     run: Run, short_log: Path, tmp_path: Path
 ) -> None:
@@ -222,18 +202,6 @@ def test_every_command_takes_a_model_by_name_and_lists_the_names_for_a_wrong_one
         outcome = run(*command)
         assert outcome.code == ExitCode.ERROR, command
         assert all(name in outcome.err for name in mavhums.models()), command
-
-
-def test_the_card_of_a_network_of_windows_tells_its_stages_and_its_confusion(run: Run) -> None:
-    window = default_model().card.window
-    assert window is not None
-    shown = " ".join(run("model", "show").out.split())
-    assert f"Network of windows features {', '.join(window.features)} classes normal, friction" in shown
-    for name, row in window.confusion.items():
-        said = ", ".join(f"{each} {count}" for each, count in row.items())
-        assert f"{name} {said}".replace("_", " ") in shown
-    for line in window.selection.stage_lines(window.features):
-        assert " ".join(line.split()) in shown
 
 
 def test_a_card_is_json_for_scripts(run: Run, tmp_path: Path) -> None:

@@ -21,7 +21,6 @@ import pytest
 import zstandard
 
 from mavhums import analyse, read_log
-from mavhums.core import packed
 from mavhums.core.errors import UnreadableLogError
 from mavhums.core.packed import SequentialFile, members, opened
 from tests.conftest import Run
@@ -81,18 +80,6 @@ def test_what_is_packed_twice_is_read(inner: Any, outer: Any, tmp_path: Path) ->
         assert file.read(len(LOG) + 1) == LOG
 
 
-def cut_gzip(folder: Path) -> Path:
-    path = folder / "cut.gz"
-    path.write_bytes(gzip.compress(LOG)[:-100])
-    return path
-
-
-def cut_zstd(folder: Path) -> Path:
-    path = folder / "cut.zst"
-    path.write_bytes(zstandard.compress(LOG)[:-100])
-    return path
-
-
 def broken_directory(folder: Path) -> Path:
     path = zipped(folder / "bad.zip", ("flight.ulg", LOG))
     path.write_bytes(path.read_bytes().replace(b"PK\x01\x02", b"PK\x01\x03"))
@@ -123,8 +110,6 @@ def zip_in_zip(folder: Path) -> Path:
 @pytest.mark.parametrize(
     ("made", "said"),
     [
-        (cut_gzip, "damaged or cut"),
-        (cut_zstd, "damaged or cut"),
         (broken_directory, "damaged or cut"),
         (several, "contains 2 files: a.ulg, b.ulg: name one, for example .*several.zip/a.ulg"),
         (unknown_member, "no such member: it holds a.ulg, b.ulg"),
@@ -218,16 +203,14 @@ def test_without_zstandard_the_remedy_is_its_installation(
     assert "pip install 'mavhums[zstd]'" in outcome.err
 
 
-def test_the_limit_is_beyond_any_log() -> None:
-    assert (packed.SequentialFile.free, packed.SequentialFile.ratio) == (1 << 30, 200)
-
-
-@pytest.mark.parametrize("compress", [lzma.compress, bz2.compress])
+@pytest.mark.parametrize("compress", COMPRESSORS)
 def test_a_cut_or_damaged_stream_is_told(compress: Any, tmp_path: Path) -> None:
     whole = compress(LOG)
     damaged = bytearray(whole)
     damaged[len(whole) // 2] ^= 0xFF
     for name, data in (("cut", whole[:-20]), ("damaged", bytes(damaged))):
+        if name == "damaged" and compress is zstandard.compress:
+            continue  # its frames have no checksum here
         (tmp_path / name).write_bytes(data)
         with pytest.raises(UnreadableLogError, match="damaged or cut"), opened(tmp_path / name) as file:
             drain(file)

@@ -30,6 +30,7 @@ cloudpickle = pytest.importorskip("cloudpickle")
 from mavhums import fleet  # noqa: E402
 from mavhums.fleet.sources import logs_in  # noqa: E402
 from tests.fleet.stores import table  # noqa: E402
+from tests.live.programs import mavhums  # noqa: E402
 
 FLIGHTS = 12
 DAY_S = 86_400.0
@@ -213,17 +214,8 @@ def test_what_was_committed_without_verdicts_gets_them_with_the_next_scan(
 
 @pytest.mark.slow
 def test_two_scans_at_once_say_the_same(logs: Path, one_by_one: dict[str, list[str]], tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "mavhums",
-        "fleet",
-        "scan",
-        str(logs),
-        "--store",
-        str(tmp_path / "store"),
-    ]
-    both = [subprocess.Popen([*command, "--aircraft", "folder", "--workers", "0"]) for _ in range(2)]
+    scan = ("fleet", "scan", logs, "--store", tmp_path / "store", "--aircraft", "folder", "--workers", "0")
+    both = [subprocess.Popen(mavhums(*scan)) for _ in range(2)]
     assert [each.wait(timeout=300) for each in both] == [0, 0]
     assert verdicts_of(tmp_path / "store") == in_order(one_by_one)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import shutil
 from datetime import timedelta
 from pathlib import Path
 
@@ -11,13 +9,10 @@ import pytest
 
 from mavhums.core.errors import MavhumsError
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import Indicator
-from tests.conftest import Run
 from tests.flights import START, flown, shown, verdict
 
 pytest.importorskip("distributed")
 
-from mavhums import fleet
 from mavhums.flights.corrections import change_repairs, repairs_in
 from mavhums.flights.store import Store
 from mavhums.flights.store.dates import Repair, repairs_of, since_of
@@ -57,27 +52,3 @@ def test_a_store_keeps_repairs_until_a_mistake_is_removed(tmp_path: Path) -> Non
     with Store(store).reading() as connection:
         since = since_of(connection, aircraft_id(connection, "D-A", creates=False) or 0)
     assert since(START + timedelta(days=60)) == {}
-
-
-@pytest.mark.slow
-def test_a_new_date_opens_no_log(run: Run, tmp_path: Path) -> None:
-    from mavhums_sim import Flight, fly, write_tlog
-    from tests.fleet_logs import moved
-
-    folder = tmp_path / "D-A"
-    folder.mkdir()
-    write_tlog(fly(Flight(1, 21.0, rate_hz=25.0, tiers=("instrumented",))), tmp_path / "kind")
-    for day in range(12):
-        (folder / f"{day:02}.tlog").write_bytes(moved((tmp_path / "kind").read_bytes(), 86_400.0 * day))
-    command = ("fleet", "scan", folder, "--store", tmp_path / "store", "--aircraft", "folder", "--json")
-    assert json.loads(run(*command).out)["judged"] == 12
-    assert any(one.baseline for one in last(tmp_path / "store"))
-    shutil.rmtree(folder)
-    repaired = run("fleet", "repairs", "--store", tmp_path / "store", "--add", "D-A/=2026-01-05")
-    assert repaired.out == "D-A/=2026-01-05\n"
-    assert not any(one.baseline for one in last(tmp_path / "store"))
-
-
-def last(store: Path) -> list[Indicator]:
-    """Return the indicators of the last flight."""
-    return [one for _, verdict in fleet.verdicts(store, "D-A")[-4:] for one in verdict.indicators]

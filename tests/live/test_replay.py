@@ -6,6 +6,7 @@ import json
 import socket
 import threading
 import time
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -108,29 +109,11 @@ def test_a_session_gives_what_its_recording_gives(
         assert counts.frames - counts.unknown_frames >= 0.99 * intact
 
 
-class _Flown:
-    """A short flight of each tier, as datagrams; flown once."""
-
-    def __init__(self) -> None:
-        self._pieces: dict[tuple[tuple[str, ...], int, bool], list[Piece]] = {}
-
-    def __call__(self, tiers: tuple[str, ...], day: int, *, signed: bool) -> list[Piece]:
-        if (tiers, day, signed) not in self._pieces:
-            record = fly(
-                Flight(
-                    seed=7,
-                    duration_s=16.0,
-                    rate_hz=25.0,
-                    friction_nm={"elevator": (1.0, 1.0)},
-                    tiers=tiers,
-                )
-            )
-            link = Link(key=KEY if signed else None, day=day, loss=0.02, late=0.02)
-            self._pieces[tiers, day, signed] = pieces(record, link)
-        return self._pieces[tiers, day, signed]
-
-
-FLOWN = _Flown()
+@cache
+def short_flight(tiers: tuple[str, ...], day: int, *, signed: bool) -> list[Piece]:
+    """A short flight of these tiers, as datagrams."""
+    record = fly(Flight(7, 16.0, {"elevator": (1.0, 1.0)}, rate_hz=25.0, tiers=tiers))
+    return pieces(record, Link(key=KEY if signed else None, day=day, loss=0.02, late=0.02))
 
 
 @pytest.mark.slow
@@ -142,7 +125,7 @@ def test_each_session_is_its_recording(tiers: tuple[str, ...], signed: bool, tmp
     for session, day in enumerate((0, 1)):
         folder = tmp_path / str(session)
         folder.mkdir()
-        flown = FLOWN(tiers, day, signed=signed)
+        flown = short_flight(tiers, day, signed=signed)
         rig = Rig(folder, key=KEY if signed else None, latest=latest, start_us=flown[0].time_us)
         rig.hear(flown)
         assert rig.end().log.vehicles == (1,)
@@ -161,7 +144,7 @@ def test_a_second_session_admits_what_its_recording_admits(
     tmp_path_factory: pytest.TempPathFactory, day: int, older_s: int, strangers: int, swap: bool
 ) -> None:
     """Streams whose clocks differ by minutes, known and unknown from before, in any order."""
-    flown = FLOWN(("instrumented",), 1, signed=True)
+    flown = short_flight(("instrumented",), 1, signed=True)
     newest = int.from_bytes(flown[0].data[-12:-6], "little")
     signer = v2.MAVLink(None, srcSystem=1, srcComponent=7)
     signer.signing.secret_key, signer.signing.sign_outgoing, signer.signing.link_id = KEY, True, 5

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from mavhums.core.conditions import Condition
-from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.flights.history import PastFlight
+from mavhums.flights.trends import trend_report
 from mavhums.results.standing import (
     ActuatorTrend,
-    FlightPoint,
     FlightsLeft,
     Growth,
     Interval,
@@ -24,6 +24,8 @@ from mavhums.results.verdict import Suspect, Verdict
 from mavhums.serve.fleet_view import aircraft_table, flight_pages, flight_table, tally, trends_shown
 from mavhums.serve.pages import render, trends
 from mavhums.show.blocks import Link, Mark
+from tests.flights import flown, shown
+from tests.flights import verdict as judged
 
 MARKUP = "<img src=x onerror=alert(1)>"
 
@@ -105,58 +107,23 @@ def growth(left: float = 9.0) -> Growth:
 
 
 def test_flights_come_latest_first_and_lead_to_their_reports() -> None:
-    def flight(day: int) -> Assessment:
-        log = LogSummary(
-            path=f"/store/{day}.tlog",
-            sha256=f"{day}" * 4,
-            start_utc=f"2026-01-0{day}T10:00:00+00:00",
-            duration_s=1.0,
-            vehicles=(1,),
-            losses={},  # type: ignore[arg-type]
-        )
-        return Assessment(log=log, airframe=None, model=None, verdicts=(verdict("rudder", "normal"),))
-
-    flights = [flight(1), flight(2)]
+    flights = [flown(verdict("rudder", "normal"), day=day, name=f"/store/{day}") for day in (0, 1)]
     last, first = flight_table("D & A", flights).rows
-    address = "/fleet/flight?aircraft=D+%26+A&log=2222"
-    assert last[:2] == [[Link("2026-01-02 10:00 UTC", address)], [Mark("normal")]]
-    assert first[3] == "1.tlog"
-    assert flight_pages("D & A", flights)["2026-01-02T10:00:00+00:00"] == address
+    address = f"/fleet/flight?aircraft=D+%26+A&log={flights[1].log.sha256}"
+    assert last[:2] == [[Link("2026-03-02 09:00 UTC", address)], [Mark("normal")]]
+    assert first[3] == "0.tlog"
+    assert flight_pages("D & A", flights)["2026-03-02T09:00:00+00:00"] == address
 
 
 def trend(actuator: str, fault: str, *, grows: bool = False, last: float = 0.2) -> ActuatorTrend:
     values = [0.2] * 11 + [last]
-    return ActuatorTrend(
-        vehicle=1,
-        actuator=actuator,
-        airframe=None,
-        fault=fault,
-        quantity="play",
-        unit="°",
-        condition="normal",
-        flights=12,
-        limit=0.5,
-        emergency=0.9,
-        baseline=None,
-        change=None,
-        level=None,
-        per_flight=None,
-        between=None,
-        left_out=(),
-        growth=growth() if grows else None,
-        flights_left=None,
-        reason="it does not grow",
-        points=tuple(
-            FlightPoint(
-                flight=number,
-                start_utc=f"2026-01-{number:02}T00:00:00Z",
-                log=None,
-                value=Interval(estimate=value, low=value - 0.1, high=value + 0.1),
-                condition="normal",
-            )
-            for number, value in enumerate(values, 1)
-        ),
-    )
+    flights = [
+        flown(judged(shown(value, fault=fault, error=0.05), actuator=actuator), day=day)
+        for day, value in enumerate(values)
+    ]
+    (found,) = trend_report(map(PastFlight.of, flights)).trends
+    told = {"quantity": "play", "unit": "°", "limit": 0.5, "emergency": 0.9, "reason": "it does not grow"}
+    return found.model_copy(update=told | {"growth": growth() if grows else None, "flights_left": None})
 
 
 def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_limit() -> None:
@@ -167,7 +134,7 @@ def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_
         trend("rudder", "bias", last=0.7),
     )
     report = TrendReport(flights=12, trends=trends, unshown=())
-    elevator, rudder = trends_shown(report, {"2026-01-02T00:00:00Z": "/fleet/flight?log=2"})
+    elevator, rudder = trends_shown(report, {"2026-03-02T09:00:00+00:00": "/fleet/flight?log=2"})
     assert (len(elevator.first), len(elevator.others)) == (1, 1)
     assert len(rudder.first) == 2
     shown = rudder.first[0].chart

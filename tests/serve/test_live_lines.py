@@ -14,30 +14,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mavhums.results.live import ActuatorStatus, LinkStatus
 from mavhums.serve.live_file import LiveFile
 from mavhums.show.html import draw
 
 UTC = "2026-01-01T00:00:00+00:00"
-LINK = dict.fromkeys(
-    [
-        "frames_per_s",
-        "bytes_per_s",
-        "datagrams",
-        "bytes",
-        "frames",
-        "unknown_frames",
-        "bytes_skipped",
-        "bad_crc_frames",
-        "unsigned_frames",
-        "bad_signatures",
-        "replayed_frames",
-        "missing_frames",
-        "reordered_frames",
-        "duplicated_frames",
-        "dropped_datagrams",
-    ],
-    0,
-) | {"age_s": 0.1}
+LINK = dict.fromkeys(LinkStatus.model_fields, 0) | {"age_s": 0.1, "contested": ()}
 
 
 def start() -> dict[str, Any]:
@@ -46,24 +28,11 @@ def start() -> dict[str, Any]:
 
 
 def status(uptime_s: float, condition: str = "normal") -> dict[str, Any]:
-    actuator = {"vehicle": 1, "actuator": "<b>elevator", "condition": condition, "held": condition}
-    actuator |= {"worst": condition, "stale": False, "age_s": 0.0, "rate_hz": 50.0, "friction_nm": None}
-    actuator |= {
-        "network": None,
-        "probability": None,
-        "suspects": [],
-        "tier": None,
-        "late": 0,
-        "reason": None,
-    }
-    return {
-        "event": "status",
-        "utc": UTC,
-        "uptime_s": uptime_s,
-        "actuators": [actuator],
-        "link": LINK,
-        "record": None,
-    }
+    actuator = dict.fromkeys(ActuatorStatus.model_fields) | {"vehicle": 1, "actuator": "<b>elevator"}
+    actuator |= dict.fromkeys(("condition", "held", "worst"), condition)
+    actuator |= {"stale": False, "rate_hz": 50.0, "suspects": [], "late": 0}
+    told = {"uptime_s": uptime_s, "actuators": [actuator], "link": LINK, "record": None}
+    return {"event": "status", "utc": UTC, **told}
 
 
 def change(time_s: float) -> dict[str, Any]:

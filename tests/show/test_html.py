@@ -11,23 +11,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mavhums.app.analysis import analyse
-from mavhums.core.conditions import URGENCY
 from mavhums.engine.events import Notice
 from mavhums.health.decision.events import Indication, Trace
 from mavhums.results.assessment import Assessment
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Coverage, Evidence, Indicator, Suspect, Verdict
-from mavhums.show.blocks import Craft, Mark
+from mavhums.results.verdict import Coverage, Evidence, Suspect, Verdict
+from mavhums.show.blocks import Craft
 from mavhums.show.evidence import CaptionedCurve, Curve, CurveKey, EvidenceCollector, Limit
 from mavhums.show.html import page
 from mavhums.show.html_plot import plot
 from mavhums.show.outline import outline
-from mavhums.show.words import SIGNS
 from tests.conftest import REAL_LOGS, needs
+from tests.flights import shown
 from tests.show.chromium import Chromium, find
 from tests.show.conftest import new_assessment, new_verdict
 
@@ -68,18 +66,9 @@ def gathered(*events: Indication | Notice | Trace) -> EvidenceCollector:
 
 
 def with_limits(assessment: Assessment) -> Assessment:
-    value = Interval(estimate=1.0, low=0.97, high=1.03)
-    found = Indicator(
-        fault="friction",
-        quantity="Coulomb friction",
-        unit="N·m",
-        value=value,
-        windows=9,
-        limit=0.375,
-        emergency=0.875,
-    )
+    found = (shown(1.0, error=0.015, windows=9),)
     verdicts = [
-        one.model_copy(update={"indicators": (found,)}) if one.actuator == "elevator" else one
+        one.model_copy(update={"indicators": found}) if one.actuator == "elevator" else one
         for one in assessment.verdicts
     ]
     return assessment.model_copy(update={"verdicts": tuple(verdicts)})
@@ -105,13 +94,6 @@ def test_the_answer_comes_first_and_answers_the_five_questions(assessment: Asses
     assert rows.index("elevator") < rows.index("rudder") < rows.index("aileron_left")
     assert "1,234 bytes skipped" in text
     assert "0" * 64 in text
-
-
-def test_what_to_do_is_said_once_for_all_that_are_alike() -> None:
-    healthy = [new_verdict(name, "normal", 0.2, 0.0) for name in ("elevator", "rudder")]
-    text = Tags(page(new_assessment(*healthy), EvidenceCollector())).text
-    assert text.count("keep the log") == 1
-    assert "rudder: friction 0.200" in text[text.index("How sure") :]
 
 
 def test_a_plot_has_its_interval_its_limits_and_its_words(assessment: Assessment) -> None:
@@ -154,49 +136,17 @@ def hostile(text: str) -> str:
     return page(whole, gathered(Notice(1.0, 1, text), indication(f"elevator {text}")))
 
 
-def test_hostile_texts_stay_texts() -> None:
-    written = hostile(HOSTILE)
-    plain = Tags(hostile("harmless"))
-    tags = Tags(written)
+@settings(max_examples=15)
+@given(text=st.text(min_size=1, max_size=60))
+@example(text=HOSTILE)
+def test_any_text_stays_text_and_leaves_the_structure_as_it_is(text: str) -> None:
+    written = hostile(text)
+    tags, plain = Tags(written), Tags(hostile("harmless"))
     assert [tag for tag, _ in tags.tags] == [tag for tag, _ in plain.tags]
     assert [set(a) for _, a in tags.tags] == [set(a) for _, a in plain.tags]
-    assert '<script>alert(1)</script><img src=x onerror="alert(2)">' in tags.text
-    assert "{{ 7*7 }}" in tags.text
+    assert text != HOSTILE or text[: text.index("\"'&")] in tags.text
     assert "\x1b" not in written
     assert "\u202e" not in written
-
-
-@settings(max_examples=30)
-@given(text=st.text(max_size=60))
-def test_any_text_leaves_the_structure_as_it_is(text: str) -> None:
-    verdict = Verdict(
-        vehicle=1, actuator="elevator", condition="undecided", worst="undecided", reason=text or "x"
-    )
-    log: dict[str, Any] = {
-        "path": "a.tlog",
-        "sha256": None,
-        "start_utc": None,
-        "duration_s": 1.0,
-        "vehicles": (1,),
-    }
-    whole = Assessment.model_validate(
-        {"log": {**log, "losses": {}}, "airframe": None, "model": None, "verdicts": (verdict,)}
-    )
-    found = Tags(page(whole, gathered(Notice(0.0, 1, text))))
-    usual = Tags(page(whole, gathered(Notice(0.0, 1, "x"))))
-    assert found.tags == usual.tags
-
-
-def test_every_condition_has_a_sign_and_a_word() -> None:
-    assert set(SIGNS) == set(URGENCY)
-    assert len(set(SIGNS.values())) == len(SIGNS)
-    verdicts = [
-        new_verdict("elevator", "normal", 0.2, 0.0, actuator=f"elevator_{word}", condition=word, worst=word)
-        for word in SIGNS
-    ]
-    text = Tags(page(new_assessment(*verdicts), EvidenceCollector())).text
-    for word, icon in SIGNS.items():
-        assert f"{icon} {Mark(word).text}" in text
 
 
 def test_long_flights_and_crowds_stay_small() -> None:
@@ -313,15 +263,6 @@ def test_a_browser_opens_it_from_disk_without_a_network(assessment: Assessment, 
                 assert not found["alarmed"]
                 assert found["fetched"] == 0
         assert browser.errors == []
-
-
-def test_the_words_are_the_same_in_light_in_dark_and_on_paper(assessment: Assessment) -> None:
-    style = re.search(r"<style>(.*?)</style>", page(assessment, EvidenceCollector()), re.DOTALL)
-    assert style is not None
-    assert "prefers-color-scheme: dark" in style[1]
-    assert "@media print" in style[1]
-    assert "url(" not in style[1]
-    assert "@import" not in style[1]
 
 
 @pytest.mark.parametrize(

@@ -4,10 +4,8 @@ import re
 
 import pytest
 
-from mavhums.core.about import NOTICE
 from mavhums.core.conditions import Condition
 from mavhums.core.quantities import KEYS
-from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import FlightCopy, FlightIdentity
 from mavhums.results.standing import Interval
@@ -18,27 +16,6 @@ from tests.show.conftest import new_assessment, new_verdict
 
 def first_line(assessment: Assessment) -> str:
     return markdown(assessment).splitlines()[0]
-
-
-def test_the_first_line_is_the_answer(assessment: Assessment) -> None:
-    assert first_line(assessment) == "# EMERGENCY: elevator: friction 1.00 N·m (limit 0.875) since 1m12s"
-
-
-def test_it_says_what_to_do_why_how_sure_and_what_was_lost(assessment: Assessment) -> None:
-    text = markdown(assessment)
-    assert "do not fly; inspect gearbox, bearings and hinge line" in text
-    assert (
-        "- 1m12s to 1m40s: the friction interval reaches the emergency limit (highest estimate 1.003 N·m)"
-        in text
-    )
-    assert "friction 1.003 (0.973–1.033) N·m with its 95 % interval" in text
-    assert "| 1.003 (0.973–1.033) | emergency | 1m12s |" in text
-    assert "the network" not in text  # the physics decides, and the column has what the network says
-    assert "91 of 91 windows are decidable, the actuator moved 72 % of the time" in text
-    assert "**Suspected:** friction (97 %)." in text
-    assert "2025-06-01 10:01:12 UTC" in text
-    assert "1,234 bytes skipped, 3 damaged regions, 2 frames with a wrong checksum and 1 frame of an" in text
-    assert NOTICE in text.splitlines()[4]
 
 
 def test_every_quantity_names_its_source_or_that_there_is_none() -> None:
@@ -60,15 +37,6 @@ def test_actuators_whose_sources_differ_in_numbers_share_a_table(assessment: Ass
 def test_a_log_without_a_profile_speaks_of_every_actuator() -> None:
     nothing = new_verdict("rudder", "undecided", 0.0, None, actuator=ALL)
     assert "## every actuator: undecided" in markdown(new_assessment(nothing))
-
-
-def test_different_reasons_are_told_apart() -> None:
-    still = new_verdict("rudder", "undecided", 0.0, None)
-    bare = still.model_copy(update={"actuator": "elevator", "reason": None, "remedy": None})
-    text = markdown(new_assessment(still, bare))
-    assert text.startswith("# undecided: rudder and elevator not judged\n")
-    section = text[text.index("## elevator: undecided") :]
-    assert "**Why:** no reason was given" in section
 
 
 @pytest.mark.parametrize(
@@ -128,15 +96,6 @@ def test_texts_from_outside_stay_texts() -> None:
     row = next(line for line in text.splitlines() if line.startswith(r"| a\|"))
     assert row.startswith(r"| a\|b�# x \<b>\[l\](u) \`c\` �\[31m | normal |")
     assert "\x1b" not in text
-
-
-def test_a_live_link_without_model_or_airframe(assessment: Assessment) -> None:
-    log = assessment.log.model_copy(update={"path": None, "start_utc": None, "losses": Losses()})
-    bare = assessment.model_copy(update={"log": log, "airframe": None, "model": None, "verdicts": ()})
-    text = markdown(bare)
-    assert "- Start: not known\n- Duration: 1m40s\n- Losses: none\n" in text
-    for fact in ("- File: a live link", "- Airframe: none named", "- Network: none"):
-        assert fact in text
 
 
 def test_since_outlives_rounding() -> None:

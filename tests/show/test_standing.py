@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import re
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.console import Console
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.results.assessment import Assessment
@@ -21,9 +19,9 @@ from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.headline import NOT_JUDGED, headline
 from mavhums.show.html import page
 from mavhums.show.markdown_report import markdown
-from mavhums.show.terminal import render
 from mavhums.show.verdict_words import certainty, control_left
 from tests.show.conftest import new_assessment
+from tests.show.test_terminal import rendered
 
 UNSEEN = "nothing reports on it"
 
@@ -58,9 +56,7 @@ def servo(number: int) -> Verdict:
 
 
 def shown(assessment: Assessment, width: int = 200, *, verbose: bool = False) -> str:
-    file = io.StringIO()
-    render(assessment, Console(file=file, width=width), verbose=verbose)
-    return file.getvalue()
+    return rendered(assessment, width=width, verbose=verbose)
 
 
 @pytest.mark.parametrize(

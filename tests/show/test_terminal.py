@@ -63,22 +63,11 @@ def test_the_figures_stay_whole_at_other_widths(width: int, assessment: Assessme
     assert NOTICE[1:].partition(";")[0] in text
 
 
-def test_no_colour_codes_where_it_is_not_a_terminal(assessment: Assessment) -> None:
-    assert "\x1b" not in rendered(assessment)
-
-
 def test_colours_on_a_terminal_and_words_too(assessment: Assessment) -> None:
     text = rendered(assessment, terminal=True)
     codes = [re.search(rf"\x1b\[1;(3[0-9;]+)m. {word}", text) for word in ("EMERGENCY", "normal")]
     assert all(codes), "rich keeps a style's codes as the first terminal had them, so any colours will do"
     assert len({code[1] for code in codes if code}) == 2
-
-
-def test_equal_reasons_are_said_once() -> None:
-    names = ("aileron_left", "aileron_right", "elevator", "rudder")
-    text = flat(rendered(new_assessment(*(new_verdict(name, "undecided", 0.0, None) for name in names))))
-    assert text.count("record a flight") == 1
-    assert "aileron_left, aileron_right, elevator and rudder not judged:" in text
 
 
 def test_a_long_list_of_findings_is_cut_and_says_so() -> None:
@@ -96,11 +85,6 @@ def test_markup_and_control_codes_from_outside_are_inert() -> None:
     assert "\x1b" not in text
     assert "\x07" not in text
     assert "[red]x�[2J� not judged" in text
-
-
-def test_a_log_without_actuators() -> None:
-    text = rendered(new_assessment())
-    assert text.startswith("? undecided: no actuator was found in this log\n")
 
 
 SCREEN = 24
