@@ -12,6 +12,7 @@ slots' sums, and its values depend neither on the rate of the log nor on how it 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -81,60 +82,40 @@ _RIDGE = 0.01
 """Of a regressor's variance: a window that hardly excites it gives a small coefficient, not a wild one."""
 
 
-class Statistic(NamedTuple):
-    """A feature of a window, and the quantities that it needs."""
-
-    key: str
-    meaning: str
-    unit: str
-    needs: tuple[str, ...]
-
-
-_LIST: Final = (
-    Statistic("V5 way", "current: half the difference of the means forward and backward", "A", ("V5", "V7")),
-    Statistic("V5 both", "current: the middle of the means forward and backward", "A", ("V5", "V7")),
-    Statistic("V5 rms", "current", "A", ("V5",)),
-    Statistic("V5 std", "current", "A", ("V5",)),
-    Statistic("V5 work", "current, weighted by speed in its direction", "A", ("V5", "V7")),
-    Statistic(
-        "V5|V3 way",
-        "current with the sign of the speed; angle, speed and slope apart",
-        "A",
-        ("V3", "V5", "V7"),
-    ),
-    Statistic("V5|V3 rest", "what way, angle, speed and slope leave of the current", "A", ("V3", "V5", "V7")),
-    Statistic(
-        "V5|V11 way",
-        "current with the sign of the speed; load, speed and slope apart",
-        "A",
-        ("V5", "V7", "V11"),
-    ),
-    Statistic("V5|V11 load", "current for each newton metre of load", "A/(N·m)", ("V5", "V7", "V11")),
-    Statistic(
-        "V5|V11 rest", "what way, load, speed and slope leave of the current", "A", ("V5", "V7", "V11")
-    ),
-    Statistic("V11 work", "load, weighted by speed in its direction", "N·m", ("V7", "V11")),
-    Statistic("V11 rms", "load", "N·m", ("V11",)),
-    Statistic("V4 way", "voltage: half the difference of the means forward and backward", "V", ("V4", "V7")),
-    Statistic("V4 rms", "voltage, moving", "V", ("V4",)),
-    Statistic("V4|V5", "voltage for each ampere; speed apart", "Ω", ("V4", "V5", "V7")),
-    Statistic("V4|V7", "voltage for each 1000 rev/min; current apart", "V·min/1000", ("V4", "V5", "V7")),
-    Statistic("V4 rest", "what current and speed leave of the voltage", "V", ("V4", "V5", "V7")),
-    Statistic("V4 loss", "mean of voltage times current", "W", ("V4", "V5")),
-    Statistic("V7 rms", "speed", "1000 rev/min", ("V7",)),
-    Statistic("gap mean", "output shaft's angle less the rotor's through the gear", "°", ("V2", "V3")),
-    Statistic("gap std", "the same", "°", ("V2", "V3")),
-    Statistic("gap flank", "the same: part with the sign of the current", "°", ("V2", "V3", "V5")),
-    Statistic("flown", "path flown for each degree commanded", "1", ("V1", "V7")),
-    Statistic("missed mean", "command less angle", "°", ("V1", "V2", "V3")),
-    Statistic("missed std", "command less angle", "°", ("V1", "V3")),
-    Statistic("V4 all rms", "voltage, standing or moving", "V", ("V4",)),
-    Statistic("V4 peak", "largest magnitude of the voltage", "V", ("V4",)),
-)
-WINDOW_FEATURES: Final = {each.key: each for each in _LIST}
-"""The statistics by key, in the order of the columns of :func:`window_features`."""
+WINDOW_FEATURES: Final[Mapping[str, tuple[str, ...]]] = {
+    "V5 way": ("V5", "V7"),  # current: half the difference of the means forward and backward, A
+    "V5 both": ("V5", "V7"),  # current: the middle of the means forward and backward, A
+    "V5 rms": ("V5",),  # current, A
+    "V5 std": ("V5",),  # current, A
+    "V5 work": ("V5", "V7"),  # current, weighted by speed in its direction, A
+    "V5|V3 way": ("V3", "V5", "V7"),  # current with the sign of the speed; angle, speed and slope apart, A
+    "V5|V3 rest": ("V3", "V5", "V7"),  # what way, angle, speed and slope leave of the current, A
+    "V5|V11 way": ("V5", "V7", "V11"),  # current with the sign of the speed; load, speed and slope apart, A
+    "V5|V11 load": ("V5", "V7", "V11"),  # current for each newton metre of load, A/(N·m)
+    "V5|V11 rest": ("V5", "V7", "V11"),  # what way, load, speed and slope leave of the current, A
+    "V11 work": ("V7", "V11"),  # load, weighted by speed in its direction, N·m
+    "V11 rms": ("V11",),  # load, N·m
+    "V4 way": ("V4", "V7"),  # voltage: half the difference of the means forward and backward, V
+    "V4 rms": ("V4",),  # voltage, moving, V
+    "V4|V5": ("V4", "V5", "V7"),  # voltage for each ampere; speed apart, Ω
+    "V4|V7": ("V4", "V5", "V7"),  # voltage for each 1000 rev/min; current apart, V·min/1000
+    "V4 rest": ("V4", "V5", "V7"),  # what current and speed leave of the voltage, V
+    "V4 loss": ("V4", "V5"),  # mean of voltage times current, W
+    "V7 rms": ("V7",),  # speed, 1000 rev/min
+    "gap mean": ("V2", "V3"),  # output shaft's angle less the rotor's through the gear, °
+    "gap std": ("V2", "V3"),  # the same, °
+    "gap flank": ("V2", "V3", "V5"),  # the same: part with the sign of the current, °
+    "flown": ("V1", "V7"),  # path flown for each degree commanded, 1
+    "missed mean": ("V1", "V2", "V3"),  # command less angle, °
+    "missed std": ("V1", "V3"),  # command less angle, °
+    "V4 all rms": ("V4",),  # voltage, standing or moving, V
+    "V4 peak": ("V4",),  # largest magnitude of the voltage, V
+}
+"""What each statistic of a window needs, in the order of the columns of :func:`window_features`."""
 WINDOW_KEYS: Final = tuple(WINDOW_FEATURES)
-_NEEDING = {of: [k for k, each in enumerate(_LIST) if of in each.needs] for of in ("V2", "V11")}
+_NEEDING = {
+    of: [k for k, needs in enumerate(WINDOW_FEATURES.values()) if of in needs] for of in ("V2", "V11")
+}
 
 
 def products(moments: Array) -> Array:

@@ -103,7 +103,7 @@ class Model:
     def window_quantities(self) -> tuple[str, ...]:
         """The quantities of whose statistics the network of windows knows; empty without one."""
         keys = self.window.keys if self.window else ()
-        needed = {quantity for key in keys for quantity in WINDOW_FEATURES[key].needs}
+        needed = {quantity for key in keys for quantity in WINDOW_FEATURES[key]}
         return tuple(key for key in KEYS if key in needed)
 
     @property

@@ -96,7 +96,7 @@ def classes_of(telemetry: Telemetry) -> tuple[str, ...]:
 def keys_of(telemetry: Telemetry) -> tuple[str, ...]:
     """Return the statistics that a telemetry provides."""
     lacks = {"instrumented": set(), "without-load": {"V11"}}.get(telemetry.name, {"V2", "V11"})
-    return tuple(key for key, each in WINDOW_FEATURES.items() if not lacks & set(each.needs))
+    return tuple(key for key, needs in WINDOW_FEATURES.items() if not lacks & set(needs))
 
 
 def fly_windows(
