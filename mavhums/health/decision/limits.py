@@ -161,20 +161,21 @@ class LimitTest:
         """Take the evidence of the window that ends then, shape (2, n); return if the condition changes."""
         self._ends_s.append(end_s)
         self._starts = min(self._starts + 1, STARTS)
-        above, grave = evidence[:, : self._starts]
-        begins, ends = int(np.argmax(above)), int(np.argmin(above))
+        above, grave = evidence[0, : self._starts], evidence[1, : self._starts]
         after, first = self.condition, 0
         faulty = SEVERITY[after] > SEVERITY["normal"]
-        if faulty and above[ends] <= -EXCLUDING:
+        if faulty and above[ends := int(above.argmin())] <= -EXCLUDING:
             after, first, self._starts = "normal", ends, ends + 1
         elif faulty:
             after = self._fault(grave)
-            first = int(np.argmax(grave if after == "emergency" else -grave))
-        elif above[begins] >= self._alarm or (self._span_s and above[0] > 0.0):
+            first = int((grave if after == "emergency" else -grave).argmax())
+        elif above[begins := int(above.argmax())] >= self._alarm or (self._span_s and above[0] > 0.0):
             self._starts = begins + 1
             after, first = self._fault(grave), begins
-        elif after == "undecided" and above[ends] <= -EXCLUDING:
+        elif after == "undecided" and above[ends := int(above.argmin())] <= -EXCLUDING:
             after, first = "normal", ends
+        if after == self.condition:
+            return False
         throughout = self.condition == "undecided" or (self._span_s and after != "normal")
         since_s = self._ends_s[-1 - first] - (self._span_s or WINDOW_S) * (1.0 if throughout else 0.5)
         # Conditions follow each other in time.
