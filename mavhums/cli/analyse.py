@@ -7,14 +7,13 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING
 
 import click
 
-from mavhums.cli.options import JOBS, JSON, KEEP, LOG, LOGS, PATH, STORE, judging
+from mavhums.cli.options import JOBS, JSON, LOG, LOGS, PATH, judging
 from mavhums.cli.output import complain, draw, reading, say, say_json
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError, MissingExtraError
@@ -239,8 +238,6 @@ def _open_recordings(recordings: Sequence[Path]) -> None:
 @click.command(short_help="Judge every actuator and control axis in logs.", epilog=EPILOG)
 @LOGS
 @judging()
-@STORE
-@KEEP
 @JSON
 @click.option("--markdown", is_flag=True, help="Print the answer as Markdown, for a forum or an issue.")
 @click.option(
@@ -256,8 +253,6 @@ def _open_recordings(recordings: Sequence[Path]) -> None:
 def analyse(
     options: Options,
     logs: tuple[Path, ...],
-    store: str | None,
-    keep: bool,
     as_json: bool,
     markdown: bool,
     rrd: Path | None,
@@ -289,7 +284,7 @@ def analyse(
         raise click.UsageError("--open needs --rrd OUT")
     if markdown and (as_json or verbose):
         raise click.UsageError("--markdown is the short answer: leave out --json and --verbose")
-    settings = Settings.read(replace(options, store=store, keep=keep))
+    settings = Settings.read(options)
     recordings = _recordings_of(logs, rrd)
     batch = Batch(
         jobs=jobs,
@@ -305,7 +300,7 @@ def analyse(
         kept = 0
         for outcome in analyse_many(logs, settings, batch):
             printer.show(outcome)
-            kept += keep and outcome.error is None
+            kept += options.keep and outcome.error is None
     if kept:
         say(f"mavhums: {kept} {'log is' if kept == 1 else 'logs are'} kept in {settings.store}", err=True)
     written = [recording for recording in recordings.values() if recording.exists()]
@@ -317,9 +312,8 @@ def analyse(
 @click.command(short_help="Write the verdicts on a log as one HTML file.", epilog=EPILOG)
 @LOG
 @click.option("-o", "--output", required=True, type=PATH, metavar="OUT", help="The page, as report.html.")
-@judging()
-@STORE
-def report(options: Options, log: Path, output: Path, store: str | None) -> None:
+@judging(without=["keep"])
+def report(options: Options, log: Path, output: Path) -> None:
     """Write the verdicts on LOG with their evidence as one HTML file, to mail or to file.
 
     It opens without a network, prints on paper, and holds no script. LOG may be - for the standard input.
@@ -328,7 +322,7 @@ def report(options: Options, log: Path, output: Path, store: str | None) -> None
     from mavhums.app import analysis
 
     with reading(log) as progress:
-        assessment = analysis.analyse(log, replace(options, store=store), report=output, progress=progress)
+        assessment = analysis.analyse(log, options, report=output, progress=progress)
     say(assessment.summary())
     say(f"report: {output}   open it in a browser")
     raise SystemExit(assessment.exit_code)

@@ -40,7 +40,7 @@ _NOTIFY_ALWAYS = click.option("--notify-always", is_flag=True, help="Send it als
 @click.command(short_help="Judge logs that the store does not have yet.", epilog=EPILOG)
 @click.argument("sources", nargs=-1, required=True, metavar="LOGS...")
 @FILLED_STORE
-@judging(without=["decide"])
+@judging(without=["decide", "store", "keep"])
 @click.option(
     "--workers",
     type=click.IntRange(0, 256),
@@ -189,7 +189,7 @@ def digest(
 @click.command(short_help="Judge logs as they land.", epilog=EPILOG)
 @click.argument("sources", nargs=-1, required=True, metavar="LOGS...")
 @FILLED_STORE
-@judging(without=["decide"])
+@judging(without=["decide", "store", "keep"])
 @click.option(
     "--workers",
     type=click.IntRange(0, 256),

@@ -41,7 +41,7 @@ _LEVELS = ("debug", "info", "warning", "error")
 
 @click.command(short_help="Judge every actuator while it flies.", epilog=EPILOG)
 @click.argument("urls", nargs=-1, metavar="URL...")
-@judging(without=["aircraft"])
+@judging(without=["aircraft", "store", "keep"])
 @click.option("--aircraft", metavar="NAME", help="Name of the aircraft. Default: whose board it reports.")
 @STORE
 @KEEP
@@ -119,10 +119,10 @@ def live(
         raise click.UsageError("name a link, for example udpin:14550")
     if given["record"] and given["rrd"] and given["record"] == given["rrd"]:
         raise click.UsageError("--record and --rrd name the same file")
-    store, keep = given.pop("store"), given.pop("keep")
+    store, keep, aircraft = (given.pop(name) for name in ("store", "keep", "aircraft"))
     if keep and given["record"] is None:
         raise click.UsageError("--keep needs --record FILE")
-    judging = replace(options, store=store, aircraft=f"={options.aircraft}" if options.aircraft else None)
+    judging = replace(options, store=store, aircraft=f"={aircraft}" if aircraft else None)
     if keep:  # a store that cannot be written is known before the flight
         from mavhums.flights.store import Store
 

@@ -162,6 +162,8 @@ _JUDGING: Final = {
     "aircraft": _AIRCRAFT,
     "aircraft_table": AIRCRAFT_TABLE,
     "key": _KEY,
+    "store": STORE,
+    "keep": KEEP,
 }
 
 
@@ -179,7 +181,7 @@ def judging(*, without: Sequence[str] = ()) -> Callable[[Callable[..., Any]], Ca
         def with_options(**given: Any) -> Any:
             from mavhums.app.settings import Options
 
-            names = [name for name in _JUDGING if name in given]
+            names = [name for name in _JUDGING if name not in without]
             return command(options=Options(**{name: given.pop(name) for name in names}), **given)
 
         for name, option in reversed(_JUDGING.items()):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from mavhums.cli.options import PATH, STORE, judging
+from mavhums.cli.options import PATH, judging
 from mavhums.cli.output import say
 from mavhums.core.about import EPILOG, NOTICE, __version__
 from mavhums.core.errors import MavhumsError, MissingExtraError
@@ -57,11 +56,9 @@ LEAST_MEMORY_MB = 512
     help="Memory to judge one (Linux only).",
 )
 @click.option("--workers", type=click.IntRange(1, 64), default=2, help="Processes that judge.")
-@judging(without=["decide", "aircraft", "aircraft_table", "key"])
-@STORE
+@judging(without=["decide", "aircraft", "aircraft_table", "key", "keep"])
 def serve(
     options: Options,
-    store: str | None,
     port: int,
     host: str,
     public: str | None,
@@ -84,8 +81,6 @@ def serve(
 
     if isinstance(options.model, str):
         load_model(options.model)  # a wrong name is refused now, not with the first log that somebody drops
-    if store is not None and not Store(store).exists and not Path(store).absolute().parent.is_dir():
-        raise MavhumsError(f"{store}: no such folder", "make it, or name another store")
     limits = Quotas(
         log_bytes=max_mb * 1_000_000,
         judge_s=float(max_seconds),
@@ -96,10 +91,13 @@ def serve(
         host=host,
         port=port,
         public=public,
-        judging=replace(options, store=store),
+        judging=options,
         limits=limits,
         live=lines,
     )
+    store = page.store
+    if store is not None and not Store(store).exists and not Path(store).absolute().parent.is_dir():
+        raise MavhumsError(f"{store}: no such folder", "make it, or name another store")
     serve_page(page, say)
 
 
@@ -164,11 +162,10 @@ def server_of(assistant: LogAssistant) -> MCPServer:
     metavar="DIR",
     help="Logs in this folder may be read; can be repeated.",
 )
-@judging()
-@STORE
+@judging(without=["keep"])
 @click.option("--max-logs", type=click.IntRange(1, 1000), default=20, help="Logs of one request.")
 @click.option("--max-mb", type=click.IntRange(1, 100_000), default=1000, help="Size of a log, unpacked.")
-def mcp(options: Options, folders: tuple[Path, ...], store: str | None, max_logs: int, max_mb: int) -> None:
+def mcp(options: Options, folders: tuple[Path, ...], max_logs: int, max_mb: int) -> None:
     """Serve the tools inspect, analyse, trend and explain to an assistant that speaks MCP.
 
     The assistant starts this command and talks to it over standard input and output; mavhums opens no
@@ -178,4 +175,4 @@ def mcp(options: Options, folders: tuple[Path, ...], store: str | None, max_logs
     from mavhums.app.assistant import LogAssistant, Reach
 
     reach = Reach(folders=folders, logs=max_logs, log_bytes=max_mb * 1_000_000)
-    server_of(LogAssistant(reach, replace(options, store=store))).run()
+    server_of(LogAssistant(reach, options)).run()
