@@ -21,25 +21,20 @@ from numpy.typing import NDArray
 import mavhums
 from mavhums.actuator.profile import Actuator, Ema
 from mavhums.core.quantities import KEYS, column
-from mavhums.health.actuator.detector import Detector, DetectorInput
 from mavhums.health.actuator.detectors import detectors_for
 from mavhums.health.actuator.detectors.electrical import contradicts
 from mavhums.health.decision.events import Indication
-from mavhums.health.decision.limits import Estimates
-from mavhums.health.estimation.equations import Fits
-from mavhums.health.estimation.motion import motion
-from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
-from mavhums.results.assessment import Assessment
 from mavhums_sim.conditions import Condition
 from mavhums_sim.sensors import EscSide
 from tests.conftest import real_logs
 from tests.health.flown import SURFACES, Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
+from tests.present import present
 from tests.strategies import cuts
 
 Array = NDArray[np.float64]
 CSRV = Path(__file__).parents[3] / "examples" / "profiles" / "csrv.toml"
 BUS = actuator_of(esc_side="bus")
-DETECTORS = {detector.fault: detector for detector in detectors_for(BUS)}
+DETECTORS = [detector.fault for detector in detectors_for(BUS)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,46 +68,12 @@ HEALTHY = [
 ]
 
 
-def clear(fault: str) -> Clear:
-    if fault not in CLEAR:
-        pytest.fail(
-            f"the detector of {fault!r} has no flight that it must find: add one to CLEAR in {__file__}, "
-            "as Clear(Condition.constant(FAULT, SEVERITY), ESTIMATE, TOLERANCE)"
-        )
-    return CLEAR[fault]
-
-
-def estimates(detector: Detector, seen: Telemetry, places: list[int] | None = None) -> list[Estimates]:
-    """What a detector alone makes of samples, block by block."""
-    actuator = BUS
-    cutter, fits, found = SlotCutter(), Fits(actuator, detector.equations), []
-    bounds = [0, *(places or []), seen.time_s.size]
-    values = with_extra_columns(seen.values, bus_v=seen.bus_v)
-    for a, b in itertools.pairwise(bounds):
-        slots = cutter.feed(seen.time_s[a:b], values[a:b])
-        if slots is not None:
-            moved = motion(actuator, slots)
-            found.append(detector.feed(DetectorInput(slots, moved, *fits.feed(slots, moved))))
-            assert len(found[-1].value) == slots.index.size
-    return found
-
-
 @pytest.mark.parametrize("fault", DETECTORS)
 class TestEvery:
     """What is asked of each detector by itself."""
 
-    def test_says_what_it_looks_for(self, fault: str) -> None:
-        detector = DETECTORS[fault]
-        assert detector.quantity
-        assert detector.inspect
-        assert detector.unit
-        normal, emergency = detector.levels
-        assert normal is None or normal > 0
-        assert emergency is None or (normal is not None and emergency >= normal)
-        assert detector.suits(BUS)
-
     def test_finds_the_clear_fault_and_names_it_alone(self, fault: str) -> None:
-        case = clear(fault)
+        case = CLEAR[fault]
         for rate_hz in (100.0, 25.0):
             record = flown(case.condition, rate_hz=rate_hz, esc_side=case.esc_side)
             events, findings = watch(telemetry(record), actuator_of(esc_side=case.esc_side))
@@ -127,7 +88,7 @@ class TestEvery:
             assert np.median(values) == pytest.approx(case.value, abs=case.within)
 
     def test_is_silent_before_the_fault_and_speaks_after_it(self, fault: str) -> None:
-        case = clear(fault)
+        case = CLEAR[fault]
         step = Condition.step(case.condition.fault, case.condition.start, 40.0)
         record = flown(step, rate_hz=25.0, seconds=80.0, esc_side=case.esc_side)
         _, findings = watch(telemetry(record), actuator_of(esc_side=case.esc_side))
@@ -136,25 +97,13 @@ class TestEvery:
         assert fault in [suspect.fault for suspect in findings.suspects]
 
     def test_does_not_depend_on_the_blocks(self, fault: str) -> None:
-        case = clear(fault)
+        case = CLEAR[fault]
         seen = telemetry(flown(case.condition, rate_hz=25.0, esc_side=case.esc_side))
-        whole = estimates(type(DETECTORS[fault])(BUS), seen)
+        whole = watch(seen, BUS.model_copy(update={"esc_side": case.esc_side}))[1]
         for places in ([1], [100, 101, 102, 500], list(range(7, 1000, 37))):
-            parts = estimates(type(DETECTORS[fault])(BUS), seen, places)
-            for name in ("value", "error", "freedom"):
-                found = np.concatenate([getattr(part, name) for part in parts])
-                assert found == pytest.approx(
-                    np.concatenate([getattr(part, name) for part in whole]), rel=1e-9, nan_ok=True
-                )
-
-    def test_shows_nothing_without_data(self, fault: str) -> None:
-        time_s = np.arange(0.0, 30.0, 0.04)
-        for value in (np.nan, 0.0):
-            seen = Telemetry(time_s, np.full((time_s.size, 12), value), np.full(time_s.size, np.nan))
-            found = estimates(type(DETECTORS[fault])(BUS), seen)
-            normal = DETECTORS[fault].levels.normal or np.inf
-            for part in found:
-                assert not (np.abs(part.value) > normal).any()
+            parts = [seen.between(a, b) for a, b in itertools.pairwise([0, *places, seen.time_s.size])]
+            found = watch_blocks(parts, BUS.model_copy(update={"esc_side": case.esc_side}))[1]
+            assert (found.evidence, found.indicators) == (whole.evidence, whole.indicators)
 
 
 @pytest.mark.parametrize(("cyclogram", "rate_hz", "side", "seed"), HEALTHY)
@@ -189,8 +138,7 @@ ABSURD = st.sampled_from([np.nan, np.inf, -np.inf, 1e308, -1e308, 1e12, 1e9, 9.9
 def test_absurd_numbers_raise_nothing(kinds: list[tuple[int, float, int, int]], places: list[int]) -> None:
     """A log may hold any number; detectors neither raise nor warn, and all they say is finite."""
     seen = telemetry(flown(rate_hz=25.0, esc_side="bus"))
-    assert seen.bus_v is not None
-    values, bus_v = seen.values.copy(), seen.bus_v.copy()
+    values, bus_v = seen.values.copy(), present(seen.bus_v).copy()
     for place, number, first, count in kinds:
         target = bus_v if place == 12 else values[:, place]
         target[first : first + count] = number
@@ -310,32 +258,23 @@ def test_a_profile_that_says_little_leaves_the_jam_alone() -> None:
 REAL = [path for path in real_logs() if path.suffix == ".tlog"]
 
 
-@pytest.fixture(scope="module")
-def servo_jam() -> Assessment:
-    """The jam that an aircraft's own servos reported; tests/test_engine.py holds all real logs."""
+@pytest.mark.slow
+def test_a_real_jam_alone_is_found_when_it_was() -> None:
+    """The jam that an aircraft's own servos reported; tests/engine/test_engine.py holds all real logs."""
     if not REAL:
         pytest.skip("the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
     path = next(path for path in REAL if path.name == "plane_lua_csrv.link1.tlog")
-    return mavhums.analyse(path, mavhums.Options(airframe=CSRV))
-
-
-@pytest.mark.slow
-def test_a_real_jam_is_found_when_it_was(servo_jam: Assessment) -> None:
-    aileron = next(v for v in servo_jam.verdicts if v.actuator == "aileron_1")
-    assert aileron.worst == "emergency"
-    assert (aileron.condition, aileron.since) == ("undecided", None)
-    (jam,) = [e for e in aileron.evidence if not e.rule.startswith("normal")]
-    assert jam.kind == "jam"
-    assert jam.start_s == pytest.approx(90.0, abs=3.0)
-    assert jam.end_s == pytest.approx(127.0, abs=5.0)
-
-
-@pytest.mark.slow
-def test_nothing_but_the_real_jam_is_found(servo_jam: Assessment) -> None:
-    for verdict in (v for v in servo_jam.verdicts if v.subject == "actuator"):
-        assert verdict.condition == "undecided"
+    servos = mavhums.analyse(path, mavhums.Options(airframe=CSRV)).verdicts
+    for verdict in (v for v in servos if v.subject == "actuator"):
+        assert (verdict.condition, verdict.since) == ("undecided", None)
         if verdict.actuator != "aileron_1":
             assert (verdict.worst, verdict.evidence, verdict.suspects) == ("undecided", (), ())
+            continue
+        assert verdict.worst == "emergency"
+        (jam,) = [e for e in verdict.evidence if not e.rule.startswith("normal")]
+        assert jam.kind == "jam"
+        assert jam.start_s == pytest.approx(90.0, abs=3.0)
+        assert jam.end_s == pytest.approx(127.0, abs=5.0)
 
 
 @pytest.mark.parametrize(

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.actuator.profile import Actuator
 from mavhums.core.quantities import column
-from mavhums.health.actuator.detectors.following import FollowingDetector, _only_approached
 from mavhums_sim.conditions import Condition
-from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
+from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch
 
 Array = NDArray[np.float64]
 _V1, _V3 = column("V1"), column("V3")
@@ -73,12 +69,6 @@ def test_a_shaft_that_moves_without_a_command_does_not_follow_it() -> None:
     assert (findings.worst, [suspect.fault for suspect in findings.suspects]) == ("degraded", ["following"])
 
 
-def test_it_needs_the_slew_rate() -> None:
-    blank: Actuator = actuator_of().model_copy(update={"slew_deg_s": None})
-    assert not FollowingDetector.suits(blank)
-    assert FollowingDetector.suits(NO_CONSTANTS)
-
-
 @pytest.mark.parametrize(("slew_deg_s", "worst"), [(100.0, "undecided"), (20.0, "emergency")])
 def test_an_angle_that_drifts_shows_the_lag_within_a_second(slew_deg_s: float, worst: str) -> None:
     seen, measured = flight(slew_deg_s, 15.0, 1.2), np.ones(12, dtype=bool)
@@ -102,28 +92,3 @@ def test_one_wrong_second_is_no_fault() -> None:
     seen = flight(100.0, 15.0, 1.2)
     seen.values[1000:1050, _V3] += 40.0
     assert watch(seen, NO_CONSTANTS)[1].worst == "undecided"
-
-
-def test_it_does_not_depend_on_the_blocks() -> None:
-    seen = flight(40.0, 15.0, 1.2)
-    whole = watch(seen, NO_CONSTANTS)[1].evidence
-    assert whole
-    cuts = [0, 3, 700, 701, 1234, seen.time_s.size]
-    parts = [seen.between(a, b) for a, b in itertools.pairwise(cuts)]
-    assert watch_blocks(parts, NO_CONSTANTS)[1].evidence == whole
-
-
-@pytest.mark.parametrize("mirrored", [False, True])
-@pytest.mark.parametrize(
-    ("first", "later", "approached"),
-    [
-        ((6.0, 4.0), (6.9, 2.0), True),  # highest and lowest of the error; it grew by 0.9 at most
-        ((6.0, 4.0), (7.0, 2.0), False),
-        ((6.0, 4.0), (6.9, -0.1), False),  # it changed its sign: the command passed the shaft
-    ],
-)
-def test_a_command_that_comes_back_to_a_shaft_asks_for_no_motion_to_either_side(
-    mirrored: bool, first: tuple[float, float], later: tuple[float, float], approached: bool
-) -> None:
-    ends = np.array([[[high, -low] for high, low in (first, later)]])
-    assert _only_approached(ends[:, :, ::-1] if mirrored else ends, np.array([1.0])).tolist() == [approached]

@@ -13,19 +13,28 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.quantities import column
 from mavhums.health.actuator.detector import DetectorInput
 from mavhums.health.actuator.detectors.friction import FrictionDetector
-from mavhums.health.actuator.monitor import Monitor
+from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums.health.decision.limits import Estimates
 from mavhums.health.estimation.equations import Fits
-from mavhums.health.estimation.motion import Motion, motion
-from mavhums.health.estimation.slots import BUS, COLUMNS, SlotCutter, Slots
-from tests.health.flown import actuator_of
-from tests.health.present import present
+from mavhums.health.estimation.motion import motion
+from mavhums.health.estimation.slots import COLUMNS, SlotCutter, Slots
+from tests.health.flown import Telemetry, actuator_of, watch_blocks
+from tests.present import present
 
 Array = NDArray[np.float64]
 PAPER = actuator_of()
 EMA = PAPER.known_ema()
 KNOWN = PAPER.model_copy(update={"ema": EMA.model_copy(update={"torque_uncertainty": 0.0})})
 SECONDS = 12
+
+
+def measured(count: int, **quantities: Array | None) -> Array:
+    """Return V1…V12 and the columns beside them of samples; what is None or absent is not measured."""
+    values = np.full((count, COLUMNS), np.nan)
+    for key, known in quantities.items():
+        if known is not None:
+            values[:, column(key)] = known
+    return values
 
 
 def synthetic(
@@ -38,20 +47,16 @@ def synthetic(
     speed = 0.63 * np.cos(2.1 * t) + 0.53 * np.cos(5.3 * t)
     acceleration = -1.323 * np.sin(2.1 * t) - 2.809 * np.sin(5.3 * t)
     load = 4.0 * angle + 0.2
-    torque = (
-        friction * np.sign(speed) + PAPER.inertia_output * acceleration + EMA.viscous * speed + load
-    ) + noise * rng.standard_normal(t.size)
-    values = np.full((t.size, COLUMNS), np.nan)
-    values[:, column("V3")] = np.degrees(angle)
-    values[:, column("V7")] = speed / PAPER.rad_s(1.0)
-    values[:, column("V8")] = torque / EMA.gear_ratio
-    values[:, column("V4")] = (
-        EMA.resistance * torque / EMA.gear_ratio / EMA.torque_constant
-        + EMA.gear_ratio * EMA.torque_constant * speed
+    torque = friction * np.sign(speed) + PAPER.inertia_output * acceleration + EMA.viscous * speed + load
+    current = (torque + noise * rng.standard_normal(t.size)) / EMA.gear_ratio / EMA.torque_constant
+    return t, measured(
+        t.size,
+        V3=np.degrees(angle),
+        V4=EMA.resistance * current + EMA.gear_ratio * EMA.torque_constant * speed,
+        V7=speed / PAPER.rad_s(1.0),
+        V8=current * EMA.torque_constant,
+        V11=load if v11 else None,
     )
-    if v11:
-        values[:, column("V11")] = load
-    return t, values
 
 
 def slots_of(time_s: Array, values: Array) -> Slots:
@@ -138,19 +143,6 @@ def test_what_cannot_show_friction_is_not_estimated() -> None:
         assert np.isnan(friction_of(time_s, values))
 
 
-def test_an_estimate_below_zero_contradicts_the_balance() -> None:
-    assert np.isnan(friction_of(*synthetic(-0.5)))
-
-
-def moving(time_s: list[float], rev_min: list[float]) -> tuple[list[bool], Motion]:
-    values = np.full((len(time_s), COLUMNS), np.nan)
-    values[:, column("V7")] = rev_min
-    values[:, BUS] = 27.0
-    slots = Slots(np.array([0]), np.array([0]), slice(0, len(time_s)), np.array(time_s), values)
-    seen = motion(PAPER, slots)
-    return seen.moving.tolist(), seen
-
-
 def corrections(friction: float, *, v11: bool = True) -> tuple[Array, Array]:
     """An autopilot's small corrections at 10 Hz: steps to and fro, each over within a tenth of a second."""
     rng = np.random.default_rng(5)
@@ -161,13 +153,8 @@ def corrections(friction: float, *, v11: bool = True) -> tuple[Array, Array]:
     angle = np.cumsum(np.append(0.0, np.diff(t)) * speed)
     load = 4.0 * angle + 0.2
     torque = friction * np.sign(speed) + EMA.viscous * speed + load
-    values = np.full((t.size, COLUMNS), np.nan)
-    values[:, column("V3")] = np.degrees(angle)
-    values[:, column("V7")] = speed / PAPER.rad_s(1.0)
-    values[:, column("V8")] = torque / EMA.gear_ratio
-    if v11:
-        values[:, column("V11")] = load
-    return t, values
+    known = {"V3": np.degrees(angle), "V7": speed / PAPER.rad_s(1.0), "V8": torque / EMA.gear_ratio}
+    return t, measured(t.size, **known, V11=load if v11 else None)
 
 
 def concluded(time_s: Array, values: Array) -> tuple[Estimates, Estimates | None]:
@@ -213,14 +200,9 @@ def loaded(friction: float, load_friction: float, *, v11: bool = False) -> tuple
     rubbed = (friction + load_friction * np.abs(load)) * np.sign(speed)
     torque = rubbed + PAPER.inertia_output * acceleration + EMA.viscous * speed + load
     current = torque / EMA.gear_ratio / EMA.torque_constant
-    values = np.full((t.size, COLUMNS), np.nan)
-    values[:, column("V3")] = np.degrees(angle)
-    values[:, column("V7")] = speed / PAPER.rad_s(1.0)
-    values[:, column("V5")] = current
-    values[:, column("V4")] = EMA.resistance * current + EMA.gear_ratio * EMA.torque_constant * speed
-    if v11:
-        values[:, column("V11")] = load
-    return t, values
+    voltage = EMA.resistance * current + EMA.gear_ratio * EMA.torque_constant * speed
+    known = {"V3": np.degrees(angle), "V4": voltage, "V5": current, "V7": speed / PAPER.rad_s(1.0)}
+    return t, measured(t.size, **known, V11=load if v11 else None)
 
 
 def with_load_friction(value: float | None, uncertainty: float = 0.1) -> Actuator:
@@ -230,18 +212,16 @@ def with_load_friction(value: float | None, uncertainty: float = 0.1) -> Actuato
     return KNOWN.model_copy(update={"ema": ema})
 
 
-def judged(time_s: Array, values: Array, actuator: Actuator) -> Monitor:
-    monitor = Monitor(1, actuator)
-    known = np.isfinite(values[:, :12])
-    list(monitor.feed(time_s, values[:, :12], known))
-    list(monitor.finish())
-    return monitor
+def judged(time_s: Array, values: Array, actuator: Actuator, size: int = 6000) -> ActuatorFindings:
+    seen = Telemetry(time_s, values[:, :12])
+    parts = [seen.between(a, a + size) for a in range(0, time_s.size, size)]
+    return watch_blocks(parts, actuator, measured=np.isfinite(values[0, :12]))[1]
 
 
 @pytest.mark.parametrize("v11", [True, False])
 def test_the_load_takes_its_share_of_the_friction(v11: bool) -> None:
     time_s, values = loaded(0.225, 0.3, v11=v11)
-    shown = judged(time_s, values, with_load_friction(0.3)).findings().indicators
+    shown = judged(time_s, values, with_load_friction(0.3)).indicators
     (load,) = [one.load for one in shown if one.fault == "friction"]
     assert load is not None
     assert load > 0.0
@@ -261,10 +241,10 @@ def test_an_unknown_share_of_the_load_makes_no_emergency(load_friction: float) -
 def test_a_friction_that_may_be_that_of_the_load_is_no_verdict() -> None:
     """The same flight is one where the profile has the share of the load."""
     time_s, values = loaded(0.9, 0.3)
-    found = judged(time_s, values, with_load_friction(None)).findings()
+    found = judged(time_s, values, with_load_friction(None))
     assert found.condition == "undecided"
     assert present(found.no_friction).code == "load_friction"
-    assert judged(time_s, values, with_load_friction(0.3)).findings().condition == "emergency"
+    assert judged(time_s, values, with_load_friction(0.3)).condition == "emergency"
 
 
 def test_a_friction_beyond_any_share_of_the_load_stands() -> None:
@@ -273,12 +253,5 @@ def test_a_friction_beyond_any_share_of_the_load_stands() -> None:
 
 
 def test_the_load_does_not_depend_on_the_blocks() -> None:
-    time_s, values = loaded(0.4, 0.3)
-    actuator = with_load_friction(None)
-    whole, blocks = judged(time_s, values, actuator), Monitor(1, actuator)
-    for a in range(0, time_s.size, 777):
-        list(
-            blocks.feed(time_s[a : a + 777], values[a : a + 777, :12], np.isfinite(values[a : a + 777, :12]))
-        )
-    list(blocks.finish())
-    assert blocks.findings() == whole.findings()
+    flight = *loaded(0.4, 0.3), with_load_friction(None)
+    assert judged(*flight, size=777) == judged(*flight)

@@ -11,7 +11,7 @@ from mavhums.core.conditions import SEVERITY
 from mavhums.health.actuator.detector import sharp
 from mavhums.health.actuator.network_tally import NetworkTally
 from mavhums.health.actuator.votes import VoteOutcome, by_votes
-from tests.health.present import present
+from tests.present import present
 
 GRAVE, SOUND, EVEN = by_votes(0.8, 0), by_votes(0.3, 0), by_votes(0.5, 0)
 WORN = VoteOutcome(0, "friction_degraded", "friction_degraded", 1, 1, 0.99, 1.0)

@@ -9,16 +9,14 @@ import pytest
 from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
-from mavhums.health.actuator.detectors.friction import FrictionDetector, _too_few, why_no_friction
+from mavhums.health.actuator.detectors.friction import FrictionDetector, why_no_friction
 from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums.health.estimation.equations import Fits
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums_sim.conditions import Condition
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch
-from tests.health.present import present
-
-LEAST_SAMPLES = 20
+from tests.present import present
 
 Array = NDArray[np.float64]
 EMA = actuator_of().known_ema()
@@ -102,20 +100,6 @@ def test_its_friction_is_too_uncertain(load_friction: float | None) -> None:
     ema = EMA.model_copy(update={"load_friction": load_friction})
     found = watch(Telemetry(time_s, values), actuator.model_copy(update={"ema": ema}))[1]
     assert code(found) == "friction_uncertain"
-
-
-@pytest.mark.parametrize(
-    ("usable", "moving", "expected"),
-    [
-        (LEAST_SAMPLES // 2 - 1, LEAST_SAMPLES, "unsigned_current"),
-        (LEAST_SAMPLES // 2, LEAST_SAMPLES, "still"),
-        (0, LEAST_SAMPLES - 1, "still"),
-    ],
-)
-def test_what_moves_has_samples_without_a_sign(usable: int, moving: int, expected: str) -> None:
-    found = _too_few(usable, moving, 2 * moving)
-    assert found.code == expected
-    assert "in 50 % of the samples" in found.text
 
 
 def test_its_telemetry_is_as_slow_as_the_profile_allows() -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mavhums.core.quantities import column
 from mavhums_sim.conditions import Condition
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
+from tests.present import present
 
 Array = NDArray[np.float64]
 _V1, _V3 = column("V1"), column("V3")
@@ -89,8 +90,7 @@ def test_a_jam_lasts_while_a_rotor_rattles_in_its_gear(rattles: float, condition
     """A speed without sign adds up to and fro: up to twice the commanded travel shows no motion."""
     time_s = np.arange(0.0, 60.0, 0.04)
     seen = unsigned(time_s, (time_s < 20.0) | (time_s > 24.0))
-    assert seen.magnitudes is not None
-    seen.magnitudes[time_s > 24.0] *= rattles
+    present(seen.magnitudes)[time_s > 24.0] *= rattles
     _, findings = watch(seen, measured=NOTHING)
     assert (findings.condition, findings.worst) == (condition, "emergency")
 
