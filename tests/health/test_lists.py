@@ -17,14 +17,14 @@ from mavhums.health.estimation.equations import (
     STROKE_EQUATIONS,
     interface,
 )
+from tests.present import present
 
 SHARED = {"interface"}
 
 
 def modules(package: ModuleType) -> set[str]:
     """Return the names of a package's modules."""
-    assert package.__file__ is not None
-    return {path.stem for path in Path(package.__file__).parent.glob("*.py")} - {"__init__"}
+    return {path.stem for path in Path(present(package.__file__)).parent.glob("*.py")} - {"__init__"}
 
 
 def test_the_list_of_detectors_is_the_folder() -> None:

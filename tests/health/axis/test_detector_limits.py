@@ -11,10 +11,8 @@ import pytest
 from scipy.stats import norm
 
 from mavhums.health.axis.detectors import (
-    Alarm,
     AxisInput,
     EffectivenessDetector,
-    HardOverDetector,
     Skids,
 )
 from mavhums.health.axis.reference import Loss, Second
@@ -60,22 +58,6 @@ def test_a_certain_loss_is_an_emergency_where_no_lag_explains_it(
     for alarm in alarms:
         assert alarm.rule.startswith(f"{condition}: ")
         assert (alarm.end_s, alarm.since_s) == (100, 80)
-
-
-def deflected(deviations: float, axis: str = "roll", limit: float = 5.0) -> list[Alarm]:
-    """Return the alarms of a roll rate that is away by so many deviations for as long as it must."""
-    detector = HardOverDetector(AxisLimits(trim_deviations=limit), axis)
-    return detector.feed(
-        given(*(second(end_s=100 + k, shift=deviations * DEVIATION) for k in range(2)), axis=axis)
-    )
-
-
-def test_a_hard_over_surface_says_which_way() -> None:
-    assert not deflected(5.0)
-    for sign, way in ((1.0, "right"), (-1.0, "left")):
-        [rolls], [turns] = deflected(sign * 6.0), deflected(sign * 6.0, axis="steering")
-        assert rolls.rule.startswith(f"emergency: rolls {way} 31°/s more than commanded, as if an aileron")
-        assert turns.rule.startswith(f"emergency: turns {way} 31°/s more than commanded, as if its steering")
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])

@@ -7,17 +7,9 @@ import re
 import numpy as np
 import pytest
 
-from mavhums.health.axis.detectors import AxisDetector, Persistent, detectors, to_inspect
+from mavhums.health.axis.detectors import Persistent
 from mavhums.health.axis.monitor import AxisMonitor
-from mavhums.results.sections import AxisLimits
 from tests.health.axis.flights import changes_of, excited, rows, steady
-
-
-@pytest.mark.parametrize("detector", detectors(AxisLimits()), ids=lambda d: type(d).__name__)
-def test_every_detector_says_what_to_inspect(detector: AxisDetector) -> None:
-    assert detector.inspect
-    for fault in detector.inspect:
-        assert to_inspect(fault)
 
 
 def test_one_second_alone_is_no_fault_and_its_onset_is_its_beginning() -> None:

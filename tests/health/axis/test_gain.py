@@ -17,7 +17,7 @@ from mavhums.health.axis.reference import Loss, Second
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import SPEED, Array, changes_of, excited, rolling, rows, steady, turning
-from tests.health.present import present
+from tests.present import present
 
 
 def lost(at_s: float, left: float, back_s: float = np.inf) -> Callable[[Array], Array]:
@@ -229,27 +229,6 @@ def test_a_change_of_trim_is_no_loss_of_gain() -> None:
     flight["roll_rate"][2400:] += 0.15
     monitor = AxisMonitor(1)
     assert all(change.after == "unchanged" for change in changes_of(monitor, rows(flight)))
-
-
-@pytest.mark.parametrize("blind", ["slow", "inverted", "grounded", "silent"])
-def test_nothing_is_judged_outside_forward_flight(blind: str) -> None:
-    whole = rolling(150, lost(60, 0.3))
-    arrays = {
-        name: getattr(whole, name).copy()
-        for name in Rows.__dataclass_fields__
-        if name not in ("second", "fresh")
-    }
-    after = slice(55 * 20, None)
-    if blind == "slow":
-        arrays["speed"][after] = 10.0
-    elif blind == "inverted":
-        arrays["roll"][after], arrays["roll_demand"][after] = 3.0, np.nan
-    elif blind == "grounded":
-        arrays["flying"][after] = False
-    else:
-        arrays["outputs"][after] = np.nan
-    monitor = AxisMonitor(1)
-    assert not changes_of(monitor, Rows(0, True, **arrays))
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from mavhums.health.verdict.axis import indicators
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import changes_of, excited, rows, steady
-from tests.health.present import present
+from tests.present import present
 
 QUIET_S = 220
 START = datetime(2026, 5, 1, tzinfo=UTC)

@@ -14,7 +14,7 @@ from mavhums.actuator.profile import ProfileError, load_airframe
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.results.sections import AxisLimits
 from tests.health.axis.flights import changes_of, rolling
-from tests.health.present import present
+from tests.present import present
 
 PROFILE = """name = "own"
 [axes]

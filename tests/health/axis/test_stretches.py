@@ -14,7 +14,7 @@ from mavhums.health.axis.response import RESPONSE, Stretch, stretches
 from mavhums.health.estimation.least_squares import packed
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.verdict import Coverage, OwnRecord, Verdict
-from tests.health.present import present
+from tests.present import present
 
 PAST_FLIGHTS = 5
 WINDOW_DEVIATION = 0.1

@@ -12,7 +12,7 @@ from mavhums.health.decision.baseline import Baseline, ComparedIndicator, Drift,
 from mavhums.health.decision.growth import course_of
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Indicator
-from tests.health.present import present
+from tests.present import present
 
 BASELINE = Baseline(mean=0.22, error=0.001, flights=12, between=0.003, spread=0.004)
 ERROR = 0.008

@@ -17,24 +17,13 @@ from mavhums.health.decision.conditions import (
     since,
 )
 from mavhums.health.decision.events import Estimate, FaultRecord
-from mavhums.health.decision.evidence import drift_evidence, limit_rule, suspected
+from mavhums.health.decision.evidence import drift_evidence, suspected
 from mavhums.health.decision.limits import Levels
-from tests.health.present import present
+from tests.present import present
 
 PLAY = FaultRecord("backlash", "backlash", "°", Levels(0.15), two_sided=False)
 LOSS = FaultRecord("torque_constant", "torque constant lost", "1", Levels(0.08, 0.2), two_sided=True)
 SHIFT = Shift(value=0.03, error=0.01, ratio=1.2, since_s=40.0)
-
-
-def test_the_reason_names_the_limit_with_its_unit_and_the_rate() -> None:
-    assert limit_rule(PLAY, "degraded", 1.0) == (
-        "degraded: backlash reliably above 0.15 °, with ≤ 1 false alarm per 100 h"
-    )
-    assert limit_rule(LOSS, "emergency", 0.5) == (
-        "emergency: interval of torque constant lost reaches 0.2, with ≤ 0.5 false alarms per 100 h"
-    )
-    assert limit_rule(PLAY, "emergency", 2.0).split(" reaches ")[1].startswith("any limit,")
-    assert limit_rule(LOSS, "normal", 1.0).startswith("normal: torque constant lost not reliably above 0.08,")
 
 
 @pytest.mark.parametrize(("end_s", "until_s"), [(70.0, 70.0), (30.0, 40.0)])

@@ -11,15 +11,13 @@ from scipy import stats
 
 from mavhums.health.decision.growth import (
     Course,
-    _is_step,
     _log_bayes_factors,
     course_of,
     last_step,
     widening,
 )
 from mavhums.health.estimation.random_effects import variance_between
-from mavhums.health.sequential import EXCLUDING
-from tests.health.present import present
+from tests.present import present
 
 TREND_FLIGHTS = 8
 
@@ -316,27 +314,6 @@ def test_of_several_steps_the_last_one_counts() -> None:
     values: Array = LEVEL + 0.2 * (at >= 12.0) - 0.15 * (at >= 25.0) + 0.004 * np.sin(2.4 * at)
     assert last_step(values, np.full(40, 0.002)) == 25
     assert last_step(values[:25], np.full(25, 0.002)) == 12
-
-
-def test_a_step_is_where_two_levels_fit_better_than_a_line_and_than_at_the_neighbours() -> None:
-    """Two levels and a line are fitted anew with numpy; a place is the step if no neighbour fits better."""
-    rng = np.random.default_rng(9)
-    found = []
-    for k in range(400):
-        size, at, scatter = 0.02 * (k % 10), 4 + k % 4, 0.02 + 0.02 * (k % 3)
-        days = np.arange(10)
-        values = 0.03 * rng.standard_normal(10) + size * (days >= at) + 0.01 * (k % 5) * days
-        parted = [np.split(values, [n]) for n in range(1, 10)]
-        squares = [sum(float(np.sum((p - p.mean()) ** 2)) for p in parts) for parts in parted]
-        slope = np.polynomial.Polynomial.fit(days, values, 1)(days)
-        line = float(np.sum((values - slope) ** 2))
-        for place in range(2, 9):
-            levels = squares[place - 1]
-            likelier = line - levels > 2 * scatter**2 * EXCLUDING
-            expected = likelier and levels <= min(squares[place - 2], squares[place])
-            assert _is_step(values[:place], values[place:], scatter) == expected
-            found.append((likelier, expected))
-    assert {(False, False), (True, False), (True, True)} == set(found)
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from tests.health.flown import actuator_of, flown, telemetry
-from tests.health.present import present
+from tests.present import present
 from tests.strategies import cuts
 
 Array = NDArray[np.float64]

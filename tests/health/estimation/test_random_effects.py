@@ -9,7 +9,6 @@ from scipy.special import digamma, polygamma
 from mavhums.health.estimation.random_effects import (
     CommonError,
     Population,
-    RunningVariance,
     population,
     satterthwaite,
     scattering_share,
@@ -78,13 +77,6 @@ def test_flights_count_by_their_errors_beside_the_scatter_between_them(natural_s
     assert freedom == 8.0
     assert share == pytest.approx((squares @ squares + 2.0) / freedom)
     assert share < 1.0
-
-
-def test_one_number_has_no_scatter() -> None:
-    alone = RunningVariance()
-    assert (alone.variance, alone.deviation) == (0.0, None)
-    alone.add(3.0)
-    assert (alone.mean, alone.variance, alone.deviation) == (3.0, 0.0, None)
 
 
 def test_a_population_that_agrees_by_chance_has_the_natural_scatter() -> None:

@@ -23,7 +23,7 @@ from mavhums.health.estimation.wear import (
     wear,
 )
 from mavhums.results.verdict import OwnRecord
-from tests.health.present import present
+from tests.present import present
 
 
 @pytest.mark.parametrize("alike", [0.0, 0.5, 0.95])

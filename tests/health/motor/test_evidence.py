@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,12 +10,8 @@ import pytest
 from mavhums.core.arrays import Array
 from mavhums.health.motor import evidence as e
 from mavhums.health.motor.hypotheses import hypotheses_of, of_health, of_losses
-from mavhums.health.motor.monitor import Loss, MotorMonitor
-from mavhums.results.standing import Interval
 from mavhums.vehicle.grid import RATE_HZ
-from mavhums.vehicle.rotors import Rotors
 from tests.health.motor.test_hypotheses import QUAD
-from tests.health.motor.test_past import QUAD as QUADCOPTER
 
 NOISE_SD = np.array([0.07, 0.07, 0.027])
 HOVER = 0.4
@@ -188,24 +183,6 @@ def test_the_effort_of_a_turn_is_learned_less_and_forgotten_slowly() -> None:
         craft.fly(1, effort=effort)
         craft.fly(1, rates=np.array([0.0, 0.0, rate]))
         assert craft.state.now[:3] == pytest.approx(effort * np.array([1.0, 1.0, weight]) / long)
-
-
-def test_a_log_that_ends_in_the_air_has_no_touch_down_to_be_left_out() -> None:
-    assert isinstance(QUADCOPTER, Rotors)
-    monitor: Any = MotorMonitor(1, QUADCOPTER)
-    state = monitor._state
-    state.bound[:, 20] = 9
-    state.recent[:] = [[0.2, 0.1, 0.0, 0.5], [0.0, 0.3, 0.1, 0.501]]
-    state.bound[3, 51] = 1
-    state.counts[[e.FLOWN, e.JUDGED, e.TIPPED]] = 90 * RATE_HZ, 60 * RATE_HZ, 1
-    for aloft, bound in ((0, (0.2, 0.2, 0.2, 0.2)), (1, (0.2, 0.2, 0.2, 0.5))):
-        state.counts[e.ALOFT] = aloft
-        found = monitor.findings()
-        assert found.bound == bound
-        assert (found.flown_s, found.judged_s, found.tipped, found.cause) == (90.0, 60.0, True, None)
-    monitor._speeds = SimpleNamespace(cause=lambda *asked: asked, escs=lambda: ([], ""))
-    monitor._loss = Loss(2, 41.0, 40.0, Interval.around(0.5, 0.1), 9.0)
-    assert monitor.findings().cause == (1, 40.0)
 
 
 @pytest.mark.parametrize("how", [{"rates": np.full(3, 3e38)}, {"spacing": np.nan}, {"spacing": np.inf}])

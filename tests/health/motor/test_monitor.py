@@ -9,7 +9,6 @@ import pytest
 import mavhums
 from mavhums.app.inspection import inspect_log
 from mavhums.core.arrays import Array
-from mavhums.engine.engine import Engine
 from mavhums.engine.motors import VehicleMotors
 from mavhums.engine.options import EngineOptions
 from mavhums.health.decision.events import ConditionChanged, Trace
@@ -22,7 +21,7 @@ from mavhums.vehicle.facts import OUTPUTS, Signal
 from mavhums.vehicle.grid import Grid, Seconds
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.phases import Phases
-from mavhums.vehicle.rotors import TURNED, Rotors, rotors_of
+from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums_sim.multirotor.craft import FRAMES, Event, draw_craft, draw_plan
 from mavhums_sim.multirotor.flight import Flown, fly
 from mavhums_sim.multirotor.log import (
@@ -34,8 +33,9 @@ from mavhums_sim.multirotor.log import (
     write_dataflash,
     write_tlog,
 )
+from mavhums_sim.perturb import without_parameters
 from tests.conftest import REAL_LOGS, Run, needs
-from tests.health.present import present
+from tests.present import present
 
 GROUND_S = 12.0
 """What the log shows before the flight."""
@@ -126,29 +126,11 @@ def test_a_healthy_flight_is_told_what_it_excludes(tmp_path: Path) -> None:
     assert found[0].reason_codes == ("motors_normal",)
     assessment = mavhums.analyse(path)
     assert assessment.exit_code.name in ("OK", "READ_WITH_LOSSES")
-    bound = found[0].coverage.excluded_loss
-    assert bound is not None
+    bound = present(found[0].coverage.excluded_loss)
     assert f"no motor lost {100 * bound:.0f} % or more" in (found[0].reason or "")
     assert headline(assessment).text == f"motors 1 to 4: none lost {100 * bound:.0f} % or more of its thrust"
     findings = [block for block in blocks(assessment) if isinstance(block, Finding)]
     assert len(findings) == 1  # said once for all motors, and in short by the headline
-
-
-@pytest.mark.slow
-def test_nothing_depends_on_how_the_log_is_cut(tmp_path: Path) -> None:
-    data = log(tmp_path / "f.tlog", "quad +", 0.5, seed=5).read_bytes()
-
-    def told(size: int) -> tuple[list[ConditionChanged], list[Verdict]]:
-        engine = Engine()
-        events = [e for k in range(0, len(data), size) for e in engine.feed(data[k : k + size])]
-        events += engine.finish()
-        return [e for e in events if isinstance(e, ConditionChanged)], list(engine.assessment().verdicts)
-
-    whole = told(len(data))
-    assert whole[0]
-    assert whole[0][0].actuator == "motor 2"
-    assert told(997) == whole
-    assert told(65536) == whole
 
 
 def settled(flown: Flown, hz: float, seed: int, mode: float | None = None) -> Seconds:
@@ -218,21 +200,6 @@ def judged(monitor: MotorMonitor, seconds: Seconds, size: int = 1000) -> list[Co
 def test_the_lift_motors_of_a_quadplane_are_judged_in_a_hover() -> None:
     named = {name.replace("MOT_", "Q_M_"): value for name, value in PARAMETERS.items()}
     named |= {"Q_ENABLE": 1.0, "Q_FRAME_CLASS": 1.0, "Q_FRAME_TYPE": 1.0, "Q_TILT_MASK": 0.0}
-    at_five = {f"SERVO{k + 5}_FUNCTION": 33.0 + k for k in range(4)}
-    lift = rotors_of(Parameters(1, False, named | at_five))
-    assert isinstance(lift, Rotors)
-    assert (lift.frame, lift.servos, lift.lift) == ("lift quad X", (5, 6, 7, 8), True)
-    tilts = rotors_of(Parameters(1, False, named | at_five | {"Q_TILT_MASK": 5.0}))
-    assert tilts == TURNED
-    places = {"PX": (1.0, -1.0, 1.0, -1.0), "PY": (1.0, -1.0, -1.0, 1.0), "KM": (1.0, 1.0, -1.0, -1.0)}
-    px4 = {f"CA_ROTOR{k}_{part}": numbers[k] for part, numbers in places.items() for k in range(4)}
-    px4 |= {f"PWM_MAIN_FUNC{k + 1}": 101.0 + k for k in range(5)}
-    px4 |= {"CA_AIRFRAME": 2.0, "CA_ROTOR_COUNT": 5.0, "CA_ROTOR4_AX": 1.0}
-    px4 |= {f"CA_ROTOR{k}_AX": 0.0 for k in range(4)} | {"THR_MDL_FAC": 0.0}
-    standard = rotors_of(Parameters(1, True, px4))
-    assert isinstance(standard, Rotors)
-    assert (standard.servos, standard.lift) == ((1, 2, 3, 4), True)
-
     rng = np.random.default_rng([8, 1])
     plan = draw_plan(rng, 60.0, event=Event(fault_s=50.0, motor=1, loss=1.0))
     flown = fly(draw_craft(rng, "quad x"), plan, 8)
@@ -279,16 +246,9 @@ def test_parameters_that_come_late_find_the_same_seconds_however_blocks_end() ->
 
 
 def test_without_parameters_it_says_so(tmp_path: Path) -> None:
-    from pymavlink import mavutil
-
     path = log(tmp_path / "f.tlog", "quad x", 0.0)
-    source = mavutil.mavlink_connection(str(path))
-    with (tmp_path / "bare.tlog").open("wb") as out:
-        while (message := source.recv_match()) is not None:
-            if message.get_type() != "PARAM_VALUE":
-                out.write(int(message._timestamp * 1e6).to_bytes(8, "big") + message.get_msgbuf())
-    source.close()
-    [verdict] = motors(tmp_path / "bare.tlog")
+    path.write_bytes(without_parameters(path.read_bytes()))
+    [verdict] = motors(path)
     assert (verdict.actuator, verdict.condition) == ("motors", "undecided")
     assert verdict.reason_codes == ("motors_unknown",)
 

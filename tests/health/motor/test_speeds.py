@@ -7,7 +7,7 @@ import pytest
 
 from mavhums.health.motor.speeds import EscSpeeds, SpeedCause, SpeedsBesideThrust
 from mavhums.vehicle.grid import RATE_HZ
-from tests.health.present import present
+from tests.present import present
 
 LOST_S = 40.0
 
@@ -133,29 +133,6 @@ def test_speeds_are_means_of_half_seconds_unless_they_only_repeat_themselves() -
     heard.forget(1, 1)
     assert np.isnan(heard.at(0, [0])).all()
     assert heard.at(1, [0]).tolist() == [300.0]
-
-
-def test_only_bins_that_may_hold_a_fault_are_kept_and_the_older_ones_counted() -> None:
-    """A bin that leaves the last minute is counted among those before; one on the ground never is."""
-    heard = EscSpeeds()
-    speeds = SpeedsBesideThrust(heard, (1, 2))
-    for second in range(100):
-        for motor in range(2):
-            heard.hear(motor, second + np.array([0.1, 0.2, 0.6, 0.7]), 1000.0 + np.arange(4.0))
-        flown = np.full(RATE_HZ, second % 10 > 0)
-        flown[-1] &= second % 10 != 5
-        speeds.add(second, np.full((RATE_HZ, 2), 0.25), flown, None)
-    now = 2 * 100 - 120
-    assert sorted(speeds._asked) == [k for k in range(now, 200) if k % 20 > 1 and k % 20 != 11]
-    assert np.diag(speeds._sums[0]).tolist() == [now - 12, now - 12]
-    assert np.diag(speeds._sums[1]) == pytest.approx([(36 * 2001.0 + 32 * 2005.0) / 68] * 2)
-    assert [sorted(bins)[0] for bins in heard._bins.values()] == [now, now]
-    speeds.add(100, np.full((RATE_HZ, 2), 0.25), np.ones(RATE_HZ, dtype=bool), 90.0)
-    assert max(speeds._asked) == 180 + 16
-    assert [max(bins) for bins in heard._bins.values()] == [180 + 16] * 2
-    late = SpeedsBesideThrust(EscSpeeds(), (1, 2))
-    late.add(0, np.full((100 * RATE_HZ, 2), 0.25), np.ones(100 * RATE_HZ, dtype=bool), 90.0)
-    assert sorted(late._asked) == [*range(180 - 120, 180 + 16 + 1)], "of a whole log at once, too"
 
 
 @pytest.mark.parametrize(("left", "words"), [(0.833, "its speed lags"), (0.836, None)])

@@ -16,6 +16,7 @@ from mavhums.health.estimation.flight_sums import OwnSums
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.results.verdict import OwnRecord
+from tests.present import present
 
 Array = NDArray[np.float64]
 EQUATION = CURRENT
@@ -90,6 +91,4 @@ def collected(
 
 def left(servo: Servo, seed: int, equation: OwnEquation = EQUATION, **flight: float) -> OwnRecord:
     """Return what a flight of a servo leaves of an equation."""
-    record = collected(OwnSums(equation, blank()), servo.flown(seed, **flight))
-    assert record is not None
-    return record
+    return present(collected(OwnSums(equation, blank()), servo.flown(seed, **flight)))

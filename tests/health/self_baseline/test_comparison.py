@@ -11,7 +11,7 @@ from mavhums.health.estimation.motor_identification import VOLTAGE
 from mavhums.health.self_baseline import motor
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import OwnRecord
-from tests.health.present import present
+from tests.present import present
 
 
 def record(**changes: Any) -> OwnRecord:
@@ -66,13 +66,3 @@ def test_shares_of_stall_are_currents_by_that_of_the_voltage_left() -> None:
 def test_what_the_shares_of_stall_lack(records: list[OwnRecord], why: str | None) -> None:
     told = motor.lacking(records)
     assert told is None if why is None else (told or "").startswith(why)
-
-
-@pytest.mark.parametrize(("parts", "times"), [(1, 12.706), (2, 12.706), (10, 2.262)])
-def test_the_scatter_of_parts_follows_from_the_interval_of_their_mean(parts: int, times: float) -> None:
-    """Half an interval is the error times t of one degree of freedom less than there are parts."""
-    value = Interval(estimate=1.0, low=0.9, high=1.3)
-    earlier = [Interval.around(1.0 + 0.01 * k, 0.1) for k in range(9)]
-    shown = motor._indicator("fault", "quantity", "Ω", value, earlier, parts)
-    assert shown.scatter == pytest.approx(0.2 / times * parts**0.5, rel=1e-3)
-    assert (shown.value, shown.windows, shown.baseline, shown.baseline_flights) == (value, parts, None, 9)

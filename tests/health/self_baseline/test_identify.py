@@ -11,8 +11,8 @@ from mavhums.core.quantities import column
 from mavhums.health.estimation.motor_identification import VoltageSums, identified
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import OwnRecord
-from tests.health.present import present
 from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
+from tests.present import present
 
 SERVO = Servo()
 

@@ -12,8 +12,8 @@ from mavhums.health.self_baseline.motor import MOTOR_FAULTS, _prediction, fricti
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import OwnRecord, Verdict
-from tests.health.present import present
 from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
+from tests.present import present
 
 
 def voltage(seed: int, servo: Servo | None = None) -> OwnRecord:

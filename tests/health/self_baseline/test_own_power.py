@@ -14,8 +14,8 @@ from mavhums.health.estimation.wear import _learned_power, _power_wear, _shows_p
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.verdict import comparison_reason
 from mavhums.results.verdict import OwnRecord
-from tests.health.present import present
 from tests.health.self_baseline.servo import Array, Servo, blank, collected
+from tests.present import present
 
 FRICTION_NM, DRAG, INERTIA, HINGE = 8e-4, 2e-6, 9e-7, 2.5e-8
 HEAT, STANDING_W, SUPPLY_V = 3e5, 1.35, 27.0

@@ -24,8 +24,8 @@ from mavhums.health.estimation.wear import (
     wear,
 )
 from mavhums.results.verdict import OwnRecord
-from tests.health.present import present
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
+from tests.present import present
 
 SERVO = Servo()
 RECORDS = tuple(left(SERVO, seed) for seed in range(6))

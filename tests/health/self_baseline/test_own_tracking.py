@@ -25,6 +25,7 @@ from mavhums_sim.telemetry import write_tlog
 from tests.conftest import Run
 from tests.health.flown import flown
 from tests.health.self_baseline.servo import blank, collected
+from tests.present import present
 
 _ANGLES = [column("V1"), column("V3")]
 
@@ -57,12 +58,9 @@ def test_the_lag_is_the_controllers_whatever_the_friction(lag: float, stuck: flo
     angle = size * (np.sin(0.9 * time_s) + 0.4 * np.sin(2.3 * time_s + 1.0))
     speed = size * (0.9 * np.cos(0.9 * time_s) + 0.92 * np.cos(2.3 * time_s + 1.0))
     values[:, _ANGLES] = np.stack([angle + lag * speed + stuck * np.sign(speed), angle], axis=1)
-    sums = collected(OwnSums(TRACKING, blank()), (time_s, values, np.full(time_s.size, np.nan)))
-    assert sums is not None
-    record = record_of([sums], LAG.name)
-    assert record is not None
-    found = wear(record, None)
-    assert found is not None
+    sums = present(collected(OwnSums(TRACKING, blank()), (time_s, values, np.full(time_s.size, np.nan))))
+    record = present(record_of([sums], LAG.name))
+    found = present(wear(record, None))
     assert found.value == pytest.approx(lag, rel=0.02)
 
 

@@ -16,11 +16,11 @@ from mavhums.health.self_baseline.motor import (
     friction_current,
     stall_indicators,
 )
-from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
+from mavhums.health.self_baseline.verdict import compare_with_own_flights
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import STALL_SHARES, OwnRecord, Verdict
-from tests.health.present import present
 from tests.health.self_baseline.servo import NOISE_V, Array, Servo, blank, collected, left
+from tests.present import present
 
 SUPPLY_V = 27.0
 SERVO = Servo(drop_v=3.0)
@@ -58,15 +58,6 @@ def test_friction_and_torque_are_their_shares_of_a_known_stall() -> None:
     assert torque.value.estimate == pytest.approx(peak / STALL_A, rel=0.02)
     assert torque.value.low < torque.value.estimate < torque.value.high
     assert torque.unit == "1"
-
-
-def test_they_decide_nothing_and_are_told_once() -> None:
-    own = (left(SERVO, 2, seconds=60.0), voltage(2, supplied()))
-    once = compare_with_own_flights(verdict(*own), [])
-    plain = compare_with_own_flights(verdict(own[0], voltage(2, supplied(None))), [])
-    assert (once.condition, once.reason, once.evidence) == (plain.condition, plain.reason, plain.evidence)
-    assert compare_with_own_flights(once, []) == once
-    assert without_own(once).indicators == ()
 
 
 def test_without_friction_there_is_the_torque_alone() -> None:

@@ -24,6 +24,7 @@ from mavhums.results.verdict import Coverage, Indicator, Verdict
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rotors import Rotors
 from tests.health.motor.test_past import COLUMNS, QUAD
+from tests.present import present
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
 assert isinstance(QUAD, Rotors)
@@ -70,8 +71,7 @@ def test_a_loss_is_one_verdict_on_its_motor() -> None:
     assert (found.actuator, found.condition, found.worst) == ("motor 2", "degraded", "degraded")
     assert found.effectiveness == Interval(estimate=0.6, low=0.4, high=0.7)
     assert found.suspects[0].confidence == round(1.0 / (1.0 + exp(-3.0)), 3)
-    assert found.since is not None
-    assert found.since.flight_time_s == 40.123
+    assert present(found.since).flight_time_s == 40.123
     loss, speed = found.evidence
     assert (loss.start_s, loss.end_s, loss.value) == (40.12, 41.24, 0.4)
     assert loss.rule == "degraded: lost 40 % of its thrust (30 to 60 %)"
@@ -205,8 +205,7 @@ def test_the_motor_with_the_largest_change_is_worn_if_it_is_certain() -> None:
     assert evidence.rule.startswith("degraded: is asked for 40 % more thrust beside the others than in 5 ")
     assert (worn_one.worst, worn_one.reason, worn_one.suspects[0].fault) == ("degraded", None, "thrust")
     assert worn_one.suspects[0].confidence == 0.99
-    assert worn_one.since is not None
-    assert worn_one.since.utc == START.isoformat()
+    assert present(worn_one.since).utc == START.isoformat()
 
 
 @pytest.mark.parametrize(("fault", "least"), [(HEATING, 0.512), (UNBALANCE, 1.009)])

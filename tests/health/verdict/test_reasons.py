@@ -12,26 +12,23 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from mavhums.actuator.telemetry import tier_named
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.verdict.axis import (
     _candidates,
     named_by_telemetry,
     verdict_of_axis,
 )
-from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
+from mavhums.health.verdict.obstacles import disorder, why_not_at_all, why_undecided
 from mavhums.results.reasons import Reason
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Candidate, Coverage, Evidence, Verdict
 from mavhums.vehicle.grid import Received
-from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
 
 EXPLAINED = 0.3
 PLANE, COPTER, STATION, ROVER, VTOL = 1, 2, 6, 10, 22
-COPTERS = Identity(1, "quadrotor", multirotor=True)
 HEARD = {"outputs", "attitude", "rates", "force", "airspeed"}
 
 
@@ -314,23 +311,6 @@ def test_a_reference_without_a_verdict() -> None:
         [found] = undecided(replace(known, coverage=coverage, doubt=doubtful))
         assert found.text.startswith(reason)
         assert found.code == ("uncertain_loss" if counted["decidable"] == 30 else "unexcited")
-
-
-@pytest.mark.parametrize(
-    ("tier", "identity", "expected"),
-    [
-        (None, None, ["nothing_of_actuators"]),
-        ("pwm", None, ["wear_unseen"]),
-        ("instrumented", None, ["no_profile"]),
-        ("esc-signed", None, ["no_profile_of_esc"]),
-        ("esc-signed", COPTERS, ["multirotor", "propeller_escs"]),
-        ("pwm", COPTERS, ["multirotor"]),
-    ],
-)
-def test_what_a_vehicle_without_a_profile_lacks(
-    tier: str | None, identity: Identity | None, expected: list[str]
-) -> None:
-    assert codes(*obstacle(tier_named(tier) if tier else None, identity)) == expected
 
 
 ELEVONS = Surfaces(
