@@ -59,14 +59,6 @@ def test_export_writes_quantities_and_records(run: Run, log: Path, tmp_path: Pat
     assert {"TimeUS", "DesRoll", "Yaw"} <= set(pd.read_csv(records).columns)
 
 
-def test_the_profile_that_it_names_is_drafted(run: Run, log: Path) -> None:
-    drafted = run("profile", "new", log)
-    assert drafted.code == 0
-    assert "flight.BIN names the profile paper" in drafted.out
-    assert 'surface = "elevator"' in drafted.out
-    assert "normal = 0.375" in drafted.out
-
-
 @pytest.mark.slow
 def test_rerun_opens_it(log: Path) -> None:
     pytest.importorskip("rerun", reason="the importer needs the extra 'viewer'")

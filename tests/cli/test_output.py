@@ -9,7 +9,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import pytest
@@ -88,30 +87,6 @@ def test_the_exit_code_is_that_of_the_verdict_whoever_reads_it(
     )
     assert int(done.stdout.removeprefix("e").splitlines()[-1][-2:]) == code
     assert "Traceback" not in done.stderr
-
-
-def test_a_log_that_may_not_be_read_is_a_row(
-    run: Run, growing_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The tests may run as a user whom the system refuses nothing."""
-    refused = tmp_path / "refused.tlog"
-    refused.write_bytes(growing_log.read_bytes())
-    may, opens = os.access, os.open
-
-    def opened(path: object, *given: Any, **named: Any) -> int:
-        if Path(str(path)) == refused:
-            raise PermissionError(13, "Permission denied", str(path))
-        return opens(path, *given, **named)  # type: ignore[arg-type]
-
-    monkeypatch.setattr("os.access", lambda path, *given, **named: path != str(refused) and may(path, *given))
-    monkeypatch.setattr("os.open", opened)
-    outcome = run("analyse", refused, growing_log, "--json")
-    assert outcome.code == ExitCode.EMERGENCY
-    assert [one["problem"] for one in json.loads(outcome.out)["failures"]] == [
-        f"{refused}: Permission denied"
-    ]
-    outcome = run("analyse", refused, "--store", tmp_path / "h", "--keep")
-    assert (outcome.code, outcome.out) == (ExitCode.ERROR, "")
 
 
 def test_hostile_names_reach_no_terminal(run: Run, tmp_path: Path, short_log: Path) -> None:

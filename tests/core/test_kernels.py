@@ -52,6 +52,8 @@ def test_a_changed_source_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert is_built(), "an installation has no sources that change"
     (tmp_path / "pyproject.toml").touch()
     assert not is_built()
+    source.unlink()
+    assert not is_built(), "nor without its sources"
     (package / kernels.SOURCES).unlink()
     assert not is_built()
 
@@ -78,11 +80,3 @@ def test_numba_judges_alike(tmp_path: Path, growing_log: Path) -> None:
             for environment in (dict(os.environ), checked)
         )
         assert compiled == other
-
-
-def test_a_build_whose_sources_are_gone_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "pyproject.toml").touch()
-    (tmp_path / "mavhums").mkdir()
-    (tmp_path / "mavhums" / kernels.SOURCES).write_text("0123 vehicle/gone.py")
-    monkeypatch.setattr(kernels, "PACKAGE", tmp_path / "mavhums")
-    assert not is_built()

@@ -87,6 +87,25 @@ def test_what_grows_is_told_with_the_dates_of_its_limits_before_it_reaches_them(
     assert one.is_finding
 
 
+def test_trends_come_worst_first_then_soonest_then_nearest_to_the_limit() -> None:
+    levels = {"b far": 0.2, "a far": 0.2, "near": 0.34, "grows": 0.21, "worn": 0.3}
+    flights = []
+    for day in range(24):
+        several = []
+        for name, level in levels.items():
+            seen = shown(level + 0.005 * day * (name == "grows") + 0.004 * np.cos(2.4 * day))
+            condition: Condition = "degraded" if name == "worn" else "normal"
+            several.append(verdict(seen, actuator=name, condition=condition))
+        flights.append(PastFlight.of(flown(*several, day=day)))
+    assert [one.actuator for one in trend_report(flights).trends] == [
+        "worn",
+        "grows",
+        "near",
+        "a far",
+        "b far",
+    ]
+
+
 def test_an_axis_loses_down_to_its_shares_of_the_first_flights() -> None:
     """From 1.0 it falls by 0.01 a flight: the baseline is its level at first, the limits shares of that."""
     limits = AxisLimits(effectiveness_degraded=0.7, effectiveness_emergency=0.5)

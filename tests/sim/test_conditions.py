@@ -57,10 +57,6 @@ def test_impossible_conditions_are_refused(arguments: Any, says: str) -> None:
         Condition(*arguments)
 
 
-def test_sensor_bias_has_a_sign() -> None:
-    assert Condition.constant("sensor_bias", -0.5).severity(TIME)[0] == -0.5
-
-
 def flown(*conditions: Condition) -> FlightRecord:
     return fly(
         Flight(

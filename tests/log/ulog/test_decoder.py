@@ -42,11 +42,6 @@ def test_where_blocks_end_never_matters(cuts: list[int], damage: bool) -> None:
     assert (decoder.first_time_us, decoder.last_time_us) == (other.first_time_us, other.last_time_us)
 
 
-def test_byte_by_byte_is_the_same_log() -> None:
-    log = FLIGHT[:6000]
-    assert decode(log, tuple(range(1, len(log))))[1].counts == decode(log)[1].counts
-
-
 def test_names_instances_and_units_are_the_formats_own() -> None:
     tables, decoder = decode(FLIGHT)
     outputs = tables["actuator_outputs"]
