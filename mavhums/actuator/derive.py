@@ -53,7 +53,7 @@ class Deriver:
         self.dropped: set[str] = set()
         self._actuator = actuator
         self._turned = np.array([np.nan, np.nan, np.nan, 0.0])
-        self._signs: CurrentSigns | None = None
+        self._standing, self._motion = np.zeros(4), np.zeros(5)
 
     def complete(self, aligned: Aligned) -> Array:
         """Return V1…V12 of shape (n, 12), including the derived values."""
@@ -95,8 +95,9 @@ class Deriver:
 
     def _sign_current(self, aligned: Aligned, values: Array) -> None:
         """Give V5 and V4 the signs of the voltage equation; NaN where it does not tell them."""
-        self._signs = self._signs or CurrentSigns(self._actuator)
-        self._signs.complete(aligned.utc_us, values, aligned.values[:, _V7])
+        ema, rev_min = self._actuator.known_ema(), np.ascontiguousarray(aligned.values[:, _V7])
+        constants = ema.resistance, ema.torque_constant, self._actuator.moving_speed_rev_min
+        _decide(aligned.utc_us, values, rev_min, constants, self._standing, self._motion)
         self.derived |= {key: f"magnitude from {{{key}}}, {SIGNED_BY_VOLTAGE}" for key in ("V4", "V5")}
 
     def _from_bus(self, values: Array, *, signed: bool) -> None:
@@ -190,54 +191,6 @@ _PRIOR_SAMPLES = 20.0  # weight of the assumption that the noise is one step of 
 _LEAST_NOISE = 12**-0.5  # standard deviation of rounding, in steps of the current
 _MISFIT_V = 0.5  # sampling and quantisation
 _MISFIT_SHARE = 0.3  # an aged winding or magnet
-
-
-class CurrentSigns:
-    """Gives the magnitudes of one actuator's current and voltage their signs, block after block.
-
-    Parameters
-    ----------
-    actuator
-        The actuator, with its constants.
-
-    Attributes
-    ----------
-    resistance, noise
-        As the samples at standstill show them so far, each weighted with a prior: the data sheet's
-        resistance, and one step of the current's resolution.
-    """
-
-    def __init__(self, actuator: Actuator) -> None:
-        ema = actuator.known_ema()
-        self._ema = ema
-        self._moving = actuator.moving_speed_rev_min
-        self._standing = np.zeros(4)
-        self._motion = np.zeros(5)
-
-    @property
-    def resistance(self) -> float:
-        """Resistance of the winding, Ω."""
-        return _winding(self._standing, self._ema.resistance)[0]
-
-    @property
-    def noise(self) -> float:
-        """Standard deviation of |U| − R·|I|, V."""
-        return sqrt(_winding(self._standing, self._ema.resistance)[1])
-
-    def complete(self, utc_us: Integers, values: Array, rev_min: Array) -> None:
-        """Set the signs of V4 and V5 in V1…V12 of shape (n, 12), in place; NaN where they stay unknown.
-
-        Parameters
-        ----------
-        utc_us
-            Times, shape (n,).
-        values
-            V4 and V5 are magnitudes; V7 is signed, or NaN where its sign is unknown.
-        rev_min
-            Magnitude of V7, shape (n,).
-        """
-        constants = self._ema.resistance, self._ema.torque_constant, self._moving
-        _decide(utc_us, values, np.ascontiguousarray(rev_min), constants, self._standing, self._motion)
 
 
 @kernel

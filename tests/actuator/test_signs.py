@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned
-from mavhums.actuator.derive import CurrentSigns, Deriver
+from mavhums.actuator.derive import Deriver, _winding
 from mavhums.actuator.profile import load_airframe
 from mavhums.core.quantities import column
 from tests.actuator.test_derive import in_parts
@@ -51,6 +51,12 @@ def flight(
     times = np.rint(time * 1e6).astype(np.int64)
     origin = np.zeros(values.shape, dtype=np.int8)
     return Aligned(times, values, origin, speed, "esc-unsigned", signed=False), current
+
+
+def winding(deriver: Deriver) -> tuple[float, float]:
+    """Return the resistance, Ω, and the deviation of |U| − R·|I|, V, that standstill shows so far."""
+    resistance, variance = _winding(deriver._standing, EMA.resistance)
+    return resistance, variance**0.5
 
 
 @pytest.mark.parametrize("speeds", [(3.0, 4.5), (3.0, 7.0), (10.0, 20.0)])
@@ -102,13 +108,13 @@ def test_resistance_and_noise_are_those_at_standstill(
         resistance=resistance,
         rate_hz=rate_hz,
     )
-    signs = CurrentSigns(ACTUATOR)
-    assert signs.resistance == EMA.resistance
-    assert signs.noise == pytest.approx(EMA.resistance * 0.01)
-    signs.complete(sent.utc_us, sent.values.copy(), sent.values[:, V7])
-    assert signs.resistance == pytest.approx(resistance * EMA.resistance, rel=0.02)
+    deriver = Deriver(ACTUATOR)
+    assert winding(deriver) == pytest.approx((EMA.resistance, EMA.resistance * 0.01))
+    deriver.complete(sent)
     exact = np.hypot(0.05, EMA.resistance * np.hypot(noise_a * resistance, 0.01 / np.sqrt(12)))
-    assert signs.noise == pytest.approx(exact, rel=0.2)
+    found, noise = winding(deriver)
+    assert found == pytest.approx(resistance * EMA.resistance, rel=0.02)
+    assert noise == pytest.approx(exact, rel=0.2)
 
 
 @given(cuts=st.lists(st.integers(0, 2500), max_size=8), seed=st.integers(0, 5))
@@ -126,7 +132,8 @@ def test_an_actuator_that_never_moves_teaches_no_resistance_from_noise() -> None
     values[:, V4] = np.abs(rng.normal(0, 0.05, 5000)).round(2)
     values[:, V5] = np.abs(rng.normal(0, 0.01, 5000)).round(2)
     values[:, V7] = 0.0
-    signs = CurrentSigns(ACTUATOR)
-    signs.complete(np.arange(5000, dtype=np.int64) * 10_000, values, np.zeros(5000))
-    assert signs.resistance == EMA.resistance
-    assert np.isnan(values[:, [V4, V5]]).all()
+    times, origin = np.arange(5000, dtype=np.int64) * 10_000, np.zeros(values.shape, dtype=np.int8)
+    deriver = Deriver(ACTUATOR)
+    found = deriver.complete(Aligned(times, values, origin, np.zeros(5000), "esc-unsigned", signed=False))
+    assert winding(deriver)[0] == EMA.resistance
+    assert np.isnan(found[:, [V4, V5]]).all()
