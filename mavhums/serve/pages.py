@@ -33,9 +33,8 @@ from mavhums.serve.fleet_view import (
 from mavhums.serve.guard import SESSION, is_loopback
 from mavhums.serve.keep import keep
 from mavhums.serve.live_file import LiveFile
-from mavhums.serve.options import ServeOptions
 from mavhums.serve.routes import LogOf
-from mavhums.serve.sessions import Dropped, Sessions, UserSession
+from mavhums.serve.sessions import Dropped, ServeOptions, Sessions, UserSession
 from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.html import draw, environment, parts
 from mavhums.show.trend import trend_blocks

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.serve.guard import API, Guard, is_loopback
-from mavhums.serve.options import ServeOptions
-from mavhums.serve.sessions import Sessions
+from mavhums.serve.sessions import ServeOptions, Sessions
 from mavhums.serve.workers import Workers
 
 if TYPE_CHECKING:

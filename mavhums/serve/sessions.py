@@ -16,11 +16,41 @@ from typing import Any, Literal
 from mavhums.app.settings import Options
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.options import Quotas
 from mavhums.serve.uploads import is_archive, receive, safe_name
-from mavhums.serve.workers import Job, Progress, Workers
+from mavhums.serve.workers import Job, Progress, Quotas, Workers
 
 State = Literal["waiting", "judging", "done", "failed"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServeOptions:
+    """The options of the page.
+
+    Attributes
+    ----------
+    host, port
+        Address to listen at; port 0 takes a free one.
+    public
+        Name, with its port if it has one, under which a proxy with TLS serves the page; None without one.
+    judging
+        Options of each judgement: names, files and numbers, for the processes that judge.
+    limits
+        What one user and one log may use.
+    live
+        Files that ``mavhums live --json`` writes.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8080
+    public: str | None = None
+    judging: Options = field(default_factory=Options)
+    limits: Quotas = field(default_factory=Quotas)
+    live: tuple[Path, ...] = ()
+
+    @property
+    def store(self) -> str | None:
+        """Place of the store that the fleet's pages show; None without one."""
+        return None if self.judging.store is None else str(self.judging.store)
 
 
 @dataclass(slots=True, eq=False)

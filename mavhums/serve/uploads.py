@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from mavhums.core.errors import MavhumsError, UnreadableLogError
 from mavhums.core.packed import COMPRESSED, members
 from mavhums.log.reader import read_blocks
-from mavhums.serve.options import Quotas
+from mavhums.serve.workers import Quotas
 
 _MOST_BYTES: Final = 150
 _SEPARATORS: Final = re.compile(r"[/\\]")

@@ -11,9 +11,8 @@ from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any, Final
-
-from mavhums.serve.options import Quotas
 
 _START_S: Final = 300.0  # a busy machine, and a tree without built kernels, which compiles them
 _JOBS: Final = 100
@@ -32,6 +31,38 @@ and where it is refused, chance decides whether a thread's stack still fits.
 
 Job = dict[str, Any]
 Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quotas:
+    """What one user and one log may use.
+
+    Attributes
+    ----------
+    log_bytes
+        Size of a log.
+    upload_s
+        Time for an upload.
+    judge_s, memory_bytes
+        Wall-clock time and memory of one judgement; memory is limited on Linux only.
+    logs
+        Logs of one session.
+    sessions
+        Sessions that hold a log, at a time.
+    session_s
+        Time after which the logs of a session without an open page are removed.
+    workers
+        Processes that judge.
+    """
+
+    log_bytes: int = 1 << 30
+    upload_s: float = 900.0
+    judge_s: float = 300.0
+    memory_bytes: int = 2 << 30
+    logs: int = 50
+    sessions: int = 100
+    session_s: float = 1800.0
+    workers: int = 2
 
 
 class _Worker:

@@ -12,10 +12,9 @@ import pytest
 
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.options import Quotas
 from mavhums.serve.sessions import Sessions, UserSession
 from mavhums.serve.uploads import take_logs
-from mavhums.serve.workers import Workers
+from mavhums.serve.workers import Quotas, Workers
 from tests.serve.test_sessions import content, settled
 
 

@@ -11,9 +11,8 @@ import pytest
 
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.options import Quotas
 from mavhums.serve.sessions import Sessions, UserSession
-from mavhums.serve.workers import Job, Progress, Workers
+from mavhums.serve.workers import Job, Progress, Quotas, Workers
 
 BRIEF = {"condition": "normal", "word": "", "text": "All normal", "todo": "nothing"}
 

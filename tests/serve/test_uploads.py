@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.options import Quotas
 from mavhums.serve.uploads import check_size, receive, safe_name
+from mavhums.serve.workers import Quotas
 
 SMALL = Quotas(log_bytes=1000, upload_s=0.1)
 

@@ -12,8 +12,7 @@ from typing import Any
 import psutil
 import pytest
 
-from mavhums.serve.options import Quotas
-from mavhums.serve.workers import Workers
+from mavhums.serve.workers import Quotas, Workers
 
 # A stand-in that does what a job says; the true program starts too slowly to be killed a dozen times.
 PROGRAM = """
