@@ -31,12 +31,11 @@ from mavhums.health.estimation.flight_sums import OwnSums, collector
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.slots import SENSED, Slots
 from mavhums.health.estimation.thresholds import (
-    LEAST_STROKE_SAMPLES,
+    LEAST_SAMPLES,
     LONGEST_STROKE_S,
     MOST_STROKES,
     MOVING_ANGLE_DEG_S,
     STROKE_BEGIN_S,
-    STROKE_END_S,
     STROKE_SPAN_S,
     STROKE_SPEED_SHARE,
 )
@@ -140,8 +139,8 @@ class Strokes:
         time_s = self._time_s[part]
         if not (standing or steady) or time_s[-1] - time_s[0] > LONGEST_STROKE_S:
             return None
-        inner = (time_s >= time_s[0] + STROKE_BEGIN_S) & (time_s <= time_s[-1] - STROKE_END_S)
-        if inner.sum() < LEAST_STROKE_SAMPLES:
+        inner = (time_s >= time_s[0] + STROKE_BEGIN_S) & (time_s <= time_s[-1] - STROKE_SPAN_S)
+        if inner.sum() < LEAST_SAMPLES:
             return None
         command, angle, current = self._values[part].T
         steady_s, error = time_s[inner], (command - angle)[inner]

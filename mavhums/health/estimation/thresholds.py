@@ -98,13 +98,9 @@ STROKE_SPAN_S: Final = 0.3
 # Change of the commanded speed, as a share of it, that ends a stroke. By hand.
 STROKE_SPEED_SHARE: Final = 0.1
 
-# Parts of a stroke that are left out at its beginning and end, s: the servo takes up its speed (1.4 and 0.4 s
-# were set on the profile of the screw rig of benchmarks/real_actuators.py).
+# Part of a stroke that is left out at its beginning, s: the servo takes up its speed (set on the profile of
+# the screw rig of benchmarks/real_actuators.py). At its end the span of the commanded speed is.
 STROKE_BEGIN_S: Final = 1.4
-STROKE_END_S: Final = 0.4
-
-# Samples of a stroke that show its roughness beside a cubic's four coefficients. By hand.
-LEAST_STROKE_SAMPLES: Final = 30
 
 # A longer motion at one speed is no stroke of a surface, s. By hand; it bounds the memory.
 LONGEST_STROKE_S: Final = 30.0
@@ -114,7 +110,7 @@ MOST_STROKES: Final = 64
 
 # Samples that a direction of motion, a friction or a network's vote rests on: fewer than two a slot. Twice as
 # many, half to either side, determine a flight's wear or its load, else single reversals decide; four times
-# as many its law of power, whose columns are products. By hand.
+# as many its law of power, whose columns are products; as many show the roughness of a stroke. By hand.
 LEAST_SAMPLES: Final = 20
 
 # Flights of a baseline: with five neither the promised false alarms nor the stated least rise are kept, for
