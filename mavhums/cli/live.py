@@ -214,8 +214,7 @@ def _drawn(shows: _Outputs, exits: ExitStack) -> list[DrawingSink]:
     """Open a viewer and a recording, if requested."""
     viewer, rrd, position = shows.viewer, shows.rrd, shows.position
     from mavhums.live.sinks import DrawingSink
-    from mavhums.show.recording import Recorder
-    from mavhums.show.viewer import LiveViewer
+    from mavhums.show.viewer import LiveViewer, Recorder
 
     name = f"live-{time.time_ns():x}"
     drawing = exits.enter_context(ExitStack())

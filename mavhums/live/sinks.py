@@ -41,8 +41,7 @@ from mavhums.show.terminal import parts
 from mavhums.show.words import clock
 
 if TYPE_CHECKING:
-    from mavhums.show.recording import Recorder
-    from mavhums.show.viewer import LiveViewer
+    from mavhums.show.viewer import LiveViewer, Recorder
 
 _LOG = logging.getLogger(__name__)
 _SAMPLES: Final = 100_000

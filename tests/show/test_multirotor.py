@@ -80,7 +80,7 @@ def test_an_octas_places_are_told_apart() -> None:
 
 def test_the_recording_draws_the_motors_in_their_colours(assessment: Assessment, tmp_path: Path) -> None:
     chunk = pytest.importorskip("rerun.chunk")
-    from mavhums.show.recording import Recorder
+    from mavhums.show.viewer import Recorder
 
     why = "emergency: motor 3 of quad X lost 90 % of its thrust"
     alarm = ConditionChanged(1, "motor 3", 20.0, 19.5, "undecided", "emergency", why)
@@ -102,7 +102,7 @@ def test_the_recording_draws_the_motors_in_their_colours(assessment: Assessment,
 def test_a_motor_that_never_changes_has_the_condition_of_its_verdict(
     condition: Condition, assessment: Assessment, tmp_path: Path
 ) -> None:
-    from mavhums.show.recording import Recorder
+    from mavhums.show.viewer import Recorder
     from tests.show.test_recording import rows
 
     pytest.importorskip("rerun.chunk")

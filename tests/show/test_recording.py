@@ -25,7 +25,7 @@ from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Interval
 from mavhums.show.markdown_report import markdown
-from mavhums.show.recording import Recorder
+from mavhums.show.viewer import Recorder
 from mavhums.show.words import COLOURS
 from tests.conftest import real_logs
 from tests.show.conftest import Flight, new_assessment, new_verdict
@@ -348,7 +348,7 @@ def test_a_place_that_cannot_be_written_is_an_error_that_names_it(
 def test_a_recording_without_its_end_is_not_published(
     tmp_path: Path, assessment: Assessment, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("mavhums.show.recording._FOOTER", b"no such end")
+    monkeypatch.setattr("mavhums.show.viewer._FOOTER", b"no such end")
     with pytest.raises(MavhumsError, match="its end is missing: is the disk full"):
         write(tmp_path / "flight.rrd", [], assessment)
     assert not list(tmp_path.iterdir())
@@ -363,7 +363,7 @@ import numpy as np
 from mavhums.results.assessment import Assessment, LogSummary, Losses
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import Samples
-from mavhums.show.recording import Recorder
+from mavhums.show.viewer import Recorder
 
 log = LogSummary(path=None, sha256=None, start_utc=None, duration_s=0, vehicles=(), losses=Losses())
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
@@ -400,7 +400,7 @@ def test_without_rerun_the_error_names_the_extra(maker: str) -> None:
 import sys
 sys.modules["rerun"] = None
 from mavhums.core.errors import MissingExtraError
-from mavhums.show.recording import Recorder
+from mavhums.show.viewer import Recorder
 from mavhums.show.viewer import LiveViewer
 try:
     {maker}, recording_id="flight")
