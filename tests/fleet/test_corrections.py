@@ -80,6 +80,7 @@ def without_foreign(folder: Path) -> list[Row]:
 
 def moved_to(folder: Path) -> list[Row]:
     fleet.move(folder, [f"D-C/{day:02}.tlog" for day in (3, 4)], "D-B")
+    assert "moved 2 logs, logs/D-C/03.tlog and others, from D-A to D-B" in str(fleet.journal(folder)[-1])
     return [*GROWS, *STILL, *(row._replace(aircraft="D-B") for row in FOREIGN)]
 
 

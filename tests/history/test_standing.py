@@ -10,13 +10,16 @@ import pytest
 from mavhums.core.conditions import Condition
 from mavhums.flights.aircraft import Since as Dates
 from mavhums.flights.history import PastFlight
+from mavhums.flights.reports import _kinds
 from mavhums.flights.trends import standings_after, trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import course_of
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Standing
+from mavhums.results.store import Change
 from mavhums.results.verdict import ALL, Since
 from mavhums.show.headline import headline
+from mavhums.show.standing import _change_lines
 from tests.flights import START, flown, shown, verdict
 
 
@@ -203,6 +206,17 @@ def test_the_baseline_is_the_level_before_the_growth() -> None:
     assert known.mean == pytest.approx(0.213, abs=0.008)
     prediction = known.prediction()
     assert prediction.high - prediction.low < 0.03
+
+
+def test_what_grows_on_is_not_gone() -> None:
+    grows = standing([0.22 + 0.004 * day for day in range(30)], scatter=0.004)
+    assert (grows.condition, grows.growth is not None) == ("normal", True)
+    was = grows.model_copy(update={"condition": "degraded"})
+    assert [*_kinds(was, grows)] == ["eased"]
+    change = Change(kind="eased", aircraft="D-A", before=was, now=grows)
+    (told, why) = _change_lines(change)
+    assert told == "it was degraded; now growing in flight 30 (2026-03-30)"
+    assert "grows by" in why
 
 
 @pytest.mark.slow
