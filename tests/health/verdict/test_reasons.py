@@ -12,18 +12,20 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from mavhums.actuator.telemetry import tier_named
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.verdict.axis import (
     _candidates,
     named_by_telemetry,
     verdict_of_axis,
 )
-from mavhums.health.verdict.obstacles import disorder, why_not_at_all, why_undecided
+from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.reasons import Reason
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Interval
 from mavhums.results.verdict import Candidate, Coverage, Evidence, Verdict
 from mavhums.vehicle.grid import Received
+from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
 
@@ -311,6 +313,11 @@ def test_a_reference_without_a_verdict() -> None:
         [found] = undecided(replace(known, coverage=coverage, doubt=doubtful))
         assert found.text.startswith(reason)
         assert found.code == ("uncertain_loss" if counted["decidable"] == 30 else "unexcited")
+
+
+def test_the_escs_of_a_multirotor_are_those_of_its_propellers() -> None:
+    copter = Identity(1, "quadrotor", multirotor=True)
+    assert codes(*obstacle(tier_named("esc-signed"), copter)) == ["multirotor", "propeller_escs"]
 
 
 ELEVONS = Surfaces(
