@@ -35,7 +35,6 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.statistics import CENTRAL_95, t_probability, t_quantile
 from mavhums.health.decision.thresholds import (
-    FLIGHTS_PER_OUTLIER,
     GROWTH_CHANCE,
     GROWTH_HORIZON_FLIGHTS,
     GROWTH_SCALES,
@@ -47,7 +46,7 @@ from mavhums.health.decision.thresholds import (
     TREND_FLIGHTS,
 )
 from mavhums.health.estimation.random_effects import variance_between
-from mavhums.health.estimation.thresholds import LEAST_ERROR_SHARE
+from mavhums.health.estimation.thresholds import BASELINE_FLIGHTS, LEAST_ERROR_SHARE
 from mavhums.health.sequential import EXCLUDING
 from mavhums.results.standing import Interval
 
@@ -274,7 +273,8 @@ def _without_outliers(
     """Leave out, one by one, the flight farthest off the likeliest course of the others, up to one in ten."""
     kept = np.ones(len(values), dtype=np.bool_)
     courses = _courses(numbers, values, errors, known)
-    for _ in range(max(1, len(values) // FLIGHTS_PER_OUTLIER)):
+    # More than one of as many as a baseline has are another course.
+    for _ in range(max(1, len(values) // BASELINE_FLIGHTS)):
         n = len(courses.residuals)
         free = np.clip(1 - courses.hat, 1e-9, None)
         freedom = courses.freedom - 1

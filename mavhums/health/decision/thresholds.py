@@ -36,9 +36,6 @@ TREND_FLIGHTS: Final = 8
 # straight line is a guess there. benchmarks/trend.py has how often the interval holds.
 TREND_REACH_SPANS: Final = 3.0
 
-# One flight in so many may be an outlier, and at least one: more outliers are another course. By hand.
-FLIGHTS_PER_OUTLIER: Final = 10
-
 # Largest lag-one correlation that widens an interval, ninefold there: beyond it the course is no line. By
 # hand.
 MOST_AUTOCORRELATION: Final = 0.8
