@@ -198,6 +198,19 @@ def test_the_page_offers_what_is_read() -> None:
         assert f"{suffix}," in text
 
 
+def test_the_page_names_no_path_of_its_computer(flown: Path, tmp_path: Path) -> None:
+    from mavhums.serve.worker import _done
+
+    with zipfile.ZipFile(tmp_path / "several.zip", "w") as archive:
+        for day in range(2):
+            archive.write(flown / "D-A" / f"{day}.tlog", f"{day}.tlog")
+    job = {"do": "judge", "log": str(tmp_path / "several.zip"), "report": str(tmp_path / "r"), "options": {}}
+    answer = _done(job, lambda _: None)
+    assert str(tmp_path) not in json.dumps(answer)
+    assert "contains 2 files" in answer["problem"]
+    assert "drop the logs in it" in answer["remedy"]
+
+
 @pytest.mark.parametrize("wrong", ["D-X/rudder", "D-A/ruder", "ruder", "D-X/"])
 def test_a_repair_of_what_the_store_does_not_have_is_refused(run: Run, store: Path, wrong: str) -> None:
     refused = run("fleet", "repairs", "--store", store, "--add", f"{wrong}=2026-01-02")

@@ -57,3 +57,14 @@ def test_a_peer_is_forgotten_after_ten_seconds(tmp_path: Path) -> None:
         heard.append(len(rig.peers))
     assert heard == [1, 0]
     rig.session.close()
+
+
+def test_an_error_ends_a_session_with_its_verdicts(tmp_path: Path) -> None:
+    rig = Rig(tmp_path)
+
+    def fail() -> bool:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        rig.session.run(fail)
+    assert len(rig.shown.closed) == 1
