@@ -17,7 +17,6 @@ from mavhums.health.axis.residuals import Deviation, PitchTracking, Residual, Ro
 from mavhums.health.axis.thresholds import (
     JUDGED_ERROR,
     PERSISTENT_S,
-    ROLL_PERSISTENT_S,
     SHIFT_FLOOR_RAD_S,
     SHIFT_S,
     SKID_DEVIATIONS,
@@ -281,9 +280,7 @@ DETECTORS: tuple[Callable[[AxisLimits], AxisDetector], ...] = (
     lambda limits: EffectivenessDetector(limits, "pitch"),
     lambda limits: TrackingDetector("pitch", PitchTracking(), limits.pitch_tracking_deviations, PERSISTENT_S),
     lambda limits: EffectivenessDetector(limits, "roll"),
-    lambda limits: TrackingDetector(
-        "roll", RollTracking(), limits.roll_tracking_deviations, ROLL_PERSISTENT_S
-    ),
+    lambda limits: TrackingDetector("roll", RollTracking(), limits.roll_tracking_deviations, SHIFT_S),
     lambda limits: EffectivenessDetector(limits, "yaw"),
 )
 

@@ -36,10 +36,10 @@ from mavhums.health.axis.reference import (
 )
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Shape, Tail, judgeable
 from mavhums.health.axis.thresholds import (
-    EXCLUDING_SPEED_SHARE,
     EXPLAINED,
     EXTRA_LAGS_S,
     GAIN_ERROR,
+    GROUND_SPEED_SHARE,
     LEAST_DRIVE,
     LEAST_ROWS_PER_S,
     LONGEST_REFERENCE_S,
@@ -258,7 +258,7 @@ class EffectivenessTracker:
             self._mixed = MixedSums(reference, self._form.axis, self._coupled, self._memory_s)
             self._mixed.feed(rows)
         self._sums(rows)
-        slow = EXCLUDING_SPEED_SHARE
+        slow = GROUND_SPEED_SHARE
         self._slow_chain = Chain(self._form, reference.basis, reference.shape, least_share=slow)
         self._slow_scores = Scores(reference.others, self._memory_s)
         excluding = self._excluding(rows, self._unknown(rows))

@@ -22,8 +22,8 @@ from mavhums.health.axis.regressions import FORMS, Chain, Form, HighPass
 from mavhums.health.axis.response import Response
 from mavhums.health.axis.thresholds import (
     LEAST_ROWS_PER_S,
+    LONGEST_REFERENCE_S,
     MASKED_S,
-    MIXED_RECENT_S,
     WINDOW_DEVIATION,
 )
 from mavhums.health.estimation.thresholds import WINDOW_S
@@ -205,7 +205,7 @@ class MixedPair:
         if self._total is not None:
             self._total += sums
         self._recent.append((end_s, sums))
-        while self._recent[0][0] < end_s - MIXED_RECENT_S:
+        while self._recent[0][0] < end_s - LONGEST_REFERENCE_S:
             self._recent.popleft()
 
     def begin(self, since_s: int) -> None:

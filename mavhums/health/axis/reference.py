@@ -10,7 +10,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.health.axis.regressions import Basis, Columns, Form, HighPass, Shape
-from mavhums.health.axis.thresholds import CONSTANT_BLOCKS, DELAYS_S, LAGS_S, WINDOW_DEVIATION
+from mavhums.health.axis.thresholds import DELAYS_S, GUST_WINDOW_S, LAGS_S, REFERENCE_S, WINDOW_DEVIATION
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.vehicle.grid import RATE_HZ
 
@@ -133,9 +133,9 @@ def least_squares(design: Array, answer: Array) -> tuple[Array, float]:
 def without_blocks(design: Array, answer: Array) -> Array:
     """Return the coefficients of a regression without each of its blocks of rows, shape (blocks, p).
 
-    Residuals of neighbouring rows are alike: whole blocks are left out, not rows.
+    Residuals of neighbouring rows are alike: whole blocks are left out, as long as a manoeuvre, not rows.
     """
-    blocks = np.array_split(np.arange(len(answer)), CONSTANT_BLOCKS)
+    blocks = np.array_split(np.arange(len(answer)), REFERENCE_S // GUST_WINDOW_S)
     return np.array(
         [least_squares(np.delete(design, block, axis=0), np.delete(answer, block))[0] for block in blocks]
     )

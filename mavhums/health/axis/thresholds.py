@@ -13,8 +13,8 @@ from typing import Final
 # flights: fewer leave the gain too uncertain, more leave fewer to be judged. Development.
 REFERENCE_S: Final = 45
 
-# Seconds within which a reference is sought, s: older rows are of another phase of the flight.
-# Development.
+# Seconds within which a reference and the onset of an alarm are sought, s: older rows are of another phase of
+# the flight. Development; 180 names the same of two mixed surfaces.
 LONGEST_REFERENCE_S: Final = 120
 
 # Seconds of forward flight after which a reference is late: it may already hold a fault, so the verdict says
@@ -32,8 +32,8 @@ LEAST_DRIVE: Final = 0.02
 # Effectiveness that a normal axis has at least: a loss of 40 % is what the test is for.
 NORMAL_EFFECTIVENESS: Final = 0.6
 
-# Largest standard error of an effectiveness that is shown or counted: half of the loss of 40 %. By hand.
-JUDGED_ERROR: Final = 0.2
+# Largest standard error of an effectiveness that is shown or counted: half of that loss.
+JUDGED_ERROR: Final = (1.0 - NORMAL_EFFECTIVENESS) / 2.0
 
 # Seconds over which a quiet axis is pooled: longer ones would excuse a loss by what was before it; and those
 # that give the usual speed: a whole circuit, climb and cruise. By hand.
@@ -43,8 +43,8 @@ POOLED_S: Final = 60
 # Development.
 SHIFT_FLOOR_RAD_S: Final = 0.045
 
-# Seconds over which a shift of the trim and a residual are averaged: gusts are shorter, a hard-over lasts.
-# Development.
+# Seconds over which a shift of the trim and a residual are averaged, and for which a roll must be away: gusts
+# are shorter, a hard-over lasts, and a large step of the command is followed within 2 s. Development.
 SHIFT_S: Final = 3
 
 # Deviation of the side force while the aircraft goes astray, in deviations of its reference, and the shares
@@ -59,9 +59,6 @@ UNKNOWN_ROLL_DEVIATIONS: Final = 40.0
 # Seconds in a row that a trim or a pitch must be away: one alone may be a gust. Development.
 PERSISTENT_S: Final = 2
 
-# Seconds in a row that a roll must be away: a large step of the command is followed within 2 s.
-ROLL_PERSISTENT_S: Final = 3
-
 # Time between samples beyond which no gain is determined, s: 3 Hz with jitter passes, 2 Hz does not.
 SLOW_STREAM_S: Final = 0.42
 
@@ -71,15 +68,12 @@ SLOW_STREAM_S: Final = 0.42
 # benchmarks/steering.py, seeds 25 and 26: 0, 0.2 and 0.3 m/s tried).
 SPEED_ERRORS_M_S: Final = (0.0, 2.0, 0.0, 0.2)
 
-# Seconds before an alarm in which its onset may lie, s: what tells mixed surfaces apart is kept as long. By
-# hand.
-MIXED_RECENT_S: Final = 180
-
 # Seconds after a hard-over rudder in which findings about other axes are its consequence. Development.
 MASKED_S: Final = 20
 
-# Share of the reference's speed that a second before flight must be below to show a take-off: what flies at
-# half of its usual speed stalls. By hand.
+# Share of the reference's speed that a second before flight must be below to show a take-off, and from which
+# a loss is excluded: what flies at half of its usual speed stalls, and near the stall ailerons lose effect,
+# which hides no loss. By hand: 0.7 excludes as much.
 GROUND_SPEED_SHARE: Final = 0.5
 
 # Additional lags that are tested, s: neighbours differ by a quarter of the gain; healthy flights have up to
@@ -154,10 +148,6 @@ SCORE_SCATTER: Final = 0.002
 # 0.2–0.5 in flights with failed engines. Development.
 LEAST_SPEED_SHARE: Final = 0.85
 
-# The same where a loss is only excluded: near the stall ailerons lose effect, which hides no loss. By hand:
-# the wind triangle's error stays a small share of the speed.
-EXCLUDING_SPEED_SHARE: Final = 0.7
-
 # Steeper climbs and dives are left out, °, as above. By hand.
 MOST_PITCH_DEG: Final = 34
 
@@ -184,9 +174,6 @@ FASTEST_ROLL_DEG_S: Final = 45
 # Least rate at which a working elevator raises the nose after a stall, °/s. By hand: a load factor of 1.2 at
 # 22 m/s; what is slower is a lost elevator, or a dive that the pilot wants.
 NOSE_RISES_DEG_S: Final = 5
-
-# Blocks of a reference for the jackknife of its constants: 5 s each, longer than gusts. By hand.
-CONSTANT_BLOCKS: Final = 9
 
 # Earlier flights that an axis is compared with: fewer tell too little about their scatter.
 PAST_FLIGHTS: Final = 5

@@ -19,8 +19,8 @@ from tests.health.axis.test_detectors import controlled
 from tests.health.axis.test_pooled import GAIN, REFERENCE
 
 LEAST_ROWS_PER_S = 14
+LONGEST_REFERENCE_S = 120
 MASKED_S = 20
-MIXED_RECENT_S = 180
 ELEVONS = {"roll": "pitch", "pitch": "roll"}
 
 
@@ -188,16 +188,16 @@ def test_shares_are_the_likelihoods_of_the_best_loss_of_each(lost: float, taken:
     second = np.array([9.0, 2.0, 6.0, *score])
     pair = MixedPair()
     assert pair.shares() == {}
-    for end_s in range(1, 2 * MIXED_RECENT_S):
+    for end_s in range(1, 2 * LONGEST_REFERENCE_S):
         pair.add(end_s, 1000 * second)
-    for end_s in range(2 * MIXED_RECENT_S, 2 * MIXED_RECENT_S + 5):
+    for end_s in range(2 * LONGEST_REFERENCE_S, 2 * LONGEST_REFERENCE_S + 5):
         pair.add(end_s, second)
     assert pair.shares() == {}
-    pair.begin(2 * MIXED_RECENT_S - 1)
-    pair.add(2 * MIXED_RECENT_S + 5, second)
+    pair.begin(2 * LONGEST_REFERENCE_S - 1)
+    pair.add(2 * LONGEST_REFERENCE_S + 5, second)
     logs = {name: best_fit(name, 6 * second) for name in ("left", "right", "both")}
     expected = {name: np.exp(one - max(logs.values())) for name, one in logs.items()}
     whole = sum(expected.values())
     found = pair.shares()
     assert found == pytest.approx({name: one / whole for name, one in expected.items()}, abs=1e-3)
-    assert len(pair._recent) == MIXED_RECENT_S + 1
+    assert len(pair._recent) == LONGEST_REFERENCE_S + 1
