@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from collections.abc import Iterable
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.actuator.mapping import Samples
+from mavhums.engine.axes import with_drops
 from mavhums.engine.events import Event, Notice
 from mavhums.health.decision.events import Indication, Trace
+from mavhums.log.base.decoder import Losses
 from mavhums.vehicle.states import Attitude, Position
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
@@ -88,3 +92,17 @@ def test_a_jump_of_the_clock_is_told_where_it_is(size: int) -> None:
     notices = [event for event in events if isinstance(event, Notice) and event.text == JUMPED]
     assert [event.vehicle for event in notices] == [2]
     assert notices[0].time_s == pytest.approx(REBOOT_S, abs=0.5)
+
+
+def test_what_is_left_out_is_counted_by_message_over_all_senders() -> None:
+    clocks = SimpleNamespace(copies=Counter(A=5, B=1, C=0), broken=Counter(B=9))
+    received = {
+        1: {"A": SimpleNamespace(late=2, repeated=0), "B": SimpleNamespace(late=0, repeated=7)},
+        2: {"A": SimpleNamespace(late=3, repeated=0), "B": SimpleNamespace(late=1, repeated=1)},
+    }
+    axes = SimpleNamespace(vehicles=lambda: [1, 2], received=received.__getitem__)
+    losses = with_drops(Losses(), cast(Any, clocks), cast(Any, axes))
+    assert losses.late_samples == {"A": 5, "B": 1}
+    assert losses.same_time_samples == {"B": 8}
+    assert losses.broken_stamps == {"B": 9}
+    assert losses.copies == {"A": 5, "B": 1}
