@@ -50,8 +50,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
     {
         "actuator.profile": "ProfileError load_airframe",
         "actuator.vehicle_mappers": "actuators",
-        "app.analysis": "analyse record",
-        "app.many": "analyse_many",
+        "app.analysis": "analyse analyse_many record",
         "app.settings": "Options",
         "core.errors": "MavhumsError MissingExtraError UnreadableLogError",
         "core.packed": "ArchiveError",
