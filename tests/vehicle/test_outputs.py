@@ -23,6 +23,14 @@ def outputs(values: Mapping[str, float], *, px4: bool = False) -> list[tuple[Any
 USUAL = (1100, 1500, 1900)
 
 
+def test_which_functions_of_ardupilot_move_a_surface() -> None:
+    surfaces = {2, 3, 4, 16, 17, 19, 21, 24, 25, 77, 78, 79, 80, 86, 87, 110}
+    named = {
+        n: outputs({"SERVO32_FUNCTION": float(n)}) for n in (*surfaces, *range(26, 41), 70, 73, 74, 82, 85)
+    }
+    assert {n for n, found in named.items() for *_, moves in found if moves} == surfaces
+
+
 def test_pulses_of_ardupilot() -> None:
     base = {"SERVO2_FUNCTION": 19.0, "SERVO2_MIN": 1000.0, "SERVO2_TRIM": 1480.0, "SERVO2_MAX": 2000.0}
     for changes, pwm_us, is_reversed in (
