@@ -114,6 +114,8 @@ def test_a_text_names_the_firmware_better_than_a_number(tmp_path: Path) -> None:
         (b"ArduCopter V4.3.0 (abc)", "multirotor", True),
         (b"APM:Copter V3.2", "multirotor", True),
         (b"ArduRover V4.2.0", "ground rover", False),
+        (b"Rover V4.2", "ground rover", False),
+        (b"Blimp V4.5.0", "airship", False),
         (b"ArduSub V4.1.0", "submarine", False),
         (b"PreArm: ArduCopter V4", None, False),
     ],
