@@ -70,8 +70,8 @@ def swept(
 
 def test_a_sweep_shows_travel_speed_hysteresis_and_friction(tmp_path: Path) -> None:
     (found,) = check_log(swept(tmp_path), airframe=tmp_path / "one.toml")
-    # Those from and to the middle are too short.
-    assert (found.actuator, found.strokes, found.armed_known, found.faults) == ("rudder", 3, True, ())
+    # Half strokes, from and to the middle, count too.
+    assert (found.actuator, found.strokes, found.armed_known, found.faults) == ("rudder", 5, True, ())
     assert found.commanded_deg == pytest.approx((-TRAVEL_DEG, TRAVEL_DEG), abs=0.2)
     assert found.commanded_deg_s == pytest.approx(2 * TRAVEL_DEG / 5.0, rel=0.02)
     assert found.reached_deg_s == pytest.approx(2 * TRAVEL_DEG / 5.0, rel=0.02)
@@ -112,7 +112,7 @@ def test_an_armed_aircraft_that_stands_still_is_on_the_ground(
             check_log(log, airframe=tmp_path / "one.toml")
         return
     (found,) = check_log(log, airframe=tmp_path / "one.toml")
-    assert found.strokes == 3
+    assert found.strokes == 5
     assert found.commanded_deg[1] == pytest.approx(TRAVEL_DEG, abs=0.2)
 
 
