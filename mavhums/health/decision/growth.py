@@ -27,6 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from math import log, sqrt
 from typing import NamedTuple
 
@@ -59,14 +60,14 @@ _TO_DEVIATION = 1.4826 / sqrt(2.0)  # median absolute difference of neighbours â
 class _Courses:
     """The courses that an indicator may have taken since the last step, one for each first growing flight.
 
-    ``first`` are indices of flights; the other arrays have their shape. ``log_odds`` is each one's logarithm
-    of weight and Bayes factor, ``level`` and ``slope`` are the line at the last flight, ``ahead`` is how far
-    the last flight lies from the middle of the growing ones, ``spread`` their sum of squares. ``between`` is
-    the standard deviation between flights, without measurement errors.
+    ``first`` are indices of flights; the other arrays have their shape. ``log_odds`` returns each one's
+    logarithm of weight and Bayes factor, which takes the longest. ``level`` and ``slope`` are the line at the
+    last flight, ``ahead`` is how far the last flight lies from the middle of the growing ones, ``spread``
+    their sum of squares. ``between`` is the standard deviation between flights, without measurement errors.
     """
 
     first: Integers
-    log_odds: Array
+    log_odds: Callable[[], Array]
     level: Array
     slope: Array
     ahead: Array
@@ -78,12 +79,18 @@ class _Courses:
     residuals: Array
     hat: Array
 
-    def likely(self) -> _Courses:
-        """Return those that count, with odds of one in all: the others weigh less than a rounding error."""
-        kept = self.log_odds > self.log_odds.max() - 45
-        some = {name: getattr(self, name)[kept] for name in ("level", "slope", "ahead", "spread", "variance")}
-        odds = self.log_odds[kept] - np.logaddexp.reduce(self.log_odds)
-        return replace(self, first=self.first[kept], log_odds=odds, **some)
+    @property
+    def likeliest(self) -> int:
+        """Index of the course with the best odds."""
+        return int(np.argmax(self.log_odds()))
+
+    def likely(self) -> tuple[Array, _Courses]:
+        """Return the courses that count, after their weights: others weigh less than a rounding error."""
+        odds = self.log_odds()
+        kept = odds > odds.max() - 45
+        names = ("first", "level", "slope", "ahead", "spread", "variance")
+        some = replace(self, **{name: getattr(self, name)[kept] for name in names})
+        return np.exp(odds[kept] - np.logaddexp.reduce(odds)), some
 
 
 class Line(NamedTuple):
@@ -119,8 +126,8 @@ class Course:
     @property
     def per_flight(self) -> Interval:
         """The slope of the line, averaged over the flights at which growth may begin; 95 % interval."""
-        some = self._courses.likely()
-        weights, errors = np.exp(some.log_odds), np.sqrt(some.variance / some.spread)
+        weights, some = self._courses.likely()
+        errors = np.sqrt(some.variance / some.spread)
         middle = float(weights @ some.slope)
         width = float(np.max(np.abs(some.slope - middle)) + 50 * np.max(errors)) or 1.0
 
@@ -152,8 +159,7 @@ class Course:
 
         They are infinite where it need not reach it.
         """
-        some = self._courses.likely()
-        weights = np.exp(some.log_odds)
+        weights, some = self._courses.likely()
 
         def reached(ahead: float) -> float:
             error = np.sqrt(some.variance * (1 / some.total_weight + (some.ahead + ahead) ** 2 / some.spread))
@@ -193,12 +199,11 @@ def course_of(numbers: Array, values: Array, errors: Array, *, begin: int = 0) -
     errors = np.maximum(errors, max(LEAST_ERROR_SHARE * errors.max(), 1e-9 * np.abs(values).max(), 1e-12))
     squares, freedom = _scatter_before(numbers[:begin], values[:begin], errors[:begin])
     kept, courses = _without_outliers(numbers[begin:], values[begin:], errors[begin:], (squares, freedom))
-    evidence = float(np.logaddexp.reduce(courses.log_odds))
-    best = int(np.argmax(courses.log_odds))
+    evidence = float(np.logaddexp.reduce(courses.log_odds()))
     return Course(
         grows=evidence >= -log(GROWTH_CHANCE),
         evidence=evidence,
-        since=begin + int(np.flatnonzero(kept)[courses.first[best]]),
+        since=begin + int(np.flatnonzero(kept)[courses.first[courses.likeliest]]),
         left_out=tuple(begin + int(place) for place in np.flatnonzero(~kept)),
         _courses=courses,
     )
@@ -263,8 +268,7 @@ def _scatter_before(numbers: Array, values: Array, errors: Array) -> tuple[float
     if len(values) < TREND_FLIGHTS:
         return 0.0, 0.0
     courses = _courses(numbers, values, errors, (0.0, 0.0))
-    best = int(np.argmax(courses.log_odds))
-    return float(courses.variance[best]) * courses.freedom, courses.freedom
+    return float(courses.variance[courses.likeliest]) * courses.freedom, courses.freedom
 
 
 def _without_outliers(
@@ -275,18 +279,24 @@ def _without_outliers(
     courses = _courses(numbers, values, errors, known)
     # More than one of as many as a baseline has are another course.
     for _ in range(max(1, len(values) // BASELINE_FLIGHTS)):
-        n = len(courses.residuals)
-        free = np.clip(1 - courses.hat, 1e-9, None)
-        freedom = courses.freedom - 1
-        scale = courses.variance[int(np.argmax(courses.log_odds))]
-        others = (scale * courses.freedom - courses.residuals**2 / free) / freedom
-        deleted = np.abs(courses.residuals) / np.sqrt(free * np.maximum(others, 1e-12 * scale + 1e-300))
-        worst = int(np.argmax(deleted))
-        if 2 * n * t_probability(freedom, -deleted[worst]) > MOST_FLIGHT_TAIL:
+        squares = courses.residuals**2 / np.clip(1 - courses.hat, 1e-9, None)
+        worst = int(np.argmax(squares))
+        # A flight that is far off even beside the course that scatters most needs no likeliest course.
+        if not _is_off(squares[worst], courses.variance.max(), courses) and not _is_off(
+            squares[worst], courses.variance[courses.likeliest], courses
+        ):
             break
         kept[np.flatnonzero(kept)[worst]] = False
         courses = _courses(numbers[kept], values[kept], errors[kept], known)
     return kept, courses
+
+
+def _is_off(square: float, scale: float, courses: _Courses) -> bool:
+    """Return whether a flight is too far off a course of this variance, by its deleted residual."""
+    freedom = courses.freedom - 1
+    others = (scale * courses.freedom - square) / freedom
+    deleted = sqrt(square / max(others, 1e-12 * scale + 1e-300))
+    return 2 * len(courses.residuals) * t_probability(freedom, -deleted) <= MOST_FLIGHT_TAIL
 
 
 def _courses(numbers: Array, values: Array, errors: Array, known: tuple[float, float]) -> _Courses:
@@ -321,9 +331,14 @@ def _courses(numbers: Array, values: Array, errors: Array, known: tuple[float, f
     waited = np.diff(numbers[first], prepend=numbers[0])
     prior = np.where(first == 0, 0.5, 0.5 * waited / GROWTH_HORIZON_FLIGHTS)
     freedom = n - 2 + known[1]
+
+    @cache
+    def log_odds() -> Array:
+        return np.log(prior) + _log_bayes_factors(total, product, spread, freedom + 1, inflation)
+
     return _Courses(
         first=first,
-        log_odds=np.log(prior) + _log_bayes_factors(total, product, spread, freedom + 1, inflation),
+        log_odds=log_odds,
         level=values @ weights / n + slope * ahead,
         slope=slope,
         ahead=ahead,

@@ -16,6 +16,8 @@ import numpy as np
 from mavhums.core.arrays import Array
 from mavhums.health.estimation.thresholds import BASELINE_FLIGHTS, NATURAL_SCATTER_SHARE, STATED_ERROR_FREEDOM
 
+_MOST_STEPS = 50
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Population:
@@ -166,7 +168,7 @@ def weighted(design: Array, values: Array, weights: Array) -> tuple[Array, Array
     root = np.sqrt(weights)
     scaled = design * root[:, None]
     inverse = np.linalg.inv(scaled.T @ scaled).astype(np.float64)
-    coefficients = np.linalg.lstsq(scaled, values * root)[0].astype(np.float64)
+    coefficients = inverse @ (scaled.T @ (values * root))
     return coefficients, root * (values - design @ coefficients), inverse
 
 
@@ -180,20 +182,19 @@ def variance_between(design: Array, values: Array, errors: Array) -> float:
     >>> round(variance, 6) == round(float(np.var(values, ddof=1)) - 0.01**2, 6)
     True
     """
-    from scipy.optimize import brentq  # a quarter of a second, spent only when there are earlier flights
-
-    freedom = len(values) - design.shape[1]
-
-    def excess(variance: float) -> float:
-        residuals = weighted(design, values, 1 / (errors**2 + variance))[1]
-        return float(residuals @ residuals - freedom)
-
-    # The errors alone explain the scatter.
-    if excess(0.0) <= 0:
-        return 0.0
-    plain = weighted(design, values, np.ones_like(values))[1]
-    enough = 2 * float(plain @ plain) / freedom
-    return float(brentq(excess, 0.0, enough, xtol=1e-9 * enough, rtol=1e-6))
+    freedom, variance = len(values) - design.shape[1], 0.0
+    for _ in range(_MOST_STEPS):
+        weights = 1 / (errors**2 + variance)
+        squares = weighted(design, values, weights)[1] ** 2
+        total = float(squares.sum())
+        # Newton's method on the reciprocal, which of equal errors is a straight line.
+        step = total * (total / freedom - 1) / (float(weights @ squares) + 1e-300)
+        if variance + step <= 0:
+            return 0.0  # the errors alone explain the scatter
+        variance += step
+        if abs(step) < 1e-9 * variance:
+            break
+    return variance
 
 
 def satterthwaite(first: float, first_freedom: float, second: float, second_freedom: float) -> float:

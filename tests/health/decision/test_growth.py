@@ -96,7 +96,7 @@ def test_the_evidence_is_the_bayes_factor_of_a_slope(seed: int, widened: bool) -
         middle = share * np.sum(centred * values) / np.sum(centred**2)
         rising = 2 * np.sum(stats.t.pdf(slopes[slopes > 0], 7, middle / error)) * step
         expected.append((np.sqrt(1 - share) * (total / rest) ** 3.5) ** (1 / inflation) * rising)
-    assert np.exp(found.log_odds[0]) == pytest.approx(0.5 * np.mean(expected), rel=1e-3)
+    assert np.exp(found.log_odds()[0]) == pytest.approx(0.5 * np.mean(expected), rel=1e-3)
     assert found.first.tolist() == [0, *range(1, 3)]
 
 
@@ -129,7 +129,7 @@ def test_each_course_is_the_weighted_line_that_grows_from_its_first_flight_on() 
     factors = _log_bayes_factors(total, found.slope * found.spread, found.spread, n - 1, inflation)
     waited = np.diff(numbers[found.first])
     expected = [0.5, *(0.5 * waited / 200.0)]
-    assert np.exp(found.log_odds - factors) == pytest.approx(expected, rel=1e-3)
+    assert np.exp(found.log_odds() - factors) == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize("begin", [TREND_FLIGHTS - 1, TREND_FLIGHTS, 12])
@@ -143,7 +143,7 @@ def test_of_the_flights_before_a_step_the_scatter_counts_if_there_are_enough(beg
     if begin >= TREND_FLIGHTS:
         before = course(numbers[:begin], values[:begin], errors[:begin])._courses
         freedom += before.freedom
-        squares = squares + before.variance[np.argmax(before.log_odds)] * before.freedom
+        squares = squares + before.variance[np.argmax(before.log_odds())] * before.freedom
     assert found._courses.freedom == freedom
     assert found._courses.variance / widening(found._courses.residuals) == pytest.approx(squares / freedom)
     assert found.since == begin + alone.since
@@ -193,7 +193,7 @@ def test_the_interval_is_that_of_all_courses_together() -> None:
     """The slope of a mixture of Student's t, whose quantiles are sought anew."""
     found = course(*history(6, 20, 0.01, begin=8))
     some, shown = found._courses, found.per_flight
-    weights = np.exp(some.log_odds) / np.exp(some.log_odds).sum()
+    weights = np.exp(some.log_odds()) / np.exp(some.log_odds()).sum()
     assert weights.max() < 0.5
     errors = np.sqrt(some.variance / some.spread)
     for value, share in ((shown.low, 0.025), (shown.high, 0.975)):
@@ -205,7 +205,7 @@ def test_the_interval_is_that_of_all_courses_together() -> None:
 def test_the_flights_left_are_those_until_the_line_of_all_courses_is_at_the_limit() -> None:
     found = course(*history(6, 20, 0.01, begin=8))
     some, left = found._courses, found.flights_left(LIMIT)
-    weights = np.exp(some.log_odds) / np.exp(some.log_odds).sum()
+    weights = np.exp(some.log_odds()) / np.exp(some.log_odds()).sum()
     for flights, share in zip(left, (0.025, 0.5, 0.975), strict=True):
         error = np.sqrt(some.variance * (1 / some.total_weight + (some.ahead + flights) ** 2 / some.spread))
         over = stats.t.cdf((some.level + some.slope * flights - LIMIT) / error, some.freedom)
