@@ -36,7 +36,7 @@ from mavhums.flights.queries import exit_code, flight
 from mavhums.flights.queries import flights as all_flights
 from mavhums.flights.store import Store
 from mavhums.flights.store.tables import METADATA
-from mavhums.serve.fleet_view import aircraft_table
+from mavhums.serve.views import aircraft_table
 from mavhums_sim import Flight, fly, write_tlog
 from tests.fleet.stores import add, row_of
 from tests.fleet_logs import moved

@@ -33,16 +33,15 @@ from mavhums.flights.compare import packed
 from mavhums.flights.history import PastFlight
 from mavhums.flights.reports import digest
 from mavhums.flights.store import Row, Store
-from mavhums.flights.store.earlier import us_of
 from mavhums.flights.store.logs import add_logs, aircraft_id
-from mavhums.flights.store.tables import FLIGHT, STANDING
+from mavhums.flights.store.tables import FLIGHT, STANDING, us_of
 from mavhums.flights.store.verdicts import STANDINGS
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
-from mavhums.results.standing import Interval, Standing
-from mavhums.results.verdict import Indicator, Verdict
-from mavhums.show.standing import digest_blocks
+from mavhums.results.standing import Standing
+from mavhums.results.verdict import Indicator, Interval, Verdict
+from mavhums.show.over_flights import digest_blocks
 from mavhums.show.terminal import plain
 
 ACTUATORS = ("aileron_left", "aileron_right", "elevator", "rudder")

@@ -27,8 +27,7 @@ from mavhums.engine.events import Event
 from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Verdict
+from mavhums.results.verdict import Interval, Verdict
 from mavhums.vehicle.states import Attitude, Position
 
 PORT = 9877

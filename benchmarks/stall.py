@@ -19,8 +19,7 @@ import mavhums
 from benchmarks._fleet import MODES
 from mavhums.health.estimation.motor_identification import identified
 from mavhums.health.self_baseline.motor import friction_current, shares
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import STALL_SHARES, OwnRecord
+from mavhums.results.verdict import STALL_SHARES, Interval, OwnRecord
 from mavhums_sim import Flight, Gearbox, fly
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.telemetry import write_tlog

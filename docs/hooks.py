@@ -24,8 +24,7 @@ from mavhums import learn
 from mavhums.actuator.profile import Airframe
 from mavhums.results import assessment
 from mavhums.results.assessment import Inspection
-from mavhums.results.standing import TrendReport
-from mavhums.results.store import FleetDigest
+from mavhums.results.standing import FleetDigest, TrendReport
 
 DOCS = Path(__file__).parent
 DESCRIPTIONS = DOCS / "reference" / "fields.toml"

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import track
 
 from mavhums import MavhumsError, fleet
-from mavhums.results.store import LastFlightOf
+from mavhums.results.standing import LastFlightOf
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 

@@ -43,7 +43,7 @@ from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.motor import motor_indicators
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
 from mavhums.log import read_blocks
-from mavhums.results.standing import Interval
+from mavhums.results.verdict import Interval
 from mavhums.vehicle.rows import Rows
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.conditions import Condition as Fault

@@ -18,8 +18,7 @@ from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
 from mavhums.health.self_baseline.motor import Shares, friction_current, lacking, shares
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import OwnRecord
+from mavhums.results.verdict import Interval, OwnRecord
 
 _BLOCK = re.compile(r"(?m)^\[\[actuators\]\][^\n]*\n(?:(?!^\[\[actuators\]\]).*\n?)*")
 _BEFORE = re.compile(r"(?ms)^\[actuators\.identified\][^\n]*\n(?:(?!^\[)[^\n]*\n?)*")

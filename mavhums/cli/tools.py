@@ -160,7 +160,7 @@ def show_model(name: str | None, as_json: bool) -> None:
         card = {"hash": network.hash, **network.card.model_dump(mode="json")}
         say_json(json.dumps(card, indent=2, ensure_ascii=False))
         return
-    from mavhums.show.card import card_blocks
+    from mavhums.show.inspection import card_blocks
 
     draw(card_blocks(network))
 

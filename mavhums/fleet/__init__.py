@@ -2,9 +2,9 @@
 
 from mavhums.fleet.scan import ScanOptions, scan
 from mavhums.flights.corrections import change_repairs, journal, move, remove, rename, repairs_in, undo
-from mavhums.flights.queries import status, verdicts, worst
-from mavhums.flights.reports import digest, export, trend
-from mavhums.flights.store.dates import Repair
+from mavhums.flights.queries import verdicts, worst
+from mavhums.flights.reports import digest, export, status, trend
+from mavhums.flights.store.logs import Repair
 
 __all__ = [
     "Repair",

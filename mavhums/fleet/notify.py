@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import urlsplit
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
-from mavhums.results.store import FleetDigest
-from mavhums.show.standing import digest_blocks, digest_headline
+from mavhums.results.standing import FleetDigest
+from mavhums.show.over_flights import digest_blocks, digest_headline
 from mavhums.show.terminal import plain
 
 if TYPE_CHECKING:

@@ -1,28 +1,225 @@
-"""Scans logs into a fleet's store, once or as they land: workers judge, and only this process commits."""
+"""Scans logs into a store, once or as they land: workers judge, and only this process commits."""
 
 from __future__ import annotations
 
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cache
+from itertools import islice
+from math import ceil
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import monotonic
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sqlalchemy import Connection, func, select
 
+from mavhums.app.analysis import Failed, analyse_alone
 from mavhums.app.settings import Options, Settings
-from mavhums.fleet.judging import AGAIN, Judging, connected, judge, judged_by_workers
-from mavhums.fleet.sources import logs_in
-from mavhums.flights.aircraft import AircraftTable
-from mavhums.flights.naming import remember, resolver_of_store
+from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.engine.options import EngineOptions
+from mavhums.fleet.sources import UnreachedError, at_hand, logs_in
+from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, AircraftTable
+from mavhums.flights.landing import remember, resolver_of_store, row_of
 from mavhums.flights.queries import standings
 from mavhums.flights.store import LogFile, Row, Store
 from mavhums.flights.store.logs import add_logs, known_files, removed_files
 from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, LOG, VERDICT
 from mavhums.flights.store.verdicts import make_verdicts
 from mavhums.results.standing import Standing
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+
+AGAIN: Final = ""
+"""Settings of a log that the next scan judges again."""
+
+_IN_FLIGHT: Final = 8
+_MOST: Final = 20
+_SHARE: Final = 4
+_LARGE: Final = str(32 << 20)
+_SETTINGS: Final = {
+    # Without these, the memory of each log is returned to the system and fetched again, page by page.
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": _LARGE,
+    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": _LARGE,
+    "distributed.worker.profile.enabled": False,
+    # The ports for HTTP have no authentication, so they answer nothing.
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+}
+_TLS: Final = (
+    "start it with TLS (https://distributed.dask.org/en/stable/tls.html), name it tls://…, and its"
+    " certificates here by Dask's settings distributed.comm.tls.*"
+)
+
+
+class Judging(NamedTuple):
+    """How the logs of a scan are judged: the options, their hash, and what names the aircraft."""
+
+    options: Options
+    settings: str
+    resolver: AircraftResolver
+
+
+def judge_several(files: Sequence[LogFile], judging: Judging) -> list[Row]:
+    """Judge logs one by one."""
+    return [judge(file, judging) for file in files]
+
+
+def judge(file: LogFile, judging: Judging) -> Row:
+    """Judge a log alone; a log that cannot be judged gives a row with the reason."""
+    path = file.path
+    try:
+        with at_hand(file) as path:
+            alone = analyse_alone(path, _resolved(judging.options))
+    except UnreachedError as error:
+        return _failed(file, judging._replace(settings=AGAIN), error.problem, error.remedy)
+    except Exception as error:
+        failed = Failed.of(Path(path), error)
+        return _failed(file, judging, failed.problem.replace(path, file.path), failed.remedy)
+    return row_of(alone, file, judging.settings, judging.resolver)
+
+
+def _failed(file: LogFile, judging: Judging, problem: str, remedy: str) -> Row:
+    aircraft = judging.resolver.name(file.path, None, None) or UNKNOWN
+    return Row(*file, judging.settings, aircraft, problem=problem, remedy=remedy)
+
+
+@cache
+def _resolved(options: Options) -> EngineOptions:
+    return Settings.read(options).engine
+
+
+@contextmanager
+def connected(workers: int, scheduler: str | None) -> Iterator[Client]:
+    """Connect to a scheduler, or start one with workers on this machine.
+
+    Dask unpickles what comes to its ports, so whoever reaches them runs code. So every connection has TLS
+    with certificates on both sides: those of the run, in memory, or those that Dask's configuration names.
+
+    Parameters
+    ----------
+    workers
+        Number of processes on this machine.
+    scheduler
+        Address of a scheduler that runs; None to start one.
+
+    Raises
+    ------
+    MavhumsError
+        If no scheduler answers there, or the connection would not be authenticated.
+    MissingExtraError
+        If Dask is not installed.
+    """
+    try:
+        from dask import config
+        from distributed import Client, LocalCluster, Security
+
+        own = None if scheduler else Security.temporary()
+    except ImportError as error:
+        raise MissingExtraError("scanning a fleet", "fleet") from error
+    with ExitStack() as stack:
+        if scheduler:
+            try:
+                client = Client(scheduler, timeout=10, security=Security(require_encryption=True))
+            except (OSError, ValueError) as error:
+                problem = f"{scheduler}: no scheduler answers"
+                raise MavhumsError(problem, "start one: dask scheduler, and dask worker ADDRESS") from error
+            except (RuntimeError, TypeError) as error:
+                # The address is not tls://, or there is no certificate.
+                problem = f"{scheduler}: refused, for without TLS anybody could run code in it"
+                raise MavhumsError(problem, _TLS) from error
+            yield stack.enter_context(client)
+            return
+        # Dask imports from its temporary folder; its own choice, below /tmp, another user may have made.
+        folder = stack.enter_context(TemporaryDirectory(prefix="mavhums-"))
+        stack.enter_context(config.set({**_SETTINGS, "temporary-directory": folder}))
+        local: Any = LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address="127.0.0.1:0",
+            scheduler_kwargs={"dashboard": False},
+            security=own,
+            silence_logs=50,
+        )
+        yield stack.enter_context(Client(stack.enter_context(local)))
+
+
+def count(client: Client) -> int:
+    """Return the number of tasks that run at once, at least 1."""
+    cores: dict[str, int] = client.ncores()
+    return max(sum(cores.values()), 1)
+
+
+def batches(files: Sequence[LogFile], workers: int) -> Iterator[tuple[LogFile, ...]]:
+    """Yield the logs in batches: one log first, so that progress is seen early, and small ones at the end.
+
+    Parameters
+    ----------
+    files
+        All logs.
+    workers
+        Number of workers, which should end together.
+
+    Examples
+    --------
+    >>> files = [LogFile(str(n), 0, 0) for n in range(40)]
+    >>> [len(several) for several in batches(files, 2)]
+    [1, 1, 5, 5, 4, 3, 3, 3, 2, 2, 2, 2, 1, 1, 1, 1, 1, 1, 1]
+    """
+    done = 0
+    while done < len(files):
+        share = ceil((len(files) - done) / (_SHARE * workers))
+        size = 1 if done < workers else min(share, _MOST)
+        yield tuple(files[done : done + size])
+        done += size
+
+
+def judged_by_workers(client: Client, files: Sequence[LogFile], judging: Judging) -> Iterator[Row]:
+    """Yield the row of each log as it is judged.
+
+    A worker that dies loses its waiting batches. So the logs of a batch that no worker completes are tried
+    again at the end, one at a time: a log on which a worker then dies is the cause.
+    """
+    from distributed import as_completed, wait
+
+    workers = count(client)
+    waiting = batches(files, workers)
+    running: Any = as_completed()
+    pending: dict[str, tuple[LogFile, ...]] = {}
+    suspects: list[LogFile] = []
+
+    def submit(several: tuple[LogFile, ...]) -> Any:
+        return client.submit(judge_several, several, judging, pure=False)
+
+    def go_on(most: int) -> None:
+        for several in islice(waiting, most):
+            future = submit(several)
+            pending[future.key] = several
+            running.add(future)
+
+    go_on(_IN_FLIGHT * workers)
+    for future in running:
+        several = pending.pop(future.key)
+        if future.status == "finished":
+            yield from future.result()
+        else:
+            suspects += several
+        future.release()
+        go_on(1)
+    for file in suspects:
+        future = submit((file,))
+        wait([future])
+        if future.status == "finished":
+            yield from future.result()
+        else:
+            problem = f"{file.path}: crashed the worker that judged it"
+            yield _failed(file, judging, problem, "judge it alone to see why: mavhums analyse LOG")
+
 
 _COMMIT_LOGS: Final = 500
 _COMMIT_S: Final = 30.0

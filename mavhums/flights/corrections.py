@@ -21,10 +21,21 @@ from sqlalchemy import Connection, delete, func, insert, or_, select, update
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.store import Store
-from mavhums.flights.store.dates import Repair, Repairs, check_flown, enter_repairs, repairs_of, there_are
-from mavhums.flights.store.earlier import time_of
-from mavhums.flights.store.logs import FLOWN, aircraft_id, give_flights, in_parts, make_due, now_us
-from mavhums.flights.store.tables import AIRCRAFT, ALIAS, BOARD, FLIGHT, JOURNAL, LOG, REPAIR
+from mavhums.flights.store.logs import (
+    FLOWN,
+    Repair,
+    Repairs,
+    aircraft_id,
+    check_flown,
+    enter_repairs,
+    give_flights,
+    in_parts,
+    make_due,
+    now_us,
+    repairs_of,
+    there_are,
+)
+from mavhums.flights.store.tables import AIRCRAFT, ALIAS, BOARD, FLIGHT, JOURNAL, LOG, REPAIR, time_of
 from mavhums.flights.store.verdicts import make_verdicts
 
 Place = str | os.PathLike[str]

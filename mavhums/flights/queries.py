@@ -4,101 +4,37 @@ from __future__ import annotations
 
 import os
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
-from sqlalchemy import Connection, and_, func, select
+from sqlalchemy import Connection, and_, select
 
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.flights.aircraft import UNKNOWN, AircraftTable
 from mavhums.flights.compare import unpacked
-from mavhums.flights.naming import foreign_boards
 from mavhums.flights.store import Store
-from mavhums.flights.store.dates import since_of
-from mavhums.flights.store.earlier import OF_VERDICT, StoredFlights, time_of, verdict_of
-from mavhums.flights.store.logs import aircraft_id, in_parts
+from mavhums.flights.store.earlier import OF_VERDICT, StoredFlights, verdict_of
+from mavhums.flights.store.logs import aircraft_id, in_parts, since_of
 from mavhums.flights.store.tables import (
     AIRCRAFT,
     FLIGHT,
     JUDGEMENT,
     LOG,
     RECORD,
-    RECORDING,
     STANDING,
     VERDICT,
+    time_of,
 )
 from mavhums.flights.store.verdicts import STANDINGS
 from mavhums.results.assessment import Assessment
-from mavhums.results.standing import Standing, exit_code_of
-from mavhums.results.store import (
-    FailedLog,
-    ForeignBoard,
+from mavhums.results.standing import (
     LastFlightOf,
-    StoreCopy,
-    StoreGrowth,
-    StoreStatus,
+    Standing,
+    exit_code_of,
 )
 from mavhums.results.verdict import Verdict
 
 Place = str | os.PathLike[str]
-
-
-class OperatorTasks(NamedTuple):
-    """What an operator should look into: ``foreign_boards`` and ``removed`` of a store's status."""
-
-    foreign_boards: tuple[ForeignBoard, ...]
-    removed: int
-
-
-def status(store: Place) -> StoreStatus:
-    """Return the contents of a store.
-
-    Raises
-    ------
-    MavhumsError
-        If the store does not exist.
-    """
-    kept = Store(store).opened()
-    with kept.reading() as connection:
-        flown = select(AIRCRAFT.c.name, func.count()).join(FLIGHT).group_by(AIRCRAFT.c.name)
-        counts: dict[str, int] = dict(connection.execute(flown).all())
-        failed = select(LOG.c.problem, LOG.c.remedy).where(LOG.c.problem.is_not(None), ~LOG.c.removed)
-        failures = connection.execute(failed.order_by(LOG.c.path)).mappings().all()
-        best = FLIGHT.alias()
-        copies = (
-            select(FLIGHT.c.path.label("log"), best.c.path.label("counted"))
-            .join(RECORDING, RECORDING.c.flight_id == FLIGHT.c.id)
-            .join(best, best.c.id == RECORDING.c.counted_id)
-            .where(RECORDING.c.counted_id.is_not(None))
-            .distinct()
-            .order_by(FLIGHT.c.path)
-        )
-        odd = _odd(connection)
-        grows = [
-            (name, one) for name, several in standings(connection).items() for one in several if one.growth
-        ]
-        grows.sort(key=lambda one: one[1].rank)
-        return StoreStatus(
-            judged=sum(counts.values()),
-            aircraft=len(counts.keys() - {UNKNOWN}),
-            unknown=counts.get(UNKNOWN, 0),
-            failures=tuple(FailedLog(**row) for row in failures),
-            copies=tuple(StoreCopy(**row) for row in connection.execute(copies).mappings()),
-            foreign_boards=odd.foreign_boards,
-            growing=tuple(StoreGrowth(aircraft=name, standing=one) for name, one in grows),
-            removed=odd.removed,
-        )
-
-
-def odd_in(store: Place) -> OperatorTasks:
-    """Return what a scan reports besides what it judged; its errors are those of :func:`status`."""
-    with Store(store).opened().reading() as connection:
-        return _odd(connection)
-
-
-def _odd(connection: Connection) -> OperatorTasks:
-    removed = select(func.count(LOG.c.path.distinct())).where(LOG.c.removed)
-    return OperatorTasks(tuple(foreign_boards(connection)), connection.scalar(removed) or 0)
 
 
 def worst(store: Place, *, most: int | None = None) -> list[LastFlightOf]:

@@ -10,7 +10,7 @@ import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sqlalchemy import Connection, func, select
 
@@ -19,15 +19,27 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.history import PastFlight
+from mavhums.flights.landing import foreign_boards
 from mavhums.flights.queries import standings
 from mavhums.flights.store import Store
-from mavhums.flights.store.dates import installed, repairs_of, since_of, there_are
-from mavhums.flights.store.earlier import past_flights, us_of
-from mavhums.flights.store.logs import FLOWN, aircraft_id
-from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, INDICATOR, LOG, VERDICT
+from mavhums.flights.store.earlier import past_flights
+from mavhums.flights.store.logs import FLOWN, aircraft_id, installed, repairs_of, since_of, there_are
+from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, INDICATOR, LOG, RECORDING, VERDICT, us_of
 from mavhums.flights.store.verdicts import trend_of
-from mavhums.results.standing import Growth, RepairDate, Standing, TrendReport
-from mavhums.results.store import Change, FailedLog, FleetDigest, SilentAircraft
+from mavhums.results.standing import (
+    Change,
+    FailedLog,
+    FleetDigest,
+    ForeignBoard,
+    Growth,
+    RepairDate,
+    SilentAircraft,
+    Standing,
+    StoreCopy,
+    StoreGrowth,
+    StoreStatus,
+    TrendReport,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,7 +48,66 @@ SILENT_DAYS: Final = 14.0
 """Days without a flight after which an aircraft is said to be silent; by hand."""
 
 _SOON_FLIGHTS: Final = 10.0
+Place = str | os.PathLike[str]
 _ORDER: Final = ("new", "worse", "growing", "step", "eased", "gone")
+
+
+class OperatorTasks(NamedTuple):
+    """What an operator should look into: ``foreign_boards`` and ``removed`` of a store's status."""
+
+    foreign_boards: tuple[ForeignBoard, ...]
+    removed: int
+
+
+def status(store: Place) -> StoreStatus:
+    """Return the contents of a store.
+
+    Raises
+    ------
+    MavhumsError
+        If the store does not exist.
+    """
+    kept = Store(store).opened()
+    with kept.reading() as connection:
+        flown = select(AIRCRAFT.c.name, func.count()).join(FLIGHT).group_by(AIRCRAFT.c.name)
+        counts: dict[str, int] = dict(connection.execute(flown).all())
+        failed = select(LOG.c.problem, LOG.c.remedy).where(LOG.c.problem.is_not(None), ~LOG.c.removed)
+        failures = connection.execute(failed.order_by(LOG.c.path)).mappings().all()
+        best = FLIGHT.alias()
+        copies = (
+            select(FLIGHT.c.path.label("log"), best.c.path.label("counted"))
+            .join(RECORDING, RECORDING.c.flight_id == FLIGHT.c.id)
+            .join(best, best.c.id == RECORDING.c.counted_id)
+            .where(RECORDING.c.counted_id.is_not(None))
+            .distinct()
+            .order_by(FLIGHT.c.path)
+        )
+        odd = _odd(connection)
+        grows = [
+            (name, one) for name, several in standings(connection).items() for one in several if one.growth
+        ]
+        grows.sort(key=lambda one: one[1].rank)
+        return StoreStatus(
+            judged=sum(counts.values()),
+            aircraft=len(counts.keys() - {UNKNOWN}),
+            unknown=counts.get(UNKNOWN, 0),
+            failures=tuple(FailedLog(**row) for row in failures),
+            copies=tuple(StoreCopy(**row) for row in connection.execute(copies).mappings()),
+            foreign_boards=odd.foreign_boards,
+            growing=tuple(StoreGrowth(aircraft=name, standing=one) for name, one in grows),
+            removed=odd.removed,
+        )
+
+
+def odd_in(store: Place) -> OperatorTasks:
+    """Return what a scan reports besides what it judged; its errors are those of :func:`status`."""
+    with Store(store).opened().reading() as connection:
+        return _odd(connection)
+
+
+def _odd(connection: Connection) -> OperatorTasks:
+    removed = select(func.count(LOG.c.path.distinct())).where(LOG.c.removed)
+    return OperatorTasks(tuple(foreign_boards(connection)), connection.scalar(removed) or 0)
 
 
 def digest(

@@ -25,13 +25,12 @@ from mavhums.results.standing import (
     FlightPoint,
     FlightsLeft,
     Growth,
-    Interval,
     LastFlight,
     Standing,
     Step,
     TrendReport,
 )
-from mavhums.results.verdict import ALL, Indicator, Verdict
+from mavhums.results.verdict import ALL, Indicator, Interval, Verdict
 
 _FARTHEST: Final = timedelta(days=36_525)
 

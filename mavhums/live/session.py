@@ -15,7 +15,7 @@ from mavhums.flights.compare import FlightComparison
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.live.alerts import Alerts
 from mavhums.live.links import Link
-from mavhums.live.recorder import TlogRecorder
+from mavhums.live.outlet import TlogRecorder
 from mavhums.live.status import Reception, SessionStatus
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.results.assessment import Assessment

@@ -21,7 +21,7 @@ from mavhums.flights.compare import FlightComparison
 from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.live.alerts import COMPONENT, Alerts, Signer
 from mavhums.live.links import Address, Link, ReceiveClock, SerialLink, TcpLink, UdpLink
-from mavhums.live.recorder import TlogRecorder
+from mavhums.live.outlet import TlogRecorder
 from mavhums.live.session import GroundStation, Session, Sink
 from mavhums.live.status import Peers, Reception
 from mavhums.log.mavlink.dialect import load_dialect

@@ -11,8 +11,7 @@ from typing import Any, Final
 from mavhums.actuator.mapping import Samples
 from mavhums.engine.events import Event
 from mavhums.live.links import Link, ReceiveClock
-from mavhums.live.outlet import Outlet
-from mavhums.live.recorder import TlogRecorder
+from mavhums.live.outlet import Outlet, TlogRecorder
 from mavhums.log.mavlink.stamping import Stamper
 from mavhums.results.assessment import Assessment
 from mavhums.results.live import (

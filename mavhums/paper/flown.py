@@ -13,9 +13,8 @@ import numpy as np
 from mavhums.actuator.derive import REPORTED
 from mavhums.actuator.mapping import Samples
 from mavhums.actuator.profile import Actuator, Airframe
-from mavhums.app.analysis import analyse
+from mavhums.app.analysis import Events, analyse
 from mavhums.app.settings import Options
-from mavhums.app.sinks import Events
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import column

@@ -14,8 +14,7 @@ from pydantic import Field, TypeAdapter
 from mavhums.core.conditions import Condition
 from mavhums.core.models import Contract
 from mavhums.results.assessment import Assessment, published_schema
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Suspect
+from mavhums.results.verdict import Interval, Suspect
 
 
 class _Event(Contract):

@@ -21,8 +21,13 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.packed import ARCHIVES, COMPRESSED
 from mavhums.flights.aircraft import UnnamedAircraftError
 from mavhums.results.standing import TrendReport
-from mavhums.serve.fleet_view import (
+from mavhums.serve.guard import SESSION, is_loopback
+from mavhums.serve.keep import keep
+from mavhums.serve.routes import LogOf
+from mavhums.serve.sessions import Dropped, ServeOptions, Sessions, UserSession
+from mavhums.serve.views import (
     FEWEST_FLIGHTS,
+    LiveFile,
     aircraft_table,
     dropped_trends,
     flight_pages,
@@ -30,14 +35,9 @@ from mavhums.serve.fleet_view import (
     tally,
     trends_shown,
 )
-from mavhums.serve.guard import SESSION, is_loopback
-from mavhums.serve.keep import keep
-from mavhums.serve.live_file import LiveFile
-from mavhums.serve.routes import LogOf
-from mavhums.serve.sessions import Dropped, ServeOptions, Sessions, UserSession
 from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.html import draw, environment, parts
-from mavhums.show.trend import trend_blocks
+from mavhums.show.over_flights import trend_blocks
 
 _SUBJECTS: Final = 4000
 _AIRCRAFT: Final = 300

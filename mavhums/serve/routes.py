@@ -21,8 +21,7 @@ from mavhums.core.about import EPILOG, NOTICE, __version__
 from mavhums.core.errors import MavhumsError
 from mavhums.core.models import Contract
 from mavhums.results.assessment import SCHEMA, Assessment, without_record
-from mavhums.results.standing import TrendReport
-from mavhums.results.store import LastFlightOf, StoreStatus
+from mavhums.results.standing import LastFlightOf, StoreStatus, TrendReport
 from mavhums.serve.guard import SESSION, UPLOADS
 from mavhums.serve.sessions import Dropped, Sessions
 from mavhums.show.html_plot import curve_table
@@ -283,7 +282,7 @@ def _add_store(app: FastAPI, store: str) -> None:
     @app.get("/fleet/status", **_gives(StoreStatus))
     async def status() -> Response:
         """Say what the store holds, and what failed, as `mavhums fleet status --json` does."""
-        return _json((await asked(lambda: queries.status(store))).model_dump_json())
+        return _json((await asked(lambda: reports.status(store))).model_dump_json())
 
     @app.get("/fleet/worst", **_gives(list[LastFlightOf]))
     async def worst(most: Annotated[int, Query(ge=1, le=_MOST)] = 20) -> Response:

@@ -13,7 +13,8 @@ import rerun as rr
 
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
-from mavhums.show._rows import Thinner, send
+from mavhums.show._signals import send
+from mavhums.show.evidence import Thinner
 from mavhums.show.outline import V_TAIL, Place, kind, places
 from mavhums.show.words import BLUE
 from mavhums.vehicle.states import Attitude, FlightMode, Position

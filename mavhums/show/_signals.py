@@ -1,7 +1,4 @@
-"""V1…V12 of one actuator and its networks' classes, in full or, for a long flight, thinned.
-
-The classes are those of the paper's figures 16 to 19.
-"""
+"""Rows over flight time in a Rerun stream: the quantities of an actuator, and what a network says of them."""
 
 from __future__ import annotations
 
@@ -11,13 +8,40 @@ from typing import Final
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array, Integers
 from mavhums.core.quantities import KEYS
 from mavhums.health.decision.events import Classified
-from mavhums.results.sections import ABSTAINED, OUTSIDE
-from mavhums.show._rows import Thinner, send
+from mavhums.results.verdict import ABSTAINED, OUTSIDE
+from mavhums.show.evidence import Thinner
 from mavhums.show.words import COLOURS, PALE_BLUE, SERIES, STALE_COLOUR
+
+APPLICATION: Final = "mavhums"
+TIMELINE: Final = "flight_time"
+
+Times = NDArray[np.float64] | Sequence[float]
+
+
+def open_stream(recording_id: str) -> rr.RecordingStream:
+    """Return a stream with the flight timeline and without data of the machine that writes it."""
+    stream = rr.RecordingStream(APPLICATION, recording_id=recording_id, send_properties=False)
+    stream.set_log_tick_enabled(False)
+    stream.set_log_time_enabled(False)
+    return stream
+
+
+def nanoseconds(time_s: Times) -> NDArray[np.timedelta64]:
+    """Return flight times as Rerun's durations."""
+    rounded = np.rint(np.asarray(time_s, dtype=np.float64) * 1e9)
+    return rounded.astype(np.int64).astype("timedelta64[ns]")
+
+
+def send(stream: rr.RecordingStream, path: str, time_s: Times, content: rr.ComponentColumnList) -> None:
+    """Write rows of one entity at flight times."""
+    index = [rr.TimeColumn(TIMELINE, duration=nanoseconds(time_s))]
+    stream.send_columns(path, indexes=index, columns=content, strict=True)
+
 
 ARCHETYPE: Final = "mavhums"
 

@@ -6,21 +6,30 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import starmap
 from operator import itemgetter
-from typing import Final, NamedTuple, TypeVar
+from typing import Final, Literal, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import Event, Notice
 from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Trace, Window
 from mavhums.results.assessment import Assessment
-from mavhums.results.sections import OUTSIDE, AxisLimits
-from mavhums.results.verdict import ALL, Verdict
-from mavhums.show._rows import Thinner
-from mavhums.show.event_words import EVIDENCE, drawn, event_words, in_order, trace_words
+from mavhums.results.verdict import ALL, OUTSIDE, AxisLimits, Verdict
 from mavhums.show.verdict_words import windows_by_class
-from mavhums.show.words import axis_levels, clock, levels, name, percent
+from mavhums.show.words import (
+    EVIDENCE,
+    axis_levels,
+    clock,
+    drawn,
+    event_words,
+    in_order,
+    levels,
+    name,
+    percent,
+    trace_words,
+)
 from mavhums.vehicle.states import FlightMode, Position
 
 _POINTS: Final = 1200
@@ -34,6 +43,122 @@ _EARTH_M: Final = 111_195.0  # of one degree of latitude
 
 _Item = TypeVar("_Item")
 _Name = TypeVar("_Name")
+
+
+_BATCH = 4096
+
+
+class Thinner:
+    """Keeps at most ``capacity`` rows; all rows, unchanged, while they fit.
+
+    When the capacity is exceeded, each group of neighbouring rows is replaced by two, and the group size
+    doubles. The number of rows of a long flight therefore stays between half the capacity and the capacity.
+
+    Parameters
+    ----------
+    columns
+        Number of columns of each row, without its time.
+    capacity
+        Number of rows; a multiple of four.
+    keep
+        ``"extremes"``: the smallest and the largest value of each column in each group, in their original
+        order, at the times of the group's first and last row; this preserves peaks. ``"first"``: whole
+        rows, for columns that belong together.
+
+    Examples
+    --------
+    >>> thinner = Thinner(1, 4)
+    >>> thinner.add(np.arange(8.0), np.array([[0], [9], [1], [2], [3], [-5], [4], [5.0]]))
+    >>> time, values = thinner.rows()
+    >>> time.tolist(), values[:, 0].tolist()
+    ([0.0, 3.0, 4.0, 7.0], [0.0, 9.0, -5.0, 5.0])
+    """
+
+    def __init__(self, columns: int, capacity: int, keep: Literal["extremes", "first"] = "extremes") -> None:
+        self.group = 1
+        self._capacity = capacity
+        self._merge = _extremes if keep == "extremes" else _first
+        self._time = np.empty(capacity)
+        self._values = np.empty((capacity, columns))
+        self._size = 0
+        self._waiting: list[tuple[Array, Array]] = []
+        self._waiting_rows = 0
+
+    def add(self, time_s: Array, values: Array) -> None:
+        """Add rows: times of shape (n,), increasing, and values of shape (n, columns)."""
+        self._waiting.append((time_s, values))
+        self._waiting_rows += time_s.size
+        if self._waiting_rows >= max(_BATCH, 2 * self.group):
+            self._take(final=False)
+
+    def rows(self) -> tuple[Array, Array]:
+        """Return the kept rows: times of shape (m,) and values of shape (m, columns)."""
+        self._take(final=True)
+        return self._time[: self._size], self._values[: self._size]
+
+    def _take(self, *, final: bool) -> None:
+        if not self._waiting:
+            return
+        time = np.concatenate([part for part, _ in self._waiting])
+        values = np.concatenate([part for _, part in self._waiting])
+        start = 0
+        while start < time.size:
+            rows = min(time.size - start, self._room())
+            size = rows - rows % self.group
+            if size == 0:
+                if not final:
+                    break
+                size = min(time.size - start, self.group)
+            self._append(*self._thinned(time[start : start + size], values[start : start + size]))
+            start += size
+        self._waiting = [(time[start:], values[start:])] if start < time.size else []
+        self._waiting_rows = time.size - start
+
+    def _room(self) -> int:
+        """Return the number of rows that fit, after thinning if there is no space."""
+        if self._size + 2 > self._capacity:
+            whole = self._size - self._size % 4
+            kept = self._merge(self._time[:whole], self._values[:whole], 4)
+            rest = self._time[whole : self._size].copy(), self._values[whole : self._size].copy()
+            self._size = 0
+            self._append(*kept)
+            self._append(*rest)
+            self.group = max(2 * self.group, 4)
+        rows = self._capacity - self._size
+        return rows if self.group == 1 else rows // 2 * self.group
+
+    def _thinned(self, time: Array, values: Array) -> tuple[Array, Array]:
+        if self.group == 1 or time.size < 2:
+            return time, values
+        return self._merge(time, values, min(self.group, time.size))
+
+    def _append(self, time: Array, values: Array) -> None:
+        end = self._size + time.size
+        self._time[self._size : end], self._values[self._size : end] = time, values
+        self._size = end
+
+
+def _extremes(time: Array, values: Array, group: int) -> tuple[Array, Array]:
+    """Return two rows for each ``group`` of rows; NaN is kept only if all values are NaN."""
+    groups = values.reshape(-1, group, values.shape[1])
+    lowest, highest = np.fmin.reduce(groups, axis=1), np.fmax.reduce(groups, axis=1)
+    rising = _place(groups, lowest) <= _place(groups, highest)
+    two = np.stack([np.where(rising, lowest, highest), np.where(rising, highest, lowest)], axis=1)
+    thinned = np.asarray(two, dtype=np.float64).reshape(-1, values.shape[1])
+    return _ends(time, group), thinned
+
+
+def _place(groups: Array, wanted: Array) -> NDArray[np.int64]:
+    return np.asarray(np.argmax(groups == wanted[:, None, :], axis=1))
+
+
+def _first(time: Array, values: Array, group: int) -> tuple[Array, Array]:
+    ends = values.reshape(-1, group, values.shape[1])[:, [0, -1]]
+    return _ends(time, group), ends.reshape(-1, values.shape[1])
+
+
+def _ends(time: Array, group: int) -> Array:
+    return time.reshape(-1, group)[:, [0, -1]].ravel()
 
 
 class CurveKey(NamedTuple):

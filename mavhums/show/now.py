@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from mavhums.core.about import NOTICE
 from mavhums.core.conditions import Condition
 from mavhums.results.live import ActuatorStatus, AlertObject, ConditionObject, LinkStatus, StatusObject
-from mavhums.results.standing import Interval
+from mavhums.results.verdict import Interval
 from mavhums.show.blocks import NOTHING, Block, Cell, Column, Headline, Mark, Note, Table, table
 from mavhums.show.verdict_words import class_words
 from mavhums.show.words import clock, condition_word, counted, friction

@@ -11,9 +11,16 @@ from mavhums.core.conditions import SEVERITY, URGENCY
 from mavhums.core.output import printable
 from mavhums.core.quantities import QUANTITIES
 from mavhums.results.assessment import Assessment
-from mavhums.results.sections import OutputUsage, VehicleUsage
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import ALL, MEASURED, STALL_SHARES, Indicator, Verdict
+from mavhums.results.verdict import (
+    ALL,
+    MEASURED,
+    STALL_SHARES,
+    Indicator,
+    Interval,
+    OutputUsage,
+    VehicleUsage,
+    Verdict,
+)
 from mavhums.show.blocks import NOTHING, Block, Cell, Column, Mark, Note, Part, Table, table
 from mavhums.show.verdict_words import control_left, course, judged, network_cell
 from mavhums.show.words import clock, friction, join, name, names, percent, place_of

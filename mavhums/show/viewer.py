@@ -168,8 +168,8 @@ def draw(recording_id: str, *, live: bool = False, position: bool = True) -> tup
         If rerun is not installed.
     """
     check_viewer()
-    from mavhums.show._rows import open_stream
     from mavhums.show._scene import Scene
+    from mavhums.show._signals import open_stream
 
     stream = open_stream(recording_id)
     return stream, Scene(stream, live=live, position=position)

@@ -13,7 +13,7 @@ from mavhums.actuator.profile import load_airframe
 from mavhums.app.identify import MotorIdentification, identify, with_motors
 from mavhums.core.errors import MavhumsError
 from mavhums.health.estimation.motor_identification import Identified
-from mavhums.results.standing import Interval
+from mavhums.results.verdict import Interval
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import write_tlog
 from tests.conftest import Run

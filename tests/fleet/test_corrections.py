@@ -23,11 +23,10 @@ pytest.importorskip("distributed")
 from mavhums import fleet
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import BOARD, AircraftResolver, AircraftTable, Installation
-from mavhums.flights.naming import foreign_board_among, foreign_boards, remember
+from mavhums.flights.landing import foreign_board_among, foreign_boards, remember
 from mavhums.flights.queries import standings
 from mavhums.flights.store import Row, Store
-from mavhums.flights.store.dates import installed
-from mavhums.flights.store.logs import aircraft_id
+from mavhums.flights.store.logs import aircraft_id, installed
 from mavhums.flights.store.tables import AIRCRAFT, FLIGHT
 
 DAY_S = 86_400.0

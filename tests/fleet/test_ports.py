@@ -16,7 +16,7 @@ from mavhums.core.errors import MavhumsError
 pytest.importorskip("distributed", reason="the extra 'fleet' is not installed")
 pytest.importorskip("cryptography", reason="the extra 'fleet' is not installed")
 
-from mavhums.fleet.judging import connected
+from mavhums.fleet.scan import connected
 
 
 def answers(place: str) -> list[bytes]:

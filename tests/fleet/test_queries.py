@@ -22,8 +22,7 @@ from mavhums.flights.queries import exit_code
 from mavhums.flights.store import Store
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import OwnRecord
+from mavhums.results.verdict import Interval, OwnRecord
 from tests.conftest import Run
 from tests.fleet.stores import write_store
 from tests.flights import START, flown, shown, verdict

@@ -15,8 +15,7 @@ pytest.importorskip("distributed")
 
 from mavhums.flights.corrections import change_repairs, repairs_in
 from mavhums.flights.store import Store
-from mavhums.flights.store.dates import Repair, repairs_of, since_of
-from mavhums.flights.store.logs import aircraft_id
+from mavhums.flights.store.logs import Repair, aircraft_id, repairs_of, since_of
 from tests.fleet.stores import write_store
 
 DATES = (

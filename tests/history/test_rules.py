@@ -30,8 +30,8 @@ from mavhums.flights.trends import (
     standing_of,
     step_of,
 )
-from mavhums.results.standing import FlightsLeft, Growth, Interval, Standing, Step
-from mavhums.results.verdict import Coverage, Evidence, Verdict
+from mavhums.results.standing import FlightsLeft, Growth, Standing, Step
+from mavhums.results.verdict import Coverage, Evidence, Interval, Verdict
 from tests.flights import START, flown, identity, shown, verdict
 from tests.history.test_copies import recording
 

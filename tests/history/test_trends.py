@@ -23,9 +23,8 @@ from mavhums.flights.queries import earlier_flights
 from mavhums.flights.store import Store
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Evidence
-from mavhums.show.standing import sentence
+from mavhums.results.verdict import Evidence, Interval
+from mavhums.show.over_flights import sentence
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.dataflash import records, write_records
 from mavhums_sim.link import Link

@@ -16,7 +16,7 @@ from mavhums.engine.options import EngineOptions
 from mavhums.learn import packaged_models
 from mavhums.live.alerts import Alerts, Signer
 from mavhums.live.links import ReceiveClock
-from mavhums.live.recorder import TlogRecorder
+from mavhums.live.outlet import TlogRecorder
 from mavhums.live.session import GroundStation, Session, Sink
 from mavhums.live.status import Peers, Reception
 from mavhums.log.mavlink.dialect import load_dialect

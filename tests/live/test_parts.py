@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from mavhums.live.links import Address, AddressError
-from mavhums.live.recorder import TlogRecorder
+from mavhums.live.outlet import TlogRecorder
 from mavhums.live.setup import SeenSignatures
 from mavhums.live.sinks import JsonLines, PlainLines, View
 from mavhums.log.mavlink.stamping import Piece
@@ -70,7 +70,7 @@ def test_an_address_without_a_host_or_port_is_refused(url: str) -> None:
 def test_records_are_on_the_disk_within_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The data reach the operating system at once, and the disk in a second."""
     synced: list[int] = []
-    monkeypatch.setattr("mavhums.live.recorder._SYNC_S", 0.02)
+    monkeypatch.setattr("mavhums.live.outlet._SYNC_S", 0.02)
     monkeypatch.setattr(os, "fsync", lambda file: synced.append(os.fstat(file).st_size))
     recorder = TlogRecorder(tmp_path / "a.tlog")
     recorder.write(b"12345678", 1)
@@ -114,7 +114,7 @@ def test_a_disk_that_fails_is_told_of_once(
 def test_a_file_that_vanishes_in_flight_is_noticed(
     tmp_path: Path, how: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("mavhums.live.recorder._SYNC_S", 0.01)
+    monkeypatch.setattr("mavhums.live.outlet._SYNC_S", 0.01)
     folder = tmp_path / "flights"
     folder.mkdir()
     recorder = TlogRecorder(folder / "a.tlog")

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from mavhums.results.assessment import Assessment
-from mavhums.serve.fleet_view import dropped_trends
 from mavhums.serve.sessions import Dropped
+from mavhums.serve.views import dropped_trends
 from tests.flights import flown, identity, shown, verdict
 
 

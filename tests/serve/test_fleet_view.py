@@ -14,15 +14,14 @@ from mavhums.results.standing import (
     ActuatorTrend,
     FlightsLeft,
     Growth,
-    Interval,
+    LastFlightOf,
     RepairDate,
     Standing,
     TrendReport,
 )
-from mavhums.results.store import LastFlightOf
-from mavhums.results.verdict import Suspect, Verdict
-from mavhums.serve.fleet_view import aircraft_table, flight_pages, flight_table, tally, trends_shown
+from mavhums.results.verdict import Interval, Suspect, Verdict
 from mavhums.serve.pages import render, trends
+from mavhums.serve.views import aircraft_table, flight_pages, flight_table, tally, trends_shown
 from mavhums.show.blocks import Link, Mark
 from tests.flights import flown, shown
 from tests.flights import verdict as judged

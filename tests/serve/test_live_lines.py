@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavhums.results.live import ActuatorStatus, LinkStatus
-from mavhums.serve.live_file import LiveFile
+from mavhums.serve.views import LiveFile
 from mavhums.show.html import draw
 
 UTC = "2026-01-01T00:00:00+00:00"

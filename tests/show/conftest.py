@@ -20,9 +20,17 @@ from mavhums.engine.events import Event, Notice
 from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
-from mavhums.results.sections import ModelSummary, NetworkAnswer, WindowsOfClass
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Coverage, Evidence, Since, Suspect, Verdict
+from mavhums.results.verdict import (
+    Coverage,
+    Evidence,
+    Interval,
+    ModelSummary,
+    NetworkAnswer,
+    Since,
+    Suspect,
+    Verdict,
+    WindowsOfClass,
+)
 
 RATE = 100
 DURATION = 100

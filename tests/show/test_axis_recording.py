@@ -12,7 +12,7 @@ pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
 from mavhums import analyse
 from mavhums.app.settings import Options
-from mavhums.show._rows import open_stream
+from mavhums.show._signals import open_stream
 from mavhums.show._tracks import Track
 from mavhums.show.markdown_report import markdown
 from tests.engine.test_axes import flown

@@ -23,7 +23,7 @@ from mavhums.core.quantities import KEYS
 from mavhums.engine.events import Event, Notice
 from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums.results.assessment import Assessment
-from mavhums.results.standing import Interval
+from mavhums.results.verdict import Interval
 from mavhums.show.markdown_report import markdown
 from mavhums.show.viewer import Recorder
 from mavhums.show.words import COLOURS

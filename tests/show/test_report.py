@@ -7,9 +7,16 @@ import pytest
 from mavhums.core.conditions import Condition
 from mavhums.core.quantities import KEYS
 from mavhums.results.assessment import Assessment
-from mavhums.results.sections import FlightCopy, FlightIdentity
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import ALL, Evidence, Indicator, Since, Suspect
+from mavhums.results.verdict import (
+    ALL,
+    Evidence,
+    FlightCopy,
+    FlightIdentity,
+    Indicator,
+    Interval,
+    Since,
+    Suspect,
+)
 from mavhums.show.markdown_report import anonymous, markdown
 from tests.show.conftest import new_assessment, new_verdict
 

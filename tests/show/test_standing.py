@@ -12,9 +12,7 @@ from hypothesis import strategies as st
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.results.assessment import Assessment
 from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
-from mavhums.results.sections import FlightEvent
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Coverage, Evidence, Verdict
+from mavhums.results.verdict import Coverage, Evidence, FlightEvent, Interval, Verdict
 from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.headline import NOT_JUDGED, headline
 from mavhums.show.html import page

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavhums.show._rows import Thinner
+from mavhums.show.evidence import Thinner
 
 CAPACITY = 16
 

@@ -22,9 +22,9 @@ pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
 import rerun as rr
 
-from mavhums.results.sections import FlightEvent
-from mavhums.show._rows import open_stream
+from mavhums.results.verdict import FlightEvent
 from mavhums.show._scene import Scene
+from mavhums.show._signals import open_stream
 from mavhums.show.blueprint import Fault, Lane, layout
 from mavhums.show.outline import places as placed
 from mavhums.show.viewer import Recorder

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from functools import cache, cached_property, partial
 from itertools import groupby
 from typing import Any, Final, NamedTuple
@@ -26,20 +26,18 @@ from mavhums.flights.history import (
     references,
 )
 from mavhums.flights.store.logs import in_parts
-from mavhums.flights.store.tables import FLIGHT, RECORD, RECORDING, VERDICT
+from mavhums.flights.store.tables import FLIGHT, RECORD, RECORDING, VERDICT, time_of, us_of
 from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
-from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
-from mavhums.results.verdict import OwnRecord, Verdict
+from mavhums.results.verdict import CLOCKS_APART_S, FlightIdentity, OwnRecord, Verdict
 
 RECENT_FLIGHTS: Final = 200
 """Flights that tell how an aircraft stands; a year of flights."""
 
 # Twice, because a recording may be as far from the one before it as that one is from the first.
 _NEAR_US: Final = round(2e6 * CLOCKS_APART_S)
-EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 OF_VERDICT: Final = (RECORD.c.flight_id == VERDICT.c.flight_id) & (RECORD.c.place == VERDICT.c.place)
 _SLIM: Final = ("vehicle", "subject", "actuator", "condition", "worst", "suspect")
 # More than a baseline takes: a recording may turn out to be of the same flight as a better one.
@@ -50,16 +48,6 @@ _BLOCK: Final = 32  # flights whose records are read together; a baseline takes 
 
 Reading = Callable[[], AbstractContextManager[Connection]]
 QUALITY: Final = TypeAdapter(Quality)
-
-
-def us_of(moment: datetime) -> int:
-    """Return a time as the tables have it."""
-    return (moment - EPOCH) // timedelta(microseconds=1)
-
-
-def time_of(us: int) -> datetime:
-    """Return the time that the tables have."""
-    return EPOCH + timedelta(microseconds=us)
 
 
 def verdict_of(text: str, own: str | None = None) -> Verdict:

@@ -9,6 +9,7 @@ aircraft after each change), ``journal`` (corrections) and ``setting``.
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta
 from typing import Any, Final
 
 from sqlalchemy import (
@@ -35,6 +36,19 @@ METADATA: Final = MetaData()
 # The same order of texts in both databases.
 _TEXT: Final = Text().with_variant(postgresql.TEXT(collation="C"), "postgresql")
 _ID: Final = BigInteger().with_variant(Integer, "sqlite")
+
+
+_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def us_of(moment: datetime) -> int:
+    """Return a time as the tables have it."""
+    return (moment - _EPOCH) // timedelta(microseconds=1)
+
+
+def time_of(us: int) -> datetime:
+    """Return the time that the tables have."""
+    return _EPOCH + timedelta(microseconds=us)
 
 
 def _text(name: str, **given: Any) -> Column[Any]:

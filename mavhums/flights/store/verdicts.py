@@ -20,9 +20,8 @@ from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.aircraft import UNKNOWN, AircraftTable, Since
 from mavhums.flights.compare import compared, unpacked
 from mavhums.flights.history import PastFlight, Recording, kept_records, recordings_of, superseded_recordings
-from mavhums.flights.store.dates import installed, since_of
-from mavhums.flights.store.earlier import OWN, QUALITY, StoredFlights, us_of
-from mavhums.flights.store.logs import in_parts, now_us
+from mavhums.flights.store.earlier import OWN, QUALITY, StoredFlights
+from mavhums.flights.store.logs import in_parts, installed, now_us, since_of
 from mavhums.flights.store.tables import (
     AIRCRAFT,
     FLIGHT,
@@ -32,12 +31,12 @@ from mavhums.flights.store.tables import (
     RECORDING,
     STANDING,
     VERDICT,
+    us_of,
 )
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
-from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
 from mavhums.results.standing import Standing, TrendReport
-from mavhums.results.verdict import Indicator, Verdict
+from mavhums.results.verdict import CLOCKS_APART_S, FlightIdentity, Indicator, Verdict
 
 STANDINGS: Final = TypeAdapter(tuple[Standing, ...])
 _APART_US: Final = round(CLOCKS_APART_S * 1e6)

@@ -18,8 +18,7 @@ from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.random_effects import RunningVariance
 from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Evidence, Indicator, Suspect
+from mavhums.results.verdict import Evidence, Indicator, Interval, Suspect
 
 
 class IndicatorTracker:

@@ -50,8 +50,7 @@ from mavhums.health.estimation.slots import SlotCutter, Slots, Windows, with_ext
 from mavhums.health.estimation.strokes import collectors
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.reasons import Reason
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Coverage, Evidence, Indicator, OwnRecord, Suspect
+from mavhums.results.verdict import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
 _MOST_WAITING = 64  # blocks: bounds the memory where the clock stands still
 

@@ -20,8 +20,7 @@ from mavhums.health.decision.events import DecisionChange, Estimate, FaultRecord
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.reasons import Reason
-from mavhums.results.sections import ABSTAINED, OUTSIDE, fault_of
-from mavhums.results.verdict import Evidence, Suspect
+from mavhums.results.verdict import ABSTAINED, OUTSIDE, Evidence, Suspect, fault_of
 
 _BALLOT = Ballot()
 _QUANTITY = "the network's probability of its class"

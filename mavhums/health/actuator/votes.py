@@ -23,7 +23,7 @@ from mavhums.health.actuator.thresholds import LEAST_VOTERS_PER_DIRECTION
 from mavhums.health.estimation.thresholds import LEAST_SAMPLES
 from mavhums.learn import Model
 from mavhums.learn.model import FRICTION_EMERGENCY
-from mavhums.results.sections import ABSTAINED, OUTSIDE
+from mavhums.results.verdict import ABSTAINED, OUTSIDE
 
 _V2, _V3, _V7, _V10 = (column(key) for key in ("V2", "V3", "V7", "V10"))
 Counts = Integers

@@ -27,9 +27,7 @@ from mavhums.health.axis.thresholds import (
     WINDOW_DEVIATION,
 )
 from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.results.sections import AxisLimits
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Coverage, Evidence, Suspect
+from mavhums.results.verdict import AxisLimits, Coverage, Evidence, Interval, Suspect
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 

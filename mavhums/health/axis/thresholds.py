@@ -1,6 +1,6 @@
 """Numbers that decide about an axis: what each trades, and what set it.
 
-Limits of a loss, a lag, a trim and a tracking error are the profile's (:class:`~mavhums.results.sections`).
+Limits of a loss, a lag, a trim and a tracking error are the profile's (:class:`~mavhums.results.verdict`).
 Most others were chosen on the development flights of docs/evidence/axes.md: 24 real flights of the ALFA data
 set, 49 flights in software in the loop, and closed-loop flights with seeds below 9000; "development" below.
 """

@@ -32,8 +32,7 @@ from mavhums.health.estimation.thresholds import (
     WINDOW_S,
 )
 from mavhums.health.sequential import EXCLUDING
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Indicator, OwnRecord, Verdict
+from mavhums.results.verdict import Indicator, Interval, OwnRecord, Verdict
 
 LOSSES: Final = ("effectiveness", "manoeuvre")
 """Faults of an axis, whose indicators fall as the fault grows."""

@@ -12,8 +12,7 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import Condition
 from mavhums.health.decision.conditions import IndicatorChange
 from mavhums.health.decision.limits import Levels
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Evidence
+from mavhums.results.verdict import Evidence, Interval
 
 
 class Estimate(NamedTuple):

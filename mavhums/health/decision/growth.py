@@ -49,7 +49,7 @@ from mavhums.health.decision.thresholds import (
 from mavhums.health.estimation.random_effects import variance_between
 from mavhums.health.estimation.thresholds import BASELINE_FLIGHTS, LEAST_ERROR_SHARE
 from mavhums.health.sequential import EXCLUDING
-from mavhums.results.standing import Interval
+from mavhums.results.verdict import Interval
 
 _MOST_FLIGHTS = 1e6  # the search for a crossing ends there: no aircraft flies more
 _LOW, _MIDDLE, _HIGH = 0.025, 0.5, 0.975

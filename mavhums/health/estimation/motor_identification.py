@@ -25,8 +25,7 @@ from mavhums.health.estimation.thresholds import (
     MOST_COLUMN_CORRELATION,
     PEAK_EXCEEDED_SHARE,
 )
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import OwnRecord
+from mavhums.results.verdict import Interval, OwnRecord
 
 VOLTAGE = "own_voltage"
 _V4, _V5, _V7 = column("V4"), column("V5"), column("V7")

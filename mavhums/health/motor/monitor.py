@@ -26,8 +26,7 @@ from mavhums.health.motor.thresholds import (
     NEEDED_FLIGHTS,
 )
 from mavhums.health.motor.vibration import RotorVibration
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Indicator
+from mavhums.results.verdict import Indicator, Interval
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY, Seconds
 from mavhums.vehicle.phases import PhaseRows
 from mavhums.vehicle.rotors import Rotors

@@ -35,8 +35,7 @@ from mavhums.health.estimation.wear import (
 )
 from mavhums.health.self_baseline.past import Difference, compared, differences
 from mavhums.health.self_baseline.thresholds import BLURRED_TIMES, TRAILING_FLIGHTS
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import OwnRecord
+from mavhums.results.verdict import Interval, OwnRecord
 
 
 class Onset(NamedTuple):

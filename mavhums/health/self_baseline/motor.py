@@ -23,8 +23,7 @@ from mavhums.health.estimation.wear import _learned_linear, _linear_wear
 from mavhums.health.self_baseline.comparison import Comparison
 from mavhums.health.self_baseline.past import record_of
 from mavhums.health.self_baseline.thresholds import STALL_BIAS_SHARE
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import STALL_SHARES, Indicator, OwnRecord
+from mavhums.results.verdict import STALL_SHARES, Indicator, Interval, OwnRecord
 
 _RESISTANCE, _BACK_EMF = "winding_own", "back_emf_own"
 MOTOR_FAULTS = (_RESISTANCE, _BACK_EMF)

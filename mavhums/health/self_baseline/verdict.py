@@ -24,8 +24,7 @@ from mavhums.health.self_baseline.motor import (
 )
 from mavhums.health.self_baseline.past import record_of
 from mavhums.results.reasons import Reason, said
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import STALL_SHARES, Evidence, Indicator, OwnRecord, Suspect, Verdict
+from mavhums.results.verdict import STALL_SHARES, Evidence, Indicator, Interval, OwnRecord, Suspect, Verdict
 
 _OPEN: tuple[Condition, ...] = ("undecided", "learning", "unchanged", "changed")
 _CONSTANT = "torque_constant"

@@ -17,9 +17,16 @@ from mavhums.health.decision.conditions import since
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.obstacles import obstacle, unjudged
 from mavhums.results.reasons import Reason, said
-from mavhums.results.sections import NetworkAnswer
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import ALL, Coverage, Evidence, Indicator, Suspect, Verdict
+from mavhums.results.verdict import (
+    ALL,
+    Coverage,
+    Evidence,
+    Indicator,
+    Interval,
+    NetworkAnswer,
+    Suspect,
+    Verdict,
+)
 from mavhums.vehicle.formats import remedy as to_record
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import Surfaces

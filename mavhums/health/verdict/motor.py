@@ -38,8 +38,7 @@ from mavhums.health.motor.thresholds import (
 from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.obstacles import beside, unjudged, without
 from mavhums.results.reasons import Reason, said
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import MOTORS, Coverage, Evidence, Suspect, Verdict
+from mavhums.results.verdict import MOTORS, Coverage, Evidence, Interval, Suspect, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.rotors import Rotors

@@ -10,7 +10,7 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from mavhums.health.axis.evidence import LossTest
-from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.test_pooled import GAIN, REFERENCE
 

@@ -10,8 +10,7 @@ from scipy import stats
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.decision.baseline import Baseline, ComparedIndicator, Drift, Shift
 from mavhums.health.decision.growth import course_of
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Indicator
+from mavhums.results.verdict import Indicator, Interval
 from tests.present import present
 
 BASELINE = Baseline(mean=0.22, error=0.001, flights=12, between=0.003, spread=0.004)

@@ -15,8 +15,7 @@ from mavhums.health.motor.monitor import TRIM, Trims
 from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict import with_advice
 from mavhums.health.verdict.motor import compare_motors
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Coverage, Indicator, Verdict
+from mavhums.results.verdict import Coverage, Indicator, Interval, Verdict
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import Rotors, rotors_of

@@ -9,8 +9,7 @@ import pytest
 
 from mavhums.health.estimation.motor_identification import VOLTAGE
 from mavhums.health.self_baseline import motor
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import OwnRecord
+from mavhums.results.verdict import Interval, OwnRecord
 from tests.present import present
 
 

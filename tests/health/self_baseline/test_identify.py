@@ -9,8 +9,7 @@ import pytest
 
 from mavhums.core.quantities import column
 from mavhums.health.estimation.motor_identification import VoltageSums, identified
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import OwnRecord
+from mavhums.results.verdict import Interval, OwnRecord
 from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
 from tests.present import present
 

@@ -10,8 +10,7 @@ from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.self_baseline.motor import MOTOR_FAULTS, _prediction, friction_current, motor_indicators
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import OwnRecord, Verdict
+from mavhums.results.verdict import Interval, OwnRecord, Verdict
 from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
 from tests.present import present
 

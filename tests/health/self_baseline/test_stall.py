@@ -17,8 +17,7 @@ from mavhums.health.self_baseline.motor import (
     stall_indicators,
 )
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import STALL_SHARES, OwnRecord, Verdict
+from mavhums.results.verdict import STALL_SHARES, Interval, OwnRecord, Verdict
 from tests.health.self_baseline.servo import NOISE_V, Array, Servo, blank, collected, left
 from tests.present import present
 

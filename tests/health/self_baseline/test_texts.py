@@ -12,8 +12,7 @@ from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT, RIPPLE, ROUGHNESS, TRACKING, TWO_WAYS
 from mavhums.health.self_baseline import verdict as judged
 from mavhums.health.self_baseline.comparison import Comparison
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import OwnRecord, Verdict
+from mavhums.results.verdict import Interval, OwnRecord, Verdict
 
 RISE = Interval(estimate=0.6, low=0.49, high=0.73)
 NEAR = Interval(estimate=0.02, low=-0.06, high=0.1)

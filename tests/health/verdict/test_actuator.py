@@ -18,8 +18,7 @@ from mavhums.health.verdict.actuator import (
     verdict_of_actuator,
 )
 from mavhums.results.reasons import Reason
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Coverage, Evidence, Indicator, OwnRecord, Suspect, Verdict
+from mavhums.results.verdict import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect, Verdict
 from tests.health.flown import actuator_of
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)

@@ -19,8 +19,7 @@ from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
 from mavhums.results.reasons import Reason
-from mavhums.results.standing import Interval
-from mavhums.results.verdict import Coverage, Indicator, Verdict
+from mavhums.results.verdict import Coverage, Indicator, Interval, Verdict
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rotors import Rotors
 from tests.health.motor.test_past import COLUMNS, QUAD
