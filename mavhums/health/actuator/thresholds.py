@@ -39,12 +39,8 @@ JAM_SHARE: Final = 0.8
 # while its controller builds up the torque to break away (docs/method/verdicts.md).
 JAM_COMMAND_DEG: Final = 4.0
 
-# Quarters of a slot in which a jam is sought: one of 3 s holds 11 whole ones, whenever it begins.
+# Parts of a slot by which a jam is sought: more find shorter ones, and the parts hold fewer samples. By hand.
 JAM_PARTS_PER_SLOT: Final = 4
-
-# Parts that a jam is sought over, the shorter first: 2.75 s and 10 s. The shorter finds jams that are soon
-# over.
-JAM_PARTS: Final = (11, 40)
 
 # Share of a standing shaft's current that its latest motion took if the load brought it to a stand: 0.8–0.9
 # of a real one too weak for its pendulum (benchmarks/real_actuators.py, weak). Lower misses jams. By hand.
@@ -72,7 +68,3 @@ LEAST_VOTERS_PER_DIRECTION: Final = 5
 # Share of values that no such actuator can have from which they are the reason of a missing verdict. By
 # hand.
 IMPLAUSIBLE_SHARE: Final = 0.1
-
-# Seconds of ten that must show a gear's load on either flank, or an error of following: fewer give no
-# reliable error, and one glitch of a sensor is no fault. By hand.
-LEAST_SLOTS: Final = 3

@@ -36,13 +36,13 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.statistics import CENTRAL_95, t_probability, t_quantile
 from mavhums.health.decision.thresholds import (
+    AGREEING,
     GROWTH_CHANCE,
     GROWTH_HORIZON_FLIGHTS,
     GROWTH_SCALES,
     LASTING_FLIGHTS,
     MOST_AUTOCORRELATION,
     MOST_FLIGHT_TAIL,
-    STEP_CONFIRMED_FLIGHTS,
     STEP_SIZE,
     TREND_FLIGHTS,
 )
@@ -230,7 +230,7 @@ def last_step(values: Array, errors: Array) -> int | None:
     if n < TREND_FLIGHTS:
         return None
     scatter = max(float(np.median(np.abs(np.diff(values)))) * _TO_DEVIATION, float(np.median(errors)))
-    places = np.arange(TREND_FLIGHTS // 2, n - STEP_CONFIRMED_FLIGHTS + 1)
+    places = np.arange(TREND_FLIGHTS // 2, n - AGREEING + 1)
     sums = np.concatenate([[0.0], np.cumsum(values)])
     first, last = np.maximum(places - LASTING_FLIGHTS, 0), np.minimum(places + LASTING_FLIGHTS, n)
     size = (sums[last] - sums[places]) / (last - places) - (sums[places] - sums[first]) / (places - first)

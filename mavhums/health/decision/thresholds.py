@@ -50,10 +50,15 @@ GROWTH_HORIZON_FLIGHTS: Final = 200.0
 GROWTH_SCALES: Final = (0.03, 0.1, 0.4, 1.6)
 
 # Least size of a step, in standard errors by the scatter of neighbours, which weather that lasts makes too
-# small; flights whose median is taken on either side, flights through which a line must be unlikely, and
-# flights after a step that must confirm it. By benchmarks/growth.py, on its seeds for development.
+# small. By benchmarks/growth.py, on its seeds for development.
 STEP_SIZE: Final = 7.0
-STEP_CONFIRMED_FLIGHTS: Final = 3
+
+# Parts that must agree, for one may be a glitch or a gust, and two show no scatter: seconds of ten with a
+# gear's load on either flank, or with an error of following; blocks of a trim, those that one after the other
+# withdraw a loss, and flights of motors, whose scatter others show; flights after a step. More find a fault
+# later. By hand; the flights by benchmarks/growth.py, on its seeds for development.
+AGREEING: Final = 3
+
 # Probability from which one of several motors or mixed surfaces is named alone: less names the opposite motor
 # in the rebound; of 118 elevons and V-tails that reach it none is the wrong one.
 NAMED: Final = 0.9

@@ -19,13 +19,12 @@ from mavhums.health.estimation.equations.interface import (
 )
 from mavhums.health.estimation.equations.own_scale import CURRENT, POWER, VOLTAGE
 from mavhums.health.estimation.least_squares import Groups, Prior, eliminated, packed, sums_of_slots
-from mavhums.health.estimation.motion import angle_speed, central_slope, lasting
+from mavhums.health.estimation.motion import angle_speed, central_slope, lasting, longest_gap_s
 from mavhums.health.estimation.slots import AIRSPEED, SENSED, SHAFT, Slots
 from mavhums.health.estimation.thresholds import (
     ANGLE_SPEED_S,
     COARSE_SPEED_SHARE,
     LONGEST_GAP_PERIODS,
-    LONGEST_UNSEEN_S,
     OWN_RATE_HZ,
 )
 from mavhums.results.reasons import Reason
@@ -67,7 +66,7 @@ class OwnSums:
 
     def __init__(self, equation: OwnEquation, actuator: Actuator) -> None:
         self._equation, self._actuator = equation, actuator
-        self._turned = AngleIntegrator()
+        self._turned = AngleIntegrator(longest_gap_s(actuator))
         free = np.full(_LINEAR_TERMS, np.inf)
         self._load = SlotLoad(Prior(np.zeros(_LINEAR_TERMS), free), (LOAD, ANGLE, PRESSURE, ONE))
         self._groups = Groups(self.width, self.in_window, self.joined)
@@ -168,6 +167,11 @@ class AngleIntegrator:
     The command is not used as the angle: its lag, times load, would appear as drag. An integrated angle has
     an unknown zero, which a free term of the pressure absorbs in each window.
 
+    Parameters
+    ----------
+    longest_s
+        Longest time between samples that is travel.
+
     Attributes
     ----------
     source
@@ -177,10 +181,11 @@ class AngleIntegrator:
         angle moves.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, longest_s: float) -> None:
         self.source: str | None = None
         self.coarse: bool | None = None
         self._shaft: str | None = None
+        self._longest_s = longest_s
         self._time_s, self._rad_s, self._angle = np.nan, 0.0, 0.0
 
     def one_shaft(self, slots: Slots) -> Slots:
@@ -218,7 +223,7 @@ class AngleIntegrator:
         speed = np.nan_to_num(rad_s)
         before_s = time_s[0] if np.isnan(self._time_s) else self._time_s
         # A pause of the telemetry is no travel.
-        step_s = np.clip(np.diff(time_s, prepend=before_s), 0.0, LONGEST_UNSEEN_S)
+        step_s = np.clip(np.diff(time_s, prepend=before_s), 0.0, self._longest_s)
         around = (speed + np.concatenate([[self._rad_s], speed[:-1]])) / 2
         angle: Array = np.concatenate([[self._angle], step_s * around]).cumsum()[1:]
         self._time_s, self._rad_s, self._angle = float(time_s[-1]), float(speed[-1]), float(angle[-1])

@@ -62,6 +62,11 @@ class Motion(NamedTuple):
     load: Array
 
 
+def longest_gap_s(actuator: Actuator) -> float:
+    """Return the time between samples beyond which nobody knows how the shaft moved."""
+    return LONGEST_GAP_PERIODS / actuator.min_rate_hz
+
+
 def motion(actuator: Actuator, slots: Slots) -> Motion:
     """Return the motion at the samples that the slots judge."""
     # Without constants the gear ratio is unknown, and the output shaft's own speed shows the motion.
@@ -71,7 +76,7 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
     acceleration, span = central_slope(time_s, speed)
     around = np.full(time_s.size, np.nan)
     around[1:-1] = (speed[2:] + speed[:-2]) / 2
-    longest_s = LONGEST_GAP_PERIODS / actuator.min_rate_hz
+    longest_s = longest_gap_s(actuator)
     # At a low rate differences over a gap are no acceleration.
     moving = lasting(time_s, rev_min, actuator.moving_speed_deg_s * ratio / 6.0, longest_s) & (
         span < longest_s
@@ -204,7 +209,7 @@ def _all(actuator: Actuator, slots: Slots) -> Array:
     ratio = actuator.known_ema().gear_ratio
     step_s = np.diff(time_s, prepend=time_s[0])
     # Over a gap in the log no path is known.
-    whole = (step_s > 0) & (step_s < LONGEST_GAP_PERIODS / actuator.min_rate_hz)
+    whole = (step_s > 0) & (step_s < longest_gap_s(actuator))
     commanded = np.abs(np.diff(values[:, _V1], prepend=values[0, _V1]))
     flown = np.abs(values[:, _V7]) * (DEGREES_S_PER_REV_MIN / ratio) * step_s
     whole &= np.isfinite(commanded) & np.isfinite(flown)

@@ -15,8 +15,8 @@ WINDOW_S: Final = 10
 # up the gear's play at a reversal. By hand, from the paper's actuator; not swept.
 GUARD_S: Final = 0.06
 
-# A longer gap between samples, in periods of the lowest rate, ends a motion: two may be lost, three not. By
-# hand.
+# A longer gap between samples, in periods of the lowest rate, ends a motion, is no travel of a shaft, and
+# starts what compares it with its command anew: two may be lost, three not. By hand.
 LONGEST_GAP_PERIODS: Final = 2.5
 
 # Larger values are damage, in any unit; they would swamp sums of squares.
@@ -46,10 +46,6 @@ NATURAL_SCATTER_SHARE: Final = 0.05
 # which drawn flights whose errors are right keep the promised false alarms, with ten flights before
 # (benchmarks/promised.py); more of it hides rises where motions recur.
 STATED_ERROR_FREEDOM: Final = 2.0
-
-# Largest twist of the gear beside that of its stiffness; without a bound grave play under a small load
-# reads as twist. Set with benchmarks/severities.py, seeds 0–2 and 20–29.
-MOST_TWIST_PER_STIFFNESS: Final = 2.0
 
 # Current that shows a winding at standstill, A: three steps of ESC_TELEMETRY. Less is noise, whose
 # magnitude is no current.
@@ -121,10 +117,6 @@ BASELINE_FLIGHTS: Final = 10
 # (docs/evidence/self-baseline.md), and flights that a newer one is compared with: their mean is known to a
 # quarter of one flight's scatter.
 REFERENCE_FLIGHTS: Final = 20
-
-# A longer gap between samples, s, is no travel of a shaft, and starts what compares it with its command anew:
-# what was asked meanwhile, and how the shaft moved, is not known. By hand.
-LONGEST_UNSEEN_S: Final = 0.5
 
 # Least error of a flight, as a share of the largest, or of its mean over strokes: nothing, but no zero to
 # divide by; one with next to no error would be the line. By hand.

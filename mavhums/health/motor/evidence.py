@@ -16,6 +16,7 @@ from mavhums.core.arrays import Array, Array1, Array2, Flags1, Integers1, Intege
 from mavhums.core.kernels import kernel, subroutine
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.decision.thresholds import MOST_BANK_DEG, NAMED
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.motor import thresholds as t
 from mavhums.health.motor.hypotheses import (
     Hypotheses,
@@ -97,8 +98,9 @@ def rules_for(false_alarms: float) -> Rules:
         threshold=threshold(false_alarms / RATE_HZ),
         named=NAMED,
         noise=t.NOISE_SD**2,
-        noise_worth=t.NOISE_WORTH,
-        noise_most=t.NOISE_MOST,
+        # Fewer blocks than axes have no covariance; later wind replaces the calm before.
+        noise_worth=float(t.NOISE_SD.size),
+        noise_most=WINDOW_S / t.CORRELATED_S,
         air=t.AIR[0] ** 2,
         air_change=1.0 / (t.AIR_CHANGES_S * RATE_HZ),
         model_error=t.MODEL_ERROR,

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from mavhums.core.arrays import Array
-from mavhums.health.motor.thresholds import NEEDED_FLIGHTS
+from mavhums.health.decision.thresholds import AGREEING
 from mavhums.results.verdict import Indicator
 
 HEATING: Final = "heating"
@@ -91,9 +91,7 @@ class EscHeating:
                 if 0.0 < error <= _MOST_ERROR:
                     blocks = int(seconds[k] / _TOGETHER_S)
                     mean = (float(value), float(error))
-                    shown = Indicator.of_mean(
-                        HEATING, _WARMING, "1", mean, windows=blocks, needed=NEEDED_FLIGHTS
-                    )
+                    shown = Indicator.of_mean(HEATING, _WARMING, "1", mean, windows=blocks, needed=AGREEING)
                     found[k] = (shown,)
         return found
 

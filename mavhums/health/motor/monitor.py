@@ -12,7 +12,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.decision.events import ConditionChanged, Trace
-from mavhums.health.decision.thresholds import FALSE_ALARMS
+from mavhums.health.decision.thresholds import AGREEING, FALSE_ALARMS
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.motor import evidence
 from mavhums.health.motor.heating import EscHeating
@@ -22,8 +22,6 @@ from mavhums.health.motor.thresholds import (
     BETWEEN_FLIGHTS,
     BOUND_SHARE,
     EMERGENCY_LOSS,
-    LEAST_TRIM_BLOCKS,
-    NEEDED_FLIGHTS,
 )
 from mavhums.health.motor.vibration import RotorVibration
 from mavhums.results.verdict import Indicator, Interval
@@ -119,7 +117,7 @@ class Trims:
         self._blocks = 0
         self._mean, self._squares = np.zeros(3), np.zeros(3)
         self._before = np.full(3, np.nan)
-        self._latest: deque[Array] = deque(maxlen=LEAST_TRIM_BLOCKS)
+        self._latest: deque[Array] = deque(maxlen=AGREEING)
 
     def suspect(self) -> None:
         """Hold the blocks to come against those before now."""
@@ -131,7 +129,7 @@ class Trims:
         """Return whether the blocks since the alarm show less than half of a loss, each by itself."""
         weights = self._weights(loss.motor - 1)
         shown = [float(weights @ (effort - self._before)) for effort in self._latest]
-        return len(shown) == LEAST_TRIM_BLOCKS and max(shown) < loss.share.low / 2
+        return len(shown) == AGREEING and max(shown) < loss.share.low / 2
 
     def _weights(self, motor: int) -> Array:
         """Return the weights by which an effort shows the thrust of a motor, from 0, shape (3,)."""
@@ -156,7 +154,7 @@ class Trims:
 
     def of_motor(self, motor: int) -> tuple[Indicator, ...]:
         """Return the indicators of a motor, from 0; none of a flight that is too short."""
-        if self._blocks < LEAST_TRIM_BLOCKS:
+        if self._blocks < AGREEING:
             return ()
         column = self._columns[motor]
         turns = np.array([0.0, 0.0, np.sign(column[2])])
@@ -169,7 +167,7 @@ class Trims:
         value = float(weights @ self._mean)
         scatter = float(np.sqrt(weights**2 @ self._squares / (self._blocks - 1)))
         mean = (value, scatter / self._blocks**0.5)
-        return Indicator.of_mean(fault, quantity, "1", mean, windows=self._blocks, needed=NEEDED_FLIGHTS)
+        return Indicator.of_mean(fault, quantity, "1", mean, windows=self._blocks, needed=AGREEING)
 
 
 class MotorMonitor:

@@ -24,10 +24,6 @@ CORRELATED_S: Final = 0.25
 """Rows that gusts correlate, which say as much as one."""
 NOISE_SD: Final[Array] = np.array([0.07, 0.07, 0.027])
 """Effort about roll, pitch and yaw that a healthy flight shows over such rows, before its own is known."""
-NOISE_WORTH: Final = 3.0
-"""Blocks of rows that this is worth beside the flight's own."""
-NOISE_MOST: Final = 40.0
-"""Most blocks that the flight's own noise counts: later wind replaces the calm before."""
 
 AIR: Final[Array] = np.array([[0.12, 0.12, 0.02], [0.25, 0.25, 0.05], [0.05, 0.05, 0.15]])
 """SD of the effort that a payload or moving air asks for: usual, rare, and in yaw alone, as at a touch-down
@@ -82,11 +78,6 @@ EMERGENCY_LOSS: Final = 0.5
 BETWEEN_FLIGHTS: Final[Array] = np.array([0.03, 0.05, 0.012])
 """Standard deviation between a quad's flights of its effort about roll, pitch and yaw, by the thrust of one
 motor: six flights of one aircraft with whole propellers."""
-NEEDED_FLIGHTS: Final = 3
-"""The scatter between flights is known from others, so the mean is all that the own ones must give."""
-LEAST_TRIM_BLOCKS: Final = 3
-"""Blocks as long as gusts last, whose mean is the trim; fewer show no scatter. As many that show less than
-half of a loss, one after the other, withdraw it. By hand."""
 TRIM_SCATTER_PER_MOTOR: Final = 0.011
 """Scatter of a motor's trim between flights, by the number of motors: that of the efforts, along the columns
 of quads, hexas and octas."""

@@ -21,8 +21,8 @@ from typing import Final
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags
+from mavhums.health.decision.thresholds import AGREEING
 from mavhums.health.estimation.random_effects import RunningVariance
-from mavhums.health.motor.thresholds import LEAST_TRIM_BLOCKS, NEEDED_FLIGHTS
 from mavhums.results.verdict import Indicator
 from mavhums.vehicle.grid import RATE_HZ
 
@@ -142,7 +142,7 @@ class RotorVibration:
         blocks = deepcopy(self._blocks)
         for second in self._pending:
             self._take(second, blocks)
-        shown = {esc: own.motions for esc, own in blocks.items() if own.motions.count >= LEAST_TRIM_BLOCKS}
+        shown = {esc: own.motions for esc, own in blocks.items() if own.motions.count >= AGREEING}
         return [(_indicator(shown[esc]),) if esc in shown else () for esc in escs]
 
     def _take(self, second: int, blocks: dict[int, _Blocks]) -> None:
@@ -199,5 +199,5 @@ def _indicator(motions: RunningVariance) -> Indicator:
     value, error = motions.mean / _METRES, (motions.variance / motions.count) ** 0.5 / _METRES
     quantity = "unbalance of the rotor, by the aircraft's mass"
     return Indicator.of_mean(
-        UNBALANCE, quantity, "µm", (value, error), windows=motions.count, needed=NEEDED_FLIGHTS
+        UNBALANCE, quantity, "µm", (value, error), windows=motions.count, needed=AGREEING
     )

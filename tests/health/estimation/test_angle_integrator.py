@@ -38,7 +38,7 @@ def second(turns: int, steps: int, unknown: int = 0) -> tuple[Slots, ServoSpeed]
 def test_a_register_that_changes_less_often_than_the_angle_is_coarse(
     turns: int, steps: int, coarse: bool | None
 ) -> None:
-    turned = AngleIntegrator()
+    turned = AngleIntegrator(0.5)
     slots, register = second(turns, steps)
     used = turned.fine_speed(blank(), slots, register)
     assert turned.coarse is coarse
@@ -48,10 +48,10 @@ def test_a_register_that_changes_less_often_than_the_angle_is_coarse(
 
 
 def test_what_the_register_does_not_tell_is_no_step_of_it() -> None:
-    turned = AngleIntegrator()
+    turned = AngleIntegrator(0.5)
     turned.fine_speed(blank(), *second(2 * LEAST, HALF - 1, LEAST))
     assert turned.coarse is True
-    other = AngleIntegrator()
+    other = AngleIntegrator(0.5)
     other.fine_speed(blank(), *second(2 * LEAST, 0, LEAST + 1))
     assert other.coarse is None
 
@@ -62,14 +62,14 @@ def test_a_step_of_the_angle_is_a_speed_for_a_few_hundredths_of_a_second() -> No
     values[:, column("V3")] = np.where(np.arange(90) < 45, 0.0, 0.1)
     wide = with_extra_columns(values)
     slots = Slots(np.array([0]), np.array([0]), slice(0, 90), np.arange(90) / 90.0, wide)
-    turned = AngleIntegrator()
+    turned = AngleIntegrator(0.5)
     turned.coarse = True
     used = turned.fine_speed(blank(), slots, ServoSpeed(np.zeros(90), 0.1))
     assert np.flatnonzero(used.rad_s > 0.0).tolist() == [*range(42, 48)]
 
 
 def test_the_first_second_with_motion_decides() -> None:
-    turned = AngleIntegrator()
+    turned = AngleIntegrator(0.5)
     for turns, steps in ((LEAST, 0), (LEAST, LEAST)):
         turned.fine_speed(blank(), *second(turns, steps))
     assert turned.coarse is True

@@ -46,21 +46,24 @@ from mavhums.health.actuator.thresholds import (
     FOLLOWING_ASKED_LIMITS,
     FOLLOWING_STANDS_SHARE,
     JAM_COMMAND_DEG,
-    JAM_PARTS,
     JAM_PARTS_PER_SLOT,
     JAM_SHARE,
     LABOURED_SHARE,
-    LEAST_SLOTS,
     LONGEST_SPEED_STEP_S,
     STALLED_SECONDS,
     SURELY_FOLLOWS_SHARE,
     WOUND_UP_DEG,
 )
 from mavhums.health.decision.limits import Estimates, Levels
+from mavhums.health.decision.thresholds import AGREEING
+from mavhums.health.estimation.motion import longest_gap_s
 from mavhums.health.estimation.slots import MAGNITUDES, SENSED, SHAFT, Slots, Windows
-from mavhums.health.estimation.thresholds import GUARD_S, LONGEST_UNSEEN_S
+from mavhums.health.estimation.thresholds import GUARD_S, WINDOW_S
 
 _V1, _V4, _V5, _V7 = (column(f"V{k}") for k in (1, 4, 5, 7))
+# Parts that a jam is sought over: three seconds hold 11 whole ones, whenever it begins; and a window. The
+# shorter finds jams that are soon over.
+_JAM_PARTS = (AGREEING * JAM_PARTS_PER_SLOT - 1, WINDOW_S * JAM_PARTS_PER_SLOT)
 
 
 class FollowingDetector(Detector):
@@ -82,7 +85,8 @@ class FollowingDetector(Detector):
         self.levels = Levels(limits.following_deg, limits.following_emergency_deg) if limits else Levels()
         self._limit = self.levels.normal or np.inf
         low, high = sorted(actuator.travel_deg or (-np.inf, np.inf))
-        self._model = np.array([actuator.response_lag_s, actuator.slew_deg_s or np.inf, low, high])
+        lag_s, slew_deg_s = actuator.response_lag_s, actuator.slew_deg_s or np.inf
+        self._model = np.array([lag_s, slew_deg_s, low, high, longest_gap_s(actuator)])
         self._state = np.full(3, np.nan)
         self._windows = Windows(1, empty=np.nan)
 
@@ -117,7 +121,7 @@ class FollowingDetector(Detector):
         moved = np.where((travel >= FOLLOWING_STANDS_SHARE * rms) & tells, rms, np.nan)
         windows = self._windows.feed(slots.index, moved[:, None])[:, :, 0]
         # The third largest of ten: one glitch of a sensor, or a step in two seconds, is no fault.
-        largest = np.sort(np.where(np.isnan(windows), -np.inf, windows), axis=1)[:, -LEAST_SLOTS]
+        largest = np.sort(np.where(np.isnan(windows), -np.inf, windows), axis=1)[:, -AGREEING]
         return Estimates.of(largest, np.zeros_like(largest), np.ones_like(largest), np.isfinite(largest))
 
 
@@ -125,16 +129,17 @@ class FollowingDetector(Detector):
 def _errors(time_s: Array1, command: Array1, shaft: Array1, model: Array1, state: Array1) -> Array:
     """Return the shaft's angle minus the model's, NaN where the model starts anew, shape (n,).
 
-    ``model`` holds lag, slew rate and stroke, ``state`` time, command and the model's angle between blocks.
+    ``model`` holds lag, slew rate, stroke and longest gap, ``state`` time, command and the model's angle
+    between blocks.
     """
-    lag, slew, low, high = model
+    lag, slew, low, high, longest_s = model
     error = np.full(time_s.size, np.nan)
     for k in range(time_s.size):
         if np.isnan(command[k]) or np.isnan(shaft[k]):
             continue
         passed = time_s[k] - state[0]
         # After a gap the model starts where the shaft is.
-        if passed <= LONGEST_UNSEEN_S:  # not of NaN
+        if passed <= longest_s:  # not of NaN
             # The mean of two commands: a step between the samples came at half time on average.
             asked = min(max((command[k] + state[1]) / 2, low), high)
             step = (asked - state[2]) * (1.0 - exp(-passed / lag))
@@ -162,7 +167,7 @@ class JamDetector(Detector):
         "gearbox and linkage for a blockage, and the actuator's supply, torque and gain, of which too little "
         "also keeps a surface where it is"
     )
-    span_s: ClassVar[float | None] = JAM_PARTS[0] / JAM_PARTS_PER_SLOT
+    span_s: ClassVar[float | None] = _JAM_PARTS[0] / JAM_PARTS_PER_SLOT
 
     def __init__(self, actuator: Actuator) -> None:
         super().__init__(actuator)
@@ -171,7 +176,7 @@ class JamDetector(Detector):
         self._ratio = ema.gear_ratio if ema else np.nan
         self._stall_a = supply_v / ema.resistance if ema and supply_v else np.nan
         self._standing = actuator.moving_speed_rev_min if ema else np.nan
-        self._windows = Windows(10, max(JAM_PARTS), empty=-np.inf)
+        self._windows = Windows(10, max(_JAM_PARTS), empty=-np.inf)
         self._laboured_a = 0.0  # current of the latest motion, with its way; zero if it was easy
         self._in_vain = Windows(1, slots=2)  # half a second may lie in two
 
@@ -180,7 +185,8 @@ class JamDetector(Detector):
         own, part = seen.slots.values[seen.slots.judged], self._parts(seen.slots)
         start = np.flatnonzero(np.diff(part, prepend=part[0] - 1))
         missed = own[:, _V1] - own[:, SHAFT]
-        resumes = np.diff(seen.slots.time_s, prepend=np.nan)[seen.slots.judged] > LONGEST_UNSEEN_S
+        gap_s = np.diff(seen.slots.time_s, prepend=np.nan)[seen.slots.judged]
+        resumes = gap_s > longest_gap_s(self.actuator)
         shown = [own[:, _V1], -own[:, _V1], own[:, SHAFT], -own[:, SHAFT]]
         shown += [WOUND_UP_DEG * (1.0 - own[:, SENSED]), missed, -missed, np.where(resumes, 1.0, -np.inf)]
         columns = np.stack([*shown, self._most_travel(seen.slots)], axis=1)
@@ -193,7 +199,7 @@ class JamDetector(Detector):
         windows = self._windows.feed(part[start], np.hstack(extremes))
         left_out = np.full(len(windows), np.nan)
         # The longer span is asked only where the shorter one commands too little.
-        for parts in JAM_PARTS:
+        for parts in _JAM_PARTS:
             share = self._left_out(windows[:, -parts:])
             left_out = np.where(np.isnan(left_out), share, left_out)
         slot = part[start] // JAM_PARTS_PER_SLOT

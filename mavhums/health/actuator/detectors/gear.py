@@ -9,8 +9,8 @@ import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.health.actuator.detector import EquationDetector, sharp
-from mavhums.health.actuator.thresholds import LEAST_SLOTS
 from mavhums.health.decision.limits import Estimates, Levels
+from mavhums.health.decision.thresholds import AGREEING
 from mavhums.health.estimation.equations.data_sheet import GEAR
 from mavhums.health.estimation.least_squares import Fit
 
@@ -34,7 +34,7 @@ class BacklashDetector(EquationDetector):
         fit = fits["gear"]
         half_play, half_error = fit["flank"]
         # A load on one flank only never shows the play.
-        both = fit.spread & (fit.both_ways("flank", "bias") >= LEAST_SLOTS)
+        both = fit.spread & (fit.both_ways("flank", "bias") >= AGREEING)
         play, error = -2.0 * half_play, 2.0 * half_error
         return Estimates.of(play, error, fit.freedom, both & sharp(play, error, self.levels.normal))
 
@@ -58,7 +58,7 @@ class SensorBiasDetector(EquationDetector):
     def read(self, fits: Mapping[str, Fit], flight: Mapping[str, Fit]) -> Estimates:
         """Return the bias; with load on only one flank, its error includes the possible backlash."""
         fit = fits["gear"]
-        one_sided = fit.both_ways("flank", "bias") < LEAST_SLOTS
+        one_sided = fit.both_ways("flank", "bias") < AGREEING
         bias, error = fit["bias"]
         # On one flank play and bias cannot be told apart.
         error = np.maximum(error, np.where(one_sided, self._play, 0.0))

@@ -53,7 +53,6 @@ from mavhums.health.estimation.slots import Slots
 from mavhums.health.estimation.thresholds import (
     BACK_EMF_PRIOR_SHARE,
     LOADED_AT_STANDSTILL_A,
-    MOST_TWIST_PER_STIFFNESS,
     RESISTANCE_PRIOR_SHARE,
 )
 
@@ -207,13 +206,13 @@ def _gear_prior(actuator: Actuator) -> Prior:
     """Return the prior of backlash and wind-up: between zero and their largest plausible values.
 
     Backlash is at most twice its limit, half of it on either flank; wind-up by friction is at most that of
-    the normal friction.
+    the normal friction, wind-up by load at most twice the data sheet's, which so is its mean.
     """
     limits, stiffness = actuator.known_limits(), actuator.known_ema().stiffness
     flank = _up_to(-limits.backlash_deg if limits.backlash_deg else None)
     drag = _up_to(-np.degrees(limits.normal / stiffness) if stiffness else None)
     # Without a bound on the twist, grave play under a small load would read as twist.
-    twist = _up_to(-MOST_TWIST_PER_STIFFNESS * np.degrees(1.0 / stiffness) if stiffness else None)
+    twist = _up_to(-2.0 * np.degrees(1.0 / stiffness) if stiffness else None)
     known = (flank, twist, drag, _up_to(None))
     return Prior(np.array([mean for mean, _ in known]), np.array([deviation for _, deviation in known]))
 
