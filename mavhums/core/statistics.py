@@ -110,6 +110,9 @@ def _quantiles(freedom: Array1, probabilities: Array1) -> Array:
     """Return the quantiles, by Newton's method: over the logarithm of t that of the tail is concave."""
     out = np.empty(len(freedom))
     for k in range(len(freedom)):
+        if k and freedom[k] == freedom[k - 1] and probabilities[k] == probabilities[k - 1]:
+            out[k] = out[k - 1]
+            continue
         wanted = min(probabilities[k], 1.0 - probabilities[k])
         if not (wanted > 0.0 and freedom[k] > 0.0):
             certain = wanted == 0.0 and freedom[k] > 0.0

@@ -113,10 +113,10 @@ class IndicatorTracker:
         self.latest = Estimate(*(float(column[at[-1]]) for column in own))
         return steps
 
-    def exceeds(self, own: Estimates) -> Flags:
-        """Return in which windows the whole 95 % interval lies above the normal limit, shape (k,)."""
+    def exceeds(self, own: Estimates, half: Array) -> Flags:
+        """Return in which windows the whole interval of this half width lies above the normal limit."""
         normal = self.detector.levels.normal
-        lowest = self._sizes(own).value - half_width(own, tail=TAIL_95)
+        lowest = self._sizes(own).value - half
         return np.asarray(lowest > (np.inf if normal is None else normal))
 
     @property

@@ -299,13 +299,14 @@ class Monitor:
         estimates = {fault: of_slots.at(whole) for fault, of_slots in found.items()}
         steps: dict[int, list[IndicatorStep]] = {}
         deciding = self._deciding()
+        half = {fault: half_width(indicated, tail=TAIL_95) for fault, indicated in estimates.items()}
         for fault, indicated in estimates.items():
-            yield from self._indicate(fault, indicated, end_s)
+            yield from self._indicate(fault, indicated.value, half[fault], end_s)
             for k, step in self._trackers[fault].feed(indicated, end_s).items():
                 # Where a network decides the friction, the physics is shown and changes nothing.
                 if fault in deciding:
                     steps.setdefault(k, []).append(step)
-        friction = _intervals(estimates["friction"]) if "friction" in estimates else {}
+        friction = _intervals(estimates["friction"], half["friction"]) if "friction" in estimates else {}
         ballots = votes[whole].astype(np.int64)
         if self._by_window:
             voted = window_outcomes(self._networks, ballots, sums[whole])
@@ -316,7 +317,9 @@ class Monitor:
                 steps.setdefault(k, []).append(IndicatorStep(self._tally.described, None, change))
         answered = {k for k, vote in enumerate(voted) if vote and vote.severity >= 0}
         # A fault of any detector makes a window decidable, not only the friction.
-        faulty = np.any([tracker.exceeds(estimates[fault]) for fault, tracker in deciding.items()], axis=0)
+        faulty = np.any(
+            [tracker.exceeds(estimates[fault], half[fault]) for fault, tracker in deciding.items()], axis=0
+        )
         shown_by = answered if self._by_network else friction.keys()
         self._decidable += len(shown_by | set(np.flatnonzero(faulty).tolist()))
         for k, (end, fraction, vote) in enumerate(
@@ -350,10 +353,10 @@ class Monitor:
         samples, moving = self._counts.feed(slots.index, counts).sum(axis=1).T
         return moving / samples, self._votes.feed(slots.index, ballots), self._sums.feed(slots.index, own)
 
-    def _indicate(self, fault: str, own: Estimates, end_s: Array) -> Iterator[Indication]:
-        shown = np.isfinite(own.value)
+    def _indicate(self, fault: str, value: Array, half: Array, end_s: Array) -> Iterator[Indication]:
+        shown = np.isfinite(value)
         if shown.any():
-            value, half = own.value[shown], half_width(own, tail=TAIL_95)[shown]
+            value, half = value[shown], half[shown]
             yield Indication(
                 self.vehicle, self.actuator.name, fault, end_s[shown], value, value - half, value + half
             )
@@ -376,9 +379,8 @@ class Monitor:
         return Window(self.vehicle, name, start_s, end_s, moving, friction, said, *answer)
 
 
-def _intervals(own: Estimates) -> dict[int, Interval]:
-    """Return the 95 % intervals of the windows with evidence, by window."""
-    half = half_width(own, tail=TAIL_95)
+def _intervals(own: Estimates, half: Array) -> dict[int, Interval]:
+    """Return the intervals of this half width of the windows with evidence, by window."""
     return {
         k: Interval.around(float(own.value[k]), float(half[k]))
         for k in np.flatnonzero(np.isfinite(own.value)).tolist()

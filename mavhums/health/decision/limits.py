@@ -117,28 +117,29 @@ class LimitTest:
         self.condition: Condition = "undecided"
         self.since_s: float | None = None
         self._limits = np.array(levels, dtype=np.float64)  # NaN where there is none
+        self._tested = self._limits[: 1 if levels.emergency is None else 2]
         self._tail = tail_of(false_alarms)
         self._alarm = threshold(false_alarms)
         self._span_s = span_s
-        # Of each window: weight, weighted excess over either limit, share of its time that the one before
+        # Of each window: weight, weighted excess over each limit, share of its time that the one before
         # did not have.
-        self._before = np.zeros((STARTS - 1, 4))
+        self._before = np.zeros((STARTS - 1, 2 + self._tested.size))
         self._last_s = -inf
         self._latest = 0  # number of windows by which a fault is grave or not
         self._ends_s: deque[float] = deque(maxlen=STARTS)
         self._starts = 0  # number of the latest windows with which the present state may have begun
 
     def evidence(self, estimates: Estimates, end_s: Array) -> Array:
-        """Return how much likelier the latest n windows make values above each limit, shape (k, 2, n).
+        """Return how much likelier the latest n windows make values above each limit, shape (k, 1 or 2, n).
 
-        They are logarithms, negative where values below are likelier; those before the flight's first
-        window mean nothing.
+        The second limit is the emergency's, where there is one. They are logarithms, negative where values
+        below are likelier; those before the flight's first window mean nothing.
         """
         value, error, freedom = (column[:, None] for column in estimates)
         exact = error == 0.0
         # Of a value without an error one glitch must not decide; the error of others averages glitches.
         self._latest = WINDOW_S if exact.all() else WINDOW_S // 2
-        excess = value - self._limits
+        excess = value - self._tested
         weight = np.where(exact, 1.0, error) ** -2.0
         share = np.minimum(np.diff(end_s, prepend=self._last_s) / WINDOW_S, 1.0)[:, None]
         windows = np.vstack(
@@ -148,20 +149,22 @@ class LimitTest:
         latest = np.lib.stride_tricks.sliding_window_view(windows, STARTS, axis=0)[:, :, ::-1]
         sums = latest.cumsum(axis=2)
         # The first window counts in full, each later one by what it adds.
-        covered = 1.0 + sums[:, 3:] - latest[:, 3:]
+        covered = 1.0 + sums[:, -1:] - latest[:, -1:]
         with np.errstate(invalid="ignore", divide="ignore"):
-            mean = sums[:, 1:3] / sums[:, :1]
+            mean = sums[:, 1:-1] / sums[:, :1]
             squared = mean**2 * sums[:, :1] / _WINDOWS * covered
         freedom = freedom[:, :, None] * covered
-        ratio = np.sign(mean) * (freedom + 1.0) / 2.0 * np.log1p(squared / freedom)
+        ratio: Array = np.sign(mean) * (freedom + 1.0) / 2.0 * np.log1p(squared / freedom)
+        if not exact.any():
+            return ratio
         sure = np.where(mean > 0.0, self._alarm, EXCLUDING) * WINDOW_S / _AGREEING_S
         return np.asarray(np.where(exact[:, :, None], mean * covered * sure, ratio))
 
     def feed(self, end_s: float, evidence: Array) -> bool:
-        """Take the evidence of the window that ends then, shape (2, n); return if the condition changes."""
+        """Take the evidence of the window that ends then, as above; return whether the condition changes."""
         self._ends_s.append(end_s)
         self._starts = min(self._starts + 1, STARTS)
-        above, grave = evidence[0, : self._starts], evidence[1, : self._starts]
+        above, grave = evidence[0, : self._starts], evidence[-1, : self._starts]
         after, first = self.condition, 0
         faulty = SEVERITY[after] > SEVERITY["normal"]
         if faulty and above[ends := int(above.argmin())] <= -EXCLUDING:
@@ -207,6 +210,8 @@ class LimitTest:
 
     def _fault(self, grave: Array) -> Condition:
         """Return the condition of a fault, given the evidence of an emergency by its starts."""
+        if self._tested.size == 1:
+            return "degraded"
         least = self._alarm if self.condition == "emergency" else EXCLUDING
         return "emergency" if grave[: self._starts][: self._latest][-1] > -least else "degraded"
 
