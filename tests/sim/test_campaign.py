@@ -65,15 +65,6 @@ def test_consumer_gets_every_flight_in_order_on_any_number_of_processes() -> Non
     assert all(result[0] == name for name, result in one)
 
 
-@pytest.mark.slow
-def test_campaign_on_two_processes_writes_the_same_logs(tmp_path: Path) -> None:
-    flights = list(paper_campaign(seed=1, duration_s=1.0))[:3]
-    run_campaign(flights, tmp_path / "one")
-    run_campaign(flights, tmp_path / "two", workers=2)
-    for path in sorted((tmp_path / "one").iterdir()):
-        assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes()
-
-
 def test_interrupted_campaign_is_resumed(tmp_path: Path) -> None:
     flights = list(paper_campaign(seed=1, duration_s=1.0))
 

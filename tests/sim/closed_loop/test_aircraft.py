@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
@@ -250,16 +249,3 @@ def test_individuals_differ_and_repeat() -> None:
     weak = Aircraft(Dispersion(aileron=0.5))
     start(weak, Trim(0.05, -0.13, 10.0), level(Trim(0.05, -0.13, 10.0)))
     assert float(weak.exec["dispersion/aileron"]) == 0.5
-
-
-def test_without_jsbsim_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "jsbsim", None)
-    with pytest.raises(ModuleNotFoundError, match=r"mavhums\[sim\]"):
-        Aircraft()
-
-
-def test_air_is_checked() -> None:
-    with pytest.raises(ValueError, match="wind of 30"):
-        Air(30.0)
-    with pytest.raises(ValueError, match="turbulence of -1"):
-        Air(turbulence=-1.0)

@@ -170,11 +170,6 @@ def test_emas_report_beside_the_vehicle() -> None:
     assert names.count("SERVO_OUTPUT_RAW") == 249
 
 
-def test_rates_are_checked() -> None:
-    with pytest.raises(ValueError, match="rate 80 Hz is outside"):
-        Streams(rate=80.0)
-
-
 def test_empty_table_is_no_message() -> None:
     heartbeat = Table("HEARTBEAT", np.array([1.0, 2.0]), {"type": 1})
     nothing = Table("ATTITUDE", np.array([]), {})

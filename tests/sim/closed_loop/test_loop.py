@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import inf, nan
 from typing import Any
 
 import numpy as np
@@ -245,44 +244,3 @@ def test_two_masses_fly_too() -> None:
     assert flight.emas is not None
     motion = flight.emas.actuators["elevator"].motion
     assert np.abs(motion.rotor_angle - motion.angle).max() > 0.0
-
-
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"layout": "canard"}, "no layout 'canard'; there are conventional"),
-        ({"mission": "aerobatics"}, "no mission"),
-        ({"flavour": "inav"}, "no flavour"),
-        ({"duration_s": 15.0}, "at least 10 s"),
-        ({"faults": (SurfaceFault("flap", "freeze"),)}, "no surface 'flap'"),
-        (
-            {"faults": (SurfaceFault("rudder", "freeze"), SurfaceFault("rudder", "float"))},
-            "one fault a surface",
-        ),
-        ({"emas": Flight(), "layout": "vtail"}, "EMAs fly the conventional layout"),
-    ],
-)
-def test_impossible_flights_say_why(changes: dict[str, Any], says: str) -> None:
-    with pytest.raises(ValueError, match=says):
-        ClosedLoop(**changes)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (("rudder", "melt", 1.0), "no surface fault 'melt'"),
-        (("rudder", "gain", nan), "gain needs a value"),
-        (("rudder", "slow", -1.0), "impossible"),
-        (("rudder", "freeze", nan, 9.0, 5.0), "begin before it ends"),
-    ],
-)
-def test_impossible_faults_say_why(arguments: Any, says: str) -> None:
-    with pytest.raises(ValueError, match=says):
-        SurfaceFault(*arguments)
-
-
-def test_impossible_confounders_say_why() -> None:
-    with pytest.raises(ValueError, match="no confounder 'ice'"):
-        Confounder("ice", 1.0, 2.0)
-    with pytest.raises(ValueError, match="engine"):
-        Confounder("engine", inf, 2.0)
