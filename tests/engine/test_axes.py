@@ -101,12 +101,6 @@ def test_a_lost_aileron_is_found_without_any_configuration() -> None:
     assert 90 < alarm.time_s < 112
 
 
-def test_a_healthy_flight_is_normal() -> None:
-    assessment, _ = judged(flown(left=1.0))
-    assert of(assessment, "roll").condition == "unchanged"
-    assert of(assessment, "yaw").reason_codes == ("no_reference",)
-
-
 def test_outputs_that_nothing_names_are_inferred_from_the_flight() -> None:
     assessment, changes = judged(flown(parameters=False))
     roll = of(assessment, "roll")
@@ -168,20 +162,3 @@ def test_real_flights(name: str, axis: str | None, fault: str | None) -> None:
         v.actuator: v.suspects[0].fault for v in assessment.verdicts if v.worst in ("degraded", "emergency")
     }
     assert alarmed == ({} if axis is None else {axis: fault})
-
-
-@needs_logs
-def test_a_jam_is_seen_as_half_the_aileron_from_ordinary_messages() -> None:
-    assessment = mavhums.analyse(REAL_LOGS / "sitl" / "plane_lua_csrv.link1.tlog")
-    roll = of(assessment, "roll")
-    assert (roll.condition, roll.worst) == ("normal", "emergency") or roll.worst == "emergency"
-    assert any(60 <= e.start_s <= 125 for e in roll.evidence)
-
-
-@needs(REAL_LOGS / "onboard")
-def test_an_onboard_log_of_a_copter_has_motors_and_no_axes() -> None:
-    """It leans on an obstacle for a minute, which is no motor's fault."""
-    assessment = mavhums.analyse(REAL_LOGS / "onboard" / "lrs17.BIN")
-    assert {(verdict.subject, verdict.condition) for verdict in assessment.verdicts} == {
-        ("motor", "undecided")
-    }

@@ -85,12 +85,3 @@ def test_neither_a_verdict_nor_an_event_depends_on_the_blocks(name: str, data: s
     again, pieces = judged(blocks(content, data.draw(cuts(len(content)))), **LOGS[name][1])
     assert again.to_json() == assessment.to_json()
     assert canonical(told(again, pieces)) == events
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "size"), [("networks", 31), ("axes", 997), ("rover", 9973)])
-def test_even_a_few_bytes_at_a_time(name: str, size: int) -> None:
-    content, assessment, events = whole(name)
-    again, pieces = judged(content, size=size, **LOGS[name][1])
-    assert again.to_json() == assessment.to_json()
-    assert canonical(told(again, pieces)) == events

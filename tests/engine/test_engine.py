@@ -141,15 +141,6 @@ def test_growing_friction_is_followed_through_both_limits(growing_log: Path, mod
     assert [e.airframe.name for e in events if isinstance(e, AirframeNamed)] == ["paper"]
 
 
-def test_the_network_votes_and_its_model_is_named(growing_log: Path, model: Model) -> None:
-    assessment = judge(growing_log.read_bytes(), models=(model,))
-    assert present(assessment.model).hash == model.hash
-    elevator, rudder = of(assessment, "elevator").network, of(assessment, "rudder").network
-    assert elevator is not None
-    assert rudder is not None
-    assert (elevator.latest, rudder.latest) == ("friction_emergency", "normal")
-
-
 def test_a_model_serves_only_the_airframe_of_its_card(growing_log: Path, model: Model) -> None:
     other = load_airframe("paper").model_copy(update={"name": "other"})
     assessment = judge(growing_log.read_bytes(), airframe=other, models=(model,))
@@ -165,24 +156,6 @@ def test_every_assessment_follows_the_schema(growing_log: Path, model: Model) ->
     validator = jsonschema.Draft202012Validator(json_schema())
     for data in (growing_log.read_bytes(), b"", b"junk"):
         validator.validate(json.loads(judge(data, models=(model,)).to_json()))
-
-
-def test_a_short_flight_is_undecided_with_a_reason() -> None:
-    assessment = judge_records(packed(fly(Flight(seed=3, duration_s=5.0))))
-    verdict = of(assessment, "elevator")
-    assert (verdict.condition, verdict.worst) == ("undecided", "undecided")
-    assert verdict.reason_codes == ("telemetry_too_short",)
-    assert assessment.exit_code == ExitCode.UNDECIDED
-
-
-@pytest.mark.slow
-def test_a_standing_actuator_is_undecided() -> None:
-    still = packed(fly(Flight(seed=3, duration_s=20.0)), sent=lambda _, message: with_values(message, {6: 0}))
-    verdict = of(judge_records(still), "rudder")
-    assert verdict.condition == "undecided"
-    assert verdict.reason_codes == ("still",)
-    assert verdict.coverage.windows > 0
-    assert verdict.coverage.decidable == 0
 
 
 def test_without_a_profile_nothing_is_judged(short_log: Path) -> None:
@@ -259,20 +232,6 @@ def test_two_vehicles_in_one_log_are_kept_apart(growing_record: FlightRecord) ->
     assert of(assessment, "elevator", 2).condition == "normal"
     alone = judge_records(packed(growing_record))
     assert of(alone, "elevator").evidence == of(assessment, "elevator", 1).evidence
-
-
-@pytest.mark.slow
-def test_a_second_vehicle_without_a_profile_is_not_judged_by_the_firsts(
-    growing_record: FlightRecord,
-) -> None:
-    def unnamed(_: float, message: Any) -> Any:
-        return None if message.get_type() == "STATUSTEXT" else message
-
-    stranger = packed(growing_record, system=9, sent=unnamed)
-    assessment = judge_records(sorted(packed(growing_record) + stranger))
-    assert of(assessment, "elevator", 1).condition == "emergency"
-    strangers = [verdict for verdict in assessment.verdicts if verdict.vehicle == 9]
-    assert {verdict.worst for verdict in strangers} <= {"learning", "undecided"}, "by a drafted profile"
 
 
 def test_damage_is_survived_and_declared(growing_log: Path) -> None:

@@ -13,6 +13,7 @@ from mavhums.log import Decoder
 from mavhums.log.formats import MAVLINK, format_of
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from tests.conftest import Run
+from tests.log.decode import decode
 from tests.log.ulog import writer
 
 
@@ -30,11 +31,8 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 def rows(data: bytes, block: int) -> tuple[str, dict[str, int]]:
-    decoder, counts = Decoder(), dict[str, int]()
-    for at in range(0, len(data), block):
-        for name, table in decoder.feed(data[at : at + block], final=at + block >= len(data)).items():
-            counts[name] = counts.get(name, 0) + len(table)
-    return decoder.format, counts
+    tables, decoder = decode(data, range(block, len(data), block))
+    return decoder.format, {name: len(table) for name, table in tables.items()}
 
 
 @pytest.mark.parametrize("name", ["tlog", "dataflash", "ulog"])

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -78,14 +76,6 @@ def test_a_jump_of_the_clock_is_said(tmp_path: Path) -> None:
     path = tmp_path / "jump.tlog"
     path.write_bytes(heartbeats([START_US, START_US + 1, START_US + 10**9, START_US + 10**9 + 1]))
     assert "jumps ahead 1 times" in said(path)
-
-
-@pytest.mark.slow
-def test_the_standard_input_is_inspected() -> None:
-    data = heartbeats([START_US, START_US + 1])
-    command = [sys.executable, "-m", "mavhums", "inspect", "-", "--json"]
-    done = subprocess.run(command, input=data, capture_output=True, check=True)
-    assert json.loads(done.stdout)["messages"][0]["count"] == 2
 
 
 def test_a_log_that_ends_with_the_power_has_lost_nothing(tmp_path: Path) -> None:

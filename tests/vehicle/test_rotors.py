@@ -218,6 +218,8 @@ def test_px4s_parameters_give_places_and_outputs(
     assert (found.frame, found.servos, found.lift) == (frame, servos, frame.startswith("lift"))
     assert (found.idle, found.full, found.curve) == (1000, 2000, None)
     assert rotors(values | {"THR_MDL_FAC": 0.3}, px4=True).curve == 0.3
+    if frame == "quad X":
+        assert np.allclose(found.columns, known("quad x").columns)
     if "CA_ROTOR_COUNT" in values:
         count = len(servos)
         assert found.bearings_deg == pytest.approx(
@@ -253,6 +255,7 @@ def test_px4s_parameters_that_leave_the_motors_unknown() -> None:
         placed(4) | {"CA_AIRFRAME": 1.0, "SYS_AUTOSTART": 4001.0, "MAV_TYPE": 2.0},
         {"SYS_AUTOSTART": 4001.0},
         {"MAV_TYPE": 2.0},
+        {"SYS_AUTOSTART": 2100.0, "MAV_TYPE": 1.0},
     ):
         assert of(values, px4=True) is None
 
@@ -266,19 +269,3 @@ def test_what_is_no_multirotor_or_not_known() -> None:
         (13.0, "FRAME_CLASS 13"),
     ):
         assert why in str(of({**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": kind, "FRAME_TYPE": 1.0}))
-
-
-def test_px4_tells_the_places_or_an_airframe() -> None:
-    placed = {"CA_ROTOR_COUNT": 4.0, "CA_AIRFRAME": 0.0}
-    for k, (x, y, km) in enumerate(((1, 1, 0.05), (-1, -1, 0.05), (1, -1, -0.05), (-1, 1, -0.05))):
-        placed |= {
-            f"CA_ROTOR{k}_PX": x,
-            f"CA_ROTOR{k}_PY": y,
-            f"CA_ROTOR{k}_KM": km,
-            f"PWM_MAIN_FUNC{k + 1}": 101 + k,
-        }
-    placed["THR_MDL_FAC"] = 0.0
-    by_number = rotors({"SYS_AUTOSTART": 4001.0, "MAV_TYPE": 2.0}, px4=True)
-    for quad in (rotors(placed, px4=True), by_number):
-        assert np.allclose(quad.columns, known("quad x").columns)
-    assert of({"SYS_AUTOSTART": 2100.0, "MAV_TYPE": 1.0}, px4=True) is None

@@ -11,12 +11,10 @@ from scipy import stats
 
 from mavhums.health.decision.growth import (
     Course,
-    _log_bayes_factors,
     course_of,
     last_step,
     widening,
 )
-from mavhums.health.estimation.random_effects import variance_between
 from tests.present import present
 
 TREND_FLIGHTS = 8
@@ -98,38 +96,6 @@ def test_the_evidence_is_the_bayes_factor_of_a_slope(seed: int, widened: bool) -
         expected.append((np.sqrt(1 - share) * (total / rest) ** 3.5) ** (1 / inflation) * rising)
     assert np.exp(found.log_odds()[0]) == pytest.approx(0.5 * np.mean(expected), rel=1e-3)
     assert found.first.tolist() == [0, *range(1, 3)]
-
-
-def test_each_course_is_the_weighted_line_that_grows_from_its_first_flight_on() -> None:
-    """Flights are weighted by their certainty, and the later a course may begin, the less is it believed."""
-    numbers = np.array([1.0, 2.0, 4.0, 5.0, 6.0, 9.0, 10.0, 11.0, 12.0, 14.0, 15.0, 16.0])
-    n, errors = len(numbers), 0.002 * np.array([1.0, 4.0, 2.0, 9.0, 3.0, 1.0, 5.0, 2.0, 8.0, 1.0, 3.0, 2.0])
-    values = LEVEL + 0.002 * np.maximum(numbers - 5.0, 0.0) + errors * np.cos(2.0 * numbers)
-    one = course(numbers, values, errors)
-    found, inflation = one._courses, widening(one._courses.residuals)
-    assert one.left_out == ()
-    weights = 1 / (errors**2 + variance_between(np.column_stack([np.ones(n), numbers]), values, errors))
-    weights /= weights.mean()
-    squares = []
-    for k, first in enumerate(found.first):
-        design = np.column_stack([np.ones(n), np.maximum(numbers - numbers[first], 0.0)])
-        inverse = np.linalg.inv(design.T @ (weights[:, None] * design))
-        line = inverse @ design.T @ (weights * values)
-        residuals = np.sqrt(weights) * (values - design @ line)
-        assert (found.level[k], found.slope[k]) == pytest.approx((design[-1] @ line, line[1]))
-        assert found.variance[k] / inflation == pytest.approx(residuals @ residuals / (n - 2))
-        assert 1 / found.spread[k] == pytest.approx(inverse[1, 1])
-        shares = 1 / found.total_weight + found.ahead[k] ** 2 / found.spread[k]
-        assert shares == pytest.approx(design[-1] @ inverse @ design[-1])
-        squares.append(residuals @ residuals)
-        if np.argmin(found.variance) == k:
-            assert found.residuals == pytest.approx(residuals)
-            assert found.hat == pytest.approx(weights * np.einsum("ij,jk,ik->i", design, inverse, design))
-    total = squares[0] + found.slope[0] ** 2 * found.spread[0]
-    factors = _log_bayes_factors(total, found.slope * found.spread, found.spread, n - 1, inflation)
-    waited = np.diff(numbers[found.first])
-    expected = [0.5, *(0.5 * waited / 200.0)]
-    assert np.exp(found.log_odds() - factors) == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize("begin", [TREND_FLIGHTS - 1, TREND_FLIGHTS, 12])
@@ -259,17 +225,6 @@ def test_neighbours_that_are_alike_widen_the_line(unit: float) -> None:
     assert widening(np.zeros(5)) == 1.0
 
 
-def test_one_flight_far_off_is_no_growth_and_hides_none() -> None:
-    numbers, values, errors = history(4, 40)
-    values[-1] += 0.2
-    assert not course(numbers, values, errors).grows
-    numbers, values, errors = history(5, 40, 0.004)
-    values[20] += 0.3
-    found = course(numbers, values, errors)
-    assert found.grows
-    assert 20 in found.left_out
-
-
 @pytest.mark.parametrize(("flights", "count"), [(TREND_FLIGHTS, 1), (19, 1), (20, 2), (29, 2), (30, 3)])
 def test_one_flight_in_ten_may_be_left_out_and_one_of_any_number(flights: int, count: int) -> None:
     """Three are off, each ten times as far as the next: the farthest go."""
@@ -277,12 +232,6 @@ def test_one_flight_in_ten_may_be_left_out_and_one_of_any_number(flights: int, c
     places = [3, 1, 2]
     values[places] += [1000.0, -100.0, 10.0]
     assert course(numbers, values, errors).left_out == tuple(sorted(places[:count]))
-
-
-def test_of_flights_that_scatter_alike_hardly_any_is_left_out() -> None:
-    for flights in (TREND_FLIGHTS, 30):
-        found = [course(*history(seed, flights)) for seed in range(40)]
-        assert sum(bool(one.left_out) for one in found) <= 5
 
 
 def test_a_repair_that_nobody_recorded_is_a_step_and_the_same_wear_is_found_again() -> None:

@@ -52,17 +52,6 @@ def test_a_window_too_sure_of_itself_gets_the_flights_error() -> None:
     assert found.freedom[0] == 9.0
 
 
-def test_a_long_flight_makes_no_error_certain() -> None:
-    """Its windows are not alike: the errors of four of them at most count beside a window's own."""
-    found = PooledErrors().feed(estimates(np.full(5000, 0.1)))
-    assert found.freedom.max() == 45.0
-
-
-def test_what_is_not_shown_does_not_count() -> None:
-    found = PooledErrors().feed(estimates(np.array([np.nan] * 30 + [0.2])))
-    assert (found.error[-1], found.freedom[-1]) == (pytest.approx(0.2), 9.0)
-
-
 @given(st.lists(st.floats(-1e6, 1e6), max_size=40))
 def test_the_scatter_is_the_standard_deviation(numbers: list[float]) -> None:
     scatter = RunningVariance()

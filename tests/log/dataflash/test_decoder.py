@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import random
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
 
 from mavhums.core.errors import UnreadableLogError
-from mavhums.log import Decoder, Table, read_log
+from mavhums.log import Decoder, read_log
 from mavhums.log.dataflash import DataFlashDecoder
 from tests.log.dataflash.synthetic import FORMATS, definition, fmt_of_fmt, record, stream
+from tests.log.decode import assert_cuts_do_not_matter
+from tests.strategies import cuts
 
 HEAD = b"".join(definition(n, name, letters, columns) for name, (n, letters, columns) in FORMATS.items())
 BOOT_UTC_US = 1_767_258_000_000_000  # 2026-01-01 09:00:00
@@ -78,29 +80,13 @@ def test_what_is_told_beyond_a_megabyte_is_not_waited_for() -> None:
     assert late.undated
 
 
-def test_where_blocks_end_never_matters() -> None:
-    data = one_log(3) + one_log(4, boot_us=BOOT_UTC_US + 10**10)
-    whole = DataFlashDecoder()
-    expected = whole.feed(data, final=True)
-    for seed in range(5):
-        rng = random.Random(seed)
-        decoder = DataFlashDecoder()
-        parts: dict[str, list[Table]] = {}
-        place = 0
-        while place < len(data):
-            step = rng.choice([1, 50, 3000, 70_000])
-            for name, table in decoder.feed(data[place : place + step]).items():
-                parts.setdefault(name, []).append(table)
-            place += step
-        for name, table in decoder.feed(b"", final=True).items():
-            parts.setdefault(name, []).append(table)
-        assert parts.keys() == expected.keys()
-        for name, tables in parts.items():
-            joined = Table.concatenate(tables)
-            for part in ("frame", "time_us", "system", "fields"):
-                assert np.array_equal(getattr(joined, part), getattr(expected[name], part))
-        assert decoder.counts == whole.counts
-        assert decoder.losses == whole.losses
+TWO_LOGS = one_log(3) + one_log(4, boot_us=BOOT_UTC_US + 10**10)
+
+
+@given(cuts(len(TWO_LOGS)))
+@settings(max_examples=10, deadline=None)
+def test_where_blocks_end_never_matters(places: list[int]) -> None:
+    assert_cuts_do_not_matter(TWO_LOGS, places)
 
 
 def test_several_logs_in_one_file_have_each_its_vehicle_and_its_date() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import struct
 import tracemalloc
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -19,9 +18,10 @@ from mavhums.log import Decoder, Table
 from mavhums.log.base.tables import PADDED
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.scanner import FrameScanner
+from tests.log.decode import assert_cuts_do_not_matter, decode
 from tests.log.mavlink.kernel_check import agree, frames_of, scan
 from tests.log.mavlink.reference import DAY_US
-from tests.strategies import START_US, Record, blocks, cuts, records
+from tests.strategies import START_US, Record, cuts, records
 
 
 def same(ours: Any, message: Any, field: str) -> bool:
@@ -49,34 +49,6 @@ def test_every_frame_is_found_and_every_field_is_right(log: list[Record]) -> Non
         assert table.system[row] == record.system
         for field in record.message.fieldnames:
             assert same(table[field][row], record.message, field), field
-
-
-def decode(data: bytes, places: Iterable[int] = ()) -> tuple[dict[str, Table], Decoder]:
-    decoder = Decoder()
-    parts: dict[str, list[Table]] = {}
-    for block in [*blocks(data, list(places)), None]:
-        fed = decoder.feed(b"", final=True) if block is None else decoder.feed(block)
-        for name, table in fed.items():
-            parts.setdefault(name, []).append(table)
-    return {name: Table.concatenate(tables) for name, tables in parts.items()}, decoder
-
-
-def assert_equal(ours: Table, theirs: Table) -> None:
-    for part in ("frame", "time_us", "system", "component", "sequence", "flags", "fields"):
-        assert getattr(ours, part).tobytes() == getattr(theirs, part).tobytes(), part
-
-
-def assert_cuts_do_not_matter(data: bytes, places: Iterable[int]) -> None:
-    whole, reference_decoder = decode(data)
-    parts, decoder = decode(data, places)
-    assert parts.keys() == whole.keys()
-    for name, table in whole.items():
-        assert_equal(parts[name], table)
-    assert decoder.losses == reference_decoder.losses
-    assert decoder.counts == reference_decoder.counts
-    assert decoder.unknown == reference_decoder.unknown
-    assert decoder.first_time_us == reference_decoder.first_time_us
-    assert decoder.last_time_us == reference_decoder.last_time_us
 
 
 @pytest.mark.slow

@@ -5,8 +5,8 @@ from __future__ import annotations
 import random
 import struct
 
+from tests.log.decode import decode
 from tests.log.ulog import writer
-from tests.log.ulog.peer import decode
 
 PER_STREAM = 200
 KINDS = b"ABCDFILMOPQRSZ\0"

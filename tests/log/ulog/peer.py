@@ -10,19 +10,9 @@ import numpy as np
 import pyulog
 from numpy.typing import NDArray
 
-from mavhums.log import Decoder, Table
+from mavhums.log import Table
 
 Columns = dict[tuple[str, int], dict[str, NDArray[Any]]]
-
-
-def decode(log: bytes, cuts: tuple[int, ...] = ()) -> tuple[dict[str, Table], Decoder]:
-    """Feed a log, cut at these places, and join its tables."""
-    decoder = Decoder()
-    parts: dict[str, list[Table]] = {}
-    for begin, end in zip((0, *cuts), (*cuts, len(log)), strict=True):
-        for name, table in decoder.feed(log[begin:end], final=end == len(log)).items():
-            parts.setdefault(name, []).append(table)
-    return {name: Table.concatenate(tables) for name, tables in parts.items()}, decoder
 
 
 def pyulog_reads(log: bytes) -> pyulog.ULog:

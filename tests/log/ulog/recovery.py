@@ -11,7 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tests.log.ulog.peer import Columns, columns_of_ours, columns_of_peer, decode
+from tests.log.decode import decode
+from tests.log.ulog.peer import Columns, columns_of_ours, columns_of_peer
 
 HEAD = 16
 Damage = Callable[[random.Random, bytes], bytes]

@@ -16,8 +16,9 @@ from mavhums.app.inspection import inspect_log
 from mavhums.cli.main import cli
 from mavhums.core.errors import UnreadableLogError
 from mavhums.log.base.tables import ODD_TIME
+from tests.log.decode import assert_cuts_do_not_matter, decode
 from tests.log.ulog import writer
-from tests.log.ulog.peer import columns_of_peer, decode
+from tests.log.ulog.peer import columns_of_peer
 
 FLIGHT = writer.flight(2.0)
 TOPIC = writer.form("topic", "uint64_t timestamp;float value;") + writer.subscribe(1, "topic")
@@ -31,15 +32,7 @@ def row(time_us: int, value: float = 0.0, number: int = 1) -> bytes:
 @given(cuts=st.lists(st.integers(0, len(FLIGHT)), max_size=8).map(sorted), damage=st.booleans())
 def test_where_blocks_end_never_matters(cuts: list[int], damage: bool) -> None:
     log = FLIGHT[:3000] + bytes(70) + FLIGHT[3040:] if damage else FLIGHT
-    whole, decoder = decode(log)
-    pieces, other = decode(log, tuple(cuts))
-    assert whole.keys() == pieces.keys()
-    for name, table in whole.items():
-        for part in ("frame", "time_us", "system", "component", "flags", "fields"):
-            assert getattr(table, part).tobytes() == getattr(pieces[name], part).tobytes(), (name, part)
-    assert decoder.losses == other.losses
-    assert decoder.counts == other.counts
-    assert (decoder.first_time_us, decoder.last_time_us) == (other.first_time_us, other.last_time_us)
+    assert_cuts_do_not_matter(log, cuts)
 
 
 def test_names_instances_and_units_are_the_formats_own() -> None:

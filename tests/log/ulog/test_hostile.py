@@ -6,9 +6,9 @@ import random
 
 import pytest
 
+from tests.log.decode import decode
 from tests.log.ulog import writer
 from tests.log.ulog.hostile import check
-from tests.log.ulog.peer import decode
 from tests.log.ulog.recovery import DAMAGE, ours, score, theirs
 
 

@@ -11,8 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.conftest import real_logs
+from tests.log.decode import decode
 from tests.log.ulog import writer
-from tests.log.ulog.peer import columns_of_ours, columns_of_peer, decode, differences, pyulog_reads
+from tests.log.ulog.peer import columns_of_ours, columns_of_peer, differences, pyulog_reads
 
 ULOGS = [path for path in real_logs() if path.suffix == ".ulg"]
 TYPES = {

@@ -6,8 +6,9 @@ import struct
 
 import pytest
 
+from tests.log.decode import decode
 from tests.log.ulog import writer
-from tests.log.ulog.peer import columns_of_peer, decode
+from tests.log.ulog.peer import columns_of_peer
 
 AIRSPEED = writer.form("airspeed", "uint64_t timestamp;float speed;uint8_t[4] _padding0;")
 
