@@ -6,7 +6,6 @@ import argparse
 import importlib
 import re
 import shlex
-import subprocess
 import sys
 from contextlib import nullcontext
 from pathlib import Path
@@ -359,11 +358,3 @@ def test_each_command_of_the_documents_is_one_that_runs(monkeypatch: pytest.Monk
 def test_each_file_that_the_evidence_names_exists() -> None:
     for document in (ROOT / "docs" / "evidence").glob("*.md"):
         assert set(re.findall(r"`([a-z_]+)\.py`", document.read_text(encoding="utf-8"))) <= NAMES
-
-
-def test_the_house_says_that_the_linter_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    missing = [sys.executable, "-c", "import sys; sys.exit('No module named ruff')"]
-    done = subprocess.run(missing, capture_output=True, text=True, check=False)
-    monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
-    with pytest.raises(SystemExit, match=r"No module named ruff: .* pip install 'mavhums\[lint\]'"):
-        list(importlib.import_module("benchmarks.house").long_signatures())

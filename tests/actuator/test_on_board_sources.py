@@ -9,15 +9,13 @@ import pytest
 
 from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.profile import Airframe, load_airframe
-from mavhums.actuator.telemetry import best_tier, tiers_by_content
+from mavhums.actuator.telemetry import tiers_by_content
 from mavhums.core.quantities import column
 from mavhums.log import Decoder, Table
 from tests.log.dataflash.synthetic import definition, fmt_of_fmt, record
 
 PAPER = load_airframe("paper")
 NEW = ("QBfffBfffffB", "TimeUS,Id,Pos,Force,Speed,Pow,PosCmd,V,A,MotT,PCBT,Err")
-ESC = ("QBffff", "TimeUS,Instance,RPM,RawRPM,Volt,Curr")
-RCOU = ("QHHHH", "TimeUS,C1,C2,C3,C4")
 NVF = ("QNf", "TimeUS,Name,Value")
 
 
@@ -42,21 +40,6 @@ def mapped(
     )
 
 
-def volz(number: int, position: float = 12.0) -> tuple[object, ...]:
-    return (number, position, nan, nan, 255, 13.5, 14.8, 0.25, 30.0, 35.0, 0)
-
-
-def test_a_servo_of_the_autopilots_own_is_counted_from_zero() -> None:
-    values, provenance, tiers = mapped(logged("CSRV", NEW, volz(2)))
-    assert set(values) == {"elevator"}
-    [row] = values["elevator"]
-    wanted = {"V1": 13.5, "V3": 12.0, "V4": 14.8, "V5": 0.25, "V6": 14.8 * 0.25}
-    assert {key: row[column(key)] for key in wanted} == pytest.approx(wanted, rel=1e-6)
-    assert np.isnan([row[column(key)] for key in ("V7", "V10", "V11", "V12")]).all()
-    assert provenance["elevator"]["V3"] == "CSRV[2].Pos"
-    assert tiers["elevator"] == "csrv"
-
-
 def test_a_servo_on_dronecan_is_counted_from_one_and_tells_its_speed() -> None:
     row = (3, 12.0, 0.5, 60.0, 40, nan, nan, nan, nan, nan, 0)
     values, provenance, _ = mapped(logged("CSRV", NEW, row))
@@ -66,23 +49,6 @@ def test_a_servo_on_dronecan_is_counted_from_one_and_tells_its_speed() -> None:
     assert found[column("V7")] == pytest.approx(3000.0)
     assert np.isnan(found[column("V11")])  # a Force is a load only where a profile maps it
     assert provenance["elevator"]["V7"] == "derived: V10·N"
-
-
-def test_an_escs_numbers_are_magnitudes() -> None:
-    rows = [(2, -900.0, 0.0, 12.0, 0.5)] * 3
-    tables = logged("ESC", ESC, *rows)
-    _, provenance, tiers = mapped(tables)
-    assert tiers == {"elevator": "esc-unsigned"}
-    assert provenance["elevator"]["V5"].startswith("derived: magnitude from ESC[2].Curr")
-    assert best_tier(tables) is not None
-
-
-def test_a_logged_pulse_is_the_command() -> None:
-    values, provenance, tiers = mapped(logged("RCOU", RCOU, (1500, 1500, 1750, 0)))
-    assert values["elevator"][:, 0].tolist() == [30.0]
-    assert "rudder" not in values
-    assert provenance["elevator"] == {"V1": "RCOU.C3"}
-    assert tiers["elevator"] == "pwm"
 
 
 def test_named_floats_are_logged_too() -> None:

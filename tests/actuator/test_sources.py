@@ -132,20 +132,3 @@ def test_a_profile_maps_any_field_to_any_quantity() -> None:
 def test_a_field_that_the_message_lacks_is_refused_at_once(field: str) -> None:
     with pytest.raises(ValueError, match="BATTERY_STATUS"):
         FieldMapping(message="BATTERY_STATUS", field=field)
-
-
-def test_two_fields_of_one_message_are_two_quantities() -> None:
-    airframe = mapped(
-        V4=FieldMapping(message="BATTERY_STATUS", field="voltages[0]", scale=0.001),
-        V5=FieldMapping(message="BATTERY_STATUS", field="current_battery", scale=0.01),
-    )
-    tables = decode(
-        *(
-            v2.MAVLink_battery_status_message(0, 0, 0, 0, [12_000] + [0] * 9, amps, 0, 0, 0)
-            for amps in (10, 20)
-        )
-    )
-    values, provenance = elevator(tables, airframe)
-    assert values[:, [3, 4]].tolist() == [[12.0, 0.1], [12.0, 0.2]]
-    assert provenance["V4"] == "BATTERY_STATUS.voltages[0]"
-    assert provenance["V5"] == "BATTERY_STATUS.current_battery"

@@ -63,13 +63,6 @@ def test_places_have_the_line_on_which_they_begin(place: tuple[str | int, ...], 
     assert line_of(place, TEXT) == line
 
 
-def test_what_is_missing_is_on_the_line_of_what_encloses_it() -> None:
-    assert line_of(("actuators", 1, "servo"), TEXT) == 19
-    assert line_of(("actuators", 0, "pwm", 1), TEXT) == 10
-    assert line_of(("surface",), TEXT) is None
-    assert line_of((), TEXT) is None
-
-
 KEYS = st.text("abc-_", min_size=1, max_size=3)
 VALUES = st.sampled_from(["1", '"a = [b]"', "[\n1,\n2\n]", "'''\n[x]\n'''", "{ p = 1 }", "true"])
 

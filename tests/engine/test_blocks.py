@@ -43,6 +43,10 @@ DRAWN = {"vehicle_states": True}
 LOGS: dict[str, tuple[Callable[[], bytes], dict[str, Any]]] = {
     "two vehicles": (two_vehicles, DRAWN),
     "networks": (lambda: simulated(seed=12, duration_s=15.0), {"models": packaged_models()}),
+    "decided by the network": (
+        lambda: simulated(seed=11, duration_s=40.0, friction_nm={"elevator": (0.2, 1.2)}),
+        {"models": packaged_models(), "decide": "network"} | DRAWN,
+    ),
     "tiers": (
         lambda: simulated(seed=23, duration_s=25.0, friction_nm={"elevator": (1.0, 1.0)}, tiers=TIERS[2:]),
         {"models": packaged_models()},

@@ -10,11 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
@@ -26,7 +22,7 @@ from mavhums.engine.events import Notice
 from mavhums.engine.options import EngineOptions
 from mavhums.flights.compare import FlightComparison
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.decision.events import Classified, ConditionChanged, Window
+from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums.learn import Model, default_model, packaged_models
 from mavhums.results.assessment import Assessment, json_schema
 from mavhums.results.reasons import Reason
@@ -38,7 +34,7 @@ from tests.conftest import REAL_LOGS, SINGLE, needs, real_logs
 from tests.judge import judged
 from tests.logs import write_log
 from tests.present import present
-from tests.strategies import START_US, blocks, cuts
+from tests.strategies import START_US, blocks
 
 
 @pytest.fixture(scope="module")
@@ -88,30 +84,6 @@ def with_values(message: Any, values: Mapping[int, float]) -> Any:
 @pytest.fixture(scope="module")
 def models() -> tuple[Model, ...]:
     return packaged_models()
-
-
-@pytest.mark.slow
-@given(data=st.data())
-@settings(max_examples=4, deadline=None)
-def test_neither_the_networks_decision_nor_its_samples_depend_on_the_blocks(
-    data: st.DataObject, growing_log: Path, models: tuple[Model, ...]
-) -> None:
-    content = growing_log.read_bytes()
-
-    def decided(parts: Iterable[bytes]) -> tuple[str, list[NDArray[np.float64]]]:
-        assessment, events = judged(parts, models=models, decide="network", vehicle_states=True)
-        said = [e for e in events if isinstance(e, Classified) and e.actuator == "elevator"]
-        arrays = ("time_s", "p_emergency", "said", "inside")
-        columns = [np.concatenate([getattr(e, name) for e in said]) for name in arrays]
-        return assessment.to_json(), columns
-
-    verdicts, columns = decided([content])
-    assert '"decides": "network"' in verdicts
-    assert '"kind": "network"' in verdicts
-    again, others = decided(blocks(content, data.draw(cuts(len(content)))))
-    assert again == verdicts
-    for own, other in zip(columns, others, strict=True):
-        np.testing.assert_allclose(other, own, rtol=0, atol=1e-12)
 
 
 def test_growing_friction_is_followed_through_both_limits(growing_log: Path, model: Model) -> None:

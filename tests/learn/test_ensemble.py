@@ -30,13 +30,6 @@ def test_hidden_neurons_are_gone_through_in_turn() -> None:
     assert [len(network.b1) for network in ensemble.networks_] == [4, 16, 4, 16, 4]
 
 
-@pytest.mark.slow
-def test_networks_differ_by_their_seed_and_repeat() -> None:
-    first, again, other = fitted(hidden=(8,)), fitted(hidden=(8,)), fitted(hidden=(8,), random_state=1)
-    np.testing.assert_array_equal(first.losses_, again.losses_)
-    assert len(set(first.losses_) | set(other.losses_)) == 12
-
-
 def test_validation_samples_choose_the_best_and_are_not_trained_on() -> None:
     held_out = np.arange(0, 300, 4)
     kept = np.setdiff1d(np.arange(300), held_out)

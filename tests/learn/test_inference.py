@@ -119,16 +119,3 @@ def test_the_first_output_is_the_emergency() -> None:
     silent = {"minimum": np.zeros(1), "maximum": np.ones(1), "w1": np.ones((1, 1)), "b1": np.zeros(1)}
     network = TanhNetwork(**silent, w2=np.zeros((1, 2)), b2=np.array([2.0, 0.0]))
     assert network.p_first(np.array([[0.5]]))[0] == pytest.approx(1 / (1 + np.exp(-2)))
-
-
-def test_a_vote_is_the_probability_beyond_one_half(network: Network, values: Values) -> None:
-    values[:5, column("V5")] = [1.19, 1.21, -1.21, np.nan, np.inf]
-    votes, inside = network.votes(values), network.inside(values)
-    assert votes.dtype == np.int8
-    assert votes[:5].tolist() == [votes[0], -1, -1, -1, -1]
-    np.testing.assert_array_equal(votes >= 0, inside)
-    np.testing.assert_array_equal(votes[inside] == 1, network.p_emergency(values[inside]) > 0.5)
-    assert {0, 1} <= set(votes.tolist())
-    assert network.votes(values[:0]).shape == (0,)
-    with pytest.raises(ValueError, match="values must have the shape"):
-        network.votes(values[:, :3])

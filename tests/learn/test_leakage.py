@@ -45,8 +45,3 @@ def test_cyclograms_of_their_own_do_not_leak_but_a_pilot_who_knows_does() -> Non
         faster = check_command(*flown([1, 2, 3, 4, 5, 6], [7, 8, 9, 10, 11, 12], low=1.0, high=1.5))
     assert faster.p_value is not None
     assert faster.p_value <= 0.01
-
-
-def test_a_jump_between_flights_is_no_change_of_command() -> None:
-    values, emergency, flights = flown([1], [1])
-    assert check_command(values + 0 * flights, emergency, flights).cramers_v == 0

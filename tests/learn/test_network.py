@@ -32,18 +32,6 @@ def test_learns_what_no_line_separates() -> None:
     assert classifier.classes_.tolist() == [False, True]
 
 
-def test_predicts_as_torch_does() -> None:
-    classifier = fitted()
-    [network] = classifier.networks_
-    scaled = (MOONS - MOONS.min(axis=0)) / (MOONS.max(axis=0) - MOONS.min(axis=0))
-    w1, b1, w2, b2 = (torch.tensor(network.tensors[name]) for name in ("w1", "b1", "w2", "b2"))
-    outputs = torch.tanh(torch.tensor(scaled) @ w1 + b1) @ w2 + b2
-    # Emergency is coded (1, 0), so its output comes first and its class second.
-    expected = torch.softmax(outputs, dim=1).flip(1).numpy()
-    np.testing.assert_allclose(classifier.predict_proba(MOONS), expected, rtol=0, atol=1e-6)
-    np.testing.assert_array_equal(classifier.predict(MOONS), expected.argmax(axis=1))
-
-
 def test_loss_is_the_cross_entropy_of_the_samples() -> None:
     classifier = fitted()
     chosen = classifier.predict_proba(MOONS)[np.arange(400), SIDE]

@@ -1,4 +1,3 @@
-from itertools import combinations_with_replacement
 from math import comb, factorial
 
 import numpy as np
@@ -121,7 +120,3 @@ def test_nothing_but_constants_is_refused() -> None:
         RegressionRedundancyFilter().fit(np.ones((6, 2)), [0, 0, 0, 1, 1, 1])
     with pytest.raises(ValueError, match=r"^threshold must"):
         RegressionRedundancyFilter(threshold=0).fit(FEATURES, LABEL)
-
-
-def test_products_are_combinations_with_repetition() -> None:
-    assert basis_products(1, [0, 1], 2)[3:] == list(combinations_with_replacement([(0, 0), (1, 0)], 2))

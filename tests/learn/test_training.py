@@ -105,17 +105,6 @@ def test_with_one_flight_of_each_class_whole_blocks_of_time_are_held_out(
     assert per_block.sum(axis=1).tolist() == [9, 9]
 
 
-@pytest.mark.slow
-def test_flights_may_be_interleaved(flights: Flights) -> None:
-    values, emergency, numbers = flights(0.2, 1.0)
-    order = np.argsort(np.tile(np.arange(240), 2), kind="stable")
-    first = train_network(values, emergency, numbers, **FEW)
-    second = train_network(values[order], emergency[order], numbers[order], **FEW)
-    assert second.validation == "blocks"
-    assert second.selection.groups == first.selection.groups
-    np.testing.assert_array_equal(second.network.minimum, first.network.minimum)
-
-
 def test_selection_does_not_see_what_is_held_out(flights: Flights, monkeypatch: pytest.MonkeyPatch) -> None:
     rows: list[int] = []
 
@@ -151,16 +140,6 @@ def test_among_equals_the_smallest_network_is_chosen() -> None:
     result = train_network(values, numbers == 1, numbers, seed=0, scheme=scheme, keys=("V5",))
     assert {candidate.validation_accuracy for candidate in result.candidates} == {1.0}
     assert result.chosen.hidden == 2
-
-
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_result(flights: Flights) -> None:
-    data = flights(0.2, 0.4, 0.6, 1.0)
-    first, second = train_network(*data, **FEW), train_network(*data, **FEW)
-    assert first.candidates == second.candidates
-    for name, tensor in first.network.tensors.items():
-        np.testing.assert_array_equal(second.network.tensors[name], tensor)
-    assert train_network(*data, **FEW | {"seed": 1}).candidates != first.candidates
 
 
 def test_each_stage_is_told_and_what_is_told_is_on_the_card(flights: Flights) -> None:

@@ -50,13 +50,6 @@ def test_the_stages_give_a_network_that_knows_other_flights(network: WindowNetwo
     assert np.mean(found.argmax(axis=1) == other.classes) > 0.8
 
 
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_network(network: WindowNetwork) -> None:
-    again = train_windows(windows(1), classes=3, keys=KEYS, seed=1, scheme=Scheme(networks=5, vectors=300))
-    for name, tensor in again.network.tensors.items():
-        np.testing.assert_array_equal(tensor, network.tensors[name])
-
-
 def test_the_temperature_makes_an_overconfident_network_honest(network: WindowNetwork) -> None:
     hot = replace(network, w2=8 * network.w2, b2=8 * network.b2)
     other, last = windows(3), windows(4, count=3000)

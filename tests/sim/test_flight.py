@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mavhums_sim import Flight, fly
-from mavhums_sim.cyclogram import SURFACES, takeoff
+from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.sensors import Registers, SensorNoise, sample_times, sense
 
 DEGREES, REV_MIN = 180 / np.pi, 30 / np.pi
@@ -56,18 +56,6 @@ def test_truth_states_the_condition_and_the_motion() -> None:
 def test_impossible_flights_are_refused(wrong: dict[str, Any], says: str) -> None:
     with pytest.raises(ValueError, match=says):
         Flight(**wrong)
-
-
-def test_takeoff_depends_on_its_seed_alone_and_stays_within_the_travel() -> None:
-    flown = takeoff(1, 50.0)
-    again = takeoff(1, 50.0)
-    for surface in SURFACES:
-        np.testing.assert_array_equal(flown.commands[surface], again.commands[surface])
-        assert np.abs(np.degrees(flown.commands[surface])).max() <= 25.0
-    assert flown.airspeed[0] < 1.0
-    assert flown.airspeed[-1] > 20.0
-    assert flown.altitude[-1] > 50.0
-    np.testing.assert_array_equal(flown.commands["aileron_left"], -flown.commands["aileron_right"])
 
 
 def test_hinge_moment_reaches_a_good_part_of_the_nominal_torque() -> None:

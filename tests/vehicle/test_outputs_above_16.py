@@ -1,97 +1,38 @@
-"""Outputs 17 to 32 come in a second or third message of every format, and move surfaces as the others do."""
+"""Outputs 17 to 32, which come in a second or third message, move surfaces as the others do."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mavhums.log import Table
-from mavhums.vehicle.facts import Signal
+from mavhums.vehicle.facts import ALL_OUTPUTS, OUTPUTS, Signal
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Grid
-from mavhums.vehicle.parameters import Parameters, control_surfaces
-from mavhums.vehicle.rows import Rows
-from mavhums.vehicle.signals import SignalReader
+from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import of_parameters
 from tests.present import present
-from tests.vehicle.tables import table_of
 
 SECONDS, RATE = 8, 25
 N = SECONDS * RATE
-PULSES = np.rint(1500 + 300 * np.sin(np.arange(N) / 20)).astype(np.uint16)
 
 
-def table(name: str, columns: dict[str, Any], component: int = 1) -> Table:
-    """Return a table of N messages in which each of a pair of messages comes every second time."""
-    wire = np.dtype(
-        [(key, np.asarray(values).dtype, np.shape(values)[1:]) for key, values in columns.items()]
-    )
-    fields = np.zeros(N, dtype=wire)
-    for key, values in columns.items():
-        fields[key] = values
-    times = np.arange(N) * 1_000_000 // RATE
-    return table_of(name, fields, frame=np.arange(N) * 2, time_us=times, component=component)
+def signal(name: str, width: int, values: NDArray[np.float64] | float, servo: int, late: int) -> Signal:
+    """Return a stream of one output; of a pair of messages each comes every second time."""
+    pulses = np.full((N, width), np.nan)
+    pulses[:, servo - 1] = values
+    return Signal(1, name, name, 2 * np.arange(N) + late, np.arange(N) * 1_000_000 // RATE, pulses)
 
 
-def both(one: Table, other: Table) -> Table:
-    """Return two tables of one message as they come in turn."""
-    order = np.argsort(np.concatenate([one.frame, other.frame + 1]), kind="stable")
-    return Table.concatenate([one, other]).select(order)
-
-
-def mavlink() -> dict[str, Table]:
-    banks = []
-    for port, pulses in enumerate((np.full(N, 1100, dtype=np.uint16), PULSES)):
-        columns = {f"servo{n}_raw": pulses if n == 4 else np.zeros(N, dtype=np.uint16) for n in range(1, 17)}
-        times = (np.arange(N) * 1_000_000 // RATE).astype(np.uint32)
-        banks.append(
-            table("SERVO_OUTPUT_RAW", columns | {"port": np.full(N, port, np.uint8), "time_usec": times})
-        )
-    return {"SERVO_OUTPUT_RAW": both(*banks)}
-
-
-def ulog() -> dict[str, Table]:
-    outputs = np.zeros((N, 16), dtype=np.float32)
-    first, second = outputs.copy(), outputs.copy()
-    first[:, 3], second[:, 3] = 1100, PULSES
-    return {
-        "actuator_outputs": both(
-            table("actuator_outputs", {"output": first}, 0), table("actuator_outputs", {"output": second}, 1)
-        )
-    }
-
-
-def dataflash() -> dict[str, Table]:
-    first = table("RCOU", {f"C{n}": np.full(N, 1100, np.uint16) for n in range(1, 15)})
-    third = table("RCO3", {f"C{n}": PULSES if n == 20 else np.zeros(N, np.uint16) for n in range(19, 33)})
-    return {"RCOU": first, "RCO3": third}
-
-
-def demand(signals: list[Signal], servo: int) -> NDArray[np.float64]:
-    values = {f"SERVO{servo}_FUNCTION": 19.0, f"SERVO{servo}_MIN": 1000.0, f"SERVO{servo}_MAX": 2000.0}
-    parameters = Parameters(1, False, values | {f"SERVO{servo}_TRIM": 1500.0})
-    assert [output.servo for output in control_surfaces(parameters)] == [servo]
-    surfaces = present(of_parameters(parameters))
-    seconds = present(Grid(0).feed(signals, final=True))
+@pytest.mark.parametrize(("bank", "alone"), [("outputs_2", False), ("outputs_2", True), ("outputs_3", False)])
+def test_a_surface_on_output_20_is_followed(bank: str, alone: bool) -> None:
+    values = {"SERVO20_FUNCTION": 19.0, "SERVO20_MIN": 1000.0, "SERVO20_MAX": 2000.0, "SERVO20_TRIM": 1500.0}
+    surfaces = present(of_parameters(Parameters(1, False, values)))
+    moving = signal(bank, ALL_OUTPUTS, 1500 + 300 * np.sin(np.arange(N) / 20), 20, late=1)
+    first = [] if alone else [signal("outputs", OUTPUTS, 1100.0, 4, late=0)]
     flight = Flight(surfaces)
-    rows: list[Rows] = list(flight.feed(seconds))
+    rows = list(flight.feed(present(Grid(0).feed([*first, moving], final=True))))
     assert "outputs" in flight.heard
-    return np.concatenate([each.demand("pitch") for each in rows])
-
-
-@pytest.mark.parametrize("tables", [mavlink(), ulog(), dataflash()], ids=["mavlink", "ulog", "dataflash"])
-def test_a_surface_on_output_20_is_followed(tables: dict[str, Table]) -> None:
-    found = demand([*SignalReader().read(tables)], 20)
-    assert np.isfinite(found).sum() >= (SECONDS - 1) * RATE_HZ
-    assert np.nanmax(found) == pytest.approx(0.6, abs=0.02)
-    assert np.nanmin(found) == pytest.approx(-0.6, abs=0.02)
-    assert np.nanmax(np.abs(demand([*SignalReader().read(tables)], 4) + 0.8)) < 1e-6
-
-
-def test_outputs_of_the_second_message_alone_suffice() -> None:
-    tables = ulog()["actuator_outputs"]
-    alone = {"actuator_outputs": tables.select(tables.component == 1)}
-    assert np.isfinite(demand([*SignalReader().read(alone)], 20)).any()
+    demand = np.concatenate([each.demand("pitch") for each in rows])
+    assert np.isfinite(demand).sum() >= (SECONDS - 1) * RATE_HZ
+    assert (np.nanmin(demand), np.nanmax(demand)) == pytest.approx((-0.6, 0.6), abs=0.02)

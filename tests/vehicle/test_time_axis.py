@@ -124,14 +124,6 @@ def test_components_after_the_sixteenth_are_on_the_first_ones_clock() -> None:
     assert mapped[32:].tolist() == [3_000_000] * 4
 
 
-def test_one_damaged_time_stamp_starts_no_segment() -> None:
-    sent = array([10_000, 20_000, 2**41, 40_000])
-    mapped = follow(sent, 10**9 + array([0, 10_000, 20_000, 30_000]))
-    assert mapped.worth.tolist() == [SOUND, SOUND, BROKEN, SOUND]
-    assert mapped.time_us[3] == 10**9 + 30_000
-    assert not mapped.segment.any()
-
-
 def test_a_sender_that_runs_faster_or_slower_needs_no_second_segment() -> None:
     """The sender's clock is the flight's time, also where a simulator runs at a third of the real time."""
     for rate in (0.3, 1.25, 5.0):

@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 import warnings
 from dataclasses import dataclass
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,7 +17,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-import mavhums
 from mavhums.actuator.profile import Actuator, Ema
 from mavhums.core.quantities import KEYS, column
 from mavhums.health.actuator.detectors import detectors_for
@@ -26,13 +24,11 @@ from mavhums.health.actuator.detectors.electrical import contradicts
 from mavhums.health.decision.events import Indication
 from mavhums_sim.conditions import Condition
 from mavhums_sim.sensors import EscSide
-from tests.conftest import real_logs
 from tests.health.flown import SURFACES, Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
 from tests.present import present
 from tests.strategies import cuts
 
 Array = NDArray[np.float64]
-CSRV = Path(__file__).parents[3] / "examples" / "profiles" / "csrv.toml"
 BUS = actuator_of(esc_side="bus")
 DETECTORS = [detector.fault for detector in detectors_for(BUS)]
 
@@ -253,28 +249,6 @@ def test_a_profile_that_says_little_leaves_the_jam_alone() -> None:
     faults = [detector.fault for detector in detectors_for(open_limits)]
     assert "friction" not in faults
     assert {"jam", "torque_constant"} <= set(faults)
-
-
-REAL = [path for path in real_logs() if path.suffix == ".tlog"]
-
-
-@pytest.mark.slow
-def test_a_real_jam_alone_is_found_when_it_was() -> None:
-    """The jam that an aircraft's own servos reported; tests/engine/test_engine.py holds all real logs."""
-    if not REAL:
-        pytest.skip("the folder of real logs is absent (MAVHUMS_REAL_LOGS)")
-    path = next(path for path in REAL if path.name == "plane_lua_csrv.link1.tlog")
-    servos = mavhums.analyse(path, mavhums.Options(airframe=CSRV)).verdicts
-    for verdict in (v for v in servos if v.subject == "actuator"):
-        assert (verdict.condition, verdict.since) == ("undecided", None)
-        if verdict.actuator != "aileron_1":
-            assert (verdict.worst, verdict.evidence, verdict.suspects) == ("undecided", (), ())
-            continue
-        assert verdict.worst == "emergency"
-        (jam,) = [e for e in verdict.evidence if not e.rule.startswith("normal")]
-        assert jam.kind == "jam"
-        assert jam.start_s == pytest.approx(90.0, abs=3.0)
-        assert jam.end_s == pytest.approx(127.0, abs=5.0)
 
 
 @pytest.mark.parametrize(

@@ -12,21 +12,14 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from mavhums.core.conditions import Condition
-from mavhums.flights.compare import IndicatorComparison
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.actuator.indicator_tracker import IndicatorTracker, evidence_of, indicator_of, suspect_of
-from mavhums.health.decision.baseline import Baseline
-from mavhums.health.decision.conditions import IndicatorChange
-from mavhums.health.decision.events import ComparisonInput, IndicatorStep
 from mavhums.health.decision.limits import Estimates, Levels
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.least_squares import Fit
-from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.results.verdict import Evidence, Suspect
 from tests.present import present
 
 NOTHING: Mapping[str, Fit] = {}
-BASELINE = Baseline(mean=0.2, error=0.001, flights=10, between=0.002, spread=0.003)
 ERROR = 0.01
 
 
@@ -71,55 +64,19 @@ def one(value: float, error: float = ERROR, freedom: float = 9.0) -> Estimates:
     return Estimates(np.array([value]), np.array([error]), np.array([freedom]))
 
 
-class Followed(IndicatorTracker):
-    """A tracker, and the comparison with a baseline that its steps feed."""
-
-    def __init__(self, detector: Detector, baseline: Baseline | None, false_alarms: float) -> None:
-        super().__init__(detector, false_alarms=false_alarms)
-        self.comparison = IndicatorComparison(self.described, baseline, false_alarms)
-
-    @property
-    def condition(self) -> Condition:
-        return self.comparison.condition
-
-    def compare(
-        self, step: IndicatorStep, start_s: float, end_s: float, *, whole: bool = False
-    ) -> IndicatorChange | None:
-        event = ComparisonInput(1, "elevator", start_s, end_s, (step,), whole)
-        change = self.comparison.take(step, event)
-        if self.comparison.alarm is None:
-            # Without a shift the comparison changes nothing.
-            assert change == step.change
-        return change
-
-    def evidence(self) -> list[Evidence]:
-        return [*evidence_of(self), *self.comparison.evidence()]
-
-    def suspect(self) -> Suspect | None:
-        found = next(self.comparison.suspects(self.latest), None)
-        assert self.comparison.alarm is not None or found == suspect_of(self)
-        return found
-
-
-def tracker(
-    detector: Wear | None = None, baseline: Baseline | None = None, false_alarms: float = FALSE_ALARMS
-) -> Followed:
-    return Followed(detector or Wear(), baseline, false_alarms)
+def tracker(detector: Wear | None = None) -> IndicatorTracker:
+    return IndicatorTracker(detector or Wear(), false_alarms=FALSE_ALARMS)
 
 
 def follow(
-    followed: Followed, values: Sequence[float], start_s: float = 0.0, error: float = ERROR
+    followed: IndicatorTracker, values: Sequence[float], start_s: float = 0.0, error: float = ERROR
 ) -> list[Changed]:
     """Feed windows of 10 s that end a second after one another; return the changes."""
     array = np.array(values, dtype=float)
     end_s = start_s + 10.0 + np.arange(array.size, dtype=np.float64)
     estimates = Estimates(array, np.full(array.size, error), np.full(array.size, 9.0))
-    changes = []
-    for k, step in followed.feed(estimates, end_s).items():
-        end = float(end_s[k])
-        change = followed.compare(step, end - WINDOW_S, end)
-        changes += [Changed(k, *change)] if change else []
-    return changes
+    steps = followed.feed(estimates, end_s)
+    return [Changed(k, *step.change) for k, step in steps.items() if step.change]
 
 
 def changed(changes: Sequence[Changed]) -> list[tuple[int, Condition, float]]:
@@ -132,7 +89,7 @@ def test_a_tracker_decides_and_says_from_which_window_on_and_since_when() -> Non
     assert changed(changes) == [(0, "normal", 0.0), (30, "degraded", 35.0), (52, "emergency", 55.0)]
     assert changes[1].rule == "degraded: wear reliably above 0.5 mm, with ≤ 1 false alarm per 100 h"
     assert changes[2].rule == "emergency: interval of wear reaches 1 mm, with ≤ 1 false alarm per 100 h"
-    assert (followed.condition, followed.decision.since_s) == ("emergency", 55.0)
+    assert (followed.decision.condition, followed.decision.since_s) == ("emergency", 55.0)
 
 
 def test_a_tracker_reports_its_episodes_with_their_peaks_and_limits() -> None:
@@ -155,7 +112,7 @@ def test_of_other_faults_only_what_is_wrong_is_reported() -> None:
     assert found.value == pytest.approx(0.8)
     assert (found.kind, found.start_s, found.end_s, found.limit) == ("wear", 35.0, 65.0, 0.5)
     assert found.rule.startswith("degraded")
-    assert followed.condition == "normal"
+    assert followed.decision.condition == "normal"
 
 
 def test_two_sides_count_alike() -> None:
@@ -168,34 +125,6 @@ def test_two_sides_count_alike() -> None:
         assert evidence_of(followed)[0].value == pytest.approx(0.7)
     below = tracker(Wear())
     assert [change.condition for change in follow(below, [-0.7] * 30)] == ["normal"]
-
-
-def test_a_drift_degrades_what_the_limits_call_normal() -> None:
-    followed = tracker(baseline=BASELINE)
-    assert changed(follow(followed, [0.2] * 40)) == [(0, "normal", 0.0)]
-    (change,) = follow(followed, [0.3] * 60, 40.0)
-    assert change.condition == "degraded"
-    assert change.rule.startswith("degraded: wear +0.")
-    assert "from its own baseline of 0.2 mm over 10 flights" in change.rule
-    assert change.since_s == 40.0  # start of the first window that shows it
-    (found,) = followed.evidence()
-    assert (found.kind, found.limit) == ("wear_drift", 0.2)
-    assert found.value == pytest.approx(0.3, abs=0.05)
-    assert found.start_s == change.since_s
-    assert 80.0 <= found.end_s <= 110.0
-    suspect = present(followed.suspect())
-    assert suspect.confidence > 0.99
-
-
-def test_what_left_its_baseline_before_its_limit_has_been_degraded_since_then() -> None:
-    followed = tracker(baseline=BASELINE)
-    follow(followed, [0.2] * 40)
-    (drifted,) = follow(followed, [0.3] * 60, 40.0)
-    assert follow(followed, [0.7] * 60, 100.0) == []
-    assert (followed.condition, drifted.since_s) == ("degraded", 40.0)
-    assert {e.kind for e in followed.evidence()} == {"wear", "wear_drift"}
-    (worse,) = follow(followed, [1.2] * 60, 160.0)
-    assert (worse.condition, worse.since_s) == ("emergency", 165.0)
 
 
 def test_each_second_is_counted_once_in_the_scatter() -> None:
@@ -240,10 +169,9 @@ def test_what_the_whole_flight_shows_ends_no_episode_of_its_windows() -> None:
         st.tuples(st.sampled_from([np.nan, 0.2, 0.52, 0.7, 1.2]), st.integers(1, 40)), min_size=1, max_size=12
     ),
     whole=st.sampled_from([np.nan, 0.2, 0.7, 1.2]),
-    drifts=st.booleans(),
 )
-def test_no_evidence_ends_before_it_begins(runs: list[tuple[float, int]], whole: float, drifts: bool) -> None:
-    followed = tracker(Friction(whole=one(whole)), BASELINE if drifts else None)
+def test_no_evidence_ends_before_it_begins(runs: list[tuple[float, int]], whole: float) -> None:
+    followed = tracker(Friction(whole=one(whole)))
     values = [value for value, count in runs for _ in range(count)]
     end_s = 10.0 + len(values)
     follow(followed, values)

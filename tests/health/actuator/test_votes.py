@@ -55,17 +55,6 @@ def test_samples_inside_the_envelope_vote_by_direction() -> None:
     assert count_votes([Threshold()], values, [0, 5], RATIO).tolist() == [row(0, 5, (2, 2), (2, 1))]
 
 
-def test_each_slot_is_counted_alone() -> None:
-    values = samples([2.0, 0.5, 2.0, 2.0])
-    assert count_votes([Threshold()], values, [0, 1, 1, 4], RATIO).tolist() == [
-        row(0, 1, (0, 1), (0, 1)),
-        row(-1, 0, (0, 0), (0, 0)),
-        row(0, 3, (0, 3), (0, 2)),
-    ]
-    assert count_votes([], values, [0, 4], RATIO).tolist() == [row(-1, 4, (0, 0), (0, 0))]
-    assert count_votes([Threshold()], values[:0], [0], RATIO).shape == (0, 6)
-
-
 @given(
     st.lists(st.sampled_from([0.5, 2.0, -1.0, np.nan]), max_size=30),
     st.lists(st.integers(0, 30), max_size=4),
@@ -129,13 +118,6 @@ def test_where_the_telemetry_changes_the_network_with_most_votes_decides() -> No
     few, many = row(0, 40, (20, 20), (20, 20)), row(1, 60, (30, 30), (0, 15))
     assert outcome(networks, window(few, many)) == by_votes(0.25, 1)
     assert outcome(networks, window(few, row(1, 40, (20, 20), (0, 0)))) == by_votes(1.0, 0)
-
-
-@pytest.mark.parametrize("bounds", [[0, 2], [0, 1, 2]])
-def test_standing_still_asks_nobody(bounds: list[int]) -> None:
-    counts = count_votes([Threshold()], samples([])[:0], [0] * len(bounds), RATIO)
-    assert (counts[:, 0] == -1).all()
-    assert outcome([Threshold()], counts) is None
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.special import logsumexp
-from scipy.stats import norm
 
 from mavhums.health.axis.evidence import LossTest
 from mavhums.results.verdict import AxisLimits
@@ -35,33 +33,6 @@ def alarm_s(sums: np.ndarray, limits: AxisLimits | None = None, most_s: int = 30
     """Return after how many such seconds a fault is certain; ``most_s`` if it is not."""
     test = LossTest(REFERENCE, limits or AxisLimits())
     return next((k for k in range(1, most_s) if test.feed(k, sums)), most_s), test
-
-
-@pytest.mark.parametrize("constant", [False, True])
-@pytest.mark.parametrize("noise", [0.0, 0.16])
-def test_a_second_weighs_losses_by_their_likelihood(noise: float, constant: bool) -> None:
-    """Its score is normal about the gain's, with the variance of noise and trim.
-
-    The gain is normal about the reference's. Gusts hide the root of what is unexplained beyond the share of
-    the reference, 0.1.
-    """
-    drive2 = 0.05
-    hidden = np.sqrt(noise - 0.1) if noise else 0.0
-    rows = RATE_HZ if constant else 0.0
-    trim = 0.013**2 * rows * GAIN**2
-    deviation = np.sqrt((max(0.01, 0.4 * noise * GAIN**2 * drive2) + trim) * drive2)
-    for kept in (1.0, 0.9, 0.5):
-        test = LossTest(REFERENCE, AxisLimits(lag_s=2.0))
-        test.feed(1, second(kept, noise=noise, constant=constant))
-        losses, gains = np.linspace(0.25, 1.0, 6), 1.0 + REFERENCE.error * np.arange(-3, 4)[:, None]
-        known = norm.pdf(np.arange(-3, 4))[:, None]
-        score, healthy = kept * GAIN * drive2, np.clip(kept, gains * (1.0 - hidden), gains)
-        likely = (
-            logsumexp(norm.logpdf(score, means * GAIN * drive2, deviation), b=known / known.sum(), axis=0)
-            for means in (gains * (1.0 - losses), healthy)
-        )
-        ratios = np.subtract(*likely)
-        assert test.evidence == pytest.approx(logsumexp(ratios) - np.log(len(losses)))
 
 
 @pytest.mark.parametrize(

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from mavhums.core.conditions import Condition
-from mavhums.health.axis.detectors import Alarm, AxisInput
+from mavhums.health.axis.detectors import Alarm
 from mavhums.health.axis.monitor import _MOST_EPISODES, AxisMonitor, _AxisState
 from mavhums.vehicle.grid import RATE_HZ
-from tests.health.axis.flights import changes_of, rows, steady
+from tests.health.axis.flights import rows, steady
 
 MASKED_S = 20
 
@@ -83,63 +82,3 @@ def test_a_second_at_less_than_half_the_speed_of_flight_shows_a_take_off(
         reference = SimpleNamespace(basis=SimpleNamespace(speed=float(flown.speed[4 * RATE_HZ])))
         monkeypatch.setattr(monitor._gains["roll"], "reference", reference)
         assert (monitor.well("roll") == "normal") is known
-
-
-class Told:
-    """A detector of alarms that are given."""
-
-    def __init__(self, alarms: list[Alarm]) -> None:
-        self._alarms = alarms
-
-    def feed(self, seen: AxisInput) -> list[Alarm]:
-        first, last = seen.rows.second, seen.rows.second + seen.rows.seconds
-        return [one for one in self._alarms if first < one.end_s <= last]
-
-
-def about(axis: str, end_s: int, fault: str = "hard_over", **how: Any) -> Alarm:
-    return alarm(end_s, fault, **how)._replace(axis=axis)
-
-
-def told(
-    alarms: list[Alarm], skids: list[Alarm]
-) -> tuple[list[tuple[str, float, float, str, str]], list[int]]:
-    """Return the changes that alarms make of a flight without a reference, and where a mixed pair begins."""
-    monitor: Any = AxisMonitor(1)
-    begun: list[int] = []
-    monitor._detectors, monitor._skids = [Told(alarms)], Told(skids)
-    monitor._pair.begin = begun.append
-    monitor._responses = {}
-    for gain in monitor._gains.values():
-        gain.feed = lambda rows: []
-    changes = changes_of(monitor, rows(steady(100)))
-    return [(one.actuator, one.time_s, one.since_s, one.after, one.fault) for one in changes], begun
-
-
-def test_a_skid_counts_soon_after_the_aircraft_went_astray_and_hides_what_follows() -> None:
-    last = 50 + MASKED_S
-    for fault, axis, end_s, counts in (
-        ("tracking", "pitch", last, True),
-        ("hard_over", "roll", last, True),
-        ("tracking", "pitch", last + 1, False),
-        ("effectiveness", "roll", 51, False),
-    ):
-        found, _ = told([about(axis, 50, fault)], [about("yaw", end_s)])
-        assert [one[:2] for one in found] == [(axis, 50.0)] + [("yaw", float(end_s))] * counts
-    for end_s, counts in ((60 + MASKED_S, False), (61 + MASKED_S, True)):
-        found, _ = told([about("pitch", 50), about("roll", end_s)], [about("yaw", 60)])
-        assert [one[:2] for one in found] == [("pitch", 50.0), ("yaw", 60.0)] + [
-            ("roll", float(end_s))
-        ] * counts
-
-
-def test_a_graver_finding_keeps_the_earlier_onset_and_a_milder_one_changes_nothing() -> None:
-    mild, grave = about("roll", 50, "slow", since_s=48), about("roll", 60, condition="emergency", since_s=55)
-    first = ("roll", 50.0, 48.0, "degraded", "slow")
-    for since_s, shown_s in ((55, 48.0), (40, 40.0)):
-        found, begun = told([mild, grave._replace(since_s=since_s)], [])
-        assert found == [first, ("roll", 60.0, shown_s, "emergency", "hard_over")]
-        assert begun == [48]
-    found, _ = told([grave, mild._replace(end_s=70), mild._replace(end_s=60)], [])
-    assert found == [("roll", 60.0, 55.0, "emergency", "hard_over")]
-    # A pair begins with the first axis that loses effect.
-    assert told([mild, about("pitch", 60, since_s=57)], [])[1] == [48]

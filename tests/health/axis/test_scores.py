@@ -8,30 +8,10 @@ import numpy as np
 import pytest
 
 from mavhums.health.axis.effectiveness import EffectivenessTracker
-from mavhums.health.axis.reference import Scores, constants, least_squares, without_blocks
-from mavhums.health.axis.regressions import FORMS, Columns, Lag, Shape
-from mavhums.vehicle.grid import RATE_HZ
-from tests.health.axis.flights import excited, rows, steady, without_level
+from mavhums.health.axis.reference import constants, least_squares, without_blocks
+from mavhums.health.axis.regressions import FORMS, Lag, Shape
+from tests.health.axis.flights import excited, rows, steady
 from tests.present import present
-
-
-def test_sums_are_of_usable_rows_without_the_nuisances() -> None:
-    rng = np.random.default_rng(1)
-    drive, answer, others = rng.normal(size=40), rng.normal(size=40), rng.normal(size=(40, 2))
-    good = rng.random(40) > 0.3
-    scores = Scores(np.array([0.5, -2.0]), 2.0)
-    sums = scores.feed(Columns(drive, others, answer, good))
-    left = answer - others @ [0.5, -2.0]
-    quick_drive, quick_left = (without_level(one, good, 2.0) for one in (drive, left))
-    for second in range(2):
-        at = np.flatnonzero(good[second * RATE_HZ : (second + 1) * RATE_HZ]) + second * RATE_HZ
-        d, y = quick_drive[at], quick_left[at]
-        names = ("drive2", "cross", "answer2", "drive", "driven", "raw")
-        found = [float(getattr(sums, name)[second]) for name in names]
-        expected = [d @ d, d @ y, y @ y, d.sum(), drive[at].sum(), left[at].sum()]
-        assert found == pytest.approx(expected)
-        assert sums.columns[second] == pytest.approx([drive[at].sum(), *others[at].sum(axis=0)])
-        assert sums.count[second] == len(d)
 
 
 @pytest.mark.parametrize(("axis", "column"), [("roll", 0), ("steering", 2)])

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from mavhums.health.decision.limits import Estimates, PooledErrors
 from mavhums.health.estimation.random_effects import RunningVariance
-from tests.strategies import cuts
 
 Array = NDArray[np.float64]
 errors = st.lists(st.one_of(st.floats(1e-3, 10.0), st.just(np.nan)), min_size=1, max_size=60)
@@ -18,19 +17,6 @@ errors = st.lists(st.one_of(st.floats(1e-3, 10.0), st.just(np.nan)), min_size=1,
 
 def estimates(error: Array) -> Estimates:
     return Estimates(np.where(np.isnan(error), np.nan, 1.0), error, np.full(error.size, 9.0))
-
-
-@given(errors, st.data())
-def test_where_blocks_end_does_not_matter(error: list[float], data: st.DataObject) -> None:
-    whole = np.array(error)
-    expected = PooledErrors().feed(estimates(whole))
-    places = data.draw(cuts(whole.size))
-    pooled = PooledErrors()
-    parts = [pooled.feed(estimates(part)) for part in np.split(whole, places)]
-    for name in ("error", "freedom"):
-        found = np.concatenate([getattr(part, name) for part in parts])
-        shown = np.isfinite(whole)
-        assert np.array_equal(found[shown], getattr(expected, name)[shown])
 
 
 @given(errors)

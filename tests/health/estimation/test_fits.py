@@ -9,18 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from numpy.typing import NDArray
 
 from mavhums.health.estimation.equations import Fits
-from mavhums.health.estimation.equations.data_sheet import _torque_prior
-from mavhums.health.estimation.equations.interface import load_friction_prior
 from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from tests.health.flown import actuator_of, flown, telemetry
 from tests.present import present
-from tests.strategies import cuts
 
 Array = NDArray[np.float64]
 NAMES = ("torque", "voltage", "gear")
@@ -105,18 +101,6 @@ def test_a_window_is_its_ten_slots_and_the_flight_all_of_them(by_slots: Fed, nam
     assert first == pytest.approx(joined(by_slots.sofar[name], "coefficients")[9], rel=1e-6)
 
 
-@given(cuts(2500))
-@settings(max_examples=8, deadline=None)
-def test_where_blocks_end_does_not_matter(places: list[int]) -> None:
-    one, other = fed(places), fed([])
-    for name in NAMES:
-        for part in ("windows", "sofar"):
-            for attribute in ("count", "coefficients", "errors"):
-                found, expected = (joined(getattr(f, part)[name], attribute) for f in (one, other))
-                assert found == pytest.approx(expected, rel=1e-6, abs=1e-9)
-        assert one.whole[name][-1].errors == pytest.approx(other.whole[name][-1].errors, rel=1e-6)
-
-
 def test_a_fit_of_the_whole_flight_stays_what_it_was() -> None:
     actuator, seen = actuator_of(), telemetry(flown(rate_hz=25.0, seconds=40.0))
     cutter, fits = SlotCutter(), Fits(actuator, ("torque",))
@@ -127,18 +111,3 @@ def test_a_fit_of_the_whole_flight_stays_what_it_was() -> None:
             whole, before = fits.whole()["torque"], fits.whole()["torque"].count.copy()
     assert np.array_equal(whole.count, before)
     assert fits.whole()["torque"].count > before
-
-
-def test_a_data_sheets_uncertainty_is_two_standard_deviations_of_the_prior() -> None:
-    actuator = actuator_of()
-    ema = actuator.known_ema().model_copy(update={"load_friction": 0.1, "load_friction_uncertainty": 0.04})
-    prior = _torque_prior(actuator.model_copy(update={"ema": ema}))
-    inertia = actuator.inertia_output
-    assert prior.mean.tolist() == [0.0, inertia, 0.0, ema.viscous, 0.0, 0.1]
-    half = [inertia * ema.inertia_uncertainty / 2, ema.viscous_uncertainty / 2, 0.02]
-    assert prior.deviation[[1, 3, 5]].tolist() == half
-    assert np.isinf(prior.deviation[[0, 2, 4]]).all(), "friction, offset and load are what is sought"
-    for mu in (None, 0.0):
-        mean, deviation = load_friction_prior(ema.model_copy(update={"load_friction": mu}))
-        assert mean == (0.0 if mu == 0.0 else 0.25)
-        assert deviation == (np.inf if mu == 0.0 else 0.5 / 12**0.5)

@@ -12,9 +12,6 @@ from mavhums.health.estimation.least_squares import packed
 from mavhums.health.estimation.wear import (
     Law,
     Nuisances,
-    _friction,
-    _law,
-    _power_grams,
     information,
     learned,
     load_direction,
@@ -24,39 +21,6 @@ from mavhums.health.estimation.wear import (
 )
 from mavhums.results.verdict import OwnRecord
 from tests.present import present
-
-
-@pytest.mark.parametrize("alike", [0.0, 0.5, 0.95])
-@pytest.mark.parametrize("unit", [1.0, 1e3])
-@pytest.mark.parametrize(("errors", "shows"), [(1.03, True), (0.97, False), (-1.03, True), (-0.97, False)])
-def test_a_law_needs_a_load_that_shows_beyond_its_error(
-    alike: float, unit: float, errors: float, shows: bool
-) -> None:
-    """The sums have unit variance; the load's column resembles another one, in any unit."""
-    rng = np.random.default_rng(2)
-    columns = rng.standard_normal((60, POWER_COLUMNS))
-    load, other = QUADRATIC.index(9), QUADRATIC.index(8)
-    design = columns[:, list(QUADRATIC)]
-    design[:, load] = unit * ((1 - alike) * design[:, load] + alike * design[:, other])
-    true = np.linspace(0.5, 1.5, len(QUADRATIC))
-    error = np.linalg.inv(design.T @ design)[load, load] ** 0.5
-    true[load] = errors * 5.0 * error
-    columns[:, list(QUADRATIC)], columns[:, -1] = design, design @ true
-    law = _law(columns.T @ columns, 0.3)
-    assert (law is not None) == shows
-    if law is not None:
-        np.testing.assert_allclose(law.quadratic, true, rtol=1e-6)
-        assert law.friction == 0.3
-
-
-def test_columns_that_a_flight_moves_alike_share_their_coefficient() -> None:
-    rng = np.random.default_rng(2)
-    columns = rng.standard_normal((200, POWER_COLUMNS))
-    one, other = QUADRATIC[:2]
-    columns[:, other] = columns[:, one] + 1e-6 * columns[:, other]
-    columns[:, -1] += 10.0 * columns[:, list(QUADRATIC)].sum(axis=1)
-    law = present(_law(columns.T @ columns, 0.3))
-    assert law.quadratic == pytest.approx(10.0, abs=0.5)
 
 
 def strokes(*rows: tuple[float, float], equation: str = ROUGHNESS.name) -> OwnRecord:
@@ -122,29 +86,6 @@ def test_a_flight_needs_four_parts_and_forty_samples(
     for length, count, enough in ((4, 20.0, True), (4, 19.9, False), (5, 20.0, True), (3, 40.0, False)):
         many = parts(*[power] * length, counts=count).model_copy(update={"equation": POWER.name})
         assert shows(many) == enough
-
-
-def test_a_flight_teaches_by_the_inverse_variance_of_its_residuals() -> None:
-    """Two flights disagree about the drag; each counts by its degrees of freedom over its residual."""
-    flights = [(1, 0.3, 0.1), (2, 0.5, 0.4)]
-    grams = [
-        [gram_of(50, 10 * seed + k, 0.2, noise, drag) for k in range(4)] for seed, drag, noise in flights
-    ]
-    found = learned([parts(*one, counts=50.0, airspeed="no airspeed") for one in grams])
-    normal, right = np.zeros((2, 2)), np.zeros(2)
-    for one in grams:
-        # The sign is free in each flight, and the angle, which "no airspeed" leaves free as well.
-        rest = np.linalg.inv(np.sum(one, axis=0)[np.ix_([0, 1, 2, 4, 6], [0, 1, 2, 4, 6])])
-        covariance = np.linalg.inv(rest[np.ix_([1, 2, 4], [1, 2, 4])])
-        held = covariance[:2, :2]
-        residual = covariance[2, 2] - covariance[:2, 2] @ np.linalg.solve(held, covariance[:2, 2])
-        weight = (200.0 - 4 - 2 - 1) / residual
-        normal, right = normal + weight * held, right + weight * covariance[:2, 2]
-    assert isinstance(found, Nuisances)
-    assert [found.held[KEPT.index(name)] for name in ("speed", "acceleration")] == pytest.approx(
-        np.linalg.solve(normal, right), rel=1e-6
-    )
-    assert found.free == (KEPT.index("angle"),)
 
 
 @pytest.mark.parametrize(("seed", "larger"), [(0, "jackknife"), (1, "independent")])
@@ -248,37 +189,6 @@ def powered(seed: int, frictions: tuple[float, ...], noise: float = 0.1) -> OwnR
         X[:, -1] = noise * X[:, -1] + X[:, :-1] @ (friction * LAW.per_friction - LAW.left)[:-1]
         grams.append(X.T @ X)
     return parts(*grams, counts=60.0).model_copy(update={"equation": POWER.name})
-
-
-@pytest.mark.parametrize(("apart", "larger"), [(0.0, "independent"), (0.1, "jackknife")])
-def test_the_error_of_the_powers_friction_is_the_larger_of_two(apart: float, larger: str) -> None:
-    """That of its residuals, and that by which it differs without one part."""
-    record = powered(3, (0.3 - apart, 0.3 + apart, 0.3 - apart, 0.3 + apart))
-    found = wear(record, LAW)
-    fit = _friction(*_power_grams(record), LAW)
-    assert found is not None
-    assert fit is not None
-    size, pull = fit.weights * fit.information, fit.weights * fit.pull
-    others = np.array([np.delete(pull, k).sum() / np.delete(size, k).sum() for k in range(4)])
-    errors = {
-        "jackknife": (3 / 4 * ((others - others.mean()) ** 2).sum()) ** 0.5,
-        # Each part has an offset of its own, and a weight.
-        "independent": (240.0 / (240.0 - 2 * 4 - 1) / size.sum()) ** 0.5,
-    }
-    assert max(errors, key=errors.__getitem__) == larger
-    assert (found.value, found.error) == pytest.approx((pull.sum() / size.sum(), errors[larger]))
-    assert found.value == pytest.approx(0.3, abs=4 * found.error)
-    assert found.freedom == pytest.approx(size.sum() ** 2 / (size**2).sum() - 1.0)
-
-
-def test_the_parts_of_the_power_count_by_the_inverse_variance_of_their_residuals() -> None:
-    calm, rough = powered(1, (0.3, 0.3)), powered(2, (0.6, 0.6), noise=1.0)
-    both = calm.model_copy(update={"groups": calm.groups + rough.groups})
-    fit = present(_friction(*_power_grams(both), LAW))
-    assert fit.weights[:2].min() > 20.0 * fit.weights[2:].max()
-    longer = both.model_copy(update={"groups": tuple((2 * row[0], *row[1:]) for row in both.groups)})
-    twice = present(_friction(*_power_grams(longer), LAW))
-    assert twice.weights == pytest.approx(2.0 * fit.weights)
 
 
 def test_the_power_of_one_part_alone_has_no_error() -> None:

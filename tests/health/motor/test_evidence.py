@@ -9,7 +9,7 @@ import pytest
 
 from mavhums.core.arrays import Array
 from mavhums.health.motor import evidence as e
-from mavhums.health.motor.hypotheses import hypotheses_of, of_health, of_losses
+from mavhums.health.motor.hypotheses import hypotheses_of
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.motor.test_hypotheses import QUAD
 
@@ -133,25 +133,6 @@ def test_the_trim_is_the_mean_of_the_effort_after_the_take_off() -> None:
     assert craft.state.now == pytest.approx([*np.mean(rows, axis=0), HOVER, *last])
     assert craft.state.trim[craft.count(0) % 64] == pytest.approx(np.mean(rows, axis=0))
     assert craft.state.effort[craft.count(0) % 64] == pytest.approx(half * np.ones(3) + np.sum(rows, axis=0))
-
-
-@pytest.mark.parametrize("spacing", [1.0, 10.0])
-def test_a_row_adds_its_likelihoods_to_the_evidence(spacing: float) -> None:
-    """The rows that gusts or a slow output correlate say as much as one."""
-    effort, craft = np.array([0.05, -0.03, 0.02]), flown(SETTLED)
-    craft.fly(2, effort=HOVER * effort)
-    state = craft.state
-    before, air = state.values.copy(), state.air.copy()
-    worth = 3.0 + state.weight[0]
-    noise = np.diag(3.0 / worth * NOISE_SD**2) * max(5.0, spacing)
-    craft.fly(1, effort=HOVER * effort, spacing=spacing)
-    precision = np.linalg.inv(noise).astype(np.float64)
-    ratios = np.empty_like(before)
-    asked = (1.0 + effort @ np.linalg.pinv(QUAD)).copy()
-    of_losses(effort, asked, precision, QUAD, craft.hypotheses, ratios)
-    ratios -= of_health(effort, precision, craft.rules.air_change, craft.hypotheses, air)
-    assert state.values == pytest.approx(np.logaddexp(0.0, before) + ratios, abs=1e-4)
-    assert state.air == pytest.approx(air, abs=1e-6)
 
 
 def test_a_loss_is_named_with_its_share_and_its_onset_and_forgotten_on_the_ground() -> None:

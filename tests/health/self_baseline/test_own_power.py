@@ -109,13 +109,6 @@ def test_more_friction_is_a_change_whatever_the_bridge_does(burns: bool) -> None
     assert present(found.change).estimate == pytest.approx(1.3 * same.least_rise, abs=0.12 if burns else 0.06)
 
 
-def test_the_record_does_not_depend_on_the_blocks() -> None:
-    flight = flown(70)
-    whole = collected(collector(POWER, at_bus()), flight)
-    pieces = collected(collector(POWER, at_bus()), flight, (17, 400, 401, 1200, 2222))
-    assert whole == pieces
-
-
 def test_a_long_flight_leaves_as_little_and_shows_the_same_friction() -> None:
     long = left(71, seconds=900.0, rate_hz=25.0, noise_w=0.1)
     assert len(long.groups) <= 17  # sixteen, and the open window

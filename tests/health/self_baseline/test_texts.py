@@ -9,7 +9,7 @@ import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.health.estimation.equations.interface import OwnEquation
-from mavhums.health.estimation.equations.own_scale import CURRENT, RIPPLE, ROUGHNESS, TRACKING, TWO_WAYS
+from mavhums.health.estimation.equations.own_scale import CURRENT, RIPPLE, ROUGHNESS, TWO_WAYS
 from mavhums.health.self_baseline import verdict as judged
 from mavhums.health.self_baseline.comparison import Comparison
 from mavhums.results.verdict import Interval, OwnRecord, Verdict
@@ -74,14 +74,3 @@ def test_strokes_stand_beside_the_equation_and_can_only_add_a_change(
     # What no longer shows itself leaves nothing of the comparison before.
     again = compared(monkeypatch, dict.fromkeys(found, replace(STILL, value=None)), verdict)
     assert (again.indicators, again.evidence, again.suspects) == ((), (), ())
-
-
-def test_where_no_equation_shows_anything_the_most_informative_one_says_so(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    for names, told in (((TRACKING, CURRENT), LIKE), ((TRACKING,), RISEN)):
-        found = {one.name: LIKE if one == CURRENT else RISEN for one in names}
-        assert compared(monkeypatch, found).condition == told.condition
-    # Of those that show something the first; the current's record is empty here.
-    monkeypatch.setattr(judged, "shows", lambda record: record.equation == TRACKING.name)
-    assert compared(monkeypatch, {CURRENT.name: LIKE, TRACKING.name: RISEN}).condition == "changed"

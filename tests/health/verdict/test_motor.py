@@ -8,21 +8,19 @@ from math import exp
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.motor.heating import HEATING
-from mavhums.health.motor.monitor import TRIM, TRIM_YAW, Loss, MotorFindings, Trims, condition_of
+from mavhums.health.motor.monitor import TRIM, TRIM_YAW, Loss, MotorFindings
 from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Coverage, Indicator, Interval, Verdict
-from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rotors import Rotors
-from tests.health.motor.test_past import COLUMNS, QUAD
+from tests.health.motor.test_past import QUAD
 from tests.present import present
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
@@ -87,11 +85,6 @@ def test_a_loss_is_one_verdict_on_its_motor() -> None:
         assert (coverage.moving_fraction, coverage.windows, coverage.decidable) == covered
 
 
-@pytest.mark.parametrize(("share", "condition"), [(0.499, "degraded"), (0.5, "emergency")])
-def test_half_of_the_thrust_is_an_emergency(share: float, condition: Condition) -> None:
-    assert condition_of(Interval(estimate=share, low=0.1, high=0.9)) == condition
-
-
 @pytest.mark.parametrize(
     ("bound", "condition", "code"),
     [
@@ -133,35 +126,6 @@ def indicator(fault: str, value: float) -> Indicator:
     return Indicator(
         fault=fault, quantity="", unit="1", value=Interval(estimate=value, low=value, high=value), windows=9
     )
-
-
-def test_a_trim_is_the_mean_of_blocks_along_the_column_of_the_motor() -> None:
-    """Ten seconds a block; along the column the effort that varies least between flights weighs most."""
-    trims, rng = Trims(COLUMNS), np.random.default_rng(1)
-    efforts = []
-    for _ in range(4):
-        thrusts = 0.4 + rng.normal(0.0, 0.02, (10 * RATE_HZ, 4))
-        flown = np.ones(len(thrusts), dtype=bool)
-        trims.add(thrusts, flown)
-        asked = thrusts.mean(axis=0)
-        efforts.append(asked @ COLUMNS / asked.mean())
-        if len(efforts) == 2:
-            assert trims.of_motor(0) == ()
-            flown[RATE_HZ - 1 :: RATE_HZ] = False
-            trims.add(thrusts, flown)  # no second of it is flown upright throughout
-        assert (len(trims.of_motor(0)) == 2) is (len(efforts) >= 3)
-    for motor, column in enumerate(COLUMNS):
-        weights = column / np.array([0.03, 0.05, 0.012]) ** 2
-        weights /= weights @ column
-        whole, turns = trims.of_motor(motor)
-        yaw = np.array(efforts)[:, 2] * np.sign(column[2])
-        for shown, along in ((whole, np.array(efforts) @ weights), (turns, yaw)):
-            assert shown.value.estimate == pytest.approx(along.mean(), abs=1e-5)
-            assert shown.windows == 4
-        deviation = (weights**2 @ np.array(efforts).var(axis=0, ddof=1)) ** 0.5
-        assert whole.scatter == pytest.approx(deviation, abs=1e-5)
-        assert whole.value.high - whole.value.estimate == pytest.approx(1.96 * deviation / 2.0, abs=2e-5)
-        assert whole.value.estimate - whole.value.low == pytest.approx(1.96 * deviation / 2.0, abs=2e-5)
 
 
 FLIGHTS = 5
@@ -245,10 +209,3 @@ def test_each_vehicle_is_held_against_its_own_flights() -> None:
     assert worn == [(2, "motor 1")]
     assert found[:5] == both[:5]
     assert found[-1] == both[-1]
-
-
-def test_a_loss_in_flight_keeps_its_verdict() -> None:
-    found = compared([0.4, 0.0, 0.0, 0.0], condition="degraded")
-    assert [one.evidence for one in found] == [()] * 4
-    assert found[0].reason == "as it was"
-    assert compare_motors(found, lambda _: {}, start_utc=START, end_s=9.0) == found

@@ -93,17 +93,6 @@ def test_why_no_axis_is_judged(changes: dict[str, Any], kind: str | None, code: 
     assert codes(*why(kind, **changes)) == [code] * bool(code)
 
 
-def test_a_vehicle_is_named_by_all_its_kinds_and_a_flight_by_what_stopped_it() -> None:
-    [both] = why(kinds={COPTER, 14, STATION})
-    assert both.text.startswith("a quadrotor and an octorotor: ")
-    lasted = {"armed": 9.0, "fast": 7.0, "slow": 1.0, "mode": 4.0, "lift": 0.9}
-    [stopped] = why(flown_s=0, lasted=lasted)
-    assert stopped.text.endswith(
-        "of 7 s above 8 m/s (fastest 20 m/s), in 4 s it was in a hovering mode, in 1 s its ground speed was "
-        "below 5 m/s"
-    )
-
-
 def test_messages_that_are_there_are_not_asked_for() -> None:
     silent, neither = {"heard": HEARD - {"outputs"}}, {"heard": HEARD - {"outputs", "attitude"}}
     there = {"SERVO_OUTPUT_RAW": Received(1200, 3, 0)}
@@ -231,18 +220,6 @@ def test_each_requirement_that_an_axis_does_not_meet_is_told(
     assert (code in codes(*undecided(findings(axis, **shown), surfaces, **flown))) is told
 
 
-def test_the_binding_reason_stands_first_with_its_figures() -> None:
-    short, unknown = undecided(findings(), None, flown_s=44)
-    assert short.text == "44 s of forward flight, 45 are needed for a reference and 30 to judge"
-    assert unknown.text.endswith("44 s of forward flight are too short to learn it")
-    [driven] = undecided(findings("steering", **SHORT), STEERS, flown_s=44)
-    assert driven.remedy == "choose a log with 75 s or more of driving forward, with turns"
-    both, *_ = undecided(findings(), rates={"outputs": 2.0, "rates": 1.5})
-    assert both.text.startswith("the servo outputs come 2.0 and the rates come 1.5 times a second, 3 are")
-    late = {"A": Received(70, 30, 0)}
-    assert codes(*why_undecided(findings(), KNOWN, flight(), late))[-1] == "out_of_order"
-
-
 @given(short=st.floats(1e-5, 1.0))
 @example(short=0.004)
 @example(short=0.05)
@@ -267,26 +244,6 @@ def test_the_numbers_of_a_reason_show_that_it_is_one(short: float) -> None:
     fast = {**driven, "lasted": {"fast": 3 * short}, "fastest": 0.5 + 4.3 * short}
     [above, fastest] = map(float, re.findall(r"([\d.]+) m/s", why(**fast)[0].text))
     assert fastest > above == 0.5
-
-
-@pytest.mark.parametrize(
-    ("axis", "explained", "error", "expected", "remedy"),
-    [
-        ("roll", EXPLAINED, 0.08, [], ""),
-        ("roll", 0.25, 0.05, ["unexplained"], "fly more turns and climbs in the first three minutes"),
-        ("pitch", 0.25, 0.15, ["unexplained", "effect_uncertain"], "fly more turns and climbs"),
-        ("roll", EXPLAINED, 0.15, ["effect_uncertain"], "fly more turns and climbs"),
-        ("yaw", 0.25, 0.15, ["rudder_unexplained", "effect_uncertain"], "pulse the rudder alone"),
-        ("steering", 0.25, 0.05, ["steering_unexplained"], "check on the ground that the steering"),
-    ],
-)
-def test_seconds_that_make_no_reference(
-    axis: str, explained: float, error: float, expected: list[str], remedy: str
-) -> None:
-    one = findings(axis, best=reference(explained, error))
-    found = undecided(one, STEERS if axis == "steering" else KNOWN)
-    assert codes(*found) == expected
-    assert all(each.remedy.startswith(remedy) for each in found)
 
 
 def test_a_reference_without_a_verdict() -> None:

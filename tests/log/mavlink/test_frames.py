@@ -245,13 +245,6 @@ def test_out_of_step_no_padding_is_tried() -> None:
     assert len(agree(beat + trimmed_after_crc(6) + b"\0" + beat).frames) == 2
 
 
-def test_wanted_messages_alone_are_unpacked_but_all_are_counted() -> None:
-    decoder = Decoder({"ATTITUDE"})
-    assert decoder.feed(heartbeats([START_US, START_US + 1]), final=True) == {}
-    assert decoder.counts == {(1, 1, "HEARTBEAT"): 2}
-    assert (decoder.first_time_us, decoder.last_time_us) == (START_US, START_US + 1)
-
-
 def test_a_longer_payload_than_the_dialect_knows_is_cut() -> None:
     """A newer dialect may have appended an extension; MAVLink says to ignore what one does not know."""
     payload = bytes(range(1, 30))
