@@ -14,7 +14,6 @@ from mavhums.core.conditions import Condition
 from mavhums.health.verdict.actuator import (
     BaselineFindings,
     against_baseline,
-    crowded_out,
     verdict_of_actuator,
 )
 from mavhums.results.reasons import Reason
@@ -131,10 +130,3 @@ def test_its_own_baseline_replaces_what_the_flight_alone_showed(
     assert [one.baseline for one in found.indicators] == [
         Interval(estimate=0.098765, low=0.087654, high=0.10988), None,
     ]  # fmt: skip
-
-
-def test_a_vehicle_beyond_the_most_that_are_judged_says_how_many_these_are() -> None:
-    found = crowded_out(9, None, 8)
-    assert (found.vehicle, found.actuator, found.condition) == (9, "all", "undecided")
-    assert found.reason_codes == ("crowded_out",)
-    assert "than 8 vehicles" in (found.reason or "")
