@@ -209,3 +209,9 @@ def test_each_vehicle_is_held_against_its_own_flights() -> None:
     assert worn == [(2, "motor 1")]
     assert found[:5] == both[:5]
     assert found[-1] == both[-1]
+
+
+def test_a_loss_in_flight_keeps_its_verdict() -> None:
+    found = compared([0.4, 0.0, 0.0, 0.0], condition="degraded")
+    assert [one.evidence for one in found] == [()] * 4
+    assert found[0].reason == "as it was"

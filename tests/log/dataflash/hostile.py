@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 
 from mavhums.log.dataflash import DataFlashDecoder
-from tests.log.dataflash.kernel_check import agree, scan
+from tests.log.dataflash.kernel_check import checked, scan
 from tests.log.dataflash.synthetic import mutated, stream
 
 PER_STREAM = 2000
@@ -27,7 +27,7 @@ def check(mutations: int, seed: int) -> tuple[int, int]:
     for done in range(0, mutations, PER_STREAM):
         pool = stream(rng.randrange(2**31), 500)
         data = hostile_stream(rng, pool, min(PER_STREAM, mutations - done))
-        found = agree(data)
+        found = checked(data)
         records += len(found)
         size += len(data)
         pieces, _ = scan(data, [rng.randrange(len(data)) for _ in range(5)])

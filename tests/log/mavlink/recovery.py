@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mavhums.log.mavlink.dialect import load_dialect
-from tests.log.mavlink.kernel_check import scan
-from tests.log.mavlink.reference import Frame
+from tests.log.mavlink.kernel_check import Frame, scan
 from tests.log.mavlink.synthetic import Damaged, damage, stream
 
 KINDS = ("flips", "cuts", "insertions", "deletions")

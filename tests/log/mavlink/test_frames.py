@@ -19,9 +19,10 @@ from mavhums.log.base.tables import PADDED
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.scanner import FrameScanner
 from tests.log.decode import assert_cuts_do_not_matter, decode
-from tests.log.mavlink.kernel_check import agree, frames_of, scan
-from tests.log.mavlink.reference import DAY_US
+from tests.log.mavlink.kernel_check import checked, frames_of, scan
 from tests.strategies import START_US, Record, cuts, records
+
+DAY_US = 86_400_000_000
 
 
 def same(ours: Any, message: Any, field: str) -> bool:
@@ -120,9 +121,7 @@ def test_a_tail_too_long_for_a_record_is_damage(log: list[Record], size: int) ->
 @given(st.binary(max_size=4000), st.sampled_from([0, 8]))
 @settings(max_examples=100, deadline=None)
 def test_any_bytes_are_read_to_the_end(data: bytes, stamp: int) -> None:
-    expected = agree(data, stamp=stamp)
-    if not expected.frames:
-        assert sum(n for _, n in expected.regions) + expected.cut_end + expected.zeros == len(data)
+    checked(data, stamp=stamp)
 
 
 def heartbeats(times_us: list[int]) -> bytes:
@@ -143,7 +142,7 @@ def test_a_flipped_time_bit_does_not_move_the_log(bit: int, place: int) -> None:
     times = [START_US + 1_000_000 * k for k in range(10)]
     damaged = times.copy()
     damaged[place] ^= 1 << bit
-    found = agree(heartbeats(damaged))
+    found = checked(heartbeats(damaged))
     assert found.odd_times == 1
     assert [frame.odd_time for frame in found.frames] == [k == place for k in range(10)]
     assert all(
@@ -156,23 +155,28 @@ def test_a_flipped_time_bit_does_not_move_the_log(bit: int, place: int) -> None:
 def test_a_clock_that_was_set_is_followed(step_us: int) -> None:
     later = START_US + step_us
     times = [START_US, START_US + 1, later, later + 1, later + 2]
-    found = agree(heartbeats(times))
+    found = checked(heartbeats(times))
     assert [frame.time_us for frame in found.frames] == times
     assert (found.jumps, found.rewinds) == ((1, 0) if step_us > 0 else (0, 1))
 
 
-@pytest.mark.parametrize("third_us", [2**63 + 5, 2**64 - 1])
-def test_a_time_that_cannot_be_does_not_judge_the_first(third_us: int) -> None:
-    found = agree(heartbeats([START_US, START_US + 4 * DAY_US, third_us]))
-    assert found.frames[0].time_us == START_US
-    assert not found.frames[0].odd_time
+LATER_US = START_US + 4 * DAY_US
 
 
-def test_silence_is_no_damage() -> None:
-    times = [START_US + 10_000_000 * k**3 for k in range(40)]
-    found = agree(heartbeats(times))
-    assert [frame.time_us for frame in found.frames] == times
-    assert found.odd_times == 0
+@pytest.mark.parametrize(
+    ("times_us", "first_us"),
+    [
+        ([START_US, LATER_US], START_US),
+        ([START_US, LATER_US, LATER_US + 1], LATER_US),
+        ([START_US, LATER_US, START_US + 1], START_US),
+        ([START_US, LATER_US, 2**63 + 5], START_US),  # a time that cannot be judges nothing
+        ([2**63 + 5, START_US], START_US),
+        ([2**63 + 5], 946_684_800_000_000),
+    ],
+)
+def test_the_first_time_is_judged_by_the_next_two(times_us: list[int], first_us: int) -> None:
+    first = checked(heartbeats(times_us)).frames[0]
+    assert (first.time_us, first.odd_time) == (first_us, first_us != times_us[0])
 
 
 def unknown(number: int = 9_999_999, seed: int = 77) -> bytes:
@@ -184,9 +188,9 @@ def unknown(number: int = 9_999_999, seed: int = 77) -> bytes:
 def test_unknown_messages_are_counted_in_step_only() -> None:
     beat = heartbeats([START_US])
     for log in (beat + unknown() + beat, beat + unknown()):
-        assert [frame.id for frame in agree(log).frames if frame.id] == [9_999_999]
-        assert not agree(log).regions
-    found = agree(beat + b"\0" + unknown() + beat)
+        assert [frame.id for frame in checked(log).frames if frame.id] == [9_999_999]
+        assert not checked(log).regions
+    found = checked(beat + b"\0" + unknown() + beat)
     assert found.regions == [(len(beat), 1 + len(unknown()))]
 
 
@@ -196,7 +200,7 @@ def test_an_unknown_message_whose_crc_no_definition_could_give_is_damage() -> No
     for flipped in range(256):
         damaged = bytearray(unknown())
         damaged[-2] ^= flipped
-        kept += len(agree(beat + bytes(damaged) + beat).frames) == 3
+        kept += len(checked(beat + bytes(damaged) + beat).frames) == 3
     assert kept == 1
 
 
@@ -208,13 +212,65 @@ def test_a_frame_with_an_unknown_flag_is_refused() -> None:
     assert scanner.totals.skipped == len(beat)
 
 
-def test_out_of_step_a_good_crc_alone_is_not_enough() -> None:
-    """Noise that ends in a frame: neither its time nor what follows makes it one."""
-    lone = bytes(8) + heartbeats([START_US])[8:]
-    found = agree(heartbeats([START_US]) + b"noise" + lone + b"noise, again noise")
-    assert len(found.frames) == 1
-    found = agree(heartbeats([START_US]) + b"noise" + heartbeats([START_US + 1]) + b"noise, again noise")
-    assert len(found.frames) == 2
+def lone(time_us: int, ahead: int, component: int = 1) -> bytes:
+    """A heartbeat so many sequence numbers after that of `heartbeats`."""
+    link = v2.MAVLink(None, srcSystem=1, srcComponent=component)
+    link.seq = ahead
+    message = v2.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)
+    return struct.pack(">Q", time_us) + bytes(message.pack(link))
+
+
+@pytest.mark.parametrize(
+    ("later_us", "ahead", "component", "found"),
+    [
+        (DAY_US, 9, 1, True),
+        (-DAY_US, 0, 1, True),
+        (DAY_US + 1, 9, 1, False),
+        (-DAY_US - 1, 0, 1, False),
+        (-START_US, 1, 1, True),
+        (-START_US, 8, 1, True),
+        (-START_US, 8, 2, False),
+    ],
+)
+def test_out_of_step_a_near_time_or_one_of_the_next_eight_numbers_confirms_a_frame(
+    later_us: int, ahead: int, component: int, found: bool
+) -> None:
+    after = b"noise" + lone(START_US + later_us, ahead, component) + b"noise, again noise"
+    assert len(checked(heartbeats([START_US]) + after).frames) == 1 + found
+
+
+@pytest.mark.parametrize(
+    ("times_s", "odd", "jumps", "rewinds"),
+    [
+        ([0, 60, 60], 0, 0, 0),
+        ([0, 10, 80, 270, 640], 0, 3, 0),  # silence is no damage
+        ([0, 61, 61], 0, 1, 0),
+        ([0, 60.9, 1], 0, 1, 1),
+        ([0, 61.1, 1], 1, 0, 0),  # a detour of more than two minutes
+        ([0, -59, 1], 0, 0, 1),
+        ([0, -60.1, 1], 1, 0, 0),
+        ([2, 1], 0, 0, 0),
+        ([2, 0.9], 0, 0, 1),
+        ([0, 86_400], 0, 1, 0),
+        ([0, 86_401], 1, 0, 0),  # nothing follows that could tell a pause from damage
+        ([0, 1, 200_000, 200_001], 0, 1, 0),
+        ([0, 200_000, 200_001], 1, 0, 0),  # the third is nearer to the second
+    ],
+)
+def test_a_time_stamp_is_damaged_where_it_makes_a_detour(
+    times_s: list[float], odd: int, jumps: int, rewinds: int
+) -> None:
+    found = checked(heartbeats([START_US + round(1e6 * second) for second in times_s]))
+    assert (found.odd_times, found.jumps, found.rewinds) == (odd, jumps, rewinds)
+
+
+def test_a_frame_without_its_time_stamp_is_found() -> None:
+    beat, stampless = heartbeats([START_US]), lone(START_US, 1)[8:]
+    for log, at in ((beat + stampless + beat, 1), (beat + stampless, 1), (stampless + beat, 0)):
+        found = checked(log)
+        assert found.frames[at].odd_time
+        assert found.frames[at].time_us == START_US
+        assert not found.regions
 
 
 def trimmed_after_crc(size: int) -> bytes:
@@ -228,7 +284,7 @@ def trimmed_after_crc(size: int) -> bytes:
 
 def test_a_frame_that_was_trimmed_after_its_crc_is_taken_and_flagged() -> None:
     beat = heartbeats([START_US])
-    found = agree(beat + trimmed_after_crc(6) + beat)
+    found = checked(beat + trimmed_after_crc(6) + beat)
     assert [frame.padded for frame in found.frames] == [False, True, False]
     assert found.trials == 1
     tables, decoder = decode(beat + trimmed_after_crc(6) + beat)
@@ -241,8 +297,8 @@ def test_a_frame_that_was_trimmed_after_its_crc_is_taken_and_flagged() -> None:
 
 def test_out_of_step_no_padding_is_tried() -> None:
     beat = heartbeats([START_US])
-    assert len(agree(beat + b"\0" + trimmed_after_crc(6) + beat).frames) == 2
-    assert len(agree(beat + trimmed_after_crc(6) + b"\0" + beat).frames) == 2
+    assert len(checked(beat + b"\0" + trimmed_after_crc(6) + beat).frames) == 2
+    assert len(checked(beat + trimmed_after_crc(6) + b"\0" + beat).frames) == 2
 
 
 def test_a_longer_payload_than_the_dialect_knows_is_cut() -> None:

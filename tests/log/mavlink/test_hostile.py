@@ -16,7 +16,7 @@ from tests.log.mavlink.recovery import KINDS, SPACINGS, recover
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_mutated_records_are_read_as_the_reference_reads_them(seed: int) -> None:
+def test_mutated_records_are_accounted_for(seed: int) -> None:
     size, frames = check(3000, seed)
     assert size > 100_000
     assert frames > 1000
