@@ -59,9 +59,9 @@ def _arguments() -> tuple[Path, str | None]:
 
 def _import(path: Path, recording_id: str | None) -> None:
     from mavhums.app.analysis import Events, analyse
-    from mavhums.show.viewer import PipedRecorder
+    from mavhums.show.viewer import Recorder
 
-    with PipedRecorder(recording_id=recording_id or path.name) as recorder:
+    with Recorder(None, recording_id=recording_id or path.name) as recorder:
         assessment = analyse(
             path, airframe=os.environ.get(_AIRFRAME), sinks=[Events(recorder.consume, draws=True)]
         )

@@ -216,19 +216,21 @@ def _drawn(shows: _Outputs, exits: ExitStack) -> list[DrawingSink]:
     from mavhums.live.sinks import DrawingSink
     from mavhums.show.viewer import LiveViewer, Recorder
 
-    name = f"live-{time.time_ns():x}"
-    drawing = exits.enter_context(ExitStack())
-    drawn: LiveViewer | Recorder
+    name, sinks = f"live-{time.time_ns():x}", []
+
+    def add(drawn: LiveViewer | Recorder, kind: str, patience_s: float) -> None:
+        drawing = exits.enter_context(ExitStack())
+        drawing.enter_context(drawn)
+        sinks.append(DrawingSink(drawn, kind, drawing.close, patience_s=patience_s))
+
     if viewer is not None:
-        drawn = drawing.enter_context(LiveViewer(viewer, recording_id=name, recording=rrd, position=position))
+        shown = LiveViewer(viewer, recording_id=name, position=position)
+        add(shown, "viewer", _PATIENCE_S)
         if viewer != "window":
-            click.echo(f"viewer: {drawn.url}", err=True)
-    elif rrd is not None:
-        drawn = drawing.enter_context(Recorder(rrd, recording_id=name, position=position))
-    else:
-        return []
-    kind, patience_s = "recording" if viewer is None else "viewer", _RECORDING_S if rrd else _PATIENCE_S
-    return [DrawingSink(drawn, kind, drawing.close, patience_s=patience_s)]
+            click.echo(f"viewer: {shown.url}", err=True)
+    if rrd is not None:
+        add(Recorder(rrd, recording_id=name, position=position), "recording", _RECORDING_S)
+    return sinks
 
 
 def _write_json(

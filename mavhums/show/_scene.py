@@ -18,7 +18,7 @@ from mavhums.health.decision.events import Classified, ConditionChanged, Indicat
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Part, Vehicle, craft_path
-from mavhums.show._signals import send
+from mavhums.show._signals import Rows
 from mavhums.show._tracks import Track, path_part
 from mavhums.show.blocks import Mark
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
@@ -32,7 +32,6 @@ from mavhums.show.words import FRAME, clock, event_words, name, trace_words
 from mavhums.vehicle.states import Attitude, FlightMode, Position
 
 _LEVELS: Final[dict[str, str]] = {"degraded": "WARN", "emergency": "ERROR"}
-_TEXTS_PER_CHUNK: Final = 4096
 _LOGGED: Final = frozenset({"mode", "crash", "failsafe", "supply", "reboot"})
 """Kinds of events that come as modes, texts or notices, too, and are logged as these."""
 
@@ -51,12 +50,11 @@ class Scene:
     """
 
     def __init__(self, stream: rr.RecordingStream, *, live: bool, position: bool) -> None:
-        self._stream, self._live, self._position = stream, live, position
+        self._rows, self._position = Rows(stream, live=live), position
         self._airframes: dict[int | None, tuple[Airframe, float]] = {}
         self._vehicles: dict[int | None, Vehicle] = {}
         self._tracks: dict[tuple[int | None, str], Track] = {}
         self._frames: dict[int, Track] = {}
-        self._texts: list[tuple[float, str, str]] = []
         self._report = ""
         self._state_s = 0.0
 
@@ -87,7 +85,7 @@ class Scene:
                     self._name_airframe(event)
                 case Attitude():
                     self._state_s = float(event.time_s[-1])
-                    self._vehicle(event.vehicle).attitude(event)
+                    self._vehicle(event.vehicle).attitude(event.time_s, event.roll_pitch_yaw_rad)
                 case FlightMode():
                     self._vehicle(event.vehicle).mode(event)
                     self._log_text(event.time_s, "INFO", f"vehicle {event.vehicle}: flight mode {event.mode}")
@@ -104,9 +102,9 @@ class Scene:
         """Write buffered data, so that a viewer shows them."""
         for track in self._tracks.values():
             track.flush()
-        for frame in self._frames.values():
-            frame.flush_traces()
-        self._flush_texts()
+        for vehicle in self._vehicles.values():
+            vehicle.flush()
+        self._rows.flush()
 
     def finish(self, assessment: Assessment) -> rrb.Blueprint:
         """Write remaining data and the report, and return the layout of the whole flight."""
@@ -122,8 +120,6 @@ class Scene:
                 self._track(verdict.vehicle, verdict.actuator).moved = list(self._moved(verdict))
         for track in sorted(self._tracks.values(), key=lambda track: bool(track.moved)):
             track.finish()  # an axis after the actuators whose surfaces it colours
-        for frame in self._frames.values():
-            frame.flush_traces()
         for vehicle in self._vehicles.values():
             vehicle.finish()
         for happened in assessment.events:
@@ -135,10 +131,11 @@ class Scene:
                 begin, end = map(clock, track.reference_s)
                 text = f"{track.actuator}: its reference is learned from {begin} to {end}"
                 self._log_text(track.reference_s[1], "INFO", f"{text} (vehicle {track.vehicle})")
-        self._flush_texts()
         report = rr.TextDocument(markdown(assessment), media_type=rr.MediaType.MARKDOWN)
-        self._stream.log("/report", report, static=True)
-        return layout(list(self._lanes(assessment)), self._surroundings())
+        self._rows.style("/report", report)
+        lanes = list(self._lanes(assessment))
+        self._rows.finish()
+        return layout(lanes, self._surroundings())
 
     def _fit_motors(self, assessment: Assessment) -> None:
         """Draw multirotors; which output drives which motor is known at the end."""
@@ -193,8 +190,9 @@ class Scene:
         text = draw(report_blocks(rows))
         if text != self._report:
             self._report = text
-            content = rr.TextDocument.columns(text=[text], media_type=[rr.MediaType.MARKDOWN])
-            send(self._stream, "/report", [self.last_s], content)
+            shown = {"text": [text], "media_type": [rr.MediaType.MARKDOWN]}
+            self._rows.put("/report", [self.last_s], rr.TextDocument.columns, **shown)
+            self._rows.flush()
 
     def live_layout(self) -> rrb.Blueprint:
         """Return the layout for live use, with the worst actuator first."""
@@ -245,7 +243,7 @@ class Scene:
 
     def _vehicle(self, number: int | None) -> Vehicle:
         if number not in self._vehicles:
-            self._vehicles[number] = Vehicle(self._stream, number, live=self._live)
+            self._vehicles[number] = Vehicle(self._rows, number)
         return self._vehicles[number]
 
     def _track(self, vehicle: int | None, actuator: str) -> Track:
@@ -257,7 +255,7 @@ class Scene:
 
     def _new_track(self, vehicle: int | None, actuator: str) -> Track:
         others = {track.root for track in self._tracks.values()}
-        return Track(self._stream, vehicle, actuator, live=self._live, others=others)
+        return Track(self._rows, vehicle, actuator, others)
 
     def _equip(self, track: Track) -> None:
         """Set a track's limits and its surface in the airframe from the profile."""
@@ -287,15 +285,7 @@ class Scene:
                 yield surfaces[part]
 
     def _log_text(self, time_s: float, level: str, text: str) -> None:
-        self._texts.append((time_s, level, text))
-        if len(self._texts) >= _TEXTS_PER_CHUNK:
-            self._flush_texts()
-
-    def _flush_texts(self) -> None:
-        rows, self._texts = self._texts, []
-        if rows:
-            content = rr.TextLog.columns(text=[row[2] for row in rows], level=[row[1] for row in rows])
-            send(self._stream, "/events", [row[0] for row in rows], content)
+        self._rows.put("/events", [time_s], rr.TextLog.columns, text=[text], level=[level])
 
 
 def _change(event: ConditionChanged) -> str:

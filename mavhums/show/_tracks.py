@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from typing import Final
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from mavhums.actuator.mapping import Samples
+from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Trace, Window
 from mavhums.results.verdict import OUTSIDE, AxisLimits, Verdict
 from mavhums.show._craft import Part, vehicle_part
-from mavhums.show._signals import Classes, Signals, Times, send
+from mavhums.show._signals import ROWS_PER_CHUNK, Classes, Rows, Signals
 from mavhums.show.words import (
     BLUE,
     COLOURS,
@@ -38,8 +38,7 @@ _EFFECTIVENESS: Final = "effectiveness"
 _FAULTY: Final[tuple[Condition, ...]] = ("degraded", "emergency")
 _COMPARED: Final[tuple[Condition, ...]] = ("unchanged", "changed", "learning")
 _STATES: Final = {**{str(name): rgb for name, rgb in COLOURS.items()}, STALE: STALE_COLOUR}
-_ROWS_PER_CHUNK: Final = 4096
-_BEFORE_S, _AFTER_S = 10.0, 10.0
+_AROUND_S: Final = 10.0
 _HALF_WINDOW_S: Final = 5.0
 _NETWORK_STYLE: Final = rr.SeriesLines(names="of ten seconds", colors=BLUE, widths=2.5)
 
@@ -60,12 +59,10 @@ class Track:
 
     Parameters
     ----------
-    stream
+    rows
         The recording.
     vehicle, actuator
         Whose track it is; the entities lie under the paths of both.
-    live
-        Whether a viewer follows.
     others
         Root paths of other tracks: names that differ in signs alone would share one.
 
@@ -103,15 +100,7 @@ class Track:
         Flight time of the latest data.
     """
 
-    def __init__(
-        self,
-        stream: rr.RecordingStream,
-        vehicle: int | None,
-        actuator: str,
-        *,
-        live: bool,
-        others: Container[str] = (),
-    ) -> None:
+    def __init__(self, rows: Rows, vehicle: int | None, actuator: str, others: Container[str] = ()) -> None:
         self.vehicle, self.actuator = vehicle, actuator
         self.root = f"/{vehicle_part(vehicle)}/{path_part(actuator)}"
         while self.root in others:
@@ -122,7 +111,6 @@ class Track:
         self.axis_limits = AxisLimits()
         self.traces: dict[str, str] = {}
         self.reference_s: tuple[int, int] | None = None
-        self._behind: dict[str, list[NDArray[np.float64]]] = {}
         self.known_s = 0.0
         self.condition: Condition = "undecided"
         self.worst: Condition = "undecided"
@@ -132,17 +120,16 @@ class Track:
         self.last_s = 0.0
         self.cause = "friction"
         self.faults: dict[str, str] = {}
-        self._stream = stream
-        self._signals = Signals(stream, f"{self.root}/quantities", live=live, moved=self._move)
-        self._classes = Classes(stream, f"{self.root}/network", live=live)
+        self._rows = rows
+        self._signals = Signals(rows, f"{self.root}/quantities", self._move)
+        self._classes = Classes(rows, f"{self.root}/network")
         self._drawn: set[str] = set()
-        self._windows: list[Window] = []
         self._states: list[tuple[float, str]] = []
-        self._written: deque[tuple[float, str]] = deque(maxlen=_ROWS_PER_CHUNK)
+        self._written: deque[tuple[float, str]] = deque(maxlen=ROWS_PER_CHUNK)
         self._first_s = self._heard_s = np.inf
         self._state_s: float | None = None
         self._limits_s: dict[str, float] = {}
-        stream.log(self.root, _state_style(), static=True)
+        rows.style(self.root, _state_style())
 
     @property
     def present(self) -> frozenset[str]:
@@ -184,9 +171,23 @@ class Track:
         self.condition = event.condition
         if event.friction_nm is not None or event.network is not None:
             self.latest = event
-        self._windows.append(event)
-        if len(self._windows) >= _ROWS_PER_CHUNK:
-            self._flush_windows()
+        middle_s = (event.start_s + event.end_s) / 2
+        self._classes.add_window(middle_s, event.network)
+        found, vote = event.friction_nm, event.p_fault
+        friction = (found.estimate, found.low, found.high) if found else (np.nan,) * 3
+        self._draw("friction", middle_s, friction, _interval_style("friction"))
+        unknown = vote is None or event.network == OUTSIDE
+        self._draw("network", middle_s, (np.nan if unknown else vote,), _NETWORK_STYLE)
+
+    def _draw(self, leaf: str, time_s: float, values: Sequence[float | None], style: rr.SeriesLines) -> None:
+        """Draw a window's values; what nothing is known of up to then is not drawn."""
+        path, row = f"{self.root}/{leaf}", np.array([values], dtype=np.float64)
+        if leaf not in self._drawn:
+            if np.isnan(row).all():
+                return
+            self._drawn.add(leaf)
+            self._rows.style(path, style)
+        self._rows.put(path, [time_s], rr.Scalars.columns, scalars=row)
 
     def indication(self, event: Indication) -> None:
         """Add values of a fault indicator, except friction, which windows contain."""
@@ -194,12 +195,12 @@ class Track:
             return
         if event.fault not in self.faults:
             self.faults[event.fault] = self.root + rr.new_entity_path(["faults", event.fault])
-            self._stream.log(self.faults[event.fault], _interval_style(event.fault), static=True)
+            self._rows.style(self.faults[event.fault], _interval_style(event.fault))
         rows = np.stack([event.value, event.low, event.high], axis=1)
         middle = event.end_s - _HALF_WINDOW_S
         if event.fault == _EFFECTIVENESS:  # nothing else says from when to when an axis is followed
             self._note_span(0.0, float(event.end_s[-1]))
-        send(self._stream, self.faults[event.fault], middle, rr.Scalars.columns(scalars=rows))
+        self._rows.put(self.faults[event.fault], middle, rr.Scalars.columns, scalars=rows)
 
     def trace(self, event: Trace) -> None:
         """Add what lies behind the judgement."""
@@ -208,27 +209,17 @@ class Track:
             words = trace_words(event.actuator, event.kind)
             names, colours = [words.against, words.value], [YELLOW, BLUE]
             style = rr.SeriesLines(names=names, colors=colours, widths=[1.5, 2.0])
-            self._stream.log(self.traces[event.kind], style, static=True)
+            self._rows.style(self.traces[event.kind], style)
         self.reference_s = event.reference_s or self.reference_s
         self._note_span(float(event.time_s[0]), float(event.time_s[-1]))
-        rows = np.column_stack([event.time_s, drawn(event)])
-        self._behind.setdefault(event.kind, []).append(rows)
-        if sum(map(len, self._behind[event.kind])) >= _ROWS_PER_CHUNK:
-            self.flush_traces()
-
-    def flush_traces(self) -> None:
-        """Write buffered traces: they may come second by second, and a chunk costs more than its rows."""
-        while self._behind:
-            kind, parts = self._behind.popitem()
-            rows = np.concatenate(parts)
-            send(self._stream, self.traces[kind], rows[:, 0], rr.Scalars.columns(scalars=rows[:, 1:]))
+        self._rows.put(self.traces[event.kind], event.time_s, rr.Scalars.columns, scalars=drawn(event))
 
     def changed(self, event: ConditionChanged) -> None:
         """Add a change of condition, drawn at its onset, not at the time of the decision."""
         if self._state_s is None and event.since_s > self._first_s:
             self._state(self._first_s, event.before)
         self._state(event.since_s, event.after)
-        self._signals.mark(event.since_s - _BEFORE_S, event.time_s + _AFTER_S)
+        self._signals.mark(event.since_s - _AROUND_S, event.time_s + _AROUND_S)
         self.condition, self.since_s = event.after, event.since_s
         if SEVERITY[event.after] >= SEVERITY[self.worst]:
             self.cause = event.fault
@@ -272,10 +263,6 @@ class Track:
         """Write buffered data."""
         if self._state_s is None and self._first_s < np.inf:
             self._state(self._first_s, self.condition)
-        self._signals.flush()
-        self.flush_traces()
-        self._classes.flush()
-        self._flush_windows()
         self._flush_states()
         self._flush_limits()
 
@@ -283,22 +270,19 @@ class Track:
         """Write remaining data, and a state even for an actuator without data."""
         if self._state_s is None:
             self._state(self._first_s if self._first_s < np.inf else 0.0, self.condition)
-        self._signals.finish()
-        self._classes.finish()
         self.flush()
 
     def lane(self, path: str) -> None:
         """Write the states once more under ``path``; of a flight with thousands of changes, the last ones."""
         if self._written:
-            self._stream.log(path, _state_style(), static=True)
-            time = [time_s for time_s, _ in self._written]
-            states = rr.StateChange.columns(state=[state for _, state in self._written])
-            send(self._stream, path, time, states)
+            self._rows.style(path, _state_style())
+            times, states = zip(*self._written, strict=True)
+            self._rows.put(path, times, rr.StateChange.columns, state=states)
 
     def _note_span(self, first_s: float, last_s: float) -> None:
         self._first_s, self.last_s = min(self._first_s, first_s), max(self.last_s, last_s)
 
-    def _move(self, time_s: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+    def _move(self, time_s: Array, values: Array) -> None:
         if self.surface:
             self.surface.move(time_s, values)
 
@@ -313,41 +297,17 @@ class Track:
         """Add a state; an earlier state never covers a later one."""
         self._state_s = time_s if self._state_s is None else max(time_s, self._state_s + 1e-6)
         self._states.append((self._state_s, state))
-        if len(self._states) >= _ROWS_PER_CHUNK:
+        if len(self._states) >= ROWS_PER_CHUNK:
             self._flush_states()
 
-    def _flush_windows(self) -> None:
-        """Write windows at their centre, the time to which their estimates apply."""
-        windows, self._windows = self._windows, []
-        if not windows:
-            return
-        time = [(window.start_s + window.end_s) / 2 for window in windows]
-        friction = [
-            (found.estimate, found.low, found.high) if (found := window.friction_nm) else (np.nan,) * 3
-            for window in windows
-        ]
-        self._classes.add_windows(time, [window.network for window in windows])
-        votes = [
-            np.nan if window.p_fault is None or window.network == OUTSIDE else window.p_fault
-            for window in windows
-        ]
-        for leaf, rows in (("friction", np.array(friction)), ("network", np.array(votes))):
-            if leaf not in self._drawn and np.isnan(rows).all():
-                continue
-            if leaf not in self._drawn:
-                self._drawn.add(leaf)
-                style = _NETWORK_STYLE if leaf == "network" else _interval_style(leaf)
-                self._stream.log(f"{self.root}/{leaf}", style, static=True)
-            self._send(leaf, time, rr.Scalars.columns(scalars=rows))
-
     def _flush_states(self) -> None:
-        states, self._states = self._states, []
-        self._written.extend(states)
-        if states:
-            time = [time_s for time_s, _ in states]
-            self._send("", time, rr.StateChange.columns(state=[state for _, state in states]))
+        if self._states:
+            times, states = zip(*self._states, strict=True)
+            self._written.extend(self._states)
+            self._states = []
+            self._rows.put(self.root, times, rr.StateChange.columns, state=states)
             for surface in (*self.moved, *((self.surface,) if self.surface else ())):
-                surface.colour(time, [_STATES[state] for _, state in states])
+                surface.colour(times, [_STATES[state] for state in states])
 
     def _flush_limits(self) -> None:
         """Draw the limits of the indicators up to the latest data."""
@@ -363,16 +323,13 @@ class Track:
             if fault not in self._limits_s:
                 names = [f"{name} {value:g}" for value, name in limits]
                 style = rr.SeriesLines(names=names, colors=[*map(_colour, names)], widths=[2] * len(names))
-                self._stream.log(f"{path}/limits", style, static=True)
+                self._rows.style(f"{path}/limits", style)
                 times.insert(0, self.known_s)
             elif times[0] <= self._limits_s[fault]:
                 continue
             self._limits_s[fault] = times[-1]
             rows = np.tile(values, (len(times), 1))
-            send(self._stream, f"{path}/limits", times, rr.Scalars.columns(scalars=rows))
-
-    def _send(self, leaf: str, time_s: Times, content: rr.ComponentColumnList) -> None:
-        send(self._stream, f"{self.root}/{leaf}" if leaf else self.root, time_s, content)
+            self._rows.put(f"{path}/limits", times, rr.Scalars.columns, scalars=rows)
 
 
 def _state_style() -> rr.StateConfiguration:

@@ -11,7 +11,6 @@ import time
 import urllib.request
 import webbrowser
 from collections.abc import Iterable
-from contextlib import ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
@@ -40,7 +39,7 @@ class Recorder:
     Parameters
     ----------
     path
-        The recording to write; an older one is replaced.
+        The recording to write, an older one is replaced; None for the standard output, where a viewer reads.
     recording_id
         What tells this flight from others; the same flight keeps the same.
     position
@@ -58,12 +57,18 @@ class Recorder:
     ...     recorder.close(engine.assessment())
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, recording_id: str, position: bool = True) -> None:
-        self._path = Path(path)
+    def __init__(
+        self, path: str | os.PathLike[str] | None, *, recording_id: str, position: bool = True
+    ) -> None:
+        self._path = Path("flight" if path is None else path)
+        self._pipes = path is None
         self._file: WholeFile | None = None
         self._stream, self._scene = draw(recording_id, position=position)
 
     def __enter__(self) -> Self:
+        if self._pipes:
+            self._stream.stdout()
+            return self
         try:
             self._file = WholeFile(self._path)
             self._stream.save(self._file.temporary)
@@ -95,6 +100,8 @@ class Recorder:
         end(self._stream, self._scene, assessment, self._path.stem)
         if self._file:
             self._publish(self._file)
+        else:
+            self._stream.flush()
 
     def _publish(self, file: WholeFile) -> None:
         """Finish the temporary file, check it (rerun only logs write errors), and rename it."""
@@ -109,40 +116,6 @@ class Recorder:
             file.publish()
         except (OSError, RuntimeError) as error:
             raise MavhumsError(f"cannot write {self._path}: {error}", "is the disk full?") from error
-
-
-class PipedRecorder:
-    """Writes the engine's events as a recording to the standard output, for a viewer that reads it.
-
-    Parameters
-    ----------
-    recording_id
-        What tells this flight from others.
-
-    Raises
-    ------
-    MissingExtraError
-        If rerun is not installed.
-    """
-
-    def __init__(self, *, recording_id: str) -> None:
-        self._stream, self._scene = draw(recording_id)
-
-    def __enter__(self) -> Self:
-        self._stream.stdout()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stream.disconnect()
-
-    def consume(self, events: Iterable[Event]) -> None:
-        """Take what the engine reports, in its order."""
-        self._scene.consume(events)
-
-    def close(self, assessment: Assessment) -> None:
-        """Write the report, the properties and the layout."""
-        end(self._stream, self._scene, assessment, "flight")
-        self._stream.flush()
 
 
 def check_viewer() -> None:
@@ -323,8 +296,6 @@ class LiveViewer:
         a ``rerun+http://…/proxy`` URL sends to a running viewer.
     recording_id
         Unique identifier of the flight.
-    recording
-        Path of an additional recording; as with :class:`Recorder`, it appears when it is closed.
     position
         Whether to show the aircraft's position.
     memory_limit
@@ -356,7 +327,6 @@ class LiveViewer:
         viewer: str = "window",
         *,
         recording_id: str,
-        recording: str | os.PathLike[str] | None = None,
         position: bool = True,
         memory_limit: str = "2GB",
     ) -> None:
@@ -367,25 +337,23 @@ class LiveViewer:
         self._viewer = viewer
         self._memory_limit = memory_limit
         self._stream, self._scene = draw(recording_id, live=True, position=position)
-        self._recorder = (
-            None if recording is None else Recorder(recording, recording_id=recording_id, position=position)
-        )
         self._process: subprocess.Popen[bytes] | None = None
-        self._exits = ExitStack()
         self._flushed_s = 0.0
         self._laid_out: object = None
 
     def __enter__(self) -> Self:
-        with self._exits as exits:
-            if self._recorder:
-                exits.enter_context(self._recorder)
-            exits.callback(self._stream.disconnect)
+        try:
             self._open()
-            self._exits = exits.pop_all()
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._exits.close()
+        self._stream.disconnect()
+        if self._process and self._viewer != "window":
+            self._process.terminate()
+            self._process.wait()
 
     @property
     def trouble(self) -> str | None:
@@ -399,9 +367,6 @@ class LiveViewer:
 
     def consume(self, events: Iterable[Event]) -> None:
         """Process the engine's events, in order; they are drawn four times a second."""
-        events = list(events)
-        if self._recorder:
-            self._recorder.consume(events)
         self._scene.consume(events)
         now = time.monotonic()
         if now - self._flushed_s >= _EVERY_S:
@@ -409,11 +374,9 @@ class LiveViewer:
             self._draw()
 
     def close(self, assessment: Assessment) -> None:
-        """Draw the end of the flight and its report, and publish the recording."""
+        """Draw the end of the flight and its report."""
         end(self._stream, self._scene, assessment, "live")
         self._stream.flush(timeout_sec=2.0)
-        if self._recorder:
-            self._recorder.close(assessment)
 
     def _draw(self) -> None:
         if not self._scene.tracks:
@@ -446,12 +409,6 @@ class LiveViewer:
         elif self._viewer in ("browser", "web"):
             web = str(free_port(_WEB_PORT))
             self._process = _started("--serve-web", "--web-viewer-port", web, data)
-            self._exits.callback(self._stop)
             self.url = f"http://{_HERE}:{web}?url={data.replace('+', '%2B').replace(':', '%3A')}"
             if self._viewer == "browser":
                 webbrowser.open(self.url)
-
-    def _stop(self) -> None:
-        if self._process:
-            self._process.terminate()
-            self._process.wait()
