@@ -25,7 +25,6 @@ from mavhums.results.standing import (
     FlightPoint,
     FlightsLeft,
     Growth,
-    LastFlight,
     Standing,
     Step,
     TrendReport,
@@ -289,7 +288,6 @@ def trend_report(
     trends: list[ActuatorTrend] = []
     standings: list[Standing] = []
     unshown: list[str] = []
-    others: list[LastFlight] = []
     counted = latest(since, repaired)
     references = cache(lambda airframe, before: baselines_of(ordered, airframe, before, counted))
     for (vehicle, actuator, airframe), flown in _by_actuator(ordered, left_out, since, counted).items():
@@ -304,15 +302,11 @@ def trend_report(
             baseline = references(airframe, newest.flight.start).get((vehicle, actuator, fault))
             own.append(_trend(flown, shown[fault], baseline, with_points=fault in (faults or shown)))
         standings.append(standing_of(flown, own))
-        wanted = [one for one in own if one.points]
-        if not wanted and SEVERITY[flown[-1].gravest] > SEVERITY["normal"]:
-            others.append(_last_flight(flown[-1]))
-        trends += wanted
+        trends += [one for one in own if one.points]
     return TrendReport(
         flights=sum(_is_counted(flight, left_out) for flight in ordered),
         trends=tuple(sorted(trends, key=_rank)),
         unshown=tuple(unshown),
-        others=tuple(sorted(others, key=lambda one: (-URGENCY[one.condition], one.vehicle, one.actuator))),
         standings=tuple(sorted(standings, key=lambda one: one.rank)),
     )
 
@@ -343,18 +337,6 @@ def _is_counted(flight: PastFlight, left_out: _Recordings) -> bool:
     where = flight.assessment.airframe, flight.log
     recorded = [(*where, each.flight.vehicle) in left_out for each in flight.recordings]
     return not (recorded and all(recorded))
-
-
-def _last_flight(flown: Flown) -> LastFlight:
-    """Return the condition of a flight, with its gravest finding."""
-    verdict = flown.verdict
-    return LastFlight(
-        subject=verdict.subject,
-        vehicle=verdict.vehicle or 0,
-        actuator=verdict.actuator,
-        condition=flown.gravest,
-        reason=reason_of(verdict, flown.gravest),
-    )
 
 
 def _by_actuator(

@@ -171,16 +171,6 @@ class FlightPoint(Contract):
     condition: Condition
 
 
-class LastFlight(Contract):
-    """The worst condition in the last flight of an actuator or axis that has no indicator in any flight."""
-
-    subject: Literal["actuator", "axis", "motor"] = "actuator"
-    vehicle: int
-    actuator: str
-    condition: Condition
-    reason: str | None
-
-
 class ActuatorTrend(Contract):
     """One indicator of one actuator or axis over its flights.
 
@@ -272,8 +262,6 @@ class TrendReport(Drawn):
         Number of its flights.
     unshown
         Actuators of which no flight shows an indicator.
-    others
-        Actuators and axes whose last flight was faulty, and of which no flight shows a wanted fault.
     repairs
         Of the aircraft, in time order.
     standings
@@ -286,14 +274,21 @@ class TrendReport(Drawn):
     trends: tuple[ActuatorTrend, ...]
     unshown: tuple[str, ...]
     repairs: tuple[RepairDate, ...] = ()
-    others: tuple[LastFlight, ...] = ()
     standings: tuple[Standing, ...] = ()
+
+    @property
+    def others(self) -> list[Standing]:
+        """Actuators and axes whose last flight was faulty, and of which no flight shows a wanted fault."""
+        shown = {(one.vehicle, one.actuator, one.airframe) for one in self.trends}
+        left = [one for one in self.standings if (one.vehicle, one.actuator, one.airframe) not in shown]
+        faulty = [one for one in left if SEVERITY[one.last] > SEVERITY["normal"]]
+        return sorted(faulty, key=lambda one: (-URGENCY[one.last], one.vehicle, one.actuator))
 
     @property
     def exit_code(self) -> ExitCode:
         """The exit code, as in ``mavhums analyse``, of the states over the flights; growth is degraded."""
         found: list[Condition] = [one.condition for one in self.trends if one.condition != "unmonitored"]
-        found += [one.condition for one in self.others]
+        found += [one.last for one in self.others]
         found += [one.condition for one in self.standings if SEVERITY[one.condition] > 0]
         if any(one.growth for one in self.trends) or any(one.growth for one in self.standings):
             found.append("degraded")

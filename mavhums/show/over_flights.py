@@ -18,7 +18,6 @@ from mavhums.results.standing import (
     FleetDigest,
     FlightsLeft,
     Growth,
-    LastFlight,
     RepairDate,
     Standing,
     Step,
@@ -257,7 +256,7 @@ def headline(report: TrendReport) -> str:
     """Return the result in one line: the shortest remaining useful life, or that none is known."""
     if not report.flights:
         return "No flights: keep them with mavhums analyse LOG --keep"
-    last: list[ActuatorTrend | LastFlight] = [*report.trends, *report.others]
+    last: list[ActuatorTrend | Standing] = [*report.trends, *report.others]
     if not last:
         return "No flight carries an indicator of a fault"
     by_name = {_subject(one): one for one in report.standings}
@@ -277,11 +276,11 @@ def headline(report: TrendReport) -> str:
     return "; ".join([text, *grown])
 
 
-def _subject(one: ActuatorTrend | LastFlight | Standing) -> tuple[int, str]:
+def _subject(one: ActuatorTrend | Standing) -> tuple[int, str]:
     return one.vehicle, one.actuator
 
 
-def _state(standing: Standing | None, one: ActuatorTrend | LastFlight) -> Condition:
+def _state(standing: Standing | None, one: ActuatorTrend | Standing) -> Condition:
     """Return the state over the flights, where it is a fault, else the condition of the last flight."""
     faulty = standing is not None and SEVERITY[standing.condition] > 0
     return standing.condition if standing is not None and faulty else one.condition
@@ -384,7 +383,7 @@ def _reasons(report: TrendReport) -> list[str]:
     lines += [said for one in report.trends if (said := _peak(one, report))]
     for other in report.others:
         why = f": {other.reason}" if other.reason else ""
-        lines.append(f"{_name(other, report)}: {other.condition} in the last flight{why}.")
+        lines.append(f"{_name(other, report)}: {other.last} in the last flight{why}.")
     shown = {_subject(one) for one in report.trends} | {_subject(one) for one in report.others}
     silent: dict[tuple[str, str], list[Standing]] = {}
     for standing in report.standings:
@@ -402,7 +401,7 @@ def _title(one: ActuatorTrend, report: TrendReport) -> str:
     return f"{_name(one, report)} ({one.fault})" if several else _name(one, report)
 
 
-def _name(one: ActuatorTrend | LastFlight, report: TrendReport) -> str:
+def _name(one: ActuatorTrend | Standing, report: TrendReport) -> str:
     name = one.actuator
     if len({other.vehicle for other in report.trends}) > 1:
         name = f"{one.vehicle}: {name}"

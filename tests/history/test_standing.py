@@ -167,7 +167,7 @@ def test_a_fault_that_was_not_asked_for_is_told_of_the_last_flight(condition: Co
     flights = [flown(verdict(shown(0.2))), flown(verdict(shown(0.2), condition=condition), day=1)]
     report = trend_report(map(PastFlight.of, flights), faults=["backlash"])
     assert report.trends == ()
-    assert [(one.vehicle, one.actuator, one.condition) for one in report.others] == [
+    assert [(one.vehicle, one.actuator, one.last) for one in report.others] == [
         (1, "elevator", condition)
     ] * told
 

@@ -395,13 +395,8 @@ def test_a_fault_without_an_indicator_is_told_as_analyse_told_it(run: Run, tmp_p
     assert outcome.code == ExitCode.DEGRADED
     assert outcome.out.splitlines()[0] == "roll and rudder: DEGRADED in the last flight (1 flight)"
     assert "roll: degraded in the last flight." in outcome.out
-    assert [
-        one["actuator"]
-        for one in json.loads(run("trend", "--store", tmp_path / "store", "--json").out)["others"]
-    ] == [
-        "roll",
-        "rudder",
-    ]
+    stands = json.loads(run("trend", "--store", tmp_path / "store", "--json").out)["standings"]
+    assert {one["actuator"]: one["last"] for one in stands} == {"roll": "degraded", "rudder": "degraded"}
     write_store(tmp_path / "store", {"D-A": [flown(verdict(actuator="roll"), verdict(shown(0.2)), day=1)]})
     later = run("trend", "--store", tmp_path / "store", "--actuator", "roll")
     assert later.code == ExitCode.DEGRADED  # one flight without it ends no fault
