@@ -26,6 +26,7 @@ from mavhums.flights.store.earlier import past_flights
 from mavhums.flights.store.logs import FLOWN, aircraft_id, installed, repairs_of, since_of, there_are
 from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, INDICATOR, LOG, RECORDING, VERDICT, us_of
 from mavhums.flights.store.verdicts import trend_of
+from mavhums.results.assessment import Assessment
 from mavhums.results.standing import (
     Change,
     FailedLog,
@@ -232,6 +233,13 @@ def trend(
     >>> mavhums.trend("flights.sqlite", faults=["friction"]).flights
     1
     """
+    return trend_and_flights(store, aircraft, actuators=actuators, faults=faults)[0]
+
+
+def trend_and_flights(
+    store: str | os.PathLike[str], aircraft: str | None = None, **wanted: Collection[str]
+) -> tuple[TrendReport, list[Assessment]]:
+    """Return an aircraft's trends, and its flights as :func:`mavhums.flights.queries.flights` has them."""
     kept = Store(store).opened()
     with kept.reading() as connection, no_collection():
         name = _the_only(connection, kept) if aircraft is None else aircraft
@@ -242,12 +250,12 @@ def trend(
         flown = [] if whose is None else [*past_flights(connection, whose, VERDICT.c.counts)]
         if whose is None or not flown:
             raise MavhumsError(f"{kept.place}: no flight of the aircraft {name!r}", there_are(connection))
-        _check_shown(kept, flown, actuators, faults)
+        _check_shown(kept, flown, **wanted)
         since, table = since_of(connection, whose), installed(connection, whose)
-        report = trend_of(flown, since, table, name, actuators=actuators, faults=faults)
+        report = trend_of(flown, since, table, name, **wanted)
         repairs = sorted(repairs_of(connection, whose), key=lambda repair: repair.at)
     dates = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repairs)
-    return report.model_copy(update={"repairs": dates})
+    return report.model_copy(update={"repairs": dates}), [flight.assessment for flight in flown]
 
 
 def _the_only(connection: Connection, store: Store) -> str:
@@ -258,7 +266,10 @@ def _the_only(connection: Connection, store: Store) -> str:
 
 
 def _check_shown(
-    store: Store, flown: Sequence[PastFlight], actuators: Collection[str], faults: Collection[str]
+    store: Store,
+    flown: Sequence[PastFlight],
+    actuators: Collection[str] = (),
+    faults: Collection[str] = (),
 ) -> None:
     """Refuse misspelt names: those that occur in no flight."""
     verdicts = [verdict for flight in flown for verdict in flight.assessment.verdicts]

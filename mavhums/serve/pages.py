@@ -177,8 +177,8 @@ async def _keep(judging: Options, log: Dropped, aircraft: str | None) -> None:
 
 def trends(report: TrendReport, addresses: Mapping[str, str]) -> Markup:
     """Return what is said of an aircraft's trends, and their curves, whose points open the flights' pages."""
-    said, shown = Markup(draw(trend_blocks(report), "h2")), trends_shown(report, addresses)
-    return Markup(render("_trends.html", said=said, trends=shown, links=bool(addresses)))
+    said, shown = Markup(draw(trend_blocks(report), "h2")), trends_shown(report, [*addresses])
+    return Markup(render("_trends.html", said=said, trends=shown, pages=[*addresses.values()]))
 
 
 def _add_fleet(app: FastAPI, store: str, page: Page) -> None:
@@ -199,7 +199,7 @@ def _add_fleet(app: FastAPI, store: str, page: Page) -> None:
     def aircraft_page(name: str = "") -> Response:
         values: dict[str, Any] = {"name": name, "problem": ""}
         try:
-            report, flights = reports.trend(store, name), queries.flights(store, name)
+            report, flights = reports.trend_and_flights(store, name)
         except MavhumsError as error:
             values["problem"] = str(error)
         else:

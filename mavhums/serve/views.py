@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePath
 from typing import IO, Final, NamedTuple, Self
 from urllib.parse import urlencode
@@ -122,22 +122,24 @@ def _address(aircraft: str, flight: Assessment) -> str:
     return f"/fleet/flight?{urlencode({'aircraft': aircraft, 'log': flight.log.sha256 or ''})}"
 
 
-def trends_shown(report: TrendReport, addresses: Mapping[str, str]) -> list[ActuatorView]:
+def trends_shown(report: TrendReport, starts: Iterable[str]) -> list[ActuatorView]:
     """Return each actuator's trends with their curves, the worst first.
 
     Parameters
     ----------
     report
         Of one aircraft.
-    addresses
-        Of the flights' pages, by the start of the flight.
+    starts
+        Of the flights that have pages, to whose places the points of the curves link.
     """
+    places = {start: place for place, start in enumerate(starts)}
     several = len({one.vehicle for one in report.trends}) > 1
     found: dict[str, list[TrendView]] = {}
     marks: dict[str, Mark] = {}
     stands = {(one.vehicle, one.actuator): one for one in report.standings}
     for one in report.trends:
         shown = trend_shown(one, f"{one.vehicle}: " if several else "", report.repairs)
+        shown.chart["links"] = [places.get(point.start_utc) for point in one.points]
         found.setdefault(shown.actuator, []).append(shown)
         standing = stands.get((one.vehicle, one.actuator))
         marks[shown.actuator] = mark_of(standing) if standing else Mark(one.condition)
@@ -147,17 +149,14 @@ def trends_shown(report: TrendReport, addresses: Mapping[str, str]) -> list[Actu
         if not first and SEVERITY[marks[name].condition] > 0:
             first = trends  # whoever reads that something is wrong sees what there is
         others = [one for one in trends if one not in first]
-        curves = _curves(first, addresses), _curves(others, addresses)
+        curves = _curves(first), _curves(others)
         several_shown.append(ActuatorView(name, marks[name], first, others, *curves))
     return several_shown
 
 
-def _curves(trends: Iterable[TrendView], addresses: Mapping[str, str]) -> Markup:
-    """Return trends as JSON that can stand in an attribute; each point knows its flight's page."""
-    charts = [
-        one.chart | {"links": [addresses.get(start, "") for start in one.chart["starts"]]} for one in trends
-    ]
-    return escape(json.dumps({"charts": charts}))
+def _curves(trends: Iterable[TrendView]) -> Markup:
+    """Return trends as JSON that can stand in an attribute."""
+    return escape(json.dumps({"charts": [one.chart for one in trends]}))
 
 
 class AircraftTrend(NamedTuple):

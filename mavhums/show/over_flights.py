@@ -453,7 +453,6 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[Repair
         "life": _life(trend),
         "marks": [{"at": _milliseconds(at_utc), "text": text} for at_utc, text in marks],
         "flights": [point.flight for point in trend.points],
-        "starts": [point.start_utc for point in trend.points],
     }
     return TrendView(
         actuator=f"{prefix}{subject_of(trend.subject, trend.actuator)}",

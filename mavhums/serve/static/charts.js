@@ -213,13 +213,19 @@ async function draw(box, described, figured, clicked) {
   });
 }
 
+// Opens the page of a flight, where it has one.
+function open(place, link) {
+  const page = JSON.parse(place.closest("[data-pages]").dataset.pages)[link];
+  if (page) location.assign(page);
+}
+
 function figure(chart, whole, parent) {
   const place = made("figure", "", parent);
   made("h3", chart.title, place);
   if (chart.life) made("p", chart.life, place);
   const box = made("div", "", place, "chart");
   made("figcaption", chart.caption, place);
-  const opened = chart.links ? (at) => chart.links[at] && location.assign(chart.links[at]) : (_, time) => setMoment(time);
+  const opened = chart.links ? (at) => open(place, chart.links[at]) : (_, time) => setMoment(time);
   draw(box, `${chart.title}: ${chart.caption}`, () => curve(chart, whole), opened);
 }
 
