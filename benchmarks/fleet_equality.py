@@ -49,16 +49,14 @@ def fly_all(folder: Path, flights: int) -> None:
             wear = 0.15 * day / flights if aircraft in WORN else 0.0
             if aircraft == REPAIRED and day >= flights // 2:
                 wear = 0.0
-            one = _flown(folder, 1000 * aircraft + day, aircraft, 0.225 + wear, rng.uniform(22.0, 40.0))
-            data = one.read_bytes()
+            data = _flown(folder, 1000 * aircraft + day, aircraft, 0.225 + wear, rng.uniform(22.0, 40.0))
             if aircraft in TWO_VEHICLES:
-                other = one.rename(folder / "other")
-                data = joined(_flown(folder, 500_000 + day, 100 + aircraft, 0.225, 22.0), other)
+                data = joined(_flown(folder, 500_000 + day, 100 + aircraft, 0.225, 22.0), data)
             path.write_bytes(data if rng.random() > 0.01 else data[:40])
             path.write_bytes(moved(path.read_bytes(), DAY_S * day) if path.stat().st_size > 40 else b"broken")
 
 
-def _flown(folder: Path, seed: int, individual: int, friction_nm: float, duration_s: float) -> Path:
+def _flown(folder: Path, seed: int, individual: int, friction_nm: float, duration_s: float) -> bytes:
     flight = Flight(
         seed,
         duration_s,
@@ -68,7 +66,7 @@ def _flown(folder: Path, seed: int, individual: int, friction_nm: float, duratio
         individuals=individual,
     )
     write_tlog(fly(flight), folder / "flown")
-    return folder / "flown"
+    return (folder / "flown").read_bytes()
 
 
 def repair(flights: int) -> fleet.Repair:

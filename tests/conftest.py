@@ -7,6 +7,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
@@ -73,7 +74,6 @@ def needs(path: Path) -> Callable[[Test], Test]:
 LONGEST = {  # a minute or more each: begun last, they would run alone
     "test_training_mixes_and_weighs_them",
     "test_a_model_for_less_is_trained_calibrated_and_repeatable",
-    "test_over_a_real_link",
     "test_the_browser_shows_the_same",
 }
 
@@ -95,6 +95,19 @@ class Outcome(NamedTuple):
     code: int
     out: str
     err: str
+
+
+@contextmanager
+def files_up_to(size: int) -> Iterator[None]:
+    """Let no file grow beyond a size, as on a full disk."""
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 Run = Callable[..., Outcome]
@@ -137,6 +150,14 @@ def growing_record() -> FlightRecord:
 def growing_log(growing_record: FlightRecord, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("growing") / "growing.tlog"
     write_tlog(growing_record, path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def healthy_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Forty healthy seconds."""
+    path = tmp_path_factory.mktemp("healthy") / "healthy.tlog"
+    write_tlog(fly(Flight(seed=21, duration_s=40.0)), path)
     return path
 
 

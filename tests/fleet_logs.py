@@ -4,10 +4,26 @@ from __future__ import annotations
 
 import heapq
 import struct
+import tempfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from mavhums_sim import Flight, fly, write_tlog
+
+
+@cache
+def small(
+    seed: int = 1, friction_nm: float | None = None, *, surface: str = "elevator", seconds: float = 21.0
+) -> bytes:
+    """Return a log at 25 Hz; the friction of a surface is healthy unless it is given."""
+    worn = {surface: (friction_nm, friction_nm)} if friction_nm else {}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "small.tlog"
+        write_tlog(fly(Flight(seed, seconds, worn, rate_hz=25.0, tiers=("instrumented",))), path)
+        return path.read_bytes()
 
 
 def records(data: bytes) -> Iterator[tuple[int, bytes]]:
@@ -28,11 +44,10 @@ def renamed(frame: bytes, system: int) -> bytes:
     return frame[:1] + body + struct.pack("<H", crc.crc)
 
 
-def joined(*logs: Path) -> bytes:
+def joined(*logs: bytes) -> bytes:
     """Return one log of several vehicles, with system ids from 1."""
     parts = [
-        [(time, renamed(frame, system)) for time, frame in records(log.read_bytes())]
-        for system, log in enumerate(logs, 1)
+        [(time, renamed(frame, system)) for time, frame in records(log)] for system, log in enumerate(logs, 1)
     ]
     return b"".join(struct.pack(">Q", time) + frame for time, frame in heapq.merge(*parts))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from mavhums import Engine, analyse, trend
+from mavhums import Engine, analyse
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.cli.main import cli
@@ -148,22 +148,6 @@ def test_trend_shows_the_axes(folder: Path) -> None:
     assert gain["baseline"]["low"] < 0.122 < gain["baseline"]["high"]
     table = CliRunner().invoke(cli, ["trend", "--store", str(folder / "flights")])
     assert "control gain, rad/m" in table.output
-
-
-@pytest.mark.slow
-def test_the_remaining_life_of_a_declining_gain_is_told(tmp_path: Path) -> None:
-    for day, share in enumerate((1.0, 1.01, 0.99, 1.0, 1.0, 0.97, 0.94, 0.91, 0.88, 0.85, 0.82, 0.8)):
-        path = log(tmp_path, day, gain=2.2 * share)
-        analyse(path, store=tmp_path / "flights", aircraft=NAME, keep=True)
-    report = trend(tmp_path / "flights", faults=["effectiveness"])
-    gain = next(one for one in report.trends if one.actuator == "roll")
-    assert gain.subject == "axis"
-    assert gain.baseline is not None
-    assert gain.emergency == pytest.approx(0.65 * gain.baseline.estimate)
-    assert gain.per_flight is not None
-    assert gain.per_flight.high < 0
-    assert gain.change is not None
-    assert gain.change.estimate < 0
 
 
 @pytest.mark.slow

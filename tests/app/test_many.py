@@ -20,9 +20,8 @@ from mavhums.app.analysis import Batch, analyse_many
 from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode
 from mavhums.core.process_pool import LostItem, in_processes
-from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
-from tests.fleet_logs import moved
+from tests.fleet_logs import moved, small
 
 DAY_S = 86_400.0
 
@@ -31,11 +30,7 @@ DAY_S = 86_400.0
 def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Twelve flights of an aircraft, the last worn; the fourth is noise."""
     folder = tmp_path_factory.mktemp("logs")
-    kinds = []
-    for seed, friction in ((0, 0.225), (1, 0.225), (8, 0.3)):
-        flight = Flight(seed, 21.0, {"elevator": (friction, friction)}, rate_hz=25.0, tiers=("instrumented",))
-        write_tlog(fly(flight), folder / "kind.tlog")
-        kinds.append((folder / "kind.tlog").read_bytes())
+    kinds = small(0), small(1), small(8, 0.3)
     paths = [folder / f"{day:02}.tlog" for day in range(12)]
     for day, path in enumerate(paths):
         path.write_bytes(moved(kinds[2 if day == 11 else day % 2], DAY_S * day))
@@ -80,13 +75,6 @@ def test_an_error_hides_no_emergency_and_the_json_has_both(
     assert [one["log"] for one in content["failures"]] == [str(logs[3])]
     assert content["failures"][0]["remedy"]
     assert told[0].out == json.dumps(content, indent=2, ensure_ascii=False) + "\n"
-
-
-@pytest.mark.slow
-def test_each_table_is_under_its_logs_name(run: Run, logs: list[Path]) -> None:
-    outcome = run("analyse", *logs[:3], "--jobs", "2", "--verbose")
-    names = [line for line in outcome.out.splitlines() if line.startswith("===")]
-    assert names == [f"=== {log} ===" for log in logs[:3]]
 
 
 def test_what_nobody_expected_is_an_outcome_of_its_log(

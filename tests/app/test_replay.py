@@ -87,7 +87,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
             if int.from_bytes(frame[7:10], "little") != debug or time < start + 25_000_000
         )
     )
-    several.write_bytes(joined(made["wear"], made["backlash"]))
+    several.write_bytes(joined(made["wear"].read_bytes(), made["backlash"].read_bytes()))
     return made | {"silent": silent, "several": several}
 
 
@@ -131,28 +131,19 @@ def test_replayed_verdicts_are_those_of_the_drift_followed_in_flight(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("decide", DECIDE[:2])
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_the_network_decided_no_baseline_of_the_friction_overrules(
-    logs: dict[str, Path], alone: dict[str, StandaloneAssessment], kind: str
+def test_the_cases_do_drift_but_what_the_network_decided_no_friction_overrules(
+    logs: dict[str, Path], alone: dict[str, StandaloneAssessment], kind: str, decide: Decide
 ) -> None:
     baselines = baselines_about(alone[kind], [0.5], 1e-4)
-    friction = {key: own for key, own in baselines.items() if key[2] == "friction"}
-    options = replace(Options().resolved(), decide="network")
-    later = judged_later(logs[kind], options, friction)
-    assert later == in_flight(logs[kind], options, friction)
-    assert "friction_drift" not in {one.kind for verdict in later.verdicts for one in verdict.evidence}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_cases_do_drift_and_replay_says_so(
-    logs: dict[str, Path], alone: dict[str, StandaloneAssessment], kind: str
-) -> None:
-    baselines = baselines_about(alone[kind], [0.5], 1e-4)
-    later = judged_later(logs[kind], Options().resolved(), baselines)
-    assert later == in_flight(logs[kind], Options().resolved(), baselines)
-    told = {one.kind for verdict in later.verdicts for one in verdict.evidence}
-    assert kind == "short" or "friction_drift" in told
+    if decide == "network":
+        baselines = {key: own for key, own in baselines.items() if key[2] == "friction"}
+    options = replace(Options().resolved(), decide=decide)
+    later = judged_later(logs[kind], options, baselines)
+    assert later == in_flight(logs[kind], options, baselines)
+    drifts = "friction_drift" in {one.kind for verdict in later.verdicts for one in verdict.evidence}
+    assert drifts == (decide == "physics") or kind == "short"
 
 
 @pytest.mark.slow

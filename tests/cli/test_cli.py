@@ -17,16 +17,9 @@ from mavhums.cli import output
 from mavhums.core.errors import ExitCode
 from mavhums.learn import load_model
 from mavhums.results.assessment import json_schema
-from mavhums_sim import Flight, fly, write_tlog
+from mavhums_sim import fly
 from tests.conftest import SINGLE, Run, real_logs
 from tests.logs import write_log
-
-
-@pytest.fixture(scope="module")
-def healthy_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("healthy") / "healthy.tlog"
-    write_tlog(fly(Flight(seed=31, duration_s=20.0)), path)
-    return path
 
 
 def test_analyse_prints_the_worst_first(run: Run, growing_log: Path) -> None:
@@ -258,33 +251,6 @@ def test_interruption_leaves_nothing_half_written(
     assert outcome.code == 130
     assert "stopped" in outcome.err
     assert list(tmp_path.iterdir()) == []
-
-
-def test_no_finding_ends_before_it_begins(run: Run, tmp_path: Path) -> None:
-    """The left aileron's first windows tell nothing, the next are normal, the whole flight is degraded."""
-    log = tmp_path / "turns.tlog"
-    frictions = zip(
-        ("aileron_left", "aileron_right", "elevator", "rudder"), (0.45, 0.4, 0.9, 0.38), strict=True
-    )
-    write_tlog(
-        fly(
-            Flight(
-                seed=2,
-                duration_s=60.0,
-                rate_hz=50.0,
-                cyclogram="turns",
-                individuals=2,
-                friction_nm={surface: (friction, friction) for surface, friction in frictions},
-                tiers=("esc-signed", "pwm"),
-            )
-        ),
-        log,
-    )
-    verdicts = json.loads(run("analyse", log, "--json").out)["verdicts"]
-    evidence = [item for verdict in verdicts for item in verdict["evidence"]]
-    assert evidence
-    assert all(0.0 <= item["start_s"] <= item["end_s"] <= 60.0 for item in evidence)
-    assert "to 0.0s" not in run("analyse", log).out
 
 
 @pytest.mark.parametrize("path", real_logs(*SINGLE), ids=lambda path: path.name)

@@ -10,17 +10,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mavhums.cli.importer import HEAD, is_log
-from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import carried_logs, real_logs
 
 IMPORTER = [sys.executable, "-m", "mavhums.cli.importer"]
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("importer") / "flight.tlog"
-    write_tlog(fly(Flight(duration_s=15.0, rate_hz=50.0)), path)
-    return path
 
 
 @pytest.mark.parametrize("path", [*carried_logs(), *real_logs()], ids=lambda path: path.name)
@@ -29,8 +21,8 @@ def test_logs_are_known_by_their_first_bytes(path: Path) -> None:
     assert is_log(path.read_bytes()[:HEAD]) == ours
 
 
-def test_a_damaged_beginning_does_not_matter(log: Path) -> None:
-    data = log.read_bytes()
+def test_a_damaged_beginning_does_not_matter(healthy_log: Path) -> None:
+    data = healthy_log.read_bytes()
     assert is_log(b"garbage" * 500 + data[137:HEAD])
     assert is_log(data[: HEAD // 50])
 
@@ -65,7 +57,7 @@ def test_a_folder_and_a_missing_file_are_foreign(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_viewer_opens_a_log(log: Path, tmp_path: Path) -> None:
+def test_the_viewer_opens_a_log(healthy_log: Path, tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="the importer needs the extra 'viewer'")
     import rerun_cli
 
@@ -76,7 +68,7 @@ def test_the_viewer_opens_a_log(log: Path, tmp_path: Path) -> None:
     program.chmod(0o755)
     viewer, out = Path(rerun_cli.__file__).with_name("rerun"), tmp_path / "imported.rrd"
     environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
-    command = [str(viewer), str(log), "--port", "auto", "--bind", "127.0.0.1", "--save", str(out)]
+    command = [str(viewer), str(healthy_log), "--port", "auto", "--bind", "127.0.0.1", "--save", str(out)]
     subprocess.run(command, env=environment, check=True, capture_output=True, timeout=120)
     subprocess.run([viewer, "rrd", "verify", out], check=True, capture_output=True)
     assert static(out, "/report")["TextDocument:text"][0].startswith("# normal: aileron_left")
@@ -85,9 +77,9 @@ def test_the_viewer_opens_a_log(log: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_airframe_comes_from_the_environment_and_errors_are_told(log: Path) -> None:
+def test_the_airframe_comes_from_the_environment_and_errors_are_told(healthy_log: Path) -> None:
     pytest.importorskip("rerun", reason="the importer needs the extra 'viewer'")
     environment = {**os.environ, "MAVHUMS_AIRFRAME": "nowhere"}
-    done = subprocess.run([*IMPORTER, str(log)], env=environment, capture_output=True, check=False)
+    done = subprocess.run([*IMPORTER, str(healthy_log)], env=environment, capture_output=True, check=False)
     assert done.returncode == 1
     assert b"no airframe profile 'nowhere'; name a TOML file, or one of: paper" in done.stderr

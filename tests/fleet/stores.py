@@ -14,6 +14,7 @@ from unittest.mock import patch
 
 from sqlalchemy import select
 
+from mavhums import fleet
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.compare import packed
 from mavhums.flights.history import PastFlight
@@ -56,6 +57,15 @@ def write_store(store: Path, flown: dict[str, list[Assessment]], at: datetime | 
     """Write the flights of each aircraft, judged already, at a time."""
     rows = [row_of(flight, aircraft) for aircraft, flights in flown.items() for flight in flights]
     add(store, *rows, compares=False, at=at)
+
+
+def verdicts_of(store: Path, *aircraft: str) -> dict[str, list[str]]:
+    """Return the verdicts of each log as JSON, in the order of the texts."""
+    told: dict[str, list[str]] = {}
+    for name in aircraft:
+        for log, verdict in fleet.verdicts(store, name):
+            told.setdefault(log, []).append(verdict.model_dump_json())
+    return {log: sorted(several) for log, several in told.items()}
 
 
 def table(store: str | Path, name: str) -> list[dict[str, object]]:

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 from sqlalchemy import Connection, select, update
 
-from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet.stores import add, row_of, table, write_store
-from tests.fleet_logs import moved
+from tests.fleet_logs import moved, small
 from tests.flights import START, flown, shown, verdict
 
 pytest.importorskip("distributed")
@@ -167,12 +166,10 @@ def _counts(store: Path) -> tuple[int, int, int]:
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("corrections")
-    write_tlog(fly(Flight(1, 12.0, rate_hz=25.0, tiers=("instrumented",))), folder / "kind.tlog")
-    data = (folder / "kind.tlog").read_bytes()
     for name, days in (("D-A", (0, 1, 2)), ("D-B", (0.5,))):
         (folder / "logs" / name).mkdir(parents=True)
         for day in days:
-            (folder / "logs" / name / f"{day}.tlog").write_bytes(moved(data, DAY_S * day))
+            (folder / "logs" / name / f"{day}.tlog").write_bytes(moved(small(seconds=12.0), DAY_S * day))
     return folder / "logs"
 
 

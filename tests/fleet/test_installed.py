@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from mavhums.app.analysis import analyse
-from mavhums_sim import Flight, fly, write_tlog
-from mavhums_sim.link import Link
 from tests.conftest import Run
+from tests.fleet_logs import moved, small
 
 pytest.importorskip("distributed")
 
 from mavhums import fleet
+from tests.fleet.stores import verdicts_of
 
 FLIGHTS = 14
 SWAPPED = "2026-01-03"
@@ -24,9 +24,8 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     folder = tmp_path_factory.mktemp("installed")
     paths = [folder / f"{day:02}.tlog" for day in range(FLIGHTS)]
     for day, path in enumerate(paths):
-        worn = {"rudder": (0.25, 0.25)} if day == FLIGHTS - 1 else {}
-        flight = Flight(day % 3, 21.0, worn, rate_hz=25.0, tiers=("instrumented",))
-        write_tlog(fly(flight), path, Link(day=float(day)))
+        worn = 0.25 if day == FLIGHTS - 1 else None
+        path.write_bytes(moved(small(day % 3, worn, surface="rudder"), 86_400.0 * day))
     return paths
 
 
@@ -37,13 +36,6 @@ def table(logs: list[Path], tmp_path: Path) -> Path:
     lines = (f"D-A,{board},,,,2026-01-14", f"D-B,{board},,,2026-01-14,", f"D-A,,rudder,R2,{SWAPPED},")
     path.write_text("\n".join(("aircraft,board,actuator,serial,from,to", *lines)))
     return path
-
-
-def told(store: Path, aircraft: str) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
-    for log, verdict in fleet.verdicts(store, aircraft):
-        found.setdefault(log, []).append(verdict.model_dump_json())
-    return {log: sorted(several) for log, several in found.items()}
 
 
 @pytest.mark.slow
@@ -61,15 +53,15 @@ def test_a_fleet_with_a_table_says_what_single_commands_say(
     assert {(one.aircraft or "")[:5] for one in fleet.worst(store)} == {"board"}
     fleet.scan([*logs[:4], *logs[9:]], store, given)
     assert {one.aircraft for one in fleet.worst(store)} == {"D-A", "D-B"}
-    assert told(store, "D-A") | told(store, "D-B") == expected
+    assert verdicts_of(store, "D-A", "D-B") == expected
     assert fleet.status(store).judged == FLIGHTS
     assert fleet.scan(logs, store, plain) == (0, 0, FLIGHTS)
-    assert told(store, "D-A") | told(store, "D-B") == expected
+    assert verdicts_of(store, "D-A", "D-B") == expected
     swapped = table.read_text().replace(SWAPPED, "2026-01-08")
     table.write_text(swapped)
     assert fleet.scan(logs, store, given) == (0, 0, FLIGHTS)
-    assert told(store, "D-B") == {str(logs[-1]): expected[str(logs[-1])]}
-    assert told(store, "D-A")[str(logs[12])] != expected[str(logs[12])]
+    assert verdicts_of(store, "D-B") == {str(logs[-1]): expected[str(logs[-1])]}
+    assert verdicts_of(store, "D-A")[str(logs[12])] != expected[str(logs[12])]
     trend = fleet.trend(store, "D-A").trends
     assert {one.actuator: one.flights for one in trend if one.fault == "friction"}["rudder"] == 6
     refused = run("fleet", "scan", logs[0], "--store", store, "--aircraft-table", tmp_path / "none.csv")

@@ -13,10 +13,9 @@ import pytest
 import mavhums
 from mavhums import fleet
 from mavhums.core.errors import ExitCode, MavhumsError
-from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet.stores import table
-from tests.fleet_logs import moved
+from tests.fleet_logs import moved, small
 
 FLIGHTS = 11
 DAY_S = 86_400.0
@@ -26,20 +25,12 @@ DAY_S = 86_400.0
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a store of healthy flights, and the log of a worn one that is not in it."""
     folder = tmp_path_factory.mktemp("landing")
-
-    def flown(seed: int, friction: float) -> bytes:
-        path = folder / "kind.tlog"
-        flight = Flight(seed, 21.0, {"elevator": (friction, friction)}, rate_hz=25.0, tiers=("instrumented",))
-        write_tlog(fly(flight), path)
-        return path.read_bytes()
-
-    healthy = [flown(seed, 0.225) for seed in range(2)]
     (folder / "D-A").mkdir()
     for day in range(FLIGHTS):
-        (folder / "D-A" / f"{day:02}.tlog").write_bytes(moved(healthy[day % 2], DAY_S * day))
+        (folder / "D-A" / f"{day:02}.tlog").write_bytes(moved(small(day % 2), DAY_S * day))
     options = fleet.ScanOptions(aircraft="folder", workers=0)
     assert fleet.scan([folder / "D-A"], folder / "store", options) == (FLIGHTS, 0, 0)
-    (folder / "D-A" / "landed.tlog").write_bytes(moved(flown(8, 0.3), DAY_S * FLIGHTS))
+    (folder / "D-A" / "landed.tlog").write_bytes(moved(small(8, 0.3), DAY_S * FLIGHTS))
     shutil.copy(folder / "store", folder / "scanned")
     assert fleet.scan([folder / "D-A" / "landed.tlog"], folder / "scanned", options).judged == 1
     return folder
@@ -89,42 +80,6 @@ def test_a_log_is_kept_as_a_scan_keeps_it(run: Run, kept: Path, store: Path) -> 
     assert first.code == ExitCode.DEGRADED
     assert row(store, log) == row(kept / "scanned", log)
     assert fleet.scan([log], store, fleet.ScanOptions(workers=0)) == (0, 0, 1)
-
-
-@pytest.mark.slow
-def test_several_logs_are_kept_and_a_bad_one_stops_nothing(run: Run, kept: Path, store: Path) -> None:
-    bad, missing = store.parent / "bad.tlog", store.parent / "missing.tlog"
-    bad.write_bytes(b"no log")
-    log = kept / "D-A" / "landed.tlog"
-    outcome = run(
-        "analyse",
-        bad,
-        missing,
-        store.parent,
-        log,
-        "--store",
-        store,
-        "--keep",
-        "--aircraft",
-        "=D-A",
-        "--json",
-    )
-    content = json.loads(outcome.out)
-    assert [one["log"] for one in content["failures"]] == [str(bad), str(missing), str(store.parent)]
-    assert told(json.dumps(content["assessments"][0])) == verdicts(kept / "scanned", log)
-    status = fleet.status(store)
-    assert (status.judged, status.aircraft, status.unknown) == (FLIGHTS + 1, 1, 0)
-
-
-@pytest.mark.slow
-def test_the_second_recording_of_a_flight_is_told(run: Run, kept: Path, store: Path) -> None:
-    log, copy = kept / "D-A" / "landed.tlog", store.parent / "other.tlog"
-    copy.write_bytes(log.read_bytes()[: log.stat().st_size * 9 // 10])
-    keep = ("--store", store, "--keep", "--aircraft", "=D-A", "--json")
-    run("analyse", log, *keep)
-    assessment = json.loads(run("analyse", copy, *keep).out)
-    assert [(one["log"], one["counts"]) for one in assessment["log"]["copies"]] == [(str(log), True)]
-    assert "friction_drift" in json.dumps(assessment["verdicts"])
 
 
 def test_what_is_no_store_is_refused(run: Run, kept: Path, tmp_path: Path) -> None:

@@ -17,12 +17,10 @@ import pytest
 
 import mavhums
 from mavhums import fleet
-from mavhums.core.packed import ARCHIVES, COMPRESSED
 from mavhums.serve.keep import answer_to
-from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet.stores import table
-from tests.fleet_logs import moved, nameless
+from tests.fleet_logs import moved, nameless, small
 
 DAY_S = 86_400.0
 OLD = 3
@@ -32,8 +30,7 @@ OLD = 3
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Logs of D-A and a store that was scanned by their folder, and a new log elsewhere."""
     folder = tmp_path_factory.mktemp("naming")
-    write_tlog(fly(Flight(1, 12.0, rate_hz=25.0, tiers=("instrumented",))), folder / "kind.tlog")
-    data = (folder / "kind.tlog").read_bytes()
+    data = small(seconds=12.0)
     for place in ("D-A", "Downloads"):
         (folder / place).mkdir()
     for day in range(OLD):
@@ -60,7 +57,7 @@ def names(store: Path) -> dict[str, int]:
 def test_a_scan_goes_on_by_the_rule_of_the_store(flown: Path, store: Path, tmp_path: Path) -> None:
     log = tmp_path / "D-B" / "0.tlog"
     log.parent.mkdir()
-    log.write_bytes(moved((flown / "kind.tlog").read_bytes(), 90 * DAY_S))
+    log.write_bytes(moved(small(seconds=12.0), 90 * DAY_S))
     fleet.scan([log], store, fleet.ScanOptions(workers=0))
     assert names(store) == {"D-A": OLD, "D-B": 1}
 
@@ -125,17 +122,6 @@ def test_a_rule_without_a_name_for_a_log_makes_no_phantom(flown: Path, tmp_path:
 
 
 @pytest.mark.slow
-def test_the_boards_of_a_table_are_remembered(flown: Path, tmp_path: Path) -> None:
-    board = mavhums.analyse(flown / "D-A" / "0.tlog").log.flight[0].board
-    given = tmp_path / "table.csv"
-    given.write_text(f"aircraft,board,actuator,serial,from,to\nD-T,{board},,,,\n")
-    store = tmp_path / "store"
-    fleet.scan([flown / "D-A"], store, fleet.ScanOptions(aircraft_table=given, workers=0))
-    fleet.scan([flown / "Downloads" / "new.tlog"], store, fleet.ScanOptions(workers=0))
-    assert names(store) == {"D-T": OLD + 1}
-
-
-@pytest.mark.slow
 def test_the_page_asks_whose_log_it_is_and_leaves_nothing_behind(flown: Path, store: Path) -> None:
     job = {"log": str(flown / "Downloads" / "new.tlog"), "options": {"store": str(store)}}
     answer = answer_to(job)
@@ -186,29 +172,6 @@ def test_packed_logs_are_scanned_and_those_that_cannot_be_are_told(flown: Path, 
     failures = str(fleet.status(tmp_path / "store").failures)
     assert "notes.zip" in failures
     assert "damaged.zip" in failures
-
-
-def test_the_page_offers_what_is_read() -> None:
-    pytest.importorskip("plotly", reason="the page needs the extra 'serve'")
-    from mavhums.serve.pages import render
-
-    values = {"packed": (*COMPRESSED, *ARCHIVES), "limit_bytes": 1, "limit_mb": "1", "where": ""}
-    text = render("home.html", title="", here="", pages=[], **values)
-    for suffix in (".tlog", ".BIN", ".ulg", ".gz", ".xz", ".bz2", ".zst", ".zip"):
-        assert f"{suffix}," in text
-
-
-def test_the_page_names_no_path_of_its_computer(flown: Path, tmp_path: Path) -> None:
-    from mavhums.serve.worker import _done
-
-    with zipfile.ZipFile(tmp_path / "several.zip", "w") as archive:
-        for day in range(2):
-            archive.write(flown / "D-A" / f"{day}.tlog", f"{day}.tlog")
-    job = {"do": "judge", "log": str(tmp_path / "several.zip"), "report": str(tmp_path / "r"), "options": {}}
-    answer = _done(job, lambda _: None)
-    assert str(tmp_path) not in json.dumps(answer)
-    assert "contains 2 files" in answer["problem"]
-    assert "drop the logs in it" in answer["remedy"]
 
 
 @pytest.mark.parametrize("wrong", ["D-X/rudder", "D-A/ruder", "ruder", "D-X/"])

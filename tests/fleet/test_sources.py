@@ -18,10 +18,9 @@ from mavhums.fleet.sources import at_hand, logs_in
 from mavhums.flights.aircraft import AircraftResolver
 from mavhums.flights.store import LogFile
 from mavhums.results.assessment import Assessment
-from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
 from tests.fleet.stores import table
-from tests.fleet_logs import moved
+from tests.fleet_logs import moved, small
 
 FLIGHTS = 3
 DAY_S = 86_400.0
@@ -43,11 +42,9 @@ def put(address: str, content: bytes | None) -> None:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Flights of two aircraft, one compressed, a broken log, and a file that is none."""
     folder = tmp_path_factory.mktemp("logs")
-    write_tlog(fly(Flight(1, 21.0, rate_hz=25.0, tiers=("instrumented",))), folder / "kind")
-    kind = (folder / "kind").read_bytes()
     for place, name in enumerate(NAMES):
         (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).write_bytes(moved(kind, DAY_S * place))
+        (folder / name).write_bytes(moved(small(), DAY_S * place))
     (folder / "D-A" / "broken.tlog").write_bytes(b"no log")
     (folder / "D-A" / "notes.txt").write_bytes(b"no log")
     return folder

@@ -15,12 +15,11 @@ from mavhums import fleet
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.engine.events import StandaloneAssessment
-from mavhums.flights.aircraft import Since
 from mavhums.flights.compare import compared
 from mavhums.flights.history import PastFlight, baselines_of, records_of, superseded
 from mavhums.flights.store import Row
-from mavhums_sim import Flight, fly, write_tlog
-from tests.fleet.stores import add, row_of, table
+from tests.fleet.stores import add, row_of, table, verdicts_of
+from tests.fleet_logs import small
 from tests.flights import identity
 from tests.health.self_baseline.servo import Servo, left
 
@@ -34,9 +33,8 @@ def kinds(tmp_path_factory: pytest.TempPathFactory) -> list[StandaloneAssessment
     """Three flights of a healthy aircraft and one of it with a worn elevator, each judged alone."""
     path = tmp_path_factory.mktemp("kinds") / "flight.tlog"
     flights = []
-    for seed, friction in ((0, 0.225), (1, 0.225), (2, 0.225), (8, 0.3)):
-        wear = {"elevator": (friction, friction)}
-        write_tlog(fly(Flight(seed, 21.0, wear, rate_hz=25.0, tiers=("instrumented",))), path)
+    for log in (small(0), small(1), small(2), small(8, 0.3)):
+        path.write_bytes(log)
         flights.append(analyse_alone(path, Options().resolved()))
     return flights
 
@@ -81,39 +79,31 @@ def fleet_of(kinds: Sequence[StandaloneAssessment], seed: int) -> list[Standalon
 
 
 def _before(taken: Callable[..., Any]) -> Callable[..., Any]:
-    def of(history: list[PastFlight], since: Since, airframe: str | None, before: datetime) -> Any:
-        return taken(history, airframe, before, since)
+    def of(history: list[PastFlight], airframe: str | None, before: datetime) -> Any:
+        return taken(history, airframe, before)
 
     return of
 
 
 def sequential(
-    flights: Sequence[StandaloneAssessment], dates: Callable[[datetime], Since] = lambda _: {}
+    flights: Sequence[StandaloneAssessment],
 ) -> tuple[Told, dict[str, str]]:
     """Judge each flight by the whole history before it; return the verdicts by log, and the copies."""
     history: list[PastFlight] = []
     told: Told = {}
     for flight in flights:
         start = flight.assessment.log.start_utc
-        given = dates(datetime.fromisoformat(start)) if start else {}
         assessment = compared(
             flight,
-            partial(_before(baselines_of), history, given),
-            partial(_before(records_of), history, given),
+            partial(_before(baselines_of), history),
+            partial(_before(records_of), history),
         )
-        told[assessment.log.path or ""] = [one.model_dump_json() for one in assessment.verdicts]
+        told[assessment.log.path or ""] = sorted(one.model_dump_json() for one in assessment.verdicts)
         if start:
             history.append(PastFlight.of(assessment))
     paths = {flight.log: flight.assessment.log.path or "" for flight in history}
     copies = {paths[log]: paths[taken] for (log, _), (taken, _) in superseded(history).items()}
     return {log: verdicts for log, verdicts in told.items() if log not in copies}, copies
-
-
-def verdicts_of(store: Path) -> Told:
-    told: Told = {}
-    for log, verdict in fleet.verdicts(store, NAME):
-        told.setdefault(log, []).append(verdict.model_dump_json())
-    return told
 
 
 def rows_of(flights: Sequence[StandaloneAssessment]) -> list[Row]:
@@ -135,6 +125,6 @@ def test_in_any_order_and_parts_the_verdicts_are_those_of_the_whole_history(
     cuts = sorted(rng.sample(range(1, len(flights)), 3))
     for first, last in zip([0, *cuts], [*cuts, len(flights)], strict=True):
         add(store, *arriving[first:last])
-    assert verdicts_of(store) == verdicts
+    assert verdicts_of(store, NAME) == verdicts
     assert {one.log: one.counted for one in fleet.status(store).copies} == copies
     assert not any(row["due"] for row in table(store, "flight"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sqlite3
+import sys
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -15,20 +16,15 @@ from mavhums.cli.fleet import _DailyTimer
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.scan import LogWatcher
 from mavhums.flights.store import database
-from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import Run
-from tests.fleet_logs import moved
+from tests.fleet_logs import moved, small
 
 SETTLE_S = 60.0
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    log = tmp_path_factory.mktemp("watch") / "kind.tlog"
-    write_tlog(
-        fly(Flight(1, 12.0, rate_hz=25.0, tiers=("instrumented",), friction_nm={"elevator": (1.0, 1.0)})), log
-    )
-    return log.read_bytes()
+def data() -> bytes:
+    return small(friction_nm=1.0, seconds=12.0)
 
 
 @pytest.fixture
@@ -82,6 +78,7 @@ def test_the_command_prints_a_line_a_log_and_ends_cleanly(
 ) -> None:
     (inbox / "0.tlog").write_bytes(data)
     (inbox / "bad.tlog").write_bytes(b"no log")
+    monkeypatch.setitem(sys.modules, "distributed", None)  # without workers it is not needed
     before = signal.getsignal(signal.SIGTERM)
     monkeypatch.setattr("mavhums.cli.fleet.time.sleep", lambda _: signal.raise_signal(signal.SIGTERM))
     try:

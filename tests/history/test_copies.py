@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 from datetime import timedelta
 from pathlib import Path
 
@@ -201,5 +202,9 @@ def test_a_flight_of_two_stations_and_the_card_counts_once(run: Run, tmp_path: P
     told = run("analyse", logs[1], "--store", store, "--airframe", "paper", "--verbose")
     unwrapped = "".join(told.out.split())
     assert f"alsorecordedin{logs[2]}and{logs[0]};{logs[0]}counts" in unwrapped
+    status = run("fleet", "status", "--store", store)
+    assert f"{logs[1]}: is of the same flight as {logs[0]}, which counts" in status.out
+    copies = json.loads(run("fleet", "status", "--store", store, "--json").out)["copies"]
+    assert copies == [{"log": str(log), "counted": str(logs[0])} for log in sorted(logs[1:3])]
     [trend] = mavhums.trend(store, actuators=["elevator"], faults=["friction"]).trends
     assert trend.flights == 2
