@@ -12,6 +12,7 @@ import numpy as np
 from mavhums.core.conditions import Condition
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.standing import FlightsLeft, Growth, Standing, Step
 from mavhums.results.verdict import FlightIdentity, Indicator, Interval, Suspect, Verdict
 from tests.fleet.stores import write_store
 
@@ -45,6 +46,38 @@ def verdict(
         worst=condition,
         suspects=(Suspect(fault=suspect, confidence=0.9),) if suspect else (),
         indicators=indicators,
+    )
+
+
+def left(estimate: float, low: float = 0.0, high: float | None = None) -> FlightsLeft:
+    return FlightsLeft(estimate=estimate, low=low, high=high)
+
+
+def growth(degraded: FlightsLeft | None = None, emergency: FlightsLeft | None = None) -> Growth:
+    return Growth(
+        fault="friction",
+        quantity="friction",
+        unit="N·m",
+        since_flight=3,
+        since_utc="2026-03-03T09:00:00+00:00",
+        per_flight=Interval(estimate=0.005, low=0.004, high=0.006),
+        to_degraded=degraded,
+        to_emergency=emergency,
+    )
+
+
+def standing(condition: Condition, grows: Growth | None = None, found: Step | None = None) -> Standing:
+    return Standing(
+        vehicle=1,
+        actuator="elevator",
+        airframe="paper",
+        condition=condition,
+        last="normal",
+        growth=grows,
+        step=found,
+        flights=9,
+        last_utc="2026-03-01T00:00:00+00:00",
+        log=None,
     )
 
 

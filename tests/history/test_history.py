@@ -11,7 +11,7 @@ import pytest
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import Since
-from mavhums.flights.history import PastFlight, baselines_of, in_order, kept_records
+from mavhums.flights.history import PastFlight, baselines_of, kept_records
 from mavhums.flights.queries import earlier_flights
 from mavhums.flights.store import Store
 from mavhums.health.decision.baseline import Baseline, Baselines
@@ -27,13 +27,6 @@ LATER = START + timedelta(days=10_000)
 
 def baselines(flights: list[Assessment], before: datetime = LATER, since: Since | None = None) -> Baselines:
     return baselines_of([PastFlight.of(flight) for flight in flights], "paper", before, since)
-
-
-def test_flights_come_in_the_order_of_time() -> None:
-    flights = [
-        PastFlight.of(flown(verdict(), day=day, name=name)) for day, name in ((2, "a"), (0, "b"), (1, "c"))
-    ]
-    assert [(flight.start - START).days for flight in in_order(flights)] == [0, 1, 2]
 
 
 def test_the_offset_from_utc_is_heeded() -> None:

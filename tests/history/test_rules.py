@@ -19,20 +19,17 @@ from mavhums.flights.aircraft import (
     board_of,
     check_aircraft_rule,
 )
-from mavhums.flights.history import PastFlight, _is_dated, recordings_of, superseded_recordings
+from mavhums.flights.history import PastFlight, recordings_of, superseded_recordings
 from mavhums.flights.reports import _kinds
 from mavhums.flights.trends import (
     Flown,
-    _finding,
-    _why_unknown,
     flights_left,
-    reason_of,
     standing_of,
     step_of,
 )
 from mavhums.results.standing import FlightsLeft, Growth, Standing, Step
-from mavhums.results.verdict import Coverage, Evidence, Interval, Verdict
-from tests.flights import START, flown, identity, shown, verdict
+from mavhums.results.verdict import Coverage, Evidence, Verdict
+from tests.flights import START, flown, growth, identity, left, shown, standing, verdict
 from tests.history.test_copies import recording
 
 DAY = timedelta(days=1)
@@ -41,24 +38,6 @@ DAY = timedelta(days=1)
 def flight(number: int, day: float, judged: Verdict | None = None) -> Flown:
     past = PastFlight.of(flown(judged or verdict(), day=day))
     return Flown(number, past, past.start.isoformat(), judged or verdict(), (judged or verdict()).gravest)
-
-
-def left(estimate: float, low: float = 0.0, high: float | None = None) -> FlightsLeft:
-    return FlightsLeft(estimate=estimate, low=low, high=high)
-
-
-def growth(degraded: FlightsLeft | None = None, emergency: FlightsLeft | None = None) -> Growth:
-    slope = Interval(estimate=1.0, low=0.5, high=1.5)
-    return Growth(
-        fault="friction",
-        quantity="Coulomb friction",
-        unit="N·m",
-        since_flight=1,
-        since_utc="2026-03-01",
-        per_flight=slope,
-        to_degraded=degraded,
-        to_emergency=emergency,
-    )
 
 
 def step(at: int, *, fault: str = "friction", better: bool = True) -> Step:
@@ -168,52 +147,11 @@ def test_only_a_step_of_the_last_twenty_flights_is_told_and_the_soonest_growth()
     assert stands(thirty, grows=(never, late)).growth == late
 
 
-def rule(kind: str, text: str, limit: float = 0.5) -> Evidence:
-    return Evidence(kind=kind, start_s=0.0, end_s=1.0, value=0.1, limit=limit, rule=text)
-
-
 def test_a_finding_without_an_indicator_rests_on_its_rule() -> None:
-    rules = (rule("jam", "degraded: it stood"), rule("friction_drift", "emergency: it rose"))
-    judged = verdict(shown(0.2)).model_copy(update={"evidence": rules, "reason": "why"})
-    assert _finding(judged, "degraded") == {"fault": "jam", "limit": 0.5, "quantity": "degraded: it stood"}
-    assert _finding(judged, "emergency")["fault"] == "friction"
-    assert [reason_of(judged, each) for each in ("degraded", "emergency", "normal")] == [
-        "degraded: it stood",
-        "emergency: it rose",
-        "why",
-    ]
-
-
-@pytest.mark.parametrize(
-    ("grows", "emergency", "flights", "after", "expected"),
-    [
-        (None, 1.0, 7, step(3), "7 flights show it since the step at flight 3; a trend needs 8"),
-        (growth(), None, 9, None, "it grows, but has no emergency limit"),
-        (growth(None, left(3.0)), 1.0, 9, None, "it grows, but may never reach its limit"),
-        (growth(None, left(3.0, high=4.0)), 1.0, 9, None, None),
-    ],
-)
-def test_why_no_remaining_life_is_told(
-    grows: Growth | None, emergency: float | None, flights: int, after: Step | None, expected: str | None
-) -> None:
-    assert _why_unknown(grows, emergency, flights, after) == expected
-
-
-def standing(
-    condition: Condition, grows: Growth | None = None, found: Step | None = None, last: str = "2026-03-01"
-) -> Standing:
-    return Standing(
-        vehicle=1,
-        actuator="elevator",
-        airframe="paper",
-        condition=condition,
-        last="normal",
-        growth=grows,
-        step=found,
-        flights=9,
-        last_utc=f"{last}T00:00:00+00:00",
-        log=None,
-    )
+    jam = Evidence(kind="jam", start_s=0.0, end_s=1.0, value=0.1, limit=0.5, rule="degraded: it stood")
+    judged = verdict(shown(0.2), condition="degraded").model_copy(update={"evidence": (jam,)})
+    found = standing_of([flight(1, 0, judged)], [])
+    assert (found.fault, found.limit, found.quantity) == ("jam", 0.5, "degraded: it stood")
 
 
 SOON, LATE = growth(left(10.0)), growth(left(10.1), left(99.0))
@@ -246,11 +184,6 @@ SOON, LATE = growth(left(10.0)), growth(left(10.1), left(99.0))
 )
 def test_what_changed_between_two_standings(was: Standing | None, now: Standing, kinds: list[str]) -> None:
     assert [*_kinds(was, now)] == kinds
-
-
-@pytest.mark.parametrize("rule", [None, "folder", "board", "=D-EABC", "(?P<aircraft>x)"])
-def test_rules_that_identify_an_aircraft(rule: str | None) -> None:
-    check_aircraft_rule(rule)
 
 
 @pytest.mark.parametrize("rule", ["=", "(", "x", "(?P<name>x)"])
@@ -296,21 +229,8 @@ def test_the_quality_of_a_recording_is_of_its_vehicle_alone() -> None:
     [found] = recordings_of(flown(*several, identities=[identity()]))
     assert found.quality[:4] == (1, 8, 6, True)
     assert found.quality.log == flown().log.sha256
-    assert recordings_of(flown(*several, identities=[identity(board=None)])) == ()
-
-
-@pytest.mark.parametrize(
-    ("change", "dated"),
-    [
-        ({}, True),
-        ({"boot_utc": None}, False),
-        ({"end_utc": None, "start_utc": None}, True),
-        ({"end_utc": "yesterday"}, False),
-        ({"start_utc": "2026-03-01T09:00:00"}, False),
-    ],
-)
-def test_a_recording_needs_a_boot_time_and_time_zones(change: dict[str, str | None], dated: bool) -> None:
-    assert _is_dated(identity().model_copy(update=change)) is dated
+    undated = identity().model_copy(update={"end_utc": "yesterday"})
+    assert recordings_of(flown(*several, identities=[identity(board=None), undated])) == ()
 
 
 @pytest.mark.parametrize(

@@ -19,17 +19,17 @@ from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
 from mavhums.flights.compare import FlightComparison
 from mavhums.flights.history import PastFlight
-from mavhums.flights.queries import earlier_flights
-from mavhums.flights.store import Store
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.results.verdict import Evidence, Interval
 from mavhums.show.over_flights import sentence
 from mavhums_sim import Flight, fly, write_tlog
-from mavhums_sim.dataflash import records, write_records
+from mavhums_sim.dataflash import records as rows
+from mavhums_sim.dataflash import write_records
 from mavhums_sim.link import Link
 from tests.conftest import Run
 from tests.fleet.stores import table, write_store
+from tests.fleet_logs import records
 from tests.flights import START, flown, shown, verdict, write_wear
 
 
@@ -109,6 +109,13 @@ def test_flights_that_could_not_be_judged_count() -> None:
     assert one.per_flight.estimate == pytest.approx(0.01, rel=0.02)
 
 
+def test_what_grows_without_an_emergency_limit_has_no_remaining_life() -> None:
+    values = [0.225 + 0.02 * day + 0.003 * np.cos(2.4 * day) for day in range(20)]
+    flights = [flown(verdict(shown(value, fault="backlash")), day=day) for day, value in enumerate(values)]
+    (one,) = trend_report(map(PastFlight.of, flights)).trends
+    assert (one.flights_left, one.reason) == (None, "it grows, but has no emergency limit")
+
+
 def test_what_all_flights_share_makes_no_line_uncertain() -> None:
     """The torque scale widens every interval alike, and bends no line."""
 
@@ -126,22 +133,6 @@ def test_what_all_flights_share_makes_no_line_uncertain() -> None:
     assert wear(0.1) == wear(0.004)
 
 
-def test_flights_of_one_window_are_weighted_by_their_interval() -> None:
-    def level(error: float) -> float:
-        flights = []
-        for day in range(20):
-            one = shown(0.225 + 0.02 * day + 0.003 * np.cos(2.4 * day), error=error if day == 9 else 0.002)
-            alone = one.model_copy(update={"windows": 1, "scatter": None})
-            flights.append(PastFlight.of(flown(verdict(alone), day=day)))
-        (one_trend,) = trend_report(flights).trends
-        assert one_trend.baseline is None
-        assert one_trend.change is None
-        assert one_trend.level is not None
-        return one_trend.level.estimate
-
-    assert level(0.002) != level(0.02)
-
-
 @pytest.mark.slow
 def test_flights_that_only_their_files_date_are_in_the_order_of_boots(tmp_path: Path) -> None:
     """A board counts its boots; the logs have no date, and copies of them have the times of the copying."""
@@ -153,9 +144,9 @@ def test_flights_that_only_their_files_date_are_in_the_order_of_boots(tmp_path: 
             written_s = (START + timedelta(days=day)).timestamp()
             board = b"CubeOrange 00112233 44556677 8899AABB"
             told = [
-                records("MSG", np.zeros(1), Message=board),
-                records("PARM", np.zeros(1), Name=b"STAT_BOOTCNT", Value=boots),
-                records("RCOU", np.arange(0.0, 20.0, 0.1), C1=1500),
+                rows("MSG", np.zeros(1), Message=board),
+                rows("PARM", np.zeros(1), Name=b"STAT_BOOTCNT", Value=boots),
+                rows("RCOU", np.arange(0.0, 20.0, 0.1), C1=1500),
             ]
             write_records(told, path)
             os.utime(path, (written_s, written_s))
@@ -345,7 +336,7 @@ def test_a_log_without_a_date_has_no_baseline(
 
     for log, undated in ((logs[0], False), (tmp_path / "flight.raw", True)):
         if undated:
-            log.write_bytes(_without_times(logs[0].read_bytes()))
+            log.write_bytes(b"".join(frame for _, frame in records(logs[0].read_bytes())))
         engine = FlightComparison(mavhums.Engine(), baselines)
         engine.feed(log.read_bytes())
         engine.finish()
@@ -355,35 +346,6 @@ def test_a_log_without_a_date_has_no_baseline(
             set() if undated else {("paper", said)}
         )
         asked.clear()
-
-
-def _without_times(data: bytes) -> bytes:
-    """Return a log's frames back to back, as some programs record them."""
-    frames, position = [], 0
-    while position < len(data):
-        size = 12 + data[position + 9]
-        frames.append(data[position + 8 : position + 8 + size])
-        position += 8 + size
-    return b"".join(frames)
-
-
-def test_after_a_repair_the_trend_rests_on_the_flights_since(worn: Path) -> None:
-    history = earlier_flights(Store(worn), "D-A").all()
-    repaired = history[20].start
-    (whole,) = [
-        one
-        for one in trend_report(history, repaired={"elevator": repaired}).trends
-        if (one.actuator, one.fault) == ("elevator", "friction")
-    ]
-    (since,) = [
-        one
-        for one in trend_report(history, since={"elevator": repaired}).trends
-        if (one.actuator, one.fault) == ("elevator", "friction")
-    ]
-    assert (whole.flights, len(whole.points), since.flights) == (40, 40, 20)
-    assert whole.baseline == since.baseline
-    assert whole.per_flight == since.per_flight
-    assert whole.flights_left == since.flights_left
 
 
 def test_a_fault_without_an_indicator_is_told_as_analyse_told_it(run: Run, tmp_path: Path) -> None:

@@ -12,18 +12,16 @@ from mavhums.flights.history import PastFlight
 from mavhums.flights.trends import trend_report
 from mavhums.results.standing import (
     ActuatorTrend,
-    FlightsLeft,
-    Growth,
     LastFlightOf,
     RepairDate,
     Standing,
     TrendReport,
 )
-from mavhums.results.verdict import Interval, Suspect, Verdict
+from mavhums.results.verdict import Suspect, Verdict
 from mavhums.serve.pages import render, trends
 from mavhums.serve.views import aircraft_table, flight_pages, flight_table, tally, trends_shown
 from mavhums.show.blocks import Link, Mark
-from tests.flights import flown, shown
+from tests.flights import flown, growth, left, shown, standing
 from tests.flights import verdict as judged
 
 MARKUP = "<img src=x onerror=alert(1)>"
@@ -69,17 +67,7 @@ def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
 
 
 def test_what_grows_is_not_called_normal() -> None:
-    grows = Standing(
-        vehicle=1,
-        actuator="rudder",
-        airframe=None,
-        condition="normal",
-        last="normal",
-        growth=growth(),
-        flights=29,
-        last_utc="2026-03-29T09:00:00+00:00",
-        log=None,
-    )
+    grows = standing("normal", GROWS)
     shown = aircraft_table(
         [last_flight("D-A", "a.tlog", "1970-01-01T00:00:00+00:00", verdict("rudder", "normal"), grows)]
     )
@@ -92,17 +80,10 @@ TOLD = (
 )
 
 
-def growth(left: float = 9.0) -> Growth:
-    return Growth(
-        fault="friction",
-        quantity="friction",
-        unit="N·m",
-        since_flight=3,
-        since_utc="2026-03-03T09:00:00+00:00",
-        per_flight=Interval(estimate=0.005, low=0.004, high=0.006),
-        to_degraded=FlightsLeft(estimate=left, low=5.2, high=13.4, expected_utc="2026-04-07"),
-        to_emergency=FlightsLeft(estimate=110, low=80, high=150, is_far=True),
-    )
+GROWS = growth(
+    left(9.0, 5.2, 13.4).model_copy(update={"expected_utc": "2026-04-07"}),
+    left(110.0, 80.0, 150.0).model_copy(update={"is_far": True}),
+)
 
 
 def test_flights_come_latest_first_and_lead_to_their_reports() -> None:
@@ -122,7 +103,7 @@ def trend(actuator: str, fault: str, *, grows: bool = False, last: float = 0.2) 
     ]
     (found,) = trend_report(map(PastFlight.of, flights)).trends
     told = {"quantity": "play", "unit": "°", "limit": 0.5, "emergency": 0.9, "reason": "it does not grow"}
-    return found.model_copy(update=told | {"growth": growth() if grows else None, "flights_left": None})
+    return found.model_copy(update=told | {"growth": GROWS if grows else None, "flights_left": None})
 
 
 def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_limit() -> None:
