@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -123,44 +124,26 @@ def new_verdict(
     sources = {
         key: f"DEBUG_FLOAT_ARRAY[EMA,{NAMES.index(actuator) + 1}].data[{i}]" for i, key in enumerate(KEYS)
     }
+    known: dict[str, Any] = {"vehicle": 1, "actuator": actuator, "condition": state, "worst": state}
+    known |= {"tier": "instrumented", "provenance": sources}
     if state == "undecided":
         return Verdict(
-            vehicle=1,
-            actuator=actuator,
-            condition=state,
-            worst=state,
+            **known,
             coverage=Coverage(moving_fraction=0.0, windows=91, decidable=0),
-            tier="instrumented",
-            provenance=sources,
             reason="it stood still throughout, and friction shows only in motion",
             remedy="record a flight, or a check on the ground, in which it moves for 10 s",
         ).model_copy(update=changes)
-    evidence: tuple[Evidence, ...] = ()
-    if state == "emergency":
-        evidence = (
-            Evidence(
-                kind="friction",
-                start_s=37.0,
-                end_s=72.0,
-                value=0.41,
-                limit=NORMAL,
-                rule="the whole friction interval lies above the normal limit",
-            ),
-            Evidence(
-                kind="friction",
-                start_s=72.0,
-                end_s=100.0,
-                value=estimate,
-                limit=EMERGENCY,
-                rule="the friction interval reaches the emergency limit",
-            ),
-        )
+    stages = (
+        (37.0, 72.0, 0.41, NORMAL, "the whole friction interval lies above the normal limit"),
+        (72.0, 100.0, estimate, EMERGENCY, "the friction interval reaches the emergency limit"),
+    )
+    evidence = tuple(
+        Evidence(kind="friction", start_s=start_s, end_s=end_s, value=value, limit=limit, rule=rule)
+        for start_s, end_s, value, limit, rule in stages * (state == "emergency")
+    )
     said = "friction_emergency" if state == "emergency" else "normal"
     return Verdict(
-        vehicle=1,
-        actuator=actuator,
-        condition=state,
-        worst=state,
+        **known,
         network=NetworkAnswer(
             model=ModelSummary(name="paper-ema", hash="abc"),
             inputs={"samples": ("V5", "V7"), "windows": ()},
@@ -177,8 +160,6 @@ def new_verdict(
         suspects=(Suspect(fault="friction", confidence=0.97),) if state == "emergency" else (),
         since=None if since is None else Since(flight_time_s=since, utc="2025-06-01T10:01:12Z"),
         coverage=Coverage(moving_fraction=0.72, windows=91, decidable=91),
-        tier="instrumented",
-        provenance=sources,
         evidence=evidence,
     ).model_copy(update=changes)
 

@@ -14,7 +14,6 @@ from mavhums import analyse
 from mavhums.app.settings import Options
 from mavhums.show._signals import Rows, open_stream
 from mavhums.show._tracks import Track
-from mavhums.show.markdown_report import markdown
 from tests.engine.test_axes import flown
 from tests.show.test_recording import entities, rows, scalars, static
 
@@ -79,13 +78,6 @@ def test_surfaces_without_telemetry_have_the_colour_of_their_axis(recorded: tupl
     [elevator] = [path for path in paths if "elevator" in path]
     assert len(rows(recorded[0], aileron, "Boxes3D:colors")[0]) > 2
     assert len(rows(recorded[0], elevator, "Boxes3D:colors")[0]) <= 2
-
-
-def test_the_report_has_the_columns_that_are_told(recorded: tuple[Path, Any]) -> None:
-    text = markdown(recorded[1])
-    assert "| subject | condition | control left | since |" in text
-    assert "## Usage: fixed wing, ArduPilot; armed 2m29s" in text
-    assert "| elevator (servo 2) | never commanded | — |" in text
 
 
 def test_the_viewer_lists_what_matters_first_and_nothing_that_nothing_reports_on(

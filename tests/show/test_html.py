@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import re
-import time
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,10 +23,9 @@ from mavhums.show.html_plot import plot
 from mavhums.show.outline import outline
 from tests.conftest import REAL_LOGS, needs
 from tests.flights import shown
-from tests.show.chromium import Chromium, find
+from tests.serve.browser import BROWSER, Browser
 from tests.show.conftest import new_assessment, new_verdict
 
-BROWSER = find()
 HOSTILE = '<script>alert(1)</script><img src=x onerror="alert(2)">"\'&{{ 7*7 }}\x1b[31m\u202e'
 
 
@@ -215,27 +211,6 @@ def test_labels_stand_beside_the_curve_and_apart() -> None:
     assert abs(drawn.limits[0].at - drawn.limits[1].at) < 5, "the lines stay where they belong"
 
 
-def measure(browser: Chromium, file: Path, width: int) -> Any:
-    """Open a file at a width; return what the browser laid out."""
-    browser.call(
-        "Emulation.setDeviceMetricsOverride", width=width, height=844, deviceScaleFactor=1, mobile=False
-    )
-    browser.call("Page.navigate", url=file.as_uri())
-    script = """JSON.stringify({ready: document.readyState, url: location.href,
-        wide: document.documentElement.scrollWidth, heading: document.querySelector('h1')?.innerText,
-        plots: document.querySelectorAll('svg[data-plot] path.line').length,
-        drawn: Math.min(...[...document.querySelectorAll('svg[data-plot] path.line')].map(
-            p => p.getTotalLength())),
-        alarmed: window.alarmed === true, fetched: performance.getEntriesByType('resource').length})"""
-    for _ in range(200):
-        answer = browser.call("Runtime.evaluate", expression=script)["result"].get("value")
-        found = json.loads(answer) if answer else {}
-        if found.get("ready") == "complete" and found["url"] == file.as_uri():
-            return found
-        time.sleep(0.05)
-    raise AssertionError("the page does not load")
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no browser; Debian has one in the package chromium")
 def test_a_browser_opens_it_from_disk_without_a_network(assessment: Assessment, tmp_path: Path) -> None:
@@ -244,24 +219,21 @@ def test_a_browser_opens_it_from_disk_without_a_network(assessment: Assessment, 
     usual.write_text(page(with_limits(assessment), gathered(indication())), encoding="utf-8")
     markup = "<img src=x onerror='window.alarmed=true'><script>window.alarmed=true</script>" + "w" * 200
     odd.write_text(hostile(markup), encoding="utf-8")
-    with Chromium(BROWSER) as browser:
+    lengths = "[...document.querySelectorAll('svg[data-plot] path.line')].map(p => p.getTotalLength())"
+    with Browser(BROWSER) as browser:
         browser.call("Network.enable")
-        browser.call(
-            "Network.emulateNetworkConditions",
-            offline=True,
-            latency=0,
-            downloadThroughput=0,
-            uploadThroughput=0,
-        )
+        nothing = {"latency": 0, "downloadThroughput": 0, "uploadThroughput": 0}
+        browser.call("Network.emulateNetworkConditions", offline=True, **nothing)
         for file in (usual, odd):
             for width in (1200, 900, 800, 390):
-                found = measure(browser, file, width)
-                assert found["wide"] <= width, f"{file.name} scrolls sideways at {width}"
-                assert "EMERGENCY" in found["heading"]
-                assert found["plots"] == 1
-                assert found["drawn"] > 100
-                assert not found["alarmed"]
-                assert found["fetched"] == 0
+                browser.size(width)
+                browser.open(file.as_uri())
+                assert browser.js("document.documentElement.scrollWidth") <= width, "it scrolls sideways"
+                assert "EMERGENCY" in browser.js("document.querySelector('h1').innerText")
+                [drawn] = browser.js(lengths)
+                assert drawn > 100
+                assert browser.js("window.alarmed === undefined")
+                assert browser.js("performance.getEntriesByType('resource').length") == 0
         assert browser.errors == []
 
 

@@ -17,7 +17,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.show.viewer import LiveViewer, Recorder
 from mavhums.vehicle.states import Attitude, FlightMode, Position
 from tests.show.chromium import Chromium, find
-from tests.show.conftest import Flight, new_assessment, new_verdict
+from tests.show.conftest import Flight
 
 pytest.importorskip("rerun", reason="pictures need the extra 'viewer'")
 
@@ -111,33 +111,6 @@ def check(drawn: Pixels) -> None:
 @needs_vulkan
 def test_a_person_sees_every_view_with_its_data(recording: Path) -> None:
     check(pixels(draw(recording)))
-
-
-@pytest.mark.slow
-@needs_vulkan
-def test_who_follows_a_flight_sees_it(flight: Flight) -> None:
-    with LiveViewer("serve", recording_id="live") as viewer:
-        events = [*surroundings()[:2], *flight.events()]
-        viewer.consume(events[: len(events) * 2 // 3])
-        time.sleep(0.3)
-        viewer.consume([])
-        drawn = pixels(draw(viewer.url))
-    height, width, _ = drawn.shape
-    for name in ("normal", "degraded", "undecided"):
-        assert count(drawn[: height // 3], LANES[name]) > 500, f"{name} is not on the timeline"
-    assert count(drawn[height // 3 :, : width // 2], BLUE) > 500, "no signals"
-    assert hue(drawn[height // 3 :, width // 2 :], AMBER) > 200, "no degraded elevator"
-
-
-@pytest.mark.slow
-@needs_vulkan
-def test_sixteen_actuators_and_nothing_to_judge_still_make_a_picture(tmp_path: Path) -> None:
-    verdicts = [new_verdict("rudder", "undecided", 0.0, None, actuator=f"servo_{k}") for k in range(16)]
-    path = tmp_path / "none.rrd"
-    with Recorder(path, recording_id="none") as recorder:
-        recorder.close(new_assessment(*verdicts))
-    drawn = pixels(draw(path))
-    assert count(drawn[: drawn.shape[0] * 2 // 3], LANES["undecided"]) > 16 * 500
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no browser; Debian has one in the package chromium")

@@ -27,7 +27,7 @@ from mavhums.results.verdict import Interval
 from mavhums.show.markdown_report import markdown
 from mavhums.show.viewer import Recorder
 from mavhums.show.words import COLOURS
-from tests.conftest import files_up_to, real_logs
+from tests.conftest import real_logs
 from tests.show.conftest import Flight, new_assessment, new_verdict
 
 rr = pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
@@ -303,12 +303,39 @@ def test_a_place_that_cannot_be_written_is_an_error_that_names_it(
     assert list(tmp_path.iterdir()) == [folder]
 
 
+def test_a_recording_without_its_end_is_not_published(
+    tmp_path: Path, assessment: Assessment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mavhums.show.viewer._FOOTER", b"no such end")
+    with pytest.raises(MavhumsError, match="its end is missing: is the disk full"):
+        write(tmp_path / "flight.rrd", [], assessment)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
 def test_a_full_disk_is_an_error(tmp_path: Path) -> None:
-    noise = np.random.default_rng(1).normal(size=(50_000, 12))
-    samples = Samples(1, "elevator", np.arange(50_000.0), noise)
-    with files_up_to(100_000), pytest.raises(MavhumsError, match=r"is the disk full\?"):
-        write(tmp_path / "flight.rrd", [samples], new_assessment())
+    code = """
+import resource, sys
+import numpy as np
+from mavhums.results.assessment import Assessment, LogSummary, Losses
+from mavhums.core.errors import MavhumsError
+from mavhums.engine.events import Samples
+from mavhums.show.viewer import Recorder
+
+log = LogSummary(path=None, sha256=None, start_utc=None, duration_s=0, vehicles=(), losses=Losses())
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+try:
+    with Recorder(sys.argv[1], recording_id="flight") as recorder:
+        values = np.random.default_rng(1).normal(size=(50_000, 12))
+        recorder.consume([Samples(1, "elevator", np.arange(50_000.0), values)])
+        recorder.close(Assessment(log=log, airframe=None, model=None, verdicts=()))
+except MavhumsError as error:
+    print(error)
+"""
+    command = [sys.executable, "-c", code, str(tmp_path / "flight.rrd")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=180)
+    assert "is the disk full?" in done.stdout
     assert not list(tmp_path.iterdir())
 
 

@@ -4,7 +4,6 @@ import re
 
 import pytest
 
-from mavhums.core.conditions import Condition
 from mavhums.core.quantities import KEYS
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import (
@@ -44,30 +43,6 @@ def test_actuators_whose_sources_differ_in_numbers_share_a_table(assessment: Ass
 def test_a_log_without_a_profile_speaks_of_every_actuator() -> None:
     nothing = new_verdict("rudder", "undecided", 0.0, None, actuator=ALL)
     assert "## every actuator: undecided" in markdown(new_assessment(nothing))
-
-
-@pytest.mark.parametrize(
-    ("conditions", "line"),
-    [
-        ((), "# undecided: no actuator was found in this log"),
-        (("normal",), "# normal: a within its limits"),
-        (("normal", "normal"), "# normal: a and b within their limits"),
-        (("undecided", "normal"), "# partly judged: b within its limits; a not judged"),
-        (("emergency", "normal"), "# EMERGENCY: a: friction 0.500 N·m (limit 0.875) since 5.0s"),
-        (
-            ("emergency", "emergency"),
-            "# EMERGENCY: a: friction 0.500 N·m (limit 0.875) since 5.0s; b: friction",
-        ),
-        (("degraded", "undecided"), "# DEGRADED: a degraded since 5.0s"),
-    ],
-)
-def test_headlines(conditions: tuple[Condition, ...], line: str) -> None:
-    since = {"undecided": None}
-    verdicts = [
-        new_verdict("aileron_left", state, 0.5, since.get(state, 5.0), actuator=letter)
-        for letter, state in zip("ab", conditions, strict=False)
-    ]
-    assert first_line(new_assessment(*verdicts)).startswith(line)
 
 
 def test_what_was_an_emergency_is_not_forgotten() -> None:

@@ -7,11 +7,9 @@ from itertools import product
 from pathlib import Path
 from typing import Literal
 
-import pytest
 from rich.console import Console
 
 import mavhums
-from mavhums.core.about import NOTICE
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment
@@ -48,19 +46,6 @@ def test_the_answer_first_then_the_worst_actuator_first(assessment: Assessment) 
     assert elevator.split() == [
         *("elevator", "✖", "EMERGENCY", "1.003", "(0.973–1.033)", "emergency", "1m12s", "91", "of", "91", "s")
     ]
-
-
-def test_it_fits_80_columns_and_no_name_is_cut(assessment: Assessment) -> None:
-    lines = rendered(assessment).splitlines()
-    assert max(map(len, lines)) <= 80
-    assert any("aileron_right " in line for line in lines)
-
-
-@pytest.mark.parametrize("width", [60, 200])
-def test_the_figures_stay_whole_at_other_widths(width: int, assessment: Assessment) -> None:
-    text = flat(rendered(assessment, width=width))
-    assert "1.003 (0.973–1.033)" in text
-    assert NOTICE[1:].partition(";")[0] in text
 
 
 def test_colours_on_a_terminal_and_words_too(assessment: Assessment) -> None:
