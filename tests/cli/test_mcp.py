@@ -152,10 +152,3 @@ def test_trends_are_those_of_the_store_and_nothing_is_kept(folder: Path, tmp_pat
     failed, text = asked(assistant, "trend", aircraft="nobody")
     assert failed
     assert "nobody" in text
-
-
-def test_without_the_sdk_the_command_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "mcp.server.mcpserver", None)
-    outcome = run("mcp")
-    assert outcome.code == 1
-    assert "pip install 'mavhums[mcp]'" in outcome.err

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
-from mavhums.app.export import export_quantities
 from mavhums.core.errors import ExitCode
 from mavhums.live.links import Address, AddressError
-from tests.cli.test_obstacles import QUADROTOR, sent
 from tests.conftest import Run
-from tests.logs import write_log
 
 PROFILE = Path(__file__).parents[2] / "examples" / "profiles" / "csrv.toml"
 
@@ -51,11 +47,3 @@ def test_a_recording_in_no_folder_names_no_temporary_file(run: Run, short_log: P
     assert given.code == ExitCode.ERROR
     assert f"cannot write {path}: there is no folder {path.parent}" in given.err
     assert ".part" not in given.err
-
-
-def test_the_escs_of_propellers_are_no_actuators(tmp_path: Path) -> None:
-    log = write_log(tmp_path / "copter.tlog", sent(QUADROTOR, esc=True))
-    export_quantities(log, tmp_path / "out.csv")
-    table = pd.read_csv(tmp_path / "out.csv")
-    assert table.columns[1] == "output"
-    assert "esc_0" in set(table["output"])

@@ -9,11 +9,13 @@ from typing import Any
 
 import pandas as pd
 import pytest
+import zstandard
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
 from examples import analyse_a_log, own_recording, quantities_to_pandas
 from mavhums.actuator.draft import draft_profile
+from mavhums.core.errors import ExitCode
 from tests.conftest import REAL_LOGS, Run, needs
 from tests.logs import write_log
 
@@ -100,6 +102,34 @@ def test_export_without_a_profile_writes_what_the_log_carries(run: Run, tmp_path
     only = write_log(tmp_path / "y.tlog", sent(FIXED_WING, esc=False))
     assert "--messages SERVO_OUTPUT_RAW" in run("export", only, "-o", tmp_path / "w.csv").err
     assert not (tmp_path / "w.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("module", "command", "extra"),
+    [
+        ("fastapi", ["serve", "--port", "0"], "serve"),
+        ("mcp.server.mcpserver", ["mcp"], "mcp"),
+        ("pyarrow.parquet", ["export", "LOG", "-o", "TABLE"], "arrow"),
+        ("zstandard", ["inspect", "PACKED"], "zstd"),
+    ],
+)
+def test_a_missing_extra_is_one_line_with_its_installation(
+    run: Run,
+    short_log: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    module: str,
+    command: list[str],
+    extra: str,
+) -> None:
+    packed = tmp_path / "flight.tlog.zst"
+    packed.write_bytes(zstandard.compress(short_log.read_bytes()))
+    monkeypatch.setitem(sys.modules, module, None)
+    named = {"LOG": short_log, "TABLE": tmp_path / "t.parquet", "PACKED": packed}
+    outcome = run(*(named.get(one, one) for one in command))
+    assert outcome.code == ExitCode.ERROR
+    assert f"pip install 'mavhums[{extra}]'" in outcome.err
+    assert len(outcome.err.splitlines()) == 2
 
 
 @needs(REAL_LOGS / "onboard")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
@@ -57,15 +55,6 @@ def test_export_writes_quantities_and_records(run: Run, log: Path, tmp_path: Pat
     assert table["V10"].notna().mean() > 0.99
     assert run("export", log, "-o", records, "--messages", "ATT").code == 0
     assert {"TimeUS", "DesRoll", "Yaw"} <= set(pd.read_csv(records).columns)
-
-
-@pytest.mark.slow
-def test_rerun_opens_it(log: Path) -> None:
-    pytest.importorskip("rerun", reason="the importer needs the extra 'viewer'")
-    command = [sys.executable, "-m", "mavhums.cli.importer", str(log), "--recording-id", "x"]
-    done = subprocess.run(command, capture_output=True, check=False)
-    assert done.returncode == 0
-    assert done.stdout.startswith(b"RRF2")
 
 
 @pytest.mark.slow

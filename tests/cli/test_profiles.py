@@ -7,8 +7,6 @@ import struct
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pandas as pd
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
@@ -18,7 +16,7 @@ from mavhums.actuator.profile import Actuator, load_airframe
 from mavhums.app.analysis import Events
 from mavhums.core.errors import ExitCode
 from mavhums.health.decision.events import ConditionChanged
-from mavhums.vehicle.parameters import Parameters, _number, control_surfaces, read_parameters
+from mavhums.vehicle.parameters import control_surfaces, read_parameters
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import REAL_LOGS, Run, needs, real_logs
 from tests.logs import heartbeat, write_log
@@ -118,22 +116,6 @@ def test_a_draft_decodes_the_integers_of_px4(tmp_path: Path) -> None:
     reversed_lines = [line for line in text.splitlines() if "; reversed" in line]
     assert len(reversed_lines) == 1
     assert read_parameters(log).values["CA_SV_CS0_TRIM"] == pytest.approx(0.1)
-
-
-@pytest.mark.parametrize(
-    ("bits", "kind", "value"),
-    [
-        (0xFFFFFFFF, 6, -1),
-        (0xFF, 2, -1),
-        (0xFF, 1, 255),
-        (0xFFFF, 4, -1),
-        (65535, 3, 65535),
-        (2**31, 5, 2**31),
-    ],
-)
-def test_integers_of_every_type_are_decoded(bits: int, kind: int, value: int) -> None:
-    assert _number(bits, kind, is_px4=True) == value
-    assert np.isnan(_number(0x7FC00000, kind, is_px4=False))
 
 
 def test_the_last_value_of_a_parameter_counts_and_a_broken_one_does_not(tmp_path: Path) -> None:
@@ -237,45 +219,6 @@ def test_without_constants_what_an_esc_says_is_shown_as_it_is(tmp_path: Path) ->
     assert "without its sign" in left.provenance["V7"]
     assert left.frame[["V3", "V8", "V10"]].isna().all(axis=None)
     assert "ESC_TELEMETRY_1_TO_4[1].current" in right.provenance["V5"]
-    limits_only = whole.actuators[0].model_copy(update={"limits": None})
-    options = mavhums.Options(airframe=whole.model_copy(update={"actuators": (limits_only,)}))
-    [verdict] = (v for v in mavhums.analyse(log, options).verdicts if v.subject == "actuator")
-    assert verdict.condition == "undecided"
-    assert verdict.reason_codes == ("blanks",)
-
-
-def test_a_script_s_named_values_become_command_and_angle(run: Run, tmp_path: Path) -> None:
-    sent: list[Any] = []
-    for k in range(40):
-        for servo in (1, 2, 4, 9, 10, 12):
-            for name, value in (("Cmd", servo + k), ("Pos", servo + k / 2), ("V", 5.0)):
-                text = f"S{servo}{name}".encode()
-                sent.append(v2.MAVLink_named_value_float_message(1000 + 100 * k, text, value))
-    log = write_log(tmp_path / "named.tlog", sent, step_us=5555)
-    histories = mavhums.actuators(mavhums.read_log(log), str(CSRV))
-    assert list(histories) == ["aileron_1", "elevator_2", "rudder_4", "aileron_9", "elevator_10", "rudder_12"]
-    history = histories["elevator_10"]
-    assert history.provenance == {
-        "V1": "NAMED_VALUE_FLOAT[S10Cmd].value",
-        "V3": "NAMED_VALUE_FLOAT[S10Pos].value",
-    }
-    assert history.frame["V1"].tolist() == [10.0 + k for k in range(40)]
-    assert history.frame["V3"].tolist() == [10.0 + k / 2 for k in range(40)]
-
-
-@needs(CSRV_LOG)
-def test_the_jam_of_a_real_script_s_log_is_visible() -> None:
-    """An aileron's servo jams in the air: its command moves on, its angle does not; its twin follows."""
-    histories = mavhums.actuators(mavhums.read_log(CSRV_LOG), str(CSRV))
-    assert [history.provenance["V3"] for history in histories.values()] == [
-        f"NAMED_VALUE_FLOAT[S{servo}Pos].value" for servo in (1, 2, 4, 9, 10, 12)
-    ]
-    assert all(set(history.provenance) == {"V1", "V3"} for history in histories.values())
-    for name, jams in (("aileron_1", True), ("aileron_9", False)):
-        frame = histories[name].frame
-        jammed = frame[frame.index[0] + pd.Timedelta(seconds=95) : frame.index[0] + pd.Timedelta(seconds=120)]
-        assert np.ptp(jammed["V1"]) > 60
-        assert (np.ptp(jammed["V3"]) < 0.5) == jams
 
 
 @needs(CSRV_LOG)
@@ -308,36 +251,3 @@ def test_the_draft_of_a_real_log_can_be_used_at_once(run: Run, log: Path, tmp_pa
         ("plane_hirate", "plane_normal"), ExitCode.OK
     )
     assert outcome.code == judged.get(log.name.split(".")[0], ExitCode.UNDECIDED)
-
-
-def test_an_output_that_the_autopilot_does_not_assign_is_no_surface() -> None:
-    assert control_surfaces(Parameters(1, False, {})) == []
-    assert control_surfaces(Parameters(1, True, {"PWM_MAIN_FUNC1": 0.0, "PWM_MAIN_FUNC2": 300.0})) == []
-
-
-def test_any_quantity_is_mapped_from_any_field_element_and_unit(tmp_path: Path) -> None:
-    sent = [
-        v2.MAVLink_actuator_output_status_message(1_000_000 + 10_000 * k, 4, [0.1 * k, 0.2 * k] + [0.0] * 30)
-        for k in range(20)
-    ]
-    log = write_log(tmp_path / "status.tlog", sent)
-    profile = tmp_path / "mine.toml"
-    profile.write_text(
-        """
-        name = "mine"
-        [[actuators]]
-        name = "tab"
-        servo = 5
-        pwm_us = [1000, 1500, 2000]
-        fields.V3 = { message = "ACTUATOR_OUTPUT_STATUS", field = "actuator[1]", scale = 10.0, offset = -1.0 }
-        fields.V1 = { message = "ACTUATOR_OUTPUT_STATUS", field = "actuator[0]", where = { active = 4 } }
-        fields.V4 = { message = "ACTUATOR_OUTPUT_STATUS", field = "actuator[0]", where = { active = 5 } }
-        """
-    )
-    history = mavhums.actuators(mavhums.read_log(log), str(profile))["tab"]
-    assert history.provenance == {
-        "V1": "ACTUATOR_OUTPUT_STATUS[4].actuator[0]",
-        "V3": "ACTUATOR_OUTPUT_STATUS.actuator[1]",
-    }
-    assert history.frame["V3"].to_numpy() == pytest.approx(np.arange(20) * 2.0 - 1.0, abs=1e-5)
-    assert history.frame["V1"].to_numpy() == pytest.approx(np.arange(20) * 0.1, abs=1e-6)

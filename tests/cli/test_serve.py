@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,15 +12,6 @@ from mavhums.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from tests.conftest import Run
-
-
-def test_a_missing_extra_is_one_line_with_the_remedy(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "fastapi", None)
-    code, _, err = run("serve", "--port", "0")
-    assert code == ExitCode.ERROR
-    assert err.startswith(
-        "mavhums: the page needs an optional package\n  remedy: pip install 'mavhums[serve]'"
-    )
 
 
 def test_a_store_that_is_none_is_refused(run: Run, tmp_path: Path) -> None:

@@ -23,7 +23,6 @@ import zstandard
 from mavhums import analyse, read_log
 from mavhums.core.errors import UnreadableLogError
 from mavhums.core.packed import SequentialFile, members, opened
-from tests.conftest import Run
 from tests.log.ulog import writer
 
 LOG = writer.flight(2.0)
@@ -190,17 +189,6 @@ def test_a_pipe_that_the_caller_opened_is_read(tmp_path: Path) -> None:
 def test_the_standard_input_may_be_compressed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(gzip.compress(LOG))))
     assert read_log("-").format == "ulog"
-
-
-def test_without_zstandard_the_remedy_is_its_installation(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "zstandard", None)
-    path = tmp_path / "flight.ulg.zst"
-    path.write_bytes(zstandard.compress(LOG))
-    outcome = run("inspect", path)
-    assert outcome.code == 1
-    assert "pip install 'mavhums[zstd]'" in outcome.err
 
 
 @pytest.mark.parametrize("compress", COMPRESSORS)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import importlib
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import mavhums
 import mavhums.results.assessment
-from mavhums.core.errors import ExitCode, MissingExtraError
+from mavhums.core.errors import ExitCode
 from mavhums.results.assessment import json_schema
 
 ROOT = Path(__file__).parents[2]
@@ -56,12 +54,6 @@ def test_the_schema_file_is_generated_from_the_classes() -> None:
     assert mavhums.results.assessment._generate_schema() == json_schema()
 
 
-def test_importing_the_package_is_light() -> None:
-    code = "import mavhums, sys; print({'numpy', 'torch', 'rerun', 'pymavlink'} & sys.modules.keys())"
-    outcome = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert outcome.stdout.strip() == "set()"
-
-
 def test_exit_codes_are_those_of_the_documentation() -> None:
     assert {code.name: int(code) for code in ExitCode} == {
         "OK": 0,
@@ -73,9 +65,3 @@ def test_exit_codes_are_those_of_the_documentation() -> None:
         "EMERGENCY": 11,
         "UNDECIDED": 12,
     }
-
-
-def test_a_missing_extra_names_the_command() -> None:
-    assert str(MissingExtraError("training", "train")).endswith(
-        "pip install 'mavhums[train]' (from a clone: .venv/bin/pip install -e '.[train]')"
-    )
