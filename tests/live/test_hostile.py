@@ -13,41 +13,10 @@ import pytest
 import mavhums
 from mavhums.engine.axes import MOST_VEHICLES
 from mavhums.engine.engine import Engine
-from mavhums.log.mavlink.decoder import MavlinkDecoder
 from mavhums.log.mavlink.stamping import Piece
 from mavhums_sim.link import EPOCH_US
 from tests.live.attacks import ATTACKS, attitude, endure, flown, heartbeat, named
-from tests.live.conftest import RIGHT, Rig, conditions
-
-
-@pytest.mark.slow
-def test_a_burst_of_spoofed_senders_leaves_nothing(rig: Rig, worn_pieces: list[Piece]) -> None:
-    """A heartbeat from each of 2,040 senders within a second, in mid-flight, each from its own port."""
-    burst = [
-        Piece(("udp", (system, component)), EPOCH_US + 10_000_000 + 15 * (256 * system + component), frame)
-        for system in range(1, 256)
-        for component in range(0, 256, 32)
-        for frame in [heartbeat(system, component)]
-    ]
-    held = []
-    forget = rig.stamper._forget
-
-    def watched() -> None:
-        held.append(len(rig.stamper._streams))
-        forget()
-
-    rig.stamper._forget = watched  # type: ignore[method-assign]
-    rig.hear(worn_pieces + burst)
-    assert max(held) <= 65, "64 senders and the one that takes another's place"
-    assert len(rig.peers) <= 64
-    engine = rig.session._engine
-    assert isinstance(engine, Engine)
-    decoder = engine._decoder._chosen
-    assert isinstance(decoder, MavlinkDecoder)
-    assert decoder._stats._senders.size <= 1024
-    assert len(decoder.counts) <= 1100
-    assert sum(decoder.counts.values()) == len(worn_pieces) + len(burst), "and none is uncounted"
-    assert conditions(rig.end()) == RIGHT
+from tests.live.conftest import Rig
 
 
 @pytest.mark.slow
@@ -136,7 +105,7 @@ def test_an_attack_costs_little(
 ) -> None:
     """Bounds that hold on any computer, a quarter of each crowd; times depend on it and are only reported."""
     cost = endure(ATTACKS[name], tmp_path, every=4, quiet_s=2.0)
-    for what in ("memory_mb", "cpu", "shutdown_s", "shutdown_cpu_s"):
+    for what in ("memory_mb", "cpu", "shutdown_s"):
         record_property(what, getattr(cost, what))
     print(f"{cost.memory_mb:.0f} MB, {cost.cpu:.1%} of a core after it, {cost.shutdown_s:.2f} s to end")
     assert cost.memory_mb < 512, "MemoryMax of examples/services/mavhums.service"

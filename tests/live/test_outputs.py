@@ -58,17 +58,6 @@ def test_an_outlet_that_is_stuck_drops_the_oldest_and_counts() -> None:
     gate.open.set()
 
 
-def test_an_outlet_hands_everything_over_in_order() -> None:
-    gate = Gate()
-    outlet = Outlet("gate", gate.take)
-    for k in range(1000):
-        outlet.put(k)
-    gate.open.set()
-    assert outlet.close(30)
-    assert gate.taken == list(range(1000))
-    assert outlet.dropped == 0
-
-
 def test_what_fails_is_said_once_and_again_when_it_works() -> None:
     said: list[str] = []
     full = True
@@ -91,32 +80,6 @@ def test_what_fails_is_said_once_and_again_when_it_works() -> None:
         "disk: No space left on device; its output is dropped, everything else continues",
         "disk: works again; 5 dropped",
     ]
-
-
-def test_a_closed_pipe_is_known_to_be_gone() -> None:
-    reader, writer = os.pipe()
-    os.close(reader)
-    with os.fdopen(writer, "w") as stream:
-        spool = Spool(stream, "pipe", report=None)
-        print("nobody hears", file=spool, flush=True)
-        assert spool.finish(time.monotonic() + 30)
-        assert spool.outlet.gone
-        assert spool.outlet.dropped == 1
-
-
-def test_a_spool_never_waits_and_keeps_lines_whole() -> None:
-    reader, writer = os.pipe()
-    with os.fdopen(writer, "w") as stream:
-        spool = Spool(stream, "pipe")
-        line = "x" * 9_999 + "\n"
-        for _ in range(2000):
-            spool.write(line)
-            spool.flush()
-        assert spool.outlet.dropped > 1000, "20 MB go into 4 MB of queue and a pipe"
-        assert not spool.finish(time.monotonic() + 0.01)
-        data = os.read(reader, 1 << 20)
-        os.close(reader)
-        assert data[:10_000] == line.encode()
 
 
 def test_a_spool_shows_what_the_stream_cannot_encode() -> None:
@@ -283,18 +246,6 @@ def test_a_closed_pipe_ends_what_has_no_other_purpose(tmp_path: Path) -> None:
     os.close(reader)
     with live(tmp_path, writer, "udpin:0", "--json") as process:
         assert process.wait(60) == 12
-
-
-@pytest.mark.slow
-def test_sigterm_at_the_start_leaves_no_part_of_a_file(tmp_path: Path) -> None:
-    pytest.importorskip("rerun")
-    with live(tmp_path, os.devnull, "udpin:0", "--rrd", tmp_path / "live.rrd") as process:
-        until = time.monotonic() + 60
-        while not list(tmp_path.glob(".live.rrd.*.part")) and time.monotonic() < until:
-            time.sleep(0.002)
-        process.send_signal(signal.SIGTERM)
-        process.wait(60)
-    assert not list(tmp_path.glob(".*"))
 
 
 if sys.platform == "win32":

@@ -48,17 +48,6 @@ def test_two_senders_of_a_vehicle_are_warned_about_once_a_minute(
     rig.session.close()
 
 
-def test_a_peer_is_forgotten_after_ten_seconds(tmp_path: Path) -> None:
-    rig = Rig(tmp_path)
-    rig.hear([Piece("vehicle", EPOCH_US, attitude(1, 1))])
-    heard: list[int] = []
-    for second in (10, 12):
-        rig.wait_until(EPOCH_US + SECOND_US * second)
-        heard.append(len(rig.peers))
-    assert heard == [1, 0]
-    rig.session.close()
-
-
 def test_an_error_ends_a_session_with_its_verdicts(tmp_path: Path) -> None:
     rig = Rig(tmp_path)
 

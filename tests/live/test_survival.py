@@ -7,25 +7,13 @@ import random
 from pathlib import Path
 
 import pytest
-from pymavlink.dialects.v20 import ardupilotmega as v2
 
 import mavhums
 from mavhums.engine.engine import Engine
 from mavhums.log.mavlink.stamping import Piece
 from mavhums_sim.link import EPOCH_US
-from tests.live.attacks import attitude, random_message
+from tests.live.attacks import random_message
 from tests.live.conftest import RIGHT, Rig, conditions
-
-
-@pytest.mark.slow
-def test_a_time_that_cannot_be_ends_no_session(rig: Rig, worn_pieces: list[Piece]) -> None:
-    voice = v2.MAVLink(None, srcSystem=9, srcComponent=1)
-    date = bytes(v2.MAVLink_system_time_message(10**18, 1000).pack(voice))
-    forged = [
-        Piece("forger", EPOCH_US + 5_000_000 + k, frame) for k, frame in enumerate([attitude(9, 1), date])
-    ]
-    rig.hear(worn_pieces + forged)
-    assert conditions(rig.end()) == RIGHT
 
 
 @pytest.mark.slow
