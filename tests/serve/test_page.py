@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import shutil
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -314,20 +312,6 @@ def test_a_fleet_is_listed_worst_first_and_leads_to_its_flights(store: Path, bro
         assert browser.errors == []
 
 
-def test_a_log_is_kept_only_when_asked(tmp_path: Path, browser: Browser, healthy_log: Path) -> None:
-    store = tmp_path / "new" / "store"
-    store.parent.mkdir()
-    with served("--store", store) as page:
-        browser.open(page.url)
-        browser.choose([healthy_log])
-        browser.wait(HEADLINE)
-        assert not store.exists()
-        browser.press("Keep in the store")
-        browser.wait("document.querySelector('.log').innerText.includes('kept in the store as')")
-        browser.open(f"{page.url}/fleet")
-        assert len(browser.wait("[...document.querySelectorAll('tbody th')].map(one => one.innerText)")) == 1
-
-
 def test_a_running_session_shows_as_it_runs(tmp_path: Path, browser: Browser, growing_log: Path) -> None:
     import socket
     import subprocess
@@ -376,23 +360,6 @@ def test_nothing_stays_when_it_ends(
     assert not own.exists()
     psutil.wait_procs(children, timeout=5)
     assert not [child for child in children if child.is_running() and child.status() != "zombie"]
-
-
-def test_another_host_needs_the_token_that_is_told_once(browser: Browser, healthy_log: Path) -> None:
-    with served("--host", "0.0.0.0", lines=3) as page:
-        assert "WARNING" in page.told[1]
-        assert "token=" in page.url
-        port = page.url.split(":")[2].split("/")[0]
-        token = page.url.split("token=")[1]
-        with pytest.raises(urllib.error.HTTPError) as refused:
-            urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=10)
-        assert refused.value.code == 401
-        refused.value.close()
-        browser.call("Page.navigate", url=f"http://127.0.0.1:{port}/?token={token}")
-        browser.wait("document.querySelector('#logs')")
-        assert "token" not in browser.js("location.href")
-        browser.choose([healthy_log])
-        assert "normal" in browser.wait(HEADLINE)
 
 
 def test_a_log_that_the_store_cannot_name_is_asked_for(store: Path, browser: Browser, tmp_path: Path) -> None:

@@ -35,9 +35,11 @@ COMMAND = (sys.executable, "-c", PROGRAM)
 Use = Callable[[Workers], Awaitable[Any]]
 
 
-def with_workers(use: Use, *, count: int = 2, judge_s: float = 30.0, command: Any = COMMAND) -> Any:
+def with_workers(
+    use: Use, *, count: int = 2, judge_s: float = 30.0, command: Any = COMMAND, **limits: int
+) -> Any:
     async def whole() -> Any:
-        workers = Workers(Quotas(workers=count, judge_s=judge_s), command)
+        workers = Workers(Quotas(workers=count, judge_s=judge_s, **limits), command)
         await workers.start()
         try:
             return await use(workers)
@@ -135,48 +137,35 @@ def test_a_cancelled_wait_loses_no_worker() -> None:
     with_workers(use, count=1)
 
 
-@pytest.mark.parametrize("leaves_first", [False, True])
-def test_a_worker_is_not_lost_with_someone_who_leaves(leaves_first: bool) -> None:
-    """It is handed over just before the other leaves, or to one that is leaving."""
-
-    async def use(workers: Workers) -> None:
-        worker = await workers._acquire("a")
-        leaver = asyncio.ensure_future(workers._acquire("b"))
-        await asyncio.sleep(0)
-        steps: list[Callable[[], object]] = [lambda: workers._hand(worker), leaver.cancel]
-        for step in reversed(steps) if leaves_first else steps:
-            step()
-        await asyncio.gather(leaver, return_exceptions=True)
-        assert await asyncio.wait_for(workers._acquire("c"), 5) is worker
-        workers._hand(worker)
-
-    with_workers(use, count=1)
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
-def test_the_true_process_judges_refuses_and_limits_its_memory(short_log: Path, tmp_path: Path) -> None:
+def test_the_true_process_judges_refuses_and_records_in_the_least_memory(
+    growing_log: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("rerun", reason="the 3-D view needs the extra 'viewer'")
+    from mavhums.cli.serve import LEAST_MEMORY_MB
+
     odd = tmp_path / "notes.tlog"
     odd.write_text("this is no log, whatever its name says\n" * 100)
-    job: dict[str, Any] = {
-        "do": "judge",
-        "report": str(tmp_path / "report.html"),
-        "options": {},
-    }
+    job: dict[str, Any] = {"log": str(growing_log), "options": {}, "report": str(tmp_path / "report.html")}
 
-    async def use(workers: Workers) -> tuple[dict[str, Any], ...]:
-        good = await ask(workers, **job, log=str(short_log))
-        bad = await ask(workers, **job, log=str(odd))
-        wrong = job | {"options": {"airframe": "nowhere.toml"}}
-        return good, bad, await ask(workers, **wrong, log=str(short_log))
+    async def use(workers: Workers) -> list[dict[str, Any]]:
+        return [
+            await ask(workers, "judge", **job),
+            await ask(workers, "judge", **job | {"log": str(odd)}),
+            await ask(workers, "judge", **job | {"options": {"airframe": "nowhere.toml"}}),
+            await ask(workers, "record", recording=str(tmp_path / "flight.rrd"), **job),
+        ]
 
-    good, bad, wrong = with_workers(use, count=1, command=None)
-    assert good["brief"]["condition"] == "normal"
+    least = LEAST_MEMORY_MB << 20
+    good, bad, wrong, recorded = with_workers(use, count=1, judge_s=300.0, command=None, memory_bytes=least)
+    assert good["brief"]["condition"] == "emergency"
     assert "elevator" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "notes.tlog" in bad["problem"]
     assert str(tmp_path) not in bad["problem"]
     assert bad["remedy"]
     assert "nowhere.toml" in wrong["problem"]
+    assert recorded == {"recorded": True}
 
 
 GROW = """
@@ -215,27 +204,3 @@ def test_the_process_ends_with_its_parent() -> None:
     assert process.wait(timeout=10) == 0
     process.stdout.close()
     assert time.monotonic() - begin < 5
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
-def test_the_least_memory_that_is_allowed_is_enough(growing_log: Path, tmp_path: Path) -> None:
-    pytest.importorskip("rerun", reason="the 3-D view needs the extra 'viewer'")
-    from mavhums.cli.serve import LEAST_MEMORY_MB
-
-    limits = Quotas(workers=1, memory_bytes=LEAST_MEMORY_MB << 20)
-    job: dict[str, Any] = {"log": str(growing_log), "options": {}}
-
-    async def use() -> list[Any]:
-        workers = Workers(limits)
-        await workers.start()
-        try:
-            judged = await ask(workers, "judge", report=str(tmp_path / "report.html"), **job)
-            recorded = await ask(workers, "record", recording=str(tmp_path / "flight.rrd"), **job)
-        finally:
-            await workers.close()
-        return [judged, recorded]
-
-    judged, recorded = asyncio.run(use())
-    assert judged["brief"]["condition"] == "emergency"
-    assert recorded == {"recorded": True}
