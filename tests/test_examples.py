@@ -17,12 +17,12 @@ from examples import (
     own_recording,
     pictures,
     quantities_to_pandas,
-    readme_picture,
     sample_classes,
     selectors_in_a_pipeline,
     wear_over_flights,
 )
 from mavhums import analyse
+from tests.links import records
 
 
 @pytest.mark.slow
@@ -66,15 +66,10 @@ def test_analyse_a_log_says_why_it_cannot_tell(growing_log: Path, capsys: pytest
 
 def _datagrams(log: Path, frames_each: int) -> list[tuple[int, bytes]]:
     """The log's frames, several to a datagram, and the time of each datagram in microseconds."""
-    data, records, position = log.read_bytes(), [], 0
-    while position < len(data):
-        stamp = int.from_bytes(data[position : position + 8], "big")
-        frame = next(follow_udp.frames(data[position + 8 :]))
-        records.append((stamp, frame))
-        position += 8 + len(frame)
+    sent = [(time_us, frame) for time_us, _, frame in records(log.read_bytes())]
     return [
-        (records[k][0], b"".join(frame for _, frame in records[k : k + frames_each]))
-        for k in range(0, len(records), frames_each)
+        (sent[k][0], b"".join(frame for _, frame in sent[k : k + frames_each]))
+        for k in range(0, len(sent), frames_each)
     ]
 
 
@@ -166,27 +161,6 @@ def test_the_ten_hours_of_the_picture_are_one_flight(tmp_path: Path) -> None:
     assert (elevator.condition, elevator.coverage.late) == ("degraded", 0)
     assert elevator.since is not None
     assert elevator.since.flight_time_s == pytest.approx(1200, abs=30)
-
-
-def test_the_live_picture_is_of_the_middle_of_the_flight(
-    short_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("rerun", reason="the viewer needs the extra 'viewer'")
-    seen: list[str] = []
-    monkeypatch.setattr(pictures, "save", lambda source, picture: seen.append(str(source)))
-    (tmp_path / "friction-growing.tlog").symlink_to(short_log)
-    pictures._live(tmp_path, tmp_path / "live.png")
-    assert seen[0].startswith("rerun+http://127.0.0.1:")
-
-
-def test_the_readme_picture_is_as_wide_as_a_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    image = pytest.importorskip("PIL.Image")
-    sizes = iter([(893, 208), (1800, 600)])
-    monkeypatch.setattr(readme_picture, "view", lambda *_: image.new("RGB", next(sizes)))
-    picture = tmp_path / "picture.png"
-    readme_picture.main(tmp_path / "flight.rrd", picture)
-    with image.open(picture) as drawn:
-        assert drawn.size == (readme_picture.WIDTH, 210 + 300)
 
 
 _WITHOUT = """
