@@ -15,7 +15,6 @@ from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import Event
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.learn import default_model
-from mavhums.learn.model import ModelError
 from mavhums_sim import Flight, fly, write_tlog
 from tests.judge import judged
 
@@ -77,18 +76,6 @@ def test_a_log_that_changed_is_not_recorded(growing_log: Path, tmp_path: Path) -
     with pytest.raises(MavhumsError, match="not the log that was judged"):
         mavhums.record(assessment, tmp_path / "flight.rrd")
     assert not (tmp_path / "flight.rrd").exists()
-
-
-def test_a_model_of_ones_own_is_given_by_path(growing_log: Path, tmp_path: Path) -> None:
-    from mavhums.learn import save_model
-
-    packaged = default_model()
-    saved = save_model(tmp_path / "mine.safetensors", packaged.network, packaged.card, packaged.window)
-    assessment = mavhums.analyse(growing_log, mavhums.Options(model=tmp_path / "mine.safetensors"))
-    assert assessment.model is not None
-    assert assessment.model.hash == saved.hash
-    with pytest.raises(ModelError, match="nonesuch"):
-        mavhums.analyse(growing_log, mavhums.Options(model="nonesuch"))
 
 
 def test_the_packaged_model_is_the_papers_actuators() -> None:

@@ -79,9 +79,6 @@ def test_analyse_writes_recordings(run: Run, growing_log: Path, healthy_log: Pat
     [
         (["analyse"], ExitCode.USAGE, "Missing argument"),
         (["analyse", "LOG", "--open"], ExitCode.USAGE, "--open needs --rrd"),
-        (["analyse", "LOG", "--airframe", "nonesuch"], ExitCode.ERROR, "no airframe profile 'nonesuch'"),
-        (["analyse", "LOG", "--model", "nonesuch"], ExitCode.ERROR, "nonesuch"),
-        (["analyse", "LOG", "--rrd", "/nowhere/at/all.rrd"], ExitCode.ERROR, "/nowhere"),
         (["analyse", "LOG", "LOG", "--rrd", "x"], ExitCode.USAGE, "share one recording"),
         (["inspect", "/nowhere.tlog"], ExitCode.ERROR, "no such file"),
         (["fly"], ExitCode.USAGE, "No such command"),

@@ -114,16 +114,14 @@ def test_a_subject_is_explained_with_reason_and_advice(folder: Path) -> None:
         ("text.tlog", "text.tlog: "),
     ],
 )
-@pytest.mark.parametrize("tool", ["inspect", "explain"])
-def test_what_may_not_be_read_is_refused_with_a_remedy(
-    tool: str, log: str, problem: str, folder: Path
-) -> None:
-    given = {"log": log, **({"subject": "roll"} if tool == "explain" else {})}
-    failed, text = asked(LogAssistant(Reach(folders=(folder,))), tool, **given)
-    assert failed
-    assert problem in text
-    assert "Remedy: " in text
-    assert len(text) < 700
+def test_what_may_not_be_read_is_refused_with_a_remedy(log: str, problem: str, folder: Path) -> None:
+    assistant = LogAssistant(Reach(folders=(folder,)))
+    answers = asked(assistant, "inspect", log=log), asked(assistant, "explain", log=log, subject="roll")
+    for failed, text in answers:
+        assert failed
+        assert problem in text
+        assert "Remedy: " in text
+        assert len(text) < 700
 
 
 def test_requests_and_logs_have_a_largest_size(folder: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
 from mavhums_sim import Flight, fly, write_dataflash
@@ -45,16 +44,6 @@ def test_analyse_judges_it(run: Run, log: Path, tmp_path: Path) -> None:
     conditions = {verdict["actuator"]: verdict["condition"] for verdict in told["verdicts"]}
     assert conditions["elevator"] == "emergency"
     assert recording.stat().st_size > 10_000
-
-
-def test_export_writes_quantities_and_records(run: Run, log: Path, tmp_path: Path) -> None:
-    quantities, records = tmp_path / "v.csv", tmp_path / "att.csv"
-    assert run("export", log, "-o", quantities).code == 0
-    table = pd.read_csv(quantities)
-    assert set(table["actuator"]) == {"aileron_left", "aileron_right", "elevator", "rudder"}
-    assert table["V10"].notna().mean() > 0.99
-    assert run("export", log, "-o", records, "--messages", "ATT").code == 0
-    assert {"TimeUS", "DesRoll", "Yaw"} <= set(pd.read_csv(records).columns)
 
 
 @pytest.mark.slow

@@ -71,14 +71,6 @@ def test_inspect_says_why_nothing_can_be_judged(run: Run, tmp_path: Path) -> Non
     assert "remedy" not in text
 
 
-def test_inspect_says_what_a_copters_log_lacks(run: Run, tmp_path: Path) -> None:
-    path = tmp_path / "other.tlog"
-    path.write_bytes(flown(20, kind=2))
-    text = " ".join(run("inspect", path).out.split())
-    assert "motors: cannot be judged: the log does not show where each motor is" in text
-    assert "remedy: record the parameters" in text
-
-
 @pytest.mark.parametrize(
     ("name", "shown", "named_by", "range_us"),
     [

@@ -104,15 +104,3 @@ def test_a_table_and_the_status_tell_the_flights_left(run: Run, store: Path, tmp
     table = pd.read_parquet(tmp_path / "t.parquet")
     assert table["flights_to_emergency"].notna().sum() == 1
     assert str(table["start_utc"].dtype).startswith("datetime64")
-
-
-def test_the_list_is_sorted_by_how_actuators_stand(run: Run, store: Path) -> None:
-    rows = worst(store)
-    assert [row.aircraft for row in rows] == ["D-G", "D-S"]
-    assert rows[0].standing is not None
-    assert rows[0].standing.growth is not None
-    told = run("fleet", "worst", "--store", store, "-n", "1")
-    assert told.code == ExitCode.DEGRADED
-    assert "D-G elevator: DEGRADED since flight " in told.out
-    assert "until emergency" in told.out
-    assert "the 1 worst of 2 are shown" in told.out

@@ -44,20 +44,6 @@ class Gate:
         self.taken.append(item)
 
 
-def test_an_outlet_that_is_stuck_drops_the_oldest_and_counts() -> None:
-    gate = Gate()
-    outlet = Outlet("gate", gate.take, room=10)
-    for k in range(100):
-        outlet.put(k)
-    assert 88 <= outlet.dropped <= 90, "one is being taken, ten wait"
-    assert not outlet.close(0.01)
-    dropped = outlet.dropped
-    assert dropped == 100 - 1, "what still waits is dropped, too"
-    outlet.put("late")
-    assert outlet.dropped == dropped + 1
-    gate.open.set()
-
-
 def test_what_fails_is_said_once_and_again_when_it_works() -> None:
     said: list[str] = []
     full = True
