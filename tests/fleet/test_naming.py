@@ -17,6 +17,7 @@ import pytest
 
 import mavhums
 from mavhums import fleet
+from mavhums.core.packed import ARCHIVES, COMPRESSED
 from mavhums.serve.keep import answer_to
 from tests.conftest import Run
 from tests.fleet.stores import table
@@ -172,6 +173,29 @@ def test_packed_logs_are_scanned_and_those_that_cannot_be_are_told(flown: Path, 
     failures = str(fleet.status(tmp_path / "store").failures)
     assert "notes.zip" in failures
     assert "damaged.zip" in failures
+
+
+def test_the_page_offers_what_is_read() -> None:
+    pytest.importorskip("plotly", reason="the page needs the extra 'serve'")
+    from mavhums.serve.pages import render
+
+    values = {"packed": (*COMPRESSED, *ARCHIVES), "limit_bytes": 1, "limit_mb": "1", "where": ""}
+    text = render("home.html", title="", here="", pages=[], **values)
+    for suffix in (".tlog", ".BIN", ".ulg", ".gz", ".xz", ".bz2", ".zst", ".zip"):
+        assert f"{suffix}," in text
+
+
+def test_the_page_names_no_path_of_its_computer(flown: Path, tmp_path: Path) -> None:
+    from mavhums.serve.worker import _done
+
+    with zipfile.ZipFile(tmp_path / "several.zip", "w") as archive:
+        for day in range(2):
+            archive.write(flown / "D-A" / f"{day}.tlog", f"{day}.tlog")
+    job = {"do": "judge", "log": str(tmp_path / "several.zip"), "report": str(tmp_path / "r"), "options": {}}
+    answer = _done(job, lambda _: None)
+    assert str(tmp_path) not in json.dumps(answer)
+    assert "contains 2 files" in answer["problem"]
+    assert "drop the logs in it" in answer["remedy"]
 
 
 @pytest.mark.parametrize("wrong", ["D-X/rudder", "D-A/ruder", "ruder", "D-X/"])

@@ -133,6 +133,22 @@ def test_what_all_flights_share_makes_no_line_uncertain() -> None:
     assert wear(0.1) == wear(0.004)
 
 
+def test_flights_of_one_window_are_weighted_by_their_interval() -> None:
+    def level(error: float) -> float:
+        flights = []
+        for day in range(20):
+            one = shown(0.225 + 0.02 * day + 0.003 * np.cos(2.4 * day), error=error if day == 9 else 0.002)
+            alone = one.model_copy(update={"windows": 1, "scatter": None})
+            flights.append(PastFlight.of(flown(verdict(alone), day=day)))
+        (one_trend,) = trend_report(flights).trends
+        assert one_trend.baseline is None
+        assert one_trend.change is None
+        assert one_trend.level is not None
+        return one_trend.level.estimate
+
+    assert level(0.002) != level(0.02)
+
+
 @pytest.mark.slow
 def test_flights_that_only_their_files_date_are_in_the_order_of_boots(tmp_path: Path) -> None:
     """A board counts its boots; the logs have no date, and copies of them have the times of the copying."""

@@ -39,8 +39,6 @@ from tests.live.conftest import Rig
         ("udpin:companion.local:14550", "udpin:companion.local:14550", True),
         ("serial:/dev/ttyACM0:115200", "serial:/dev/ttyACM0:115200", False),
         ("/dev/ttyUSB0,921600", "serial:/dev/ttyUSB0:921600", False),
-        ("COM3", "serial:COM3:57600", False),
-        ("udpin:0", "udpin:127.0.0.1:0", False),
         ("tcp:host:1", "tcp:host:1", False),
         ("udpout:host:65535", "udpout:host:65535", False),
     ],
@@ -82,6 +80,32 @@ def test_records_are_on_the_disk_within_a_second(tmp_path: Path, monkeypatch: py
     assert synced == [8]
     recorder.close()
     assert synced == [8], "nothing new, nothing to do"
+
+
+def test_a_disk_that_fails_is_told_of_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    recorder = TlogRecorder(tmp_path / "a.tlog")
+
+    def fail(*_: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(os, "write", fail)
+        broken.setattr(os, "ftruncate", fail)
+        broken.setattr(os, "fsync", fail)
+        recorder.write(b"lost", 3)
+        recorder.write(b"lost", 3)
+        recorder._synced = -1
+        recorder._sync()
+    assert recorder.lost_frames == 6
+    recorder.write(b"kept", 1)
+    recorder.close()
+    assert recorder.path.read_bytes() == b"kept"
+    told = [record.message for record in caplog.records]
+    assert len(told) == 3
+    assert told[0].endswith("No space left on device; the flight is judged, but not recorded")
+    assert told[2].endswith("written again; 6 frames are missing")
 
 
 @pytest.mark.parametrize("how", ["removed", "moved"])

@@ -234,3 +234,19 @@ def test_of_a_log_that_is_only_assessed_nothing_stays_and_there_are_not_too_many
             await sessions.assess("api", "a.tlog", content(b"a"))
 
     using(use, problem="no log", remedy="check it")
+
+
+def test_a_wrong_method_is_answered_with_the_right_one() -> None:
+    pytest.importorskip("plotly", reason="the page needs the extra 'serve'")
+    import httpx  # NiceGUI brings it
+
+    from mavhums.serve.routes import api
+
+    async def use(sessions: Sessions) -> list[httpx.Response]:
+        transport = httpx.ASGITransport(app=api(sessions, None))
+        async with httpx.AsyncClient(transport=transport, base_url="http://api") as client:
+            return [await client.delete(path) for path in ("/version", "/logs")]
+
+    answers = using(use)
+    assert [answer.status_code for answer in answers] == [405, 405]
+    assert [answer.headers["allow"] for answer in answers] == ["GET", "POST"]

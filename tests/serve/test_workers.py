@@ -137,6 +137,24 @@ def test_a_cancelled_wait_loses_no_worker() -> None:
     with_workers(use, count=1)
 
 
+@pytest.mark.parametrize("leaves_first", [False, True])
+def test_a_worker_is_not_lost_with_someone_who_leaves(leaves_first: bool) -> None:
+    """It is handed over just before the other leaves, or to one that is leaving."""
+
+    async def use(workers: Workers) -> None:
+        worker = await workers._acquire("a")
+        leaver = asyncio.ensure_future(workers._acquire("b"))
+        await asyncio.sleep(0)
+        steps: list[Callable[[], object]] = [lambda: workers._hand(worker), leaver.cancel]
+        for step in reversed(steps) if leaves_first else steps:
+            step()
+        await asyncio.gather(leaver, return_exceptions=True)
+        assert await asyncio.wait_for(workers._acquire("c"), 5) is worker
+        workers._hand(worker)
+
+    with_workers(use, count=1)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
 def test_the_true_process_judges_refuses_and_records_in_the_least_memory(
