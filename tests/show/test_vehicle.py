@@ -85,14 +85,16 @@ def test_nose_up_is_up_and_right_wing_down_lifts_the_left(
     tmp_path: Path, flight: Flight, assessment: Assessment
 ) -> None:
     roll, pitch, yaw = 0.4, 0.3, 0.7
-    attitude = Attitude(1, np.array([1.0, 2.0]), np.array([[0.0, pitch, yaw], [roll, 0.0, yaw]]))
+    angles = [[0.0, pitch, yaw], [roll, 0.0, yaw], [roll, pitch, yaw]]
+    attitude = Attitude(1, np.array([1.0, 2.0, 3.0]), np.array(angles))
     path = write(tmp_path / "a.rrd", [*flight.events(), attitude], assessment)
     _, quaternions = rows(path, "/airframe/vehicle_1/body", "Transform3D:quaternion")
-    up, banked = (Rotation.from_quat(q) for (q,) in quaternions)
-    np.testing.assert_allclose(up.apply((1, 0, 0)), (math.cos(pitch), 0, math.sin(pitch)), atol=1e-6)
+    up, banked, both = (Rotation.from_quat(q) for (q,) in quaternions)
+    for turned in (up, both):
+        np.testing.assert_allclose(turned.apply((1, 0, 0)), (math.cos(pitch), 0, math.sin(pitch)), atol=1e-6)
     np.testing.assert_allclose(banked.apply((0, 1, 0)), (0, math.cos(roll), math.sin(roll)), atol=1e-6)
     _, headings = rows(path, "/airframe/vehicle_1", "Transform3D:rotation_axis_angle")
-    assert [heading["angle"] for (heading,) in headings] == pytest.approx([-yaw, -yaw])
+    assert [heading["angle"] for (heading,) in headings] == pytest.approx([-yaw] * 3)
 
 
 def actuator(number: int, name: str, surface: str = "") -> Actuator:
