@@ -206,16 +206,6 @@ def test_two_vehicles_in_one_log_are_kept_apart(growing_record: FlightRecord) ->
     assert of(alone, "elevator").evidence == of(assessment, "elevator", 1).evidence
 
 
-def test_damage_is_survived_and_declared(growing_log: Path) -> None:
-    content = bytearray(growing_log.read_bytes())
-    for place in range(1_000, len(content) - 1_000, 5_000):
-        content[place] ^= 0xFF
-    assessment = judge(bytes(content))
-    assert of(assessment, "elevator").condition == "emergency"
-    assert of(assessment, "rudder").condition == "normal"
-    assert assessment.log.losses.any
-
-
 def test_exit_codes_tell_the_worst(growing_log: Path, tmp_path: Path) -> None:
     assert judge(growing_log.read_bytes()).exit_code == ExitCode.EMERGENCY
     healthy = tmp_path / "healthy.tlog"

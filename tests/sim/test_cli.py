@@ -56,7 +56,12 @@ def test_campaign_writes_its_folder(tmp_path: Path, simulate: Run) -> None:
     [
         (["flight"], "Missing option '-o'"),
         (["flight", "-o", "x.tlog", "--friction", "elevator"], "not SURFACE=N·m"),
+        (["flight", "-o", "x.tlog", "--friction", "flap=0.2"], "no surface 'flap'"),
+        (["flight", "-o", "x.tlog", "--friction", "rudder=-0.2"], "zero or more"),
+        (["flight", "-o", "x.tlog", "--friction", "rudder=nan"], "zero or more"),
         (["flight", "-o", "x.tlog", "--duration", "0"], "--duration"),
+        (["flight", "-o", "x.tlog", "--duration", "0.5"], "duration"),
+        (["flight", "-o", "x.tlog", "--rate", "501"], "rate"),
         (["campaign", "lunar", "-o", "x"], "no campaign 'lunar'; there is paper"),
         (["land"], "No such command"),
         (["flight", "-o", "x.tlog", "--fault", "rudder=jam"], "not SURFACE=FAULT:SEVERITY"),

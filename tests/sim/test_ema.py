@@ -20,11 +20,6 @@ def drive(parameters: EmaParameters, command: float, seconds: float, *, friction
     return simulate(parameters, np.full(n, command), np.full(n, friction), zeros, zeros)
 
 
-def test_friction_alone_decides_what_the_same_command_costs() -> None:
-    light, heavy = (drive(PAPER, radians(60), 0.5, friction=t).current[400] for t in (0.225, 1.025))
-    assert (heavy - light) * PAPER.torque_per_ampere == pytest.approx(0.8, rel=1e-6)
-
-
 def test_moving_fraction_counts_the_samples_in_motion() -> None:
     assert drive(PAPER, 0.0, 0.1).moving_fraction == 0.0
     assert drive(PAPER, radians(60), 0.1).moving_fraction > 0.95

@@ -250,8 +250,3 @@ def test_a_friction_that_may_be_that_of_the_load_is_no_verdict() -> None:
 def test_a_friction_beyond_any_share_of_the_load_stands() -> None:
     time_s, values = loaded(2.5, 0.3)
     assert judged(time_s, values, with_load_friction(None)).worst == "emergency"
-
-
-def test_the_load_does_not_depend_on_the_blocks() -> None:
-    flight = *loaded(0.4, 0.3), with_load_friction(None)
-    assert judged(*flight, size=777) == judged(*flight)

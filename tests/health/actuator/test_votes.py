@@ -145,14 +145,6 @@ def slots(current: float, load: float = 0.5, moving: int = 20) -> Array:
     return np.concatenate([products(moments).sum(axis=0), others])[None, None]
 
 
-def test_a_network_of_windows_answers_instead_of_votes() -> None:
-    ballots = window(row(0, 40, (20, 20), (20, 20)))[None]
-    assert window_outcomes([ByWindow()], ballots, slots(0.25)) == [
-        VoteOutcome(0, "normal", "normal", 0, 0, 0.75, 0.25)
-    ]
-    assert window_outcomes([Threshold()], ballots, slots(0.25)) == [by_votes(1.0, 0)]
-
-
 @dataclass(frozen=True)
 class Ranks(Threshold):
     """Gives every window the same probabilities."""

@@ -95,12 +95,6 @@ def test_the_sums_hold_the_gain_exactly() -> None:
     assert flown.groups[0][2] == pytest.approx(SPEED, abs=1.0)
 
 
-@pytest.mark.parametrize("block", [1, 7, 60])
-def test_the_sums_do_not_depend_on_the_blocks(block: int) -> None:
-    flown = flight(130)
-    assert record(flown, block=block).groups == record(flown).groups
-
-
 def test_a_long_flight_leaves_no_more_than_a_short_one() -> None:
     flown = record(flight(1000))
     # Each time 32 parts were full, two were joined.

@@ -68,18 +68,6 @@ def test_a_limit_that_is_absent_is_never_passed(levels: Levels, condition: Condi
     assert not test.surely_grave(estimates(np.full(1, 9.9), ERROR, 9.0))
 
 
-def test_the_evidence_is_a_ratio_of_students_densities() -> None:
-    """Of the mean at itself and at the limit, with the error of the seconds that the windows cover."""
-    values, error = np.array([0.2, 0.5, 2.0, 0.3]), 0.1
-    end_s = np.array([10.0, 11.0, 12.0, 40.0])
-    evidence = LimitTest(Levels(0.375), 1.0).evidence(estimates(values, error, 9.0), end_s)
-    for window, windows_, covered in ((0, 1, 1.0), (1, 2, 1.1), (2, 3, 1.2), (3, 1, 1.0), (3, 2, 2.0)):
-        mean, freedom = values[window + 1 - windows_ : window + 1].mean(), 9.0 * covered
-        at, beside = (float(stats.t.logpdf(z, freedom)) for z in (0.0, (mean - 0.375) / error * covered**0.5))
-        assert abs(evidence[window, 0, windows_ - 1]) == pytest.approx(at - beside)
-        assert (evidence[window, 0, windows_ - 1] > 0.0) == (mean > 0.375)
-
-
 @given(st.lists(st.floats(0.0, 1.5), min_size=1, max_size=60), st.data())
 def test_where_blocks_end_does_not_matter(values: list[float], data: st.DataObject) -> None:
     whole, places = np.array(values), data.draw(cuts(len(values)))

@@ -115,14 +115,6 @@ def test_of_the_flights_before_a_step_the_scatter_counts_if_there_are_enough(beg
     assert found.since == begin + alone.since
 
 
-def test_a_flight_known_exactly_counts_as_one_known_a_little_better() -> None:
-    numbers, values, errors = history(4, 12)
-    zero, least = errors.copy(), errors.copy()
-    zero[[2, 5]], least[[2, 5]] = 0.0, 0.001 * errors.max()
-    assert course(numbers, values, zero).per_flight == course(numbers, values, least).per_flight
-    assert course(numbers, values, zero).per_flight != course(numbers, values, errors).per_flight
-
-
 @pytest.mark.parametrize(("share", "left_out"), [(0.97, True), (1.03, False)])
 def test_a_flight_is_left_out_that_chance_hardly_puts_anywhere_so_far_off(
     share: float, left_out: bool

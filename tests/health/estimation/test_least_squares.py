@@ -120,14 +120,6 @@ def test_a_term_that_never_varies_stays_at_its_prior() -> None:
     assert fit.errors[0, 1] == pytest.approx(0.7, rel=1e-3)
 
 
-def test_data_that_show_nothing_leave_all_at_the_prior() -> None:
-    fit = Data(np.zeros((10, 20, 2)), np.zeros((10, 20))).fit(
-        Prior(np.array([2.0, 5.0]), np.array([0.1, 0.7]))
-    )
-    assert fit.coefficients[0] == pytest.approx([2.0, 5.0])
-    assert fit.errors[0] == pytest.approx([0.1, 0.7], rel=1e-3)
-
-
 @given(seeds)
 @settings(max_examples=30, deadline=None)
 def test_terms_that_move_together_stay_finite_and_near_the_prior(seed: int) -> None:

@@ -112,23 +112,6 @@ def test_values_beyond_the_plausible_are_missing() -> None:
     assert np.isnan(row[BUS])
 
 
-def test_the_sums_over_all_samples_know_no_path_over_a_gap_or_a_missing_command() -> None:
-    """At 100 rev/min of the rotor the paper's output shaft turns by 0.2° in a tenth of a second."""
-    actuator = load_airframe("paper").actuators[0]
-    time_s = np.array([0.0, 0.1, 0.2, 0.8, 0.9, 1.0, 1.1, 1.1])
-    values = np.full((8, 12), np.nan)
-    values[:, column("V1")] = [0.0, 1.0, 3.0, 9.0, 10.0, np.nan, 12.0, 13.0]
-    values[:, column("V7")] = [100.0, 100.0, -100.0, 100.0, 100.0, 100.0, 100.0, 100.0]
-    values[:, column("V2")] = 600.0
-    values[:, column("V3")] = [0.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0]
-    values[:, column("V4")] = [9.0, 1.0, -4.0, np.nan, 2.0, 1.0, np.nan, -3.0]
-    values[:, column("V11")] = [1.0, 1.0, np.nan, 1.0, np.nan, np.nan, np.nan, 1.0]
-    slots = Slots(np.array([0, 1]), np.array([0, 4]), slice(1, 8), time_s, with_extra_columns(values))
-    found = window_sums(actuator, slots, motion(actuator, slots))[:, -9:]
-    assert found[0] == pytest.approx([4, 1 + 2 + 1, 3 * 0.2, -1 + 1 + 7 + 7, 1 + 1 + 49 + 49, 21, 2, 1, 4])
-    assert found[1] == pytest.approx([3, 0, 0, 9 + 10, 81 + 100, 10, 1, 3, 3])
-
-
 @pytest.mark.parametrize(("known", "carried"), [(6, True), (5, False)])
 def test_a_quantity_that_half_of_the_samples_in_motion_have_is_carried(known: int, carried: bool) -> None:
     """Samples without it do not count then; a quantity that fewer have has no sums, and all samples count."""

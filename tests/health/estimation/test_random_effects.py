@@ -22,16 +22,6 @@ ONE = np.ones((4, 1))
 VALUES = np.array([1.0, 1.4, 0.7, 1.3])
 
 
-def test_a_weighted_fit_is_the_fit_of_scaled_rows() -> None:
-    design = np.column_stack([np.ones(4), [0.0, 1.0, 2.0, 4.0]])
-    weights = np.array([1.0, 4.0, 9.0, 16.0])
-    coefficients, residuals, inverse = weighted(design, VALUES, weights)
-    normal = design.T @ np.diag(weights) @ design
-    np.testing.assert_allclose(coefficients, np.linalg.solve(normal, design.T @ (weights * VALUES)))
-    np.testing.assert_allclose(inverse, np.linalg.inv(normal))
-    np.testing.assert_allclose(residuals, np.sqrt(weights) * (VALUES - design @ coefficients))
-
-
 def test_the_scatter_between_flights_is_the_variance_less_that_of_their_errors() -> None:
     variance = np.var(VALUES, ddof=1)
     assert variance_between(ONE, VALUES, np.full(4, 0.1)) == pytest.approx(variance - 0.01, rel=1e-5)

@@ -99,11 +99,3 @@ def test_what_comes_after_its_slot_was_closed_is_counted() -> None:
     parts, cutter = cut(np.array([0.1, 1.3, 0.2, 1.4, 0.3]), [])
     assert cutter.late == 2
     assert 0.2 not in [time_s for _, time_s in judged(parts)]
-
-
-def test_sums_are_over_each_slot() -> None:
-    (slots, _), _ = cut(np.array([0.1, 0.2, 0.3, 0.9, 1.0, 1.1, 2.0, 3.0]), [])
-    assert slots.index.tolist() == [0, 1, 2]
-    columns = np.array([[1.0], [2.0], [4.0], [8.0], [16.0]])
-    assert slots.sums(columns)[:, 0].tolist() == [3.0, 12.0, 16.0]
-    assert slots.count().tolist() == [2, 2, 1]

@@ -160,16 +160,6 @@ def test_a_friction_by_load_shows_from_some_errors_on(errors: float, shown: bool
     assert found.load == pytest.approx(np.abs(samples[:, loaded]).mean() if shown else 0.0)
 
 
-def test_of_flights_with_and_without_a_recorded_load_none_is_learned() -> None:
-    record = parts(*loaded_parts(4, 0.5)[0])
-    kept = [k for k, name in enumerate(KEPT) if name != "loaded"]
-    earlier = parts(*(gram[np.ix_(kept, kept)] for gram in loaded_parts(5, 0.5)[0]))
-    for flights, load_friction in (([record, record], 0.5), ([record, earlier], 0.0)):
-        found = learned(flights)
-        assert isinstance(found, Nuisances)
-        assert found.load_friction == pytest.approx(load_friction, abs=0.03)
-
-
 def test_a_flight_that_moves_in_one_part_only_has_no_error() -> None:
     still, moved = np.zeros((len(KEPT), len(KEPT))), gram_of(200, 1, 0.2, 0.05)
     assert shows(parts(still, still, still, moved))

@@ -148,15 +148,6 @@ def test_a_loss_is_named_with_its_share_and_its_onset_and_forgotten_on_the_groun
     assert np.isneginf(craft.state.values).all()
 
 
-def test_noise_is_learned_block_by_block_but_the_last() -> None:
-    block, craft = round(0.25 * RATE_HZ), flown(SETTLED)
-    weight = craft.state.weight[0]
-    craft.fly(2 * block, effort=HOVER * np.array([0.05, 0.0, 0.0]))
-    assert craft.state.weight[0] > weight
-    assert craft.state.noise[0, 0] > 0.0
-    assert craft.state.noise[1, 1] == pytest.approx(0.0, abs=1e-12)
-
-
 def test_the_effort_of_a_turn_is_learned_less_and_forgotten_slowly() -> None:
     long, effort = round(40.0 * RATE_HZ), np.array([0.04, -0.02, 0.01])
     for rate, weight in ((0.0, 1.0), (0.1, 0.5), (0.3, 0.1)):

@@ -57,11 +57,6 @@ def test_the_speed_of_a_motor_tells_its_propeller_from_the_rest(
     assert advice("motor 2", condition, subject="motor", evidence=evidence(*rules)) == told
 
 
-def test_steering_is_driven() -> None:
-    assert advice("steering", "emergency", subject="axis").startswith("do not drive; inspect its servo,")
-    assert advice("steering", "normal", subject="axis").endswith("for the trend over drives")
-
-
 @pytest.mark.parametrize(
     ("known", "parts"),
     [

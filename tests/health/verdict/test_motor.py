@@ -17,7 +17,6 @@ from mavhums.health.motor.monitor import TRIM, TRIM_YAW, Loss, MotorFindings
 from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
-from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Coverage, Indicator, Interval, Verdict
 from mavhums.vehicle.rotors import Rotors
 from tests.health.motor.test_past import QUAD
@@ -53,13 +52,6 @@ def test_why_no_motor_is_judged(changes: dict[str, Any], lacks: str, code: str) 
     [found] = verdicts(replace(FINDINGS, **changes), lacks=lacks)
     assert (found.actuator, found.condition, found.worst) == ("motors", "undecided", "undecided")
     assert found.reason_codes == (code,)
-
-
-@pytest.mark.parametrize("rotors", [None, Reason("no_parameter", name="FRAME_TYPE")])
-def test_motors_that_are_not_known(rotors: Reason | None) -> None:
-    [found] = verdicts(None, rotors)
-    assert found.condition == "undecided"
-    assert found.reason_codes == (rotors.code if rotors else "motors_unknown",)
 
 
 def test_a_loss_is_one_verdict_on_its_motor() -> None:
@@ -188,27 +180,6 @@ def test_what_grows_in_one_motor_counts_beyond_how_flights_scatter(fault: str, l
 def test_only_yaw_tells_a_motor_from_a_weight(yaw: float, weight: bool) -> None:
     [evidence] = compared([0.4, 0.0, 0.0, 0.0], yaw)[0].evidence
     assert ("a weight that sits elsewhere" in evidence.rule) is weight
-
-
-def test_each_vehicle_is_held_against_its_own_flights() -> None:
-    """The first has no flights before it, and the third has no motors."""
-    flown = compared([0.0] * 4)
-    known = {
-        TRIM: Baseline(mean=-0.4, error=0.01, flights=FLIGHTS, between=0.02, spread=0.03),
-        TRIM_YAW: Baseline(mean=0.01, error=0.01, flights=FLIGHTS, between=0.02, spread=0.01),
-    }
-    axis = Verdict(subject="axis", vehicle=2, actuator="roll", condition="normal", worst="normal")
-    both = [
-        *flown,
-        axis,
-        *(one.model_copy(update={"vehicle": 2}) for one in flown),
-        axis.model_copy(update={"vehicle": 3}),
-    ]
-    found = compare_motors(both, lambda one: known if one.vehicle == 2 else {}, start_utc=START, end_s=100.0)
-    worn = [(one.vehicle, one.actuator) for one in found if one.condition == "degraded"]
-    assert worn == [(2, "motor 1")]
-    assert found[:5] == both[:5]
-    assert found[-1] == both[-1]
 
 
 def test_a_loss_in_flight_keeps_its_verdict() -> None:

@@ -22,13 +22,6 @@ def thinned(content: bytes, *, keep: int) -> bytes:
     return bytes(out)
 
 
-def test_a_rate_that_nothing_mends_stands_before_outputs_that_a_profile_would_name() -> None:
-    pitch = of(judged(thinned(flown(parameters=False, seconds=40), keep=5))[0], "pitch")
-    assert pitch.reason_codes[:2] == ("stream_too_slow", "outputs_unknown")
-    assert "too_short" not in pitch.reason_codes, "more of it would not help"
-    assert 'name = "elevator"' in str(pitch.remedy)
-
-
 @pytest.mark.parametrize(
     ("kind", "parameter"),
     [("tlog", "SRx_RC_CHAN"), ("dataflash", "LOG_BITMASK"), ("ulog", "SDLOG_PROFILE")],

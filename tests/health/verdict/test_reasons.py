@@ -12,19 +12,16 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from mavhums.actuator.telemetry import tier_named
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.verdict.axis import (
     _candidates,
     named_by_telemetry,
     verdict_of_axis,
 )
-from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
+from mavhums.health.verdict.obstacles import disorder, why_not_at_all, why_undecided
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import AxisLimits, Candidate, Coverage, Evidence, Interval, Verdict
 from mavhums.vehicle.grid import Received
-from mavhums.vehicle.identity import Identity
-from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
 
 EXPLAINED = 0.3
@@ -66,7 +63,6 @@ def codes(*reasons: Reason) -> list[str]:
 
 STOOD = {"flown_s": 0, "lasted": {"armed": 9.0}}
 DRIVES = {"kinds": {ROVER}, "on_ground": True, "steers": True}
-TANK = {"CRUISE_THROTTLE": 1.0, "SERVO1_FUNCTION": 73.0, "SERVO3_FUNCTION": 74.0}
 
 
 @pytest.mark.parametrize(
@@ -115,13 +111,6 @@ def test_a_stream_that_comes_too_rarely_is_named_with_its_rate_and_its_own_param
     assert found.code == "too_rare"
     assert "come 0.5 times" in found.text
     assert found.remedy.endswith("(MAVx_RC_CHAN, MAVx_RAW_SENS, MAVx_EXTRA1)")
-
-
-@pytest.mark.parametrize(
-    ("values", "code"), [(TANK, "skid_steering"), ({"CRUISE_THROTTLE": 1.0}, "steering_unnamed")]
-)
-def test_how_a_rover_steers_is_told_by_its_parameters(values: dict[str, float], code: str) -> None:
-    assert codes(*why(None, {}, Parameters(1, False, values), kinds={ROVER}, on_ground=True)) == [code]
 
 
 MOVED = (
@@ -268,11 +257,6 @@ def test_a_reference_without_a_verdict() -> None:
         [found] = undecided(replace(known, coverage=coverage, doubt=doubtful))
         assert found.text.startswith(reason)
         assert found.code == ("uncertain_loss" if counted["decidable"] == 30 else "unexcited")
-
-
-def test_the_escs_of_a_multirotor_are_those_of_its_propellers() -> None:
-    copter = Identity(1, "quadrotor", multirotor=True)
-    assert codes(*obstacle(tier_named("esc-signed"), copter)) == ["multirotor", "propeller_escs"]
 
 
 ELEVONS = Surfaces(

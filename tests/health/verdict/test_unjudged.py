@@ -49,11 +49,6 @@ def test_each_known_surface_without_feedback_is_unmonitored(tier: Tier | None, e
     assert [one.actuator for one in unjudged_vehicle(None, tier, surfaces=SURFACES)] == [ALL]
 
 
-def test_a_helicopters_rotors_stand_for_its_surfaces() -> None:
-    found = [*unjudged_vehicle(1, None, surfaces=SURFACES, rotors={3: "tail rotor"})]
-    assert [(one.actuator, one.condition) for one in found] == [("tail rotor (servo 3)", "unmonitored")]
-
-
 GAP = Reason("own_still", quantity="friction")
 BLANK: dict[str, object] = {"ema": None, "limits": None}
 

@@ -151,15 +151,6 @@ def test_a_flipped_time_bit_does_not_move_the_log(bit: int, place: int) -> None:
     assert found.jumps == found.rewinds == 0
 
 
-@pytest.mark.parametrize("step_us", [-400 * DAY_US, -DAY_US // 24, DAY_US // 24, 400 * DAY_US])
-def test_a_clock_that_was_set_is_followed(step_us: int) -> None:
-    later = START_US + step_us
-    times = [START_US, START_US + 1, later, later + 1, later + 2]
-    found = checked(heartbeats(times))
-    assert [frame.time_us for frame in found.frames] == times
-    assert (found.jumps, found.rewinds) == ((1, 0) if step_us > 0 else (0, 1))
-
-
 LATER_US = START_US + 4 * DAY_US
 
 
