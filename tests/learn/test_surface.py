@@ -55,11 +55,3 @@ def test_without_scikit_learn_the_extra_is_named(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setitem(sys.modules, "sklearn.base", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[train\]'"):
         getattr(mavhums.learn, name)
-
-
-def test_another_missing_module_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "mavhums.learn.model", raising=False)
-    monkeypatch.delitem(vars(mavhums.learn), "load_model", raising=False)
-    monkeypatch.setitem(sys.modules, "safetensors", None)
-    with pytest.raises(ModuleNotFoundError, match="safetensors"):
-        getattr(mavhums.learn, "load_model")  # noqa: B009

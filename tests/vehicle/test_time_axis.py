@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mavhums.log import Table
 from mavhums.log.base.tables import LOOSE_TIME
 from mavhums.vehicle import clocks as clocks_module
-from mavhums.vehicle.clocks import Clocks, _repeated
+from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.time_axis import BOOT, BROKEN, SOUND, UNSTAMPED, USEC, MappedTimes, VehicleClock
 from tests.vehicle.tables import table_of
 
@@ -183,13 +183,6 @@ def test_the_time_of_now_is_the_senders_newest_and_what_passed_since_it_came() -
     one = array([1])
     clock.map(2 * one, BOOT * one, one, START_US + 2_500_000 * one)  # shows what has been received: 2 s more
     assert [clock.at_us(us) - START_US for us in asked] == shown
-
-
-@pytest.mark.parametrize(("apart", "again"), [(4096, True), (4097, False)])
-def test_a_code_repeats_within_the_memory_of_messages(apart: int, again: bool) -> None:
-    codes = np.arange(1, apart + 2, dtype=np.uint64)
-    codes[-1] = codes[0]
-    assert np.flatnonzero(_repeated(codes)).tolist() == [apart] * again
 
 
 def table(name: str, sent_ms: list[int], *, sequence: list[int], received_us: list[int]) -> Table:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from mavhums.core.conditions import Condition
-from mavhums.health.axis.detectors import Alarm
+from mavhums.health.axis.detectors import Alarm, AxisInput
 from mavhums.health.axis.monitor import _MOST_EPISODES, AxisMonitor, _AxisState
 from mavhums.vehicle.grid import RATE_HZ
-from tests.health.axis.flights import rows, steady
+from tests.health.axis.flights import changes_of, rows, steady
 
 MASKED_S = 20
 
@@ -82,3 +83,50 @@ def test_a_second_at_less_than_half_the_speed_of_flight_shows_a_take_off(
         reference = SimpleNamespace(basis=SimpleNamespace(speed=float(flown.speed[4 * RATE_HZ])))
         monkeypatch.setattr(monitor._gains["roll"], "reference", reference)
         assert (monitor.well("roll") == "normal") is known
+
+
+class Told:
+    """A detector of alarms that are given."""
+
+    def __init__(self, *alarms: Alarm) -> None:
+        self._alarms = alarms
+
+    def feed(self, seen: AxisInput) -> list[Alarm]:
+        first, last = seen.rows.second, seen.rows.second + seen.rows.seconds
+        return [one for one in self._alarms if first < one.end_s <= last]
+
+
+def about(axis: str, end_s: int, fault: str = "hard_over", **how: Any) -> Alarm:
+    return alarm(end_s, fault, **how)._replace(axis=axis)
+
+
+def told(*alarms: Alarm, skids: Told | None = None) -> list[tuple[str, float, str]]:
+    """Return the changes that alarms make of a flight without a reference: axis, onset and condition."""
+    monitor: Any = AxisMonitor(1)
+    monitor._detectors, monitor._skids, monitor._responses = [Told(*alarms)], skids or Told(), {}
+    for gain in monitor._gains.values():
+        gain.feed = lambda rows: []
+    return [(one.actuator, one.since_s, one.after) for one in changes_of(monitor, rows(steady(100)))]
+
+
+@pytest.mark.parametrize(
+    ("alarms", "skid_s", "counts"),
+    [
+        ([about("pitch", 50, "tracking")], 50 + MASKED_S, True),
+        ([about("roll", 50)], 50 + MASKED_S, True),
+        ([about("pitch", 50, "tracking")], 51 + MASKED_S, False),
+        ([about("roll", 50, "effectiveness")], 51, False),
+        ([about("pitch", 50), about("roll", 60 + MASKED_S)], 60, False),
+        ([about("pitch", 50), about("roll", 61 + MASKED_S)], 60, True),
+    ],
+)
+def test_a_skid_counts_soon_after_the_aircraft_went_astray_and_hides_what_follows(
+    alarms: list[Alarm], skid_s: int, counts: bool
+) -> None:
+    changed = [axis for axis, *_ in told(*alarms, skids=Told(about("yaw", skid_s)))]
+    assert (("roll" if len(alarms) > 1 else "yaw") in changed) is counts
+
+
+def test_a_graver_finding_keeps_the_earlier_onset() -> None:
+    mild, grave = about("roll", 50, "slow", since_s=48), about("roll", 60, condition="emergency", since_s=55)
+    assert told(mild, grave) == [("roll", 48.0, "degraded"), ("roll", 48.0, "emergency")]

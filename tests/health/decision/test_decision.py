@@ -40,26 +40,6 @@ def follow(
     return [(end, test.condition, test.since_s) for end, row in rows if test.feed(end, row)]
 
 
-@pytest.mark.parametrize(
-    ("value", "error", "condition"),
-    [
-        (0.2, 0.02, "normal"),
-        (0.37, 0.001, "normal"),
-        (0.42, 0.02, "undecided"),
-        (0.6, 0.02, "degraded"),
-        (0.86, 0.02, "emergency"),  # unless it is surely none
-        (1.0, 0.02, "emergency"),
-        (30.0, 0.02, "emergency"),
-        (np.nan, 0.02, "undecided"),
-    ],
-)
-def test_windows_show_a_condition(value: float, error: float, condition: Condition) -> None:
-    test = LimitTest(LEVELS, 1.0)
-    values = np.full(20, value)
-    follow(test, values[np.isfinite(values)], error)
-    assert test.condition == condition
-
-
 @pytest.mark.parametrize(("levels", "condition"), [(Levels(0.375), "degraded"), (Levels(), "undecided")])
 def test_a_limit_that_is_absent_is_never_passed(levels: Levels, condition: Condition) -> None:
     test = LimitTest(levels, 1.0)

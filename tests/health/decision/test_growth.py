@@ -194,19 +194,6 @@ def test_a_flight_that_is_known_badly_counts_little() -> None:
     assert found.line.between == pytest.approx(0, abs=1e-3)
 
 
-def test_weather_that_lasts_a_few_flights_widens_the_interval_of_the_line() -> None:
-    """Without heed of it, seven intervals in ten hold the truth."""
-    rng, inside, still = np.random.default_rng(14), [], np.sqrt(0.75)
-    for seed in range(300):
-        numbers, values, errors = history(seed, 30, 0.01, scatter=0.006)
-        weather = rng.standard_normal(30)
-        for k in range(1, 30):
-            weather[k] = 0.5 * weather[k - 1] + still * weather[k]
-        slope = course(numbers, values + 0.008 * weather, errors).line.per_flight
-        inside.append(slope.low <= 0.01 <= slope.high)
-    assert np.mean(inside) > 0.82
-
-
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
 def test_neighbours_that_are_alike_widen_the_line(unit: float) -> None:
     """By (1 + r)/(1 − r) of their autocorrelation r, up to a limit; those that alternate do not narrow it."""

@@ -13,6 +13,7 @@ from mavhums.core.quantities import column
 from mavhums.health.estimation.equations.data_sheet import (
     GEAR,
     SUPPLY,
+    TORQUE,
     TORQUE_PER_SAMPLE,
     VOLTAGE,
 )
@@ -56,6 +57,29 @@ def motion_of(
         magnitudes=np.full((count, 3), np.nan) if magnitudes is None else magnitudes,
         load=np.full(count, load),
     )
+
+
+@pytest.mark.parametrize(
+    ("values", "torque", "angle"),
+    [
+        ({"V5": 0.5, "V1": 20.0}, 0.5, 20.0),  # N·k_t = 1 N·m/A
+        ({"V5": 0.5, "V1": 20.0, "V3": 30.0}, 0.5, 30.0),
+        ({"V5": 0.5, "V3": 30.0, "V11": 0.2}, 0.3, 0.0),  # a measured load leaves none to the angle
+        ({"V5": 0.5, "V8": 0.004, "V3": 0.0}, 0.5, 0.0),
+        ({"V4": 12.0, "V8": 0.004, "V3": 0.0}, 0.4, 0.0),  # N·V8
+        ({"V4": 12.0, "V3": 0.0}, 0.5, 0.0),  # (12 V − 1 V·s/rad · 2 rad/s) / 20 Ω
+    ],
+)
+def test_the_torque_is_that_of_the_best_source(values: dict[str, Any], torque: float, angle: float) -> None:
+    X, y, _ = TORQUE.rows(actuator_of(), motion_of(1, **values))
+    assert y == pytest.approx([torque])
+    assert X[0] == pytest.approx([1.0, 7.0, 1.0, 3.0, np.radians(angle), 0.0])
+
+
+def test_friction_by_load_acts_on_the_sine_of_the_angle() -> None:
+    seen = motion_of(1, speed=-2.0, load=-0.4, V5=0.5, V3=30.0)
+    X, _, _ = TORQUE.rows(actuator_of(load_friction=0.2), seen)
+    assert X[0] == pytest.approx([-1.0, 7.0, 1.0, 3.0, 0.5, -0.4])
 
 
 @pytest.mark.parametrize(("times", "usable"), [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True)])

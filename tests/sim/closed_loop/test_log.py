@@ -16,7 +16,6 @@ from mavhums_sim.closed_loop.encode import encode
 from mavhums_sim.closed_loop.log import loop_messages, write_loop
 from mavhums_sim.closed_loop.outputs import Outputs
 from mavhums_sim.closed_loop.reports import ARDUPLANE_MODES, PX4_MODES, Streams, report
-from mavhums_sim.closed_loop.tables import Table
 from mavhums_sim.flight import Flight
 from mavhums_sim.link import Link
 
@@ -168,9 +167,3 @@ def test_emas_report_beside_the_vehicle() -> None:
     names = [message.get_type() for _, message in loop_messages(fly_closed_loop(flight))]
     assert {"DEBUG_FLOAT_ARRAY", "ESC_TELEMETRY_1_TO_4", "BATTERY_STATUS", "ATTITUDE"} <= set(names)
     assert names.count("SERVO_OUTPUT_RAW") == 249
-
-
-def test_empty_table_is_no_message() -> None:
-    heartbeat = Table("HEARTBEAT", np.array([1.0, 2.0]), {"type": 1})
-    nothing = Table("ATTITUDE", np.array([]), {})
-    assert [m.type for _, m in decode(encode([heartbeat, nothing], 0))] == [1, 1]
