@@ -66,18 +66,6 @@ def test_a_feature_alike_in_both_classes_scores_zero(strategy: Any) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("strategy", ["width", "quantile"])
-@given(data=datasets(), seed=st.integers(0, 2**32 - 1))
-def test_order_of_samples_and_features_does_not_matter(strategy: Any, data: Dataset, seed: int) -> None:
-    features, label = data
-    random = np.random.default_rng(seed)
-    rows, columns = random.permutation(len(features)), random.permutation(features.shape[1])
-    scores = ChiSquareRanking(strategy=strategy).fit(features, label).scores_
-    shuffled = ChiSquareRanking(strategy=strategy).fit(features[rows][:, columns], label[rows]).scores_
-    np.testing.assert_allclose(shuffled, scores[columns], rtol=1e-12, atol=1e-12)
-
-
-@pytest.mark.slow
 @given(data=datasets())
 def test_width_ignores_units_and_quantile_any_increasing_transformation(data: Dataset) -> None:
     features, label = data

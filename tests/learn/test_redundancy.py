@@ -2,8 +2,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 from sklearn.pipeline import make_pipeline
 
@@ -84,18 +82,6 @@ def test_the_given_ranking_decides_and_is_not_changed() -> None:
     fitted = PairwiseRedundancyFilter(ranking=ranking).fit(FEATURES, LABEL)
     assert not hasattr(ranking, "scores_")
     np.testing.assert_array_equal(fitted.ranking_.scores_, ranking.fit(FEATURES, LABEL).scores_)
-
-
-@pytest.mark.slow
-@settings(max_examples=25)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_order_of_samples_and_features_does_not_matter(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    rows, columns = random.permutation(800), random.permutation(6)
-    expected = PairwiseRedundancyFilter().fit(FEATURES, LABEL).groups_
-    groups = PairwiseRedundancyFilter().fit(FEATURES[rows][:, columns], LABEL[rows]).groups_
-    named = {frozenset(columns[list(group)].tolist()) for group in groups}
-    assert named == {frozenset(group) for group in expected}
 
 
 def test_composes_with_scikit_learn() -> None:

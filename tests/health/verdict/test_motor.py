@@ -17,6 +17,7 @@ from mavhums.health.motor.monitor import TRIM, TRIM_YAW, Loss, MotorFindings
 from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
+from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Coverage, Indicator, Interval, Verdict
 from mavhums.vehicle.rotors import Rotors
 from tests.health.motor.test_past import QUAD
@@ -52,6 +53,13 @@ def test_why_no_motor_is_judged(changes: dict[str, Any], lacks: str, code: str) 
     [found] = verdicts(replace(FINDINGS, **changes), lacks=lacks)
     assert (found.actuator, found.condition, found.worst) == ("motors", "undecided", "undecided")
     assert found.reason_codes == (code,)
+
+
+@pytest.mark.parametrize("rotors", [None, Reason("no_parameter", name="FRAME_TYPE")])
+def test_motors_that_are_not_known(rotors: Reason | None) -> None:
+    [found] = verdicts(None, rotors)
+    assert found.condition == "undecided"
+    assert found.reason_codes == (rotors.code if rotors else "motors_unknown",)
 
 
 def test_a_loss_is_one_verdict_on_its_motor() -> None:

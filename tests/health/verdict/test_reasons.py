@@ -12,16 +12,18 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from mavhums.actuator.telemetry import tier_named
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.verdict.axis import (
     _candidates,
     named_by_telemetry,
     verdict_of_axis,
 )
-from mavhums.health.verdict.obstacles import disorder, why_not_at_all, why_undecided
+from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import AxisLimits, Candidate, Coverage, Evidence, Interval, Verdict
 from mavhums.vehicle.grid import Received
+from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
 
 EXPLAINED = 0.3
@@ -235,6 +237,27 @@ def test_the_numbers_of_a_reason_show_that_it_is_one(short: float) -> None:
     assert fastest > above == 0.5
 
 
+@pytest.mark.parametrize(
+    ("axis", "explained", "error", "expected"),
+    [
+        ("roll", EXPLAINED, 0.08, []),
+        ("pitch", 0.25, 0.15, ["unexplained", "effect_uncertain"]),
+        ("yaw", 0.25, 0.15, ["rudder_unexplained", "effect_uncertain"]),
+        ("steering", 0.25, 0.05, ["steering_unexplained"]),
+    ],
+)
+def test_seconds_that_make_no_reference(
+    axis: str, explained: float, error: float, expected: list[str]
+) -> None:
+    one = findings(axis, best=reference(explained, error))
+    assert codes(*undecided(one, STEERS if axis == "steering" else KNOWN)) == expected
+
+
+def test_streams_out_of_order_are_told_last() -> None:
+    found = why_undecided(findings(), KNOWN, flight(), {"A": Received(70, 30, 0)})
+    assert codes(*found)[-1] == "out_of_order"
+
+
 def test_a_reference_without_a_verdict() -> None:
     kept, doubt = (Interval(estimate=k, low=k - 0.1, high=k + 0.2) for k in (0.7, 0.6))
     known, seen = (
@@ -257,6 +280,11 @@ def test_a_reference_without_a_verdict() -> None:
         [found] = undecided(replace(known, coverage=coverage, doubt=doubtful))
         assert found.text.startswith(reason)
         assert found.code == ("uncertain_loss" if counted["decidable"] == 30 else "unexcited")
+
+
+def test_the_escs_of_a_multirotor_are_those_of_its_propellers() -> None:
+    copter = Identity(1, "quadrotor", multirotor=True)
+    assert codes(*obstacle(tier_named("esc-signed"), copter)) == ["multirotor", "propeller_escs"]
 
 
 ELEVONS = Surfaces(
