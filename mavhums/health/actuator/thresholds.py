@@ -61,10 +61,6 @@ SURELY_FOLLOWS_SHARE: Final = 2.0
 # (docs/evidence/actuators.md, short jams).
 STALLED_SECONDS: Final = 0.5
 
-# Samples that vote in either direction: an unknown load helps in one as much as it hinders in the other. By
-# hand.
-LEAST_VOTERS_PER_DIRECTION: Final = 5
-
 # Share of values that no such actuator can have from which they are the reason of a missing verdict. By
 # hand.
 IMPLAUSIBLE_SHARE: Final = 0.1

@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import WINDOW_KEYS, column, of_window, shows_something, window_features
-from mavhums.health.actuator.thresholds import LEAST_VOTERS_PER_DIRECTION
 from mavhums.health.estimation.thresholds import LEAST_SAMPLES
 from mavhums.learn import Model
 from mavhums.learn.model import FRICTION_EMERGENCY
@@ -223,9 +222,9 @@ def _grave(classes: tuple[str, ...]) -> Integers:
 def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[VoteOutcome | None]:
     """Return the probability of an emergency in each window by votes; None if the networks abstain.
 
-    They abstain with fewer than twenty votes, with fewer than five in either direction, and if more
-    than half of the moving samples lie outside their training range. If the slots used several
-    networks, the one with the most votes decides; ties go to the first.
+    They abstain with fewer than ten votes in either direction, and if more than half of the moving samples
+    lie outside their training range. If the slots used several networks, the one with the most votes
+    decides; ties go to the first.
 
     Parameters
     ----------
@@ -243,8 +242,8 @@ def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[VoteOutcome
     voters, emergency = own[:, _BALLOT.voters], own[:, _BALLOT.emergency]
     cast = voters.sum(axis=1)
     votes = (
-        (cast >= LEAST_SAMPLES)
-        & (voters.min(axis=1) >= LEAST_VOTERS_PER_DIRECTION)
+        # An unknown load helps in one direction as much as it hinders in the other.
+        (2 * voters.min(axis=1) >= LEAST_SAMPLES)
         # Most of the motion must lie within the training range.
         & (2 * cast >= counts[:, :, _BALLOT.moving].sum(axis=1))
     )

@@ -104,9 +104,10 @@ LONGEST_STROKE_S: Final = 30.0
 # Strokes that a flight's record holds: its first. By hand; it bounds the memory.
 MOST_STROKES: Final = 64
 
-# Samples that a direction of motion, a friction or a network's vote rests on: fewer than two a slot. Twice as
-# many, half to either side, determine a flight's wear or its load, else single reversals decide; four times
-# as many its law of power, whose columns are products; as many show the roughness of a stroke. By hand.
+# Samples that a direction of motion or a friction rests on, and a network's vote, half to either side: fewer
+# than two a slot. Twice as many, half to either side, determine a flight's wear or its load, else single
+# reversals decide; four times as many its law of power, whose columns are products; as many show the
+# roughness of a stroke. By hand.
 LEAST_SAMPLES: Final = 20
 
 # Flights of a baseline: with five neither the promised false alarms nor the stated least rise are kept, for

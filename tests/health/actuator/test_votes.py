@@ -106,8 +106,8 @@ def test_the_networks_abstain_on_few_or_foreign_samples() -> None:
     assert outcome(networks, window()) is None
     assert outcome([], window(row(-1, 100, (0, 0), (0, 0)))) is None
     assert outcome(networks, window(row(0, 19, (9, 10), (9, 10)))) is None
-    assert outcome(networks, window(row(0, 100, (90, 4), (4, 4)))) is None
-    assert outcome(networks, window(row(0, 100, (95, 5), (95, 5)))) == by_votes(1.0, 0)
+    assert outcome(networks, window(row(0, 100, (90, 9), (9, 9)))) is None
+    assert outcome(networks, window(row(0, 100, (90, 10), (90, 10)))) == by_votes(1.0, 0)
     assert outcome(networks, window(row(0, 50, (10, 10), (9, 9)))) is None
     assert outcome(networks, window(row(0, 40, (10, 10), (5, 10)))) == by_votes(0.75, 0)
     assert outcome(networks, window(row(0, 20, (10, 10), (5, 10)), row(-1, 21, (0, 0), (0, 0)))) is None
