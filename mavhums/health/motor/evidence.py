@@ -107,7 +107,7 @@ def rules_for(false_alarms: float) -> Rules:
         low_gain=t.LEAST_GAIN,
         high_gain=t.MOST_GAIN,
         yaw_damping=t.YAW_DAMPING,
-        yaw_damping_sd=t.YAW_DAMPING_SD,
+        yaw_damping_sd=t.YAW_DAMPING / 2.0,
         turn=t.TURN,
         least_thrust=t.LEAST_THRUST,
         least_upright=float(np.cos(np.radians(MOST_BANK_DEG))),

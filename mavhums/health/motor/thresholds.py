@@ -45,8 +45,7 @@ LEAST_GAIN: Final[Array] = np.array([60.0, 60.0, 7.0])
 MOST_GAIN: Final[Array] = np.array([500.0, 500.0, 50.0])
 """Angular acceleration by a unit of effort, rad/s²: what lies between is explained by motion."""
 YAW_DAMPING: Final = 0.1
-YAW_DAMPING_SD: Final = 0.05
-"""Effort that holds a yaw rate, per rad/s, and its standard deviation between aircraft."""
+"""Effort that holds a yaw rate, per rad/s; two standard deviations between aircraft are as much."""
 TURN: Final = 0.1
 """Yaw rate, rad/s, at which half as much effort about yaw is learned as trim: that of a turn is none. Above
 it, or above as large a change, a window bounds no loss: yaw is the witness, and it is busy."""
@@ -88,5 +87,3 @@ UNBALANCE_SCATTER: Final = 0.3
 whole propellers scatters by 0.2 between three flights; no log at hand has that of a rotor."""
 HEATING_SCATTER: Final = 0.1
 """That of an ESC's warming beside the others. By hand: no log at hand has it; simulated ones, 0.05 to 0.2."""
-YAW_SHIFT: Final = 3.0
-"""Standard deviations between flights from which the effort about yaw shows that no weight moved."""

@@ -33,7 +33,6 @@ from mavhums.health.motor.thresholds import (
     MOST_EXCLUDED,
     TRIM_SCATTER_PER_MOTOR,
     UNBALANCE_SCATTER,
-    YAW_SHIFT,
 )
 from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.obstacles import beside, unjudged, without
@@ -250,7 +249,7 @@ def compare_motors(
         if most is not None:
             one, yaw = trims[most], _beside(compared[most], known[most], TRIM_YAW, float(BETWEEN_FLIGHTS[2]))
             if one.difference >= LEAST_TRIM_CHANGE and one.ratio > t_quantile(one.freedom, tail):
-                compared[most] = judged(compared[most], _of_trim(one, yaw))
+                compared[most] = judged(compared[most], _of_trim(one, yaw, tail))
         for fault, grows in _GROWING.items():
             growths = {
                 k: found
@@ -278,9 +277,9 @@ def _beside(
     return ComparedIndicator.of(shown, known.pooled(scatter * known.mean if relative else scatter))
 
 
-def _of_trim(one: ComparedIndicator, yaw: ComparedIndicator | None) -> Evidence:
+def _of_trim(one: ComparedIndicator, yaw: ComparedIndicator | None, tail: float) -> Evidence:
     cause = "a worn propeller or motor"
-    if yaw is None or yaw.ratio < YAW_SHIFT:
+    if yaw is None or yaw.ratio < t_quantile(yaw.freedom, tail):
         cause += ", or a weight that sits elsewhere (yaw does not show which)"
     rule = (
         f"degraded: is asked for {100 * one.difference:.0f} % more thrust beside the others than in "
