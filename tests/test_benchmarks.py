@@ -203,9 +203,7 @@ RUNS: dict[str, list[Small]] = {
         Small("--drives 2 --hours 0.1", compares={"| fault | vehicle": Cells(labels=2, factor=6.0)})
     ],
     "threshold_mutants": [
-        Small(
-            "--only GROWTH_HORIZON_FLIGHTS", {"TESTS": ("tests/health/decision/test_growth.py",)}, slow=True
-        )
+        Small("--only HORIZON_FLIGHTS", {"TESTS": ("tests/health/decision/test_growth.py",)}, slow=True)
     ],
     "tiers": [Small(constants={"RATES_HZ": (25.0,), "PAPER_FRICTION_NM": (0.225,)}, slow=True)],
     "train": [Small("--quick --part fifty --solver lbfgs --inputs 4", slow=True)],

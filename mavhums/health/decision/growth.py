@@ -38,8 +38,8 @@ from mavhums.core.statistics import CENTRAL_95, t_probability, t_quantile
 from mavhums.health.decision.thresholds import (
     AGREEING,
     GROWTH_CHANCE,
-    GROWTH_HORIZON_FLIGHTS,
     GROWTH_SCALES,
+    HORIZON_FLIGHTS,
     LASTING_FLIGHTS,
     MOST_AUTOCORRELATION,
     MOST_FLIGHT_TAIL,
@@ -329,7 +329,7 @@ def _courses(numbers: Array, values: Array, errors: Array, known: tuple[float, f
     # Smaller residuals are rounding errors, whose correlation differs between processors.
     inflation = widening(residuals) if float(residuals @ residuals) > least else 1.0
     waited = np.diff(numbers[first], prepend=numbers[0])
-    prior = np.where(first == 0, 0.5, 0.5 * waited / GROWTH_HORIZON_FLIGHTS)
+    prior = np.where(first == 0, 0.5, 0.5 * waited / HORIZON_FLIGHTS)
     freedom = n - 2 + known[1]
 
     @cache

@@ -40,10 +40,13 @@ TREND_REACH_SPANS: Final = 3.0
 # hand.
 MOST_AUTOCORRELATION: Final = 0.8
 
-# Chance that an indicator that does not grow is ever said to, in so many flights: with the indicators of four
-# actuators and three axes at most one aircraft in a hundred, by benchmarks/growth.py far fewer.
+# Chance that an indicator that does not grow is ever said to: with the indicators of four actuators and three
+# axes at most one aircraft in a hundred, by benchmarks/growth.py far fewer.
 GROWTH_CHANCE: Final = 4e-4
-GROWTH_HORIZON_FLIGHTS: Final = 200.0
+
+# Flights over which growth may begin, and among the latest of which the onset of a change is sought: more of
+# them find growth later, and a comparison takes longer.
+HORIZON_FLIGHTS: Final = 200
 
 # Slopes that are sought, in standard deviations of a flight: from a limit in 300 flights at 3 % scatter to
 # one in 10 at 10 %. The false alarms do not depend on them.

@@ -15,7 +15,7 @@ from mavhums.core.conditions import Condition
 from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED, t_probability, t_quantile
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.decision.limits import tail_of, tail_of_flight
-from mavhums.health.decision.thresholds import FALSE_ALARMS, MOST_FLIGHT_TAIL, USEFUL_RISE
+from mavhums.health.decision.thresholds import FALSE_ALARMS, HORIZON_FLIGHTS, MOST_FLIGHT_TAIL, USEFUL_RISE
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.random_effects import (
     CommonError,
@@ -34,7 +34,7 @@ from mavhums.health.estimation.wear import (
     wear,
 )
 from mavhums.health.self_baseline.past import Difference, compared, differences
-from mavhums.health.self_baseline.thresholds import BLURRED_TIMES, TRAILING_FLIGHTS
+from mavhums.health.self_baseline.thresholds import BLURRED_TIMES
 from mavhums.results.verdict import Interval, OwnRecord
 
 
@@ -146,7 +146,7 @@ def _compare(
         change=healthy.relative(own_wear, own),
         least_rise=least_rise,
         useful_at=healthy.alarms_at(USEFUL_RISE, own_wear, own) if least_rise > USEFUL_RISE else None,
-        since=healthy.since(islice(after, TRAILING_FLIGHTS), false_alarms) if rise > bound else None,
+        since=healthy.since(islice(after, HORIZON_FLIGHTS), false_alarms) if rise > bound else None,
         load=healthy.load,
     )
 

@@ -21,7 +21,6 @@ from mavhums.health.estimation.thresholds import NATURAL_SCATTER_SHARE, REFERENC
 from mavhums.health.estimation.wear import grams_of, load_direction, mean_load, of_strokes, shows
 from mavhums.health.self_baseline.thresholds import (
     ALIKE_RATIO,
-    BEYOND_K,
     OTHER_DIRECTION,
     WARMTH_K,
 )
@@ -135,7 +134,7 @@ def differences(
         Whether the quantity grows with the load.
     """
     found = []
-    warmth = _difference(lambda record: record.temperature_c, records, BEYOND_K, "colder", "warmer")
+    warmth = _difference(lambda record: record.temperature_c, records, WARMTH_K, "colder", "warmer")
     if warm and warmth is not None and warmth.high - warmth.low >= WARMTH_K:
         found.append(warmth)
     if equation.by_activity:

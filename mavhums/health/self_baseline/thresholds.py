@@ -15,15 +15,9 @@ ALIKE_RATIO: Final = 1.25
 # flights at most 2.4 (docs/evidence/self-baseline.md).
 BLURRED_TIMES: Final = 3.0
 
-# Latest flights among which the onset of a change is sought: bounds the time of a comparison.
-TRAILING_FLIGHTS: Final = 100
-
-# Temperature difference among the flights from which the slope over temperature can be determined, K. By
-# hand.
+# Temperature difference among the flights from which the slope over temperature can be determined, and as far
+# beyond which its line is extrapolated, K. By hand.
 WARMTH_K: Final = 5.0
-
-# Temperature beyond the baseline's to which its line is extrapolated, K. By hand.
-BEYOND_K: Final = 3.0
 
 # Bias of the friction current's level by flight mode, as measured on aircraft 0–2
 # (docs/evidence/self-baseline.md); it cancels only in a comparison with the past.

@@ -119,7 +119,7 @@ def test_temperatures_too_close_together_give_no_slope() -> None:
     [warmth] = differences(EQUATION, at(20.0, 30.0), warm=True)
     assert warmth.at(at(27.0)[0]) == 2.0
     assert warmth.at(RECORDS[1]) == 0.0, "what is not known is taken as the mean"
-    assert [warmth.beyond(record) for record in at(16.9, 17.0, 33.0, 33.1)] == ["colder", "", "", "warmer"]
+    assert [warmth.beyond(record) for record in at(14.9, 15.0, 35.0, 35.1)] == ["colder", "", "", "warmer"]
 
 
 def swept(load: float, strokes: int = 4, *, against: int = 0) -> OwnRecord:

@@ -67,7 +67,7 @@ def test_a_rise_is_changed_since_the_first_flight_of_an_unbroken_row() -> None:
     ratio = (change.high - change.estimate) / (np.hypot(*halves) / usual.estimate)
     assert ratio == pytest.approx(1.0, abs=0.3)
     # Further back it is not looked for.
-    again = compare(EQUATION, flight(84, 0.08), [*flights, *flights[-1:] * 120])
+    again = compare(EQUATION, flight(84, 0.08), [*flights, *flights[-1:] * 220])
     assert present(again.since).flight == 45
 
 
