@@ -248,7 +248,7 @@ class EffectivenessTracker:
         extras = (0.0, *EXTRA_LAGS_S)
         self._chains = [Chain(self._form, reference.basis, reference.shape, extra) for extra in extras]
         self._scores = [Scores(reference.others, self._memory_s) for _ in extras]
-        self._test = LossTest(reference, self._limits, self._false_alarms)
+        self._test = LossTest(reference, self._limits, self._false_alarms, mixed=self._coupled is not None)
         # Over more seconds a loss is measured with what was before its onset.
         self._recent: deque[tuple[int, Array]] = deque(maxlen=2 * WINDOW_S)
         self._left: deque[_Left] = deque(maxlen=SHIFT_S)
@@ -343,7 +343,7 @@ class EffectivenessTracker:
                 window = [sums[0] for _, sums in [*self._recent][-WINDOW_S:]]
                 value, error = _measured(window, reference)
         shift, shift_error = self._shifted(reference)
-        return Second(end_s, value, error, loss, shift, shift_error, 0, mixed)
+        return Second(end_s, value, error, loss, shift, shift_error, 0)
 
     def _loss(self, since_s: int, *, certain: bool) -> Loss | None:
         assert self.reference is not None
@@ -360,6 +360,7 @@ class EffectivenessTracker:
             kept,
             error,
             self._test.probability(self._limits.effectiveness_emergency),
+            self._test.surfaces() if self._mixed else None,
         )
 
     def _shifted(self, reference: Reference) -> tuple[float | None, float]:

@@ -15,6 +15,9 @@ likely kind of health. Health is more than λ = 0:
   the last seconds adds noise by the share of the drive that is constant, too.
 
 The noise is that of the reference, or R over the last seconds if it is larger.
+
+Of two mixed surfaces each is a hypothesis of its own: what it loses also lets the demand about the other axis
+move this one, y = (1 − μ)·K·d ∓ μ·K·c with the drive c of the other demand, which no kind of health does.
 """
 
 from __future__ import annotations
@@ -69,16 +72,29 @@ class LossTest:
         Highest evidence so far, and that of an alarm.
     """
 
-    def __init__(self, reference: Reference, limits: AxisLimits, false_alarms: float = FALSE_ALARMS) -> None:
+    def __init__(
+        self,
+        reference: Reference,
+        limits: AxisLimits,
+        false_alarms: float = FALSE_ALARMS,
+        *,
+        mixed: bool = False,
+    ) -> None:
         self._reference = reference
         least = LEAST_LOSS_PER_LIMIT * (1.0 - limits.effectiveness_degraded)
         losses = np.linspace(min(least, 1.0), 1.0, LOSSES)
         slow = np.flatnonzero(limits.lag_s < _LAGS_S)
         self._allowed = np.flatnonzero(limits.lag_s >= _LAGS_S)
-        self._kept = np.concatenate([1.0 - losses, np.ones(len(slow))])
-        self._lags = np.concatenate([np.zeros(LOSSES, dtype=np.intp), slow])
+        # One of two mixed surfaces takes at most half of the gain, and as much of it moves the other axis.
+        halves = np.linspace(min(least, 0.5), 0.5, LOSSES) if mixed else ()
+        hypotheses = [(1.0 - loss, 0.0, 0) for loss in losses]
+        hypotheses += [(1.0 - half, side * half, 0) for side in (1.0, -1.0) for half in halves]
+        hypotheses += [(1.0, 0.0, lag) for lag in slow]
+        self._kept, self._moved, lags = np.array(hypotheses).T
+        self._lags = lags.astype(np.intp)
+        lost = self._lags == 0
         half = 0.5 if len(slow) else 1.0
-        weights = np.where(self._lags == 0, half / LOSSES, half / max(len(slow), 1))
+        weights = np.where(lost, half / lost.sum(), half / max(len(slow), 1))
         self._test = SequentialTest(weights, false_alarms)
         self.highest, self.threshold = -inf, self._test.threshold
         self._gains = 1.0 + reference.error * _ERRORS
@@ -99,8 +115,7 @@ class LossTest:
         sums
             Drive², drive times response, response², and drive by additional lag, shape (1 + lags, 4).
         mixed
-            Of mixed surfaces what a loss and a coupling explain
-            (:meth:`~mavhums.health.axis.findings.MixedSums.feed`), shape (5,).
+            Sums of mixed surfaces (:meth:`~mavhums.health.axis.findings.MixedSums.feed`), shape (5,).
         unknown
             Share of the gain that the error of the speed makes.
         """
@@ -112,7 +127,12 @@ class LossTest:
             self._coupled.append(mixed)
         self._noise, gust_loss = self._gusts()
         spread = self._spread()
-        lost = _explained(self._kept * self._gains, drive2[self._lags], cross[self._lags], gain) / spread
+        lost = _explained(self._kept * self._gains, drive2[self._lags], cross[self._lags], gain)
+        if mixed is not None:
+            _, both, other2, _, coupled = mixed.tolist()
+            scores = coupled - (1.0 - self._kept * self._gains) * both
+            lost += gain**2 * (2.0 * self._moved * scores - self._moved**2 * other2)
+        lost /= spread
         driven = self._allowed[drive2[self._allowed] > 0.0]
         share = cross[driven] / (drive2[driven] * gain)
         gusty = np.clip(share, self._gains * (1.0 - gust_loss - unknown), self._gains)
@@ -227,6 +247,13 @@ class LossTest:
     def lag_s(self) -> float:
         """The same lag, s."""
         return float(_LAGS_S[self.lag])
+
+    def surfaces(self) -> Array:
+        """Return the probability that the left, the right or both mixed surfaces lost effect, shape (3,)."""
+        shares = self._test.shares()
+        left, right = self._moved > 0.0, self._moved < 0.0
+        found = np.array([shares[one].sum() for one in (left, right, (self._lags == 0) & ~left & ~right)])
+        return found / max(found.sum(), np.finfo(float).tiny)
 
     def probability(self, kept: float) -> float:
         """Return the probability that a fault leaves no more than a share, and is no lag."""

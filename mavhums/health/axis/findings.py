@@ -7,10 +7,8 @@ the sum of both demands, the right one with their difference: the sign of this c
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import sqrt
 from typing import Final
 
 import numpy as np
@@ -22,11 +20,8 @@ from mavhums.health.axis.regressions import FORMS, Chain, Form, HighPass
 from mavhums.health.axis.response import Response
 from mavhums.health.axis.thresholds import (
     LEAST_ROWS_PER_S,
-    LONGEST_REFERENCE_S,
     MASKED_S,
-    WINDOW_DEVIATION,
 )
-from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.verdict import AxisLimits, Coverage, Evidence, Interval, Suspect
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
@@ -121,15 +116,6 @@ def origins(faulty: Mapping[str, Sequence[Evidence]], mixed: Collection[str]) ->
     return {axis: first for axis in faulty if axis != first and explains(axis)}
 
 
-# Shares of (own demand, other demand) in half of the reference's gain that a surface without effect takes
-# away. Of both, the own demand's gain falls and nothing couples.
-_LOST_SHARES: Final[Mapping[str, Array]] = {
-    "left": np.array([0.5, 0.5]),
-    "right": np.array([0.5, -0.5]),
-    "both": np.array([1.0, 0.0]),
-}
-
-
 class _CoupledForm(Form):
     """A regression with the drive by the demand about another axis as its last nuisance."""
 
@@ -173,7 +159,8 @@ class MixedSums:
         Returns
         -------
         Array
-            Shape (n, 5): the 2×2 information matrix's three elements, then the two scores.
+            Shape (n, 5): own drive², own times other, other², and the products of own and other with what the
+            reference leaves of the response, over −K.
         """
         reference, columns = self._reference, self._chain.feed(rows)
         own, other = columns.others[:, :-1], columns.others[:, -1]
@@ -184,45 +171,5 @@ class MixedSums:
         k = reference.gain
         products = np.stack([d * d, d * c, c * c, -d * r / k, -c * r / k], axis=1)
         sums: Array = products.reshape(-1, RATE_HZ, 5).sum(axis=1)
-        # The gain of a single second differs between manoeuvres, in proportion to the drive.
-        deviation = WINDOW_DEVIATION * sqrt(WINDOW_S)
-        spread = reference.variance / k**2 + deviation**2 * (sums[:, 0] + sums[:, 2])
         whole = good.reshape(-1, RATE_HZ).sum(axis=1) >= LEAST_ROWS_PER_S
-        return np.where(whole[:, None], sums / spread[:, None], 0.0)
-
-
-class MixedPair:
-    """Weighs which of two mixed surfaces explains what both of their axes show since the onset of a loss."""
-
-    def __init__(self) -> None:
-        self._recent: deque[tuple[int, Array]] = deque()
-        self._total: Array | None = None
-
-    def add(self, end_s: int, sums: Array) -> None:
-        """Add a second of one axis."""
-        if self._total is not None:
-            self._total += sums
-        self._recent.append((end_s, sums))
-        while self._recent[0][0] < end_s - LONGEST_REFERENCE_S:
-            self._recent.popleft()
-
-    def begin(self, since_s: int) -> None:
-        """Begin with a loss that has this onset."""
-        self._total = np.sum([sums for end_s, sums in self._recent if end_s > since_s], axis=0) + np.zeros(5)
-
-    def shares(self) -> dict[str, float]:
-        """Return the probability that it is the ``left``, the ``right`` or ``both``; empty without a loss."""
-        if self._total is None or not self._total.any():
-            return {}
-        dd, dc, cc, *score = self._total
-        information = np.array([[dd, dc], [dc, cc]])
-        logs = {}
-        for name, taken in _LOST_SHARES.items():
-            size = float(taken @ information @ taken)
-            total = float(taken @ score)
-            lost = min(max(total / size, 0.0), 1.0) if size > 0 else 0.0
-            logs[name] = lost * total - lost**2 * size / 2
-        # Priors are equal; of the same data the likelihoods give the probabilities.
-        top = max(logs.values())
-        weights = {name: float(np.exp(value - top)) for name, value in logs.items()}
-        return {name: weight / sum(weights.values()) for name, weight in weights.items()}
+        return np.where(whole[:, None], sums, 0.0)

@@ -8,11 +8,12 @@ from typing import Final
 
 import numpy as np
 
+from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.axis.detectors import Alarm, AxisInput, Skids, detectors
 from mavhums.health.axis.effectiveness import EffectivenessTracker
-from mavhums.health.axis.findings import AxisFindings, MixedPair, origins
+from mavhums.health.axis.findings import AxisFindings, origins
 from mavhums.health.axis.reference import Second
 from mavhums.health.axis.residuals import Residual, SideForce
 from mavhums.health.axis.response import ResponseSums
@@ -43,6 +44,7 @@ class _AxisState:
     counted: int = 0
     lost: bool = False
     full: int = 0
+    quiet: int = 0  # seconds in which no loss is suspected: the same throughout one suspicion
     excluded_s: int = 0
     excluded_until_s: float | None = None
     doubt: Interval | None = None
@@ -91,7 +93,7 @@ class AxisMonitor:
             axis: EffectivenessTracker(axis, self.limits, coupled.get(axis), false_alarms, traced=traced)
             for axis in axes
         }
-        self._pair, self._mixed = MixedPair(), {*coupled, *coupled.values()}
+        self._mixed, self._surfaces = {*coupled, *coupled.values()}, dict[tuple[str, int], Array]()
         self._detectors = detectors(self.limits, axes)
         self._responses = {axis: ResponseSums(axis) for axis in axes}
         self._axes = {axis: _AxisState() for axis in axes}
@@ -167,19 +169,17 @@ class AxisMonitor:
         before = state.condition
         if second is not None:
             self._count(state, second)
-            if second.mixed is not None:
-                self._pair.add(end_s, second.mixed)
-        others = [one for name, one in self._axes.items() if name != axis]
         if found:
             worst = max(found, key=lambda one: SEVERITY[one.condition])
             state.full = 0
             fresh = SEVERITY[before] <= SEVERITY["normal"]
+            others = [one for name, one in self._axes.items() if name != axis]
             # A milder finding does not lift a graver one: only full effectiveness ends a fault.
             if fresh or SEVERITY[worst.condition] > SEVERITY[before]:
                 state.condition = worst.condition
                 state.since_s = worst.since_s if fresh else min(worst.since_s, state.since_s or worst.since_s)
             if fresh and not any(SEVERITY[one.condition] > SEVERITY["normal"] for one in others):
-                self._pair.begin(worst.since_s)
+                self._surfaces.clear()
             for one in found:
                 self._extend(state, one)
             self._measure(state, found, fresh=fresh)
@@ -196,6 +196,8 @@ class AxisMonitor:
             state.condition, state.since_s = "undecided", second.loss.since_s
             fault, rule = "effectiveness", f"undecided: {_percent(state.doubt)} is left by the last seconds"
             finding = ""
+        if second is not None and second.loss is not None and second.loss.surfaces is not None:
+            self._surfaces[axis, state.quiet] = second.loss.surfaces
         if SEVERITY[state.condition] > SEVERITY[state.worst]:
             state.worst = state.condition
         # A mean over a change would belong to neither condition.
@@ -226,6 +228,7 @@ class AxisMonitor:
 
     def _count(self, state: _AxisState, second: Second) -> None:
         state.seconds += 1
+        state.quiet += second.loss is None
         if SEVERITY[state.condition] <= SEVERITY["normal"]:
             state.excluded_s += second.excluded
             state.excluded_until_s = float(second.end_s) if second.excluded else state.excluded_until_s
@@ -330,8 +333,15 @@ class AxisMonitor:
             limits=self.limits,
             response=self._responses[axis].response(),
             highest_evidence=gain.highest_evidence,
-            shares=self._pair.shares() if axis in self._mixed else {},
+            shares=self._named() if axis in self._mixed else {},
         )
+
+    def _named(self) -> dict[str, float]:
+        """Return which of two mixed surfaces all suspicions of both axes show; empty without any."""
+        if not self._surfaces:
+            return {}
+        likely = np.prod([*self._surfaces.values()], axis=0) + np.finfo(np.float64).tiny
+        return dict(zip(("left", "right", "both"), (likely / likely.sum()).tolist(), strict=True))
 
     def origins(self) -> dict[str, str]:
         """Return of each axis whose finding that of another one explains, that other axis."""

@@ -72,6 +72,9 @@ class Loss(NamedTuple):
         Effectiveness since the onset, at that lag, over at most 20 judged seconds, and its standard error.
     grave
         Probability that it is a loss within the limit of an emergency.
+    surfaces
+        Of two mixed surfaces, the probability that the left, the right or both have lost effect, shape (3,);
+        None without them.
     """
 
     certain: bool
@@ -81,6 +84,7 @@ class Loss(NamedTuple):
     kept: float
     error: float
     grave: float
+    surfaces: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,9 +106,6 @@ class Second:
         95 %; None if it is not known.
     excluded
         Number of seconds over which a loss of 40 % is excluded by now, and was not before.
-    mixed
-        Evidence that distinguishes mixed surfaces; None without them
-        (:class:`~mavhums.health.axis.findings.MixedSums`).
     """
 
     end_s: int
@@ -114,7 +115,6 @@ class Second:
     shift: float | None
     shift_error: float
     excluded: int
-    mixed: Array | None = None
 
 
 class Constant(NamedTuple):

@@ -15,7 +15,6 @@ from tests.health.axis.flights import changes_of, excited, rolling, rows, steady
 from tests.health.axis.test_detectors import controlled
 
 LEAST_ROWS_PER_S = 14
-LONGEST_REFERENCE_S = 120
 MASKED_S = 20
 ELEVONS = {"roll": "pitch", "pitch": "roll"}
 
@@ -44,6 +43,15 @@ def test_the_coupling_tells_mixed_surfaces_apart(side: str, left: float) -> None
     for second in range(flight.seconds):
         changes_of(pieces, flight.cut(second, second + 1))
     assert pieces.findings("roll").shares == pytest.approx(shares)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_coupling_shows_a_small_loss_of_one_of_two_mixed_surfaces(side: str) -> None:
+    """Half of one is a quarter of the gain, which the axis alone does not show here."""
+    flight = mixed(side, 0.5)
+    assert {change.after for change in changes_of(AxisMonitor(1), flight)} == {"unchanged"}
+    alarms = [c for c in changes_of(AxisMonitor(1, mixed=ELEVONS), flight) if c.after == "degraded"]
+    assert 100.0 < alarms[0].time_s <= 120.0
 
 
 def test_without_mixed_surfaces_or_without_a_fault_nothing_tells() -> None:
