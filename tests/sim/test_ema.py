@@ -20,11 +20,6 @@ def drive(parameters: EmaParameters, command: float, seconds: float, *, friction
     return simulate(parameters, np.full(n, command), np.full(n, friction), zeros, zeros)
 
 
-def test_moving_fraction_counts_the_samples_in_motion() -> None:
-    assert drive(PAPER, 0.0, 0.1).moving_fraction == 0.0
-    assert drive(PAPER, radians(60), 0.1).moving_fraction > 0.95
-
-
 def test_data_sheet_of_another_servo_gives_another_servo() -> None:
     sheet = DataSheet(
         nominal_torque_nm=1.0, stall_torque_nm=2.0, no_load_speed_deg_s=300.0, supply_voltage_v=12.0

@@ -9,7 +9,7 @@ import pytest
 
 from mavhums_sim import validation
 from mavhums_sim.ema import EmaParameters
-from mavhums_sim.energy import EnergyBalance, energy_balance
+from mavhums_sim.energy import energy_balance
 from mavhums_sim.validation import CHECKS, Check, validate
 
 ONE = EmaParameters.from_data_sheet()
@@ -45,11 +45,6 @@ def test_energy_is_accounted_for_item_by_item(parameters: EmaParameters) -> None
     assert abs(balance.residual) < 1e-3 * balance.supplied
     assert min(balance.copper, balance.friction, balance.supplied) > 0
     assert (balance.gear > 0) == (parameters.gearbox is not None)
-
-
-def test_residual_is_what_is_found_nowhere() -> None:
-    balance = EnergyBalance(supplied=10.0, copper=4.0, friction=3.0, gear=0.5, load=1.0, stored=0.5)
-    assert balance.residual == pytest.approx(1.0)
 
 
 def test_check_compares_with_its_tolerance() -> None:
