@@ -35,7 +35,7 @@ from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.queries import exit_code, flight
 from mavhums.flights.queries import flights as all_flights
 from mavhums.flights.store import Store
-from mavhums.flights.store.tables import METADATA
+from mavhums.flights.store.database import METADATA
 from mavhums.serve.views import aircraft_table
 from mavhums_sim import Flight, fly, write_tlog
 from tests.fleet.stores import add, row_of
@@ -119,7 +119,7 @@ def scans(folder: Path) -> None:
         for log in logs:
             analyse(log)
     for workers in (1, 2):
-        options = fleet.ScanOptions(aircraft="folder", workers=workers)
+        options = fleet.ScanOptions(judging=Options(aircraft="folder"), workers=workers)
         times: list[float] = []
         with told(f"scan, {workers} workers, with start and comparison", len(logs), "logs"):
             fleet.scan(
@@ -155,7 +155,9 @@ def memory(folder: Path) -> None:
             log.parent.mkdir(parents=True, exist_ok=True)
             log.write_bytes(moved(made[number % 3], DAY_S * number))
         with watched() as used:
-            fleet.scan([logs], folder / f"store-{count}", fleet.ScanOptions(aircraft="folder"))
+            fleet.scan(
+                [logs], folder / f"store-{count}", fleet.ScanOptions(judging=Options(aircraft="folder"))
+            )
         print(
             f"scan of {count} logs: driver {used.driver_mb:.0f} MB, worker {used.worker_mb:.0f} MB",
             flush=True,
@@ -194,7 +196,11 @@ def growth(folder: Path) -> None:
         log.parent.mkdir(parents=True)
         log.write_bytes(moved(made[1], 400 * DAY_S))
     with told("scan of 10 new logs of 10 aircraft into a store of 10,000"):
-        print(fleet.scan([folder / "new"], folder / "store", fleet.ScanOptions(aircraft="folder")))
+        print(
+            fleet.scan(
+                [folder / "new"], folder / "store", fleet.ScanOptions(judging=Options(aircraft="folder"))
+            )
+        )
 
 
 def questions(folder: Path) -> None:

@@ -93,11 +93,8 @@ def by_fleet(
     logs: Sequence[Path], store: str | Path, flights: int, *, rate: float = 1.0, parts: int = 1, **how: object
 ) -> Told:
     """Judge the logs in the given order of arrival."""
-    options = fleet.ScanOptions(
-        judging=Options(false_alarms=rate),
-        aircraft="folder",
-        **how,  # type: ignore[arg-type]
-    )
+    judging = Options(false_alarms=rate, aircraft="folder")
+    options = fleet.ScanOptions(judging=judging, **how)  # type: ignore[arg-type]
     for part in range(parts):
         fleet.scan(logs[part::parts], store, options)
         fleet.change_repairs(store, add=[repair(flights)])

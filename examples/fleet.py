@@ -14,7 +14,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from mavhums import MavhumsError, fleet
+from mavhums import MavhumsError, Options, fleet
 from mavhums.results.standing import LastFlightOf
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
@@ -29,7 +29,7 @@ def main(folder: str, aircraft: int = 3) -> list[LastFlightOf]:
     for number in track(range(aircraft), "flying", console=Console(stderr=True), transient=True):
         _fly(logs / f"D-{number:03d}", number)
     (logs / "D-000" / "broken.tlog").write_bytes(b"no log")
-    done = fleet.scan([logs], Path(folder, "store"), fleet.ScanOptions(aircraft="folder"))
+    done = fleet.scan([logs], Path(folder, "store"), fleet.ScanOptions(judging=Options(aircraft="folder")))
     print(f"{done.judged} logs judged, {done.failed} could not be")
     found = fleet.worst(Path(folder, "store"), most=5)
     for one in found:

@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -86,24 +86,6 @@ class Options:
             If the rule cannot identify an aircraft.
         """
         return Settings.read(self).engine
-
-    def as_texts(self) -> dict[str, str | float]:
-        """Return what differs from the defaults, as JSON holds it, for another process.
-
-        Raises
-        ------
-        TypeError
-            If an option is an object, not the name or the file of one.
-        """
-        texts: dict[str, str | float] = {}
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if value == field.default:
-                continue
-            if not isinstance(value, str | float | int | os.PathLike):
-                raise TypeError(f"{field.name}: {type(value).__name__} is not a name or a file")
-            texts[field.name] = os.fspath(value) if isinstance(value, os.PathLike) else value
-        return texts
 
 
 class GivenOptions(TypedDict, total=False):

@@ -73,13 +73,7 @@ def scan(
     from mavhums.fleet import scan as scan_logs
     from mavhums.flights.reports import odd_in
 
-    scanning = ScanOptions(
-        judging=options,
-        aircraft=options.aircraft,
-        aircraft_table=options.aircraft_table,
-        workers=workers,
-        scheduler=scheduler,
-    )
+    scanning = ScanOptions(judging=options, workers=workers, scheduler=scheduler)
     done = scan_logs(sources, store, scanning, progress=_Progress())
     if as_json:
         foreign = [one.model_dump() for one in odd_in(store).foreign_boards]
@@ -252,12 +246,7 @@ def watch(
     from mavhums.show.over_flights import digest_blocks
 
     recipients = recipients_of(notify) if notify else []
-    scanning = ScanOptions(
-        judging=options,
-        aircraft=options.aircraft,
-        aircraft_table=options.aircraft_table,
-        workers=workers,
-    )
+    scanning = ScanOptions(judging=options, workers=workers)
     watching = LogWatcher(sources, store, scanning, settle_s=settle_s)
     morning = _DailyTimer(digest_at) if digest_at else None
     signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -18,9 +18,8 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self, cast
 
 import click
 
-from mavhums.cli.ending import first_ends_in_order
 from mavhums.cli.options import KEEP, PATH, STORE, judging
-from mavhums.cli.output import complain, say
+from mavhums.cli.output import complain, first_ends_in_order, say
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import ExitCode, MavhumsError
 

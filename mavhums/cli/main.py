@@ -13,8 +13,7 @@ from typing import Final, Never
 
 import click
 
-from mavhums.cli.ending import signal_received
-from mavhums.cli.output import complain, say, sound_output
+from mavhums.cli.output import complain, say, signal_received, sound_output
 from mavhums.core.about import __version__
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.startup import collect_seldom

@@ -106,6 +106,9 @@ def _pool(
         return locks[-1]
 
     context.RLock = kept_lock
+    for limit in ("MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_"):
+        # Without these, the memory of each item is returned to the system and fetched again, page by page.
+        os.environ.setdefault(limit, str(32 << 20))
     pool = ProcessPool(jobs, initializer=_begin, initargs=(function,), context=context)
 
     def submit(item: Item) -> Future[Result]:

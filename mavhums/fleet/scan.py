@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
-from functools import cache
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 from math import ceil
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -20,14 +19,15 @@ from sqlalchemy import Connection, func, select
 from mavhums.app.analysis import Failed, analyse_alone
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError, MissingExtraError
+from mavhums.core.process_pool import LostItem, in_processes
 from mavhums.engine.options import EngineOptions
 from mavhums.fleet.sources import UnreachedError, at_hand, logs_in
-from mavhums.flights.aircraft import UNKNOWN, AircraftResolver, AircraftTable
+from mavhums.flights.aircraft import UNKNOWN, AircraftResolver
 from mavhums.flights.landing import remember, resolver_of_store, row_of
 from mavhums.flights.queries import standings
 from mavhums.flights.store import LogFile, Row, Store
+from mavhums.flights.store.database import AIRCRAFT, FLIGHT, LOG, VERDICT
 from mavhums.flights.store.logs import add_logs, known_files, removed_files
-from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, LOG, VERDICT
 from mavhums.flights.store.verdicts import make_verdicts
 from mavhums.results.standing import Standing
 
@@ -41,16 +41,6 @@ AGAIN: Final = ""
 _IN_FLIGHT: Final = 8
 _MOST: Final = 20
 _SHARE: Final = 4
-_LARGE: Final = str(32 << 20)
-_SETTINGS: Final = {
-    # Without these, the memory of each log is returned to the system and fetched again, page by page.
-    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": _LARGE,
-    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": _LARGE,
-    "distributed.worker.profile.enabled": False,
-    # The ports for HTTP have no authentication, so they answer nothing.
-    "distributed.scheduler.http.routes": [],
-    "distributed.worker.http.routes": [],
-}
 _TLS: Final = (
     "start it with TLS (https://distributed.dask.org/en/stable/tls.html), name it tls://…, and its"
     " certificates here by Dask's settings distributed.comm.tls.*"
@@ -60,7 +50,7 @@ _TLS: Final = (
 class Judging(NamedTuple):
     """How the logs of a scan are judged: the options, their hash, and what names the aircraft."""
 
-    options: Options
+    engine: EngineOptions
     settings: str
     resolver: AircraftResolver
 
@@ -75,7 +65,7 @@ def judge(file: LogFile, judging: Judging) -> Row:
     path = file.path
     try:
         with at_hand(file) as path:
-            alone = analyse_alone(path, _resolved(judging.options))
+            alone = analyse_alone(path, judging.engine)
     except UnreachedError as error:
         return _failed(file, judging._replace(settings=AGAIN), error.problem, error.remedy)
     except Exception as error:
@@ -89,24 +79,17 @@ def _failed(file: LogFile, judging: Judging, problem: str, remedy: str) -> Row:
     return Row(*file, judging.settings, aircraft, problem=problem, remedy=remedy)
 
 
-@cache
-def _resolved(options: Options) -> EngineOptions:
-    return Settings.read(options).engine
+def _crashed(file: LogFile, judging: Judging) -> Row:
+    problem = f"{file.path}: crashed the worker that judged it"
+    return _failed(file, judging, problem, "judge it alone to see why: mavhums analyse LOG")
 
 
 @contextmanager
-def connected(workers: int, scheduler: str | None) -> Iterator[Client]:
-    """Connect to a scheduler, or start one with workers on this machine.
+def connected(scheduler: str) -> Iterator[Client]:
+    """Connect to a scheduler.
 
     Dask unpickles what comes to its ports, so whoever reaches them runs code. So every connection has TLS
-    with certificates on both sides: those of the run, in memory, or those that Dask's configuration names.
-
-    Parameters
-    ----------
-    workers
-        Number of processes on this machine.
-    scheduler
-        Address of a scheduler that runs; None to start one.
+    with certificates on both sides: those that Dask's configuration names.
 
     Raises
     ------
@@ -116,37 +99,30 @@ def connected(workers: int, scheduler: str | None) -> Iterator[Client]:
         If Dask is not installed.
     """
     try:
-        from dask import config
-        from distributed import Client, LocalCluster, Security
-
-        own = None if scheduler else Security.temporary()
+        from distributed import Client, Security
     except ImportError as error:
-        raise MissingExtraError("scanning a fleet", "fleet") from error
-    with ExitStack() as stack:
-        if scheduler:
-            try:
-                client = Client(scheduler, timeout=10, security=Security(require_encryption=True))
-            except (OSError, ValueError) as error:
-                problem = f"{scheduler}: no scheduler answers"
-                raise MavhumsError(problem, "start one: dask scheduler, and dask worker ADDRESS") from error
-            except (RuntimeError, TypeError) as error:
-                # The address is not tls://, or there is no certificate.
-                problem = f"{scheduler}: refused, for without TLS anybody could run code in it"
-                raise MavhumsError(problem, _TLS) from error
-            yield stack.enter_context(client)
-            return
-        # Dask imports from its temporary folder; its own choice, below /tmp, another user may have made.
-        folder = stack.enter_context(TemporaryDirectory(prefix="mavhums-"))
-        stack.enter_context(config.set({**_SETTINGS, "temporary-directory": folder}))
-        local: Any = LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            dashboard_address="127.0.0.1:0",
-            scheduler_kwargs={"dashboard": False},
-            security=own,
-            silence_logs=50,
-        )
-        yield stack.enter_context(Client(stack.enter_context(local)))
+        raise MissingExtraError("scanning by a cluster", "fleet") from error
+    try:
+        client = Client(scheduler, timeout=10, security=Security(require_encryption=True))
+    except (OSError, ValueError) as error:
+        problem = f"{scheduler}: no scheduler answers"
+        raise MavhumsError(problem, "start one: dask scheduler, and dask worker ADDRESS") from error
+    except (RuntimeError, TypeError) as error:
+        # The address is not tls://, or there is no certificate.
+        problem = f"{scheduler}: refused, for without TLS anybody could run code in it"
+        raise MavhumsError(problem, _TLS) from error
+    with client:
+        yield client
+
+
+def judged(files: Sequence[LogFile], judging: Judging, workers: int) -> Generator[Row]:
+    """Yield the row of each log, judged by processes of this machine, or without any by this one."""
+    if not workers:
+        yield from (judge(file, judging) for file in files)
+        return
+    with closing(in_processes(partial(judge, judging=judging), files, workers, preload=[__name__])) as rows:
+        for file, row in zip(files, rows, strict=True):
+            yield _crashed(file, judging) if isinstance(row, LostItem) else row
 
 
 def count(client: Client) -> int:
@@ -179,7 +155,7 @@ def batches(files: Sequence[LogFile], workers: int) -> Iterator[tuple[LogFile, .
         done += size
 
 
-def judged_by_workers(client: Client, files: Sequence[LogFile], judging: Judging) -> Iterator[Row]:
+def judged_by_workers(client: Client, files: Sequence[LogFile], judging: Judging) -> Generator[Row]:
     """Yield the row of each log as it is judged.
 
     A worker that dies loses its waiting batches. So the logs of a batch that no worker completes are tried
@@ -217,8 +193,7 @@ def judged_by_workers(client: Client, files: Sequence[LogFile], judging: Judging
         if future.status == "finished":
             yield from future.result()
         else:
-            problem = f"{file.path}: crashed the worker that judged it"
-            yield _failed(file, judging, problem, "judge it alone to see why: mavhums analyse LOG")
+            yield _crashed(file, judging)
 
 
 _COMMIT_LOGS: Final = 500
@@ -234,15 +209,10 @@ class ScanOptions:
     Attributes
     ----------
     judging
-        Options for each log, without a store.
-    aircraft
-        Rule for the aircraft's name: ``folder`` for the name of the log's folder, ``board`` for the id of its
-        board, or a regular expression with a group ``aircraft``. The store remembers it for later scans; a
-        store without one takes the board's id. A log without a name is compared with no other. A rule that
-        is given names the scanned logs that the store has already again.
-    aircraft_table
-        The operator's table of installed boards and actuators, or its file; it goes before the rule. The
-        store keeps it, and applies it to the logs that it has already.
+        Options for each log, without a store. The store remembers their rule for the aircraft's name for
+        later scans; without one it takes the board's id. A log without a name is compared with no other. A
+        rule that is given names the scanned logs that the store has already again. The store keeps their
+        table of boards and actuators, too, which goes before the rule, and applies it to its logs.
     workers
         Processes on this machine; with 0, this process judges, which is soonest for the log of one landing.
     scheduler
@@ -251,8 +221,6 @@ class ScanOptions:
     """
 
     judging: Options = field(default_factory=Options)
-    aircraft: str | None = None
-    aircraft_table: AircraftTable | str | os.PathLike[str] | None = None
     workers: int = 1
     scheduler: str | None = None
 
@@ -312,8 +280,7 @@ def scan_files(
     progress: Progress | None = None,
 ) -> Scanned:
     """Scan listed logs; parameters and errors are those of :func:`scan`."""
-    named = replace(options.judging, aircraft=options.aircraft, aircraft_table=options.aircraft_table)
-    settings = Settings.read(named)
+    settings = Settings.read(options.judging)
     given, fingerprint = settings.resolver, settings.fingerprint()
     kept = Store(store)
     with kept.writing() as connection:
@@ -322,13 +289,13 @@ def scan_files(
         known, gone = known_files(connection, files), removed_files(connection)
     new = [file for file in files if known.get(file) != fingerprint and file not in gone]
     commits = _Commits(kept)
-    judging = Judging(options.judging, fingerprint, resolver)
+    judging = Judging(settings.engine, fingerprint, resolver)
     with ExitStack() as exits:
+        if new and options.scheduler:
+            rows = judged_by_workers(exits.enter_context(connected(options.scheduler)), new, judging)
+        else:
+            rows = exits.enter_context(closing(judged(new, judging, options.workers)))
         try:
-            rows: Iterator[Row] = (judge(file, judging) for file in new)
-            if new and (options.workers or options.scheduler):
-                client = exits.enter_context(connected(options.workers, options.scheduler))
-                rows = judged_by_workers(client, new, judging)
             for done, row in enumerate(rows, 1):
                 commits.add(row)
                 if progress:
@@ -424,9 +391,8 @@ class LogWatcher:
         self._store = Store(store)
         self._options = options
         self._settle_s = settle_s
-        named = replace(options.judging, aircraft=options.aircraft, aircraft_table=options.aircraft_table)
         # a mistake in an option ends the watch before it begins
-        self._settings = Settings.read(named).fingerprint()
+        self._settings = Settings.read(options.judging).fingerprint()
         self._since_s: dict[LogFile, float] = {}
         self._done: set[LogFile] = set()
         self._reported: set[LogFile] = set()

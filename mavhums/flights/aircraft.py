@@ -250,7 +250,7 @@ class UnnamedAircraftError(MavhumsError):
         Aircraft that it may be, the likeliest first.
     """
 
-    def __init__(self, problem: str, remedy: str, proposed: tuple[str, ...] = ()) -> None:
+    def __init__(self, problem: str, remedy: str = "", proposed: tuple[str, ...] = ()) -> None:
         super().__init__(problem, remedy)
         self.proposed = proposed
 

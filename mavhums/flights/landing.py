@@ -33,7 +33,7 @@ from mavhums.flights.compare import compared, packed
 from mavhums.flights.history import PastFlight, UndatedError, with_copies
 from mavhums.flights.queries import earlier_flights, standings, stored_verdicts
 from mavhums.flights.store import LogFile, Row, Store
-from mavhums.flights.store.database import FORMAT
+from mavhums.flights.store.database import AIRCRAFT, FLIGHT, FORMAT, LOG, SETTING, time_of, us_of
 from mavhums.flights.store.logs import (
     FLOWN,
     add_logs,
@@ -46,7 +46,6 @@ from mavhums.flights.store.logs import (
     known_files,
     removed_files,
 )
-from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, LOG, SETTING, time_of, us_of
 from mavhums.flights.store.verdicts import make_verdicts
 from mavhums.flights.trends import standings_after
 from mavhums.results.assessment import Assessment

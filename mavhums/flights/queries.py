@@ -13,9 +13,7 @@ from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.flights.aircraft import UNKNOWN, AircraftTable
 from mavhums.flights.compare import unpacked
 from mavhums.flights.store import Store
-from mavhums.flights.store.earlier import OF_VERDICT, StoredFlights, verdict_of
-from mavhums.flights.store.logs import aircraft_id, in_parts, since_of
-from mavhums.flights.store.tables import (
+from mavhums.flights.store.database import (
     AIRCRAFT,
     FLIGHT,
     JUDGEMENT,
@@ -25,6 +23,8 @@ from mavhums.flights.store.tables import (
     VERDICT,
     time_of,
 )
+from mavhums.flights.store.earlier import OF_VERDICT, StoredFlights, verdict_of
+from mavhums.flights.store.logs import aircraft_id, in_parts, since_of
 from mavhums.flights.store.verdicts import STANDINGS
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import (

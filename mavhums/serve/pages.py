@@ -22,9 +22,9 @@ from mavhums.core.packed import ARCHIVES, COMPRESSED
 from mavhums.flights.aircraft import UnnamedAircraftError
 from mavhums.results.standing import TrendReport
 from mavhums.serve.guard import SESSION, is_loopback
-from mavhums.serve.keep import keep
 from mavhums.serve.routes import LogOf
 from mavhums.serve.sessions import Dropped, ServeOptions, Sessions, UserSession
+from mavhums.serve.uploads import keep
 from mavhums.serve.views import (
     FEWEST_FLIGHTS,
     LiveFile,

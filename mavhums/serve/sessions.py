@@ -9,7 +9,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import AsyncIterator, Coroutine
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -148,7 +148,7 @@ class Sessions:
     def __init__(self, limits: Quotas, judging: Options, workers: Workers) -> None:
         self.limits = limits
         self.folder = Path(tempfile.mkdtemp(prefix="mavhums-page-"))
-        self._options = judging.as_texts()
+        self._options = {name: value for name, value in asdict(judging).items() if value is not None}
         self._workers = workers
         self._sessions: dict[str, UserSession] = {}
         self._passing = 0

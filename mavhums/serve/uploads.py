@@ -1,22 +1,32 @@
-"""Receives a log from the browser within limits of size and time; takes the logs out of a dropped archive."""
+"""Logs that come to the page: uploaded, taken out of an archive, and kept in a store."""
 
 from __future__ import annotations
 
 import asyncio
+import hashlib
+import os
 import re
 import shutil
 from collections.abc import AsyncIterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Final, NamedTuple
 
+from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError, UnreadableLogError
+from mavhums.core.output import written_whole
 from mavhums.core.packed import COMPRESSED, members
+from mavhums.core.process_pool import LostItem, in_processes
+from mavhums.flights.aircraft import UnnamedAircraftError
 from mavhums.log.reader import read_blocks
 from mavhums.serve.workers import Quotas
 
 _MOST_BYTES: Final = 150
 _SEPARATORS: Final = re.compile(r"[/\\]")
 _SPARE: Final = 256 << 20
+_LOGS: Final = ".logs"
+"""Ends the name of the folder beside a store with the logs that were kept in it."""
 
 
 def safe_name(name: str) -> str:
@@ -160,3 +170,86 @@ def _copy(source: Path, target: Path, most_bytes: int) -> int:
                 raise MavhumsError(problem, "unpack it, and drop fewer logs")
             file.write(block)
     return size
+
+
+def keep(options: Options, log: Path, aircraft: str | None = None) -> str:
+    """Keep a log in the options' store, in a process of its own; return what was done in one line.
+
+    Raises
+    ------
+    UnnamedAircraftError
+        If the store cannot identify its aircraft, and none is given.
+    MavhumsError
+        If it cannot be kept.
+    """
+    named = replace(options, aircraft=f"={aircraft}") if aircraft else options
+    [done] = in_processes(partial(_outcome, named), [log], 1)
+    if isinstance(done, LostItem):
+        raise MavhumsError("the process that keeps it crashed", "keep it with `mavhums analyse --keep`")
+    if isinstance(done, MavhumsError):
+        raise done
+    return done
+
+
+def _outcome(options: Options, log: Path) -> str | MavhumsError:
+    """Return what was done, or the error without the folder of the store; the page shows it and goes on."""
+    from mavhums.app.analysis import Failed
+
+    try:
+        return _kept(options, log)
+    except Exception as error:
+        failed, folder = (
+            Failed.of(Path(log.name), error),
+            f"{Path(str(options.store)).absolute().parent}{os.sep}",
+        )
+        problem, remedy = (text.replace(folder, "") for text in (failed.problem, failed.remedy))
+        if isinstance(error, UnnamedAircraftError):
+            return UnnamedAircraftError(problem, remedy, error.proposed)
+        return MavhumsError(problem, remedy)
+
+
+def _kept(options: Options, log: Path) -> str:
+    """Copy a log into a folder beside the store and judge it there; a copy that is not kept is removed."""
+    from mavhums.app.analysis import analyse
+
+    place = str(options.store)
+    if "://" in place:
+        remedy = "keep it with `mavhums analyse --keep`, where it lies"
+        raise MavhumsError("a store at an address has no folder for logs", remedy)
+    store = Path(place)
+    with log.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    copy = store.absolute().with_name(f"{store.name}{_LOGS}") / digest[:16] / log.name
+    try:
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        with written_whole(copy) as temporary:
+            shutil.copyfile(log, temporary)
+    except OSError as error:
+        raise MavhumsError(f"cannot be stored: {error.strerror}", "make room in the store") from error
+    try:
+        analyse(copy, options, keep=True)
+        if _lies_there(store, copy):
+            return f"kept in the store as {copy.name}; see the fleet"
+    except BaseException as error:
+        _remove(copy)
+        if isinstance(error, MavhumsError):
+            error.problem = error.problem.replace(str(copy), log.name)
+        raise
+    _remove(copy)
+    return "the store has this log already; see the fleet"
+
+
+def _lies_there(store: Path, copy: Path) -> bool:
+    from sqlalchemy import select
+
+    from mavhums.flights.store import Store
+    from mavhums.flights.store.database import LOG
+
+    with Store(store).reading() as connection:
+        return connection.scalar(select(LOG.c.id).where(LOG.c.path == str(copy))) is not None
+
+
+def _remove(copy: Path) -> None:
+    copy.unlink(missing_ok=True)
+    if not any(copy.parent.iterdir()):
+        copy.parent.rmdir()

@@ -100,7 +100,7 @@ class _Worker:
         """Return the answer to a job; ConnectionError if the process ends instead."""
         assert self._process
         assert self._process.stdin
-        self._process.stdin.write(json.dumps(job).encode() + b"\n")
+        self._process.stdin.write(json.dumps(job, default=os.fspath).encode() + b"\n")
         await self._process.stdin.drain()
         self._jobs += 1
         while True:

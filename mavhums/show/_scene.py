@@ -194,18 +194,10 @@ class Scene:
             self._rows.put("/report", [self.last_s], rr.TextDocument.columns, **shown)
             self._rows.flush()
 
-    def live_layout(self) -> rrb.Blueprint:
-        """Return the layout for live use, with the worst actuator first."""
+    def live_shape(self) -> tuple[list[Lane], Surroundings]:
+        """Return what determines the layout for live use, with the worst actuator first."""
         lanes = [self._lane(track, track.condition, track.worst) for track in self.ranked()]
-        return layout(lanes, self._surroundings(), live=True)
-
-    def shape(self) -> object:
-        """Return the data that determine the layout; if they are unchanged, so is the layout."""
-        shown = [
-            (track.root, track.condition, track.present, len(track.faults), track.cause, len(track.traces))
-            for track in self.ranked()
-        ]
-        return shown, self._surroundings()
+        return lanes, self._surroundings()
 
     def ranked(self) -> list[Track]:
         """Return the tracks, worst first."""

@@ -383,10 +383,12 @@ class LiveViewer:
             return
         self._scene.flush()
         self._scene.live_report()
-        shape = self._scene.shape()
+        shape = self._scene.live_shape()
         if shape != self._laid_out:
+            from mavhums.show.blueprint import layout
+
             self._laid_out = shape
-            self._stream.send_blueprint(self._scene.live_layout(), make_active=True, make_default=True)
+            self._stream.send_blueprint(layout(*shape, live=True), make_active=True, make_default=True)
         # Rerun queues hundreds of megabytes for a viewer that hangs; who waits here drops and counts them.
         self._stream.flush()
 

@@ -52,15 +52,6 @@ def test_an_item_that_hangs_costs_only_itself() -> None:
     assert results == [0, 2, LostItem(hung=True), 6, 8]
 
 
-def test_options_travel_to_another_process_as_texts(tmp_path: Path) -> None:
-    options = Options(airframe="paper", store=tmp_path, false_alarms=2.0)
-    texts = options.as_texts()
-    assert texts == {"airframe": "paper", "store": str(tmp_path), "false_alarms": 2.0}
-    assert Options(**texts).as_texts() == texts  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match="airframe"):
-        Options(airframe=mavhums.load_airframe("paper")).as_texts()
-
-
 def test_options_may_be_given_by_name(growing_log: Path) -> None:
     assert {*GivenOptions.__annotations__} == {field.name for field in fields(Options)}
     by_name = mavhums.analyse(growing_log, airframe="paper", false_alarms=2.0)

@@ -25,8 +25,8 @@ from mavhums.flights.aircraft import BOARD, AircraftResolver, AircraftTable, Ins
 from mavhums.flights.landing import foreign_board_among, foreign_boards, remember
 from mavhums.flights.queries import standings
 from mavhums.flights.store import Row, Store
+from mavhums.flights.store.database import AIRCRAFT, FLIGHT
 from mavhums.flights.store.logs import aircraft_id, installed
-from mavhums.flights.store.tables import AIRCRAFT, FLIGHT
 
 DAY_S = 86_400.0
 

@@ -24,7 +24,7 @@ from tests.fleet_logs import moved, small
 
 pytest.importorskip("distributed")
 
-from mavhums import fleet
+from mavhums import Options, fleet
 from tests.fleet.stores import add, verdicts_of
 
 FLIGHTS = 6
@@ -43,7 +43,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def options(scheduler: str) -> fleet.ScanOptions:
-    return fleet.ScanOptions(aircraft="folder", scheduler=scheduler)
+    return fleet.ScanOptions(judging=Options(aircraft="folder"), scheduler=scheduler)
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +145,7 @@ def test_a_store_that_cannot_be_reached_is_told(run: Run) -> None:
 _DRIVER = """
 import os, signal, sys
 from importlib import import_module
-from mavhums import fleet
+from mavhums import Options, fleet
 
 def die(done, total):
     if done == 5:
@@ -153,7 +153,8 @@ def die(done, total):
 
 if __name__ == "__main__":
     import_module("mavhums.fleet.scan")._COMMIT_LOGS = 2
-    fleet.scan([sys.argv[1]], sys.argv[2], fleet.ScanOptions(aircraft="folder"), progress=die)
+    options = fleet.ScanOptions(judging=Options(aircraft="folder"))
+    fleet.scan([sys.argv[1]], sys.argv[2], options, progress=die)
 """
 
 

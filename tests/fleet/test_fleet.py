@@ -65,7 +65,7 @@ def one_by_one(logs: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
 
 @pytest.fixture(scope="module")
 def options(scheduler: str) -> fleet.ScanOptions:
-    return fleet.ScanOptions(aircraft="folder", scheduler=scheduler)
+    return fleet.ScanOptions(judging=Options(aircraft="folder"), scheduler=scheduler)
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +103,7 @@ def test_a_second_scan_judges_nothing_and_another_rate_judges_all(
     assert done == (0, 0, 3)
     assert len(table(tmp_path / "store", "flight")) == 3
     stricter = fleet.ScanOptions(
-        judging=Options(false_alarms=0.1), aircraft="folder", scheduler=options.scheduler
+        judging=Options(false_alarms=0.1, aircraft="folder"), scheduler=options.scheduler
     )
     assert fleet.scan(few, tmp_path / "store", stricter) == (3, 0, 0)
     assert fleet.status(tmp_path / "store").judged == 3
@@ -261,7 +261,7 @@ def test_a_killed_worker_loses_and_doubles_nothing(
         ),
     ):
         client.register_plugin(Dies("D-A/03.tlog", times, count))
-        separate = fleet.ScanOptions(aircraft="folder", scheduler=cluster.scheduler_address)
+        separate = fleet.ScanOptions(judging=Options(aircraft="folder"), scheduler=cluster.scheduler_address)
         done = fleet.scan([logs], tmp_path / "store", separate)
     assert done == (2 * FLIGHTS - failed, failed, 0)
     if failed:

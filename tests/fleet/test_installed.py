@@ -12,7 +12,7 @@ from tests.fleet_logs import moved, small
 
 pytest.importorskip("distributed")
 
-from mavhums import fleet
+from mavhums import Options, fleet
 from tests.fleet.stores import verdicts_of
 
 FLIGHTS = 14
@@ -48,7 +48,7 @@ def test_a_fleet_with_a_table_says_what_single_commands_say(
         expected[str(log)] = sorted(verdict.model_dump_json() for verdict in assessment.verdicts)
     store = tmp_path / "store"
     plain = fleet.ScanOptions(scheduler=scheduler)
-    given = fleet.ScanOptions(scheduler=scheduler, aircraft_table=table)
+    given = fleet.ScanOptions(judging=Options(aircraft_table=table), scheduler=scheduler)
     fleet.scan(logs[4:9], store, plain)
     assert {(one.aircraft or "")[:5] for one in fleet.worst(store)} == {"board"}
     fleet.scan([*logs[:4], *logs[9:]], store, given)

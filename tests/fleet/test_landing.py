@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import mavhums
-from mavhums import fleet
+from mavhums import Options, fleet
 from mavhums.core.errors import ExitCode, MavhumsError
 from tests.conftest import Run
 from tests.fleet.stores import table
@@ -28,7 +28,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "D-A").mkdir()
     for day in range(FLIGHTS):
         (folder / "D-A" / f"{day:02}.tlog").write_bytes(moved(small(day % 2), DAY_S * day))
-    options = fleet.ScanOptions(aircraft="folder", workers=0)
+    options = fleet.ScanOptions(judging=Options(aircraft="folder"), workers=0)
     assert fleet.scan([folder / "D-A"], folder / "store", options) == (FLIGHTS, 0, 0)
     (folder / "D-A" / "landed.tlog").write_bytes(moved(small(8, 0.3), DAY_S * FLIGHTS))
     shutil.copy(folder / "store", folder / "scanned")

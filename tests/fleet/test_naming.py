@@ -7,8 +7,6 @@ import json
 import lzma
 import re
 import shutil
-import subprocess
-import sys
 import zipfile
 from collections import Counter
 from pathlib import Path
@@ -16,9 +14,10 @@ from pathlib import Path
 import pytest
 
 import mavhums
-from mavhums import fleet
+from mavhums import MavhumsError, Options, fleet
 from mavhums.core.packed import ARCHIVES, COMPRESSED
-from mavhums.serve.keep import answer_to
+from mavhums.flights.aircraft import UnnamedAircraftError
+from mavhums.serve.uploads import keep
 from tests.conftest import Run
 from tests.fleet.stores import table
 from tests.fleet_logs import moved, nameless, small
@@ -38,7 +37,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (folder / "D-A" / f"{day}.tlog").write_bytes(moved(data, DAY_S * day))
     (folder / "Downloads" / "new.tlog").write_bytes(moved(data, DAY_S * OLD))
     (folder / "Downloads" / "nameless.tlog").write_bytes(nameless(moved(data, DAY_S * OLD)))
-    options = fleet.ScanOptions(aircraft="folder", workers=0)
+    options = fleet.ScanOptions(judging=Options(aircraft="folder"), workers=0)
     assert fleet.scan([folder / "D-A"], folder / "store", options).judged == OLD
     return folder
 
@@ -110,47 +109,47 @@ def test_a_rule_that_is_given_names_known_logs_again(flown: Path, tmp_path: Path
     logs = flown / "D-A"
     fleet.scan([logs], store, fleet.ScanOptions(workers=0))
     assert [name[:6] for name in names(store)] == ["board "]
-    assert fleet.scan([logs], store, fleet.ScanOptions(aircraft="folder", workers=0)) == (0, 0, OLD)
+    assert fleet.scan([logs], store, fleet.ScanOptions(judging=Options(aircraft="folder"), workers=0)) == (
+        0,
+        0,
+        OLD,
+    )
     assert names(store) == {"D-A": OLD}
     assert {path for path, _ in fleet.verdicts(store, "D-A")} == {str(path) for path in logs.iterdir()}
 
 
 @pytest.mark.slow
 def test_a_rule_without_a_name_for_a_log_makes_no_phantom(flown: Path, tmp_path: Path) -> None:
-    rule = fleet.ScanOptions(aircraft=f"{re.escape(str(flown))}/(?P<aircraft>D-[A-Z])/", workers=0)
+    rule = fleet.ScanOptions(
+        judging=Options(aircraft=f"{re.escape(str(flown))}/(?P<aircraft>D-[A-Z])/"), workers=0
+    )
     fleet.scan([flown / "D-A", flown / "Downloads" / "new.tlog"], tmp_path / "store", rule)
     assert names(tmp_path / "store") == {"D-A": OLD, "": 1}
 
 
 @pytest.mark.slow
 def test_the_page_asks_whose_log_it_is_and_leaves_nothing_behind(flown: Path, store: Path) -> None:
-    job = {"log": str(flown / "Downloads" / "new.tlog"), "options": {"store": str(store)}}
-    answer = answer_to(job)
-    assert answer["proposed"] == ["D-A"]
+    options, new = Options(store=store), flown / "Downloads" / "new.tlog"
+    with pytest.raises(UnnamedAircraftError) as asked:
+        keep(options, new)
+    assert asked.value.proposed == ("D-A",)
     assert [*store.with_name("store.logs").iterdir()] == []
     assert names(store) == {"D-A": OLD}
-    assert (
-        "kept in the store" in answer_to(job | {"options": {"store": str(store), "aircraft": "=D-A"}})["done"]
-    )
+    assert "kept in the store" in keep(options, new, "D-A")
     assert names(store) == {"D-A": OLD + 1}
-    again = answer_to(job | {"log": str(flown / "D-A" / "0.tlog")})
-    assert "has this log already" in again["done"]
+    assert "has this log already" in keep(options, flown / "D-A" / "0.tlog")
     assert len([*store.with_name("store.logs").iterdir()]) == 1
     assert names(store) == {"D-A": OLD + 1}
 
 
 @pytest.mark.slow
-def test_the_page_is_told_problem_and_remedy_as_they_are(flown: Path, store: Path, tmp_path: Path) -> None:
+def test_the_page_is_told_problem_and_remedy_as_they_are(store: Path, tmp_path: Path) -> None:
     bad = tmp_path / "bad.tlog"
     bad.write_bytes(b"no log")
-    command = [sys.executable, "-m", "mavhums.serve.keep"]
-    job = json.dumps({"log": str(bad), "options": {"store": str(store), "aircraft": "=D-A"}})
-    done = subprocess.run(command, input=job, capture_output=True, text=True, check=True)
-    answer = json.loads(done.stdout)
-    assert set(answer) == {"problem", "remedy"}
-    assert "bad.tlog" in answer["problem"]
-    assert answer["remedy"]
-    assert done.stderr == ""
+    with pytest.raises(MavhumsError) as refused:
+        keep(Options(store=store), bad, "D-A")
+    assert refused.value.problem.startswith("bad.tlog: ")
+    assert refused.value.remedy
 
 
 @pytest.mark.slow
@@ -167,7 +166,7 @@ def test_packed_logs_are_scanned_and_those_that_cannot_be_are_told(flown: Path, 
     with zipfile.ZipFile(logs / "notes.zip", "w") as archive:
         archive.writestr("notes.txt", "windy")
     (logs / "damaged.zip").write_bytes(b"PK\x03\x04" + bytes(50))
-    options = fleet.ScanOptions(aircraft="folder", workers=0)
+    options = fleet.ScanOptions(judging=Options(aircraft="folder"), workers=0)
     assert fleet.scan([tmp_path / "logs"], tmp_path / "store", options) == (4, 2, 0)
     assert names(tmp_path / "store") == {"D-P": 3, "D-Q": 1}
     failures = str(fleet.status(tmp_path / "store").failures)

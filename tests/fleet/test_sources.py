@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from mavhums import fleet
+from mavhums import EngineOptions, fleet
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet import sources
@@ -24,7 +24,7 @@ from tests.fleet_logs import moved, small
 
 FLIGHTS = 3
 DAY_S = 86_400.0
-OPTIONS = fleet.ScanOptions(aircraft="folder", workers=0)
+OPTIONS = fleet.ScanOptions(judging=Options(aircraft="folder"), workers=0)
 NAMES = [f"D-{letter}/{day}.tlog" for letter in "AB" for day in range(FLIGHTS)]
 
 
@@ -129,7 +129,7 @@ def test_a_log_that_vanishes_is_a_row_and_is_tried_again(there: str, folder: Pat
 @pytest.mark.slow
 def test_several_workers_download_for_themselves(there: str, tmp_path: Path) -> None:
     pytest.importorskip("distributed")
-    options = fleet.ScanOptions(aircraft="folder", workers=2)
+    options = fleet.ScanOptions(judging=Options(aircraft="folder"), workers=2)
     assert fleet.scan([there], tmp_path / "store", options) == (6, 1, 0)
     assert all(str(row["path"]).startswith("s3://") for row in table(tmp_path / "store", "flight"))
 
@@ -162,7 +162,7 @@ def test_a_forbidden_log_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
             raise OSError(f"When reading '{path}': AWS Error ACCESS_DENIED during HeadObject")
 
     monkeypatch.setattr(sources, "_filesystem", lambda _: Forbidding())
-    judging = Judging(Options(), "settings", AircraftResolver("folder"))
+    judging = Judging(EngineOptions(), "settings", AircraftResolver("folder"))
     row = judge(LogFile("s3://bucket/D-A/1.tlog", 10, 0), judging)
     assert row.problem
     assert "s3://bucket/D-A/1.tlog: cannot be read: " in row.problem

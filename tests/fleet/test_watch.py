@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from mavhums import fleet
+from mavhums import Options, fleet
 from mavhums.cli.fleet import _DailyTimer
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.scan import LogWatcher
@@ -35,7 +35,7 @@ def inbox(tmp_path: Path) -> Path:
 
 
 def watching(inbox: Path, store: Path) -> LogWatcher:
-    options = fleet.ScanOptions(aircraft="folder", workers=0)
+    options = fleet.ScanOptions(judging=Options(aircraft="folder"), workers=0)
     return LogWatcher([inbox.parent], store, options, settle_s=SETTLE_S)
 
 

@@ -17,7 +17,7 @@ END = {"D-GROWS": 0.55, "D-FAILS": 1.1, "D-KEEPS": 0.225}
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Nine flights each of an aircraft that stays healthy, of one that wears, and of one that fails."""
     pytest.importorskip("distributed")
-    from mavhums import fleet
+    from mavhums import Options, fleet
 
     folder = tmp_path_factory.mktemp("fleet")
     for place, (aircraft, end) in enumerate(END.items()):
@@ -28,6 +28,6 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
             log = folder / "logs" / aircraft / f"{number:02}.tlog"
             log.parent.mkdir(parents=True, exist_ok=True)
             log.write_bytes(moved(log_of_its_own, DAY_S * number))
-    options = fleet.ScanOptions(aircraft="folder")
+    options = fleet.ScanOptions(judging=Options(aircraft="folder"))
     fleet.scan([folder / "logs"], folder / "store", options)
     return folder / "store"

@@ -25,8 +25,8 @@ from mavhums.flights.history import (
     records_of,
     references,
 )
+from mavhums.flights.store.database import FLIGHT, RECORD, RECORDING, VERDICT, time_of, us_of
 from mavhums.flights.store.logs import in_parts
-from mavhums.flights.store.tables import FLIGHT, RECORD, RECORDING, VERDICT, time_of, us_of
 from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.log.base.decoder import Losses

@@ -20,9 +20,7 @@ from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.aircraft import UNKNOWN, AircraftTable, Since
 from mavhums.flights.compare import compared, unpacked
 from mavhums.flights.history import PastFlight, Recording, kept_records, recordings_of, superseded_recordings
-from mavhums.flights.store.earlier import OWN, QUALITY, StoredFlights
-from mavhums.flights.store.logs import in_parts, installed, now_us, since_of
-from mavhums.flights.store.tables import (
+from mavhums.flights.store.database import (
     AIRCRAFT,
     FLIGHT,
     INDICATOR,
@@ -33,6 +31,8 @@ from mavhums.flights.store.tables import (
     VERDICT,
     us_of,
 )
+from mavhums.flights.store.earlier import OWN, QUALITY, StoredFlights
+from mavhums.flights.store.logs import in_parts, installed, now_us, since_of
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import Standing, TrendReport
