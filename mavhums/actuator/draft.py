@@ -26,7 +26,7 @@ from mavhums.actuator.telemetry import TIERS
 from mavhums.core.arrays import Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.log import Decoder, Table, decode_blocks
-from mavhums.log.base.tables import text_of
+from mavhums.log.base.decoder import text_of
 from mavhums.vehicle.formats import SERVO_SOURCES, messages_of, reports
 from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.parameters import (

@@ -15,9 +15,8 @@ from typing import Final
 
 import numpy as np
 
-from mavhums.actuator.mapping import MappedSamples, messages_for
+from mavhums.actuator.mapping import MappedSamples, VehicleMappers, messages_for
 from mavhums.actuator.profile import Airframe, load_airframe
-from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns

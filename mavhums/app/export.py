@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from mavhums.actuator.mapping import MappedSamples, messages_for
+from mavhums.actuator.mapping import MappedSamples, VehicleMappers, messages_for
 from mavhums.actuator.profile import Actuator, Airframe, ProfileError, load_airframe
-from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.app.analysis import Events, analyse
 from mavhums.app.settings import Options, models_of
 from mavhums.core.errors import MavhumsError

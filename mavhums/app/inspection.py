@@ -10,10 +10,9 @@ from types import MappingProxyType
 from typing import Final
 
 from mavhums.actuator.contradictions import Contradiction, against_log
-from mavhums.actuator.mapping import ActuatorMapper, Mapper, messages_for
+from mavhums.actuator.mapping import ActuatorMapper, Mapper, VehicleMappers, messages_for
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.actuator.telemetry import TIERS, TO_BE_JUDGED, Tier, tier_named
-from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.output import as_utf8
 from mavhums.core.quantities import KEYS
 from mavhums.engine.axes import Axes, VehicleLimit, with_drops

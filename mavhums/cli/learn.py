@@ -201,7 +201,7 @@ def add_precedents(
     from mavhums.actuator.profile import load_airframe
     from mavhums.learn import PrecedentBase
     from mavhums.learn.precedents import PrecedentError, label_of, read_labels
-    from mavhums.paper.flown import add_log
+    from mavhums.paper.flights import add_log
 
     if (table is None) == (label is None) or (table and names):
         raise click.UsageError("name the conditions either with --labels, or with --label and --actuator")

@@ -13,9 +13,7 @@ from mavhums.engine.options import EngineOptions
 from mavhums.engine.vehicle_axes import AxisEvent, VehicleAxes
 from mavhums.engine.vehicle_setup import SetupHistory
 from mavhums.log import Table
-from mavhums.log.base.decoder import Losses
-from mavhums.log.base.tables import text_of
-from mavhums.vehicle.bursts import Bursts
+from mavhums.log.base.decoder import Losses, text_of
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.facts import Signal
@@ -24,7 +22,7 @@ from mavhums.vehicle.formats.base import Report
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.parameters import OUTPUT_PARAMETERS, Parameters, ReceivedParameters
 from mavhums.vehicle.rotors import ROTOR_PARAMETERS
-from mavhums.vehicle.signals import SignalReader
+from mavhums.vehicle.signals import Bursts, SignalReader
 from mavhums.vehicle.vtol import VTOL_PARAMETERS
 
 _FUNCTIONS: Final = (*OUTPUT_PARAMETERS, *VTOL_PARAMETERS, *ROTOR_PARAMETERS)

@@ -11,10 +11,16 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final
 
-from mavhums.actuator.mapping import AirframeNamed, MappedSamples, Mapper, Samples, messages_for
+from mavhums.actuator.mapping import (
+    AirframeNamed,
+    MappedSamples,
+    Mapper,
+    Samples,
+    VehicleMappers,
+    messages_for,
+)
 from mavhums.actuator.profile import load_airframe
 from mavhums.actuator.telemetry import Tier
-from mavhums.actuator.vehicle_mappers import VehicleMappers
 from mavhums.core.output import as_utf8
 from mavhums.engine.actuators import Actuators, summary_of
 from mavhums.engine.axes import MOST_VEHICLES, Axes, VehicleLimit, with_drops
@@ -31,7 +37,6 @@ from mavhums.log import Decoder, Table
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.verdict import ALL, FlightIdentity, VehicleUsage, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES
-from mavhums.vehicle.bursts import FAST_FORCE_MESSAGES
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.grid import Received
@@ -45,7 +50,7 @@ from mavhums.vehicle.identity import (
     date_shift_us,
 )
 from mavhums.vehicle.reported import FAULT_MESSAGES, RAIL_MESSAGES, SAGS_SHARE, ServoRails
-from mavhums.vehicle.signals import SIGNAL_MESSAGES
+from mavhums.vehicle.signals import FAST_FORCE_MESSAGES, SIGNAL_MESSAGES
 from mavhums.vehicle.states import (
     MODE_MESSAGES,
     STATE_MESSAGES,

@@ -8,7 +8,7 @@ from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
     from mavhums.log.base.decoder import LogDecoder as LogDecoder
-    from mavhums.log.base.tables import Table as Table
+    from mavhums.log.base.decoder import Table as Table
     from mavhums.log.formats import Decoder as Decoder
     from mavhums.log.reader import Log as Log
     from mavhums.log.reader import decode_blocks as decode_blocks
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
     {
-        "base.decoder": "LogDecoder",
-        "base.tables": "Table",
+        "base.decoder": "LogDecoder Table",
         "formats": "Decoder",
         "reader": "Log decode_blocks read_blocks read_log",
     },

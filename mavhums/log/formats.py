@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 from mavhums.core.errors import MavhumsError, UnreadableLogError
 
 if TYPE_CHECKING:
-    from mavhums.log.base.decoder import FormatPackage, LogDecoder, Losses
-    from mavhums.log.base.tables import Table
+    from mavhums.log.base.decoder import FormatPackage, LogDecoder, Losses, Table
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.core.errors import UnreadableLogError
 from mavhums.core.packed import SequentialFile, opened
-from mavhums.log.base.decoder import LogDecoder, Losses, join_tables
-from mavhums.log.base.tables import Table
+from mavhums.log.base.decoder import LogDecoder, Losses, Table, join_tables
 from mavhums.log.formats import Decoder, refuse_foreign
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.output import written_whole
 from mavhums.core.quantities import KEYS, QUANTITIES
 from mavhums.learn import CommandLeak, CommandLeakWarning, Scheme, check_command, train_network
-from mavhums.paper.cyclograms import (
+from mavhums.paper.experiment import (
     CONDITIONS,
     CYCLOGRAMS,
     FIGURES_16_TO_19,
@@ -26,14 +26,12 @@ from mavhums.paper.cyclograms import (
     TAKEOFF,
     TEST_NM,
     TRAINING_NM,
-    CyclogramSamples,
-    fly_condition,
-)
-from mavhums.paper.experiment import (
     WEIGHT_DECAY,
+    CyclogramSamples,
     Effort,
     Experiment,
     emergency,
+    fly_condition,
     mlp_accuracies,
     run_experiment,
     samples,

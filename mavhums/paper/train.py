@@ -31,8 +31,13 @@ from mavhums.learn import (
     train_network,
 )
 from mavhums.paper.flights import (
+    CALIBRATES,
+    MEASURES,
     RATES_HZ,
+    TAUGHT,
     TELEMETRY,
+    TRAINS,
+    FlownFlights,
     History,
     Telemetry,
     fly_fleet,
@@ -40,7 +45,6 @@ from mavhums.paper.flights import (
     moving_samples,
     windows,
 )
-from mavhums.paper.flown import CALIBRATES, MEASURES, TAUGHT, TRAINS, FlownFlights
 from mavhums.paper.windows import flight_counts, train_window_network
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.manoeuvres import CYCLOGRAMS
@@ -258,7 +262,7 @@ def train_model(
 
     Precedents teach both networks: that of samples takes those that are normal or an emergency by friction,
     that of windows takes all classes. Where enough are there, whole flights of them calibrate and measure in
-    place of the simulated ones (:class:`mavhums.paper.flown.FlownFlights`). Without simulated flights they
+    place of the simulated ones (:class:`mavhums.paper.flights.FlownFlights`). Without simulated flights they
     train alone, which needs no constants and no limits; without constants there is no network of windows.
 
     Parameters

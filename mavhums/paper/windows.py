@@ -33,8 +33,18 @@ from mavhums.learn import (
     train_windows,
 )
 from mavhums.learn.evaluation import at_temperature, decides_at
-from mavhums.paper.flights import RATES_HZ, Telemetry, friction_range, parameters_of, reported
-from mavhums.paper.flown import CALIBRATES, MEASURES, PURPOSE, TRAINS, FlownFlights
+from mavhums.paper.flights import (
+    CALIBRATES,
+    MEASURES,
+    PURPOSE,
+    RATES_HZ,
+    TRAINS,
+    FlownFlights,
+    Telemetry,
+    friction_range,
+    parameters_of,
+    reported,
+)
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.ema import EmaParameters, Gearbox

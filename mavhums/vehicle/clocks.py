@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Flags, Integers
 from mavhums.log import Table
-from mavhums.log.base.tables import LOOSE_TIME
+from mavhums.log.base.decoder import LOOSE_TIME
 from mavhums.vehicle.formats.base import each
 from mavhums.vehicle.formats.mavlink import STAMPS, stamp_of
 from mavhums.vehicle.formats.px4_buses import PX4Buses

@@ -19,7 +19,7 @@ import numpy as np
 
 from mavhums.core.errors import MavhumsError
 from mavhums.log import Decoder, Table, decode_blocks
-from mavhums.log.base.tables import text_of
+from mavhums.log.base.decoder import text_of
 from mavhums.vehicle.facts import PX4, RANGES
 from mavhums.vehicle.formats import messages_of, reports
 from mavhums.vehicle.formats.base import Report

@@ -11,7 +11,7 @@ import numpy as np
 from mavhums.core.arrays import Flags, Flags1, Integers, Integers1, Integers2
 from mavhums.core.kernels import kernel
 from mavhums.log import Table
-from mavhums.log.base.tables import text_of
+from mavhums.log.base.decoder import text_of
 from mavhums.vehicle.facts import OUTPUTS, Signal
 from mavhums.vehicle.formats import by_vehicle, esc_temperatures, messages_of
 

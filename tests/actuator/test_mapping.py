@@ -9,10 +9,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.actuator.draft import announcements
-from mavhums.actuator.mapping import Mapper
+from mavhums.actuator.mapping import Mapper, actuators
 from mavhums.actuator.profile import ProfileError, load_airframe
 from mavhums.actuator.telemetry import best_tier, tiers_by_content
-from mavhums.actuator.vehicle_mappers import actuators
 from mavhums.log import Decoder, Log, Table
 from mavhums.results.reasons import Reason
 from mavhums.vehicle.clocks import Clocks

@@ -10,7 +10,7 @@ import pytest
 from mavhums import Engine
 from mavhums.actuator.profile import load_airframe
 from mavhums.engine.options import EngineOptions
-from mavhums.log.base.tables import Table
+from mavhums.log.base.decoder import Table
 from mavhums_sim import Flight, fly, write_tlog
 from tests.conftest import carried_logs, real_logs
 

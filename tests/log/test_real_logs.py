@@ -12,7 +12,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega
 
 from mavhums.log import Table, read_log
-from mavhums.log.base.tables import ODD_TIME
+from mavhums.log.base.decoder import ODD_TIME
 from tests.conftest import REAL_LOGS, carried_logs, needs, real_logs
 
 DAMAGED = ("Avalanche", "LucaGemma", "ardusub_log_tools", "mavrik-control")

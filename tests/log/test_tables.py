@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavhums.log import Table, read_log
-from mavhums.log.base import tables
+from mavhums.log.base.decoder import _as_text, text_of
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def test_to_frame_has_every_field_as_contiguous_columns(table: Table) -> None:
 )
 def test_texts_are_cut_at_the_first_zero_and_read_as_utf_8(texts: list[bytes]) -> None:
     chars = np.array(texts, dtype="S13")
-    assert list(tables._as_text(chars)) == [tables.text_of(value) for value in texts]
+    assert list(_as_text(chars)) == [text_of(value) for value in texts]
 
 
 def test_frames_are_made_when_they_are_read(short_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:

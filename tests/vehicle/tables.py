@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mavhums.log.base.tables import Table
+from mavhums.log.base.decoder import Table
 
 
 def table_of(name: str, fields: Any, *, frame: Any = None, time_us: Any = None, **bytes_: Any) -> Table:

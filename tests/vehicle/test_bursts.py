@@ -13,7 +13,7 @@ from pymavlink import DFReader
 
 from mavhums.core.arrays import Array, Integers
 from mavhums.log import Decoder, Table
-from mavhums.vehicle.bursts import FAST_FORCE_MESSAGES, Bursts
+from mavhums.vehicle.signals import FAST_FORCE_MESSAGES, Bursts
 from mavhums_sim.dataflash import records
 from mavhums_sim.multirotor.craft import draw_craft, draw_plan
 from mavhums_sim.multirotor.flight import fly

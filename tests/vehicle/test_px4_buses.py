@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mavhums.log import Table
-from mavhums.log.base.tables import Table as Rows
+from mavhums.log.base.decoder import Table as Rows
 from mavhums.vehicle.formats.px4_buses import PX4Buses
 
 SURFACES = {"PWM_AUX_FUNC1": 201.0, "PWM_AUX_FUNC3": 202.0}

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mavhums.log import Table
-from mavhums.log.base.tables import LOOSE_TIME
+from mavhums.log.base.decoder import LOOSE_TIME
 from mavhums.vehicle import clocks as clocks_module
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.time_axis import BOOT, BROKEN, SOUND, UNSTAMPED, USEC, MappedTimes, VehicleClock

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 from pymavlink.mavutil import mode_string_v10
 
 from mavhums.log import Table
-from mavhums.log.base.tables import LOOSE_TIME
+from mavhums.log.base.decoder import LOOSE_TIME
 from mavhums.vehicle.facts import ServoIds
 from mavhums.vehicle.formats import FORMATS, SERVO_SOURCES, dataflash, mavlink, reports, servo_readings, ulog
 from tests.vehicle.tables import table_of

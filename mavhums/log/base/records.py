@@ -10,8 +10,8 @@ import numpy as np
 
 from mavhums.core.arrays import Bytes, Bytes1, Bytes2, Flags, Flags1, Integers, Integers1
 from mavhums.core.kernels import inlined, kernel, load_word, store_word
+from mavhums.log.base.decoder import Table
 from mavhums.log.base.scanner import GUARD, SPARE, RecordBatch, Rows
-from mavhums.log.base.tables import Table
 
 
 class GatheredTables(NamedTuple):

@@ -11,9 +11,8 @@ from typing import Final
 import numpy as np
 
 from mavhums.core.arrays import Integers
-from mavhums.log.base.decoder import Losses, join_tables
+from mavhums.log.base.decoder import ODD_TIME, Losses, Table, join_tables
 from mavhums.log.base.scanner import RecordBatch, is_date
-from mavhums.log.base.tables import ODD_TIME, Table
 from mavhums.log.dataflash.layout import RecordDefinitions
 from mavhums.log.dataflash.scanner import RecordScanner
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from mavhums.core.arrays import Block, Bytes, Bytes1, Bytes2, Records
 from mavhums.core.kernels import inlined, kernel, subroutine
+from mavhums.log.base.decoder import ODD_TIME
 from mavhums.log.base.scanner import (
     GUARD,
     NO,
@@ -35,7 +36,6 @@ from mavhums.log.base.scanner import (
     Rows,
     counters,
 )
-from mavhums.log.base.tables import ODD_TIME
 from mavhums.log.dataflash.layout import (
     BACK,
     BODY,

@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from mavhums.core.arrays import Records
-from mavhums.log.base.decoder import Losses
+from mavhums.log.base.decoder import Losses, Table
 from mavhums.log.base.records import Definition, DefinitionTable
 from mavhums.log.base.scanner import YEAR_2010_US, RecordBatch
-from mavhums.log.base.tables import Table
 from mavhums.log.mavlink.dialect import Dialect, load_dialect
 from mavhums.log.mavlink.frames import MAGIC_V1, MAGIC_V2, STAMP
 from mavhums.log.mavlink.scanner import FrameScanner

@@ -22,7 +22,7 @@ import numpy as np
 
 from mavhums.core.errors import MavhumsError
 from mavhums.core.kernels import PACKAGE, digest
-from mavhums.log.base.tables import C_NUMBERS
+from mavhums.log.base.decoder import C_NUMBERS
 
 _SHIPPED = ("ardupilotmega.xml", "development.xml")
 OWN = Path(__file__).with_name("messages")

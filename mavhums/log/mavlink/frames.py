@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Bytes
 from mavhums.core.kernels import inlined, load_word, subroutine
+from mavhums.log.base.decoder import MAVLINK1, SIGNED
 from mavhums.log.base.scanner import NO, WAIT, YES, plausible
-from mavhums.log.base.tables import MAVLINK1, SIGNED
 
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
 HEAD_V1, HEAD_V2 = 6, 10

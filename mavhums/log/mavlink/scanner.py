@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Block, Bytes, Bytes1, Integers1, Records
 from mavhums.core.kernels import inlined, kernel, subroutine
+from mavhums.log.base.decoder import MAVLINK1, ODD_TIME, PADDED, SIGNED
 from mavhums.log.base.scanner import (
     GUARD,
     NO,
@@ -43,7 +44,6 @@ from mavhums.log.base.scanner import (
     counters,
     plausible,
 )
-from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
 from mavhums.log.mavlink.dialect import Dialect
 from mavhums.log.mavlink.frames import (
     DAY_US,

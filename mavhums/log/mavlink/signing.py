@@ -16,8 +16,8 @@ import numpy as np
 
 from mavhums.core.arrays import Flags, Integers, Records
 from mavhums.core.errors import MavhumsError
+from mavhums.log.base.decoder import MAVLINK1, SIGNED
 from mavhums.log.base.scanner import RecordBatch
-from mavhums.log.base.tables import MAVLINK1, SIGNED
 from mavhums.log.mavlink.frames import HEAD_V1, HEAD_V2, SIGNATURE
 
 TICKS_PER_MINUTE = 60 * 100_000

@@ -17,8 +17,8 @@ import numpy as np
 
 from mavhums.core.arrays import Bytes1, Integers, Integers1
 from mavhums.core.kernels import kernel
+from mavhums.log.base.decoder import MAVLINK1
 from mavhums.log.base.scanner import GUARD, RecordBatch
-from mavhums.log.base.tables import MAVLINK1
 from mavhums.log.mavlink.dialect import Dialect
 from mavhums.log.mavlink.frames import STAMP
 from mavhums.log.mavlink.scanner import FrameScanner

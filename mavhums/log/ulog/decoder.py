@@ -13,10 +13,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mavhums.core.arrays import Integers
-from mavhums.log.base.decoder import Losses, join_tables
+from mavhums.log.base.decoder import Losses, Table, join_tables
 from mavhums.log.base.records import Definition, DefinitionTable
 from mavhums.log.base.scanner import RecordBatch, is_date, plausible
-from mavhums.log.base.tables import Table
 from mavhums.log.ulog.layouts import BASIC, Layout
 from mavhums.log.ulog.scanner import UlogScanner
 

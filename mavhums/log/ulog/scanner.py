@@ -18,6 +18,7 @@ import numpy as np
 
 from mavhums.core.arrays import Block, Bytes, Bytes1, Records
 from mavhums.core.kernels import inlined, kernel, load_word, subroutine
+from mavhums.log.base.decoder import ODD_TIME
 from mavhums.log.base.scanner import (
     GUARD,
     NO,
@@ -33,12 +34,12 @@ from mavhums.log.base.scanner import (
     counters,
     plausible,
 )
-from mavhums.log.base.tables import ODD_TIME
-from mavhums.log.ulog.headers import (
+from mavhums.log.ulog.layouts import (
     BODY,
     TOPIC,
     UNKNOWN,
     UNUSED,
+    Topics,
     follows,
     header_fits,
     kind_of,
@@ -47,7 +48,6 @@ from mavhums.log.ulog.headers import (
     size_of,
     topic_of,
 )
-from mavhums.log.ulog.layouts import Topics
 
 STATE = counters(
     "base", "position", "found", "ended", "lost_step", "skipped", "filler", "begun_us", "time_us",

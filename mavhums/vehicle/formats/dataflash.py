@@ -24,6 +24,7 @@ from mavhums.vehicle.formats.base import (
     ServoSource,
     Source,
     Split,
+    ardupilot_mode,
     bits_of,
     celsius,
     columns,
@@ -36,7 +37,6 @@ from mavhums.vehicle.formats.base import (
     supply_faults,
     whole,
 )
-from mavhums.vehicle.formats.modes import ardupilot_mode
 
 _FIX: Final = 3  # GPS_STATUS of a three-dimensional fix: before it, speed and course are noise
 _REAL32: Final = 9  # MAV_PARAM_TYPE

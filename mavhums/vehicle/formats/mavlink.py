@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.statistics import STANDARD_GRAVITY
 from mavhums.log import Table
-from mavhums.log.base.tables import LOOSE_TIME
+from mavhums.log.base.decoder import LOOSE_TIME
 from mavhums.vehicle.facts import NO_AUTOPILOT, OUTPUTS, PX4, ServoIds
 from mavhums.vehicle.formats.base import (
     ANY,
@@ -25,6 +25,7 @@ from mavhums.vehicle.formats.base import (
     Source,
     Split,
     angles_of,
+    ardupilot_mode,
     bits_of,
     celsius,
     columns,
@@ -32,12 +33,12 @@ from mavhums.vehicle.formats.base import (
     named,
     plain,
     pulses,
+    px4_mode,
     records_of_parameters,
     supply_faults,
     whole,
     wide,
 )
-from mavhums.vehicle.formats.modes import ardupilot_mode, px4_mode
 
 STAMPS: Final = ("time_boot_ms", "time_usec")
 """Fields with the time of the sender's clock; the first in a message counts."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Bytes
 from mavhums.log import Table
-from mavhums.log.base.tables import text_of
+from mavhums.log.base.decoder import text_of
 
 _TOPIC: Final = "actuator_outputs"
 _OUTPUTS: Final = 16

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from itertools import pairwise
 from typing import NamedTuple
 
+from mavhums.log.base.decoder import ODD_TIME
 from mavhums.log.base.scanner import GUARD
-from mavhums.log.base.tables import ODD_TIME
 from mavhums.log.dataflash.scanner import RecordScanner
 
 

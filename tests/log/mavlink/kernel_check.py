@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from fastcrc import crc16
 
+from mavhums.log.base.decoder import MAVLINK1, ODD_TIME, PADDED, SIGNED
 from mavhums.log.base.scanner import GUARD, RecordBatch
-from mavhums.log.base.tables import MAVLINK1, ODD_TIME, PADDED, SIGNED
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.scanner import FrameScanner
 from tests.strategies import blocks

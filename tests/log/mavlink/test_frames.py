@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.log import Decoder, Table
-from mavhums.log.base.tables import PADDED
+from mavhums.log.base.decoder import PADDED
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.scanner import FrameScanner
 from tests.log.decode import assert_cuts_do_not_matter, decode

@@ -15,7 +15,7 @@ from mavhums import read_log
 from mavhums.app.inspection import inspect_log
 from mavhums.cli.main import cli
 from mavhums.core.errors import UnreadableLogError
-from mavhums.log.base.tables import ODD_TIME
+from mavhums.log.base.decoder import ODD_TIME
 from tests.log.decode import assert_cuts_do_not_matter, decode
 from tests.log.ulog import writer
 from tests.log.ulog.peer import columns_of_peer
