@@ -50,117 +50,6 @@ def _near(values: Integers1, start: int, end: int, least: int, guess: int) -> in
     return _first(values, start, end, least)
 
 
-@subroutine
-def _merge(
-    rows: Rows,
-    bounds: Integers,
-    new: Rows,
-    new_bounds: Integers,
-    latest_us: Integers,
-    late: Integers,
-    needed_us: int,
-    oldest_us: int,
-    keep_us: int,
-) -> tuple[Rows, Integers, Flags]:
-    """Join old and new rows; return them, their bounds, and the mask of accepted new rows.
-
-    Old rows are dropped if they are earlier than ``needed_us`` (except the last of each source), or
-    ``keep_us`` earlier than both ``oldest_us`` and the source's latest row. New rows are dropped, and
-    counted in ``late``, if they are not later than all earlier ones. ``latest_us`` is updated.
-    """
-    time, frame, values = rows
-    new_time, new_frame, new_values = new
-    sources = latest_us.size
-    start = np.empty(sources, dtype=np.int64)
-    taken = np.zeros(new_time.size, dtype=np.bool_)
-    total = 0
-    for k in range(sources):
-        needed = max(needed_us, min(oldest_us, latest_us[k]) - keep_us)
-        start[k] = max(_first(time, bounds[k], bounds[k + 1], needed) - 1, bounds[k])
-        total += bounds[k + 1] - start[k]
-        for row in range(new_bounds[k], new_bounds[k + 1]):
-            if new_time[row] > latest_us[k]:
-                latest_us[k] = new_time[row]
-                taken[row] = True
-                total += 1
-            else:
-                late[k] += 1
-    out_time, out_frame = np.empty(total, dtype=np.int64), np.empty(total, dtype=np.int64)
-    out_values = np.empty((total, values.shape[1]))
-    out_bounds = np.zeros(sources + 1, dtype=np.int64)
-    end = 0
-    for k in range(sources):
-        for row in range(start[k], bounds[k + 1]):
-            out_time[end], out_frame[end], out_values[end] = time[row], frame[row], values[row]
-            end += 1
-        for row in range(new_bounds[k], new_bounds[k + 1]):
-            if taken[row]:
-                out_time[end], out_frame[end] = new_time[row], new_frame[row]
-                out_values[end] = new_values[row]
-                end += 1
-        out_bounds[k + 1] = end
-    return (out_time, out_frame, out_values), out_bounds, taken
-
-
-@subroutine
-def _enlist(
-    due: Integers,
-    clock: int,
-    new: Rows,
-    new_bounds: Integers,
-    taken: Flags,
-    start: int,
-    end: int,
-    latest_due_us: int,
-) -> Integers:
-    """Append the clock's new rows with ``start`` ≤ frame < ``end`` to the pending samples, (n, 3)."""
-    time, frame, _ = new
-    chosen = np.zeros(time.size, dtype=np.bool_)
-    for row in range(new_bounds[clock], new_bounds[clock + 1]):
-        chosen[row] = taken[row] and start <= frame[row] < end and time[row] > latest_due_us
-    rows = np.flatnonzero(chosen)
-    out = np.empty((len(due) + rows.size, 3), dtype=np.int64)
-    out[: len(due)] = due
-    for k in range(rows.size):
-        out[len(due) + k] = time[rows[k]], frame[rows[k]], clock
-    return out
-
-
-@kernel
-def take(
-    rows: Rows,
-    bounds: Integers1,
-    due: Integers2,
-    new: Rows,
-    new_bounds: Integers1,
-    reigns: Integers2,
-    latest_us: Integers1,
-    late: Integers1,
-    latest_due_us: int,
-    reach_us: int,
-    keep_us: int,
-) -> tuple[Rows, Integers, Integers]:
-    """Join old and new rows; return them, their bounds, and the pending samples.
-
-    A pending sample, a row of (n, 3), is time, frame and source of a new row of the clock. ``reigns``,
-    (n, 2), lists sources, and the frame from which on each is the clock. Old rows that no sample can
-    need are dropped: those ``reach_us`` earlier than all pending and future samples, or ``keep_us``
-    earlier than these and the source's latest row. ``latest_us`` is updated; ``late`` counts rows
-    that are not later than all earlier ones.
-    """
-    oldest_us = due[0, 0] if len(due) else NEVER
-    needed_us = min(oldest_us, latest_due_us) - reach_us
-    rows, bounds, taken = _merge(
-        rows, bounds, new, new_bounds, latest_us, late, needed_us, oldest_us, keep_us
-    )
-    for k in range(len(reigns)):
-        end = reigns[k + 1, 1] if k + 1 < len(reigns) else NEVER
-        if len(due):
-            latest_due_us = max(latest_due_us, due[-1, 0])
-        due = _enlist(due, reigns[k, 0], new, new_bounds, taken, reigns[k, 1], end, latest_due_us)
-    return rows, bounds, due
-
-
 @kernel
 def limits(
     due: Integers2,
@@ -412,20 +301,43 @@ class Aligner:
                 self._clock = best
                 reigns.append((best, frame))
         new = {k: self._sharp(k, reading, np.array(reigns)) for k, reading in new.items()}
-        places = sorted(new)
-        rows = (
-            np.concatenate([new[k].utc_us for k in places]),
-            np.concatenate([new[k].frame for k in places]),
-            np.concatenate([new[k].values for k in places]),
-        )
-        sizes = [new[k].utc_us.size if k in new else 0 for k in range(len(self.sources))]
-        bounds = np.array([0, *accumulate(sizes)])
-        self._rows, self._bounds, self._due = take(
-            self._rows, self._bounds, self._due, rows, bounds, np.array(reigns), self._latest_us, self._late,
-            self._latest_due_us, self._lag_us + _SLOPE_US // 2, _HORIZON_US + _MAX_SPAN_US,
-        )  # fmt: skip
-        if len(self._due):
-            self._latest_due_us = int(self._due[-1, 0])
+        self._join(new, reigns)
+
+    def _join(self, new: Mapping[int, Reading], reigns: Sequence[tuple[int, int]]) -> None:
+        """Join old and new rows, and append the clock's new rows to the pending samples.
+
+        ``reigns`` lists sources, and the frame from which on each is the clock. Old rows that no sample can
+        need are dropped, except the last of each source: those earlier than all pending and future samples
+        and the slope before them, or much earlier than these and the source's latest row. New rows are
+        dropped, and counted as late, if they are not later than all earlier ones.
+        """
+        oldest_us = int(self._due[0, 0]) if len(self._due) else NEVER
+        needed_us = min(oldest_us, self._latest_due_us) - self._lag_us - _SLOPE_US // 2
+        parts: list[Rows] = []
+        fresh: dict[int, Rows] = {}
+        for k, (a, b) in enumerate(pairwise(self._bounds.tolist())):
+            least_us = max(needed_us, min(oldest_us, int(self._latest_us[k])) - _HORIZON_US - _MAX_SPAN_US)
+            first = max(a + int(np.searchsorted(self._rows[0][a:b], least_us)) - 1, a)
+            rows = [part[first:b] for part in self._rows]
+            if k in new:
+                time_us = new[k].utc_us
+                latest_us = np.maximum.accumulate(np.append(self._latest_us[k], time_us))
+                later = time_us > latest_us[:-1]
+                self._latest_us[k] = latest_us[-1]
+                self._late[k] += np.count_nonzero(~later)
+                fresh[k] = time_us[later], new[k].frame[later], new[k].values[later]
+                rows = [np.concatenate(pair) for pair in zip(rows, fresh[k], strict=True)]
+            parts.append((rows[0], rows[1], rows[2]))
+        time_us, frame, values = map(np.concatenate, zip(*parts, strict=True))
+        self._rows = time_us, frame, values
+        self._bounds = np.array([0, *accumulate(len(part[0]) for part in parts)])
+        for (k, begin), (_, end) in pairwise([*reigns, (-1, NEVER)]):
+            if k in fresh:
+                time_us, frame, _ = fresh[k]
+                chosen = (begin <= frame) & (frame < end) & (time_us > self._latest_due_us)
+                source = np.full(np.count_nonzero(chosen), k)
+                self._due = np.vstack([self._due, np.column_stack([time_us[chosen], frame[chosen], source])])
+                self._latest_due_us = int(self._due[-1, 0]) if len(self._due) else self._latest_due_us
 
     def _sharp(self, k: int, reading: Reading, reigns: Integers) -> Reading:
         """Return the reading without the values of blurred times, but where its source is the clock."""
