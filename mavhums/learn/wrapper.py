@@ -10,19 +10,16 @@ import random
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import log_softmax
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MissingExtraError
-from mavhums.learn._estimators import train_networks
 from mavhums.learn.inference import TanhNetwork
 from mavhums.learn.model import Wrapped
-
-if TYPE_CHECKING:
-    from mavhums.learn.batched import Samples
+from mavhums.learn.networks import Samples, train_networks
 
 Objective = Callable[[Flags], Array]
 """Function of non-empty subsets, shape (s, k), that returns their scores, shape (s,)."""
@@ -176,17 +173,16 @@ def network_objective(
     random_state
         Seed of the initial weights. All subsets share it, so they differ only in their features.
     options
-        ``weight``, ``weight_decay`` and others of :func:`mavhums.learn.batched.train_batch`.
-
-    Raises
-    ------
-    MissingExtraError
-        If torch is not installed.
+        ``weight``, ``weight_decay`` and others of :func:`mavhums.learn.networks.train_networks`.
     """
 
     def accuracies(subsets: Flags) -> Array:
         count = len(subsets)
-        options_ = {"validation": validation, "max_iter": max_iter, "patience": None} | options
+        options_: dict[str, Any] = {
+            "validation": validation,
+            "max_iter": max_iter,
+            "patience": None,
+        } | options
         trained = train_networks([hidden] * count, [random_state] * count, samples, subsets, **options_)
         return trained.validation_accuracy
 
@@ -206,7 +202,6 @@ _MANY = 10
 WINDOW_TRAINING: Mapping[str, Any] = {
     "weight_decay": 2e-4,
     "patience": 100,
-    "precision": "double",
     "beyond": 0.005,
 }
 """With less decay networks of the same data differ by a tenth of their loss, and statistics by less."""
@@ -269,7 +264,7 @@ def search_subsets(
     Raises
     ------
     MissingExtraError
-        If torch, or pygad for the genetic search, is not installed.
+        If pygad, for the genetic search, is not installed.
     """
     draw = np.random.default_rng(seed)
     features = vectors.features.shape[1]
