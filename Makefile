@@ -2,11 +2,15 @@
 PYTHON ?= python3
 BIN := .venv/bin
 CORES ?= auto
+# A package index with PyTorch's CPU build, for machines whose own index has the CUDA build only.
+TORCH_INDEX ?=
 # Without --no-compile 400 MB of byte code are written for packages of which few modules are ever used.
 PIP := -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 # What builds the package, with a C compiler for a machine that has none.
 BUILD := editables hatchling hatch-fancy-pypi-readme numba numpy pydantic pymavlink scipy setuptools $(shell command -v cc >/dev/null && command -v c++ >/dev/null || echo ziglang)
-EXTRAS := all
+EXTRAS := arrow,fleet,mcp,serial,serve,sim,viewer,zstd
+# Only Linux has CUDA builds; there the CPU build has a version of its own.
+TORCH := $(shell grep ^torch== constraints.txt)$(if $(filter Linux,$(shell uname -s)),+cpu)
 
 # Tests start hundreds of programs, and where byte code is not kept, each of them compiles its modules again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -65,10 +69,13 @@ clean:
 	touch $@
 
 .venv/.ready: pyproject.toml constraints.txt
-	@echo "Setting up .venv for the tests: downloads 500 MB once, 1.7 GB on disk."
+	@echo "Setting up .venv for the tests: downloads 700 MB once (200 MB of it PyTorch's CPU build), 2.5 GB on disk."
 	$(BIN)/python -c "" 2>/dev/null || $(PYTHON) -m venv .venv
 	$(BIN)/python $(PIP) $(BUILD)
 	$(BIN)/python $(PIP) --no-build-isolation -e '.[$(EXTRAS),dev]'
+	@$(BIN)/python $(PIP) $(TORCH) $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) || \
+		echo "PyTorch's CPU build ($(TORCH)) is not on your package index: the tests of training are left out." \
+			"To run them: rm .venv/.ready; make test TORCH_INDEX=URL, with the CPU index that pytorch.org names."
 	touch $@ .venv/.demo
 
 .venv/.lint: .venv/.ready
@@ -83,6 +90,8 @@ test-lowest: .venv-lowest/.ready
 	$(PYTHON) -m venv .venv-lowest
 	$(PYTHON) .ci/versions.py lowest > .venv-lowest/lowest.txt
 	.venv-lowest/bin/python $(PIP:constraints.txt=.venv-lowest/lowest.txt) -e '.[$(EXTRAS),dev]'
+	.venv-lowest/bin/python $(PIP:constraints.txt=.venv-lowest/lowest.txt) \
+		$(TORCH) $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) || true
 	touch $@
 
 # Renew the versions in constraints.txt. Run it with the oldest Python that pyproject.toml allows, so that

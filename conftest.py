@@ -1,8 +1,9 @@
-"""Examples in docstrings run in a folder with a ``flight.tlog``."""
+"""Which folders are collected; examples in docstrings run in a folder with a ``flight.tlog``."""
 
 from __future__ import annotations
 
 import os
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,17 @@ from mavhums_sim import Flight, fly, write_tlog
 
 # The store of whoever runs the tests is never theirs.
 os.environ["MAVHUMS_STORE"] = "none"
+
+# Without PyTorch there is nothing to train: `make test` then leaves out the rooms that do.
+WITHOUT_TORCH = ("learn", "study", "training")
+collect_ignore = (
+    [] if find_spec("torch") else [f"{top}/{room}" for top in ("mavhums", "tests") for room in WITHOUT_TORCH]
+)
+
+
+def pytest_report_header() -> list[str]:
+    """Say which tests are left out."""
+    return [f"PyTorch is absent: tests of {', '.join(WITHOUT_TORCH)} are left out"] if collect_ignore else []
 
 
 @pytest.fixture(scope="session")

@@ -44,6 +44,7 @@ def test_the_class_of_each_sample_is_drawn(
 @pytest.mark.slow
 def test_selectors_compose_with_the_models_of_scikit_learn() -> None:
     """Algorithm 1 keeps what tells the conditions apart, and networks beat a fixed polynomial."""
+    pytest.importorskip("torch")
     results = selectors_in_a_pipeline.main(seconds=4.0)
     assert len(results) == 6
     assert results["Algorithm 1 → tanh networks"] > 0.9
@@ -167,7 +168,7 @@ import runpy, sys
 
 class Missing:
     def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in {"rerun", "rerun_cli", "PIL", "sklearn"}:
+        if name.split(".")[0] in {"rerun", "rerun_cli", "PIL", "sklearn", "torch"}:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 sys.meta_path.insert(0, Missing())

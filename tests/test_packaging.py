@@ -18,7 +18,7 @@ import pytest
 from mavhums.show.viewer import free_port
 
 ROOT = Path(__file__).parents[1]
-EXTRAS = ("sklearn", "rerun", "pyarrow", "matplotlib")
+EXTRAS = ("torch", "sklearn", "rerun", "pyarrow", "matplotlib")
 
 
 def python(*arguments: str, cwd: Path, path: Path) -> subprocess.CompletedProcess[str]:

@@ -1,7 +1,7 @@
 """Learning: feature ranking and selection, the network, its training and its model file.
 
 Submodules are imported on first use: an onboard computer that only runs a trained model needs
-no scikit-learn.
+neither scikit-learn nor torch.
 """
 
 from __future__ import annotations

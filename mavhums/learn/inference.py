@@ -1,15 +1,17 @@
-"""Inference with a trained network in numpy alone, for onboard computers."""
+"""Inference with a trained network in numpy alone, for onboard computers without torch."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from math import exp
 from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.arrays import Array, Array1, Array2, Flags, Integers, Integers1
+from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, WINDOW_KEYS
 
 
@@ -39,8 +41,6 @@ def unit_interval(values: Array, minimum: Array, maximum: Array) -> Array:
     scaled: Array = (values / 2 - minimum / 2) / np.where(span > 0, span, 0.5)
     return scaled
 
-
-ABSTAINS = -1
 
 _MARGIN = 0.1
 """How far outside the training range an input may lie, as a fraction of that range."""
@@ -177,6 +177,14 @@ class _ColumnNetwork(TanhNetwork):
             allowed = _MARGIN * (self.maximum - self.minimum)
             return self.minimum - allowed, self.maximum + allowed
 
+    def _checked(self, table: ArrayLike) -> Array:
+        array = np.ascontiguousarray(table, dtype=np.float64)
+        if array.ndim != 2 or array.shape[1] != len(self._COLUMNS):
+            raise ValueError(
+                f"{self._TABLE} must have the shape (n, {len(self._COLUMNS)}), not {array.shape}"
+            )
+        return array
+
     def inputs(self, table: ArrayLike) -> Array:
         """Return the columns of ``keys``, shape (n, k).
 
@@ -185,12 +193,7 @@ class _ColumnNetwork(TanhNetwork):
         ValueError
             If the table has another number of columns.
         """
-        array = np.asarray(table, dtype=np.float64)
-        if array.ndim != 2 or array.shape[1] != len(self._COLUMNS):
-            raise ValueError(
-                f"{self._TABLE} must have the shape (n, {len(self._COLUMNS)}), not {array.shape}"
-            )
-        return array[:, self._places]
+        return self._checked(table)[:, self._places]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -278,10 +281,17 @@ class Network(_ColumnNetwork):
         >>> network.votes(values)
         array([ 0,  1, -1], dtype=int8)
         """
-        inside = self.inside(values)
-        votes = np.full(len(inside), ABSTAINS, dtype=np.int8)
-        votes[inside] = self.p_first(self.inputs(values)[inside]) > 0.5
-        return votes
+        low, high = self._envelope
+        return np.asarray(vote(self._checked(values), self._places, low, high, *self._in_units))
+
+    @cached_property
+    def _in_units(self) -> tuple[Array, Array, Array, float]:
+        """Weights, biases, and output difference and threshold for unscaled inputs."""
+        half = self.maximum / 2 - self.minimum / 2
+        weights = np.ascontiguousarray((self.w1 / np.where(half > 0, 2 * half, 1.0)[:, np.newaxis]).T)
+        biases = self.b1 - weights @ self.minimum
+        difference = np.ascontiguousarray(self.w2[:, 0] - self.w2[:, 1])
+        return weights, biases, difference, float(self.b2[1] - self.b2[0])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -322,3 +332,57 @@ class WindowNetwork(_ColumnNetwork):
         outputs = (hidden[:, :, np.newaxis] * self.w2).sum(axis=1) + self.b2
         odds = np.exp(outputs - outputs.max(axis=1, keepdims=True))
         return np.where(finite[:, np.newaxis], odds / odds.sum(axis=1, keepdims=True), np.nan)
+
+
+ABSTAINS = -1
+
+
+@kernel
+def vote(
+    values: Array2,
+    columns: Integers1,
+    low: Array1,
+    high: Array1,
+    weights: Array2,
+    biases: Array1,
+    difference: Array1,
+    threshold: float,
+) -> NDArray[np.int8]:
+    """Return 1 for an emergency, 0 for none, -1 for a sample outside ``low`` … ``high``, shape (n,).
+
+    Parameters
+    ----------
+    values
+        V1…V12, shape (n, 12).
+    columns
+        Columns of the network's k inputs in ``values``.
+    low, high
+        Bounds of each input, shape (k,).
+    weights, biases
+        Weights and biases of the h hidden neurons for unscaled inputs, shapes (h, k) and (h,).
+    difference, threshold
+        Output weights, first minus second, shape (h,), and the threshold for their sum.
+    """
+    n, k, h = len(values), len(columns), len(biases)
+    votes = np.empty(n, dtype=np.int8)
+    inputs = np.empty(k)
+    for i in range(n):
+        inside = True
+        for j in range(k):
+            x = values[i, columns[j]]
+            if not low[j] <= x <= high[j]:
+                inside = False
+                break
+            inputs[j] = x
+        if not inside:
+            votes[i] = ABSTAINS
+            continue
+        sum_ = -threshold
+        for m in range(h):
+            inner = biases[m]
+            for j in range(k):
+                inner += weights[m, j] * inputs[j]
+            # tanh by the exponential is three times as fast; overflow gives infinity, which is correct here.
+            sum_ += difference[m] * (1.0 - 2.0 / (exp(2.0 * inner) + 1.0))
+        votes[i] = 1 if sum_ > 0.0 else 0
+    return votes

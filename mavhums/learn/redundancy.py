@@ -4,21 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations_with_replacement, permutations
+from itertools import combinations_with_replacement
 from math import comb
 from numbers import Real
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import ArrayLike
 from scipy.linalg import qr, solve_triangular
+from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.arrays import Array, Integers
+from mavhums.learn._estimators import SupportSelector, check_positive_integers
 from mavhums.learn.inference import unit_interval
-from mavhums.learn.ranking import ChiSquareRanking, SupportSelector, check_positive_integers
+from mavhums.learn.ranking import ChiSquareRanking
 
 Elementary = Mapping[str, Callable[[Array], Array]]
 """Elementary functions b_j by their notation, in which ``{}`` is the feature: ``"sin({})"``."""
@@ -27,8 +30,6 @@ Elementary = Mapping[str, Callable[[Array], Array]]
 def _itself(values: Array) -> Array:
     return values
 
-
-_TOLERANCE = 1e-6
 
 IDENTITY: Elementary = {"{}": _itself}
 """The one elementary function b(x) = x, whose products are the polynomials."""
@@ -145,9 +146,7 @@ class NonlinearRegression(RegressorMixin, BaseEstimator):
     r2_: float
     _share: Array
 
-    def __init__(
-        self, functions: Elementary | None = None, order: int = 2, tolerance: float = _TOLERANCE
-    ) -> None:
+    def __init__(self, functions: Elementary | None = None, order: int = 2, tolerance: float = 1e-6) -> None:
         self.functions = functions
         self.order = order
         self.tolerance = tolerance
@@ -360,7 +359,7 @@ class RegressionRedundancyFilter(_RedundancyFilter):
         threshold: float = 0.9,
         functions: Elementary | None = None,
         order: int = 2,
-        tolerance: float = _TOLERANCE,
+        tolerance: float = 1e-6,
         ranking: ChiSquareRanking | None = None,
     ) -> None:
         self.threshold = threshold
@@ -400,10 +399,7 @@ class RegressionRedundancyFilter(_RedundancyFilter):
             Dependence(feature, needed, r2, self._model(values, feature, needed))
             for feature, needed, r2 in found
         )
-        links = np.zeros((values.shape[1], values.shape[1]), dtype=np.bool_)
-        for dependence in self.dependences_:
-            links[dependence.feature, dependence.explained_by] = True
-        self.groups_ = _groups(links, columns)
+        self.groups_ = _groups(varying, self.dependences_)
         self.support_ = np.isin(np.arange(values.shape[1]), staying)
         return self
 
@@ -460,9 +456,13 @@ class _Squares:
         return float(np.square(target - basis @ coefficients).sum())
 
 
-def _groups(links: Flags, varying: Integers) -> tuple[tuple[int, ...], ...]:
-    count, labels = connected_components(links[np.ix_(varying, varying)], directed=False)
-    return tuple(tuple(varying[labels == label].tolist()) for label in range(count))
+def _groups(varying: list[int], dependences: tuple[Dependence, ...]) -> tuple[tuple[int, ...], ...]:
+    place = {feature: number for number, feature in enumerate(varying)}
+    links = [(place[found.feature], place[other]) for found in dependences for other in found.explained_by]
+    rows, columns = np.array(links, dtype=np.int64).reshape(-1, 2).T
+    graph = coo_array((np.ones(len(links)), (rows, columns)), shape=(len(varying), len(varying)))
+    count, labels = connected_components(graph, directed=False)
+    return tuple(tuple(np.array(varying)[labels == label].tolist()) for label in range(count))
 
 
 class PairwiseRedundancyFilter(_RedundancyFilter):
@@ -544,14 +544,27 @@ class PairwiseRedundancyFilter(_RedundancyFilter):
         """
         check_positive_integers(self, "degree")
         values, varying = self._ranked(X, y)
-        scaled = 2 * unit_interval(values, values.min(axis=0), values.max(axis=0)) - 1
-        squares = _Squares(scaled, varying.tolist(), IDENTITY, self.degree, _TOLERANCE)
+        scaled = unit_interval(values, values.min(axis=0), values.max(axis=0))
         self.r2_ = np.zeros((values.shape[1], values.shape[1]))
-        self.r2_[varying, varying] = 1
-        for feature, other in permutations(varying.tolist(), 2):
-            self.r2_[feature, other] = np.clip(squares.r2(feature, [other]), 0, 1)
-        self.groups_ = _groups(self.r2_ >= self.threshold, varying)
+        self.r2_[np.ix_(varying, varying)] = _pairwise_r2(scaled[:, varying], self.degree)
+        count, labels = connected_components(
+            self.r2_[np.ix_(varying, varying)] >= self.threshold, directed=False
+        )
+        self.groups_ = tuple(tuple(varying[labels == label].tolist()) for label in range(count))
         self.support_ = np.zeros(values.shape[1], dtype=np.bool_)
         for group in self.groups_:
             self.support_[max(group, key=lambda feature: self.ranking_.scores_[feature])] = True
         return self
+
+
+def _pairwise_r2(scaled: Array, degree: int) -> Array:
+    centred = scaled - scaled.mean(axis=0)
+    total = np.square(centred).sum(axis=0)
+    r2 = np.empty((scaled.shape[1], scaled.shape[1]))
+    for column, regressor in enumerate(scaled.T):
+        basis = chebvander(2 * regressor - 1, degree)
+        coefficients = np.linalg.lstsq(basis, centred, rcond=None)[0]
+        residual = np.square(centred - basis @ coefficients).sum(axis=0)
+        r2[:, column] = np.clip(1 - residual / total, 0, 1)
+    np.fill_diagonal(r2, 1)
+    return r2

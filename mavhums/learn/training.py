@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import JsonValue
 from sklearn.model_selection import GroupShuffleSplit
-from threadpoolctl import threadpool_info
 
 from mavhums.core.about import __version__
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, WINDOW_KEYS, column
+from mavhums.learn._estimators import train_networks
 from mavhums.learn.chain import Scheme, reduce_vectors, select_columns, select_features
 from mavhums.learn.evaluation import hold_out, split_flights
 from mavhums.learn.inference import Network, TanhNetwork
 from mavhums.learn.model import Card, Selection
-from mavhums.learn.networks import TanhNetworkEnsemble, train_networks
+from mavhums.learn.networks import TanhNetworkEnsemble
 from mavhums.learn.ranking import ChiSquareRanking
 from mavhums.learn.wrapper import WINDOW_TRAINING, Vectors
 
@@ -83,13 +83,14 @@ class TrainingResult:
         conditions: Mapping[str, JsonValue],
     ) -> Card:
         """Return the card for the model file: the training result plus the given entries."""
+        from torch.backends.cpu import get_cpu_capability
+
         chosen: dict[str, JsonValue] = {
             "networks": len(self.candidates),
             "hidden": self.chosen.hidden,
             "validation": self.validation,
         }
-        libraries = {package: version(package) for package in ("numpy", "scikit-learn", "scipy")}
-        instructions = {each["architecture"] for each in threadpool_info() if "architecture" in each}
+        libraries = {package: version(package) for package in ("numpy", "scikit-learn", "scipy", "torch")}
         return Card(
             name=name,
             airframe=airframe,
@@ -104,7 +105,7 @@ class TrainingResult:
             seed=self.seed,
             command=command,
             # Sums in other vector instructions differ in the last digits, and another network follows.
-            versions={"mavhums": __version__} | libraries | {"instructions": ", ".join(sorted(instructions))},
+            versions={"mavhums": __version__} | libraries | {"instructions": get_cpu_capability()},
         )
 
 
@@ -156,6 +157,8 @@ def train_network(
         If the scheme has more basis functions than can be regressed on.
     ValueError
         If the data are not as described, or a class has too few samples to hold some out.
+    MissingExtraError
+        If torch is not installed.
 
     Examples
     --------
@@ -321,7 +324,7 @@ def train_windows(
     Raises
     ------
     MissingExtraError
-        If pygad, for the genetic search, is not installed.
+        If torch, or pygad for the genetic search, is not installed.
     """
     scheme = scheme or Scheme()
     values = windows.features[:, [columns.index(key) for key in keys]]

@@ -10,16 +10,19 @@ import random
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.special import log_softmax
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MissingExtraError
+from mavhums.learn._estimators import train_networks
 from mavhums.learn.inference import TanhNetwork
 from mavhums.learn.model import Wrapped
-from mavhums.learn.networks import Samples, train_networks
+
+if TYPE_CHECKING:
+    from mavhums.learn.batched import Samples
 
 Objective = Callable[[Flags], Array]
 """Function of non-empty subsets, shape (s, k), that returns their scores, shape (s,)."""
@@ -173,16 +176,17 @@ def network_objective(
     random_state
         Seed of the initial weights. All subsets share it, so they differ only in their features.
     options
-        ``weight``, ``weight_decay`` and others of :func:`mavhums.learn.networks.train_networks`.
+        ``weight``, ``weight_decay`` and others of :func:`mavhums.learn.batched.train_batch`.
+
+    Raises
+    ------
+    MissingExtraError
+        If torch is not installed.
     """
 
     def accuracies(subsets: Flags) -> Array:
         count = len(subsets)
-        options_: dict[str, Any] = {
-            "validation": validation,
-            "max_iter": max_iter,
-            "patience": None,
-        } | options
+        options_ = {"validation": validation, "max_iter": max_iter, "patience": None} | options
         trained = train_networks([hidden] * count, [random_state] * count, samples, subsets, **options_)
         return trained.validation_accuracy
 
@@ -202,6 +206,7 @@ _MANY = 10
 WINDOW_TRAINING: Mapping[str, Any] = {
     "weight_decay": 2e-4,
     "patience": 100,
+    "precision": "double",
     "beyond": 0.005,
 }
 """With less decay networks of the same data differ by a tenth of their loss, and statistics by less."""
@@ -264,7 +269,7 @@ def search_subsets(
     Raises
     ------
     MissingExtraError
-        If pygad, for the genetic search, is not installed.
+        If torch, or pygad for the genetic search, is not installed.
     """
     draw = np.random.default_rng(seed)
     features = vectors.features.shape[1]

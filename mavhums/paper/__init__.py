@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mavhums.paper.real import write_real_study as write_real_study
     from mavhums.paper.study import write_study as write_study
 
-_OPTIONAL = ("matplotlib", "pygad", "sklearn")
+_OPTIONAL = ("matplotlib", "pygad", "sklearn", "torch")
 
 __getattr__, __dir__, __all__ = lazy_exports(
     __name__,

@@ -488,7 +488,7 @@ def write_real_study(
     MavhumsError
         If the recordings cannot be read, or the folder cannot be written.
     MissingExtraError
-        If pygad is not installed.
+        If torch or pygad is not installed.
     """
     runs, repeated = read_rig(Path(data))
     out, size = Folder(Path(folder)), Size.quick() if quick else Size()

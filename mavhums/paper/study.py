@@ -226,7 +226,7 @@ def write_study(
     MavhumsError
         If the folder cannot be written.
     MissingExtraError
-        If matplotlib is not installed.
+        If torch or matplotlib is not installed.
     """
     out = Folder(Path(folder))
     begin = perf_counter()

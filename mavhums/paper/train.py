@@ -288,6 +288,8 @@ def train_model(
         If the scheme is not possible, the actuators differ, the profile lacks the constants or limits of a
         simulation, the telemetry is unknown, the base has no precedent of the airframe or, alone, too few,
         or a network contradicts the flights that calibrate it.
+    MissingExtraError
+        If torch is not installed.
 
     Warns
     -----

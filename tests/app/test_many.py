@@ -235,6 +235,7 @@ def test_the_processes_end_with_a_command_that_is_killed(busy: subprocess.Popen[
 @pytest.mark.slow
 def test_analyse_loads_nothing_heavy_that_it_does_not_need(logs: list[Path]) -> None:
     heavy = {
+        "torch",
         "sklearn",
         "pandas",
         "pyarrow",

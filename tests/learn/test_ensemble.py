@@ -52,7 +52,7 @@ def test_samples_without_weight_are_as_if_absent() -> None:
     ("parameter", "value"),
     [
         ("n_networks", 0), ("max_iter", 1.5), ("patience", 0), ("hidden", ()), ("hidden", (4, 0)),
-        ("weight_decay", -1), ("weight_decay", float("nan")), ("weight_decay", "some"),
+        ("weight_decay", -1), ("weight_decay", float("nan")), ("weight_decay", "some"), ("precision", "half"),
     ],
 )  # fmt: skip
 def test_refuses_parameters_that_mean_nothing(parameter: str, value: Any) -> None:

@@ -3,11 +3,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
-from scipy.special import softmax
 
 from mavhums.core.quantities import column
 from mavhums.learn import Network, TanhNetwork
@@ -15,11 +15,11 @@ from mavhums.learn import Network, TanhNetwork
 Values = NDArray[np.float64]
 
 
-def test_the_probability_is_the_softmax_of_the_outputs(network: Network, values: Values) -> None:
+def test_agrees_with_torch(network: Network, values: Values) -> None:
     features = values[:, [column(key) for key in network.keys]]
-    scaled = (features - network.minimum) / (network.maximum - network.minimum)
-    outputs = np.tanh(scaled @ network.w1 + network.b1) @ network.w2 + network.b2
-    expected = softmax(outputs, axis=1)[:, 0]
+    scaled = torch.tensor((features - network.minimum) / (network.maximum - network.minimum))
+    w1, b1, w2, b2 = (torch.tensor(network.tensors[name]) for name in ("w1", "b1", "w2", "b2"))
+    expected = torch.softmax(torch.tanh(scaled @ w1 + b1) @ w2 + b2, dim=1)[:, 0].numpy()
     np.testing.assert_allclose(network.p_emergency(values), expected, rtol=0, atol=1e-12)
 
 

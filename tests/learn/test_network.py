@@ -1,16 +1,16 @@
+import sys
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from numpy.typing import NDArray
-from scipy.optimize import approx_fprime
-from scipy.special import softmax
+from sklearn.base import clone
 from sklearn.datasets import make_moons
-from threadpoolctl import threadpool_info, threadpool_limits
 
-from mavhums.learn import TanhNetwork, TanhNetworkEnsemble
-from mavhums.learn.inference import unit_interval
-from mavhums.learn.networks import Examples, NetworkLoss, Trained, train_networks
+from mavhums.core.errors import MissingExtraError
+from mavhums.learn import TanhNetworkEnsemble
+from mavhums.learn.batched import BatchLoss
 
 MOONS, SIDE = make_moons(400, noise=0.2, random_state=0)
 
@@ -46,27 +46,33 @@ def test_units_do_not_matter() -> None:
     np.testing.assert_array_equal(other.predict_proba(scaled), probability)
 
 
-def test_the_same_seed_gives_the_same_network() -> None:
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_network_whatever_the_state_of_torch() -> None:
+    torch.manual_seed(1)
     first = fitted()
-    np.testing.assert_array_equal(weights(first), weights(fitted()))
+    torch.manual_seed(2)
+    state = torch.get_rng_state()
+    second = fitted()
+    np.testing.assert_array_equal(weights(first), weights(second))
+    assert torch.equal(torch.get_rng_state(), state)
     assert not np.array_equal(weights(first), weights(fitted(random_state=1)))
 
 
 def test_trains_on_one_thread_and_restores_their_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    def threads() -> set[int]:
-        return {each["num_threads"] for each in threadpool_info()}
-
-    used = set[int]()
-    call = NetworkLoss.__call__
+    threads, used = torch.get_num_threads(), set()
+    evaluate = BatchLoss.evaluate
 
     def spy(*given: Any) -> Any:
-        used.update(threads())
-        return call(*given)
+        used.add(torch.get_num_threads())
+        return evaluate(*given)
 
-    monkeypatch.setattr(NetworkLoss, "__call__", spy)
-    with threadpool_limits(2):
+    monkeypatch.setattr(BatchLoss, "evaluate", spy)
+    torch.set_num_threads(2)
+    try:
         fitted(max_iter=2)
-        assert threads() == {2}
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(threads)
     assert used == {1}
 
 
@@ -94,84 +100,11 @@ def test_needs_two_classes(target: list[int], message: str) -> None:
         TanhNetworkEnsemble().fit(MOONS[:4], target)
 
 
-SUBSETS = np.array([[1, 1], [1, 0], [1, 1]], dtype=bool)
-THREE = np.eye(3, dtype=bool)[np.where(MOONS[:, 1] < 0, 2, 1 - SIDE)]
-"""Three classes; the first of two is the emergency."""
-TARGETS = pytest.mark.parametrize("target", [SIDE == 1, THREE], ids=["two classes", "three"])
-
-
-def loss_of(target: NDArray[np.bool_]) -> NetworkLoss:
-    scaled = (MOONS - MOONS.min(axis=0)) / np.ptp(MOONS, axis=0)
-    weight = np.random.default_rng(0).uniform(1, 2, len(SIDE))
-    return NetworkLoss(7, Examples.of(scaled, target, weight), 1e-2)
-
-
-@TARGETS
-def test_the_gradient_is_that_of_the_loss(target: NDArray[np.bool_]) -> None:
-    loss = loss_of(target)
-    weights = loss.initial(5)
-
-    def value(at: NDArray[np.float64]) -> float:
-        return loss(at)[0]
-
-    numeric = approx_fprime(weights, value, 1e-7)
-    np.testing.assert_allclose(loss(weights)[1], numeric, rtol=1e-4, atol=1e-6)
-
-
-@TARGETS
-def test_the_loss_is_cross_entropy_plus_the_decay_of_the_network(target: NDArray[np.bool_]) -> None:
-    loss = loss_of(target)
-    w, v = loss.split(loss.initial(5))
-    limits = {"minimum": MOONS.min(axis=0), "maximum": MOONS.max(axis=0)}
-    network = TanhNetwork(**limits, w1=w[:, :-1].T, b1=w[:, -1], w2=v[:, :-1].T, b2=v[:, -1])
-    truth = target if target.ndim == 2 else np.column_stack([target, ~target])
-    share = np.random.default_rng(0).uniform(1, 2, len(SIDE))
-    entropy = -np.log(softmax(network.outputs(MOONS), axis=1)[truth]) @ share / share.sum()
-    decay = np.square(network.w1).sum() + np.square(network.w2).sum()
-    assert loss(loss.initial(5))[0] == pytest.approx(entropy + 1e-2 / 2 * decay)
-    assert loss.scores(loss.initial(5), Examples.of(network_input(network), target))[1] == pytest.approx(
-        (network.outputs(MOONS).argmax(axis=1) == truth.argmax(axis=1)).mean()
-    )
-
-
-def network_input(network: TanhNetwork) -> NDArray[np.float64]:
-    return unit_interval(MOONS, network.minimum, network.maximum)
-
-
-def trained(**options: Any) -> Trained:
-    return train_networks([3, 7, 5], [4, 5, 6], (MOONS, SIDE == 1), SUBSETS, **{"max_iter": 60} | options)
-
-
-def test_a_feature_that_a_network_does_not_see_has_no_say() -> None:
-    blind = trained().networks[1]
-    np.testing.assert_array_equal(blind.w1[1], 0)
-    assert np.abs(blind.w1[0]).min() > 0
-    assert [len(network.b1) for network in trained(max_iter=2).networks] == [3, 7, 5]
-
-
-def test_neither_threads_nor_neighbours_change_a_network() -> None:
-    together, parallel = trained(), trained(n_jobs=2)
-    alone = train_networks([5], [6], (MOONS, SIDE == 1), max_iter=60)
-    for others, k in ((parallel, 2), (alone, 0)):
-        for name, tensor in together.networks[2].tensors.items():
-            np.testing.assert_array_equal(others.networks[k].tensors[name], tensor)
-
-
-def test_early_stopping_keeps_the_weights_best_on_validation() -> None:
-    random = np.random.default_rng(3)
-    noise, sides = random.uniform(size=(60, 2)), random.integers(0, 2, 60) == 1
-    held_out = random.uniform(size=(60, 2)), random.integers(0, 2, 60) == 1
-
-    def run(count: int, patience: int | None) -> Trained:
-        options: dict[str, Any] = {"validation": held_out, "weight_decay": 0.0}
-        return train_networks([12] * 2, [0, 1], (noise, sides), patience=patience, max_iter=count, **options)
-
-    stopped, to_the_end = run(300, 20), run(300, None)
-    last = int(stopped.iterations.max())
-    looked_at = np.array([run(count, None).validation_loss for count in range(10, last + 1, 10)])
-    np.testing.assert_array_equal(stopped.iterations, 10 * (1 + looked_at.argmin(axis=0)) + 20)
-    np.testing.assert_allclose(stopped.validation_loss, looked_at.min(axis=0), rtol=1e-6)
-    assert (stopped.validation_loss < to_the_end.validation_loss).all()
-    assert (to_the_end.loss < stopped.loss).all()
-    p = stopped.networks[0].p_first(held_out[0])
-    assert stopped.validation_accuracy[0] == pytest.approx(((p > 0.5) == held_out[1]).mean())
+def test_without_torch_it_still_predicts_but_says_how_to_train(monkeypatch: pytest.MonkeyPatch) -> None:
+    classifier = fitted()
+    expected = classifier.predict(MOONS)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.delitem(sys.modules, "mavhums.learn.batched")
+    np.testing.assert_array_equal(classifier.predict(MOONS), expected)
+    with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[train\]'"):
+        clone(classifier).fit(MOONS, SIDE)

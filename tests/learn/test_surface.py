@@ -26,18 +26,18 @@ def test_public_names() -> None:
 
 
 def test_importing_the_room_imports_nothing_heavy() -> None:
-    heavy = "{'sklearn', 'scipy', 'pandas', 'safetensors', 'pydantic', 'numpy'}"
+    heavy = "{'sklearn', 'torch', 'scipy', 'pandas', 'safetensors', 'pydantic', 'numpy'}"
     assert python(f"import sys, mavhums.learn; print({heavy} & set(sys.modules))") == "set()"
 
 
-def test_a_model_serves_without_scikit_learn_and_scipy(
+def test_a_model_serves_without_scikit_learn_torch_and_scipy(
     tmp_path: Path, network: Network, card: Card, values: np.ndarray
 ) -> None:
     save_model(tmp_path / "model", network, card)
     np.save(tmp_path / "values.npy", values)
     code = """
 import sys
-sys.modules.update(dict.fromkeys(("sklearn", "scipy")))
+sys.modules.update(dict.fromkeys(("sklearn", "torch", "scipy")))
 import numpy as np
 from mavhums.learn import load_model
 model = load_model(sys.argv[1] + "/model")

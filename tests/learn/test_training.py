@@ -229,7 +229,7 @@ def test_the_card_says_how_the_network_came_to_be(flights: Flights, tmp_path: Pa
         "validation_accuracy": result.validation_accuracy,
     }
     assert card.seed == 0
-    assert set(card.versions) == {"mavhums", "numpy", "scikit-learn", "scipy", "instructions"}
+    assert set(card.versions) == {"mavhums", "numpy", "scikit-learn", "scipy", "torch", "instructions"}
     saved = save_model(tmp_path / "model", result.network, card)
     assert load_model(tmp_path / "model").card == saved.card
     with pytest.raises(ModelError):

@@ -28,6 +28,7 @@ def windows(seed: int, *, count: int = 600, overlap: float = 0.25) -> LabelledWi
 
 @pytest.fixture(scope="module")
 def network() -> WindowNetwork:
+    pytest.importorskip("torch")
     result = train_windows(windows(1), classes=3, keys=KEYS, seed=1, scheme=Scheme(networks=5, vectors=300))
     assert result.selection.thinned is not None
     assert result.selection.thinned.kept <= 303
@@ -79,6 +80,7 @@ def test_a_window_is_answered_alike_alone_and_among_others(network: WindowNetwor
 
 
 def test_wild_values_of_a_few_windows_hide_nothing_of_the_others() -> None:
+    pytest.importorskip("torch")
     some = windows(1)
     for k, key in enumerate(KEYS):
         some.features[k::200, WINDOW_KEYS.index(key)] = 1000.0

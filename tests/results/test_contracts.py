@@ -38,7 +38,12 @@ def modules() -> list[str]:
 def test_every_module_documents_its_names() -> None:
     silent = []
     for name in modules():
-        module = importlib.import_module(name)
+        try:
+            module = importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            if error.name != "torch":
+                raise
+            continue
         own = {k: v for k, v in vars(module).items() if callable(v) and getattr(v, "__module__", "") == name}
         silent += [name] * (not module.__doc__)
         silent += [f"{name}.{k}" for k, v in own.items() if not k.startswith("_") and not v.__doc__]
