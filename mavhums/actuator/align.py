@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import accumulate, pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -313,12 +313,12 @@ class Aligner:
         """
         oldest_us = int(self._due[0, 0]) if len(self._due) else NEVER
         needed_us = min(oldest_us, self._latest_due_us) - self._lag_us - _SLOPE_US // 2
-        parts: list[Rows] = []
+        parts: list[list[NDArray[Any]]] = []
         fresh: dict[int, Rows] = {}
         for k, (a, b) in enumerate(pairwise(self._bounds.tolist())):
             least_us = max(needed_us, min(oldest_us, int(self._latest_us[k])) - _HORIZON_US - _MAX_SPAN_US)
             first = max(a + int(np.searchsorted(self._rows[0][a:b], least_us)) - 1, a)
-            rows = [part[first:b] for part in self._rows]
+            rows: list[NDArray[Any]] = [part[first:b] for part in self._rows]
             if k in new:
                 time_us = new[k].utc_us
                 latest_us = np.maximum.accumulate(np.append(self._latest_us[k], time_us))
@@ -327,7 +327,7 @@ class Aligner:
                 self._late[k] += np.count_nonzero(~later)
                 fresh[k] = time_us[later], new[k].frame[later], new[k].values[later]
                 rows = [np.concatenate(pair) for pair in zip(rows, fresh[k], strict=True)]
-            parts.append((rows[0], rows[1], rows[2]))
+            parts.append(rows)
         time_us, frame, values = map(np.concatenate, zip(*parts, strict=True))
         self._rows = time_us, frame, values
         self._bounds = np.array([0, *accumulate(len(part[0]) for part in parts)])

@@ -89,7 +89,7 @@ class LossTest:
         halves = np.linspace(min(least, 0.5), 0.5, LOSSES) if mixed else ()
         hypotheses = [(1.0 - loss, 0.0, 0) for loss in losses]
         hypotheses += [(1.0 - half, side * half, 0) for side in (1.0, -1.0) for half in halves]
-        hypotheses += [(1.0, 0.0, lag) for lag in slow]
+        hypotheses += [(1.0, 0.0, lag) for lag in slow.tolist()]
         self._kept, self._moved, lags = np.array(hypotheses).T
         self._lags = lags.astype(np.intp)
         lost = self._lags == 0
@@ -253,7 +253,7 @@ class LossTest:
         shares = self._test.shares()
         left, right = self._moved > 0.0, self._moved < 0.0
         found = np.array([shares[one].sum() for one in (left, right, (self._lags == 0) & ~left & ~right)])
-        return found / max(found.sum(), np.finfo(float).tiny)
+        return np.asarray(found / max(found.sum(), np.finfo(np.float64).tiny))
 
     def probability(self, kept: float) -> float:
         """Return the probability that a fault leaves no more than a share, and is no lag."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from mavhums.health.axis.findings import MixedPair, origins
+from mavhums.health.axis.findings import origins
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.results.verdict import Evidence
 from mavhums.vehicle.rows import Rows
@@ -142,13 +142,3 @@ def test_the_earliest_axis_explains_what_its_surfaces_can_cause(
         if one
     }
     assert origins(faulty, mixed) == explained
-
-
-def test_seconds_before_the_onset_say_nothing_of_mixed_surfaces() -> None:
-    """By the sums of information and score, they speak for the right one."""
-    pair = MixedPair()
-    for end_s in range(1, 21):
-        right, left = np.array([9.0, 2.0, 6.0, 3.5, -2.0]), np.array([9.0, 2.0, 6.0, 5.5, 4.0])
-        pair.add(end_s, 100.0 * right if end_s <= 10 else left)
-    pair.begin(10)
-    assert pair.shares()["left"] > 0.99
